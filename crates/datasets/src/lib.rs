@@ -1,0 +1,1 @@
+//! RGB-D data sets, stamp association and trajectory files.

@@ -1,0 +1,1 @@
+//! Pose optimisation, triangulation and bundle adjustment: arrays in, results out.

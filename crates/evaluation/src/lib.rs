@@ -1,0 +1,1 @@
+//! ATE, RPE, timing statistics and plots of trajectories.

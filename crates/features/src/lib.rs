@@ -1,0 +1,1 @@
+//! ORB features, descriptor and projection matching.

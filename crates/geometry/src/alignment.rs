@@ -1,0 +1,92 @@
+//! Least-squares alignment of point sets (Umeyama, "Least-squares estimation of transformation parameters between two
+//! point patterns", PAMI 1991).
+
+use crate::{Mat3, Se3, Vec3};
+
+/// Why two point sets cannot be aligned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AlignmentError {
+    /// Fewer than three pairs, or sets of different length.
+    TooFewPairs,
+    /// All points of a set are the same, or a number is not finite: nothing fixes the rotation.
+    Degenerate,
+}
+
+impl std::fmt::Display for AlignmentError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::TooFewPairs => "alignment needs at least three pairs of points",
+            Self::Degenerate => "alignment needs points that are finite and not all the same",
+        })
+    }
+}
+
+impl std::error::Error for AlignmentError {}
+
+/// The similarity `target ~ scale * rotation * source + translation`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Alignment {
+    /// Rigid part `target_from_source`.
+    pub target_from_source: Se3,
+    /// Scale factor; 1 when it was not asked for.
+    pub scale: f64,
+}
+
+impl Alignment {
+    /// The image of a source point.
+    #[must_use]
+    pub fn apply(&self, p: &Vec3) -> Vec3 {
+        self.target_from_source.rotation * p * self.scale + self.target_from_source.translation
+    }
+}
+
+/// Aligns `source[i]` to `target[i]`, with scale when `with_scale`, else with scale 1.
+///
+/// # Errors
+/// [`AlignmentError::TooFewPairs`] below three pairs or for unequal lengths, [`AlignmentError::Degenerate`] when a set
+/// has no extent or holds a number that is not finite.
+pub fn align_umeyama(
+    source: &[Vec3],
+    target: &[Vec3],
+    with_scale: bool,
+) -> Result<Alignment, AlignmentError> {
+    let n = source.len();
+    if n < 3 || n != target.len() {
+        return Err(AlignmentError::TooFewPairs);
+    }
+    let count = n as f64;
+    let mean = |v: &[Vec3]| v.iter().fold(Vec3::zeros(), |a, p| a + p) / count;
+    let (ms, mt) = (mean(source), mean(target));
+    let mut covariance = Mat3::zeros();
+    let mut variance = 0.0;
+    for (s, t) in source.iter().zip(target) {
+        covariance += (t - mt) * (s - ms).transpose();
+        variance += (s - ms).norm_squared();
+    }
+    covariance /= count;
+    variance /= count;
+    let extent = covariance.norm();
+    if !(extent.is_finite() && extent > 0.0 && variance > 0.0) {
+        return Err(AlignmentError::Degenerate);
+    }
+    let svd = covariance.svd(true, true);
+    let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
+        return Err(AlignmentError::Degenerate);
+    };
+    let mut sign = Mat3::identity();
+    if u.determinant() * v_t.determinant() < 0.0 {
+        // nalgebra sorts singular values in descending order, so the last one is the smallest.
+        sign[(2, 2)] = -1.0;
+    }
+    let rotation = u * sign * v_t;
+    let scale = if with_scale {
+        (Mat3::from_diagonal(&svd.singular_values) * sign).trace() / variance
+    } else {
+        1.0
+    };
+    let translation = mt - rotation * ms * scale;
+    Ok(Alignment {
+        target_from_source: Se3::from_matrix(&rotation, translation),
+        scale,
+    })
+}

@@ -1,0 +1,224 @@
+//! Owned images, row by row without padding.
+
+/// The data of an image does not have the size that its width and height ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SizeError {
+    /// Number of elements expected.
+    pub expected: usize,
+    /// Number of elements found.
+    pub found: usize,
+}
+
+impl std::fmt::Display for SizeError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "expected {} image elements, found {}",
+            self.expected, self.found
+        )
+    }
+}
+
+impl std::error::Error for SizeError {}
+
+fn check(expected: usize, found: usize) -> Result<(), SizeError> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(SizeError { expected, found })
+    }
+}
+
+/// An 8-bit grey image of `height` x `width`.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct GrayImage {
+    width: usize,
+    height: usize,
+    data: Vec<u8>,
+}
+
+impl GrayImage {
+    /// A black image.
+    #[must_use]
+    pub fn new(width: usize, height: usize) -> Self {
+        Self {
+            width,
+            height,
+            data: vec![0; width * height],
+        }
+    }
+
+    /// From rows of pixels.
+    ///
+    /// # Errors
+    /// [`SizeError`] unless `data.len() == width * height`.
+    pub fn from_vec(width: usize, height: usize, data: Vec<u8>) -> Result<Self, SizeError> {
+        check(width * height, data.len())?;
+        Ok(Self {
+            width,
+            height,
+            data,
+        })
+    }
+
+    /// Changes the size, keeping the allocation where it suffices. The content is unspecified afterwards.
+    pub fn resize(&mut self, width: usize, height: usize) {
+        self.data.resize(width * height, 0);
+        (self.width, self.height) = (width, height);
+    }
+
+    /// Width, px.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height, px.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// All pixels, row by row.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        &self.data
+    }
+
+    /// All pixels, row by row.
+    pub fn data_mut(&mut self) -> &mut [u8] {
+        &mut self.data
+    }
+
+    /// One row of pixels. Panics when `y` is outside.
+    #[must_use]
+    pub fn row(&self, y: usize) -> &[u8] {
+        &self.data[y * self.width..(y + 1) * self.width]
+    }
+
+    /// One pixel. Panics when outside.
+    #[must_use]
+    pub fn at(&self, x: usize, y: usize) -> u8 {
+        debug_assert!(x < self.width);
+        self.data[y * self.width + x]
+    }
+}
+
+/// An 8-bit RGB image of `height` x `width`, interleaved.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ColourImage {
+    width: usize,
+    height: usize,
+    data: Vec<u8>,
+}
+
+impl ColourImage {
+    /// From rows of interleaved RGB pixels.
+    ///
+    /// # Errors
+    /// [`SizeError`] unless `data.len() == 3 * width * height`.
+    pub fn from_vec(width: usize, height: usize, data: Vec<u8>) -> Result<Self, SizeError> {
+        check(3 * width * height, data.len())?;
+        Ok(Self {
+            width,
+            height,
+            data,
+        })
+    }
+
+    /// Width, px.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height, px.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// All pixels, interleaved RGB, row by row.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        &self.data
+    }
+
+    /// One pixel as RGB. Panics when outside.
+    #[must_use]
+    pub fn at(&self, x: usize, y: usize) -> [u8; 3] {
+        let i = 3 * (y * self.width + x);
+        [self.data[i], self.data[i + 1], self.data[i + 2]]
+    }
+
+    /// The grey image: `(77 R + 150 G + 29 B + 128) / 256`, the ITU-R BT.601 luma in integers.
+    #[must_use]
+    pub fn to_gray(&self) -> GrayImage {
+        let data = self
+            .data
+            .chunks_exact(3)
+            .map(|p| {
+                ((77 * u32::from(p[0]) + 150 * u32::from(p[1]) + 29 * u32::from(p[2]) + 128) >> 8)
+                    as u8
+            })
+            .collect();
+        GrayImage {
+            width: self.width,
+            height: self.height,
+            data,
+        }
+    }
+}
+
+/// A depth image of `height` x `width` in metres along the optical axis; 0 where there is no measurement.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct DepthImage {
+    width: usize,
+    height: usize,
+    data: Vec<f32>,
+}
+
+impl DepthImage {
+    /// From rows of depths in metres. Values that are not finite or negative become 0 (no measurement).
+    ///
+    /// # Errors
+    /// [`SizeError`] unless `data.len() == width * height`.
+    pub fn from_vec(width: usize, height: usize, mut data: Vec<f32>) -> Result<Self, SizeError> {
+        check(width * height, data.len())?;
+        for z in &mut data {
+            if !(z.is_finite() && *z > 0.0) {
+                *z = 0.0;
+            }
+        }
+        Ok(Self {
+            width,
+            height,
+            data,
+        })
+    }
+
+    /// Width, px.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height, px.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// All depths, m, row by row.
+    #[must_use]
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// Depth of one pixel, m, or 0 for none. Panics when outside.
+    #[must_use]
+    pub fn at(&self, x: usize, y: usize) -> f32 {
+        debug_assert!(x < self.width);
+        self.data[y * self.width + x]
+    }
+}

@@ -1,0 +1,1 @@
+//! Keyframes, landmarks, covisibility, and immutable views of them.

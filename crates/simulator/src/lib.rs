@@ -1,0 +1,1 @@
+//! Deterministic rooms with a Kinect-like camera and exact ground truth.

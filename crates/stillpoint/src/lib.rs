@@ -1,0 +1,1 @@
+//! Visual SLAM that stays still while the world moves: the library facade.
