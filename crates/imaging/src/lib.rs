@@ -2,8 +2,17 @@
 //!
 //! Answers: what a frame is and how its pixels are reached. Does not know files (crate `datasets`) or features.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod blur;
 mod frame;
 mod image;
+mod pyramid;
+mod resize;
+mod simd;
 
+pub use blur::Blur;
 pub use frame::{FrameId, FrameSource, RgbdFrame, SourceError};
 pub use image::{ColourImage, DepthImage, GrayImage, SizeError};
+pub use pyramid::Pyramid;
+pub use simd::Simd;

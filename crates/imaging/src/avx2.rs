@@ -1,0 +1,205 @@
+//! AVX2 kernels of this crate, each the twin of a scalar function that gives the same bits. The only unsafe code of the crate.
+#![allow(unsafe_code)]
+
+use std::arch::x86_64::*;
+
+use crate::{
+    Simd,
+    blur::{TAPS, smooth_columns_span, smooth_row_span},
+    resize::{Axis, blend_span, resample_span},
+};
+
+/// Every entry calls this, so that no instruction runs on a machine that lacks it. The detection is cached by the standard library.
+#[inline]
+fn check() {
+    assert!(Simd::Avx2.has_avx2(), "AVX2 kernel called without AVX2");
+}
+
+/// 32 bytes from `slice[index..]`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn load_u8(slice: &[u8], index: usize) -> __m256i {
+    let window = &slice[index..index + 32];
+    // SAFETY: the window holds the 32 bytes read; the load needs no alignment.
+    unsafe { _mm256_loadu_si256(window.as_ptr().cast()) }
+}
+
+/// 16 bytes from `slice[index..]`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn load_half_u8(slice: &[u8], index: usize) -> __m128i {
+    let window = &slice[index..index + 16];
+    // SAFETY: the window holds the 16 bytes read; the load needs no alignment.
+    unsafe { _mm_loadu_si128(window.as_ptr().cast()) }
+}
+
+/// 16 values of two bytes from `slice[index..]`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn load_u16(slice: &[u16], index: usize) -> __m256i {
+    let window = &slice[index..index + 16];
+    // SAFETY: the window holds the 32 bytes read; the load needs no alignment.
+    unsafe { _mm256_loadu_si256(window.as_ptr().cast()) }
+}
+
+/// 16 values of two bytes from `slice[index..]`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn load_i16(slice: &[i16], index: usize) -> __m256i {
+    let window = &slice[index..index + 16];
+    // SAFETY: the window holds the 32 bytes read; the load needs no alignment.
+    unsafe { _mm256_loadu_si256(window.as_ptr().cast()) }
+}
+
+/// Writes 32 bytes to `slice[index..]`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn store_u8(slice: &mut [u8], index: usize, value: __m256i) {
+    let window = &mut slice[index..index + 32];
+    // SAFETY: the window holds the 32 bytes written; the store needs no alignment.
+    unsafe { _mm256_storeu_si256(window.as_mut_ptr().cast(), value) }
+}
+
+/// Writes 16 values of two bytes to `slice[index..]`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn store_u16(slice: &mut [u16], index: usize, value: __m256i) {
+    let window = &mut slice[index..index + 16];
+    // SAFETY: the window holds the 32 bytes written; the store needs no alignment.
+    unsafe { _mm256_storeu_si256(window.as_mut_ptr().cast(), value) }
+}
+
+/// Writes 8 values of two bytes to `slice[index..]`.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn store_half_i16(slice: &mut [i16], index: usize, value: __m128i) {
+    let window = &mut slice[index..index + 8];
+    // SAFETY: the window holds the 16 bytes written; the store needs no alignment.
+    unsafe { _mm_storeu_si128(window.as_mut_ptr().cast(), value) }
+}
+
+/// Twin of [`resample_span`] over a whole row.
+pub(crate) fn resample_row(source: &[u8], columns: &Axis, out: &mut [i16]) {
+    check();
+    // SAFETY: `check` has seen that the machine has AVX2.
+    unsafe { resample_row_kernel(source, columns, out) }
+}
+
+#[target_feature(enable = "avx2")]
+fn resample_row_kernel(source: &[u8], columns: &Axis, out: &mut [i16]) {
+    let groups = columns.group_fits.iter().take_while(|fits| **fits).count();
+    for group in 0..groups {
+        let bytes = load_half_u8(source, columns.left[8 * group] as usize);
+        // SAFETY: both arrays hold the 16 bytes read; the loads need no alignment.
+        let (shuffle, weights) = unsafe {
+            (
+                _mm_loadu_si128(columns.group_shuffle[group].as_ptr().cast()),
+                _mm_loadu_si128(columns.group_weights[group].as_ptr().cast()),
+            )
+        };
+        let pairs = _mm_shuffle_epi8(bytes, shuffle);
+        store_half_i16(out, 8 * group, _mm_maddubs_epi16(pairs, weights));
+    }
+    resample_span(source, columns, 8 * groups, out);
+}
+
+/// Twin of [`blend_span`] over a whole row.
+pub(crate) fn blend_rows(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8]) {
+    check();
+    // SAFETY: `check` has seen that the machine has AVX2.
+    unsafe { blend_rows_kernel(top, bottom, fraction, out) }
+}
+
+#[target_feature(enable = "avx2")]
+fn blend_rows_kernel(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8]) {
+    // The rounding multiply computes (d * (f * 256) + 2^14) >> 15, which is (d f + 64) >> 7.
+    let factor = _mm256_set1_epi16(fraction << 8);
+    let half = _mm256_set1_epi16(64);
+    let blend = |x: usize| {
+        let (a, b) = (load_i16(top, x), load_i16(bottom, x));
+        let step = _mm256_mulhrs_epi16(_mm256_sub_epi16(b, a), factor);
+        // At most 32640 + 64, which still fits a signed word.
+        _mm256_srai_epi16::<7>(_mm256_add_epi16(_mm256_add_epi16(a, step), half))
+    };
+    let blocks = out.len() / 32;
+    for block in 0..blocks {
+        let x = 32 * block;
+        let packed = _mm256_packus_epi16(blend(x), blend(x + 16));
+        store_u8(out, x, _mm256_permute4x64_epi64::<0b11_01_10_00>(packed));
+    }
+    blend_span(top, bottom, fraction, 32 * blocks, out);
+}
+
+/// Twin of [`smooth_row_span`] over a whole row.
+pub(crate) fn smooth_row(source: &[u8], out: &mut [u16]) {
+    check();
+    // SAFETY: `check` has seen that the machine has AVX2.
+    unsafe { smooth_row_kernel(source, out) }
+}
+
+#[target_feature(enable = "avx2")]
+fn smooth_row_kernel(source: &[u8], out: &mut [u16]) {
+    let width = source.len();
+    if width < 64 {
+        return smooth_row_span(source, 0..width, out);
+    }
+    // Weights of pairs of neighbouring bytes; the pairs start at -3, -1, 1 and 3 px from the target.
+    let pair = |a: i16, b: i16| _mm256_set1_epi16(a | (b << 8));
+    let weights = [
+        pair(TAPS[3], TAPS[2]),
+        pair(TAPS[1], TAPS[0]),
+        pair(TAPS[1], TAPS[2]),
+        pair(TAPS[3], 0),
+    ];
+    // Sums for the sixteen targets x, x + 2, ..., x + 30.
+    let every_second = |x: usize| {
+        let sum = |k: usize| _mm256_maddubs_epi16(load_u8(source, x + 2 * k - 3), weights[k]);
+        _mm256_add_epi16(
+            _mm256_add_epi16(sum(0), sum(1)),
+            _mm256_add_epi16(sum(2), sum(3)),
+        )
+    };
+    smooth_row_span(source, 0..3, out);
+    let mut x = 3;
+    // The last load of a block ends at x + 1 + 3 + 32.
+    while x + 36 <= width {
+        let (even, odd) = (every_second(x), every_second(x + 1));
+        let (low, high) = (
+            _mm256_unpacklo_epi16(even, odd),
+            _mm256_unpackhi_epi16(even, odd),
+        );
+        store_u16(out, x, _mm256_permute2x128_si256::<0x20>(low, high));
+        store_u16(out, x + 16, _mm256_permute2x128_si256::<0x31>(low, high));
+        x += 32;
+    }
+    smooth_row_span(source, x..width, out);
+}
+
+/// Twin of [`smooth_columns_span`] over a whole row.
+pub(crate) fn smooth_columns(rows: &[&[u16]; 7], out: &mut [u8]) {
+    check();
+    // SAFETY: `check` has seen that the machine has AVX2.
+    unsafe { smooth_columns_kernel(rows, out) }
+}
+
+#[target_feature(enable = "avx2")]
+fn smooth_columns_kernel(rows: &[&[u16]; 7], out: &mut [u8]) {
+    let weights = TAPS.map(|tap| _mm256_set1_epi16(tap << 9));
+    let half = _mm256_set1_epi16(64);
+    let smooth = |x: usize| {
+        let mut sum = _mm256_mulhi_epu16(load_u16(rows[3], x), weights[0]);
+        for k in 1..4 {
+            // At most 2 x 32640, which fits an unsigned word.
+            let pair = _mm256_add_epi16(load_u16(rows[3 - k], x), load_u16(rows[3 + k], x));
+            sum = _mm256_add_epi16(sum, _mm256_mulhi_epu16(pair, weights[k]));
+        }
+        _mm256_srli_epi16::<7>(_mm256_add_epi16(sum, half))
+    };
+    let blocks = out.len() / 32;
+    for block in 0..blocks {
+        let x = 32 * block;
+        let packed = _mm256_packus_epi16(smooth(x), smooth(x + 16));
+        store_u8(out, x, _mm256_permute4x64_epi64::<0b11_01_10_00>(packed));
+    }
+    smooth_columns_span(rows, 32 * blocks, out);
+}

@@ -1,0 +1,44 @@
+//! Which instruction set the kernels run on.
+//!
+//! Answers: what this machine can do, detected at run time. Kernels live beside their users; each has a scalar twin that gives the same bits,
+//! so the choice changes the speed and nothing else.
+
+/// Instruction set that kernels are dispatched to. Chosen once, at start, and passed to constructors.
+///
+/// Asking for an instruction set that the machine does not have is safe: the kernels then run their scalar twins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Simd {
+    /// Portable code.
+    #[default]
+    Scalar,
+    /// 256-bit integer and float vectors of x86-64.
+    Avx2,
+}
+
+impl Simd {
+    /// The fastest instruction set of this machine.
+    #[must_use]
+    pub fn detect() -> Self {
+        if Simd::Avx2.has_avx2() {
+            Simd::Avx2
+        } else {
+            Simd::Scalar
+        }
+    }
+
+    /// Whether AVX2 kernels were asked for *and* can run here. Kernels ask this before every call into AVX2 code, which keeps them sound.
+    #[must_use]
+    #[inline]
+    pub fn has_avx2(self) -> bool {
+        #[cfg(target_arch = "x86_64")]
+        {
+            self == Simd::Avx2
+                && std::arch::is_x86_feature_detected!("avx2")
+                && std::arch::is_x86_feature_detected!("popcnt")
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        {
+            false
+        }
+    }
+}
