@@ -1,1 +1,22 @@
 //! ORB features, descriptor and projection matching.
+//!
+//! Answers: where the corners of an image are, how each looks, and which of two sets look alike. Does not know cameras, poses or landmarks.
+//! Kernels are chosen at run time through [`stillpoint_imaging::Simd`]; all give the same bits.
+
+mod brief;
+mod config;
+mod descriptor;
+mod extract;
+mod fast;
+mod grid;
+mod matching;
+mod orientation;
+mod pattern;
+mod spread;
+mod subpixel;
+
+pub use config::OrbConfig;
+pub use descriptor::Descriptor;
+pub use extract::{Features, Keypoint, OrbExtractor};
+pub use grid::FeatureGrid;
+pub use matching::{BestTwo, RotationHistogram, Window, best_two, match_brute_force};

@@ -1,0 +1,84 @@
+//! The descriptor of a keypoint: the sampling pattern, rotated to its orientation, on the smoothed image.
+
+use stillpoint_imaging::{GrayImage, Simd};
+
+use crate::{Descriptor, pattern::PATTERN};
+
+/// Largest distance in x or y of a rotated sample from its keypoint, px: the pattern's radius is 18.39.
+pub(crate) const REACH: usize = 18;
+
+/// Computes descriptors, with its tables.
+#[derive(Clone, Debug)]
+pub(crate) struct Brief {
+    /// x and y of the first points of all tests, then of the second points, px.
+    points_x: Vec<f32>,
+    points_y: Vec<f32>,
+    /// Offsets of the rotated points from the keypoint's pixel.
+    offsets: Vec<i32>,
+    simd: Simd,
+}
+
+impl Brief {
+    pub(crate) fn new(simd: Simd) -> Self {
+        let column = |k: usize| PATTERN.iter().map(move |test| f32::from(test[k]));
+        Self {
+            points_x: column(0).chain(column(2)).collect(),
+            points_y: column(1).chain(column(3)).collect(),
+            offsets: vec![0; 512],
+            simd,
+        }
+    }
+
+    /// The descriptor at (x, y), at least [`REACH`] px from the border of `smooth`, turned by the angle of this (cosine, sine).
+    pub(crate) fn describe(
+        &mut self,
+        smooth: &GrayImage,
+        x: usize,
+        y: usize,
+        direction: (f32, f32),
+    ) -> Descriptor {
+        self.rotate(direction, smooth.width() as i32);
+        let width = smooth.width();
+        assert!(x >= REACH && y >= REACH && x + REACH < width && y + REACH < smooth.height());
+        let window = &smooth.data()[(y - REACH) * width + x - REACH..];
+        let centre = (REACH * width + REACH) as i32;
+        let (first, second) = self.offsets.split_at(256);
+        let mut words = [0; 4];
+        for (word, bits) in words.iter_mut().zip(0..4) {
+            let tests = 64 * bits..64 * bits + 64;
+            let mut value = 0_u64;
+            for (i, (&a, &b)) in first[tests.clone()].iter().zip(&second[tests]).enumerate() {
+                let darker = window[(centre + a) as usize] < window[(centre + b) as usize];
+                value |= u64::from(darker) << i;
+            }
+            *word = value;
+        }
+        Descriptor(words)
+    }
+
+    fn rotate(&mut self, direction: (f32, f32), stride: i32) {
+        let _ = self.simd;
+        rotate_scalar(
+            &self.points_x,
+            &self.points_y,
+            direction,
+            stride,
+            &mut self.offsets,
+        );
+    }
+}
+
+/// Offsets `round(y') stride + round(x')` of the rotated points, halves rounded to even.
+pub(crate) fn rotate_scalar(
+    xs: &[f32],
+    ys: &[f32],
+    (cos, sin): (f32, f32),
+    stride: i32,
+    offsets: &mut [i32],
+) {
+    for ((offset, &x), &y) in offsets.iter_mut().zip(xs).zip(ys) {
+        let column = (x * cos - y * sin).round_ties_even() as i32;
+        let row = (x * sin + y * cos).round_ties_even() as i32;
+        *offset = row * stride + column;
+    }
+}

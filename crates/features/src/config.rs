@@ -1,0 +1,79 @@
+//! What the extractor can be told.
+
+use serde::{Deserialize, Serialize};
+
+/// Configuration of [`crate::OrbExtractor`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct OrbConfig {
+    /// Keypoints wanted per image, 100..=10000. 1000 is what the peers use at 640x480: fewer lose accuracy, more cost time in every later stage.
+    pub features: usize,
+    /// Levels of the image pyramid, 1..=16. Eight levels of 1.2 cover a change of distance by 3.6.
+    pub levels: usize,
+    /// Ratio of the sizes of adjacent levels, above 1 up to 2. With 1.2 a corner is found again at the next level, whatever its scale.
+    pub scale_factor: f32,
+    /// FAST threshold, grey levels, 1..=254: how much brighter or darker than the centre the arc must be. 20 keeps clear of sensor noise.
+    pub fast_threshold: u8,
+    /// FAST threshold in cells of about 32 px where the other finds nothing, 1..=`fast_threshold`. 7 still finds corners on plain walls.
+    pub fast_threshold_low: u8,
+    /// Whether to refine the position of a corner to a fraction of its level's pixel.
+    pub subpixel: bool,
+}
+
+impl Default for OrbConfig {
+    fn default() -> Self {
+        Self {
+            features: 1000,
+            levels: 8,
+            scale_factor: 1.2,
+            fast_threshold: 20,
+            fast_threshold_low: 7,
+            subpixel: false,
+        }
+    }
+}
+
+impl OrbConfig {
+    /// Every value out of range, as `field: expected, found`; empty when all is well.
+    #[must_use]
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let mut check = |ok: bool, field: &str, expected: &str, found: String| {
+            if !ok {
+                problems.push(format!("{field}: expected {expected}, found {found}"));
+            }
+        };
+        let (low, high) = (self.fast_threshold_low, self.fast_threshold);
+        check(
+            (100..=10_000).contains(&self.features),
+            "features",
+            "100 to 10000",
+            self.features.to_string(),
+        );
+        check(
+            (1..=16).contains(&self.levels),
+            "levels",
+            "1 to 16",
+            self.levels.to_string(),
+        );
+        check(
+            self.scale_factor > 1.0 && self.scale_factor <= 2.0,
+            "scale_factor",
+            "above 1, at most 2",
+            self.scale_factor.to_string(),
+        );
+        check(
+            (1..=254).contains(&high),
+            "fast_threshold",
+            "1 to 254",
+            high.to_string(),
+        );
+        check(
+            (1..=high).contains(&low),
+            "fast_threshold_low",
+            "1 to fast_threshold",
+            low.to_string(),
+        );
+        problems
+    }
+}

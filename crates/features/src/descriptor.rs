@@ -1,0 +1,38 @@
+//! Binary descriptors and their distance.
+
+/// A binary descriptor of 256 bits; bit `i` is bit `i % 64` of word `i / 64`.
+#[derive(Clone, Copy, PartialEq, Eq, Debug, Default)]
+pub struct Descriptor(pub [u64; 4]);
+
+impl Descriptor {
+    /// Hamming distance, 0..=256 bits.
+    #[must_use]
+    #[inline]
+    pub fn distance(&self, other: &Self) -> u32 {
+        let bits = |i: usize| (self.0[i] ^ other.0[i]).count_ones();
+        bits(0) + bits(1) + bits(2) + bits(3)
+    }
+
+    /// The descriptor with the least median distance to all given (itself included, at distance 0; the lower median of an even number).
+    /// The first one wins a tie. `None` when there is none.
+    #[must_use]
+    pub fn medoid<'a>(descriptors: impl IntoIterator<Item = &'a Descriptor>) -> Option<Descriptor> {
+        let all: Vec<Descriptor> = descriptors.into_iter().copied().collect();
+        let mut distances = vec![0; all.len()];
+        let median_of = |candidate: &Descriptor, distances: &mut Vec<u32>| {
+            for (distance, other) in distances.iter_mut().zip(&all) {
+                *distance = candidate.distance(other);
+            }
+            let middle = (distances.len() - 1) / 2;
+            *distances.select_nth_unstable(middle).1
+        };
+        let mut best: Option<(u32, Descriptor)> = None;
+        for candidate in &all {
+            let median = median_of(candidate, &mut distances);
+            if best.is_none_or(|(least, _)| median < least) {
+                best = Some((median, *candidate));
+            }
+        }
+        best.map(|(_, descriptor)| descriptor)
+    }
+}

@@ -1,0 +1,190 @@
+//! Which descriptors are alike.
+//!
+//! Answers: the best candidates in a search window, mutual best matches of two sets, and which matches agree on how the image turned. Does not know
+//! landmarks or poses: the caller says where to look.
+
+use crate::{Descriptor, FeatureGrid};
+
+/// A search window: a disc in the image and the pyramid levels to accept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Window {
+    /// Column of the centre, px, in the coordinates of the grid.
+    pub x: f32,
+    /// Row of the centre, px.
+    pub y: f32,
+    /// Radius, px.
+    pub radius: f32,
+    /// Finest level accepted.
+    pub min_level: u8,
+    /// Coarsest level accepted.
+    pub max_level: u8,
+}
+
+/// The best candidate, and how good the second best is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BestTwo {
+    /// Index of the best.
+    pub index: u32,
+    /// Its distance, bits.
+    pub distance: u32,
+    /// Distance of the second best, bits; `u32::MAX` when there is none.
+    pub second_distance: u32,
+    /// Level of the second best; 0 when there is none. A ratio test makes sense between candidates of one level only.
+    pub second_level: u8,
+}
+
+/// The best two of the accepted `descriptors` in `window`; the first visited wins a tie. `None` when there is no candidate.
+pub fn best_two(
+    grid: &FeatureGrid,
+    window: &Window,
+    descriptor: &Descriptor,
+    descriptors: &[Descriptor],
+    mut accept: impl FnMut(u32) -> bool,
+) -> Option<BestTwo> {
+    let mut best: Option<(BestTwo, u8)> = None;
+    grid.for_each_with_level(window, |index, level| {
+        let Some(candidate) = descriptors.get(index as usize) else {
+            return;
+        };
+        if !accept(index) {
+            return;
+        }
+        let distance = descriptor.distance(candidate);
+        match &mut best {
+            Some((found, best_level)) if distance < found.distance => {
+                let second = (found.distance, *best_level);
+                *found = BestTwo {
+                    index,
+                    distance,
+                    second_distance: second.0,
+                    second_level: second.1,
+                };
+                *best_level = level;
+            }
+            Some((found, _)) if distance < found.second_distance => {
+                found.second_distance = distance;
+                found.second_level = level;
+            }
+            Some(_) => {}
+            None => {
+                let found = BestTwo {
+                    index,
+                    distance,
+                    second_distance: u32::MAX,
+                    second_level: 0,
+                };
+                best = Some((found, level));
+            }
+        }
+    });
+    best.map(|(found, _)| found)
+}
+
+/// For each query the index of its match in `train`: mutually nearest (lowest index wins a tie), at most `max_distance` bits apart, and nearer than
+/// `ratio` times the distance of the second nearest (1 or more switches this test off).
+#[must_use]
+pub fn match_brute_force(
+    query: &[Descriptor],
+    train: &[Descriptor],
+    max_distance: u32,
+    ratio: f32,
+) -> Vec<Option<u32>> {
+    // Nearest query of each train descriptor, as (distance, query).
+    let mut back = vec![(u32::MAX, 0); train.len()];
+    let mut forward = Vec::with_capacity(query.len());
+    for (q, descriptor) in query.iter().enumerate() {
+        let (mut best, mut second) = ((u32::MAX, 0), u32::MAX);
+        for (t, candidate) in train.iter().enumerate() {
+            let distance = descriptor.distance(candidate);
+            if distance < best.0 {
+                second = best.0;
+                best = (distance, t as u32);
+            } else if distance < second {
+                second = distance;
+            }
+            if distance < back[t].0 {
+                back[t] = (distance, q);
+            }
+        }
+        forward.push((best, second));
+    }
+    let unique = |distance: u32, second: u32| {
+        ratio >= 1.0 || second == u32::MAX || (distance as f32) < ratio * second as f32
+    };
+    forward
+        .iter()
+        .enumerate()
+        .map(|(q, &((distance, t), second))| {
+            let found = distance <= max_distance && distance != u32::MAX;
+            (found && back[t as usize].1 == q && unique(distance, second)).then_some(t)
+        })
+        .collect()
+}
+
+/// Number of bins of a [`RotationHistogram`].
+const BINS: usize = 30;
+
+/// Keeps the matches that agree on how much the image has turned: those in the three fullest of 30 bins of 12 degrees. The second and third bin count
+/// only when they hold at least a tenth of the first.
+#[derive(Clone, Debug, Default)]
+pub struct RotationHistogram<T> {
+    items: Vec<(u8, T)>,
+    counts: [u32; BINS],
+}
+
+impl<T: Copy> RotationHistogram<T> {
+    /// An empty histogram.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            items: Vec::new(),
+            counts: [0; BINS],
+        }
+    }
+
+    /// Forgets all items, keeping the memory.
+    pub fn clear(&mut self) {
+        self.items.clear();
+        self.counts = [0; BINS];
+    }
+
+    /// Adds an item whose keypoints differ by this angle, rad, any multiple of a turn more or less. An angle that is not finite counts as 0.
+    pub fn push(&mut self, angle_difference: f32, item: T) {
+        let turns = angle_difference / std::f32::consts::TAU;
+        let fraction = turns - turns.floor();
+        // Bins are centred on multiples of 12 degrees, so that noise around 0 falls into one. The cast takes NaN to 0.
+        let bin = (fraction * BINS as f32 + 0.5) as usize % BINS;
+        self.items.push((bin as u8, item));
+        self.counts[bin] += 1;
+    }
+
+    /// The items of the strongest bins, in the order in which they were pushed.
+    pub fn kept(&self) -> impl Iterator<Item = T> + '_ {
+        let strong = self.strongest();
+        self.items
+            .iter()
+            .filter(move |(bin, _)| strong[usize::from(*bin)])
+            .map(|(_, item)| *item)
+    }
+
+    /// The items of all other bins, in the order in which they were pushed.
+    pub fn dropped(&self) -> impl Iterator<Item = T> + '_ {
+        let strong = self.strongest();
+        self.items
+            .iter()
+            .filter(move |(bin, _)| !strong[usize::from(*bin)])
+            .map(|(_, item)| *item)
+    }
+
+    fn strongest(&self) -> [bool; BINS] {
+        let mut order: [usize; BINS] = std::array::from_fn(|bin| bin);
+        // Stable: of equally full bins the first ones win.
+        order.sort_by_key(|&bin| u32::MAX - self.counts[bin]);
+        let mut strong = [false; BINS];
+        strong[order[0]] = true;
+        for &bin in &order[1..3] {
+            strong[bin] = 10 * self.counts[bin] >= self.counts[order[0]];
+        }
+        strong
+    }
+}
