@@ -1,1 +1,21 @@
 //! Keyframes, landmarks, covisibility, and immutable views of them.
+//!
+//! Answers: what stands still, where it is, who saw it. [`Map`] is owned by the mapper alone and is the only thing that
+//! changes; everybody else holds an [`MapView`], a version that never changes and costs microseconds to publish. Does not
+//! know images, tracking or optimisation.
+
+mod check;
+mod chunked;
+mod ids;
+mod keyframe;
+mod landmark;
+mod map;
+mod view;
+
+pub use check::Violation;
+pub use chunked::Chunked;
+pub use ids::{KeyframeId, LandmarkId};
+pub use keyframe::{Keyframe, KeyframeData, KeyframeSlot};
+pub use landmark::{Landmark, LandmarkSlot, ScaleRange};
+pub use map::{Map, NewLandmark};
+pub use view::MapView;

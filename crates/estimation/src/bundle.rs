@@ -1,0 +1,172 @@
+//! Bundle adjustment: poses and points together.
+
+use crate::pose::transform;
+use crate::schur::{self, Step};
+use crate::{Intrinsics, Measurement};
+use stillpoint_geometry::{Se3, Vec3, robust};
+
+/// A point seen by a camera.
+#[derive(Clone, Copy, Debug)]
+pub struct BundleObservation {
+    /// Index of the pose.
+    pub pose: u32,
+    /// Index of the point.
+    pub point: u32,
+    /// What was measured.
+    pub measurement: Measurement,
+}
+
+/// Poses, points and the observations that tie them.
+#[derive(Clone, Debug)]
+pub struct BundleProblem {
+    /// The camera.
+    pub camera: Intrinsics,
+    /// Poses `camera_from_world`; changed in place.
+    pub poses: Vec<Se3>,
+    /// How many poses, from the first on, are free; the others hold the gauge.
+    pub free_poses: usize,
+    /// World positions, m; changed in place.
+    pub points: Vec<Vec3>,
+    /// Observations, sorted by point.
+    pub observations: Vec<BundleObservation>,
+}
+
+/// Effort of bundle adjustment.
+#[derive(Clone, Copy, Debug)]
+pub struct BundleOptions {
+    /// Iterations before outliers are taken out, with the Huber kernel.
+    pub robust_iterations: usize,
+    /// Iterations after that.
+    pub final_iterations: usize,
+    /// Stops a phase when the cost falls by less than this share.
+    pub min_relative_gain: f64,
+}
+
+impl Default for BundleOptions {
+    fn default() -> Self {
+        Self {
+            robust_iterations: 5,
+            final_iterations: 10,
+            min_relative_gain: 1e-4,
+        }
+    }
+}
+
+/// Result of bundle adjustment; poses and points are in the problem.
+#[derive(Clone, Debug)]
+pub struct BundleReport {
+    /// Per observation: beyond its 95 % gate (or behind the camera) at the end.
+    pub outliers: Vec<bool>,
+    /// Iterations of both phases.
+    pub iterations: usize,
+    /// Robust cost before the first iteration.
+    pub initial_cost: f64,
+    /// Cost of the inliers at the end.
+    pub final_cost: f64,
+}
+
+/// Minimises the sum of robust squared residuals over free poses and all points (Levenberg-Marquardt; points are
+/// eliminated by the Schur complement, Triggs et al., "Bundle adjustment: a modern synthesis", 1999, section 6).
+///
+/// Two phases: with the Huber kernel, then, outliers taken out, until convergence with the kernel still on.
+///
+/// # Panics
+/// When an index of an observation is out of range or observations are not sorted by point: a caller's bug.
+#[must_use]
+pub fn adjust_bundle(problem: &mut BundleProblem, options: &BundleOptions) -> BundleReport {
+    assert!(
+        problem.observations.is_sorted_by_key(|o| o.point),
+        "observations must be sorted by point"
+    );
+    let mut active = vec![true; problem.observations.len()];
+    let initial_cost = cost(problem, &problem.poses, &problem.points, &active);
+    let mut iterations = minimise(problem, &active, options.robust_iterations, options);
+    classify(problem, &mut active);
+    iterations += minimise(problem, &active, options.final_iterations, options);
+    classify(problem, &mut active);
+    BundleReport {
+        iterations,
+        initial_cost,
+        final_cost: cost(problem, &problem.poses, &problem.points, &active),
+        outliers: active.iter().map(|a| !a).collect(),
+    }
+}
+
+fn minimise(
+    problem: &mut BundleProblem,
+    active: &[bool],
+    iterations: usize,
+    options: &BundleOptions,
+) -> usize {
+    let mut lambda = 1e-5;
+    let mut before = cost(problem, &problem.poses, &problem.points, active);
+    let mut done = 0;
+    while done < iterations {
+        done += 1;
+        let system = schur::build(problem, active);
+        let mut accepted = false;
+        // A step that does not pay is tried again with more damping; the system itself stays.
+        for _ in 0..6 {
+            let Some(step) = system.solve(problem.free_poses, lambda) else {
+                lambda = f64::max(lambda * 10.0, 1e-4);
+                continue;
+            };
+            let (poses, points) = apply(problem, &step);
+            let after = cost(problem, &poses, &points, active);
+            if after <= before {
+                (problem.poses, problem.points) = (poses, points);
+                lambda = f64::max(lambda * 0.1, 1e-9);
+                let gain = before - after;
+                before = after;
+                accepted = gain > options.min_relative_gain * after;
+                break;
+            }
+            lambda = f64::max(lambda * 10.0, 1e-4);
+        }
+        if !accepted {
+            break;
+        }
+    }
+    for pose in &mut problem.poses[..problem.free_poses] {
+        *pose = pose.normalized();
+    }
+    done
+}
+
+fn apply(problem: &BundleProblem, step: &Step) -> (Vec<Se3>, Vec<Vec3>) {
+    let mut poses = problem.poses.clone();
+    for (pose, s) in poses.iter_mut().zip(&step.poses) {
+        *pose = Se3::exp(s) * *pose;
+    }
+    let points = problem
+        .points
+        .iter()
+        .zip(&step.points)
+        .map(|(p, s)| p + s)
+        .collect();
+    (poses, points)
+}
+
+fn cost(problem: &BundleProblem, poses: &[Se3], points: &[Vec3], active: &[bool]) -> f64 {
+    let frames: Vec<_> = poses
+        .iter()
+        .map(|p| (p.rotation_matrix(), p.translation))
+        .collect();
+    let mut sum = 0.0;
+    for (o, _) in problem.observations.iter().zip(active).filter(|(_, a)| **a) {
+        let (r, t) = &frames[o.pose as usize];
+        let p = transform(r, t, &points[o.point as usize]);
+        let gate = o.measurement.gate();
+        let chi2 = o.measurement.chi2(&problem.camera, &p);
+        // A point behind the camera costs as much as a very large residual: a step that puts it there does not pay.
+        sum += robust::huber_cost(if chi2.is_finite() { chi2 } else { 1e6 }, gate);
+    }
+    sum
+}
+
+fn classify(problem: &BundleProblem, active: &mut [bool]) {
+    for (o, a) in problem.observations.iter().zip(active) {
+        let p = problem.poses[o.pose as usize].transform(&problem.points[o.point as usize]);
+        *a = o.measurement.chi2(&problem.camera, &p) <= o.measurement.gate();
+    }
+}

@@ -1,0 +1,87 @@
+//! What a camera measures of a point, and how far that is from a prediction.
+
+use stillpoint_geometry::{Camera, Vec2, Vec3, robust};
+
+/// Focal lengths and principal point, px, of a camera without distortion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intrinsics {
+    /// Focal length along x, px.
+    pub fx: f64,
+    /// Focal length along y, px.
+    pub fy: f64,
+    /// Principal point, x, px.
+    pub cx: f64,
+    /// Principal point, y, px.
+    pub cy: f64,
+}
+
+impl From<&Camera> for Intrinsics {
+    fn from(c: &Camera) -> Self {
+        Self {
+            fx: c.fx,
+            fy: c.fy,
+            cx: c.cx,
+            cy: c.cy,
+        }
+    }
+}
+
+/// An undistorted pixel and, where the sensor gave one, a depth. The depth enters as its inverse: the error of
+/// structured light and of stereo is uniform in disparity, which is proportional to 1/z.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// Undistorted pixel.
+    pub pixel: Vec2,
+    /// 1 / variance of each pixel coordinate, 1/px^2.
+    pub pixel_weight: f64,
+    /// 1 / depth, 1/m.
+    pub inverse_depth: f64,
+    /// 1 / variance of the inverse depth, m^2; 0 when there is no depth.
+    pub inverse_depth_weight: f64,
+}
+
+impl Measurement {
+    /// From a pixel with standard deviation `sigma_px` and an optional depth `(z, sigma)` in m.
+    #[must_use]
+    pub fn new(pixel: Vec2, sigma_px: f64, depth: Option<(f64, f64)>) -> Self {
+        let (inverse_depth, inverse_depth_weight) = depth.map_or((0.0, 0.0), |(z, sigma)| {
+            let s = sigma / (z * z);
+            (1.0 / z, 1.0 / (s * s))
+        });
+        Self {
+            pixel,
+            pixel_weight: 1.0 / (sigma_px * sigma_px),
+            inverse_depth,
+            inverse_depth_weight,
+        }
+    }
+
+    /// True when there is a depth.
+    #[must_use]
+    pub fn has_depth(&self) -> bool {
+        self.inverse_depth_weight > 0.0
+    }
+
+    /// The 95 % chi-square gate of this measurement: 3 degrees of freedom with depth, else 2.
+    #[must_use]
+    pub fn gate(&self) -> f64 {
+        if self.has_depth() {
+            robust::CHI2_95_3
+        } else {
+            robust::CHI2_95_2
+        }
+    }
+
+    /// Squared Mahalanobis distance to the prediction from a point in camera coordinates (m); infinite behind the camera.
+    #[must_use]
+    pub fn chi2(&self, k: &Intrinsics, p: &Vec3) -> f64 {
+        if p.z <= 1e-3 {
+            return f64::INFINITY;
+        }
+        let iz = 1.0 / p.z;
+        let eu = self.pixel.x - (k.fx * p.x * iz + k.cx);
+        let ev = self.pixel.y - (k.fy * p.y * iz + k.cy);
+        let ed = self.inverse_depth - iz;
+        self.pixel_weight * (eu * eu + ev * ev) + self.inverse_depth_weight * ed * ed
+    }
+}

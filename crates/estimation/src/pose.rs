@@ -1,0 +1,233 @@
+//! Pose-only optimisation: the camera's pose from measurements of known points.
+
+use crate::linearise::linearise;
+use crate::{Intrinsics, Measurement};
+use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, Vec6, robust};
+
+/// A measurement of a point whose world position is known.
+#[derive(Clone, Copy, Debug)]
+pub struct PoseObservation {
+    /// World position, m.
+    pub point: Vec3,
+    /// What was measured.
+    pub measurement: Measurement,
+}
+
+/// Effort of pose optimisation.
+#[derive(Clone, Copy, Debug)]
+pub struct PoseOptions {
+    /// Rounds; after each one all observations are tested against the gate anew.
+    pub rounds: usize,
+    /// Rounds at the end in which the robust kernel is off.
+    pub plain_rounds: usize,
+    /// Iterations per round, at most.
+    pub iterations: usize,
+    /// Factor on the squared chi-square gates (95 %); 1 for measurements whose noise is known.
+    pub gate_scale: f64,
+}
+
+impl Default for PoseOptions {
+    fn default() -> Self {
+        Self {
+            rounds: 4,
+            plain_rounds: 2,
+            iterations: 10,
+            gate_scale: 1.0,
+        }
+    }
+}
+
+/// Result of pose optimisation.
+#[derive(Clone, Debug)]
+pub struct PoseEstimate {
+    /// The pose.
+    pub camera_from_world: Se3,
+    /// Per observation: within the gate at the final pose.
+    pub inliers: Vec<bool>,
+    /// Number of inliers.
+    pub inlier_count: usize,
+    /// Sum over inliers of `J^T W J` at the final pose, for a left perturbation `[translation; rotation]` of
+    /// `camera_from_world`: the inverse of its covariance.
+    pub information: Mat6,
+}
+
+/// Finds the pose `camera_from_world` that minimises the sum of squared Mahalanobis residuals of pixel and inverse depth,
+/// with the Huber kernel in the first rounds and outliers taken out between rounds (Levenberg-Marquardt on SE(3)).
+///
+/// With fewer than three observations the initial pose is returned with no inliers.
+#[must_use]
+pub fn optimise_pose(
+    camera: &Intrinsics,
+    initial: &Se3,
+    observations: &[PoseObservation],
+    options: &PoseOptions,
+) -> PoseEstimate {
+    let mut problem = Problem {
+        camera,
+        observations,
+        active: vec![true; observations.len()],
+        gate_scale: options.gate_scale,
+    };
+    let mut pose = *initial;
+    let mut inlier_count = 0;
+    if observations.len() >= 3 {
+        for round in 0..options.rounds {
+            let robust = round + options.plain_rounds < options.rounds;
+            pose = problem.minimise(pose, robust, options.iterations);
+            let (changed, count) = problem.classify(&pose);
+            inlier_count = count;
+            if count < 3 || (!changed && !robust) {
+                break;
+            }
+        }
+    }
+    if inlier_count < 3 {
+        problem.active.fill(false);
+        inlier_count = 0;
+    }
+    let information = problem.accumulate(&pose, false).h;
+    PoseEstimate {
+        camera_from_world: pose.normalized(),
+        inliers: problem.active,
+        inlier_count,
+        information,
+    }
+}
+
+struct Problem<'a> {
+    camera: &'a Intrinsics,
+    observations: &'a [PoseObservation],
+    active: Vec<bool>,
+    gate_scale: f64,
+}
+
+/// Normal equations and cost at a pose.
+struct Normal {
+    h: Mat6,
+    b: Vec6,
+    cost: f64,
+}
+
+impl Problem<'_> {
+    fn minimise(&self, start: Se3, robust: bool, iterations: usize) -> Se3 {
+        let mut pose = start;
+        let mut lambda = 1e-6;
+        let mut normal = self.accumulate(&pose, robust);
+        for _ in 0..iterations {
+            let mut h = normal.h;
+            for i in 0..6 {
+                h[(i, i)] += lambda * h[(i, i)] + 1e-12;
+            }
+            let Some(step) = h.cholesky().map(|c| c.solve(&normal.b)) else {
+                break;
+            };
+            let candidate = Se3::exp(&step) * pose;
+            let next = self.accumulate(&candidate, robust);
+            if next.cost <= normal.cost {
+                let gain = normal.cost - next.cost;
+                (pose, normal) = (candidate, next);
+                lambda = f64::max(lambda * 0.1, 1e-9);
+                if step.norm_squared() < 1e-14 || gain < 1e-6 * normal.cost {
+                    break;
+                }
+            } else {
+                if step.norm_squared() < 1e-14 {
+                    break;
+                }
+                lambda = f64::max(lambda * 100.0, 1e-4);
+            }
+        }
+        pose
+    }
+
+    fn accumulate(&self, pose: &Se3, robust: bool) -> Normal {
+        let (r, t) = (pose.rotation_matrix(), pose.translation);
+        let mut sums = Sums::default();
+        for (o, _) in self.observations.iter().zip(&self.active).filter(|(_, a)| **a) {
+            let p = transform(&r, &t, &o.point);
+            let gate = o.measurement.gate() * self.gate_scale;
+            if p.z <= 1e-3 {
+                // A point behind the camera costs what the farthest inlier costs and does not pull.
+                sums.cost += gate;
+                continue;
+            }
+            let l = linearise(self.camera, &o.measurement, &p);
+            let m = &o.measurement;
+            let chi2 = m.pixel_weight
+                * (l.residual[0] * l.residual[0] + l.residual[1] * l.residual[1])
+                + m.inverse_depth_weight * l.residual[2] * l.residual[2];
+            let (weight, cost) = if robust {
+                (
+                    robust::huber_weight(chi2, gate),
+                    robust::huber_cost(chi2, gate),
+                )
+            } else {
+                (1.0, chi2)
+            };
+            sums.cost += cost;
+            let w = [
+                weight * m.pixel_weight,
+                weight * m.pixel_weight,
+                weight * m.inverse_depth_weight,
+            ];
+            let rows = if m.has_depth() { 3 } else { 2 };
+            for ((j, e), w) in l.by_pose.iter().zip(&l.residual).zip(&w).take(rows) {
+                sums.add(j, *e, *w);
+            }
+        }
+        sums.finish()
+    }
+
+    /// Tests every observation against its gate; returns whether any changed sides and how many are inliers.
+    fn classify(&mut self, pose: &Se3) -> (bool, usize) {
+        let (r, t) = (pose.rotation_matrix(), pose.translation);
+        let (mut changed, mut count) = (false, 0);
+        for (o, active) in self.observations.iter().zip(&mut self.active) {
+            let chi2 = o.measurement.chi2(self.camera, &transform(&r, &t, &o.point));
+            let inlier = chi2 <= o.measurement.gate() * self.gate_scale;
+            changed |= inlier != *active;
+            count += usize::from(inlier);
+            *active = inlier;
+        }
+        (changed, count)
+    }
+}
+
+/// Upper triangle of `J^T W J`, row by row, and `J^T W e`.
+#[derive(Default)]
+struct Sums {
+    h: [[f64; 6]; 6],
+    b: [f64; 6],
+    cost: f64,
+}
+
+impl Sums {
+    #[inline]
+    fn add(&mut self, j: &[f64; 6], e: f64, w: f64) {
+        let mut wj = *j;
+        for v in &mut wj {
+            *v *= w;
+        }
+        for (row, wi) in self.h.iter_mut().zip(&wj) {
+            for (h, jj) in row.iter_mut().zip(j) {
+                *h += wi * jj;
+            }
+        }
+        for (b, wi) in self.b.iter_mut().zip(&wj) {
+            *b += wi * e;
+        }
+    }
+
+    fn finish(self) -> Normal {
+        Normal {
+            h: Mat6::from_fn(|r, c| self.h[r][c]),
+            b: Vec6::from_row_slice(&self.b),
+            cost: self.cost,
+        }
+    }
+}
+
+#[inline]
+pub(crate) fn transform(r: &Mat3, t: &Vec3, p: &Vec3) -> Vec3 {
+    r * p + t
+}

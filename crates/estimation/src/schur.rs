@@ -1,0 +1,236 @@
+//! The normal equations of bundle adjustment with points eliminated.
+
+use crate::BundleProblem;
+use crate::linearise::{by_world_point, linearise};
+use crate::pose::transform;
+use nalgebra::{DMatrix, DVector};
+use stillpoint_geometry::{Mat3, Vec3, Vec6, robust};
+
+/// Cross block `J_pose^T W J_point` of one observation, 6x3, row by row.
+type Cross = [[f64; 3]; 6];
+
+/// One point's share of the normal equations.
+struct PointBlock {
+    /// `J_point^T W J_point`.
+    h: Mat3,
+    /// `J_point^T W e`.
+    b: Vec3,
+    /// Range of its cross blocks in [`System::cross`].
+    cross: std::ops::Range<usize>,
+}
+
+/// The undamped normal equations at one linearisation point.
+pub(crate) struct System {
+    pose_h: Vec<[[f64; 6]; 6]>,
+    pose_b: Vec<[f64; 6]>,
+    points: Vec<PointBlock>,
+    cross: Vec<(u32, Cross)>,
+}
+
+/// A step of poses (left perturbations `[translation; rotation]`) and points (m).
+pub(crate) struct Step {
+    pub(crate) poses: Vec<Vec6>,
+    pub(crate) points: Vec<Vec3>,
+}
+
+/// Linearises all active observations, with the Huber weights of the present residuals.
+pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
+    let free = problem.free_poses;
+    let frames: Vec<(Mat3, Vec3)> = problem
+        .poses
+        .iter()
+        .map(|p| (p.rotation_matrix(), p.translation))
+        .collect();
+    let mut system = System {
+        pose_h: vec![[[0.0; 6]; 6]; free],
+        pose_b: vec![[0.0; 6]; free],
+        points: Vec::with_capacity(problem.points.len()),
+        cross: Vec::with_capacity(problem.observations.len()),
+    };
+    let mut at = 0;
+    for (index, point) in problem.points.iter().enumerate() {
+        let mut h = [[0.0; 3]; 3];
+        let mut b = [0.0; 3];
+        let first = system.cross.len();
+        while let Some(o) = problem.observations.get(at).filter(|o| o.point as usize == index) {
+            let is_active = active[at];
+            at += 1;
+            if !is_active {
+                continue;
+            }
+            let pose = o.pose as usize;
+            let (r, t) = &frames[pose];
+            let p = transform(r, t, point);
+            if p.z <= 1e-3 {
+                continue;
+            }
+            let m = &o.measurement;
+            let l = linearise(&problem.camera, m, &p);
+            let e = &l.residual;
+            let chi2 = m.pixel_weight * (e[0] * e[0] + e[1] * e[1])
+                + m.inverse_depth_weight * e[2] * e[2];
+            let weight = robust::huber_weight(chi2, m.gate());
+            let w = [
+                weight * m.pixel_weight,
+                weight * m.pixel_weight,
+                weight * m.inverse_depth_weight,
+            ];
+            let rows = if m.has_depth() { 3 } else { 2 };
+            let jp = by_world_point(&l.by_point, r);
+            for k in 0..rows {
+                add_outer(&mut h, &jp[k], &jp[k], w[k]);
+                add_scaled(&mut b, &jp[k], w[k] * e[k]);
+            }
+            if pose < free {
+                let mut cross = [[0.0; 3]; 6];
+                for k in 0..rows {
+                    add_outer(&mut system.pose_h[pose], &l.by_pose[k], &l.by_pose[k], w[k]);
+                    add_scaled(&mut system.pose_b[pose], &l.by_pose[k], w[k] * e[k]);
+                    add_outer(&mut cross, &l.by_pose[k], &jp[k], w[k]);
+                }
+                system.cross.push((o.pose, cross));
+            }
+        }
+        system.points.push(PointBlock {
+            h: Mat3::from_fn(|r, c| h[r][c]),
+            b: Vec3::from_row_slice(&b),
+            cross: first..system.cross.len(),
+        });
+    }
+    system
+}
+
+#[inline]
+fn add_outer<const R: usize, const C: usize>(
+    m: &mut [[f64; C]; R],
+    a: &[f64; R],
+    b: &[f64; C],
+    w: f64,
+) {
+    for (row, ai) in m.iter_mut().zip(a) {
+        let s = ai * w;
+        for (v, bj) in row.iter_mut().zip(b) {
+            *v += s * bj;
+        }
+    }
+}
+
+#[inline]
+fn add_scaled<const N: usize>(v: &mut [f64; N], a: &[f64; N], s: f64) {
+    for (x, y) in v.iter_mut().zip(a) {
+        *x += y * s;
+    }
+}
+
+/// `a * m` for a cross block and a symmetric 3x3 matrix.
+#[inline]
+fn times(a: &Cross, m: &Mat3) -> Cross {
+    a.map(|r| std::array::from_fn(|c| r[0] * m[(0, c)] + r[1] * m[(1, c)] + r[2] * m[(2, c)]))
+}
+
+impl System {
+    /// Solves the damped equations; `None` when the reduced system is not positive definite.
+    pub(crate) fn solve(&self, free: usize, lambda: f64) -> Option<Step> {
+        let inverses: Vec<Option<Mat3>> = self
+            .points
+            .iter()
+            .map(|p| {
+                let mut h = p.h;
+                for i in 0..3 {
+                    h[(i, i)] += lambda * h[(i, i)] + 1e-9;
+                }
+                h.try_inverse()
+            })
+            .collect();
+        let poses = self.solve_poses(free, lambda, &inverses)?;
+        let points = self
+            .points
+            .iter()
+            .zip(&inverses)
+            .map(|(p, inverse)| {
+                let Some(inverse) = inverse else {
+                    return Vec3::zeros();
+                };
+                let mut b = p.b;
+                for (pose, c) in &self.cross[p.cross.clone()] {
+                    let s = &poses[*pose as usize];
+                    for (row, si) in c.iter().zip(s.iter()) {
+                        b.x -= row[0] * si;
+                        b.y -= row[1] * si;
+                        b.z -= row[2] * si;
+                    }
+                }
+                inverse * b
+            })
+            .collect();
+        Some(Step { poses, points })
+    }
+
+    fn solve_poses(
+        &self,
+        free: usize,
+        lambda: f64,
+        inverses: &[Option<Mat3>],
+    ) -> Option<Vec<Vec6>> {
+        // Lower triangle of blocks of the reduced camera system; block (i, j) with i >= j at i (i + 1) / 2 + j.
+        let mut blocks = vec![[[0.0; 6]; 6]; free * (free + 1) / 2];
+        let mut rhs = self.pose_b.clone();
+        for (i, h) in self.pose_h.iter().enumerate() {
+            let d = &mut blocks[i * (i + 1) / 2 + i];
+            *d = *h;
+            for k in 0..6 {
+                d[k][k] += lambda * h[k][k] + 1e-9;
+            }
+        }
+        for (p, inverse) in self.points.iter().zip(inverses) {
+            let Some(inverse) = inverse else { continue };
+            let cross = &self.cross[p.cross.clone()];
+            for (i, a) in cross {
+                let i = *i as usize;
+                let w = times(a, inverse);
+                for (r, row) in w.iter().enumerate() {
+                    rhs[i][r] -= row[0] * p.b.x + row[1] * p.b.y + row[2] * p.b.z;
+                }
+                for (j, b) in cross.iter().filter(|(j, _)| *j as usize <= i) {
+                    subtract_product(&mut blocks[i * (i + 1) / 2 + *j as usize], &w, b);
+                }
+            }
+        }
+        if free == 0 {
+            return Some(Vec::new());
+        }
+        let n = 6 * free;
+        let mut s = DMatrix::<f64>::zeros(n, n);
+        let mut b = DVector::<f64>::zeros(n);
+        for i in 0..free {
+            for r in 0..6 {
+                b[6 * i + r] = rhs[i][r];
+            }
+            for j in 0..=i {
+                let block = &blocks[i * (i + 1) / 2 + j];
+                for (r, row) in block.iter().enumerate() {
+                    for (c, v) in row.iter().enumerate() {
+                        s[(6 * i + r, 6 * j + c)] = *v;
+                    }
+                }
+            }
+        }
+        // nalgebra's Cholesky reads the lower triangle only and uses no kernel that is chosen at run time.
+        let x = s.cholesky()?.solve(&b);
+        x.iter().all(|v| v.is_finite()).then(|| {
+            (0..free)
+                .map(|i| Vec6::from_fn(|r, _| x[6 * i + r]))
+                .collect()
+        })
+    }
+}
+
+/// `s -= w * b^T` for 6x3 blocks.
+#[inline]
+fn subtract_product(s: &mut [[f64; 6]; 6], w: &Cross, b: &Cross) {
+    for (row, wr) in s.iter_mut().zip(w) {
+        for (v, bc) in row.iter_mut().zip(b) {
+            *v -= wr[0] * bc[0] + wr[1] * bc[1] + wr[2] * bc[2];
+        }
+    }
+}

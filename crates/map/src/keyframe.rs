@@ -1,0 +1,106 @@
+//! Keyframes.
+
+use crate::{KeyframeId, LandmarkId};
+use std::sync::Arc;
+use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
+
+/// What a frame saw. Never changes after extraction, so frames, keyframes and views share it.
+#[derive(Debug)]
+pub struct KeyframeData {
+    /// Stamp of the colour image, s.
+    pub stamp: f64,
+    /// The camera; positions are undistorted with it.
+    pub camera: Camera,
+    /// Keypoints in the raw image.
+    pub keypoints: Vec<Keypoint>,
+    /// Their undistorted pixels.
+    pub positions: Vec<[f32; 2]>,
+    /// Standard deviation of each position, px.
+    pub sigma_px: Vec<f32>,
+    /// Their depths, m; 0 where there is none.
+    pub depths: Vec<f32>,
+    /// Standard deviation of each depth, m; 0 where there is none.
+    pub depth_sigmas: Vec<f32>,
+    /// Their descriptors.
+    pub descriptors: Vec<Descriptor>,
+    /// Buckets over `positions`.
+    pub grid: FeatureGrid,
+}
+
+impl KeyframeData {
+    /// Number of features.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.keypoints.len()
+    }
+
+    /// True when there is no feature.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.keypoints.is_empty()
+    }
+
+    /// Undistorted pixel of a feature.
+    #[must_use]
+    pub fn position(&self, index: usize) -> Vec2 {
+        let [x, y] = self.positions[index];
+        Vec2::new(f64::from(x), f64::from(y))
+    }
+
+    /// Depth of a feature, m.
+    #[must_use]
+    pub fn depth(&self, index: usize) -> Option<f64> {
+        let z = self.depths[index];
+        (z > 0.0).then_some(f64::from(z))
+    }
+
+    /// The point (m, camera coordinates) that a feature with depth sees.
+    #[must_use]
+    pub fn point_in_camera(&self, index: usize) -> Option<Vec3> {
+        let z = self.depth(index)?;
+        Some(self.camera.backproject(self.position(index), z))
+    }
+}
+
+/// A frame that the map keeps.
+#[derive(Clone, Debug)]
+pub struct Keyframe {
+    /// Its id: the number of its frame.
+    pub id: KeyframeId,
+    /// What it saw.
+    pub data: Arc<KeyframeData>,
+    /// Its pose.
+    pub world_from_camera: Se3,
+    /// The landmark that each feature observes.
+    pub matches: Vec<Option<LandmarkId>>,
+    /// Keyframes that share landmarks with it and how many, most first; ties by id.
+    pub covisible: Vec<(KeyframeId, u32)>,
+    /// The keyframe it was tracked from; none for the first of a map.
+    pub parent: Option<KeyframeId>,
+}
+
+impl Keyframe {
+    /// Centre of the camera, m, world coordinates.
+    #[must_use]
+    pub fn centre(&self) -> Vec3 {
+        self.world_from_camera.translation
+    }
+}
+
+/// What a keyframe id stands for.
+#[derive(Clone, Debug, Default)]
+pub enum KeyframeSlot {
+    /// No keyframe was made from this frame.
+    #[default]
+    Empty,
+    /// A keyframe of the map.
+    Live(Arc<Keyframe>),
+    /// Removed as redundant: its pose lives on relative to another keyframe.
+    Culled {
+        /// The keyframe that its pose hangs on.
+        parent: KeyframeId,
+        /// Its pose relative to that.
+        parent_from_this: Se3,
+    },
+}

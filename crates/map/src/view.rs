@@ -1,0 +1,142 @@
+//! An immutable version of the map.
+
+use crate::{Chunked, Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot};
+use std::sync::Arc;
+use stillpoint_geometry::{Se3, Vec3};
+
+/// A version of the map that never changes. Cloning it costs two reference counts.
+#[derive(Clone, Debug, Default)]
+pub struct MapView {
+    pub(crate) version: u64,
+    pub(crate) keyframes: Chunked<KeyframeSlot>,
+    pub(crate) landmarks: Chunked<LandmarkSlot>,
+    pub(crate) live_keyframes: usize,
+    pub(crate) live_landmarks: usize,
+}
+
+impl MapView {
+    /// Counts up with every published change.
+    #[must_use]
+    pub fn version(&self) -> u64 {
+        self.version
+    }
+
+    /// Number of live keyframes.
+    #[must_use]
+    pub fn keyframe_count(&self) -> usize {
+        self.live_keyframes
+    }
+
+    /// Number of live landmarks.
+    #[must_use]
+    pub fn landmark_count(&self) -> usize {
+        self.live_landmarks
+    }
+
+    /// One more than the largest landmark id ever given.
+    #[must_use]
+    pub fn landmark_bound(&self) -> usize {
+        self.landmarks.len()
+    }
+
+    /// A live keyframe.
+    #[must_use]
+    pub fn keyframe(&self, id: KeyframeId) -> Option<&Arc<Keyframe>> {
+        match self.keyframes.get(id.index())? {
+            KeyframeSlot::Live(k) => Some(k),
+            _ => None,
+        }
+    }
+
+    /// What a keyframe id stands for.
+    #[must_use]
+    pub fn keyframe_slot(&self, id: KeyframeId) -> &KeyframeSlot {
+        self.keyframes
+            .get(id.index())
+            .unwrap_or(&KeyframeSlot::Empty)
+    }
+
+    /// All live keyframes, by id.
+    pub fn keyframes(&self) -> impl Iterator<Item = &Arc<Keyframe>> {
+        self.keyframes.iter().filter_map(|s| match s {
+            KeyframeSlot::Live(k) => Some(k),
+            _ => None,
+        })
+    }
+
+    /// Pose of a keyframe, also of a culled one (through its tombstone).
+    #[must_use]
+    pub fn world_from_keyframe(&self, id: KeyframeId) -> Option<Se3> {
+        let mut tail = Se3::identity();
+        let mut at = id;
+        // A tombstone hangs on a keyframe that was live when it was made, so the chain is shorter than their number.
+        for _ in 0..=self.keyframes.len() {
+            match self.keyframes.get(at.index())? {
+                KeyframeSlot::Live(k) => return Some(k.world_from_camera * tail),
+                KeyframeSlot::Culled {
+                    parent,
+                    parent_from_this,
+                } => {
+                    tail = *parent_from_this * tail;
+                    at = *parent;
+                }
+                KeyframeSlot::Empty => return None,
+            }
+        }
+        None
+    }
+
+    /// The live keyframe that an id resolves to: itself, or the one that carries its tombstone.
+    #[must_use]
+    pub fn resolve_keyframe(&self, id: KeyframeId) -> Option<KeyframeId> {
+        let mut at = id;
+        for _ in 0..=self.keyframes.len() {
+            match self.keyframes.get(at.index())? {
+                KeyframeSlot::Live(_) => return Some(at),
+                KeyframeSlot::Culled { parent, .. } => at = *parent,
+                KeyframeSlot::Empty => return None,
+            }
+        }
+        None
+    }
+
+    /// The live landmark that an id resolves to, through merges.
+    #[must_use]
+    pub fn resolve_landmark(&self, id: LandmarkId) -> Option<LandmarkId> {
+        let mut at = id;
+        // A merge always points to the landmark that lived on, so chains end.
+        for _ in 0..=self.landmarks.len() {
+            match self.landmarks.get(at.index())? {
+                LandmarkSlot::Live(_) => return Some(at),
+                LandmarkSlot::Merged(into) => at = *into,
+                LandmarkSlot::Culled => return None,
+            }
+        }
+        None
+    }
+
+    /// A live landmark, by its own id (merges are not followed).
+    #[must_use]
+    pub fn landmark(&self, id: LandmarkId) -> Option<&Landmark> {
+        match self.landmarks.get(id.index())? {
+            LandmarkSlot::Live(l) => Some(l),
+            _ => None,
+        }
+    }
+
+    /// World position of a live landmark, m.
+    #[must_use]
+    pub fn landmark_position(&self, id: LandmarkId) -> Option<Vec3> {
+        let l = self.landmark(id)?;
+        let anchor = self.keyframe(l.anchor)?;
+        Some(anchor.world_from_camera.transform(&l.position_in_anchor))
+    }
+
+    /// All live landmarks, by id.
+    pub fn landmarks(&self) -> impl Iterator<Item = (LandmarkId, &Landmark)> {
+        self.landmarks.iter().enumerate().filter_map(|(i, s)| match s {
+            LandmarkSlot::Live(l) => Some((LandmarkId(i as u32), l)),
+            _ => None,
+        })
+    }
+}
