@@ -1,1 +1,33 @@
 //! ATE, RPE, timing statistics and plots of trajectories.
+//!
+//! Answers: how far an estimated trajectory is from the truth (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM
+//! systems", IROS 2012), and how long things took. Knows trajectories only: not how they were made, nor the files they
+//! came from. [`score`] is the whole of it; [`evaluate`], [`drift`] and [`associate`] are its parts.
+
+mod associate;
+mod ate;
+mod error;
+mod report;
+mod rpe;
+mod score;
+mod statistics;
+pub mod timing;
+
+pub use associate::{DEFAULT_MAX_DT, associate};
+pub use ate::{Ate, PairError, absolute_error};
+pub use error::EvaluationError;
+pub use report::{Align, Table};
+pub use rpe::{Delta, Rpe, relative_error};
+pub use score::{Drift, EvalOptions, Evaluation, Score, drift, evaluate, is_fixed, score};
+pub use statistics::Statistics;
+
+use stillpoint_geometry::Se3;
+
+/// A pose of the camera at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimedPose {
+    /// Time, s.
+    pub stamp: f64,
+    /// Pose: maps camera coordinates to world coordinates, m.
+    pub world_from_camera: Se3,
+}

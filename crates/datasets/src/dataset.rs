@@ -1,0 +1,260 @@
+//! A data set folder, opened: its frames, camera and ground truth, and what was guessed about them.
+
+use crate::associate::DEFAULT_MAX_DT;
+use crate::camera::{self, CameraChoice, CameraModel};
+use crate::error::{DatasetError, Result};
+use crate::layout::{self, Layout};
+use crate::source::{DatasetSource, FrameOptions};
+use crate::trajectory::StampedPose;
+use crate::{ground_truth, probe};
+use std::path::{Path, PathBuf};
+
+/// How to open a data set; the default guesses everything.
+#[derive(Clone, Debug)]
+pub struct OpenOptions {
+    /// The camera; `None` guesses it.
+    pub camera: Option<CameraChoice>,
+    /// The layout; `None` guesses it.
+    pub layout: Option<Layout>,
+    /// One unreadable frame ends the stream instead of being skipped.
+    pub strict: bool,
+    /// Largest difference between the stamps of colour and depth, s.
+    pub max_dt: f64,
+}
+
+impl Default for OpenOptions {
+    fn default() -> Self {
+        Self {
+            camera: None,
+            layout: None,
+            strict: false,
+            max_dt: DEFAULT_MAX_DT,
+        }
+    }
+}
+
+/// One frame: a colour image and the depth image that belongs to it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// Stamp of the colour image, s.
+    pub stamp: f64,
+    /// The colour image.
+    pub colour: PathBuf,
+    /// Stamp of the depth image, s.
+    pub depth_stamp: f64,
+    /// The depth image.
+    pub depth: PathBuf,
+}
+
+/// How many images a data set lists and how many make frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Colour images listed.
+    pub colour: usize,
+    /// Depth images listed.
+    pub depth: usize,
+    /// Frames: colour images with depth.
+    pub frames: usize,
+    /// Colour images without depth.
+    pub unmatched_colour: usize,
+    /// Depth images without colour.
+    pub unmatched_depth: usize,
+}
+
+impl Counts {
+    pub(crate) fn new(colour: usize, depth: usize, frames: usize) -> Self {
+        Self {
+            colour,
+            depth,
+            frames,
+            unmatched_colour: colour - frames,
+            unmatched_depth: depth - frames,
+        }
+    }
+}
+
+/// An opened data set. Opening reads the lists and looks at a few frames; frames are read by [`Dataset::frames`].
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    path: PathBuf,
+    layout: Layout,
+    camera: CameraModel,
+    entries: Vec<Entry>,
+    counts: Counts,
+    strict: bool,
+    guesses: Vec<String>,
+    warnings: Vec<String>,
+}
+
+impl Dataset {
+    /// Opens a folder.
+    ///
+    /// # Errors
+    /// Any [`DatasetError`] that concerns reading: see its variants.
+    pub fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+        let names = list_folder(path)?;
+        let folder_name = folder_name(path);
+        let mut guesses = Vec::new();
+        let mut warnings = Vec::new();
+        let asked_bonn =
+            matches!(&options.camera, Some(CameraChoice::Preset(p)) if p.starts_with("bonn"));
+        let looks_like_bonn = asked_bonn || folder_name.to_lowercase().contains("bonn");
+        let layout = match options.layout {
+            Some(layout) => layout,
+            None => {
+                let (layout, why) = layout::guess(path, &names, looks_like_bonn)?;
+                guesses.push(format!("layout: {layout} ({why})"));
+                layout
+            }
+        };
+        let (entries, counts) = layout::index(path, &names, layout, options.max_dt)?;
+        guesses.push(format!(
+            "frames: {} of {} colour images have one of {} depth images within {} ms",
+            counts.frames,
+            counts.colour,
+            counts.depth,
+            options.max_dt * 1e3
+        ));
+        let mut model = match &options.camera {
+            Some(choice) => CameraModel::choose(choice)?,
+            None => {
+                let (model, why) = guess_camera(path, &folder_name, layout)?;
+                guesses.push(format!("camera: {why}"));
+                model
+            }
+        };
+        probe::probe(&entries, &mut model, &mut warnings)?;
+        Ok(Self {
+            path: path.to_owned(),
+            layout,
+            camera: model,
+            entries,
+            counts,
+            strict: options.strict,
+            guesses,
+            warnings,
+        })
+    }
+
+    /// The folder.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The layout, given or guessed.
+    #[must_use]
+    pub fn layout(&self) -> Layout {
+        self.layout
+    }
+
+    /// The camera, given or guessed, with the size of the images.
+    #[must_use]
+    pub fn camera(&self) -> &CameraModel {
+        &self.camera
+    }
+
+    /// The frames' files in the order of time.
+    #[must_use]
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// How many images are listed and how many make frames.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// What was guessed and why, one sentence each, for the user to check.
+    #[must_use]
+    pub fn guesses(&self) -> &[String] {
+        &self.guesses
+    }
+
+    /// What looks wrong but can be worked with, one sentence each.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// True when an unreadable frame ends the stream.
+    #[must_use]
+    pub fn is_strict(&self) -> bool {
+        self.strict
+    }
+
+    /// A source of the frames, decoded.
+    ///
+    /// # Errors
+    /// [`DatasetError::NoFrames`] when `start` lies behind the last frame.
+    pub fn frames(&self, options: &FrameOptions) -> Result<DatasetSource> {
+        DatasetSource::new(self, options)
+    }
+
+    /// Where the ground truth comes from, if there is any: a file, or for 7-Scenes the folder.
+    ///
+    /// # Errors
+    /// [`DatasetError::Read`].
+    pub fn ground_truth_path(&self) -> Result<Option<PathBuf>> {
+        ground_truth::find(&self.path, self.layout)
+    }
+
+    /// The ground truth as poses `world_from_camera` of the colour camera, if there is any.
+    ///
+    /// # Errors
+    /// As [`crate::trajectory::read`].
+    pub fn ground_truth(&self) -> Result<Option<Vec<StampedPose>>> {
+        ground_truth::read(&self.path, self.layout)
+    }
+}
+
+fn list_folder(path: &Path) -> Result<Vec<String>> {
+    if !path.is_dir() {
+        let found = if path.exists() { "a file" } else { "nothing" };
+        return Err(DatasetError::NoFolder {
+            path: path.to_owned(),
+            found,
+        });
+    }
+    let names = layout::names_in(path)?;
+    if names.is_empty() {
+        return Err(DatasetError::EmptyFolder {
+            path: path.to_owned(),
+        });
+    }
+    Ok(names)
+}
+
+/// The last part of the path as given; when that says nothing (`.`, `..`), of the path it stands for.
+fn folder_name(path: &Path) -> String {
+    path.file_name()
+        .map(|n| n.to_string_lossy().into_owned())
+        .or_else(|| {
+            let full = path.canonicalize().ok()?;
+            Some(full.file_name()?.to_string_lossy().into_owned())
+        })
+        .unwrap_or_default()
+}
+
+fn guess_camera(path: &Path, folder_name: &str, layout: Layout) -> Result<(CameraModel, String)> {
+    for name in ["camera.toml", "camera.txt"] {
+        let file = path.join(name);
+        if file.is_file() {
+            let model = CameraModel::from_file(&file)?;
+            return Ok((model, format!("{} (in the folder)", file.display())));
+        }
+    }
+    let (preset, why) = match layout {
+        Layout::SevenScenes => ("seven_scenes", "the layout says so".to_owned()),
+        Layout::IclNuim => ("icl_nuim", "the layout says so".to_owned()),
+        Layout::Tum | Layout::Bonn => match camera::preset_for_folder(folder_name) {
+            Some((part, preset)) => (preset, format!("\"{part}\" in the folder's name")),
+            None => return Err(camera::unknown_for_folder(path)),
+        },
+    };
+    Ok((
+        CameraModel::preset(preset)?,
+        format!("preset {preset} ({why})"),
+    ))
+}

@@ -1,0 +1,163 @@
+//! Image files to images: colour to grey, depth to metres.
+
+use crate::error::{DatasetError, Result};
+use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
+use std::io::Cursor;
+use std::path::Path;
+use stillpoint_imaging::{ColourImage, DepthImage, GrayImage};
+
+/// What a colour image must be.
+const COLOUR_EXPECTED: &str = "a PNG, JPEG or WebP image";
+/// What a depth image must be.
+const DEPTH_EXPECTED: &str = "a 16-bit grey PNG with depth";
+
+fn bad(path: &Path, expected: &str, found: impl Into<String>, advice: &str) -> DatasetError {
+    DatasetError::Image {
+        path: path.to_owned(),
+        expected: expected.to_owned(),
+        found: found.into(),
+        advice: advice.to_owned(),
+    }
+}
+
+/// Bytes and format of an image file that is there, not empty and of a kind that is read.
+fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
+    const AGAIN: &str = "copy or export the file again, or take it off the list";
+    let bytes = std::fs::read(path).map_err(|e| {
+        let found = if e.kind() == std::io::ErrorKind::NotFound {
+            "no such file".to_owned()
+        } else {
+            e.to_string()
+        };
+        bad(path, expected, found, AGAIN)
+    })?;
+    if bytes.is_empty() {
+        return Err(bad(path, expected, "an empty file (0 bytes)", AGAIN));
+    }
+    match image::guess_format(&bytes) {
+        Ok(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => Ok((bytes, f)),
+        _ => {
+            let found = other_format(&bytes).map_or("bytes of an unknown format".to_owned(), |f| {
+                format!("a file in the format {f}")
+            });
+            Err(bad(path, expected, found, "convert the images"))
+        }
+    }
+}
+
+/// Names of formats that depth or colour come in, but that are not read here.
+fn other_format(bytes: &[u8]) -> Option<&'static str> {
+    let known: [(&[u8], &str); 8] = [
+        (b"\x76\x2f\x31\x01", "OpenEXR (float)"),
+        (b"II*\0", "TIFF"),
+        (b"MM\0*", "TIFF"),
+        (b"Pf", "PFM (float)"),
+        (b"P5", "PGM"),
+        (b"P6", "PPM"),
+        (b"\x93NUMPY", "NumPy"),
+        (b"BM", "BMP"),
+    ];
+    known
+        .iter()
+        .find(|(magic, _)| bytes.starts_with(magic))
+        .map(|k| k.1)
+}
+
+fn decode(path: &Path, expected: &str) -> Result<(DynamicImage, ImageFormat)> {
+    let (bytes, format) = load(path, expected)?;
+    ImageReader::with_format(Cursor::new(&bytes), format)
+        .decode()
+        .map(|i| (i, format))
+        .map_err(|e| {
+            let found = format!("a broken or truncated file of {} bytes ({e})", bytes.len());
+            bad(
+                path,
+                expected,
+                found,
+                "copy or export the file again, or take it off the list",
+            )
+        })
+}
+
+/// Width and height, px, from the head of an image file.
+pub(crate) fn read_size(path: &Path) -> Result<(u32, u32)> {
+    let (bytes, format) = load(path, COLOUR_EXPECTED)?;
+    ImageReader::with_format(Cursor::new(&bytes), format)
+        .into_dimensions()
+        .map_err(|e| {
+            bad(
+                path,
+                COLOUR_EXPECTED,
+                format!("a broken head ({e})"),
+                "export the file again",
+            )
+        })
+}
+
+/// Reads an image (PNG, JPEG, WebP; 8 or 16 bits; grey or colour, transparency ignored) as RGB.
+///
+/// # Errors
+/// [`DatasetError::Image`] for a file that is missing, empty, truncated or of another format.
+pub fn read_colour(path: &Path) -> Result<ColourImage> {
+    let rgb = decode(path, COLOUR_EXPECTED)?.0.into_rgb8();
+    let (w, h) = (rgb.width() as usize, rgb.height() as usize);
+    ColourImage::from_vec(w, h, rgb.into_raw())
+        .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
+}
+
+/// Reads an image as [`read_colour`] does, as grey: 8-bit grey files as they are, others by [`ColourImage::to_gray`].
+///
+/// # Errors
+/// As [`read_colour`].
+pub fn read_gray(path: &Path) -> Result<GrayImage> {
+    match decode(path, COLOUR_EXPECTED)?.0 {
+        DynamicImage::ImageLuma8(gray) => {
+            let (w, h) = (gray.width() as usize, gray.height() as usize);
+            GrayImage::from_vec(w, h, gray.into_raw())
+                .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
+        }
+        other => {
+            let rgb = other.into_rgb8();
+            let (w, h) = (rgb.width() as usize, rgb.height() as usize);
+            ColourImage::from_vec(w, h, rgb.into_raw())
+                .map(|c| c.to_gray())
+                .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
+        }
+    }
+}
+
+/// Reads a 16-bit grey PNG of `depth_scale` values per metre as metres. The values 0 and 65535 stand for no measurement
+/// (65535 is the mark of 7-Scenes, and saturation elsewhere).
+///
+/// # Errors
+/// [`DatasetError::Image`] for a file that is missing, empty, truncated, or no 16-bit grey PNG.
+pub fn read_depth(path: &Path, depth_scale: f64) -> Result<DepthImage> {
+    let (image, format) = decode(path, DEPTH_EXPECTED)?;
+    let advice = "export depth as 16-bit PNG (TUM: 5000 per metre)";
+    if format != ImageFormat::Png {
+        return Err(bad(path, DEPTH_EXPECTED, format!("{format:?}"), advice));
+    }
+    let kind = image.color();
+    let DynamicImage::ImageLuma16(raw) = image else {
+        return Err(bad(path, DEPTH_EXPECTED, describe(kind), advice));
+    };
+    let (w, h) = (raw.width() as usize, raw.height() as usize);
+    let to_metres = |v: &u16| match *v {
+        0 | u16::MAX => 0.0,
+        // One rounding: the quotient in f64, then f32.
+        v => (f64::from(v) / depth_scale) as f32,
+    };
+    DepthImage::from_vec(w, h, raw.as_raw().iter().map(to_metres).collect())
+        .map_err(|e| bad(path, DEPTH_EXPECTED, e.to_string(), "report this"))
+}
+
+fn describe(kind: ColorType) -> String {
+    let bits = kind.bits_per_pixel() / u16::from(kind.channel_count().max(1));
+    let what = if kind.has_color() { "colour" } else { "grey" };
+    let alpha = if kind.has_alpha() {
+        " with transparency"
+    } else {
+        ""
+    };
+    format!("an {bits}-bit {what} PNG{alpha}").replace("an 16", "a 16")
+}

@@ -1,0 +1,367 @@
+//! How a folder is organised: which files are the frames.
+
+use crate::associate::associate;
+use crate::dataset::{Counts, Entry};
+use crate::error::{DatasetError, Result};
+use crate::lists::{Associations, ImageList, parse_associations, parse_image_list, read_text};
+use std::path::{Path, PathBuf};
+
+/// The layouts that are understood.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// TUM RGB-D: `rgb.txt` and `depth.txt`, or an associations file.
+    Tum,
+    /// Bonn RGB-D Dynamic: as TUM, with ground truth of a marker instead of the camera.
+    Bonn,
+    /// ICL-NUIM in the TUM-compatible form: numbered images, left-handed ground truth.
+    IclNuim,
+    /// Microsoft 7-Scenes: `frame-000000.color.png`, `.depth.png`, `.pose.txt`.
+    SevenScenes,
+}
+
+impl std::fmt::Display for Layout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Tum => "TUM",
+            Self::Bonn => "Bonn",
+            Self::IclNuim => "ICL-NUIM",
+            Self::SevenScenes => "7-Scenes",
+        })
+    }
+}
+
+impl std::str::FromStr for Layout {
+    type Err = String;
+    /// From `tum`, `bonn`, `icl` (or `icl-nuim`), `7scenes` (or `7-scenes`).
+    fn from_str(s: &str) -> std::result::Result<Self, String> {
+        match s.to_lowercase().as_str() {
+            "tum" => Ok(Self::Tum),
+            "bonn" => Ok(Self::Bonn),
+            "icl" | "icl-nuim" | "icl_nuim" => Ok(Self::IclNuim),
+            "7scenes" | "7-scenes" | "seven_scenes" => Ok(Self::SevenScenes),
+            _ => Err(format!(
+                "expected a layout (tum, bonn, icl, 7scenes), found \"{s}\""
+            )),
+        }
+    }
+}
+
+/// Rate of data sets that number their frames, Hz.
+pub(crate) const NUMBERED_RATE: f64 = 30.0;
+
+/// Names that association files go by.
+const ASSOCIATION_NAMES: [&str; 5] = [
+    "associations.txt",
+    "associate.txt",
+    "association.txt",
+    "associated.txt",
+    "assoc.txt",
+];
+
+/// The names in a folder, sorted.
+pub(crate) fn names_in(folder: &Path) -> Result<Vec<String>> {
+    let read = |source| DatasetError::Read {
+        path: folder.to_owned(),
+        source,
+    };
+    let mut names = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(read)? {
+        names.push(
+            entry
+                .map_err(read)?
+                .file_name()
+                .to_string_lossy()
+                .into_owned(),
+        );
+    }
+    names.sort_unstable();
+    Ok(names)
+}
+
+fn has(names: &[String], name: &str) -> bool {
+    names.iter().any(|n| n == name)
+}
+
+fn association_file(names: &[String]) -> Option<&'static str> {
+    ASSOCIATION_NAMES.into_iter().find(|n| has(names, n))
+}
+
+/// Ground truth as ICL-NUIM names it: `livingRoom0.gt.freiburg`, `traj0.gt.freiburg`.
+pub(crate) fn icl_ground_truth(names: &[String]) -> Option<&str> {
+    names
+        .iter()
+        .map(String::as_str)
+        .find(|n| n.ends_with(".gt.freiburg"))
+}
+
+/// The layout of a folder and why it was taken for that; `looks_like_bonn` comes from the folder's name.
+pub(crate) fn guess(
+    folder: &Path,
+    names: &[String],
+    looks_like_bonn: bool,
+) -> Result<(Layout, String)> {
+    if names.iter().any(|n| {
+        n.starts_with("frame-") && (n.ends_with(".color.png") || n.ends_with(".depth.png"))
+    }) {
+        return Ok((
+            Layout::SevenScenes,
+            "frame-NNNNNN.color.png, .depth.png".into(),
+        ));
+    }
+    if icl_ground_truth(names).is_some() {
+        return Ok((Layout::IclNuim, "a .gt.freiburg file".into()));
+    }
+    let files = if has(names, "rgb.txt") {
+        "rgb.txt and depth.txt"
+    } else if let Some(file) = association_file(names) {
+        let path = folder.join(file);
+        if parse_associations(&read_text(&path)?, &path)?.depth_first {
+            return Ok((Layout::IclNuim, format!("{file} lists depth first")));
+        }
+        file
+    } else if numbered(&folder.join("rgb")).is_ok_and(|l| l.first().is_some_and(|f| f.0 < 2)) {
+        return Ok((Layout::IclNuim, "images rgb/0.png, rgb/1.png, ...".into()));
+    } else {
+        return Err(unknown(folder, names));
+    };
+    if looks_like_bonn {
+        Ok((Layout::Bonn, format!("{files}, \"bonn\" in the name")))
+    } else {
+        Ok((Layout::Tum, files.into()))
+    }
+}
+
+fn unknown(folder: &Path, names: &[String]) -> DatasetError {
+    const SHOWN: usize = 6;
+    let mut found = names
+        .iter()
+        .take(SHOWN)
+        .cloned()
+        .collect::<Vec<_>>()
+        .join(", ");
+    if names.len() > SHOWN {
+        found += &format!(", ... ({} names)", names.len());
+    }
+    // A folder above the right one is the usual mistake.
+    let below = names.iter().find(|n| {
+        let inner = names_in(&folder.join(n)).unwrap_or_default();
+        !inner.is_empty() && guess_is_possible(&inner)
+    });
+    let advice = below.map_or("name the folder of one sequence".to_owned(), |n| {
+        format!("did you mean {}?", folder.join(n).display())
+    });
+    DatasetError::UnknownLayout {
+        path: folder.to_owned(),
+        found,
+        advice,
+    }
+}
+
+fn guess_is_possible(names: &[String]) -> bool {
+    has(names, "rgb.txt")
+        || association_file(names).is_some()
+        || icl_ground_truth(names).is_some()
+        || names.iter().any(|n| n.ends_with(".color.png"))
+}
+
+/// The frames of a folder in the order of time, and the counts of what was left over.
+pub(crate) fn index(
+    folder: &Path,
+    names: &[String],
+    layout: Layout,
+    max_dt: f64,
+) -> Result<(Vec<Entry>, Counts)> {
+    match layout {
+        Layout::Tum | Layout::Bonn if has(names, "rgb.txt") => index_lists(folder, names, max_dt),
+        Layout::Tum | Layout::Bonn => match association_file(names) {
+            Some(file) => index_associations(&folder.join(file), 1.0, max_dt),
+            None => Err(unknown(folder, names)),
+        },
+        Layout::IclNuim => match association_file(names) {
+            Some(file) => index_associations(&folder.join(file), NUMBERED_RATE, max_dt),
+            None => index_numbered(folder),
+        },
+        Layout::SevenScenes => index_seven_scenes(folder, names),
+    }
+}
+
+fn read_list(path: &Path) -> Result<ImageList> {
+    let list = parse_image_list(&read_text(path)?, path)?;
+    if list.stamps.is_empty() {
+        return Err(DatasetError::NoFrames {
+            path: path.to_owned(),
+            expected: "lines of timestamp and file name".into(),
+            found: "none".into(),
+            advice: "download or export the data set again".into(),
+        });
+    }
+    Ok(list)
+}
+
+fn index_lists(folder: &Path, names: &[String], max_dt: f64) -> Result<(Vec<Entry>, Counts)> {
+    if !has(names, "depth.txt") {
+        return Err(DatasetError::NoDepth {
+            path: folder.to_owned(),
+            expected: "depth.txt beside rgb.txt".into(),
+            found: "rgb.txt only".into(),
+        });
+    }
+    let colour = read_list(&folder.join("rgb.txt"))?;
+    let depth_path = folder.join("depth.txt");
+    let depth = parse_image_list(&read_text(&depth_path)?, &depth_path)?;
+    if depth.stamps.is_empty() {
+        return Err(DatasetError::NoDepth {
+            path: depth_path,
+            expected: "lines of timestamp and file name".into(),
+            found: "none".into(),
+        });
+    }
+    let pairs = associate(&colour.stamps, &depth.stamps, max_dt);
+    if pairs.is_empty() {
+        let range = |l: &ImageList| {
+            format!(
+                "{:.3} to {:.3} s",
+                l.stamps[0],
+                l.stamps[l.stamps.len() - 1]
+            )
+        };
+        return Err(DatasetError::NoFrames {
+            path: folder.to_owned(),
+            expected: format!("colour and depth stamps within {max_dt} s of each other"),
+            found: format!(
+                "colour from {}, depth from {}",
+                range(&colour),
+                range(&depth)
+            ),
+            advice: "check that both lists use the same clock".into(),
+        });
+    }
+    let entries = pairs
+        .iter()
+        .map(|&(i, j)| Entry {
+            stamp: colour.stamps[i],
+            colour: folder.join(&colour.files[i]),
+            depth_stamp: depth.stamps[j],
+            depth: folder.join(&depth.files[j]),
+        })
+        .collect();
+    Ok((
+        entries,
+        Counts::new(colour.stamps.len(), depth.stamps.len(), pairs.len()),
+    ))
+}
+
+/// Pairs as the file states them; `rate` turns frame numbers into seconds (1 for stamps in seconds).
+fn index_associations(path: &Path, rate: f64, max_dt: f64) -> Result<(Vec<Entry>, Counts)> {
+    let Associations { colour, depth, .. } = parse_associations(&read_text(path)?, path)?;
+    let total = colour.stamps.len();
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let entries: Vec<Entry> = (0..total)
+        .filter(|&i| (colour.stamps[i] - depth.stamps[i]).abs() / rate < max_dt)
+        .map(|i| Entry {
+            stamp: colour.stamps[i] / rate,
+            colour: folder.join(&colour.files[i]),
+            depth_stamp: depth.stamps[i] / rate,
+            depth: folder.join(&depth.files[i]),
+        })
+        .collect();
+    if entries.is_empty() {
+        return Err(DatasetError::NoFrames {
+            path: path.to_owned(),
+            expected: format!("pairs whose stamps are within {max_dt} s"),
+            found: format!("none among {total} lines"),
+            advice: "check the associations file".into(),
+        });
+    }
+    let n = entries.len();
+    Ok((entries, Counts::new(total, total, n)))
+}
+
+/// Files `0.png`, `1.png`, ... by number.
+fn numbered(folder: &Path) -> Result<Vec<(u32, PathBuf)>> {
+    let mut files: Vec<(u32, PathBuf)> = names_in(folder)?
+        .iter()
+        .filter_map(|n| {
+            let number = Path::new(n).file_stem()?.to_str()?.parse().ok()?;
+            Some((number, folder.join(n)))
+        })
+        .collect();
+    files.sort();
+    files.dedup_by_key(|f| f.0);
+    Ok(files)
+}
+
+/// Pairs by number, at the rate of data sets that number their frames.
+fn pair_numbered(
+    folder: &Path,
+    colour: Vec<(u32, PathBuf)>,
+    depth: Vec<(u32, PathBuf)>,
+) -> Result<(Vec<Entry>, Counts)> {
+    let (n_colour, n_depth) = (colour.len(), depth.len());
+    let entries: Vec<Entry> = colour
+        .into_iter()
+        .filter_map(|(number, file)| {
+            let j = depth.binary_search_by_key(&number, |d| d.0).ok()?;
+            let stamp = f64::from(number) / NUMBERED_RATE;
+            Some(Entry {
+                stamp,
+                colour: file,
+                depth_stamp: stamp,
+                depth: depth[j].1.clone(),
+            })
+        })
+        .collect();
+    if n_depth == 0 {
+        return Err(DatasetError::NoDepth {
+            path: folder.to_owned(),
+            expected: "a depth image for each of the colour images".into(),
+            found: format!("{n_colour} colour images and no depth image"),
+        });
+    }
+    if entries.is_empty() {
+        return Err(DatasetError::NoFrames {
+            path: folder.to_owned(),
+            expected: "colour and depth images of the same numbers".into(),
+            found: format!("{n_colour} colour and {n_depth} depth images, none in common"),
+            advice: "check the file names".into(),
+        });
+    }
+    let n = entries.len();
+    Ok((entries, Counts::new(n_colour, n_depth, n)))
+}
+
+fn index_numbered(folder: &Path) -> Result<(Vec<Entry>, Counts)> {
+    let depth = folder.join("depth");
+    if !depth.is_dir() {
+        return Err(DatasetError::NoDepth {
+            path: folder.to_owned(),
+            expected: "a folder depth beside rgb".into(),
+            found: "none".into(),
+        });
+    }
+    pair_numbered(folder, numbered(&folder.join("rgb"))?, numbered(&depth)?)
+}
+
+fn index_seven_scenes(folder: &Path, names: &[String]) -> Result<(Vec<Entry>, Counts)> {
+    // The names are sorted and padded with zeros, but a number of seven digits must not come before one of six.
+    let collect = |ending: &str| {
+        let mut files: Vec<(u32, PathBuf)> = names
+            .iter()
+            .filter_map(|n| {
+                let number = seven_scenes_number(n, ending)?;
+                Some((number, folder.join(n)))
+            })
+            .collect();
+        files.sort();
+        files
+    };
+    pair_numbered(folder, collect(".color.png"), collect(".depth.png"))
+}
+
+/// The number in `frame-000012.color.png`.
+pub(crate) fn seven_scenes_number(name: &str, ending: &str) -> Option<u32> {
+    name.strip_prefix("frame-")?
+        .strip_suffix(ending)?
+        .parse()
+        .ok()
+}

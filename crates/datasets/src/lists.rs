@@ -1,0 +1,228 @@
+//! The text files of data sets: lists of stamped images and association files.
+
+use crate::error::{DatasetError, Result, quote};
+use std::path::{Path, PathBuf};
+
+/// A line that holds data.
+pub(crate) struct Line<'a> {
+    /// From 1.
+    pub(crate) number: usize,
+    /// Without surrounding blanks.
+    pub(crate) text: &'a str,
+}
+
+impl<'a> Line<'a> {
+    /// The columns, which blanks or commas separate.
+    pub(crate) fn columns(&self) -> impl Iterator<Item = &'a str> + use<'a> {
+        self.text
+            .split(|c: char| c.is_whitespace() || c == ',')
+            .filter(|s| !s.is_empty())
+    }
+
+    fn malformed(&self, path: &Path, expected: &str, found: String) -> DatasetError {
+        DatasetError::Malformed {
+            path: path.to_owned(),
+            line: self.number,
+            expected: expected.to_owned(),
+            found,
+            advice: "correct or remove the line (comments start with #)".to_owned(),
+        }
+    }
+}
+
+/// The lines that are neither blank nor comments.
+pub(crate) fn data_lines(text: &str) -> impl Iterator<Item = Line<'_>> {
+    text.strip_prefix('\u{feff}')
+        .unwrap_or(text)
+        .lines()
+        .enumerate()
+        .map(|(i, l)| Line {
+            number: i + 1,
+            text: l.trim(),
+        })
+        .filter(|l| !l.text.is_empty() && !l.text.starts_with('#'))
+}
+
+/// A text file; bytes that are no UTF-8 become replacement characters, which the parsers then report with their line.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    std::fs::read(path)
+        .map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
+        .map_err(|source| DatasetError::Read {
+            path: path.to_owned(),
+            source,
+        })
+}
+
+fn parse_number(line: &Line<'_>, word: &str, path: &Path, expected: &str) -> Result<f64> {
+    match word.parse::<f64>() {
+        Ok(x) if x.is_finite() => Ok(x),
+        Ok(_) => Err(line.malformed(path, &format!("finite values in {expected}"), quote(word))),
+        Err(_) => Err(line.malformed(path, expected, quote(word))),
+    }
+}
+
+/// Exactly N finite numbers.
+pub(crate) fn parse_numbers<const N: usize>(
+    line: &Line<'_>,
+    path: &Path,
+    expected: &str,
+) -> Result<[f64; N]> {
+    let count = line.columns().count();
+    if count != N {
+        return Err(line.malformed(
+            path,
+            expected,
+            format!("{count} columns: {}", quote(line.text)),
+        ));
+    }
+    let mut numbers = [0.0; N];
+    for (slot, word) in numbers.iter_mut().zip(line.columns()) {
+        *slot = parse_number(line, word, path, expected)?;
+    }
+    Ok(numbers)
+}
+
+/// A list of images with their stamps, s, and their paths relative to the folder of the list.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct ImageList {
+    pub(crate) stamps: Vec<f64>,
+    pub(crate) files: Vec<PathBuf>,
+}
+
+impl ImageList {
+    fn push(&mut self, line: &Line<'_>, path: &Path, stamp: f64, file: &str) -> Result<()> {
+        if let Some(&previous) = self.stamps.last()
+            && stamp <= previous
+        {
+            return Err(DatasetError::StampOrder {
+                path: path.to_owned(),
+                line: line.number,
+                previous,
+                found: stamp,
+            });
+        }
+        self.stamps.push(stamp);
+        self.files.push(PathBuf::from(file));
+        Ok(())
+    }
+}
+
+/// Parses `rgb.txt` or `depth.txt`: `timestamp filename` per line.
+pub(crate) fn parse_image_list(text: &str, path: &Path) -> Result<ImageList> {
+    const EXPECTED: &str = "a timestamp and a file name";
+    let mut list = ImageList::default();
+    for line in data_lines(text) {
+        // Everything behind the stamp is the name, which may hold blanks.
+        let Some((stamp, file)) = line
+            .text
+            .split_once(|c: char| c.is_whitespace() || c == ',')
+        else {
+            return Err(line.malformed(path, EXPECTED, quote(line.text)));
+        };
+        let stamp = parse_number(&line, stamp, path, EXPECTED)?;
+        list.push(&line, path, stamp, file.trim())?;
+    }
+    Ok(list)
+}
+
+/// An association file, with the stamps of both sides in s (or as frame numbers, for ICL-NUIM).
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Associations {
+    pub(crate) colour: ImageList,
+    pub(crate) depth: ImageList,
+    /// The file lists depth before colour, as ICL-NUIM does.
+    pub(crate) depth_first: bool,
+}
+
+/// Parses an association file: `timestamp file timestamp file` per line. Which side is depth is told by the names; when
+/// they do not tell, colour comes first, as in the TUM tools.
+pub(crate) fn parse_associations(text: &str, path: &Path) -> Result<Associations> {
+    const EXPECTED: &str = "timestamp, file, timestamp, file";
+    let mut a = Associations::default();
+    let mut first = true;
+    for line in data_lines(text) {
+        let words: Vec<&str> = line.columns().collect();
+        let [stamp_a, file_a, stamp_b, file_b] = words[..] else {
+            let found = format!("{} columns: {}", words.len(), quote(line.text));
+            return Err(line.malformed(path, EXPECTED, found));
+        };
+        let stamp_a = parse_number(&line, stamp_a, path, EXPECTED)?;
+        let stamp_b = parse_number(&line, stamp_b, path, EXPECTED)?;
+        if first {
+            a.depth_first = file_a.contains("depth") && !file_b.contains("depth");
+            first = false;
+        }
+        let (c, d) = if a.depth_first {
+            ((stamp_b, file_b), (stamp_a, file_a))
+        } else {
+            ((stamp_a, file_a), (stamp_b, file_b))
+        };
+        a.colour.push(&line, path, c.0, c.1)?;
+        a.depth.push(&line, path, d.0, d.1)?;
+    }
+    Ok(a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn lists_read_with_comments_and_blanks_in_names() {
+        let list = parse_image_list(
+            "# head\n\n1.5 rgb/a b.png\r\n2.5,rgb/c.png\n",
+            Path::new("rgb.txt"),
+        )
+        .unwrap();
+        assert_eq!(list.stamps, [1.5, 2.5]);
+        assert_eq!(
+            list.files,
+            [PathBuf::from("rgb/a b.png"), PathBuf::from("rgb/c.png")]
+        );
+    }
+
+    #[test]
+    fn malformed_lists_name_the_line() {
+        for (text, parts) in [
+            (
+                "1 a.png\nnonsense\n",
+                ["rgb.txt:2:", "a timestamp and a file name"],
+            ),
+            ("1 a.png\nx b.png\n", ["rgb.txt:2:", "\"x\""]),
+            ("nan a.png\n", ["rgb.txt:1:", "finite"]),
+            ("2 a.png\n1 b.png\n", ["rgb.txt:2:", "goes back"]),
+            ("2 a.png\n2 b.png\n", ["rgb.txt:2:", "repeats"]),
+        ] {
+            let e = parse_image_list(text, Path::new("rgb.txt"))
+                .unwrap_err()
+                .to_string();
+            assert!(parts.iter().all(|p| e.contains(p)), "{e}");
+        }
+    }
+
+    #[test]
+    fn associations_tell_depth_by_the_names() {
+        let tum = parse_associations("1 rgb/a.png 1.01 depth/b.png", Path::new("a")).unwrap();
+        let icl = parse_associations("1.01 depth/b.png 1 rgb/a.png", Path::new("a")).unwrap();
+        assert!(!tum.depth_first && icl.depth_first);
+        assert_eq!((tum.colour, tum.depth), (icl.colour, icl.depth));
+        let e = parse_associations("1 a.png 2\n", Path::new("a")).unwrap_err();
+        assert!(e.to_string().contains("3 columns"), "{e}");
+    }
+
+    proptest! {
+        #[test]
+        fn random_text_never_panics(text in "\\PC{0,100}(\n\\PC{0,100}){0,4}") {
+            let _ = parse_image_list(&text, Path::new("l"));
+            let _ = parse_associations(&text, Path::new("l"));
+        }
+
+        #[test]
+        fn random_bytes_never_panic(bytes in proptest::collection::vec(any::<u8>(), 0..300)) {
+            let text = String::from_utf8_lossy(&bytes);
+            let _ = parse_image_list(&text, Path::new("l"));
+            let _ = parse_associations(&text, Path::new("l"));
+        }
+    }
+}

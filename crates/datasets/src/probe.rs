@@ -1,0 +1,134 @@
+//! A look at a few frames when a data set is opened: what would be wrong with every frame is said at once.
+
+use crate::camera::CameraModel;
+use crate::dataset::Entry;
+use crate::decode::{read_depth, read_size};
+use crate::error::{DatasetError, Result};
+
+/// How many frames are looked at, spread evenly over the data set.
+const PROBES: usize = 5;
+/// Median depths outside of this, m, are no indoor scene at the right scale.
+const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.1..=50.0;
+/// Factors that depth images come in: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m.
+const FACTORS: [f64; 6] = [1000.0, 5000.0, 5208.0, 10_000.0, 100.0, 256.0];
+/// Depth, m, that an indoor scene has in the middle.
+const TYPICAL: f64 = 2.0;
+
+/// Fills in the size of a camera that does not state it, and checks size, kind and scale of a few frames. Warnings go
+/// to `warnings`.
+///
+/// # Errors
+/// The first error of the frames when none of them can be used; [`DatasetError::DepthEmpty`].
+pub(crate) fn probe(
+    entries: &[Entry],
+    model: &mut CameraModel,
+    warnings: &mut Vec<String>,
+) -> Result<()> {
+    let count = entries.len().min(PROBES);
+    let chosen: Vec<&Entry> = (0..count)
+        .map(|k| &entries[k * (entries.len() - 1) / (count - 1).max(1)])
+        .collect();
+    let (mut first_error, mut depths, mut empty) = (None, Vec::new(), Vec::new());
+    for entry in chosen {
+        match probe_one(entry, model) {
+            Ok(values) if values.is_empty() => empty.push(entry),
+            Ok(values) => depths.extend(values),
+            Err(e) => first_error = first_error.or(Some(e)),
+        }
+    }
+    if depths.is_empty() {
+        // Nothing usable was seen: the reason is that of the images that failed, else that all were zero.
+        if let Some(e) = first_error {
+            return Err(e);
+        }
+        return match empty.first() {
+            Some(entry) => Err(DatasetError::DepthEmpty {
+                path: entry.depth.clone(),
+                images: empty.len(),
+            }),
+            None => Ok(()),
+        };
+    }
+    depths.sort_unstable_by(f64::total_cmp);
+    let median = depths[depths.len() / 2];
+    if !PLAUSIBLE.contains(&median) {
+        warnings.push(scale_warning(median, model.depth_scale));
+    }
+    Ok(())
+}
+
+/// Depths of every eighth pixel in both directions, m, without the missing ones.
+fn probe_one(entry: &Entry, model: &mut CameraModel) -> Result<Vec<f64>> {
+    let size = read_size(&entry.colour)?;
+    if model.camera.width == 0 {
+        (model.camera.width, model.camera.height) = size;
+    }
+    check_size(&entry.colour, "colour", model, size)?;
+    let depth = read_depth(&entry.depth, model.depth_scale)?;
+    check_size(
+        &entry.depth,
+        "depth",
+        model,
+        (depth.width() as u32, depth.height() as u32),
+    )?;
+    Ok((0..depth.height())
+        .step_by(8)
+        .flat_map(|y| (0..depth.width()).step_by(8).map(move |x| (x, y)))
+        .map(|(x, y)| f64::from(depth.at(x, y)))
+        .filter(|z| *z > 0.0)
+        .collect())
+}
+
+/// Holds an image's size against the camera's.
+pub(crate) fn check_size(
+    path: &std::path::Path,
+    what: &str,
+    model: &CameraModel,
+    (width, height): (u32, u32),
+) -> Result<()> {
+    let c = &model.camera;
+    if (width, height) == (c.width, c.height) {
+        return Ok(());
+    }
+    Err(DatasetError::Image {
+        path: path.to_owned(),
+        expected: format!(
+            "a {what} image of {} x {} px, the size of the camera {}",
+            c.width, c.height, model.name
+        ),
+        found: format!("{width} x {height} px"),
+        advice: "name the camera that took it, and register depth to the colour image".into(),
+    })
+}
+
+fn scale_warning(median: f64, scale: f64) -> String {
+    let raw = median * scale;
+    let off = |factor: f64| (raw / factor / TYPICAL).max(TYPICAL * factor / raw);
+    let likely = FACTORS
+        .into_iter()
+        .min_by(|a, b| off(*a).total_cmp(&off(*b)))
+        .unwrap_or(5000.0);
+    format!(
+        "depth scale: expected a median depth of {} to {} m, found {median:.3} m at {scale} values per metre; the likely factor is {likely} (median {:.2} m): set depth_scale in a camera file",
+        PLAUSIBLE.start(),
+        PLAUSIBLE.end(),
+        raw / likely
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_likely_factor_is_that_of_an_indoor_scene() {
+        // Depth of 2 m in millimetres, read at 5000000 and at 5 per metre.
+        for scale in [5e6, 5.0] {
+            let w = scale_warning(2000.0 / scale, scale);
+            assert!(
+                w.contains("the likely factor is 1000 (median 2.00 m)"),
+                "{w}"
+            );
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! The frames of a data set, decoded one after the other.
+
+use crate::camera::CameraModel;
+use crate::dataset::{Dataset, Entry};
+use crate::decode::{read_colour, read_depth, read_gray};
+use crate::error::{DatasetError, Result};
+use crate::probe::check_size;
+use std::sync::Arc;
+use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
+
+/// Which frames to read and how.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameOptions {
+    /// Number of frames to leave out at the start.
+    pub start: usize,
+    /// Largest number of frames to read, unreadable ones included; `None` for all.
+    pub max_frames: Option<usize>,
+    /// Keep the colour image in the frame.
+    pub keep_colour: bool,
+}
+
+/// Reads the frames of a data set in order. Frame ids count from 0 at the first frame read; an unreadable frame uses up
+/// its id.
+#[derive(Debug)]
+pub struct DatasetSource {
+    entries: std::vec::IntoIter<Entry>,
+    next_id: u32,
+    camera: CameraModel,
+    keep_colour: bool,
+    strict: bool,
+    ended: bool,
+}
+
+impl DatasetSource {
+    pub(crate) fn new(dataset: &Dataset, options: &FrameOptions) -> Result<Self> {
+        let all = dataset.entries();
+        if options.start >= all.len() {
+            return Err(DatasetError::NoFrames {
+                path: dataset.path().to_owned(),
+                expected: format!("a start below the number of frames, {}", all.len()),
+                found: format!("start {}", options.start),
+                advice: "start earlier".into(),
+            });
+        }
+        let rest = &all[options.start..];
+        let count = options.max_frames.unwrap_or(rest.len()).min(rest.len());
+        Ok(Self {
+            entries: rest[..count].to_vec().into_iter(),
+            next_id: 0,
+            camera: dataset.camera().clone(),
+            keep_colour: options.keep_colour,
+            strict: dataset.is_strict(),
+            ended: false,
+        })
+    }
+
+    fn read(&self, entry: &Entry, id: u32) -> Result<RgbdFrame> {
+        let (gray, colour) = if self.keep_colour {
+            let colour = read_colour(&entry.colour)?;
+            (colour.to_gray(), Some(Arc::new(colour)))
+        } else {
+            (read_gray(&entry.colour)?, None)
+        };
+        check_size(
+            &entry.colour,
+            "colour",
+            &self.camera,
+            (gray.width() as u32, gray.height() as u32),
+        )?;
+        let depth = read_depth(&entry.depth, self.camera.depth_scale)?;
+        check_size(
+            &entry.depth,
+            "depth",
+            &self.camera,
+            (depth.width() as u32, depth.height() as u32),
+        )?;
+        Ok(RgbdFrame {
+            id: FrameId(id),
+            stamp: entry.stamp,
+            depth_stamp: entry.depth_stamp,
+            gray,
+            colour,
+            depth,
+        })
+    }
+}
+
+impl FrameSource for DatasetSource {
+    fn next_frame(&mut self) -> Option<std::result::Result<RgbdFrame, SourceError>> {
+        if self.ended {
+            return None;
+        }
+        let entry = self.entries.next()?;
+        let id = self.next_id;
+        self.next_id += 1;
+        Some(self.read(&entry, id).map_err(|e| {
+            self.ended = self.strict;
+            SourceError {
+                message: format!("frame {id} ({:.6} s): {e}", entry.stamp),
+                recoverable: !self.strict,
+            }
+        }))
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        Some(if self.ended { 0 } else { self.entries.len() })
+    }
+}
