@@ -1,1 +1,17 @@
 //! Deterministic rooms with a Kinect-like camera and exact ground truth.
+//!
+//! Answers: what an RGB-D camera would have recorded on a known path through a known room, for any seed, bit for bit the
+//! same on every machine. Frames are pure functions of configuration and index. Knows no SLAM; writes no files.
+//!
+//! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`) from exact poses
+//! (`path`) at the stamps of the colour image and of the depth image, and then spoiled as a real camera does (`sensor`).
+
+mod path;
+mod random;
+mod raster;
+mod scene;
+mod sensor;
+mod simulator;
+mod texture;
+
+pub use simulator::{Simulator, SimulatorConfig, SimulatorError, SimulatorSource, scene_names};

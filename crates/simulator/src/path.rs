@@ -1,0 +1,251 @@
+//! Camera paths: exact poses at any time, smooth to the second derivative.
+//!
+//! Answers: where the camera is at a stamp. World axes: z up, m; camera axes: x right, y down, z forward.
+
+use crate::random::{Purpose, Stream};
+use stillpoint_geometry::nalgebra::Matrix3;
+use stillpoint_geometry::{Se3, Vec3, so3};
+
+/// How a camera moves.
+pub(crate) struct Path {
+    kind: Kind,
+    /// Slow and fast shaking of the hand that holds the camera.
+    tremor: Tremor,
+}
+
+enum Kind {
+    /// Translations along the axes, nearly without rotation.
+    Xyz,
+    /// Rotations about the axes, nearly without translation.
+    Rpy,
+    /// On half a sphere about the desk, looking at it.
+    Halfsphere,
+    /// Held still.
+    Static,
+    /// A walk along a closed curve.
+    Loop(Walk),
+}
+
+/// Height and place of what the small scenes look at, m.
+const DESK_CENTRE: [f64; 3] = [0.0, -0.05, 0.8];
+
+fn wave(t: f64, hertz: f64, phase: f64) -> f64 {
+    libm::sin(std::f64::consts::TAU * hertz * t + phase)
+}
+
+impl Path {
+    pub(crate) fn xyz(seed: u64) -> Self {
+        Self {
+            kind: Kind::Xyz,
+            tremor: Tremor::new(seed, 1.0),
+        }
+    }
+
+    pub(crate) fn rpy(seed: u64) -> Self {
+        Self {
+            kind: Kind::Rpy,
+            tremor: Tremor::new(seed, 2.0),
+        }
+    }
+
+    pub(crate) fn halfsphere(seed: u64) -> Self {
+        Self {
+            kind: Kind::Halfsphere,
+            tremor: Tremor::new(seed, 1.0),
+        }
+    }
+
+    pub(crate) fn still(seed: u64) -> Self {
+        Self {
+            kind: Kind::Static,
+            tremor: Tremor::new(seed, 0.6),
+        }
+    }
+
+    /// A walk along a closed polygon of (x, y) corners, which the path rounds.
+    pub(crate) fn walk(seed: u64, corners: &[[f64; 2]]) -> Self {
+        Self {
+            kind: Kind::Loop(Walk::new(corners)),
+            tremor: Tremor::new(seed, 1.5),
+        }
+    }
+
+    /// How long the path is by default, s.
+    pub(crate) fn duration(&self) -> f64 {
+        match &self.kind {
+            Kind::Loop(walk) => walk.duration(),
+            _ => 10.0,
+        }
+    }
+
+    /// The pose at a stamp (s).
+    pub(crate) fn world_from_camera(&self, t: f64) -> Se3 {
+        let centre = Vec3::from(DESK_CENTRE);
+        let base = match &self.kind {
+            Kind::Xyz => {
+                let offset = Vec3::new(
+                    0.24 * wave(t, 0.21, 0.0),
+                    0.16 * wave(t, 0.14, 1.0),
+                    0.13 * wave(t, 0.17, 2.0),
+                );
+                let at = centre + Vec3::new(-0.05, -1.0, 0.5) + offset;
+                look_at(at, centre + offset + Vec3::new(-0.05, 0.0, 0.0))
+            }
+            Kind::Rpy => {
+                let at = centre + Vec3::new(0.0, -1.1, 0.5);
+                // The three axes take turns, with soft changes.
+                let share = |k: f64| 0.5 + 0.5 * wave(t, 0.1, 2.1 * k);
+                let turn = Vec3::new(
+                    0.22 * share(0.0) * wave(t, 0.37, 0.5),
+                    0.6 * share(1.0) * wave(t, 0.26, 0.0),
+                    0.5 * share(2.0) * wave(t, 0.31, 1.0),
+                );
+                look_at(at, centre) * Se3::new(so3::exp(&turn), Vec3::zeros())
+            }
+            Kind::Halfsphere => {
+                let radius = 1.0 + 0.12 * wave(t, 0.11, 0.0);
+                let azimuth = 0.9 * wave(t, 0.1, -0.6);
+                let elevation = 0.7 + 0.33 * wave(t, 0.17, 0.8);
+                let ground = radius * libm::cos(elevation);
+                let out = Vec3::new(
+                    ground * libm::sin(azimuth),
+                    -ground * libm::cos(azimuth),
+                    radius * libm::sin(elevation),
+                );
+                look_at(centre + out, centre)
+            }
+            Kind::Static => look_at(centre + Vec3::new(-0.1, -1.1, 0.55), centre),
+            Kind::Loop(walk) => walk.pose(t),
+        };
+        base * self.tremor.at(t)
+    }
+}
+
+/// The pose at `eye` with the optical axis through `target` and the horizon level.
+fn look_at(eye: Vec3, target: Vec3) -> Se3 {
+    let forward = (target - eye).normalize();
+    let right = forward.cross(&Vec3::z()).normalize();
+    let down = forward.cross(&right);
+    Se3::from_matrix(&Matrix3::from_columns(&[right, down, forward]), eye)
+}
+
+/// Sums of sines with random phases: 2 mm and 0.15 degrees at size 1.
+struct Tremor {
+    /// Per axis: amplitude (m or rad), frequency (Hz), phase.
+    waves: [[[f64; 3]; 3]; 6],
+}
+
+impl Tremor {
+    fn new(seed: u64, size: f64) -> Self {
+        let mut rng = Stream::new(seed, Purpose::Path, 0);
+        let mut waves = [[[0.0; 3]; 3]; 6];
+        for (axis, of_axis) in waves.iter_mut().enumerate() {
+            let amplitude = size * if axis < 3 { 0.002 } else { 0.0026 };
+            for (share, [low, high], w) in [
+                (1.5, [0.3, 0.5], 0),
+                (0.5, [1.2, 1.9], 1),
+                (0.15, [3.5, 5.5], 2),
+            ] {
+                of_axis[w] = [
+                    amplitude * share,
+                    rng.range(low, high),
+                    rng.range(0.0, 6.28),
+                ];
+            }
+        }
+        Self { waves }
+    }
+
+    fn at(&self, t: f64) -> Se3 {
+        let sum = |axis: usize| {
+            self.waves[axis]
+                .iter()
+                .map(|[a, f, p]| a * wave(t, *f, *p))
+                .sum::<f64>()
+        };
+        Se3::new(
+            so3::exp(&Vec3::new(sum(3), sum(4), sum(5))),
+            Vec3::new(sum(0), sum(1), sum(2)),
+        )
+    }
+}
+
+/// A walk with a camera before the chest: along a closed uniform cubic B-spline, which is smooth to its second
+/// derivative, with equally spaced control points, which makes its speed nearly constant.
+struct Walk {
+    control: Vec<[f64; 2]>,
+    spacing: f64,
+}
+
+impl Walk {
+    /// Walking speed, m/s.
+    const SPEED: f64 = 0.9;
+    /// Height of the camera, m.
+    const EYE: f64 = 1.35;
+    /// The walker looks at the point that comes after this length, m.
+    const AHEAD: f64 = 1.6;
+    /// After the loop is closed the walk goes on for this length, m.
+    const OVERLAP: f64 = 4.0;
+
+    fn new(corners: &[[f64; 2]]) -> Self {
+        let side = |k: usize| {
+            let (a, b) = (corners[k], corners[(k + 1) % corners.len()]);
+            (a, [b[0] - a[0], b[1] - a[1]])
+        };
+        let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
+        let total: f64 = (0..corners.len()).map(|k| length(side(k).1)).sum();
+        let count = (total / 0.9).round();
+        let spacing = total / count;
+        let mut control = Vec::new();
+        let (mut k, mut before) = (0, 0.0);
+        for i in 0..count as usize {
+            let s = i as f64 * spacing;
+            while k + 1 < corners.len() && s > before + length(side(k).1) {
+                before += length(side(k).1);
+                k += 1;
+            }
+            let (a, d) = side(k);
+            let share = (s - before) / length(d);
+            control.push([a[0] + share * d[0], a[1] + share * d[1]]);
+        }
+        Self { control, spacing }
+    }
+
+    fn duration(&self) -> f64 {
+        (self.control.len() as f64 * self.spacing + Self::OVERLAP) / Self::SPEED
+    }
+
+    /// The point of the spline at length `s` (of its control polygon).
+    fn at(&self, s: f64) -> Vec3 {
+        let n = self.control.len();
+        let u = s / self.spacing;
+        let (k, f) = (u.floor(), u - u.floor());
+        let g = 1.0 - f;
+        let weights = [
+            g * g * g / 6.0,
+            (3.0 * f * f * f - 6.0 * f * f + 4.0) / 6.0,
+            (3.0 * g * g * g - 6.0 * g * g + 4.0) / 6.0,
+            f * f * f / 6.0,
+        ];
+        let mut p = Vec3::zeros();
+        for (i, w) in weights.iter().enumerate() {
+            let c = self.control[(k as i64 + i as i64 - 1).rem_euclid(n as i64) as usize];
+            p += Vec3::new(c[0], c[1], 0.0) * *w;
+        }
+        p
+    }
+
+    fn pose(&self, t: f64) -> Se3 {
+        let s = Self::SPEED * t;
+        let (at, ahead) = (self.at(s), self.at(s + Self::AHEAD));
+        let to = ahead - at;
+        let across = Vec3::new(-to.y, to.x, 0.0);
+        // Steps lift the camera twice a second; the walker's eyes wander a little to both sides and down.
+        let eye = at
+            + Vec3::new(0.0, 0.0, Self::EYE + 0.012 * wave(t, 1.9, 0.0))
+            + across * (0.008 * wave(t, 0.95, 0.4));
+        let glance = across * (0.25 * wave(t, 0.13, 0.0))
+            - Vec3::new(0.0, 0.0, 0.28 + 0.06 * wave(t, 0.21, 1.0));
+        look_at(eye, eye + Vec3::new(to.x, to.y, 0.0) + glance)
+    }
+}

@@ -1,0 +1,300 @@
+//! Which face each pixel sees, and its colour and depth there.
+//!
+//! Answers: visibility of convex planar faces in a pinhole view, by scan lines and a depth buffer on 1 / z (which is
+//! affine in the image), and the shading of what is seen. Knows no noise (module `sensor`).
+
+use crate::scene::{Face, Scene};
+use stillpoint_geometry::{Camera, Se3, Vec3};
+
+/// Faces nearer than this are cut off, m.
+const NEAR: f64 = 0.03;
+/// The face number of a pixel that sees nothing.
+pub(crate) const NOTHING: u16 = u16::MAX;
+
+/// `c[0] + c[1] u + c[2] v` over the image.
+type Affine = [f64; 3];
+
+/// One face as a view sees it.
+pub(crate) struct Visible {
+    inverse_depth: Affine,
+    s_over_z: Affine,
+    t_over_z: Affine,
+    light: [f32; 3],
+    texture: u16,
+    /// Share of infrared light that comes back.
+    pub(crate) infrared: f32,
+    /// Distance of the camera from the face's plane, m.
+    pub(crate) plane_distance: f32,
+}
+
+/// The faces of one view, sample by sample.
+pub(crate) struct View {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// Samples per pixel along each side.
+    factor: usize,
+    /// 1 / z of each sample, 1/m; 0 where nothing is seen.
+    pub(crate) inverse_depth: Vec<f32>,
+    /// Number of the face in `faces`, or [`NOTHING`].
+    pub(crate) face: Vec<u16>,
+    pub(crate) faces: Vec<Visible>,
+    left: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl View {
+    /// Finds what a camera at `world_from_camera` sees of `faces`, with `factor`^2 samples per pixel.
+    pub(crate) fn new<'a>(
+        faces: impl Iterator<Item = &'a Face>,
+        camera: &Camera,
+        world_from_camera: &Se3,
+        factor: usize,
+    ) -> Self {
+        let (width, height) = (
+            camera.width as usize * factor,
+            camera.height as usize * factor,
+        );
+        let mut view = Self {
+            width,
+            height,
+            factor,
+            inverse_depth: vec![0.0; width * height],
+            face: vec![NOTHING; width * height],
+            faces: Vec::new(),
+            left: vec![0.0; height],
+            right: vec![0.0; height],
+        };
+        let camera_from_world = world_from_camera.inverse();
+        let mut polygon = Vec::new();
+        for face in faces {
+            view.draw(face, camera, &camera_from_world, &mut polygon);
+        }
+        view
+    }
+
+    fn draw(
+        &mut self,
+        face: &Face,
+        camera: &Camera,
+        camera_from_world: &Se3,
+        polygon: &mut Vec<[f64; 2]>,
+    ) {
+        let centre = camera_from_world.inverse().translation;
+        let distance = face.normal.dot(&(centre - face.vertices[0]));
+        if distance < 1e-4 || self.faces.len() >= usize::from(NOTHING) {
+            return;
+        }
+        project_clipped(&face.vertices, camera, camera_from_world, polygon);
+        if polygon.len() < 3 {
+            return;
+        }
+        let k = self.factor as f64;
+        for p in polygon.iter_mut() {
+            *p = p.map(|v| (v + 0.5) * k - 0.5);
+        }
+        let Some(rows) = self.scan(polygon) else {
+            return;
+        };
+        let visible = Visible::new(face, camera, camera_from_world, distance);
+        let number = self.faces.len() as u16;
+        let [c0, cu, cv] = visible.inverse_depth;
+        // From samples to pixels: u = (x + 0.5) / k - 0.5.
+        let offset = 0.5 / k - 0.5;
+        let (start, du, dv) = (c0 + (cu + cv) * offset, cu / k, cv / k);
+        let mut seen = false;
+        for y in rows {
+            let bound = |v: f64| v.ceil().clamp(0.0, self.width as f64) as usize;
+            let (x0, x1) = (bound(self.left[y]), bound(self.right[y]));
+            if x0 >= x1 {
+                continue;
+            }
+            let row = y * self.width;
+            let w0 = (start + dv * y as f64 + du * x0 as f64) as f32;
+            let du = du as f32;
+            let depths = &mut self.inverse_depth[row + x0..row + x1];
+            let numbers = &mut self.face[row + x0..row + x1];
+            for (i, (z, id)) in depths.iter_mut().zip(numbers).enumerate() {
+                let w = w0 + du * i as i32 as f32;
+                let nearer = w > *z;
+                *z = if nearer { w } else { *z };
+                *id = if nearer { number } else { *id };
+                seen |= nearer;
+            }
+        }
+        if seen {
+            self.faces.push(visible);
+        }
+    }
+
+    /// Fills `left` and `right` with the borders of a convex polygon for each row that it covers.
+    fn scan(&mut self, polygon: &[[f64; 2]]) -> Option<std::ops::Range<usize>> {
+        let bound = |v: f64| v.ceil().clamp(0.0, self.height as f64) as usize;
+        let (mut top, mut bottom, mut west, mut east) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
+        for p in polygon {
+            (west, east) = (west.min(p[0]), east.max(p[0]));
+            (top, bottom) = (top.min(p[1]), bottom.max(p[1]));
+        }
+        let rows = bound(top)..bound(bottom);
+        if rows.is_empty() || east <= 0.0 || west >= self.width as f64 {
+            return None;
+        }
+        self.left[rows.clone()].fill(f64::MAX);
+        self.right[rows.clone()].fill(f64::MIN);
+        for i in 0..polygon.len() {
+            let (mut a, mut b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+            if a[1] > b[1] {
+                (a, b) = (b, a);
+            }
+            let slope = (b[0] - a[0]) / (b[1] - a[1]);
+            for y in bound(a[1])..bound(b[1]) {
+                let x = a[0] + (y as f64 - a[1]) * slope;
+                self.left[y] = self.left[y].min(x);
+                self.right[y] = self.right[y].max(x);
+            }
+        }
+        Some(rows)
+    }
+
+    /// Colours one row of pixels into `out`, RGB interleaved in grey levels; the view must have 2 x 2 samples per pixel.
+    /// Where the four samples see one face it is shaded once, at the pixel's centre; else each sample is shaded.
+    pub(crate) fn shade_row(&self, scene: &Scene, y: usize, out: &mut [f32]) {
+        let (upper, lower) = self.face[2 * y * self.width..][..2 * self.width].split_at(self.width);
+        let pixels = self.width / 2;
+        let mut x = 0;
+        while x < pixels {
+            let number = upper[2 * x];
+            let same = |x: usize| {
+                upper[2 * x] == number
+                    && upper[2 * x + 1] == number
+                    && lower[2 * x] == number
+                    && lower[2 * x + 1] == number
+            };
+            let mut end = x;
+            while end < pixels && same(end) {
+                end += 1;
+            }
+            if end > x {
+                let row = &mut out[3 * x..3 * end];
+                if number == NOTHING {
+                    row.fill(0.0);
+                } else {
+                    self.faces[usize::from(number)].shade(scene, [x as f64, y as f64], row);
+                }
+                x = end;
+                continue;
+            }
+            let mut sum = [0.0; 3];
+            for (id, du, dv) in [
+                (upper[2 * x], -0.25, -0.25),
+                (upper[2 * x + 1], 0.25, -0.25),
+                (lower[2 * x], -0.25, 0.25),
+                (lower[2 * x + 1], 0.25, 0.25),
+            ] {
+                if id != NOTHING {
+                    let mut one = [0.0; 3];
+                    self.faces[usize::from(id)].shade(
+                        scene,
+                        [x as f64 + du, y as f64 + dv],
+                        &mut one,
+                    );
+                    (0..3).for_each(|c| sum[c] += 0.25 * one[c]);
+                }
+            }
+            out[3 * x..3 * x + 3].copy_from_slice(&sum);
+            x += 1;
+        }
+    }
+}
+
+impl Visible {
+    fn new(face: &Face, camera: &Camera, camera_from_world: &Se3, distance: f64) -> Self {
+        let normal = camera_from_world.rotation * face.normal;
+        // The plane is normal . X = -distance, so 1 / z = -(normal . ray) / distance.
+        let inverse_depth = affine(&(normal / -distance), camera);
+        let centre = camera_from_world.inverse().translation;
+        let over_z = |k: usize| {
+            let offset = face.axes[k].dot(&centre) + face.offsets[k];
+            let a = affine(&(camera_from_world.rotation * face.axes[k]), camera);
+            [0, 1, 2].map(|i| a[i] + offset * inverse_depth[i])
+        };
+        Self {
+            inverse_depth,
+            s_over_z: over_z(0),
+            t_over_z: over_z(1),
+            light: face.light,
+            texture: face.texture,
+            infrared: face.infrared,
+            plane_distance: distance as f32,
+        }
+    }
+
+    /// Colours a run of pixels that starts at (u, v).
+    fn shade(&self, scene: &Scene, [u, v]: [f64; 2], out: &mut [f32]) {
+        let texture = scene.texture(self.texture);
+        let start = |a: &Affine| (a[0] + a[1] * u + a[2] * v) as f32;
+        let slope = |a: &Affine| [a[1] as f32, a[2] as f32];
+        let (w0, [wu, wv]) = (start(&self.inverse_depth), slope(&self.inverse_depth));
+        let (s0, [su, sv]) = (start(&self.s_over_z), slope(&self.s_over_z));
+        let (t0, [tu, tv]) = (start(&self.t_over_z), slope(&self.t_over_z));
+        let [l0, ls, lt] = self.light;
+        for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
+            let x = i as i32 as f32;
+            let z = 1.0 / (w0 + wu * x);
+            let (s, t) = ((s0 + su * x) * z, (t0 + tu * x) * z);
+            // Derivatives of s and t along u and v: the quotient rule.
+            let (dsu, dsv) = ((su - s * wu) * z, (sv - s * wv) * z);
+            let (dtu, dtv) = ((tu - t * wu) * z, (tv - t * wv) * z);
+            let along_u = dsu * dsu + dtu * dtu;
+            let along_v = dsv * dsv + dtv * dtv;
+            let footprint2 = FOOTPRINT2 * along_u.max(along_v);
+            let colour = texture.sample(s, t, footprint2);
+            let light = (l0 + ls * s + lt * t) * (1.0 / 256.0);
+            (0..3).for_each(|c| pixel[c] = colour[c] * light);
+        }
+    }
+
+    /// Cosine of the angle between the line of sight and the face's normal, for a ray (x, y, 1) of length `ray` at depth
+    /// `z`.
+    #[inline]
+    pub(crate) fn cosine(&self, z: f32, ray: f32) -> f32 {
+        self.plane_distance / (z * ray)
+    }
+}
+
+/// Squared size of a texture sample relative to the longer side of a pixel's footprint; under 1, because the box filters
+/// of the mip levels and the bilinear sampling blur on their own.
+const FOOTPRINT2: f32 = 0.6;
+
+/// `a . ray(u, v)` as an affine function of the pixel.
+fn affine(a: &Vec3, camera: &Camera) -> Affine {
+    let (au, av) = (a.x / camera.fx, a.y / camera.fy);
+    [a.z - au * camera.cx - av * camera.cy, au, av]
+}
+
+/// The pixels of a polygon's part in front of the near plane.
+fn project_clipped(
+    vertices: &[Vec3],
+    camera: &Camera,
+    camera_from_world: &Se3,
+    out: &mut Vec<[f64; 2]>,
+) {
+    out.clear();
+    let mut push = |p: &Vec3| {
+        let px = camera.project(p);
+        out.push([px.x, px.y]);
+    };
+    let Some(last) = vertices.last() else {
+        return;
+    };
+    let mut a = camera_from_world.transform(last);
+    for vertex in vertices {
+        let b = camera_from_world.transform(vertex);
+        if (a.z >= NEAR) != (b.z >= NEAR) {
+            push(&(a + (b - a) * ((NEAR - a.z) / (b.z - a.z))));
+        }
+        if b.z >= NEAR {
+            push(&b);
+        }
+        a = b;
+    }
+}

@@ -1,0 +1,312 @@
+//! The simulator: a scene, a path and a sensor put together.
+
+use crate::path::Path;
+use crate::raster::View;
+use crate::scene::Scene;
+use crate::sensor::Sensor;
+use std::sync::Arc;
+use stillpoint_geometry::{Camera, Se3};
+use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
+
+const NAMES: [&str; 5] = ["xyz", "rpy", "halfsphere", "static", "loop_two_rooms"];
+
+/// The names of the scenes: what [`SimulatorConfig::scene`] may be.
+#[must_use]
+pub fn scene_names() -> &'static [&'static str] {
+    &NAMES
+}
+
+/// What to simulate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SimulatorConfig {
+    /// One of [`scene_names`].
+    pub scene: String,
+    /// Decides layout, textures, hand tremor and noise.
+    pub seed: u64,
+    /// Number of frames; `None` for the scene's own length.
+    pub frames: Option<usize>,
+    /// Without noise the images are ideal: no blur, vignetting, exposure change, noise, quantisation or holes.
+    pub noise: bool,
+    /// How long after the colour image the depth image is taken, s, on average; it drifts by 70 % to both sides, as the
+    /// two cameras of a Kinect run free.
+    pub depth_delay: f64,
+}
+
+impl Default for SimulatorConfig {
+    fn default() -> Self {
+        Self {
+            scene: "xyz".to_owned(),
+            seed: 0,
+            frames: None,
+            noise: true,
+            depth_delay: 0.01,
+        }
+    }
+}
+
+/// The configuration asks for something that does not exist.
+#[derive(Clone, Debug, PartialEq)]
+pub enum SimulatorError {
+    /// No scene has this name.
+    UnknownScene {
+        /// The name asked for.
+        found: String,
+        /// The scene with the most similar name.
+        nearest: &'static str,
+    },
+    /// The delay of depth images is not a number from 0 to 1/30 s.
+    DepthDelay(f64),
+}
+
+impl std::fmt::Display for SimulatorError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::UnknownScene { found, nearest } => {
+                let names = NAMES.join(", ");
+                write!(
+                    f,
+                    "expected a scene ({names}), found \"{found}\"; did you mean \"{nearest}\"?"
+                )
+            }
+            Self::DepthDelay(found) => {
+                write!(
+                    f,
+                    "expected a depth delay from 0 to 0.0333 s, found {found}"
+                )
+            }
+        }
+    }
+}
+
+impl std::error::Error for SimulatorError {}
+
+/// A simulated RGB-D recording with exact poses. Every frame is a pure function of configuration and index.
+pub struct Simulator {
+    camera: Camera,
+    scene: Scene,
+    path: Path,
+    sensor: Sensor,
+    length: usize,
+    noise: bool,
+    depth_delay: f64,
+}
+
+/// Frames per second.
+const RATE: f64 = 30.0;
+
+impl Simulator {
+    /// Builds the scene and paints its textures.
+    ///
+    /// # Errors
+    /// [`SimulatorError`] for an unknown scene, or a delay that is longer than a frame.
+    pub fn new(config: &SimulatorConfig) -> Result<Self, SimulatorError> {
+        if !(0.0..=1.0 / RATE).contains(&config.depth_delay) {
+            return Err(SimulatorError::DepthDelay(config.depth_delay));
+        }
+        let seed = config.seed;
+        let (scene, path) = match config.scene.as_str() {
+            "xyz" => (Scene::office(seed), Path::xyz(seed)),
+            "rpy" => (Scene::office(seed), Path::rpy(seed)),
+            "halfsphere" => (Scene::office(seed), Path::halfsphere(seed)),
+            "static" => (Scene::office(seed), Path::still(seed)),
+            "loop_two_rooms" => (
+                Scene::two_rooms(seed),
+                Path::walk(seed, &Scene::TWO_ROOMS_WALK),
+            ),
+            found => {
+                return Err(SimulatorError::UnknownScene {
+                    found: found.to_owned(),
+                    nearest: nearest_name(found),
+                });
+            }
+        };
+        let camera = Camera::pinhole(640, 480, [535.0, 535.0, 319.5, 239.5]);
+        let default_length = (path.duration() * RATE).round() as usize;
+        Ok(Self {
+            sensor: Sensor::new(&camera, seed),
+            camera,
+            scene,
+            length: config.frames.unwrap_or(default_length),
+            path,
+            noise: config.noise,
+            depth_delay: config.depth_delay,
+        })
+    }
+
+    /// The camera: 640 x 480, without distortion.
+    #[must_use]
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// Number of frames.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.length
+    }
+
+    /// True when there are no frames.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.length == 0
+    }
+
+    /// Stamp of a frame's colour image, s.
+    #[must_use]
+    pub fn stamp(&self, index: usize) -> f64 {
+        index as f64 / RATE
+    }
+
+    /// Stamp of a frame's depth image, s.
+    #[must_use]
+    pub fn depth_stamp(&self, index: usize) -> f64 {
+        let stamp = self.stamp(index);
+        stamp + self.depth_delay * (1.0 + 0.7 * libm::sin(0.8 * stamp))
+    }
+
+    /// The exact pose at any time, s.
+    #[must_use]
+    pub fn world_from_camera(&self, stamp: f64) -> Se3 {
+        self.path.world_from_camera(stamp)
+    }
+
+    /// The exact pose at each colour stamp.
+    #[must_use]
+    pub fn ground_truth(&self) -> Vec<(f64, Se3)> {
+        (0..self.length)
+            .map(|i| (self.stamp(i), self.world_from_camera(self.stamp(i))))
+            .collect()
+    }
+
+    /// A frame without its colour image; any index may be asked for, in any order.
+    #[must_use]
+    pub fn frame(&self, index: usize) -> RgbdFrame {
+        let mut frame = self.frame_with_colour(index);
+        frame.colour = None;
+        frame
+    }
+
+    /// A frame with its colour image, of which the grey image is the luma.
+    #[must_use]
+    pub fn frame_with_colour(&self, index: usize) -> RgbdFrame {
+        let colour = self.colour(index);
+        RgbdFrame {
+            id: FrameId(index as u32),
+            stamp: self.stamp(index),
+            depth_stamp: self.depth_stamp(index),
+            gray: colour.to_gray(),
+            depth: self.depth(index),
+            colour: Some(Arc::new(colour)),
+        }
+    }
+
+    /// A frame's colour image alone.
+    #[must_use]
+    pub fn colour(&self, index: usize) -> ColourImage {
+        let stamp = self.stamp(index);
+        let faces = self.scene.faces_at(stamp);
+        let view = View::new(faces, &self.camera, &self.world_from_camera(stamp), 2);
+        let (w, h) = (self.camera.width as usize, self.camera.height as usize);
+        let mut ideal = vec![0.0_f32; 3 * w * h];
+        for (y, row) in ideal.chunks_exact_mut(3 * w).enumerate() {
+            view.shade_row(&self.scene, y, row);
+        }
+        let bytes = if self.noise {
+            self.sensor
+                .record_colour(&mut ideal, w, stamp, index as u64)
+        } else {
+            ideal.iter().map(|v| (v + 0.5) as u8).collect()
+        };
+        ColourImage::from_vec(w, h, bytes).unwrap_or_default()
+    }
+
+    /// A frame's depth image alone, m.
+    #[must_use]
+    pub fn depth(&self, index: usize) -> DepthImage {
+        let stamp = self.depth_stamp(index);
+        let faces = self.scene.faces_at(stamp);
+        let view = View::new(faces, &self.camera, &self.world_from_camera(stamp), 1);
+        let depth = if self.noise {
+            self.sensor
+                .record_depth(&view, self.camera.fx as f32, index as u64)
+        } else {
+            view.inverse_depth.iter().map(|w| 1.0 / w).collect()
+        };
+        DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default()
+    }
+
+    /// The frames in order, with colour when `colour` says so.
+    #[must_use]
+    pub fn source(self) -> SimulatorSource {
+        SimulatorSource {
+            simulator: self,
+            next: 0,
+            colour: false,
+        }
+    }
+}
+
+/// The frames of a [`Simulator`], one after the other.
+pub struct SimulatorSource {
+    simulator: Simulator,
+    next: usize,
+    colour: bool,
+}
+
+impl SimulatorSource {
+    /// The same stream with colour images.
+    #[must_use]
+    pub fn with_colour(self) -> Self {
+        Self {
+            colour: true,
+            ..self
+        }
+    }
+
+    /// The simulator behind the stream.
+    #[must_use]
+    pub fn simulator(&self) -> &Simulator {
+        &self.simulator
+    }
+}
+
+impl FrameSource for SimulatorSource {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        if self.next >= self.simulator.len() {
+            return None;
+        }
+        let index = self.next;
+        self.next += 1;
+        Some(Ok(if self.colour {
+            self.simulator.frame_with_colour(index)
+        } else {
+            self.simulator.frame(index)
+        }))
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        Some(self.simulator.len() - self.next)
+    }
+}
+
+/// The scene whose name needs the fewest edits (Levenshtein) to become `name`.
+fn nearest_name(name: &str) -> &'static str {
+    let distance = |other: &str| {
+        let b: Vec<char> = other.chars().collect();
+        let mut row: Vec<usize> = (0..=b.len()).collect();
+        for (i, a) in name.chars().enumerate() {
+            let mut diagonal = row[0];
+            row[0] = i + 1;
+            for (j, c) in b.iter().enumerate() {
+                let replace = diagonal + usize::from(a != *c);
+                diagonal = row[j + 1];
+                row[j + 1] = replace.min(row[j] + 1).min(diagonal + 1);
+            }
+        }
+        row[b.len()]
+    };
+    NAMES
+        .into_iter()
+        .min_by_key(|n| distance(n))
+        .unwrap_or(NAMES[0])
+}

@@ -1,0 +1,159 @@
+//! Mip-mapped textures and how a pixel samples them.
+//!
+//! Answers: which colour a texture has around a point, averaged over a footprint. Does not know where a texture hangs
+//! (module `scene`); what is painted on it is in `patterns`.
+
+mod canvas;
+mod patterns;
+
+pub(crate) use patterns::Pattern;
+
+use canvas::Canvas;
+
+/// An RGB texture with its mip levels; wraps around at its borders. Sides are powers of two.
+pub(crate) struct Texture {
+    levels: Vec<Level>,
+}
+
+struct Level {
+    mask_s: i32,
+    mask_t: i32,
+    /// log2 of the width.
+    shift: u32,
+    /// 0x00GG_BBRR: the order that [`spread`] takes apart with one shift.
+    texels: Vec<u32>,
+}
+
+/// The three channels of a texel in 16-bit lanes (R, G, B), so that one multiplication scales them all.
+#[inline]
+fn spread(texel: u32) -> u64 {
+    u64::from(texel & 0x00FF_00FF) | (u64::from(texel & 0xFF00) << 24)
+}
+
+const LANES: u64 = 0x0000_00FF_00FF_00FF;
+
+/// `a` to `b` by `f` / 256 in each lane.
+#[inline]
+fn lerp(a: u64, b: u64, f: u64) -> u64 {
+    ((a * (256 - f) + b * f) >> 8) & LANES
+}
+
+impl Level {
+    fn new(canvas: &Canvas) -> Self {
+        Self {
+            mask_s: canvas.width as i32 - 1,
+            mask_t: canvas.height as i32 - 1,
+            shift: canvas.width.trailing_zeros(),
+            texels: canvas.pixels.iter().map(|&p| pack(p)).collect(),
+        }
+    }
+
+    /// Bilinear sample at texel coordinates in 1/256 texel, centres of texels at whole numbers.
+    #[inline]
+    fn bilinear(&self, s: i32, t: i32) -> u64 {
+        let (i, j) = (s >> 8, t >> 8);
+        let (fs, ft) = ((s & 255) as u64, (t & 255) as u64);
+        let (i0, i1) = (i & self.mask_s, i.wrapping_add(1) & self.mask_s);
+        let j0 = (j & self.mask_t) << self.shift;
+        let j1 = (j.wrapping_add(1) & self.mask_t) << self.shift;
+        let texel = |k: i32| spread(self.texels[k as usize]);
+        let top = lerp(texel(j0 | i0), texel(j0 | i1), fs);
+        let bottom = lerp(texel(j1 | i0), texel(j1 | i1), fs);
+        lerp(top, bottom, ft)
+    }
+}
+
+fn pack(p: [f32; 3]) -> u32 {
+    let byte = |v: f32| (v + 0.5).clamp(0.0, 255.0) as u32;
+    byte(p[0]) | (byte(p[2]) << 8) | (byte(p[1]) << 16)
+}
+
+impl Texture {
+    /// Paints a pattern; the same seed gives the same texture.
+    pub(crate) fn paint(pattern: Pattern, seed: u64) -> Self {
+        let mut canvas = pattern.paint(seed);
+        let mut levels = vec![Level::new(&canvas)];
+        while canvas.width > 1 || canvas.height > 1 {
+            canvas = canvas.halved();
+            levels.push(Level::new(&canvas));
+        }
+        Self { levels }
+    }
+
+    /// Width and height of the finest level, texels.
+    pub(crate) fn size(&self) -> [f64; 2] {
+        let level = &self.levels[0];
+        [f64::from(level.mask_s + 1), f64::from(level.mask_t + 1)]
+    }
+
+    /// Trilinear sample at (s, t), in texels of the finest level from its corner; `footprint2` is the squared length in
+    /// texels that one pixel spans. Returns RGB in 1/256 grey levels.
+    #[inline]
+    pub(crate) fn sample(&self, s: f32, t: f32, footprint2: f32) -> [f32; 3] {
+        // Half the logarithm to base 2, with the mantissa taken linearly: at most 0.05 levels off and the same everywhere.
+        let bits = footprint2.max(1.0).to_bits();
+        let log = (bits - 0x3F80_0000) >> 16;
+        let last = (self.levels.len() - 1) as u32;
+        let level = (log >> 8).min(last);
+        let between = u64::from(log & 255);
+        let at = |l: u32| {
+            let scale = f32::from_bits((127 + 8 - l) << 23);
+            self.levels[l as usize].bilinear((s * scale) as i32 - 128, (t * scale) as i32 - 128)
+        };
+        let fine = at(level);
+        let coarse = if between == 0 {
+            fine
+        } else {
+            at((level + 1).min(last))
+        };
+        let sum = fine * (256 - between) + coarse * between;
+        let lane = |k: u32| ((sum >> (16 * k)) & 0xFFFF) as i32 as f32;
+        [lane(0), lane(1), lane(2)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ramp() -> Texture {
+        let mut canvas = Canvas::new(64, 64, [0.0; 3]);
+        for y in 0..64 {
+            for x in 0..64 {
+                canvas.pixels[y * 64 + x] = [2.0 * x as f32, 3.0 * y as f32, 100.0];
+            }
+        }
+        Texture {
+            levels: vec![Level::new(&canvas), Level::new(&canvas.halved())],
+        }
+    }
+
+    #[test]
+    fn sampling_reproduces_a_linear_ramp_on_every_level() {
+        let texture = ramp();
+        for footprint in [0.5_f32, 1.0, 2.0, 3.9] {
+            for (s, t) in [(10.5, 20.5), (17.25, 40.75), (33.0, 12.0)] {
+                let [r, g, b] = texture.sample(s, t, footprint * footprint);
+                // The centre of texel 0 is at 0.5.
+                assert!(
+                    (r / 256.0 - 2.0 * (s - 0.5)).abs() < 1.6,
+                    "{r} at {s} {footprint}"
+                );
+                assert!(
+                    (g / 256.0 - 3.0 * (t - 0.5)).abs() < 1.6,
+                    "{g} at {t} {footprint}"
+                );
+                assert!((b / 256.0 - 100.0).abs() < 2.1);
+            }
+        }
+    }
+
+    #[test]
+    fn wrapping_works_below_zero() {
+        let texture = ramp();
+        assert_eq!(
+            texture.sample(-20.5, 5.0, 1.0),
+            texture.sample(43.5, 5.0, 1.0)
+        );
+    }
+}
