@@ -1,1 +1,25 @@
 //! The stages of the SLAM system and the inline driver that runs them.
+//!
+//! Answers: where the camera is and what the map becomes, frame by frame. A frame goes through [`System::step`]; what
+//! happened comes back as [`Event`]s. Knows no files, clocks or threads.
+
+mod config;
+mod event;
+mod mapping;
+mod messages;
+mod sensor;
+mod system;
+mod tracking;
+mod trajectory;
+
+pub use config::{Config, ConfigError, ConfigProblem, Schedule};
+pub use event::{
+    BundleCounts, Event, FrameCounts, FrameReport, LostReason, MappingReport, Outcome,
+};
+pub use mapping::{Mapper, MappingConfig};
+pub use messages::{LandmarkStatistic, MapperMsg, MapperOut, NewKeyframe, Tracked};
+pub use sensor::SensorConfig;
+pub use stillpoint_imaging::Simd;
+pub use system::System;
+pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};
+pub use trajectory::{Trajectory, TrajectoryEntry};

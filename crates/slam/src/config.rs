@@ -1,0 +1,122 @@
+//! The configuration of the whole system: one struct per stage, gathered here.
+
+use crate::mapping::MappingConfig;
+use crate::sensor::SensorConfig;
+use crate::tracking::{KeyframeConfig, TrackingConfig};
+use serde::{Deserialize, Serialize};
+use stillpoint_features::OrbConfig;
+
+/// Everything that can be set. Defaults are meant for an RGB-D camera of 640x480 at 30 Hz.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Config {
+    /// Seed of every random choice. Range: any. The same seed gives the same result, bit for bit.
+    pub seed: u64,
+    /// Feature extraction.
+    pub features: OrbConfig,
+    /// The depth sensor's range and noise.
+    pub sensor: SensorConfig,
+    /// Pose tracking.
+    pub tracking: TrackingConfig,
+    /// When a frame becomes a keyframe.
+    pub keyframes: KeyframeConfig,
+    /// Map building.
+    pub mapping: MappingConfig,
+    /// Delays of the background stages in the inline driver.
+    pub schedule: Schedule,
+}
+
+/// Delays of replies in the inline driver, in frames; 0 means before the next frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Schedule {
+    /// Frames between a keyframe and the map view that holds it. Range: 0 to 1000. 0: mapping keeps up with the camera.
+    pub mapper: u32,
+}
+
+/// One thing that is wrong with a configuration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigProblem {
+    /// Where, e.g. `tracking.min_inliers`.
+    pub path: String,
+    /// What was expected and found.
+    pub message: String,
+}
+
+impl std::fmt::Display for ConfigProblem {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}: {}", self.path, self.message)
+    }
+}
+
+/// All problems of a configuration.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ConfigError(pub Vec<ConfigProblem>);
+
+impl std::fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the configuration is not valid:")?;
+        self.0.iter().try_for_each(|p| write!(f, "\n  {p}"))
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+/// Collects range violations with their paths.
+pub(crate) struct Checker<'a> {
+    pub(crate) section: &'a str,
+    pub(crate) problems: &'a mut Vec<ConfigProblem>,
+}
+
+impl Checker<'_> {
+    /// Notes a problem unless `low <= value <= high` (false for NaN too).
+    pub(crate) fn range(&mut self, name: &str, value: f64, low: f64, high: f64) {
+        if !(low..=high).contains(&value) {
+            self.problems.push(ConfigProblem {
+                path: format!("{}.{name}", self.section),
+                message: format!("expected {low} to {high}, found {value}"),
+            });
+        }
+    }
+}
+
+impl Config {
+    /// Checks every field's range and reports all problems at once.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with one entry per field out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let mut problems = Vec::new();
+        let mut section = |section: &'static str, f: &dyn Fn(&mut Checker<'_>)| {
+            f(&mut Checker {
+                section,
+                problems: &mut problems,
+            });
+        };
+        section("features", &|c| {
+            let f = &self.features;
+            c.range("features", f.features as f64, 100.0, 10_000.0);
+            c.range("levels", f.levels as f64, 1.0, 16.0);
+            c.range("scale_factor", f64::from(f.scale_factor), 1.05, 2.0);
+            c.range("fast_threshold", f64::from(f.fast_threshold), 1.0, 255.0);
+            c.range(
+                "fast_threshold_low",
+                f64::from(f.fast_threshold_low),
+                1.0,
+                f64::from(f.fast_threshold),
+            );
+        });
+        section("sensor", &|c| self.sensor.check(c));
+        section("tracking", &|c| self.tracking.check(c));
+        section("keyframes", &|c| self.keyframes.check(c));
+        section("mapping", &|c| self.mapping.check(c));
+        section("schedule", &|c| {
+            c.range("mapper", f64::from(self.schedule.mapper), 0.0, 1000.0);
+        });
+        if problems.is_empty() {
+            Ok(())
+        } else {
+            Err(ConfigError(problems))
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! What the system says about each frame. Events are values: tests, reports and viewers read the same ones.
+
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::FrameId;
+use stillpoint_map::KeyframeId;
+
+/// What happened in one step of the system.
+#[derive(Clone, Debug)]
+pub enum Event {
+    /// A frame went through tracking. Exactly one per frame.
+    Frame(FrameReport),
+    /// The mapper took a keyframe and published a new version of the map.
+    Mapped(MappingReport),
+}
+
+/// What became of a frame's pose.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// The first frame of a map; its pose is where the map begins.
+    Initialised,
+    /// The pose was measured in this frame.
+    Tracked,
+    /// No pose could be measured.
+    Lost {
+        /// The first frame of this loss.
+        since: FrameId,
+        /// Why this frame gave no pose.
+        reason: LostReason,
+    },
+}
+
+/// Why a frame gave no pose.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LostReason {
+    /// Not enough keypoints in the image: black, covered or without texture.
+    FewFeatures,
+    /// Not enough keypoints with depth to begin a map.
+    FewDepths,
+    /// Not enough keypoints matched landmarks.
+    FewMatches,
+    /// Too few matches agreed on one pose.
+    FewInliers,
+}
+
+impl std::fmt::Display for LostReason {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::FewFeatures => "too few keypoints in the image",
+            Self::FewDepths => "too few keypoints with depth",
+            Self::FewMatches => "too few keypoints match the map",
+            Self::FewInliers => "too few matches agree on a pose",
+        })
+    }
+}
+
+/// The tracker's report on one frame.
+#[derive(Clone, Debug)]
+pub struct FrameReport {
+    /// The frame.
+    pub frame: FrameId,
+    /// Its colour stamp, s.
+    pub stamp: f64,
+    /// Whether a pose was measured.
+    pub outcome: Outcome,
+    /// The pose as known at this frame, when one was measured in it.
+    pub world_from_camera: Option<Se3>,
+    /// Counts of each step.
+    pub counts: FrameCounts,
+    /// The frame became a keyframe.
+    pub is_keyframe: bool,
+    /// Version of the map view that was used.
+    pub map_version: u64,
+}
+
+/// How many features each step of tracking dealt with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameCounts {
+    /// Extracted keypoints.
+    pub keypoints: u32,
+    /// Keypoints with a usable depth.
+    pub with_depth: u32,
+    /// Matches to the last frame (or the reference keyframe).
+    pub frame_matches: u32,
+    /// Landmarks of the local map in the field of view.
+    pub local_visible: u32,
+    /// Matches to landmarks that entered the final pose.
+    pub map_matches: u32,
+    /// Of these, matches that agree with the final pose.
+    pub inliers: u32,
+}
+
+/// The mapper's report on one keyframe.
+#[derive(Clone, Debug)]
+pub struct MappingReport {
+    /// The keyframe.
+    pub keyframe: KeyframeId,
+    /// Version of the published view.
+    pub map_version: u64,
+    /// Live keyframes in it.
+    pub keyframes: usize,
+    /// Live landmarks in it.
+    pub landmarks: usize,
+    /// Landmarks made from depth at this keyframe.
+    pub created_from_depth: u32,
+    /// Landmarks made by triangulation.
+    pub triangulated: u32,
+    /// Landmarks that turned out to be the same as another.
+    pub fused: u32,
+    /// Landmarks removed.
+    pub culled_landmarks: u32,
+    /// Keyframes removed as redundant.
+    pub culled_keyframes: u32,
+    /// Keyframes, landmarks and observations in local bundle adjustment; zeros when it was not run.
+    pub bundle: BundleCounts,
+}
+
+/// Size and effort of one local bundle adjustment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BundleCounts {
+    /// Keyframes whose poses were free.
+    pub free_keyframes: u32,
+    /// Keyframes that only held the window in place.
+    pub fixed_keyframes: u32,
+    /// Landmarks.
+    pub landmarks: u32,
+    /// Observations.
+    pub observations: u32,
+    /// Observations removed as outliers.
+    pub outliers: u32,
+    /// Iterations.
+    pub iterations: u32,
+}

@@ -1,0 +1,174 @@
+//! New landmarks: from depth, and by triangulation between covisible keyframes.
+
+use super::Mapper;
+use crate::tracking::matching::STRICT_DISTANCE;
+use crate::tracking::measurement;
+use std::sync::Arc;
+use stillpoint_estimation::{Intrinsics, triangulate_midpoint};
+use stillpoint_geometry::{Mat3, Se3, Vec3, robust, so3};
+use stillpoint_map::{Keyframe, KeyframeId, NewLandmark};
+
+/// Two rays must differ by at least this angle to fix a point: cos(1.15 deg).
+const MAX_PARALLAX_COSINE: f64 = 0.9998;
+/// Baseline over median depth below which triangulation is not tried.
+const MIN_BASELINE_SHARE: f64 = 0.01;
+
+impl Mapper {
+    /// Makes landmarks from the depths of the keyframe's unmatched features, nearest first: all close ones, and farther
+    /// ones until there are enough.
+    pub(super) fn create_from_depth(&mut self, id: KeyframeId) -> u32 {
+        let _span = tracing::info_span!("create").entered();
+        let Some(keyframe) = self.map.view().keyframe(id).map(Arc::clone) else {
+            return 0;
+        };
+        let data = &keyframe.data;
+        let mut order: Vec<(f64, usize)> = (0..data.len())
+            .filter_map(|i| Some((data.depth(i)?, i)))
+            .collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        let mut created = 0;
+        for (rank, &(z, i)) in order.iter().enumerate() {
+            if z > self.sensor.close_depth && rank >= self.config.min_depth_landmarks {
+                break;
+            }
+            if keyframe.matches[i].is_some() {
+                continue;
+            }
+            let point = data.camera.backproject(data.position(i), z);
+            let new = NewLandmark {
+                position: keyframe.world_from_camera.transform(&point),
+                observation: (id, i as u32),
+            };
+            if let Some(landmark) = self.map.insert_landmark(&new) {
+                self.young.push(landmark);
+                created += 1;
+            }
+        }
+        created
+    }
+
+    /// Triangulates features without depth against the neighbours.
+    pub(super) fn triangulate(&mut self, id: KeyframeId) -> u32 {
+        let _span = tracing::info_span!("triangulate").entered();
+        let mut created = 0;
+        for neighbour in self.neighbours(id, self.config.neighbours) {
+            let view = self.map.view();
+            let (Some(a), Some(b)) = (view.keyframe(id), view.keyframe(neighbour)) else {
+                continue;
+            };
+            let (a, b) = (Arc::clone(a), Arc::clone(b));
+            for (i, j, position) in triangulate_pair(&a, &b, self.scale_factor) {
+                let new = NewLandmark {
+                    position,
+                    observation: (id, i),
+                };
+                let Some(landmark) = self.map.insert_landmark(&new) else {
+                    continue;
+                };
+                if self.map.add_observation(landmark, neighbour, j) {
+                    self.map.refresh_landmark(landmark);
+                    self.young.push(landmark);
+                    created += 1;
+                } else {
+                    self.map.cull_landmark(landmark);
+                }
+            }
+        }
+        created
+    }
+}
+
+/// New points seen by unmatched features of both keyframes: `(feature in a, feature in b, world position)`.
+fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, u32, Vec3)> {
+    let baseline = (a.centre() - b.centre()).norm();
+    if baseline < MIN_BASELINE_SHARE * median_depth(b) {
+        return Vec::new();
+    }
+    let b_from_a = b.world_from_camera.inverse() * a.world_from_camera;
+    let essential: Mat3 = so3::hat(&b_from_a.translation) * b_from_a.rotation_matrix();
+    let free = |k: &Keyframe| -> Vec<usize> {
+        (0..k.data.len())
+            .filter(|i| k.matches[*i].is_none() && k.data.depth(*i).is_none())
+            .collect()
+    };
+    let (free_a, free_b) = (free(a), free(b));
+    let rays_b: Vec<Vec3> = free_b
+        .iter()
+        .map(|j| b.data.camera.ray(b.data.position(*j)))
+        .collect();
+    let mut best_of_b: Vec<Option<(u32, usize)>> = vec![None; free_b.len()];
+    for (ia, i) in free_a.iter().enumerate() {
+        let line = essential * a.data.camera.ray(a.data.position(*i));
+        let norm = (line.x * line.x + line.y * line.y).sqrt() / b.data.camera.fx;
+        let descriptor = &a.data.descriptors[*i];
+        let mut best: Option<(u32, usize)> = None;
+        for (jb, (j, ray)) in free_b.iter().zip(&rays_b).enumerate() {
+            let distance_px = line.dot(ray).abs() / norm;
+            let sigma = f64::from(b.data.sigma_px[*j]);
+            if distance_px * distance_px > robust::CHI2_95_1 * sigma * sigma {
+                continue;
+            }
+            let distance = descriptor.distance(&b.data.descriptors[*j]);
+            if distance <= STRICT_DISTANCE && best.is_none_or(|x| distance < x.0) {
+                best = Some((distance, jb));
+            }
+        }
+        if let Some((distance, jb)) = best
+            && best_of_b[jb].is_none_or(|x| distance < x.0)
+        {
+            best_of_b[jb] = Some((distance, ia));
+        }
+    }
+    best_of_b
+        .iter()
+        .enumerate()
+        .filter_map(|(jb, m)| {
+            let (i, j) = (free_a[(*m)?.1], free_b[jb]);
+            let position = triangulate_match(a, i, b, j, scale_factor)?;
+            Some((i as u32, j as u32, position))
+        })
+        .collect()
+}
+
+/// The point of one match, when the rays fix it, it agrees with both pixels, and its size agrees with both levels.
+fn triangulate_match(
+    a: &Keyframe,
+    i: usize,
+    b: &Keyframe,
+    j: usize,
+    scale_factor: f64,
+) -> Option<Vec3> {
+    let ray = |k: &Keyframe, f: usize| {
+        k.world_from_camera.rotation * k.data.camera.ray(k.data.position(f))
+    };
+    let t = triangulate_midpoint(&a.centre(), &ray(a, i), &b.centre(), &ray(b, j))?;
+    if t.cos_parallax > MAX_PARALLAX_COSINE {
+        return None;
+    }
+    for (k, f) in [(a, i), (b, j)] {
+        let camera_from_world: Se3 = k.world_from_camera.inverse();
+        let p = camera_from_world.transform(&t.point);
+        let m = measurement(&k.data, f);
+        if m.chi2(&Intrinsics::from(&k.data.camera), &p) > m.gate() {
+            return None;
+        }
+    }
+    let size = |k: &Keyframe, f: usize| {
+        (t.point - k.centre()).norm() * libm::pow(scale_factor, f64::from(k.data.keypoints[f].level))
+    };
+    let ratio = size(a, i) / size(b, j);
+    let tolerance = 1.5 * scale_factor;
+    (1.0 / tolerance..=tolerance)
+        .contains(&ratio)
+        .then_some(t.point)
+}
+
+fn median_depth(k: &Keyframe) -> f64 {
+    let mut depths: Vec<f32> = k.data.depths.iter().copied().filter(|z| *z > 0.0).collect();
+    if depths.is_empty() {
+        return 1.0;
+    }
+    let middle = depths.len() / 2;
+    let (_, median, _) = depths.select_nth_unstable_by(middle, f32::total_cmp);
+    f64::from(*median)
+}

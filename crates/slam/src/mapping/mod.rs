@@ -1,0 +1,176 @@
+//! Mapping: builds keyframes into the map and keeps it lean and consistent.
+//!
+//! Owns the map. Reads messages, answers with views; does not track.
+
+mod create;
+mod cull;
+mod fuse;
+mod refine;
+
+use crate::config::{Checker, Config};
+use crate::event::MappingReport;
+use crate::messages::{MapperMsg, MapperOut, NewKeyframe};
+use crate::sensor::SensorConfig;
+use serde::{Deserialize, Serialize};
+use stillpoint_geometry::Se3;
+use stillpoint_map::{KeyframeId, LandmarkId, Map};
+
+/// How the map is built.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MappingConfig {
+    /// Landmarks made from depth at a keyframe, at least, nearest first, beyond the close ones. Range: 0 to 10000.
+    pub min_depth_landmarks: usize,
+    /// Neighbours with which a keyframe triangulates and fuses. Range: 0 to 100.
+    pub neighbours: usize,
+    /// Keyframes share at least this many landmarks to count as covisible. Range: 1 to 1000.
+    pub min_shared: u32,
+    /// Free keyframes of local bundle adjustment, at most. Range: 1 to 100. Effort grows with its square.
+    pub window: usize,
+    /// Fixed keyframes of local bundle adjustment, at most. Range: 1 to 200.
+    pub fixed_window: usize,
+    /// A landmark that is found in less than this share of the frames that should see it is culled. Range: 0 to 1.
+    pub min_found_share: f64,
+    /// A keyframe is redundant when this share of its landmarks is seen by three others as finely. Range: 0.5 to 1.
+    pub redundant_share: f64,
+}
+
+impl Default for MappingConfig {
+    fn default() -> Self {
+        Self {
+            min_depth_landmarks: 100,
+            neighbours: 10,
+            min_shared: 15,
+            window: 20,
+            fixed_window: 30,
+            min_found_share: 0.25,
+            redundant_share: 0.9,
+        }
+    }
+}
+
+impl MappingConfig {
+    pub(crate) fn check(&self, c: &mut Checker<'_>) {
+        c.range(
+            "min_depth_landmarks",
+            self.min_depth_landmarks as f64,
+            0.0,
+            1e4,
+        );
+        c.range("neighbours", self.neighbours as f64, 0.0, 100.0);
+        c.range("min_shared", f64::from(self.min_shared), 1.0, 1e3);
+        c.range("window", self.window as f64, 1.0, 100.0);
+        c.range("fixed_window", self.fixed_window as f64, 1.0, 200.0);
+        c.range("min_found_share", self.min_found_share, 0.0, 1.0);
+        c.range("redundant_share", self.redundant_share, 0.5, 1.0);
+    }
+}
+
+/// Builds the map.
+pub struct Mapper {
+    config: MappingConfig,
+    sensor: SensorConfig,
+    scale_factor: f64,
+    map: Map,
+    /// Landmarks made at recent keyframes that have not proved themselves yet.
+    young: Vec<LandmarkId>,
+    /// Keyframes in the order in which they came.
+    order: Vec<KeyframeId>,
+}
+
+impl Mapper {
+    /// A mapper with an empty map.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        Self {
+            config: config.mapping.clone(),
+            sensor: config.sensor.clone(),
+            scale_factor: f64::from(config.features.scale_factor),
+            map: Map::new(config.features.levels, config.features.scale_factor),
+            young: Vec::new(),
+            order: Vec::new(),
+        }
+    }
+
+    /// Takes a message and answers with the new version of the map.
+    pub fn step(&mut self, message: MapperMsg) -> MapperOut {
+        match message {
+            MapperMsg::Keyframe(keyframe) => self.take_keyframe(&keyframe),
+        }
+    }
+
+    fn take_keyframe(&mut self, keyframe: &NewKeyframe) -> MapperOut {
+        let _span = tracing::info_span!("map").entered();
+        let id = keyframe.id;
+        let mut report = MappingReport {
+            keyframe: id,
+            map_version: 0,
+            keyframes: 0,
+            landmarks: 0,
+            created_from_depth: 0,
+            triangulated: 0,
+            fused: 0,
+            culled_landmarks: 0,
+            culled_keyframes: 0,
+            bundle: Default::default(),
+        };
+        self.insert(keyframe);
+        report.culled_landmarks = self.cull_landmarks(id);
+        report.created_from_depth = self.create_from_depth(id);
+        report.triangulated = self.triangulate(id);
+        report.fused = self.fuse(id);
+        report.bundle = self.refine(id);
+        report.culled_keyframes = self.cull_keyframes(id);
+        if cfg!(debug_assertions) {
+            self.map.check().expect("the map keeps its invariants");
+        }
+        let view = self.map.publish();
+        report.map_version = view.version();
+        report.keyframes = view.keyframe_count();
+        report.landmarks = view.landmark_count();
+        MapperOut { view, report }
+    }
+
+    /// Adds the keyframe with its observations; its pose follows its reference keyframe, whatever became of it since.
+    fn insert(&mut self, keyframe: &NewKeyframe) {
+        let _span = tracing::info_span!("insert").entered();
+        for s in &keyframe.statistics {
+            let id = self.map.view().resolve_landmark(s.id);
+            if let Some(l) = id.and_then(|id| self.map.landmark_mut(id)) {
+                l.visible += s.visible;
+                l.found += s.found;
+            }
+        }
+        let view = self.map.view();
+        let world_from_reference = keyframe
+            .reference
+            .and_then(|r| view.world_from_keyframe(r))
+            .unwrap_or(Se3::identity());
+        let parent = keyframe.reference.and_then(|r| view.resolve_keyframe(r));
+        let pose = (world_from_reference * keyframe.reference_from_camera).normalized();
+        let data = keyframe.data.clone();
+        self.map.insert_keyframe(keyframe.id, data, pose, parent);
+        self.order.push(keyframe.id);
+        for (feature, landmark) in keyframe.matches.iter().enumerate() {
+            let Some(landmark) = landmark.and_then(|l| self.map.view().resolve_landmark(l)) else {
+                continue;
+            };
+            if self
+                .map
+                .add_observation(landmark, keyframe.id, feature as u32)
+            {
+                self.map.refresh_landmark(landmark);
+            }
+        }
+        self.map
+            .refresh_covisibility(keyframe.id, self.config.min_shared);
+    }
+
+    /// The keyframes that share most landmarks with `id`, at most `count`.
+    fn neighbours(&self, id: KeyframeId, count: usize) -> Vec<KeyframeId> {
+        let Some(k) = self.map.view().keyframe(id) else {
+            return Vec::new();
+        };
+        k.covisible.iter().take(count).map(|c| c.0).collect()
+    }
+}

@@ -1,0 +1,59 @@
+//! What the stages send each other.
+
+use crate::event::{FrameReport, MappingReport};
+use std::sync::Arc;
+use stillpoint_geometry::Se3;
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
+
+/// The tracker's answer to a frame.
+#[derive(Debug)]
+pub struct Tracked {
+    /// What became of the frame.
+    pub report: FrameReport,
+    /// The frame as a new keyframe, when the map needs it.
+    pub keyframe: Option<NewKeyframe>,
+}
+
+/// A frame that shall become a keyframe.
+#[derive(Clone, Debug)]
+pub struct NewKeyframe {
+    /// Its id.
+    pub id: KeyframeId,
+    /// What it saw.
+    pub data: Arc<KeyframeData>,
+    /// The keyframe it was tracked from; none for the first of a map.
+    pub reference: Option<KeyframeId>,
+    /// Its pose relative to that; in world coordinates when there is none.
+    pub reference_from_camera: Se3,
+    /// Per feature, the landmark it observes.
+    pub matches: Vec<Option<LandmarkId>>,
+    /// How often landmarks were expected and found since the last keyframe, by id.
+    pub statistics: Vec<LandmarkStatistic>,
+}
+
+/// How often a landmark was expected to be seen, and was.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LandmarkStatistic {
+    /// The landmark.
+    pub id: LandmarkId,
+    /// Frames in which it was in the field of view.
+    pub visible: u32,
+    /// Frames in which it was matched as an inlier.
+    pub found: u32,
+}
+
+/// What the mapper reads.
+#[derive(Debug)]
+pub enum MapperMsg {
+    /// A frame to build into the map.
+    Keyframe(Box<NewKeyframe>),
+}
+
+/// What the mapper answers.
+#[derive(Clone, Debug)]
+pub struct MapperOut {
+    /// The map after the message.
+    pub view: Arc<MapView>,
+    /// What was done.
+    pub report: MappingReport,
+}

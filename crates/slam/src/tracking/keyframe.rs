@@ -1,0 +1,93 @@
+//! When a frame becomes a keyframe.
+
+use crate::config::Checker;
+use serde::{Deserialize, Serialize};
+use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
+
+/// When a frame becomes a keyframe.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct KeyframeConfig {
+    /// A keyframe is due when fewer than this share of the reference keyframe's established landmarks is tracked.
+    /// Range: 0.1 to 1. Overlap enough for bundle adjustment, not more keyframes than needed.
+    pub min_tracked_share: f64,
+    /// The same while the map has one keyframe, whose landmarks nothing has confirmed. Range: 0.1 to 1.
+    pub min_tracked_share_first: f64,
+    /// A keyframe is due when fewer close points than this are tracked ... Range: 0 to 10000.
+    pub min_close_tracked: usize,
+    /// ... while more than this many others could be made into landmarks. Range: 0 to 10000.
+    pub min_close_untracked: usize,
+    /// Frames between two keyframes, at least. Range: 1 to 1000. Nearer ones share all they see.
+    pub min_gap: u32,
+}
+
+impl Default for KeyframeConfig {
+    fn default() -> Self {
+        Self {
+            min_tracked_share: 0.75,
+            min_tracked_share_first: 0.4,
+            min_close_tracked: 100,
+            min_close_untracked: 70,
+            min_gap: 3,
+        }
+    }
+}
+
+impl KeyframeConfig {
+    pub(crate) fn check(&self, c: &mut Checker<'_>) {
+        c.range("min_tracked_share", self.min_tracked_share, 0.1, 1.0);
+        c.range(
+            "min_tracked_share_first",
+            self.min_tracked_share_first,
+            0.1,
+            1.0,
+        );
+        c.range("min_close_tracked", self.min_close_tracked as f64, 0.0, 1e4);
+        c.range(
+            "min_close_untracked",
+            self.min_close_untracked as f64,
+            0.0,
+            1e4,
+        );
+        c.range("min_gap", f64::from(self.min_gap), 1.0, 1e3);
+    }
+
+    /// Whether a frame that observes `matches` (inliers only) is due to become a keyframe.
+    pub(super) fn is_due(
+        &self,
+        view: &MapView,
+        reference: &Keyframe,
+        data: &KeyframeData,
+        matches: &[Option<LandmarkId>],
+        close_depth: f64,
+    ) -> bool {
+        let first = view.keyframe_count() < 2;
+        let min_observers = if first { 1 } else { 3 };
+        let established = reference
+            .matches
+            .iter()
+            .flatten()
+            .filter(|id| {
+                view.landmark(**id)
+                    .is_some_and(|l| l.observers >= min_observers)
+            })
+            .count();
+        let inliers = matches.iter().flatten().count();
+        let share = if first {
+            self.min_tracked_share_first
+        } else {
+            self.min_tracked_share
+        };
+        let (mut tracked, mut untracked) = (0, 0);
+        for (z, m) in data.depths.iter().zip(matches) {
+            if *z > 0.0 && f64::from(*z) < close_depth {
+                match m {
+                    Some(_) => tracked += 1,
+                    None => untracked += 1,
+                }
+            }
+        }
+        let few_close = tracked < self.min_close_tracked && untracked > self.min_close_untracked;
+        few_close || (inliers as f64) < share * established as f64
+    }
+}

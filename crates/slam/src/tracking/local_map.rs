@@ -1,0 +1,198 @@
+//! The part of the map that the frame is expected to see.
+
+use super::matching::{Expected, Matches, in_bounds, match_expected};
+use std::sync::Arc;
+use stillpoint_features::Descriptor;
+use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, ScaleRange};
+
+/// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame.
+const MAX_KEYFRAMES: usize = 40;
+/// Landmarks seen at more than 60 degrees from their mean viewing direction look different.
+const MIN_VIEW_COSINE: f64 = 0.5;
+
+/// A landmark with all that projecting needs.
+struct Entry {
+    id: LandmarkId,
+    position: Vec3,
+    direction: Vec3,
+    range: ScaleRange,
+    descriptor: Descriptor,
+}
+
+/// The landmarks of the reference keyframe and its neighbours, cached while neither they nor the view change.
+#[derive(Default)]
+pub(super) struct LocalMap {
+    version: u64,
+    keyframes: Vec<KeyframeId>,
+    entries: Vec<Entry>,
+    /// Per landmark id, the last round in which it was taken into `entries` or matched.
+    marks: Vec<u32>,
+    round: u32,
+}
+
+/// What a search in the local map found.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LocalSearch {
+    /// Landmarks in the field of view.
+    pub(super) visible: u32,
+}
+
+impl LocalMap {
+    /// Chooses the local keyframes by the landmarks that `matches` sees, and gathers their landmarks. Returns the new
+    /// reference keyframe: the one that shares most of them.
+    pub(super) fn update(
+        &mut self,
+        view: &Arc<MapView>,
+        reference: KeyframeId,
+        matches: &Matches,
+    ) -> KeyframeId {
+        self.marks.resize(view.landmark_bound(), 0);
+        let mut candidates: Vec<KeyframeId> = vec![reference];
+        if let Some(k) = view.keyframe(reference) {
+            candidates.extend(k.covisible.iter().map(|c| c.0));
+        }
+        self.round += 1;
+        for target in matches.targets.iter().flatten() {
+            let Some((id, l)) = target.landmark.and_then(|id| Some((id, view.landmark(id)?)))
+            else {
+                continue;
+            };
+            self.marks[id.index()] = self.round;
+            candidates.push(l.anchor);
+        }
+        candidates.sort_unstable();
+        candidates.dedup();
+        let mut shared: Vec<(u32, KeyframeId)> = candidates
+            .iter()
+            .filter_map(|id| {
+                let k = view.keyframe(*id)?;
+                let n = k.matches.iter().flatten();
+                let n = n.filter(|l| self.marks[l.index()] == self.round).count();
+                Some((n as u32, *id))
+            })
+            .collect();
+        shared.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(b.1.cmp(&a.1)));
+        let best = shared.first().map_or(reference, |s| s.1);
+        let mut keyframes: Vec<KeyframeId> = shared
+            .iter()
+            .filter(|s| s.0 > 0)
+            .take(MAX_KEYFRAMES)
+            .map(|s| s.1)
+            .collect();
+        for i in 0..keyframes.len().min(10) {
+            let neighbours = view.keyframe(keyframes[i]).map(|k| &k.covisible[..]);
+            for (id, _) in neighbours.unwrap_or_default().iter().take(5) {
+                if keyframes.len() < MAX_KEYFRAMES && !keyframes.contains(id) {
+                    keyframes.push(*id);
+                }
+            }
+        }
+        if keyframes.is_empty() {
+            keyframes.push(best);
+        }
+        keyframes.sort_unstable();
+        if self.version != view.version() || self.keyframes != keyframes {
+            self.gather(view, keyframes);
+        }
+        best
+    }
+
+    fn gather(&mut self, view: &MapView, keyframes: Vec<KeyframeId>) {
+        self.round += 1;
+        self.entries.clear();
+        for id in &keyframes {
+            let Some(k) = view.keyframe(*id) else {
+                continue;
+            };
+            for id in k.matches.iter().flatten() {
+                if std::mem::replace(&mut self.marks[id.index()], self.round) == self.round {
+                    continue;
+                }
+                let Some(l) = view.landmark(*id) else {
+                    continue;
+                };
+                let Some(anchor) = view.keyframe(l.anchor) else {
+                    continue;
+                };
+                let pose = &anchor.world_from_camera;
+                self.entries.push(Entry {
+                    id: *id,
+                    position: pose.transform(&l.position_in_anchor),
+                    direction: pose.rotation * l.direction_in_anchor,
+                    range: l.scale_range,
+                    descriptor: l.descriptor,
+                });
+            }
+        }
+        self.version = view.version();
+        self.keyframes = keyframes;
+    }
+
+    /// Searches the local landmarks that have no match yet around their projections; notes all that are visible.
+    pub(super) fn search(
+        &mut self,
+        data: &KeyframeData,
+        camera_from_world: &Se3,
+        view_bounds: [f32; 4],
+        level_sigmas: &[f32],
+        radius_px: f32,
+        matches: &mut Matches,
+        mut visible: impl FnMut(LandmarkId),
+    ) -> LocalSearch {
+        self.round += 1;
+        for target in matches.targets.iter().flatten() {
+            if let Some(id) = target.landmark {
+                self.marks[id.index()] = self.round;
+                visible(id);
+            }
+        }
+        let mut result = LocalSearch::default();
+        let (r, t) = (
+            camera_from_world.rotation_matrix(),
+            camera_from_world.translation,
+        );
+        let centre = camera_from_world.inverse().translation;
+        let scale = f64::from(level_sigmas.get(1).copied().unwrap_or(1.2));
+        let log_scale = libm::log(scale.max(1.01));
+        for e in &self.entries {
+            let p = r * e.position + t;
+            if p.z <= 0.05 {
+                continue;
+            }
+            let px = data.camera.project(&p);
+            let pixel = [px.x as f32, px.y as f32];
+            if !in_bounds(pixel, view_bounds) {
+                continue;
+            }
+            let ray = e.position - centre;
+            let distance = ray.norm();
+            let (min, max) = (
+                0.8 * f64::from(e.range.min_distance),
+                1.2 * f64::from(e.range.max_distance),
+            );
+            let cosine = ray.dot(&e.direction) / distance;
+            if distance < min || distance > max || cosine < MIN_VIEW_COSINE {
+                continue;
+            }
+            result.visible += 1;
+            if self.marks[e.id.index()] == self.round {
+                continue;
+            }
+            visible(e.id);
+            let ratio = f64::from(e.range.max_distance) / distance;
+            let level = libm::ceil(libm::log(ratio) / log_scale - 1e-3)
+                .clamp(0.0, (level_sigmas.len() - 1) as f64) as u8;
+            let expected = Expected {
+                landmark: e.id,
+                position: e.position,
+                descriptor: &e.descriptor,
+                pixel,
+                level,
+                radius_px: radius_px * if cosine > 0.998 { 2.5 } else { 4.0 },
+            };
+            match_expected(data, &expected, level_sigmas, matches);
+        }
+        result
+    }
+}

@@ -1,0 +1,231 @@
+//! Which feature of the frame sees which point.
+
+use stillpoint_features::{Descriptor, RotationHistogram, Window, best_two};
+use stillpoint_geometry::{Mat3, Se3, Vec3};
+use stillpoint_map::{KeyframeData, LandmarkId};
+
+/// Hamming distance up to which two descriptors may be the same corner (of 256 bits; random ones differ by 128 +- 8).
+pub(super) const MAX_DISTANCE: u32 = 100;
+/// The same where nothing but the descriptor speaks for the match.
+pub(crate) const STRICT_DISTANCE: u32 = 50;
+/// The best candidate must be this much nearer than the second.
+const RATIO: f32 = 0.9;
+/// A match to a landmark in a small window needs less: the ratio only counts between candidates of one level.
+const WINDOW_RATIO: f32 = 0.8;
+
+/// A point that a feature sees: a landmark, or a point that only the last frame's depth speaks for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Target {
+    /// The landmark; none for a temporary point.
+    pub(super) landmark: Option<LandmarkId>,
+    /// World position, m.
+    pub(super) position: Vec3,
+    /// Hamming distance of the match.
+    distance: u32,
+}
+
+/// Per feature of the present frame, what it sees.
+#[derive(Debug)]
+pub(super) struct Matches {
+    pub(super) targets: Vec<Option<Target>>,
+    pub(super) count: usize,
+}
+
+impl Matches {
+    pub(super) fn new(features: usize) -> Self {
+        Self {
+            targets: vec![None; features],
+            count: 0,
+        }
+    }
+
+    /// Assigns a feature unless it has a nearer match already.
+    fn assign(&mut self, feature: u32, target: Target) {
+        match &mut self.targets[feature as usize] {
+            Some(old) if old.distance <= target.distance => {}
+            slot => {
+                self.count += usize::from(slot.is_none());
+                *slot = Some(target);
+            }
+        }
+    }
+
+    pub(super) fn clear(&mut self, feature: usize) {
+        if self.targets[feature].take().is_some() {
+            self.count -= 1;
+        }
+    }
+}
+
+/// A feature of an earlier frame with the point it saw.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Candidate {
+    /// The landmark; none for a temporary point.
+    pub(super) landmark: Option<LandmarkId>,
+    /// World position, m.
+    pub(super) position: Vec3,
+    /// The feature, in the earlier frame.
+    pub(super) feature: u32,
+}
+
+/// Searches each candidate of `earlier` around its projection with the predicted pose.
+pub(super) fn match_by_projection(
+    data: &KeyframeData,
+    predicted: &Se3,
+    earlier: &KeyframeData,
+    candidates: &[Candidate],
+    bounds: [f32; 4],
+    radius_px: f32,
+) -> Matches {
+    let (r, t): (Mat3, Vec3) = (predicted.rotation_matrix(), predicted.translation);
+    let mut found = Vec::with_capacity(candidates.len());
+    for c in candidates {
+        let p = r * c.position + t;
+        if p.z <= 0.0 {
+            continue;
+        }
+        let px = data.camera.project(&p);
+        let (x, y) = (px.x as f32, px.y as f32);
+        if !inside(x, y, bounds) {
+            continue;
+        }
+        let feature = c.feature as usize;
+        let level = earlier.keypoints[feature].level;
+        let window = Window {
+            x,
+            y,
+            radius: radius_px * earlier.sigma_px[feature],
+            min_level: level.saturating_sub(1),
+            max_level: level + 1,
+        };
+        let descriptor = &earlier.descriptors[feature];
+        let Some(best) = best_two(&data.grid, &window, descriptor, &data.descriptors, |_| true)
+        else {
+            continue;
+        };
+        if best.distance <= MAX_DISTANCE
+            && is_distinct(best.distance, best.second_distance, RATIO)
+        {
+            found.push((c, best.index, best.distance));
+        }
+    }
+    keep_consistent_rotations(data, earlier, &found)
+}
+
+/// Searches each candidate of `earlier` among all features, by descriptor alone.
+pub(super) fn match_by_descriptor(
+    data: &KeyframeData,
+    earlier: &KeyframeData,
+    candidates: &[Candidate],
+) -> Matches {
+    let query: Vec<Descriptor> = candidates
+        .iter()
+        .map(|c| earlier.descriptors[c.feature as usize])
+        .collect();
+    let matches =
+        stillpoint_features::match_brute_force(&query, &data.descriptors, STRICT_DISTANCE, 0.8);
+    let found: Vec<_> = candidates
+        .iter()
+        .zip(&query)
+        .zip(&matches)
+        .filter_map(|((c, q), m)| {
+            m.map(|m| (c, m, q.distance(&data.descriptors[m as usize])))
+        })
+        .collect();
+    keep_consistent_rotations(data, earlier, &found)
+}
+
+/// The image turns as one between two frames: matches whose keypoints turned otherwise are wrong.
+fn keep_consistent_rotations(
+    data: &KeyframeData,
+    earlier: &KeyframeData,
+    found: &[(&Candidate, u32, u32)],
+) -> Matches {
+    let mut histogram = RotationHistogram::new();
+    for (i, (c, feature, _)) in found.iter().enumerate() {
+        let before = earlier.keypoints[c.feature as usize].angle;
+        let now = data.keypoints[*feature as usize].angle;
+        histogram.push(now - before, i as u32);
+    }
+    let mut matches = Matches::new(data.len());
+    for i in histogram.kept() {
+        let (c, feature, distance) = found[i as usize];
+        matches.assign(
+            feature,
+            Target {
+                landmark: c.landmark,
+                position: c.position,
+                distance,
+            },
+        );
+    }
+    matches
+}
+
+/// A landmark expected in the frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Expected<'a> {
+    pub(super) landmark: LandmarkId,
+    pub(super) position: Vec3,
+    pub(super) descriptor: &'a Descriptor,
+    /// Where it is expected, undistorted px.
+    pub(super) pixel: [f32; 2],
+    /// The pyramid level on which it is expected.
+    pub(super) level: u8,
+    /// Radius of the search on level 0, px.
+    pub(super) radius_px: f32,
+}
+
+/// Searches an expected landmark among the features that have no match yet.
+pub(super) fn match_expected(
+    data: &KeyframeData,
+    expected: &Expected<'_>,
+    level_sigmas: &[f32],
+    matches: &mut Matches,
+) -> bool {
+    let window = Window {
+        x: expected.pixel[0],
+        y: expected.pixel[1],
+        radius: expected.radius_px * level_sigmas[usize::from(expected.level)],
+        min_level: expected.level.saturating_sub(1),
+        max_level: expected.level,
+    };
+    let free = |i: u32| matches.targets[i as usize].is_none_or(|t| t.landmark.is_none());
+    let best = best_two(
+        &data.grid,
+        &window,
+        expected.descriptor,
+        &data.descriptors,
+        free,
+    );
+    let Some(best) = best.filter(|b| b.distance <= MAX_DISTANCE) else {
+        return false;
+    };
+    let same_level = data.keypoints[best.index as usize].level == best.second_level;
+    if same_level && !is_distinct(best.distance, best.second_distance, WINDOW_RATIO) {
+        return false;
+    }
+    matches.clear(best.index as usize);
+    matches.assign(
+        best.index,
+        Target {
+            landmark: Some(expected.landmark),
+            position: expected.position,
+            distance: best.distance,
+        },
+    );
+    true
+}
+
+fn is_distinct(best: u32, second: u32, ratio: f32) -> bool {
+    second == u32::MAX || best as f32 <= ratio * second as f32
+}
+
+fn inside(x: f32, y: f32, [min_x, min_y, max_x, max_y]: [f32; 4]) -> bool {
+    x >= min_x && y >= min_y && x <= max_x && y <= max_y
+}
+
+/// True when a pixel lies in the bounds of undistorted pixels.
+pub(super) fn in_bounds(px: [f32; 2], bounds: [f32; 4]) -> bool {
+    inside(px[0], px[1], bounds)
+}

@@ -1,0 +1,507 @@
+//! Tracking: the pose of every frame, and which frames the map needs.
+//!
+//! Owns the motion model and the last frame; sees the map only as a view. Does not change the map.
+
+mod frame;
+mod keyframe;
+mod local_map;
+pub(crate) mod matching;
+mod motion;
+mod pose;
+
+pub(crate) use pose::measurement;
+
+pub use keyframe::KeyframeConfig;
+
+use crate::config::{Checker, Config};
+use crate::event::{FrameCounts, FrameReport, LostReason, Outcome};
+use crate::messages::{LandmarkStatistic, NewKeyframe, Tracked};
+use crate::trajectory::{Trajectory, TrajectoryEntry};
+use frame::Observer;
+use local_map::LocalMap;
+use matching::{Candidate, Matches};
+use motion::Motion;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use stillpoint_geometry::{Camera, Se3};
+use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
+
+/// How poses are tracked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrackingConfig {
+    /// A pose counts as measured with at least this many inliers. Range: 10 to 1000. Fewer agree by chance.
+    pub min_inliers: usize,
+    /// A map begins with a frame of at least this many features with depth. Range: 20 to 10000.
+    pub min_initial_points: usize,
+    /// Radius of the search around the prediction from the last frame, px on level 0. Range: 2 to 100.
+    pub motion_radius: f64,
+    /// Factor on the radius (2.5 or 4 px) of the search for local landmarks. Range: 0.5 to 10.
+    pub local_radius: f64,
+}
+
+impl Default for TrackingConfig {
+    fn default() -> Self {
+        Self {
+            min_inliers: 30,
+            min_initial_points: 100,
+            motion_radius: 15.0,
+            local_radius: 2.0,
+        }
+    }
+}
+
+impl TrackingConfig {
+    pub(crate) fn check(&self, c: &mut Checker<'_>) {
+        c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
+        c.range(
+            "min_initial_points",
+            self.min_initial_points as f64,
+            20.0,
+            1e4,
+        );
+        c.range("motion_radius", self.motion_radius, 2.0, 100.0);
+        c.range("local_radius", self.local_radius, 0.5, 10.0);
+    }
+}
+
+/// The last frame whose pose is known.
+struct LastFrame {
+    stamp: f64,
+    data: Arc<KeyframeData>,
+    matches: Vec<Option<LandmarkId>>,
+    reference: KeyframeId,
+    reference_from_camera: Se3,
+    /// The pose in the view of that time; used until the view holds the reference keyframe.
+    world_from_camera: Se3,
+}
+
+/// Tracks the camera, frame by frame.
+pub struct Tracker {
+    config: Config,
+    observer: Observer,
+    view: Arc<MapView>,
+    motion: Motion,
+    last: Option<LastFrame>,
+    local_map: LocalMap,
+    lost_since: Option<FrameId>,
+    last_keyframe: Option<FrameId>,
+    statistics: BTreeMap<LandmarkId, LandmarkStatistic>,
+    trajectory: Trajectory,
+}
+
+/// A pose with all that led to it.
+struct Solution {
+    camera_from_world: Se3,
+    reference: KeyframeId,
+    matches: Vec<Option<LandmarkId>>,
+}
+
+impl Tracker {
+    /// A tracker for one camera.
+    #[must_use]
+    pub fn new(config: Config, camera: Camera, simd: Simd) -> Self {
+        Self {
+            observer: Observer::new(camera, config.sensor.clone(), &config.features, simd),
+            config,
+            view: Arc::default(),
+            motion: Motion::default(),
+            last: None,
+            local_map: LocalMap::default(),
+            lost_since: None,
+            last_keyframe: None,
+            statistics: BTreeMap::new(),
+            trajectory: Trajectory::default(),
+        }
+    }
+
+    /// The frames tracked so far.
+    #[must_use]
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    /// The view in use.
+    #[must_use]
+    pub fn view(&self) -> Arc<MapView> {
+        Arc::clone(&self.view)
+    }
+
+    /// Takes a newer view of the map.
+    pub fn receive(&mut self, view: Arc<MapView>) {
+        self.view = view;
+    }
+
+    /// Tracks a frame.
+    pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
+        let _span = tracing::info_span!("frame").entered();
+        let mut counts = FrameCounts::default();
+        let data = self.observer.observe(frame, self.motion.velocity());
+        counts.keypoints = data.len() as u32;
+        counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
+        if self.last.is_none() {
+            return self.initialise(frame, data, counts);
+        }
+        match self.locate(frame, &data, &mut counts) {
+            Ok(solution) => self.accept(frame, data, counts, solution),
+            Err(reason) => self.lose(frame, counts, reason),
+        }
+    }
+
+    /// Begins a map with the first frame that has enough depth.
+    fn initialise(
+        &mut self,
+        frame: &RgbdFrame,
+        data: Arc<KeyframeData>,
+        counts: FrameCounts,
+    ) -> Tracked {
+        if (counts.with_depth as usize) < self.config.tracking.min_initial_points {
+            let few = (counts.keypoints as usize) < self.config.tracking.min_initial_points;
+            let reason = if few {
+                LostReason::FewFeatures
+            } else {
+                LostReason::FewDepths
+            };
+            return self.lose(frame, counts, reason);
+        }
+        let pose = Se3::identity();
+        let id = KeyframeId(frame.id.0);
+        let matches = vec![None; data.len()];
+        self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
+        self.last_keyframe = Some(frame.id);
+        self.lost_since = None;
+        self.trajectory.push(TrajectoryEntry {
+            frame: frame.id,
+            stamp: frame.stamp,
+            reference: id,
+            reference_from_camera: Se3::identity(),
+            online_world_from_camera: pose,
+            inliers: counts.with_depth,
+        });
+        Tracked {
+            report: self.report(frame, Outcome::Initialised, Some(pose), counts, true),
+            keyframe: Some(NewKeyframe {
+                id,
+                data,
+                reference: None,
+                reference_from_camera: pose,
+                matches,
+                statistics: Vec::new(),
+            }),
+        }
+    }
+
+    /// Finds the pose: predict, match to the last frame, match to the local map, optimise.
+    fn locate(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &Arc<KeyframeData>,
+        counts: &mut FrameCounts,
+    ) -> Result<Solution, LostReason> {
+        if data.len() < self.config.tracking.min_inliers {
+            return Err(LostReason::FewFeatures);
+        }
+        let (reference, predicted) = self.predict(frame.stamp);
+        let (matches, pose) = self.match_last_frame(data, reference, &predicted)?;
+        counts.frame_matches = matches.count as u32;
+        let (reference, matches, pose) =
+            self.match_local_map(data, reference, matches, &pose, counts);
+        let inliers = matches.iter().flatten().count();
+        counts.inliers = inliers as u32;
+        if inliers < self.config.tracking.min_inliers {
+            return Err(LostReason::FewInliers);
+        }
+        Ok(Solution {
+            camera_from_world: pose,
+            reference,
+            matches,
+        })
+    }
+
+    /// Expresses the last pose in the present view, then predicts. Returns the reference keyframe and
+    /// `camera_from_world`.
+    fn predict(&mut self, stamp: f64) -> (KeyframeId, Se3) {
+        let Some(last) = &mut self.last else {
+            return (KeyframeId(0), Se3::identity());
+        };
+        if let Some(w) = self.view.world_from_keyframe(last.reference) {
+            last.world_from_camera = w * last.reference_from_camera;
+        }
+        let reference = self
+            .view
+            .resolve_keyframe(last.reference)
+            .unwrap_or(last.reference);
+        let last_from_world = last.world_from_camera.inverse();
+        let predicted = self.motion.predict(&last_from_world, stamp - last.stamp);
+        (reference, predicted)
+    }
+
+    /// Matches to the last frame around the prediction, else wider, else to the reference keyframe by descriptor alone.
+    fn match_last_frame(
+        &self,
+        data: &KeyframeData,
+        reference: KeyframeId,
+        predicted: &Se3,
+    ) -> Result<(Matches, Se3), LostReason> {
+        let Some(last) = &self.last else {
+            return Err(LostReason::FewMatches);
+        };
+        let min_inliers = self.config.tracking.min_inliers.min(20);
+        let bounds = self.observer.bounds();
+        let candidates = {
+            let _span = tracing::info_span!("match").entered();
+            self.last_frame_points(last)
+        };
+        let radius = self.config.tracking.motion_radius as f32;
+        for radius in [radius, 3.0 * radius] {
+            let matches = {
+                let _span = tracing::info_span!("match").entered();
+                matching::match_by_projection(
+                    data, predicted, &last.data, &candidates, bounds, radius,
+                )
+            };
+            if matches.count >= min_inliers {
+                let (matches, pose) = pose::solve(data, predicted, matches);
+                if matches.count >= min_inliers {
+                    return Ok((matches, pose));
+                }
+            }
+        }
+        let _span = tracing::info_span!("match").entered();
+        let keyframe = self.view.keyframe(reference).ok_or(LostReason::FewMatches)?;
+        let candidates: Vec<Candidate> = keyframe
+            .matches
+            .iter()
+            .enumerate()
+            .filter_map(|(i, id)| {
+                let landmark = (*id)?;
+                Some(Candidate {
+                    landmark: Some(landmark),
+                    position: self.view.landmark_position(landmark)?,
+                    feature: i as u32,
+                })
+            })
+            .collect();
+        let matches = matching::match_by_descriptor(data, &keyframe.data, &candidates);
+        if matches.count < min_inliers {
+            return Err(LostReason::FewMatches);
+        }
+        let start = last.world_from_camera.inverse();
+        let (matches, pose) = pose::solve(data, &start, matches);
+        if matches.count < min_inliers {
+            return Err(LostReason::FewInliers);
+        }
+        Ok((matches, pose))
+    }
+
+    /// The points that the last frame saw: landmarks, and where there is none the point behind its depth. The latter
+    /// are there at once, so a map view that comes late costs nothing.
+    fn last_frame_points(&self, last: &LastFrame) -> Vec<Candidate> {
+        let close = self.config.sensor.close_depth;
+        let point = |i: usize| {
+            let landmark = last.matches[i].and_then(|id| self.view.resolve_landmark(id));
+            let position = match landmark {
+                Some(id) => self.view.landmark_position(id)?,
+                None => {
+                    last.data.depth(i).filter(|z| *z < close)?;
+                    last.world_from_camera
+                        .transform(&last.data.point_in_camera(i)?)
+                }
+            };
+            Some(Candidate {
+                landmark,
+                position,
+                feature: i as u32,
+            })
+        };
+        (0..last.data.len()).filter_map(point).collect()
+    }
+
+    /// Matches to the local map and optimises the pose with all that was found. Returns the new reference keyframe, the
+    /// landmark of each inlier, and the pose.
+    fn match_local_map(
+        &mut self,
+        data: &KeyframeData,
+        reference: KeyframeId,
+        mut matches: Matches,
+        pose: &Se3,
+        counts: &mut FrameCounts,
+    ) -> (KeyframeId, Vec<Option<LandmarkId>>, Se3) {
+        let span = tracing::info_span!("match").entered();
+        let reference = self.local_map.update(&self.view, reference, &matches);
+        let statistics = &mut self.statistics;
+        let search = self.local_map.search(
+            data,
+            pose,
+            self.observer.bounds(),
+            self.observer.level_sigmas(),
+            self.config.tracking.local_radius as f32,
+            &mut matches,
+            |id| statistic(statistics, id).visible += 1,
+        );
+        drop(span);
+        counts.local_visible = search.visible;
+        counts.map_matches = matches.count as u32;
+        let (matches, pose) = pose::solve(data, pose, matches);
+        let landmarks: Vec<Option<LandmarkId>> = matches
+            .targets
+            .iter()
+            .map(|t| t.and_then(|t| t.landmark))
+            .collect();
+        for id in landmarks.iter().flatten() {
+            statistic(&mut self.statistics, *id).found += 1;
+        }
+        (reference, landmarks, pose)
+    }
+
+    /// Takes a pose: motion model, trajectory, keyframe decision.
+    fn accept(
+        &mut self,
+        frame: &RgbdFrame,
+        data: Arc<KeyframeData>,
+        counts: FrameCounts,
+        solution: Solution,
+    ) -> Tracked {
+        let Solution {
+            camera_from_world,
+            reference,
+            matches,
+        } = solution;
+        let world_from_camera = camera_from_world.inverse();
+        match &self.last {
+            Some(last) if self.lost_since.is_none() => self.motion.learn(
+                &last.world_from_camera.inverse(),
+                &camera_from_world,
+                frame.stamp - last.stamp,
+            ),
+            _ => self.motion.forget(),
+        }
+        self.lost_since = None;
+        let world_from_reference = self.view.world_from_keyframe(reference).unwrap_or_default();
+        let reference_from_camera = world_from_reference.inverse() * world_from_camera;
+        self.trajectory.push(TrajectoryEntry {
+            frame: frame.id,
+            stamp: frame.stamp,
+            reference,
+            reference_from_camera,
+            online_world_from_camera: world_from_camera,
+            inliers: counts.inliers,
+        });
+        let keyframe = self.make_keyframe(frame, &data, reference, reference_from_camera, &matches);
+        self.remember(
+            frame,
+            &data,
+            matches,
+            reference,
+            reference_from_camera,
+            world_from_camera,
+        );
+        let outcome = Outcome::Tracked;
+        Tracked {
+            report: self.report(
+                frame,
+                outcome,
+                Some(world_from_camera),
+                counts,
+                keyframe.is_some(),
+            ),
+            keyframe,
+        }
+    }
+
+    fn make_keyframe(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &Arc<KeyframeData>,
+        reference: KeyframeId,
+        reference_from_camera: Se3,
+        matches: &[Option<LandmarkId>],
+    ) -> Option<NewKeyframe> {
+        let _span = tracing::info_span!("keyframe").entered();
+        let gap = self
+            .last_keyframe
+            .map_or(u32::MAX, |id| frame.id.0.saturating_sub(id.0));
+        let config = &self.config.keyframes;
+        let due = gap >= config.min_gap
+            && config.is_due(
+                &self.view,
+                self.view.keyframe(reference)?,
+                data,
+                matches,
+                self.config.sensor.close_depth,
+            );
+        if !due {
+            return None;
+        }
+        self.last_keyframe = Some(frame.id);
+        Some(NewKeyframe {
+            id: KeyframeId(frame.id.0),
+            data: Arc::clone(data),
+            reference: Some(reference),
+            reference_from_camera,
+            matches: matches.to_vec(),
+            statistics: std::mem::take(&mut self.statistics).into_values().collect(),
+        })
+    }
+
+    fn remember(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &Arc<KeyframeData>,
+        matches: Vec<Option<LandmarkId>>,
+        reference: KeyframeId,
+        reference_from_camera: Se3,
+        world_from_camera: Se3,
+    ) {
+        self.last = Some(LastFrame {
+            stamp: frame.stamp,
+            data: Arc::clone(data),
+            matches,
+            reference,
+            reference_from_camera,
+            world_from_camera,
+        });
+    }
+
+    fn lose(&mut self, frame: &RgbdFrame, counts: FrameCounts, reason: LostReason) -> Tracked {
+        self.motion.forget();
+        let since = *self.lost_since.get_or_insert(frame.id);
+        let outcome = Outcome::Lost { since, reason };
+        Tracked {
+            report: self.report(frame, outcome, None, counts, false),
+            keyframe: None,
+        }
+    }
+
+    fn report(
+        &self,
+        frame: &RgbdFrame,
+        outcome: Outcome,
+        world_from_camera: Option<Se3>,
+        counts: FrameCounts,
+        is_keyframe: bool,
+    ) -> FrameReport {
+        FrameReport {
+            frame: frame.id,
+            stamp: frame.stamp,
+            outcome,
+            world_from_camera,
+            counts,
+            is_keyframe,
+            map_version: self.view.version(),
+        }
+    }
+}
+
+fn statistic(
+    statistics: &mut BTreeMap<LandmarkId, LandmarkStatistic>,
+    id: LandmarkId,
+) -> &mut LandmarkStatistic {
+    statistics.entry(id).or_insert(LandmarkStatistic {
+        id,
+        visible: 0,
+        found: 0,
+    })
+}

@@ -1,0 +1,44 @@
+//! The pose from matches.
+
+use super::matching::Matches;
+use stillpoint_estimation::{
+    Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose,
+};
+use stillpoint_geometry::Se3;
+use stillpoint_map::KeyframeData;
+
+/// What a feature measured, for estimation.
+pub(crate) fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
+    let depth = data
+        .depth(feature)
+        .map(|z| (z, f64::from(data.depth_sigmas[feature])));
+    Measurement::new(
+        data.position(feature),
+        f64::from(data.sigma_px[feature]),
+        depth,
+    )
+}
+
+/// Optimises the pose `camera_from_world` from all matches and takes out those that do not agree with it.
+pub(super) fn solve(data: &KeyframeData, initial: &Se3, mut matches: Matches) -> (Matches, Se3) {
+    let _span = tracing::info_span!("pose").entered();
+    let mut features = Vec::with_capacity(matches.count);
+    let mut observations = Vec::with_capacity(matches.count);
+    for (i, target) in matches.targets.iter().enumerate() {
+        if let Some(t) = target {
+            features.push(i);
+            observations.push(PoseObservation {
+                point: t.position,
+                measurement: measurement(data, i),
+            });
+        }
+    }
+    let camera = Intrinsics::from(&data.camera);
+    let estimate = optimise_pose(&camera, initial, &observations, &PoseOptions::default());
+    for (feature, inlier) in features.iter().zip(&estimate.inliers) {
+        if !inlier {
+            matches.clear(*feature);
+        }
+    }
+    (matches, estimate.camera_from_world)
+}

@@ -1,0 +1,55 @@
+//! The trajectory: what each frame's pose was when it was tracked, and what it is after all corrections.
+
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::FrameId;
+use stillpoint_map::{KeyframeId, MapView};
+
+/// One frame of the trajectory. Never rewritten: the pose is relative to a keyframe, whose own pose may still improve.
+#[derive(Clone, Copy, Debug)]
+pub struct TrajectoryEntry {
+    /// The frame.
+    pub frame: FrameId,
+    /// Its colour stamp, s.
+    pub stamp: f64,
+    /// The keyframe that the pose is relative to.
+    pub reference: KeyframeId,
+    /// Pose relative to it.
+    pub reference_from_camera: Se3,
+    /// The pose as known at this frame.
+    pub online_world_from_camera: Se3,
+    /// Landmark matches that agreed with the pose.
+    pub inliers: u32,
+}
+
+/// All frames in which a pose was measured, in order.
+#[derive(Clone, Debug, Default)]
+pub struct Trajectory {
+    entries: Vec<TrajectoryEntry>,
+}
+
+impl Trajectory {
+    /// Appends an entry.
+    pub(crate) fn push(&mut self, entry: TrajectoryEntry) {
+        self.entries.push(entry);
+    }
+
+    /// The entries, in the order of frames.
+    #[must_use]
+    pub fn entries(&self) -> &[TrajectoryEntry] {
+        &self.entries
+    }
+
+    /// The final pose of every entry, through its reference keyframe in `view`. A culled keyframe resolves through its
+    /// tombstone; an entry whose keyframe is not in `view` yet keeps its online pose.
+    pub fn resolve<'a>(
+        &'a self,
+        view: &'a MapView,
+    ) -> impl Iterator<Item = (TrajectoryEntry, Se3)> + 'a {
+        self.entries.iter().map(move |e| {
+            let pose = view
+                .world_from_keyframe(e.reference)
+                .map_or(e.online_world_from_camera, |w| w * e.reference_from_camera);
+            (*e, pose)
+        })
+    }
+}
