@@ -42,22 +42,20 @@ impl Brief {
         assert!(x >= REACH && y >= REACH && x + REACH < width && y + REACH < smooth.height());
         let window = &smooth.data()[(y - REACH) * width + x - REACH..];
         let centre = (REACH * width + REACH) as i32;
-        let (first, second) = self.offsets.split_at(256);
-        let mut words = [0; 4];
-        for (word, bits) in words.iter_mut().zip(0..4) {
-            let tests = 64 * bits..64 * bits + 64;
-            let mut value = 0_u64;
-            for (i, (&a, &b)) in first[tests.clone()].iter().zip(&second[tests]).enumerate() {
-                let darker = window[(centre + a) as usize] < window[(centre + b) as usize];
-                value |= u64::from(darker) << i;
-            }
-            *word = value;
-        }
-        Descriptor(words)
+        compare_scalar(window, centre, &self.offsets)
     }
 
     fn rotate(&mut self, direction: (f32, f32), stride: i32) {
-        let _ = self.simd;
+        #[cfg(target_arch = "x86_64")]
+        if self.simd.has_avx2() {
+            return crate::avx2::rotate(
+                &self.points_x,
+                &self.points_y,
+                direction,
+                stride,
+                &mut self.offsets,
+            );
+        }
         rotate_scalar(
             &self.points_x,
             &self.points_y,
@@ -81,4 +79,21 @@ pub(crate) fn rotate_scalar(
         let row = (x * sin + y * cos).round_ties_even() as i32;
         *offset = row * stride + column;
     }
+}
+
+/// Compares the samples: the first 256 offsets with the other 256, all relative to `window[centre]`.
+fn compare_scalar(window: &[u8], centre: i32, offsets: &[i32]) -> Descriptor {
+    let (first, second) = offsets.split_at(256);
+    let mut words = [0; 4];
+    for ((word, first), second) in words
+        .iter_mut()
+        .zip(first.chunks_exact(64))
+        .zip(second.chunks_exact(64))
+    {
+        for (i, (&a, &b)) in first.iter().zip(second).enumerate() {
+            let darker = window[(centre + a) as usize] < window[(centre + b) as usize];
+            *word |= u64::from(darker) << i;
+        }
+    }
+    Descriptor(words)
 }

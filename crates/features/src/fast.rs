@@ -121,15 +121,15 @@ fn score_image(image: &GrayImage, options: &FastOptions, scores: &mut [u8], simd
     let (width, height) = (image.width(), image.height());
     // One pixel more on each side: suppression looks at all neighbours of a corner.
     let columns = options.margin - 1..width - options.margin + 1;
-    for y in options.margin - 1..height - options.margin + 1 {
-        let _ = simd;
-        score_span(
-            image,
-            y,
-            columns.clone(),
-            options.low,
-            &mut scores[y * width..(y + 1) * width],
-        );
+    let rows = options.margin - 1..height - options.margin + 1;
+    #[cfg(target_arch = "x86_64")]
+    if simd.has_avx2() {
+        return crate::avx2::score_rows(image, rows, columns, options.low, scores);
+    }
+    let _ = simd;
+    for y in rows {
+        let out = &mut scores[y * width..(y + 1) * width];
+        score_span(image, y, columns.clone(), options.low, out);
     }
 }
 
@@ -186,9 +186,14 @@ fn score_of(circle: [u8; 16], centre: u8) -> u8 {
 }
 
 fn find_maxima(scores: &GrayImage, margin: usize, corners: &mut Vec<Corner>, simd: Simd) {
-    let _ = simd;
     let columns = margin..scores.width() - margin;
-    for y in margin..scores.height() - margin {
+    let rows = margin..scores.height() - margin;
+    #[cfg(target_arch = "x86_64")]
+    if simd.has_avx2() {
+        return crate::avx2::find_maxima(scores, rows, columns, corners);
+    }
+    let _ = simd;
+    for y in rows {
         maxima_span(scores, y, columns.clone(), corners);
     }
 }

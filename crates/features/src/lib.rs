@@ -3,12 +3,16 @@
 //! Answers: where the corners of an image are, how each looks, and which of two sets look alike. Does not know cameras, poses or landmarks.
 //! Kernels are chosen at run time through [`stillpoint_imaging::Simd`]; all give the same bits.
 
+#[cfg(target_arch = "x86_64")]
+mod avx2;
 mod brief;
 mod config;
 mod descriptor;
 mod extract;
 mod fast;
 mod grid;
+#[doc(hidden)]
+pub mod kernels;
 mod matching;
 mod orientation;
 mod pattern;

@@ -3,6 +3,9 @@
 //! Answers: the best candidates in a search window, mutual best matches of two sets, and which matches agree on how the image turned. Does not know
 //! landmarks or poses: the caller says where to look.
 
+#[cfg(target_arch = "x86_64")]
+use stillpoint_imaging::Simd;
+
 use crate::{Descriptor, FeatureGrid};
 
 /// A search window: a disc in the image and the pyramid levels to accept.
@@ -35,6 +38,22 @@ pub struct BestTwo {
 
 /// The best two of the accepted `descriptors` in `window`; the first visited wins a tie. `None` when there is no candidate.
 pub fn best_two(
+    grid: &FeatureGrid,
+    window: &Window,
+    descriptor: &Descriptor,
+    descriptors: &[Descriptor],
+    accept: impl FnMut(u32) -> bool,
+) -> Option<BestTwo> {
+    #[cfg(target_arch = "x86_64")]
+    if Simd::Avx2.has_avx2() {
+        return crate::avx2::best_two(grid, window, descriptor, descriptors, accept);
+    }
+    best_two_portable(grid, window, descriptor, descriptors, accept)
+}
+
+/// [`best_two`] for the instruction set of its caller, into which it is inlined.
+#[inline(always)]
+pub(crate) fn best_two_portable(
     grid: &FeatureGrid,
     window: &Window,
     descriptor: &Descriptor,

@@ -11,6 +11,10 @@ pub(crate) const HALF_WIDTHS: [usize; RADIUS + 1] =
 
 /// First moments (m10, m01) of the disc around (x, y), which is at least 15 px from the border.
 pub(crate) fn moments(image: &GrayImage, x: usize, y: usize, simd: Simd) -> (i32, i32) {
+    #[cfg(target_arch = "x86_64")]
+    if simd.has_avx2() {
+        return crate::avx2::moments(image, x, y);
+    }
     let _ = simd;
     moments_scalar(image, x, y)
 }

@@ -1,5 +1,6 @@
 //! The extractor as its users see it.
 
+use proptest::prelude::*;
 use stillpoint_features::{Features, OrbConfig, OrbExtractor};
 use stillpoint_imaging::{GrayImage, Simd};
 
@@ -64,4 +65,19 @@ fn an_ordinary_image_gives_about_the_wanted_number() {
         features.len()
     );
     assert_eq!(features.keypoints.len(), features.descriptors.len());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+    #[test]
+    fn vector_kernels_give_the_bits_of_the_portable_ones(
+        width in 1_usize..260, height in 1_usize..180, seed in any::<u64>(), contrast in 1_u64..256,
+    ) {
+        let data = (0..width * height)
+            .map(|i| ((hash((i % width) as i64 / 3, (i / width) as i64 / 3, seed) % contrast) + hash(i as i64, 0, seed) % 9).min(255) as u8)
+            .collect();
+        let image = GrayImage::from_vec(width, height, data).unwrap();
+        let (scalar, vector) = (extract(&image, Simd::Scalar), extract(&image, Simd::detect()));
+        prop_assert_eq!(scalar, vector);
+    }
 }

@@ -1,0 +1,77 @@
+//! The stages of the extraction one by one, for benchmarks only: no part of the interface.
+
+use stillpoint_imaging::{GrayImage, Simd};
+
+use crate::{
+    Descriptor,
+    brief::Brief,
+    fast::{Corner, FastDetector, FastOptions},
+    orientation::{direction, moments},
+    spread::Spread,
+};
+
+/// The stages on one image, at its own scale.
+#[derive(Clone, Debug)]
+pub struct Stages {
+    detector: FastDetector,
+    spread: Spread,
+    chosen: Vec<Corner>,
+    brief: Brief,
+    simd: Simd,
+}
+
+impl Stages {
+    /// Buffers of all stages.
+    #[must_use]
+    pub fn new(simd: Simd) -> Self {
+        Self {
+            detector: FastDetector::new(simd),
+            spread: Spread::default(),
+            chosen: Vec::new(),
+            brief: Brief::new(simd),
+            simd,
+        }
+    }
+
+    /// FAST scores, suppression and choice of threshold; the number of corners.
+    pub fn fast(&mut self, image: &GrayImage) -> usize {
+        let options = FastOptions {
+            high: 20,
+            low: 7,
+            margin: 19,
+        };
+        self.detector.detect(image, &options).len()
+    }
+
+    /// Spreads `quota` of the corners of the last [`Stages::fast`]; the number chosen.
+    pub fn spread(&mut self, image: &GrayImage, quota: usize) -> usize {
+        let size = (image.width(), image.height());
+        self.chosen.clear();
+        self.spread
+            .choose(self.detector.corners(), size, quota, &mut self.chosen);
+        self.chosen.len()
+    }
+
+    /// Orientation of all chosen corners; the sum of their cosines.
+    pub fn orient(&self, image: &GrayImage) -> f32 {
+        let cosine = |corner: &Corner| {
+            direction(moments(image, corner.x.into(), corner.y.into(), self.simd)).0
+        };
+        self.chosen.iter().map(cosine).sum()
+    }
+
+    /// Descriptors of all chosen corners, turned by an arbitrary angle; their exclusive or.
+    pub fn describe(&mut self, smooth: &GrayImage) -> Descriptor {
+        let mut all = [0; 4];
+        for corner in &self.chosen {
+            let turn = (0.8, 0.6);
+            let found = self
+                .brief
+                .describe(smooth, corner.x.into(), corner.y.into(), turn);
+            for (sum, word) in all.iter_mut().zip(found.0) {
+                *sum ^= word;
+            }
+        }
+        Descriptor(all)
+    }
+}
