@@ -181,8 +181,6 @@ mod tests {
                 let d = a.world_from_camera.inverse() * b.world_from_camera;
                 prop_assert!(d.log().norm() < 1e-8);
             }
-            // A second round changes nothing any more.
-            prop_assert_eq!(format(&back), format(&poses));
         }
 
         #[test]

@@ -1,0 +1,250 @@
+//! Every kind of bad input ends in a message that names the place, what was expected and what was found.
+
+mod common;
+
+use common::{Folder, depth, fails, gray};
+use image::{DynamicImage, ImageFormat};
+use stillpoint_datasets::{
+    CameraChoice, Dataset, DatasetSource, FrameOptions, Layout, OpenOptions,
+};
+use stillpoint_imaging::FrameSource;
+
+#[test]
+fn folder_is_missing_a_file_or_empty() {
+    let f = Folder::empty("x");
+    f.fails(&["x", "empty folder"]);
+    fails(
+        &f.path.join("no"),
+        &OpenOptions::default(),
+        &["x/no", "folder", "found nothing"],
+    );
+    f.text("file", "");
+    fails(
+        &f.path.join("file"),
+        &OpenOptions::default(),
+        &["found a file"],
+    );
+}
+
+#[test]
+fn no_depth() {
+    let f = Folder::tum("x", 3);
+    f.text("depth.txt", "# nothing\n");
+    f.fails(&["depth.txt", "found none", "RGB-D"]);
+    f.remove("depth.txt");
+    f.fails(&["depth.txt beside rgb.txt", "rgb.txt only"]);
+    let f = Folder::empty("icl");
+    f.image("rgb/0.png", &gray(1));
+    f.fails(&["a folder depth beside rgb"]);
+    let f = Folder::empty("7");
+    f.image("frame-000000.color.png", &gray(1));
+    f.fails(&["1 colour images and no depth image"]);
+}
+
+#[test]
+fn unknown_layout_shows_the_content_and_the_folder_meant() {
+    let f = Folder::empty("x");
+    f.text("notes.md", "");
+    f.fails(&["rgb.txt and depth.txt", "found notes.md", "one sequence"]);
+    f.text("seq-01/rgb.txt", "");
+    f.fails(&["did you mean", "seq-01"]);
+    let f = Folder::empty("y");
+    f.text("notes.md", "");
+    let asked = OpenOptions {
+        layout: Some(Layout::Tum),
+        ..OpenOptions::default()
+    };
+    fails(&f.path, &asked, &["rgb.txt and depth.txt"]);
+    let asked = OpenOptions {
+        layout: Some(Layout::SevenScenes),
+        ..OpenOptions::default()
+    };
+    fails(&f.path, &asked, &["no depth image"]);
+}
+
+#[test]
+fn unknown_camera_lists_the_choices() {
+    let f = Folder::tum("x", 3);
+    f.remove("camera.txt");
+    f.fails(&["tum_fr1, tum_fr2, tum_fr3, bonn", "camera.toml"]);
+    let asked = OpenOptions {
+        camera: Some(CameraChoice::from_argument("fr8")),
+        ..OpenOptions::default()
+    };
+    fails(&f.path, &asked, &["fr8", "neither a preset nor a file"]);
+    f.text("camera.toml", "fx = 1.0\nfy = oops\n");
+    f.fails(&["camera.toml:2:"]);
+    f.text("camera.txt", "1 2 3\n");
+    f.remove("camera.toml");
+    f.fails(&["camera.txt:1:", "3 columns"]);
+}
+
+#[test]
+fn lists_with_bad_lines_and_stamps() {
+    let f = Folder::tum("x", 3);
+    f.text("rgb.txt", "# c\n0.0 rgb/0.png\n0.1\n");
+    f.fails(&["rgb.txt:3:", "a timestamp and a file name", "\"0.1\""]);
+    f.text("rgb.txt", "0.2 rgb/0.png\n0.1 rgb/1.png\n");
+    f.fails(&["rgb.txt:2:", "goes back"]);
+    f.text("rgb.txt", "0.1 rgb/0.png\n0.1 rgb/1.png\n");
+    f.fails(&["rgb.txt:2:", "repeats"]);
+    f.text("rgb.txt", "100 rgb/0.png\n");
+    f.fails(&["within 0.02 s", "100.000 to 100.000", "same clock"]);
+    f.bytes("rgb.txt", b"\xff\xfe\x00garbage");
+    f.fails(&["rgb.txt:1:"]);
+    f.text("rgb.txt", "");
+    f.fails(&["rgb.txt", "found none"]);
+    f.remove("rgb.txt");
+    f.text("associations.txt", "0.0 rgb/0.png 0.005\n");
+    f.fails(&["associations.txt:1:", "3 columns"]);
+}
+
+#[test]
+fn ground_truth_with_a_bad_line() {
+    let f = Folder::tum("x", 3);
+    assert_eq!(f.open().ground_truth().unwrap(), None);
+    f.text("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0\n");
+    let e = f.open().ground_truth().unwrap_err();
+    assert_eq!(e.line(), Some(2));
+    assert!(e.path().ends_with("groundtruth.txt"));
+}
+
+/// What the frames give, as `ok` or the message.
+fn outcomes(f: &Folder, strict: bool) -> Vec<String> {
+    let options = OpenOptions {
+        strict,
+        ..OpenOptions::default()
+    };
+    let dataset = Dataset::open(&f.path, &options).unwrap();
+    let mut source: DatasetSource = dataset.frames(&FrameOptions::default()).unwrap();
+    let mut all = Vec::new();
+    while let Some(item) = source.next_frame() {
+        all.push(item.map_or_else(
+            |e| {
+                assert_eq!(e.recoverable, !strict);
+                e.message
+            },
+            |f| format!("ok {}", f.id),
+        ));
+    }
+    all
+}
+
+#[test]
+fn one_unreadable_frame_is_skipped_unless_strict() {
+    type Spoil = fn(&Folder);
+    let cases: [(Spoil, [&str; 2]); 7] = [
+        (|f| f.remove("rgb/1.png"), ["rgb/1.png", "no such file"]),
+        (|f| f.bytes("rgb/1.png", b""), ["rgb/1.png", "0 bytes"]),
+        (
+            |f| {
+                let bytes = std::fs::read(f.path.join("depth/1.png")).unwrap();
+                f.bytes("depth/1.png", &bytes[..bytes.len() / 2]);
+            },
+            ["depth/1.png", "truncated"],
+        ),
+        (
+            |f| {
+                f.image(
+                    "rgb/1.png",
+                    &gray(0).resize_exact(16, 24, image::imageops::Nearest),
+                );
+            },
+            ["32 x 24 px", "found 16 x 24 px"],
+        ),
+        (
+            |f| f.image("depth/1.png", &gray(9)),
+            ["16-bit grey PNG", "an 8-bit grey PNG"],
+        ),
+        (
+            |f| f.bytes("depth/1.png", b"\x76\x2f\x31\x01...."),
+            ["16-bit grey PNG", "float"],
+        ),
+        (
+            |f| f.bytes("rgb/1.png", b"what is this"),
+            ["PNG, JPEG or WebP", "unknown format"],
+        ),
+    ];
+    for (spoil, parts) in cases {
+        let f = Folder::tum("x", 3);
+        spoil(&f);
+        let lenient = outcomes(&f, false);
+        assert_eq!(lenient.len(), 3, "{lenient:?}");
+        assert_eq!((&*lenient[0], &*lenient[2]), ("ok 0", "ok 2"));
+        for part in parts {
+            assert!(lenient[1].contains(part), "{} lacks {part}", lenient[1]);
+        }
+        assert!(lenient[1].starts_with("frame 1 (0.100000 s): "));
+        let strict = outcomes(&f, true);
+        assert_eq!(strict.len(), 2, "{strict:?}");
+        assert_eq!(strict[1], lenient[1]);
+    }
+}
+
+#[test]
+fn what_is_wrong_with_every_frame_is_said_on_opening() {
+    let f = Folder::tum("x", 3);
+    for i in 0..3 {
+        f.image(&format!("depth/{i}.png"), &gray(9));
+    }
+    f.fails(&["depth/0.png", "an 8-bit grey PNG", "5000 per metre"]);
+    for i in 0..3 {
+        let rgb = DynamicImage::ImageRgb8(depth(9).into_rgb8());
+        f.image(&format!("depth/{i}.png"), &rgb);
+    }
+    f.fails(&["an 8-bit colour PNG"]);
+    for i in 0..3 {
+        f.image_as(
+            &format!("depth/{i}.png"),
+            &DynamicImage::ImageRgb8(depth(9).into_rgb8()),
+            ImageFormat::Jpeg,
+        );
+    }
+    f.fails(&["16-bit grey PNG", "Jpeg"]);
+    f.remove("rgb");
+    f.fails(&["rgb/0.png", "no such file"]);
+    let f = Folder::tum("fr1_small", 3);
+    f.remove("camera.txt");
+    f.fails(&["640 x 480 px, the size of the camera tum_fr1", "32 x 24 px"]);
+}
+
+#[test]
+fn depth_that_is_all_zero_or_saturated() {
+    let f = Folder::tum("x", 3);
+    for i in 0..3 {
+        f.image(&format!("depth/{i}.png"), &depth(0));
+    }
+    f.fails(&[
+        "depth/0.png",
+        "3 depth images that are zero everywhere",
+        "export",
+    ]);
+    f.image("depth/1.png", &depth(10_000));
+    assert!(f.open().warnings().is_empty());
+}
+
+#[test]
+fn a_wrong_depth_scale_is_warned_about() {
+    let f = Folder::tum("x", 3);
+    assert!(f.open().warnings().is_empty());
+    // Depth in millimetres would be 2000; here 10000 values for 2 m.
+    f.text("camera.txt", "30 30 16 12 150000\n");
+    let warnings = f.open().warnings().join("\n");
+    assert!(
+        warnings.contains("0.067 m") && warnings.contains("likely factor is 5000"),
+        "{warnings}"
+    );
+    f.text("camera.txt", "30 30 16 12 100\n");
+    assert!(f.open().warnings()[0].contains("100.000 m"));
+}
+
+#[test]
+fn starting_behind_the_end() {
+    let d = Folder::tum("x", 3).open();
+    let options = FrameOptions {
+        start: 3,
+        ..FrameOptions::default()
+    };
+    let e = d.frames(&options).unwrap_err().to_string();
+    assert!(e.contains("the number of frames, 3"), "{e}");
+}
