@@ -22,9 +22,9 @@ pub(crate) struct Visible {
     light: [f32; 3],
     texture: u16,
     /// Share of infrared light that comes back.
-    pub(crate) infrared: f32,
+    infrared: f32,
     /// Distance of the camera from the face's plane, m.
-    pub(crate) plane_distance: f32,
+    plane_distance: f32,
 }
 
 /// The faces of one view, sample by sample.
@@ -253,17 +253,25 @@ impl Visible {
         }
     }
 
-    /// Cosine of the angle between the line of sight and the face's normal, for a ray (x, y, 1) of length `ray` at depth
-    /// `z`.
+    /// Share of infrared light that comes back from a point at depth `z` on a ray (x, y, 1) of length `ray`: Lambert's law,
+    /// and for glossy black plastic a lobe of the fourth power of the cosine.
     #[inline]
-    pub(crate) fn cosine(&self, z: f32, ray: f32) -> f32 {
-        self.plane_distance / (z * ray)
+    pub(crate) fn infrared_back(&self, z: f32, ray: f32) -> f32 {
+        let cosine = self.plane_distance / (z * ray);
+        if self.infrared < GLOSSY {
+            self.infrared * cosine * cosine * cosine * cosine
+        } else {
+            self.infrared * cosine
+        }
     }
 }
 
+/// Faces with less diffuse infrared reflection than this are glossy.
+const GLOSSY: f32 = 0.1;
+
 /// Squared size of a texture sample relative to the longer side of a pixel's footprint; under 1, because the box filters
 /// of the mip levels and the bilinear sampling blur on their own.
-const FOOTPRINT2: f32 = 0.6;
+const FOOTPRINT2: f32 = 0.5;
 
 /// `a . ray(u, v)` as an affine function of the pixel.
 fn affine(a: &Vec3, camera: &Camera) -> Affine {

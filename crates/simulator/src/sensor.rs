@@ -19,11 +19,11 @@ pub(crate) struct Sensor {
 }
 
 /// Weight of each of the two neighbours in the point spread function, along rows and along columns.
-const SPREAD: f32 = 0.12;
+const SPREAD: f32 = 0.08;
 /// Read noise, grey levels.
-const READ_NOISE: f32 = 1.1;
+const READ_NOISE: f32 = 1.5;
 /// Variance per grey level of signal: photon noise.
-const PHOTON_NOISE: f32 = 0.018;
+const PHOTON_NOISE: f32 = 0.022;
 
 /// Distance between the infrared projector and its camera, m.
 const BASELINE: f32 = 0.075;
@@ -32,7 +32,7 @@ const RANGE: [f32; 2] = [0.4, 7.0];
 /// Disparities are multiples of this, px.
 const DISPARITY_STEP: f32 = 0.125;
 /// The infrared signal (reflectivity x cosine / depth^2) below which there is no measurement, about.
-const SIGNAL: f32 = 0.022;
+const SIGNAL: f32 = 0.009;
 /// Borders without depth after registration to the colour camera: left, top, right, bottom, px of 640 x 480.
 const BORDER: [usize; 4] = [10, 30, 36, 4];
 
@@ -62,7 +62,7 @@ impl Sensor {
     /// Brightness of the exposure at a stamp: automatic exposure drifts by some percent.
     fn exposure(stamp: f64) -> f32 {
         let slow = libm::sin(0.9 * stamp + 0.5) + 0.5 * libm::sin(2.3 * stamp);
-        (1.08 + 0.045 * slow) as f32
+        (1.0 + 0.045 * slow) as f32
     }
 
     /// Colour bytes from ideal RGB rows in grey levels: vignetting, exposure, blur, noise, clipping.
@@ -131,7 +131,7 @@ impl Sensor {
                 }
                 let z = 1.0 / inverse;
                 let face = &view.faces[usize::from(view.face[i])];
-                let signal = face.infrared * face.cosine(z, self.ray[i]) * inverse * inverse;
+                let signal = face.infrared_back(z, self.ray[i]) * inverse * inverse;
                 let patch = patches.at(x, y);
                 // An unlucky patch needs three times the signal of a lucky one.
                 if signal < SIGNAL * (1.0 + 0.6 * patch) || ragged(view, x, y, focal, patch) {

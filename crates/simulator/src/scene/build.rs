@@ -120,8 +120,8 @@ impl Builder {
                 self.names.len() - 1
             });
         let infrared = match pattern {
-            Pattern::Black | Pattern::DarkScreen => 0.11,
-            Pattern::LitScreen => 0.2,
+            Pattern::Black | Pattern::DarkScreen => 0.021,
+            Pattern::LitScreen => 0.03,
             Pattern::Fabric => 0.35,
             _ => 0.8,
         };

@@ -102,7 +102,7 @@ impl Pattern {
 
 fn plaster(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(512, 512, [205.0, 203.0, 198.0]);
-    for (cell, amplitude) in [(128, 5.0), (32, 3.0), (8, 2.5), (2, 3.0)] {
+    for (cell, amplitude) in [(128, 5.0), (32, 4.0), (8, 5.0), (4, 6.0), (2, 7.0)] {
         c.grain(rng, [cell, cell], amplitude);
     }
     for _ in 0..14 {
@@ -179,10 +179,11 @@ fn ceiling(rng: &mut Stream) -> Canvas {
 
 fn laminate(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(1024, 512, [226.0, 224.0, 222.0]);
-    c.grain(rng, [64, 8], 4.0);
-    c.grain(rng, [32, 2], 7.0);
-    c.grain(rng, [2, 2], 3.0);
-    for _ in 0..40 {
+    c.grain(rng, [64, 8], 5.0);
+    c.grain(rng, [32, 2], 10.0);
+    c.grain(rng, [8, 2], 7.0);
+    c.grain(rng, [2, 2], 4.0);
+    for _ in 0..90 {
         let p = [rng.range(0.0, 1024.0) as f32, rng.range(0.0, 512.0) as f32];
         let r = rng.range(1.0, 4.0) as f32;
         c.ellipse(p, [r, r * 0.7], gray(rng.range(150.0, 205.0)));
@@ -193,7 +194,8 @@ fn laminate(rng: &mut Stream) -> Canvas {
 fn wood(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(256, 256, [150.0, 108.0, 66.0]);
     c.grain(rng, [8, 128], 18.0);
-    c.grain(rng, [2, 32], 14.0);
+    c.grain(rng, [2, 32], 16.0);
+    c.grain(rng, [2, 4], 9.0);
     c.grain(rng, [16, 16], 5.0);
     for _ in 0..3 {
         let (p, r) = (
@@ -436,7 +438,7 @@ fn package(rng: &mut Stream) -> Canvas {
 
 fn clutter(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(512, 256, [224.0, 222.0, 220.0]);
-    c.grain(rng, [32, 2], 6.0);
+    c.grain(rng, [32, 2], 10.0);
     for _ in 0..7 {
         let shade = gray(rng.range(20.0, 80.0));
         let mut p = [rng.range(0.0, 512.0), rng.range(0.0, 256.0)];
@@ -448,7 +450,7 @@ fn clutter(rng: &mut Stream) -> Canvas {
             p = q;
         }
     }
-    for _ in 0..26 {
+    for _ in 0..44 {
         let p = [rng.range(10.0, 500.0) as f32, rng.range(10.0, 246.0) as f32];
         let angle = rng.range(0.0, 3.2);
         let turn = [libm::cos(angle) as f32, libm::sin(angle) as f32];
