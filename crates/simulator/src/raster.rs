@@ -306,3 +306,69 @@ fn project_clipped(
         a = b;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::texture::tests::ramp;
+    use stillpoint_geometry::{Vec2, so3};
+
+    #[test]
+    fn a_slanted_face_has_its_colour_and_depth_at_whole_pixels() {
+        let camera = Camera::pinhole(640, 480, [535.0, 530.0, 319.5, 239.5]);
+        let pose = Se3::new(
+            so3::exp(&Vec3::new(0.2, -0.5, 0.1)),
+            Vec3::new(0.1, -0.05, 0.2),
+        );
+        let (corner, right, up) = (
+            Vec3::new(-0.3, 0.25, 1.6),
+            Vec3::x() * 0.64,
+            Vec3::y() * -0.64,
+        );
+        let normal = right.cross(&up).normalize();
+        let axes = [
+            right * (64.0 / right.norm_squared()),
+            up * (-64.0 / up.norm_squared()),
+        ];
+        let offsets = [-axes[0].dot(&(corner + up)), -axes[1].dot(&(corner + up))];
+        let face = Face {
+            vertices: vec![corner, corner + right, corner + right + up, corner + up],
+            normal,
+            texture: 0,
+            axes,
+            offsets,
+            light: [1.0, 0.0, 0.0],
+            infrared: 1.0,
+        };
+        let scene = Scene::of(vec![face], ramp());
+        let (fine, coarse) = (
+            View::new(scene.faces_at(0.0), &camera, &pose, 2),
+            View::new(scene.faces_at(0.0), &camera, &pose, 1),
+        );
+        let (mut errors, mut n) = ([0.0; 2], 0.0);
+        for v in 0..480 {
+            let mut row = vec![0.0; 3 * 640];
+            fine.shade_row(&scene, v, &mut row);
+            for u in 0..640 {
+                let ray = pose.rotation * camera.ray(Vec2::new(u as f64, v as f64));
+                let z = normal.dot(&(corner - pose.translation)) / normal.dot(&ray);
+                let p = pose.translation + ray * z;
+                let [s, t] = [0, 1].map(|k| axes[k].dot(&p) + offsets[k]);
+                let inside = |m: f64| (m..64.0 - m).contains(&s) && (m..64.0 - m).contains(&t);
+                let seen = coarse.inverse_depth[v * 640 + u];
+                assert_eq!(seen > 0.0, inside(0.0), "at {u} {v}");
+                if inside(2.0) {
+                    assert!((f64::from(seen) * z - 1.0).abs() < 1e-5);
+                    errors[0] += f64::from(row[3 * u]) - (2.0 * s - 1.0);
+                    errors[1] += f64::from(row[3 * u + 1]) - (3.0 * t - 1.5);
+                    n += 1.0;
+                }
+            }
+        }
+        // A texel is about 3 px: these are errors of some hundredths of a pixel.
+        assert!(
+            n > 10_000.0 && (errors[0] / n).abs() < 0.04 && (errors[1] / n).abs() < 0.06,
+            "{errors:?} of {n}"
+        );
+    }
+}

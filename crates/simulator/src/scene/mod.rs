@@ -58,3 +58,14 @@ impl Scene {
         &self.textures[usize::from(number)]
     }
 }
+
+#[cfg(test)]
+impl Scene {
+    /// A scene of given faces, all with one texture.
+    pub(crate) fn of(faces: Vec<Face>, texture: Texture) -> Self {
+        Self {
+            faces,
+            textures: vec![texture],
+        }
+    }
+}
