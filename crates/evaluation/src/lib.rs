@@ -7,6 +7,7 @@
 mod associate;
 mod ate;
 mod error;
+pub mod plot;
 mod report;
 mod rpe;
 mod score;

@@ -1,0 +1,95 @@
+//! Figures are complete, well-formed and survive odd input.
+
+use stillpoint_evaluation::plot::{Series, timing_figure, trajectory_figure};
+use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint_geometry::{Se3, Vec3, so3};
+
+fn walk(n: usize, noise: f64) -> Vec<TimedPose> {
+    (0..n)
+        .map(|i| {
+            let s = i as f64 / 30.0;
+            let wobble = noise * libm::sin(37.0 * s);
+            let at = Vec3::new(
+                2.0 * libm::sin(s),
+                0.1 * s + wobble,
+                1.5 * libm::cos(0.7 * s),
+            );
+            TimedPose {
+                stamp: 5.0 + s,
+                world_from_camera: Se3::new(so3::exp(&Vec3::zeros()), at),
+            }
+        })
+        .collect()
+}
+
+#[test]
+fn trajectory_figure_shows_what_it_should() {
+    let (truth, mut estimate) = (walk(300, 0.0), walk(300, 0.02));
+    estimate.drain(100..150);
+    let ate = evaluate(&truth, &estimate, &EvalOptions::default())
+        .unwrap()
+        .ate;
+    let figure = trajectory_figure("a < b & c", &ate);
+    let svg = figure.to_svg();
+    for part in [
+        "a &lt; b &amp; c",
+        "x (m)",
+        "z (m)",
+        "time (s)",
+        "error (mm)",
+        "ground truth",
+        "250 pairs",
+        "RMSE",
+    ] {
+        assert!(svg.contains(part), "no {part}");
+    }
+    assert_eq!(svg.matches("<svg").count(), 1);
+    assert!(svg.ends_with("</svg>\n") && !svg.contains("NaN"));
+    let png = figure.to_png().unwrap();
+    assert!(png.starts_with(b"\x89PNG") && png.len() > 20_000);
+    // The same input gives the same picture.
+    assert_eq!(png, trajectory_figure("a < b & c", &ate).to_png().unwrap());
+    assert_eq!(figure.size(), (1200.0, 830.0));
+}
+
+#[test]
+fn perfect_and_short_trajectories_can_be_drawn() {
+    let truth = walk(3, 0.0);
+    let ate = evaluate(&truth, &truth, &EvalOptions::default())
+        .unwrap()
+        .ate;
+    let figure = trajectory_figure("", &ate);
+    assert!(!figure.to_svg().contains("NaN") && !figure.to_svg().contains("inf"));
+    figure.to_png().unwrap();
+}
+
+#[test]
+fn timing_figure_has_a_line_per_series_and_breaks_at_gaps() {
+    let track = [10.0, 12.0, f64::NAN, 11.0, 40.0];
+    let empty: [f64; 0] = [];
+    let svg = timing_figure(
+        "Time per frame",
+        &[
+            Series {
+                name: "track",
+                milliseconds: &track,
+            },
+            Series {
+                name: "none",
+                milliseconds: &empty,
+            },
+        ],
+    )
+    .to_svg();
+    assert!(svg.contains("track: median 11.5") && svg.contains("30 Hz"));
+    assert!(!svg.contains("NaN"));
+    let fast = timing_figure(
+        "",
+        &[Series {
+            name: "f",
+            milliseconds: &[1.0, 2.0],
+        }],
+    );
+    assert!(!fast.to_svg().contains("30 Hz"));
+    timing_figure("", &[]).to_png().unwrap();
+}
