@@ -159,29 +159,30 @@ pub(crate) fn find_maxima(
     assert!(rows.start >= 1 && rows.end < scores.height());
     assert!(columns.start >= 1 && columns.end < scores.width());
     for y in rows {
-        let blocks = columns.len() / 32;
-        // SAFETY: `check` has seen AVX2; the rows and columns, and their neighbours, are inside.
-        unsafe { maxima_row(scores, y, columns.start, blocks, corners) };
-        maxima_span(scores, y, columns.start + 32 * blocks..columns.end, corners);
+        if columns.len() < 32 {
+            maxima_span(scores, y, columns.clone(), corners);
+        } else {
+            // SAFETY: `check` has seen AVX2; the row and the at least 32 columns, and their neighbours, are inside.
+            unsafe { maxima_row(scores, y, columns.clone(), corners) };
+        }
     }
 }
 
 /// # Safety
-/// The `blocks` of 32 columns from `begin` on in row `y` are at least 1 px from the border of `scores`.
+/// `columns` are at least 32; they and `y` are at least 1 px from the border of `scores`.
 #[target_feature(enable = "avx2")]
 unsafe fn maxima_row(
     scores: &GrayImage,
     y: usize,
-    begin: usize,
-    blocks: usize,
+    columns: Range<usize>,
     corners: &mut Vec<Corner>,
 ) {
     let width = scores.width();
     let data = scores.data();
     // SAFETY: the caller promises that the neighbours of all pixels of the blocks are inside.
     let at = |index: usize| unsafe { load(data, index) };
-    for block in 0..blocks {
-        let x = begin + 32 * block;
+    for block in columns.clone().step_by(32) {
+        let x = block.min(columns.end - 32);
         let index = y * width + x;
         let score = at(index);
         if _mm256_testz_si256(score, score) == 1 {
@@ -193,6 +194,8 @@ unsafe fn maxima_row(
         let not_above = _mm256_cmpeq_epi8(_mm256_max_epu8(score, before), before);
         let not_below = _mm256_cmpeq_epi8(_mm256_max_epu8(score, after), score);
         let mut mask = _mm256_movemask_epi8(_mm256_andnot_si256(not_above, not_below)) as u32;
+        // The last block overlaps the one before, whose pixels are done.
+        mask &= u32::MAX << (block - x);
         while mask != 0 {
             let lane = mask.trailing_zeros() as usize;
             corners.push(Corner {
@@ -362,4 +365,26 @@ pub(crate) fn best_two(
     check();
     // SAFETY: `check` has seen the instruction.
     unsafe { kernel(grid, window, descriptor, descriptors, accept) }
+}
+
+/// [`matching::match_brute_force_portable`] with the machine's instruction to count bits.
+pub(crate) fn match_brute_force(
+    query: &[Descriptor],
+    train: &[Descriptor],
+    max_distance: u32,
+    ratio: f32,
+) -> Vec<Option<u32>> {
+    /// The same, compiled for the instruction.
+    #[target_feature(enable = "popcnt")]
+    fn kernel(
+        query: &[Descriptor],
+        train: &[Descriptor],
+        max_distance: u32,
+        ratio: f32,
+    ) -> Vec<Option<u32>> {
+        matching::match_brute_force_portable(query, train, max_distance, ratio)
+    }
+    check();
+    // SAFETY: `check` has seen the instruction.
+    unsafe { kernel(query, train, max_distance, ratio) }
 }

@@ -75,10 +75,17 @@ pub(crate) fn rotate_scalar(
     offsets: &mut [i32],
 ) {
     for ((offset, &x), &y) in offsets.iter_mut().zip(xs).zip(ys) {
-        let column = (x * cos - y * sin).round_ties_even() as i32;
-        let row = (x * sin + y * cos).round_ties_even() as i32;
+        let column = nearest(x * cos - y * sin);
+        let row = nearest(x * sin + y * cos);
         *offset = row * stride + column;
     }
+}
+
+/// The nearest whole number of a small value, halves rounded to even. Near 1.5 x 2^23 floats are whole numbers, so the addition rounds; unlike the
+/// function of the standard library this needs no call on machines without a rounding instruction.
+fn nearest(value: f32) -> i32 {
+    const WHOLE: f32 = 12_582_912.0;
+    (value + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32
 }
 
 /// Compares the samples: the first 256 offsets with the other 256, all relative to `window[centre]`.

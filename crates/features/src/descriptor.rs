@@ -7,7 +7,7 @@ pub struct Descriptor(pub [u64; 4]);
 impl Descriptor {
     /// Hamming distance, 0..=256 bits.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn distance(&self, other: &Self) -> u32 {
         let bits = |i: usize| (self.0[i] ^ other.0[i]).count_ones();
         bits(0) + bits(1) + bits(2) + bits(3)

@@ -3,6 +3,8 @@
 //! The score of a pixel is the largest threshold `t` at which nine adjacent pixels of the circle of 16 around it are all brighter than the centre by
 //! at least `t`, or all darker: it is a corner at threshold `t` exactly when its score is above `t` (Rosten and Drummond, ECCV 2006).
 
+use std::ops::Range;
+
 use stillpoint_imaging::{GrayImage, Simd};
 
 /// The Bresenham circle of radius 3, px, in order.
@@ -137,52 +139,78 @@ fn score_image(image: &GrayImage, options: &FastOptions, scores: &mut [u8], simd
 pub(crate) fn score_span(
     image: &GrayImage,
     y: usize,
-    columns: std::ops::Range<usize>,
+    columns: Range<usize>,
     low: u8,
     out: &mut [u8],
 ) {
     let width = image.width();
-    let data = image.data();
     let offsets = CIRCLE.map(|(dx, dy)| dy as isize * width as isize + dx as isize);
-    for x in columns {
+    let data = image.data();
+    let mut x = columns.start;
+    while x + LANES <= columns.end {
         let index = y * width + x;
-        let centre = data[index];
-        let at = |k: usize| data[index.wrapping_add_signed(offsets[k])];
-        // Nine adjacent pixels of 16 hold at least one of any two opposite ones, so these bound the score.
-        let (mut bright, mut dark) = (u8::MAX, u8::MIN);
-        for k in [0, 4, 2, 6] {
-            bright = bright.min(at(k).max(at(k + 8)));
-            dark = dark.max(at(k).min(at(k + 8)));
-        }
-        let bound = bright
-            .saturating_sub(centre)
-            .max(centre.saturating_sub(dark));
-        out[x] = if bound > low {
-            let score = score_of(std::array::from_fn(at), centre);
-            if score > low { score } else { 0 }
-        } else {
-            0
-        };
+        out[x..x + LANES].copy_from_slice(&score_lanes::<LANES>(data, index, &offsets, low));
+        x += LANES;
+    }
+    while x < columns.end {
+        out[x] = score_lanes::<1>(data, y * width + x, &offsets, low)[0];
+        x += 1;
     }
 }
 
-/// The FAST score of a centre with this circle.
-fn score_of(circle: [u8; 16], centre: u8) -> u8 {
-    // Arcs of nine starting at k and at k + 1, for odd k + 1, share the eight pixels from k + 1 on.
-    let (mut bright, mut dark) = (u8::MIN, u8::MAX);
+/// Pixels that the portable kernel scores at once: arrays of 16 bytes become vector registers wherever the machine has them.
+const LANES: usize = 16;
+
+fn lanes<const N: usize>(a: [u8; N], b: [u8; N], f: impl Fn(u8, u8) -> u8) -> [u8; N] {
+    std::array::from_fn(|i| f(a[i], b[i]))
+}
+
+/// Scores of `N` pixels from `index` on, 0 for scores up to `low`.
+fn score_lanes<const N: usize>(
+    data: &[u8],
+    index: usize,
+    offsets: &[isize; 16],
+    low: u8,
+) -> [u8; N] {
+    let load = |from: usize| -> [u8; N] {
+        let mut values = [0; N];
+        values.copy_from_slice(&data[from..from + N]);
+        values
+    };
+    let least = |a, b| lanes(a, b, u8::min);
+    let most = |a, b| lanes(a, b, u8::max);
+    let at = |k: usize| load(index.wrapping_add_signed(offsets[k]));
+    let centre = load(index);
+    let score_of = |bright, dark| {
+        most(
+            lanes(bright, centre, u8::saturating_sub),
+            lanes(centre, dark, u8::saturating_sub),
+        )
+    };
+    // Nine adjacent pixels of 16 hold at least one of any two opposite ones, so these bound the score.
+    let (mut bright, mut dark) = ([u8::MAX; N], [u8::MIN; N]);
+    for k in [0, 4, 2, 6] {
+        let (a, b) = (at(k), at(k + 8));
+        bright = least(bright, most(a, b));
+        dark = most(dark, least(a, b));
+    }
+    if score_of(bright, dark).iter().fold(0, |a, &b| a.max(b)) <= low {
+        return [0; N];
+    }
+    let circle: [[u8; N]; 16] = std::array::from_fn(at);
+    (bright, dark) = ([u8::MIN; N], [u8::MAX; N]);
+    // The arcs of nine that start at k and at k + 1 share the eight pixels from k + 1 on.
     for k in (0..16).step_by(2) {
-        let (mut least, mut most) = (u8::MAX, u8::MIN);
-        for i in 1..9 {
-            least = least.min(circle[(k + i) % 16]);
-            most = most.max(circle[(k + i) % 16]);
+        let (mut low_end, mut high_end) = (circle[k + 1], circle[k + 1]);
+        for i in 2..9 {
+            low_end = least(low_end, circle[(k + i) % 16]);
+            high_end = most(high_end, circle[(k + i) % 16]);
         }
         let (first, last) = (circle[k], circle[(k + 9) % 16]);
-        bright = bright.max(least.min(first.max(last)));
-        dark = dark.min(most.max(first.min(last)));
+        bright = most(bright, least(low_end, most(first, last)));
+        dark = least(dark, most(high_end, least(first, last)));
     }
-    bright
-        .saturating_sub(centre)
-        .max(centre.saturating_sub(dark))
+    score_of(bright, dark).map(|score| if score > low { score } else { 0 })
 }
 
 fn find_maxima(scores: &GrayImage, margin: usize, corners: &mut Vec<Corner>, simd: Simd) {
@@ -203,7 +231,7 @@ fn find_maxima(scores: &GrayImage, margin: usize, corners: &mut Vec<Corner>, sim
 pub(crate) fn maxima_span(
     scores: &GrayImage,
     y: usize,
-    columns: std::ops::Range<usize>,
+    columns: Range<usize>,
     corners: &mut Vec<Corner>,
 ) {
     let (above, row, below) = (scores.row(y - 1), scores.row(y), scores.row(y + 1));

@@ -108,6 +108,21 @@ pub fn match_brute_force(
     max_distance: u32,
     ratio: f32,
 ) -> Vec<Option<u32>> {
+    #[cfg(target_arch = "x86_64")]
+    if Simd::Avx2.has_avx2() {
+        return crate::avx2::match_brute_force(query, train, max_distance, ratio);
+    }
+    match_brute_force_portable(query, train, max_distance, ratio)
+}
+
+/// [`match_brute_force`] for the instruction set of its caller, into which it is inlined.
+#[inline(always)]
+pub(crate) fn match_brute_force_portable(
+    query: &[Descriptor],
+    train: &[Descriptor],
+    max_distance: u32,
+    ratio: f32,
+) -> Vec<Option<u32>> {
     // Nearest query of each train descriptor, as (distance, query).
     let mut back = vec![(u32::MAX, 0); train.len()];
     let mut forward = Vec::with_capacity(query.len());

@@ -5,8 +5,8 @@ use std::arch::x86_64::*;
 
 use crate::{
     Simd,
-    blur::{TAPS, smooth_columns_span, smooth_row_span},
-    resize::{Axis, blend_span, resample_span},
+    blur::{TAPS, smooth_columns_scalar, smooth_row_span},
+    resize::{Axis, blend_scalar, resample_scalar},
 };
 
 /// Every entry calls this, so that no instruction runs on a machine that lacks it. The detection is cached by the standard library.
@@ -78,7 +78,7 @@ fn store_half_i16(slice: &mut [i16], index: usize, value: __m128i) {
     unsafe { _mm_storeu_si128(window.as_mut_ptr().cast(), value) }
 }
 
-/// Twin of [`resample_span`] over a whole row.
+/// Twin of [`resample_scalar`].
 pub(crate) fn resample_row(source: &[u8], columns: &Axis, out: &mut [i16]) {
     check();
     // SAFETY: `check` has seen that the machine has AVX2.
@@ -87,23 +87,30 @@ pub(crate) fn resample_row(source: &[u8], columns: &Axis, out: &mut [i16]) {
 
 #[target_feature(enable = "avx2")]
 fn resample_row_kernel(source: &[u8], columns: &Axis, out: &mut [i16]) {
-    let groups = columns.group_fits.iter().take_while(|fits| **fits).count();
-    for group in 0..groups {
-        let bytes = load_half_u8(source, columns.left[8 * group] as usize);
+    if columns.groups.is_empty() {
+        return resample_scalar(source, columns, out);
+    }
+    for group in &columns.groups {
+        let bytes = load_half_u8(source, group.base);
         // SAFETY: both arrays hold the 16 bytes read; the loads need no alignment.
         let (shuffle, weights) = unsafe {
             (
-                _mm_loadu_si128(columns.group_shuffle[group].as_ptr().cast()),
-                _mm_loadu_si128(columns.group_weights[group].as_ptr().cast()),
+                _mm_loadu_si128(group.shuffle.as_ptr().cast()),
+                _mm_loadu_si128(group.weights.as_ptr().cast()),
             )
         };
         let pairs = _mm_shuffle_epi8(bytes, shuffle);
-        store_half_i16(out, 8 * group, _mm_maddubs_epi16(pairs, weights));
+        store_half_i16(out, group.start, _mm_maddubs_epi16(pairs, weights));
     }
-    resample_span(source, columns, 8 * groups, out);
 }
 
-/// Twin of [`blend_span`] over a whole row.
+/// Starts of blocks of `block` pixels that cover 0..width, which is at least one block; the last one overlaps the one before.
+#[inline(always)]
+fn blocks(width: usize, block: usize) -> impl Iterator<Item = usize> {
+    (0..width.div_ceil(block)).map(move |k| (block * k).min(width - block))
+}
+
+/// Twin of [`blend_scalar`].
 pub(crate) fn blend_rows(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8]) {
     check();
     // SAFETY: `check` has seen that the machine has AVX2.
@@ -112,6 +119,10 @@ pub(crate) fn blend_rows(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [
 
 #[target_feature(enable = "avx2")]
 fn blend_rows_kernel(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8]) {
+    if out.len() < 32 {
+        return blend_scalar(top, bottom, fraction, out);
+    }
+    let (top, bottom) = (&top[..out.len()], &bottom[..out.len()]);
     // The rounding multiply computes (d * (f * 256) + 2^14) >> 15, which is (d f + 64) >> 7.
     let factor = _mm256_set1_epi16(fraction << 8);
     let half = _mm256_set1_epi16(64);
@@ -121,13 +132,10 @@ fn blend_rows_kernel(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8])
         // At most 32640 + 64, which still fits a signed word.
         _mm256_srai_epi16::<7>(_mm256_add_epi16(_mm256_add_epi16(a, step), half))
     };
-    let blocks = out.len() / 32;
-    for block in 0..blocks {
-        let x = 32 * block;
+    for x in blocks(out.len(), 32) {
         let packed = _mm256_packus_epi16(blend(x), blend(x + 16));
         store_u8(out, x, _mm256_permute4x64_epi64::<0b11_01_10_00>(packed));
     }
-    blend_span(top, bottom, fraction, 32 * blocks, out);
 }
 
 /// Twin of [`smooth_row_span`] over a whole row.
@@ -159,10 +167,9 @@ fn smooth_row_kernel(source: &[u8], out: &mut [u16]) {
             _mm256_add_epi16(sum(2), sum(3)),
         )
     };
-    smooth_row_span(source, 0..3, out);
-    let mut x = 3;
-    // The last load of a block ends at x + 1 + 3 + 32.
-    while x + 36 <= width {
+    // The pixels of the first load begin 3 px before the block, those of the last end 4 px after it.
+    for start in blocks(width - 7, 32) {
+        let x = start + 3;
         let (even, odd) = (every_second(x), every_second(x + 1));
         let (low, high) = (
             _mm256_unpacklo_epi16(even, odd),
@@ -170,12 +177,12 @@ fn smooth_row_kernel(source: &[u8], out: &mut [u16]) {
         );
         store_u16(out, x, _mm256_permute2x128_si256::<0x20>(low, high));
         store_u16(out, x + 16, _mm256_permute2x128_si256::<0x31>(low, high));
-        x += 32;
     }
-    smooth_row_span(source, x..width, out);
+    smooth_row_span(source, 0..3, out);
+    smooth_row_span(source, width - 4..width, out);
 }
 
-/// Twin of [`smooth_columns_span`] over a whole row.
+/// Twin of [`smooth_columns_scalar`].
 pub(crate) fn smooth_columns(rows: &[&[u16]; 7], out: &mut [u8]) {
     check();
     // SAFETY: `check` has seen that the machine has AVX2.
@@ -184,6 +191,10 @@ pub(crate) fn smooth_columns(rows: &[&[u16]; 7], out: &mut [u8]) {
 
 #[target_feature(enable = "avx2")]
 fn smooth_columns_kernel(rows: &[&[u16]; 7], out: &mut [u8]) {
+    if out.len() < 32 {
+        return smooth_columns_scalar(rows, out);
+    }
+    let rows = rows.map(|row| &row[..out.len()]);
     let weights = TAPS.map(|tap| _mm256_set1_epi16(tap << 9));
     let half = _mm256_set1_epi16(64);
     let smooth = |x: usize| {
@@ -195,11 +206,8 @@ fn smooth_columns_kernel(rows: &[&[u16]; 7], out: &mut [u8]) {
         }
         _mm256_srli_epi16::<7>(_mm256_add_epi16(sum, half))
     };
-    let blocks = out.len() / 32;
-    for block in 0..blocks {
-        let x = 32 * block;
+    for x in blocks(out.len(), 32) {
         let packed = _mm256_packus_epi16(smooth(x), smooth(x + 16));
         store_u8(out, x, _mm256_permute4x64_epi64::<0b11_01_10_00>(packed));
     }
-    smooth_columns_span(rows, 32 * blocks, out);
 }

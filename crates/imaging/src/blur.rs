@@ -1,5 +1,7 @@
 //! 7x7 Gaussian smoothing, sigma 2 px, separable and in integers.
 
+use std::ops::Range;
+
 use crate::{GrayImage, Simd};
 
 /// The Gaussian of sigma 2 at 0, 1, 2, 3 px, scaled so that the seven taps add up to 128.
@@ -66,7 +68,27 @@ fn smooth_row(source: &[u8], out: &mut [u16], simd: Simd) {
 }
 
 /// Smooths the pixels of `span` along the row. Values are pixel times 128, at most 32640.
-pub(crate) fn smooth_row_span(source: &[u8], span: std::ops::Range<usize>, out: &mut [u16]) {
+pub(crate) fn smooth_row_span(source: &[u8], span: Range<usize>, out: &mut [u16]) {
+    let inner = span.start.max(3)..span.end.min(source.len().saturating_sub(3));
+    if inner.is_empty() {
+        return smooth_row_border(source, span, out);
+    }
+    smooth_row_border(source, span.start..inner.start, out);
+    smooth_row_border(source, inner.end..span.end, out);
+    // Slices of one length spare the loop its bounds checks, so that it becomes vector code.
+    let shifted: [&[u8]; 7] =
+        std::array::from_fn(|k| &source[inner.start + k - 3..][..inner.len()]);
+    for (i, value) in out[inner.clone()].iter_mut().enumerate() {
+        let pair = |k: usize| u16::from(shifted[3 - k][i]) + u16::from(shifted[3 + k][i]);
+        *value = u16::from(shifted[3][i]) * TAPS[0] as u16
+            + pair(1) * TAPS[1] as u16
+            + pair(2) * TAPS[2] as u16
+            + pair(3) * TAPS[3] as u16;
+    }
+}
+
+/// The same with pixels beyond the ends of the row repeated.
+fn smooth_row_border(source: &[u8], span: Range<usize>, out: &mut [u16]) {
     let last = source.len() - 1;
     let at = |x: usize| u16::from(source[x.min(last)]);
     for x in span {
@@ -84,18 +106,20 @@ fn smooth_columns(rows: &[&[u16]; 7], out: &mut [u8], simd: Simd) {
         return crate::avx2::smooth_columns(rows, out);
     }
     let _ = simd;
-    smooth_columns_span(rows, 0, out);
+    smooth_columns_scalar(rows, out);
 }
 
-/// Smooths along the columns from pixel `begin` to the end of the row. Products are cut to 1/128 grey levels, as the vector multiply does.
-pub(crate) fn smooth_columns_span(rows: &[&[u16]; 7], begin: usize, out: &mut [u8]) {
-    let scaled = |value: u32, tap: i16| (value * (tap as u32) << 9) >> 16;
-    for x in begin..out.len() {
-        let at = |k: usize| u32::from(rows[k][x]);
-        let mut sum = scaled(at(3), TAPS[0]);
-        for k in 1..4 {
-            sum += scaled(at(3 - k) + at(3 + k), TAPS[k]);
-        }
-        out[x] = ((sum + 64) >> 7) as u8;
+/// Smooths along the columns. Products are cut to 1/128 grey levels, as the vector multiply does.
+pub(crate) fn smooth_columns_scalar(rows: &[&[u16]; 7], out: &mut [u8]) {
+    let scaled = |value: u16, tap: i16| ((u32::from(value) * ((tap as u32) << 9)) >> 16) as u16;
+    let rows = rows.map(|row| &row[..out.len()]);
+    for (i, value) in out.iter_mut().enumerate() {
+        // At most 2 x 32640, which fits.
+        let pair = |k: usize| rows[3 - k][i] + rows[3 + k][i];
+        let sum = scaled(rows[3][i], TAPS[0])
+            + scaled(pair(1), TAPS[1])
+            + scaled(pair(2), TAPS[2])
+            + scaled(pair(3), TAPS[3]);
+        *value = ((sum + 64) >> 7) as u8;
     }
 }

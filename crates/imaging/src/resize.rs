@@ -12,12 +12,21 @@ pub(crate) struct Axis {
     pub(crate) left: Vec<u32>,
     /// Fraction towards the next pixel in 1/128, 1..=127. Both weights then fit a signed byte; the error is at most 1/128 px.
     pub(crate) fraction: Vec<u8>,
-    /// For each group of eight targets: whether a load of 16 source bytes at the first `left` holds all pixels that they need and is inside the row.
-    pub(crate) group_fits: Vec<bool>,
-    /// For each group of eight targets: byte indices of the 8 x (left, right) pairs, relative to the first `left`.
-    pub(crate) group_shuffle: Vec<[u8; 16]>,
-    /// For each group of eight targets: the weights of the pairs.
-    pub(crate) group_weights: Vec<[i8; 16]>,
+    /// Eight targets each, together all of them (the last group overlaps the one before); empty when some group cannot be built.
+    pub(crate) groups: Vec<Group>,
+}
+
+/// How to make eight adjacent targets from 16 adjacent source bytes.
+#[derive(Clone, Debug)]
+pub(crate) struct Group {
+    /// First target.
+    pub(crate) start: usize,
+    /// First source byte.
+    pub(crate) base: usize,
+    /// Byte indices of the 8 x (left, right) pairs, relative to `base`.
+    pub(crate) shuffle: [u8; 16],
+    /// The weights of the pairs, in 1/128.
+    pub(crate) weights: [i8; 16],
 }
 
 impl Axis {
@@ -31,23 +40,34 @@ impl Axis {
             axis.left.push(left as u32);
             axis.fraction.push(fraction as u8);
         }
-        for start in (0..target / 8 * 8).step_by(8) {
-            let first = axis.left[start];
-            let span = axis.left[start + 7] + 1 - first;
-            axis.group_fits
-                .push(span < 16 && first as usize + 16 <= source);
-            let (mut shuffle, mut weights) = ([0; 16], [0; 16]);
-            for k in 0..8 {
-                let offset = (axis.left[start + k] - first).min(14) as u8;
-                shuffle[2 * k] = offset;
-                shuffle[2 * k + 1] = offset + 1;
-                weights[2 * k] = (128 - i16::from(axis.fraction[start + k])) as i8;
-                weights[2 * k + 1] = axis.fraction[start + k] as i8;
-            }
-            axis.group_shuffle.push(shuffle);
-            axis.group_weights.push(weights);
+        if source >= 16 && target >= 8 {
+            let groups =
+                (0..target.div_ceil(8)).map(|k| axis.group((8 * k).min(target - 8), source));
+            axis.groups = groups.collect::<Option<_>>().unwrap_or_default();
         }
         axis
+    }
+
+    /// The group of the eight targets from `start` on; `None` when they need more than 16 source bytes.
+    fn group(&self, start: usize, source: usize) -> Option<Group> {
+        let base = (self.left[start] as usize).min(source - 16);
+        let (mut shuffle, mut weights) = ([0; 16], [0; 16]);
+        for k in 0..8 {
+            let offset = self.left[start + k] as usize - base;
+            if offset > 14 {
+                return None;
+            }
+            let fraction = self.fraction[start + k] as i8;
+            (shuffle[2 * k], shuffle[2 * k + 1]) = (offset as u8, offset as u8 + 1);
+            // 1..=127, written so that 128 need not fit.
+            (weights[2 * k], weights[2 * k + 1]) = (127 - fraction + 1, fraction);
+        }
+        Some(Group {
+            start,
+            base,
+            shuffle,
+            weights,
+        })
     }
 }
 
@@ -130,17 +150,18 @@ fn resample_row(source: &[u8], columns: &Axis, out: &mut [i16], simd: Simd) {
         return crate::avx2::resample_row(source, columns, out);
     }
     let _ = simd;
-    resample_span(source, columns, 0, out);
+    resample_scalar(source, columns, out);
 }
 
-/// Resamples the targets from `begin` to the end of the row.
-pub(crate) fn resample_span(source: &[u8], columns: &Axis, begin: usize, out: &mut [i16]) {
+/// Resamples a row; values are grey levels times 128.
+pub(crate) fn resample_scalar(source: &[u8], columns: &Axis, out: &mut [i16]) {
     let last = source.len() - 1;
-    for x in begin..out.len() {
-        let left = columns.left[x] as usize;
+    let samples = columns.left.iter().zip(&columns.fraction);
+    for (value, (&left, &fraction)) in out.iter_mut().zip(samples) {
+        let left = left as usize;
         let (a, b) = (source[left], source[(left + 1).min(last)]);
-        let fraction = i16::from(columns.fraction[x]);
-        out[x] = i16::from(a) * (128 - fraction) + i16::from(b) * fraction;
+        let fraction = i16::from(fraction);
+        *value = i16::from(a) * (128 - fraction) + i16::from(b) * fraction;
     }
 }
 
@@ -150,15 +171,13 @@ fn blend_rows(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8], simd: 
         return crate::avx2::blend_rows(top, bottom, fraction, out);
     }
     let _ = simd;
-    blend_span(top, bottom, fraction, 0, out);
+    blend_scalar(top, bottom, fraction, out);
 }
 
-/// Blends the pixels from `begin` to the end of the row.
-pub(crate) fn blend_span(top: &[i16], bottom: &[i16], fraction: i16, begin: usize, out: &mut [u8]) {
-    let fraction = i32::from(fraction);
-    for x in begin..out.len() {
-        let (a, b) = (i32::from(top[x]), i32::from(bottom[x]));
-        let value = a + (((b - a) * fraction + 64) >> 7);
-        out[x] = ((value + 64) >> 7) as u8;
+/// Blends two resampled rows.
+pub(crate) fn blend_scalar(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8]) {
+    for ((value, &a), &b) in out.iter_mut().zip(top).zip(bottom) {
+        let step = (i32::from(b - a) * i32::from(fraction) + 64) >> 7;
+        *value = ((a + step as i16 + 64) >> 7) as u8;
     }
 }
