@@ -45,7 +45,7 @@ impl DatasetSource {
         let rest = &all[options.start..];
         let count = options.max_frames.unwrap_or(rest.len()).min(rest.len());
         Ok(Self {
-            entries: rest[..count].to_vec().into_iter(),
+            entries: Vec::from(&rest[..count]).into_iter(),
             next_id: 0,
             camera: dataset.camera().clone(),
             keep_colour: options.keep_colour,

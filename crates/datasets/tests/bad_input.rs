@@ -1,4 +1,5 @@
 //! Every kind of bad input ends in a message that names the place, what was expected and what was found.
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 mod common;
 

@@ -1,4 +1,5 @@
 //! Layouts, cameras, frames and ground truth of small data sets; recording; reading ahead.
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 mod common;
 

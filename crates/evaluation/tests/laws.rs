@@ -1,4 +1,5 @@
 //! What must hold for any trajectory.
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 use proptest::prelude::*;
 use stillpoint_evaluation::{

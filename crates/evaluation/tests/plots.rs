@@ -1,6 +1,7 @@
 //! Figures are complete, well-formed and survive odd input.
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
-use stillpoint_evaluation::plot::{Series, timing_figure, trajectory_figure};
+use stillpoint_evaluation::plot::{Series, drift_figure, timing_figure, trajectory_figure};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::{Se3, Vec3, so3};
 
@@ -49,7 +50,7 @@ fn trajectory_figure_shows_what_it_should() {
     assert!(png.starts_with(b"\x89PNG") && png.len() > 20_000);
     // The same input gives the same picture.
     assert_eq!(png, trajectory_figure("a < b & c", &ate).to_png().unwrap());
-    assert_eq!(figure.size(), (1200.0, 830.0));
+    assert_eq!(figure.size(), (1200.0, 855.0));
 }
 
 #[test]
@@ -61,6 +62,17 @@ fn perfect_and_short_trajectories_can_be_drawn() {
     let figure = trajectory_figure("", &ate);
     assert!(!figure.to_svg().contains("NaN") && !figure.to_svg().contains("inf"));
     figure.to_png().unwrap();
+}
+
+#[test]
+fn drift_figure_is_about_the_first_pose() {
+    let estimate = walk(50, 0.0);
+    let svg = drift_figure("fixed", &estimate).to_svg();
+    // The walk extends along x and z.
+    assert!(svg.contains("drift RMS") && svg.contains("50 pairs"));
+    assert!(!svg.contains("NaN"));
+    assert!(!drift_figure("none", &[]).to_svg().contains("NaN"));
+    drift_figure("one", &estimate[..1]).to_png().unwrap();
 }
 
 #[test]

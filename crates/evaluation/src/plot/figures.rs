@@ -5,7 +5,8 @@ use super::canvas::{Anchor, Figure};
 use super::colour::{Colour, FRAME, INK, REFERENCE, SERIES, WHITE, map};
 use crate::ate::{Ate, PairError};
 use crate::timing::Stats;
-use stillpoint_geometry::Vec3;
+use crate::{Statistics, TimedPose};
+use stillpoint_geometry::{Alignment, Se3, Vec3};
 
 /// Size of a title, px.
 const TITLE: f64 = 18.0;
@@ -24,15 +25,23 @@ fn runs(pairs: &[PairError]) -> Vec<&[PairError]> {
     pairs.chunk_by(|a, b| b.stamp - a.stamp <= gap).collect()
 }
 
-/// The two axes along which the ground truth extends most, in their order.
+/// The two axes along which the ground truth extends most (the estimate, when the ground truth stands still), in their
+/// order.
 fn widest_axes(pairs: &[PairError]) -> (usize, usize) {
-    let extent = |axis: usize| {
-        let [lo, hi] = range(pairs.iter().map(|p| p.reference[axis]), 0.0);
-        hi - lo
+    let extents = |f: fn(&PairError) -> Vec3| {
+        [0, 1, 2].map(|axis| {
+            let values = || pairs.iter().map(|p| f(p)[axis]);
+            let low = values().fold(f64::INFINITY, f64::min);
+            values().fold(f64::NEG_INFINITY, f64::max) - low
+        })
     };
+    let mut extents_of = extents(|p| p.reference);
+    if extents_of.iter().all(|e| *e <= 0.0) {
+        extents_of = extents(|p| p.estimate);
+    }
     let least = (0..3)
         .rev()
-        .min_by(|a, b| extent(*a).total_cmp(&extent(*b)))
+        .min_by(|a, b| extents_of[*a].total_cmp(&extents_of[*b]))
         .unwrap_or(2);
     match least {
         0 => (1, 2),
@@ -46,24 +55,50 @@ fn widest_axes(pairs: &[PairError]) -> (usize, usize) {
 /// The top view shows the two axes along which the ground truth extends most, at the same scale. Lines break at gaps.
 #[must_use]
 pub fn trajectory_figure(title: &str, ate: &Ate) -> Figure {
-    let mut figure = Figure::new(1200.0, 830.0);
+    draw(title, ate, "ATE RMSE")
+}
+
+/// The same for an estimate of a camera that stands still: nothing is aligned, and the error is the distance from the
+/// first pose.
+#[must_use]
+pub fn drift_figure(title: &str, estimate: &[TimedPose]) -> Figure {
+    let at = |p: &TimedPose| p.world_from_camera.translation;
+    let pairs: Vec<PairError> = estimate
+        .iter()
+        .map(|p| PairError {
+            stamp: p.stamp,
+            reference: at(&estimate[0]),
+            estimate: at(p),
+            error: (at(p) - at(&estimate[0])).norm(),
+        })
+        .collect();
+    let errors: Vec<f64> = pairs.iter().map(|p| p.error).collect();
+    let ate = Ate {
+        statistics: Statistics::of(&errors).unwrap_or_default(),
+        alignment: Alignment {
+            target_from_source: Se3::identity(),
+            scale: 1.0,
+        },
+        pairs,
+    };
+    draw(title, &ate, "fixed camera, not aligned: drift RMS")
+}
+
+fn draw(title: &str, ate: &Ate, measure: &str) -> Figure {
+    let mut figure = Figure::new(1200.0, 855.0);
     let s = &ate.statistics;
     let (unit, factor) = error_unit(s.max);
     figure.title([30.0, 34.0], title, TITLE, Anchor::Start);
     let decimals = if unit == "mm" { 1 } else { 3 };
     let show = |v: f64| format!("{:.decimals$}", v * factor);
-    figure.text(
-        [1170.0, 33.0],
-        &format!(
-            "ATE RMSE {} {unit}, median {}, max {}, {} pairs",
-            show(s.rmse),
-            show(s.median),
-            show(s.max),
-            s.count
-        ),
-        LABEL,
-        Anchor::End,
+    let summary = format!(
+        "{measure} {} {unit}, median {}, max {}, {} pairs",
+        show(s.rmse),
+        show(s.median),
+        show(s.max),
+        s.count
     );
+    figure.text([1170.0, 33.0], &summary, LABEL, Anchor::End);
     top_view(&mut figure, ate);
     positions(&mut figure, ate);
     errors(&mut figure, ate);
@@ -78,7 +113,7 @@ fn top_view(figure: &mut Figure, ate: &Ate) {
             .flat_map(move |p| [p.reference[axis], p.estimate[axis]])
     };
     let axes = Axes {
-        area: [85.0, 60.0, 450.0, 450.0],
+        area: [85.0, 85.0, 450.0, 450.0],
         x: range(both(i), 0.06),
         y: range(both(j), 0.06),
     }
@@ -106,33 +141,46 @@ fn top_view(figure: &mut Figure, ate: &Ate) {
         }
     }
     if let Some(first) = ate.pairs.first() {
-        figure.circle(place(&first.estimate), 5.5, INK);
-        figure.circle(place(&first.estimate), 3.5, WHITE);
+        ring(figure, place(&first.estimate));
     }
-    let mark = [(REFERENCE, "ground truth"), (map(0.35), "estimate")];
-    legend(figure, [95.0, 68.0], &mark, Some("start"));
-    colour_bar(figure, [553.0, 60.0, 15.0, 450.0], ate.statistics.max);
+    let marks = [
+        (Mark::Line(REFERENCE), "ground truth"),
+        (Mark::Line(map(0.35)), "estimate"),
+        (Mark::Ring, "start"),
+    ];
+    legend(figure, [535.0, 85.0], &marks);
+    colour_bar(figure, [553.0, 85.0, 15.0, 450.0], ate.statistics.max);
 }
 
-/// Lines with names, and a ring with one, on a white box at its top left corner.
-fn legend(figure: &mut Figure, [x, y]: [f64; 2], entries: &[(Colour, &str)], ring: Option<&str>) {
-    let rows = entries.len() + usize::from(ring.is_some());
-    let names = entries.iter().map(|e| e.1).chain(ring);
-    let longest = names
-        .map(|n| super::font::width(n, SMALL))
-        .fold(0.0, f64::max);
-    figure.rect([x, y, longest + 62.0, 18.0 * rows as f64 + 8.0], WHITE);
-    for (k, (colour, name)) in entries.iter().enumerate() {
-        let row = y + 13.0 + 18.0 * k as f64;
-        figure.line(vec![[x + 8.0, row], [x + 32.0, row]], *colour, 2.4);
-        figure.text([x + 40.0, row + 4.3], name, SMALL, Anchor::Start);
+/// How a legend shows an entry.
+#[derive(Clone, Copy)]
+enum Mark {
+    Line(Colour),
+    Dashed(Colour),
+    Ring,
+}
+
+/// Names with their marks in a row that ends at the right at `x`, above an area that begins at `y`.
+fn legend(figure: &mut Figure, [x, y]: [f64; 2], entries: &[(Mark, &str)]) {
+    const MARK: f64 = 26.0;
+    let width = |name: &str| MARK + 7.0 + super::font::width(name, SMALL) + 20.0;
+    let mut left = x - entries.iter().map(|e| width(e.1)).sum::<f64>() + 20.0;
+    let row = y - 12.0;
+    for (mark, name) in entries {
+        let line = vec![[left, row], [left + MARK, row]];
+        match mark {
+            Mark::Line(colour) => figure.line(line, *colour, 2.4),
+            Mark::Dashed(colour) => figure.dashed(line, *colour, 1.6),
+            Mark::Ring => ring(figure, [left + 0.5 * MARK, row]),
+        }
+        figure.text([left + MARK + 7.0, row + 4.3], name, SMALL, Anchor::Start);
+        left += width(name);
     }
-    if let Some(name) = ring {
-        let row = y + 13.0 + 18.0 * entries.len() as f64;
-        figure.circle([x + 20.0, row], 5.5, INK);
-        figure.circle([x + 20.0, row], 3.5, WHITE);
-        figure.text([x + 40.0, row + 4.3], name, SMALL, Anchor::Start);
-    }
+}
+
+fn ring(figure: &mut Figure, centre: [f64; 2]) {
+    figure.circle(centre, 5.5, INK);
+    figure.circle(centre, 3.5, WHITE);
 }
 
 fn colour_bar(figure: &mut Figure, [x, y, w, h]: [f64; 4], max: f64) {
@@ -183,7 +231,7 @@ fn positions(figure: &mut Figure, ate: &Ate) {
             .iter()
             .flat_map(|p| [p.reference[axis], p.estimate[axis]]);
         let axes = Axes {
-            area: [715.0, 60.0 + 155.0 * axis as f64, 455.0, 140.0],
+            area: [715.0, 85.0 + 155.0 * axis as f64, 455.0, 140.0],
             x,
             y: range(values, 0.08),
         };
@@ -199,8 +247,11 @@ fn positions(figure: &mut Figure, ate: &Ate) {
             figure.line(points(|p| p.estimate), SERIES[0], 1.3);
         }
     }
-    let mark = [(REFERENCE, "ground truth"), (SERIES[0], "estimate")];
-    legend(figure, [1040.0, 64.0], &mark, None);
+    let marks = [
+        (Mark::Line(REFERENCE), "ground truth"),
+        (Mark::Line(SERIES[0]), "estimate"),
+    ];
+    legend(figure, [1170.0, 85.0], &marks);
 }
 
 fn errors(figure: &mut Figure, ate: &Ate) {
@@ -208,7 +259,7 @@ fn errors(figure: &mut Figure, ate: &Ate) {
     let (unit, factor) = error_unit(ate.statistics.max);
     let top = (ate.statistics.max * factor * 1.1).max(1e-6);
     let axes = Axes {
-        area: [85.0, 590.0, 1085.0, 180.0],
+        area: [85.0, 625.0, 1085.0, 180.0],
         x,
         y: [0.0, top],
     };
@@ -226,8 +277,11 @@ fn errors(figure: &mut Figure, ate: &Ate) {
         SERIES[1],
         1.6,
     );
-    let mark = [(SERIES[0], "error"), (SERIES[1], "RMSE")];
-    legend(figure, [1075.0, 594.0], &mark, None);
+    let marks = [
+        (Mark::Line(SERIES[0]), "error"),
+        (Mark::Dashed(SERIES[1]), "RMSE"),
+    ];
+    legend(figure, [1170.0, 625.0], &marks);
 }
 
 /// A name and one value per frame, ms.
@@ -244,40 +298,39 @@ pub struct Series<'a> {
 #[must_use]
 pub fn timing_figure(title: &str, series: &[Series<'_>]) -> Figure {
     const FRAME_MS: f64 = 1000.0 / 30.0;
-    let mut figure = Figure::new(1200.0, 480.0);
-    figure.title([30.0, 34.0], title, TITLE, Anchor::Start);
-    let values = || series.iter().flat_map(|s| s.milliseconds.iter().copied());
-    let highest = values()
-        .filter(|v| v.is_finite())
-        .fold(0.0, f64::max)
-        .max(1e-3);
-    let frames = series
-        .iter()
-        .map(|s| s.milliseconds.len())
-        .max()
-        .unwrap_or(0);
-    let top = if highest > 0.6 * FRAME_MS {
-        highest.max(FRAME_MS)
-    } else {
-        highest
+    /// More entries do not fit into one row.
+    const PER_ROW: usize = 3;
+    let finite = || {
+        let all = series.iter().flat_map(|s| s.milliseconds.iter().copied());
+        all.filter(|v| v.is_finite())
     };
-    let names: Vec<String> = series
-        .iter()
-        .map(|s| {
-            let t = Stats::of(s.milliseconds);
-            format!("{}: median {:.1}, p99 {:.1} ms", s.name, t.median, t.p99)
-        })
+    let mut top = finite().fold(1e-3, f64::max);
+    let frame_in_sight = top > 0.6 * FRAME_MS;
+    let names: Vec<String> = series.iter().map(series_name).collect();
+    let colours = SERIES.into_iter().cycle();
+    let mut entries: Vec<(Mark, &str)> = colours
+        .zip(&names)
+        .map(|(c, n)| (Mark::Line(c), n.as_str()))
         .collect();
-    // The legend stands above the data: the axis leaves room for its rows.
-    let rows = (names.len() + 1) as f64;
+    if frame_in_sight {
+        top = top.max(FRAME_MS);
+        entries.push((Mark::Dashed(FRAME), "one frame at 30 Hz (33.3 ms)"));
+    }
+    let rows: Vec<_> = entries.chunks(PER_ROW).collect();
+    let area_top = 62.0 + 20.0 * rows.len() as f64;
+    let mut figure = Figure::new(1200.0, area_top + 420.0);
+    figure.title([30.0, 34.0], title, TITLE, Anchor::Start);
+    let frames = series.iter().map(|s| s.milliseconds.len()).max();
     let axes = Axes {
-        area: [85.0, 60.0, 1085.0, 360.0],
-        x: [0.0, frames.saturating_sub(1).max(1) as f64],
-        y: [0.0, top * 360.0 / (360.0 - (18.0 * rows + 14.0).min(180.0))],
+        area: [85.0, area_top, 1085.0, 360.0],
+        x: [0.0, frames.unwrap_or(0).saturating_sub(1).max(1) as f64],
+        y: [0.0, top * 1.06],
     };
     axes.draw(&mut figure, "frame", "time (ms)");
-    let mut entries = Vec::new();
-    for ((s, name), colour) in series.iter().zip(&names).zip(SERIES.into_iter().cycle()) {
+    for (row, entries) in rows.iter().rev().enumerate() {
+        legend(&mut figure, [1170.0, area_top - 20.0 * row as f64], entries);
+    }
+    for (s, colour) in series.iter().zip(SERIES.into_iter().cycle()) {
         let indexed: Vec<(usize, f64)> = s.milliseconds.iter().copied().enumerate().collect();
         for run in indexed.chunk_by(|a, b| a.1.is_finite() == b.1.is_finite()) {
             if run[0].1.is_finite() {
@@ -285,13 +338,18 @@ pub fn timing_figure(title: &str, series: &[Series<'_>]) -> Figure {
                 figure.line(points, colour, 1.3);
             }
         }
-        entries.push((colour, name.as_str()));
     }
-    if top >= FRAME_MS {
+    if frame_in_sight {
         let ends = vec![axes.at(axes.x[0], FRAME_MS), axes.at(axes.x[1], FRAME_MS)];
         figure.dashed(ends, FRAME, 1.3);
-        entries.push((FRAME, "one frame at 30 Hz (33.3 ms)"));
     }
-    legend(&mut figure, [95.0, 65.0], &entries, None);
     figure
+}
+
+fn series_name(series: &Series<'_>) -> String {
+    let t = Stats::of(series.milliseconds);
+    format!(
+        "{}: median {:.1}, p99 {:.1} ms",
+        series.name, t.median, t.p99
+    )
 }

@@ -12,5 +12,5 @@ mod png;
 mod svg;
 
 pub use canvas::Figure;
-pub use figures::{Series, timing_figure, trajectory_figure};
+pub use figures::{Series, drift_figure, timing_figure, trajectory_figure};
 pub use png::PlotError;
