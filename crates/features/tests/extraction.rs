@@ -1,7 +1,7 @@
 //! The extractor as its users see it.
 
 use proptest::prelude::*;
-use stillpoint_features::{Features, OrbConfig, OrbExtractor};
+use stillpoint_features::{Features, OrbConfig, OrbExtractor, match_brute_force};
 use stillpoint_imaging::{GrayImage, Simd};
 
 /// Uniform noise from an integer hash of the position.
@@ -56,6 +56,15 @@ fn extract(image: &GrayImage, simd: Simd) -> Features {
     out
 }
 
+/// Matches of `a` and `b` that are alike, as pairs of indices.
+fn matches(a: &Features, b: &Features) -> Vec<(usize, usize)> {
+    let found = match_brute_force(&a.descriptors, &b.descriptors, 50, 0.9);
+    let pairs = found.iter().enumerate();
+    pairs
+        .filter_map(|(i, j)| Some((i, (*j)? as usize)))
+        .collect()
+}
+
 #[test]
 fn an_ordinary_image_gives_about_the_wanted_number() {
     let features = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
@@ -65,6 +74,215 @@ fn an_ordinary_image_gives_about_the_wanted_number() {
         features.len()
     );
     assert_eq!(features.keypoints.len(), features.descriptors.len());
+}
+
+#[test]
+fn features_are_spread_over_the_image_and_the_levels() {
+    let features = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
+    let mut cells = [0; 48];
+    let mut levels = [0; 8];
+    for keypoint in &features.keypoints {
+        assert!((18.0..622.0).contains(&keypoint.x) && (18.0..462.0).contains(&keypoint.y));
+        assert!((-std::f32::consts::PI..=std::f32::consts::PI).contains(&keypoint.angle));
+        assert!(keypoint.response > 7.0);
+        cells[(keypoint.y / 80.0) as usize * 8 + (keypoint.x / 80.0) as usize] += 1;
+        levels[usize::from(keypoint.level)] += 1;
+    }
+    let full = cells.iter().filter(|&&count| count >= 4).count();
+    assert!(full >= 44, "features per cell of 80 px: {cells:?}");
+    assert!(
+        cells.iter().all(|&count| count <= 60),
+        "features per cell of 80 px: {cells:?}"
+    );
+    // Areas shrink by 1.44 per level: 323, 224, ..., 25 of 1000.
+    assert!(
+        (280..=360).contains(&levels[0]) && (15..=40).contains(&levels[7]),
+        "{levels:?}"
+    );
+    assert!(
+        features
+            .keypoints
+            .is_sorted_by_key(|keypoint| keypoint.level)
+    );
+}
+
+/// The texture shifted by a fraction of a pixel: most features are found again where they should be.
+#[test]
+fn a_shifted_image_gives_the_shifted_features() {
+    let (dx, dy) = (7.3, -4.6);
+    let first = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
+    let second = extract(&render(640, 480, |x, y| (x + dx, y + dy)), Simd::detect());
+    let pairs = matches(&first, &second);
+    let (mut near, mut sum) = (0, [0.0, 0.0]);
+    for &(i, j) in &pairs {
+        let (a, b) = (first.keypoints[i], second.keypoints[j]);
+        let error = [a.x - dx as f32 - b.x, a.y - dy as f32 - b.y];
+        if error[0] * error[0] + error[1] * error[1] < 2.0 * 2.0 {
+            near += 1;
+            sum = [sum[0] + error[0], sum[1] + error[1]];
+        }
+    }
+    assert!(pairs.len() > 500, "{} matches", pairs.len());
+    assert!(
+        near * 100 > pairs.len() * 93,
+        "{near} of {} matches agree",
+        pairs.len()
+    );
+    let mean = [sum[0] / near as f32, sum[1] / near as f32];
+    assert!(
+        mean[0].abs() < 0.05 && mean[1].abs() < 0.05,
+        "features are off by {mean:?} px on average"
+    );
+}
+
+/// Features of an image scaled by three levels: no bias of the position that depends on the level.
+#[test]
+fn a_scaled_image_gives_features_at_other_levels_without_bias() {
+    let scale = 1.2_f64.powi(3);
+    let first = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
+    let second = extract(
+        &render(370, 278, |x, y| {
+            ((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5)
+        }),
+        Simd::detect(),
+    );
+    let (mut near, mut sum, mut down) = (0, [0.0, 0.0], 0);
+    let pairs = matches(&first, &second);
+    for &(i, j) in &pairs {
+        let (a, b) = (first.keypoints[i], second.keypoints[j]);
+        let mapped = [
+            (b.x + 0.5) * scale as f32 - 0.5,
+            (b.y + 0.5) * scale as f32 - 0.5,
+        ];
+        let error = [a.x - mapped[0], a.y - mapped[1]];
+        if error[0] * error[0] + error[1] * error[1] < 3.0 * 3.0 {
+            near += 1;
+            down += i32::from(a.level) - i32::from(b.level);
+            sum = [sum[0] + error[0], sum[1] + error[1]];
+        }
+    }
+    assert!(
+        near > 150 && near * 100 > pairs.len() * 80,
+        "{near} of {} matches agree",
+        pairs.len()
+    );
+    let levels = f64::from(down) / near as f64;
+    assert!((levels - 3.0).abs() < 0.3, "{levels} levels apart");
+    let mean = [sum[0] / near as f32, sum[1] / near as f32];
+    assert!(
+        mean[0].abs() < 0.12 && mean[1].abs() < 0.12,
+        "features are off by {mean:?} px on average"
+    );
+}
+
+#[test]
+fn a_turned_image_gives_turned_angles_and_like_descriptors() {
+    for degrees in [20.0_f64, 75.0, 160.0, -110.0] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let turn = |x: f64, y: f64| {
+            let (u, v) = (x - 199.5, y - 199.5);
+            (cos * u - sin * v + 199.5, sin * u + cos * v + 199.5)
+        };
+        let first = extract(&render(400, 400, |x, y| (x, y)), Simd::detect());
+        let second = extract(&render(400, 400, turn), Simd::detect());
+        let pairs = matches(&first, &second);
+        let mut good = 0;
+        for &(i, j) in &pairs {
+            let (a, b) = (first.keypoints[i], second.keypoints[j]);
+            let (x, y) = turn(f64::from(b.x), f64::from(b.y));
+            let apart = (f64::from(a.x) - x).powi(2) + (f64::from(a.y) - y).powi(2);
+            // The second image shows the first turned by -degrees.
+            let angle = f64::from(a.angle - b.angle) - degrees.to_radians();
+            let angle =
+                (angle / std::f64::consts::TAU - (angle / std::f64::consts::TAU).round()) * 360.0;
+            good += usize::from(apart < 9.0 && angle.abs() < 15.0);
+        }
+        assert!(
+            good > 200,
+            "{good} features found again after {degrees} degrees"
+        );
+        assert!(
+            good * 100 > pairs.len() * 85,
+            "{good} of {} matches agree after {degrees} degrees",
+            pairs.len()
+        );
+    }
+}
+
+#[test]
+fn the_same_image_gives_the_same_features_whatever_came_before() {
+    let image = render(320, 240, |x, y| (x, y));
+    let other = render(333, 200, |x, y| (x + 500.0, y));
+    let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
+    let (mut first, mut second) = (Features::default(), Features::default());
+    extractor.extract(&image, &mut first);
+    extractor.extract(&other, &mut second);
+    extractor.extract(&image, &mut second);
+    assert!(!first.is_empty());
+    assert_eq!(first, second);
+}
+
+#[test]
+fn images_without_corners_or_without_room_give_nothing() {
+    for simd in [Simd::Scalar, Simd::detect()] {
+        for (width, height) in [(0, 0), (1, 1), (38, 38), (38, 500), (7, 3)] {
+            let data = (0..width * height).map(|i| (i * 97 % 251) as u8).collect();
+            let image = GrayImage::from_vec(width, height, data).unwrap();
+            assert!(extract(&image, simd).is_empty(), "{width}x{height}");
+        }
+        for grey in [0, 128, 255] {
+            let image = GrayImage::from_vec(640, 480, vec![grey; 640 * 480]).unwrap();
+            assert!(extract(&image, simd).is_empty(), "constant {grey}");
+        }
+    }
+}
+
+#[test]
+fn the_low_threshold_serves_cells_that_stay_empty() {
+    // Contrast 60 on the left, 12 on the right: the right has corners at the low threshold only.
+    let data = (0..480 * 640)
+        .map(|i| {
+            let (x, y) = (i % 640, i / 640);
+            let contrast = if x < 320 { 60 } else { 12 };
+            if (x / 16 + y / 16) % 3 == 0 {
+                100 + contrast
+            } else {
+                100
+            }
+        })
+        .collect();
+    let image = GrayImage::from_vec(640, 480, data).unwrap();
+    let right = |low: u8| {
+        let config = OrbConfig {
+            fast_threshold_low: low,
+            ..OrbConfig::default()
+        };
+        let mut out = Features::default();
+        OrbExtractor::new(&config, Simd::detect()).extract(&image, &mut out);
+        out.keypoints
+            .iter()
+            .filter(|keypoint| keypoint.x > 345.0)
+            .count()
+    };
+    assert!(right(7) > 100, "{} features", right(7));
+    assert_eq!(right(20), 0);
+}
+
+#[test]
+fn configurations_out_of_range_are_named_and_survived() {
+    assert_eq!(OrbConfig::default().problems(), Vec::<String>::new());
+    let odd = OrbConfig {
+        features: 0,
+        levels: 0,
+        scale_factor: f32::NAN,
+        fast_threshold: 3,
+        fast_threshold_low: 9,
+        subpixel: true,
+    };
+    assert_eq!(odd.problems().len(), 4, "{:?}", odd.problems());
+    let mut out = Features::default();
+    OrbExtractor::new(&odd, Simd::detect()).extract(&render(100, 100, |x, y| (x, y)), &mut out);
+    assert!(out.is_empty());
 }
 
 proptest! {
