@@ -7,7 +7,6 @@ use stillpoint_imaging::{GrayImage, Simd};
 
 use crate::{
     BestTwo, Descriptor, FeatureGrid, Window,
-    brief::rotate_scalar,
     fast::{CIRCLE, Corner, maxima_span, score_span},
     matching,
     orientation::{HALF_WIDTHS, RADIUS},
@@ -290,43 +289,41 @@ fn horizontal_sum(lanes: __m256i) -> i32 {
     _mm_cvtsi128_si32(_mm_add_epi32(two, _mm_shuffle_epi32::<1>(two)))
 }
 
-/// Twin of [`rotate_scalar`].
-pub(crate) fn rotate(
-    xs: &[f32],
-    ys: &[f32],
+/// Twin of [`crate::brief::rotate_scalar`] followed by [`crate::brief::compare_scalar`]; the window comes with the index of its centre.
+pub(crate) fn describe(
+    xs: &[f32; 512],
+    ys: &[f32; 512],
     direction: (f32, f32),
     stride: i32,
-    offsets: &mut [i32],
-) {
+    (window, centre): (&[u8], i32),
+) -> Descriptor {
     check();
-    let count = offsets.len();
-    assert!(xs.len() == count && ys.len() == count);
-    // SAFETY: `check` has seen AVX2, and the three slices are equally long.
-    unsafe { rotate_kernel(xs, ys, direction, stride, offsets) };
-    let done = count / 8 * 8;
-    rotate_scalar(
-        &xs[done..],
-        &ys[done..],
-        direction,
-        stride,
-        &mut offsets[done..],
+    let mut indices = [0; 512];
+    // SAFETY: `check` has seen AVX2.
+    let (least, most) = unsafe { rotate(xs, ys, direction, stride, centre, &mut indices) };
+    assert!(
+        least >= 0 && (most as usize) < window.len(),
+        "sample outside the image"
     );
+    // SAFETY: `check` has seen AVX2, and all indices are between the least and the most, which are inside.
+    unsafe { compare(window, &indices) }
 }
 
-/// # Safety
-/// The slices are equally long.
+/// Writes the indices of the rotated points; returns the least and the greatest one.
 #[target_feature(enable = "avx2")]
-unsafe fn rotate_kernel(
-    xs: &[f32],
-    ys: &[f32],
+fn rotate(
+    xs: &[f32; 512],
+    ys: &[f32; 512],
     (cos, sin): (f32, f32),
     stride: i32,
-    offsets: &mut [i32],
-) {
+    centre: i32,
+    indices: &mut [i32; 512],
+) -> (i32, i32) {
     let (cos, sin) = (_mm256_set1_ps(cos), _mm256_set1_ps(sin));
-    let stride = _mm256_set1_epi32(stride);
-    for i in (0..offsets.len() / 8 * 8).step_by(8) {
-        // SAFETY: i + 8 is at most the length of the slices.
+    let (stride, centre) = (_mm256_set1_epi32(stride), _mm256_set1_epi32(centre));
+    let (mut least, mut most) = (_mm256_set1_epi32(i32::MAX), _mm256_set1_epi32(i32::MIN));
+    for i in (0..512).step_by(8) {
+        // SAFETY: i + 8 is at most 512, the length of the arrays.
         let (x, y) = unsafe {
             (
                 _mm256_loadu_ps(xs.as_ptr().add(i)),
@@ -338,9 +335,44 @@ unsafe fn rotate_kernel(
         // The conversion rounds halves to even, which is the mode that Rust guarantees.
         let (column, row) = (_mm256_cvtps_epi32(column), _mm256_cvtps_epi32(row));
         let offset = _mm256_add_epi32(_mm256_mullo_epi32(row, stride), column);
-        // SAFETY: i + 8 is at most the length of the slice.
-        unsafe { _mm256_storeu_si256(offsets.as_mut_ptr().add(i).cast(), offset) };
+        let index = _mm256_add_epi32(offset, centre);
+        (least, most) = (
+            _mm256_min_epi32(least, index),
+            _mm256_max_epi32(most, index),
+        );
+        // SAFETY: i + 8 is at most 512, the length of the array.
+        unsafe { _mm256_storeu_si256(indices.as_mut_ptr().add(i).cast(), index) };
     }
+    let (mut low, mut high) = ([0_i32; 8], [0_i32; 8]);
+    // SAFETY: both arrays hold the 32 bytes written; the stores need no alignment.
+    unsafe {
+        _mm256_storeu_si256(low.as_mut_ptr().cast(), least);
+        _mm256_storeu_si256(high.as_mut_ptr().cast(), most);
+    }
+    let least = low.into_iter().fold(i32::MAX, i32::min);
+    (least, high.into_iter().fold(i32::MIN, i32::max))
+}
+
+/// # Safety
+/// All `indices` are inside `window`.
+#[target_feature(enable = "avx2")]
+unsafe fn compare(window: &[u8], indices: &[i32; 512]) -> Descriptor {
+    // Collecting the samples first leaves nothing but loads and stores in the hot loop; the comparisons are then 32 at a time.
+    let mut samples = [0_u8; 512];
+    for (sample, &index) in samples.iter_mut().zip(indices) {
+        // SAFETY: the caller promises that the index is inside.
+        *sample = unsafe { *window.get_unchecked(index as usize) };
+    }
+    let mut words = [0; 4];
+    for block in 0..8 {
+        // SAFETY: the second load ends at 256 + 7 * 32 + 32 = 512, the length of the array.
+        let (a, b) = unsafe { (load(&samples, 32 * block), load(&samples, 256 + 32 * block)) };
+        // Bytes where the first is not darker: the smaller of both is the second.
+        let not_darker = _mm256_cmpeq_epi8(_mm256_min_epu8(a, b), b);
+        let bits = !_mm256_movemask_epi8(not_darker) as u32;
+        words[block / 2] |= u64::from(bits) << (32 * (block % 2));
+    }
+    Descriptor(words)
 }
 
 /// [`matching::best_two_portable`] with the machine's instruction to count bits.

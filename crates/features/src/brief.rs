@@ -11,8 +11,8 @@ pub(crate) const REACH: usize = 18;
 #[derive(Clone, Debug)]
 pub(crate) struct Brief {
     /// x and y of the first points of all tests, then of the second points, px.
-    points_x: Vec<f32>,
-    points_y: Vec<f32>,
+    points_x: [f32; 512],
+    points_y: [f32; 512],
     /// Offsets of the rotated points from the keypoint's pixel.
     offsets: Vec<i32>,
     simd: Simd,
@@ -20,10 +20,12 @@ pub(crate) struct Brief {
 
 impl Brief {
     pub(crate) fn new(simd: Simd) -> Self {
-        let column = |k: usize| PATTERN.iter().map(move |test| f32::from(test[k]));
+        let column = |k: usize| {
+            std::array::from_fn(|i| f32::from(PATTERN[i % 256][if i < 256 { k } else { k + 2 }]))
+        };
         Self {
-            points_x: column(0).chain(column(2)).collect(),
-            points_y: column(1).chain(column(3)).collect(),
+            points_x: column(0),
+            points_y: column(1),
             offsets: vec![0; 512],
             simd,
         }
@@ -37,32 +39,17 @@ impl Brief {
         y: usize,
         direction: (f32, f32),
     ) -> Descriptor {
-        self.rotate(direction, smooth.width() as i32);
         let width = smooth.width();
         assert!(x >= REACH && y >= REACH && x + REACH < width && y + REACH < smooth.height());
         let window = &smooth.data()[(y - REACH) * width + x - REACH..];
         let centre = (REACH * width + REACH) as i32;
-        compare_scalar(window, centre, &self.offsets)
-    }
-
-    fn rotate(&mut self, direction: (f32, f32), stride: i32) {
+        let (xs, ys) = (&self.points_x, &self.points_y);
         #[cfg(target_arch = "x86_64")]
         if self.simd.has_avx2() {
-            return crate::avx2::rotate(
-                &self.points_x,
-                &self.points_y,
-                direction,
-                stride,
-                &mut self.offsets,
-            );
+            return crate::avx2::describe(xs, ys, direction, width as i32, (window, centre));
         }
-        rotate_scalar(
-            &self.points_x,
-            &self.points_y,
-            direction,
-            stride,
-            &mut self.offsets,
-        );
+        rotate_scalar(xs, ys, direction, width as i32, &mut self.offsets);
+        compare_scalar(window, centre, &self.offsets)
     }
 }
 
@@ -89,7 +76,7 @@ fn nearest(value: f32) -> i32 {
 }
 
 /// Compares the samples: the first 256 offsets with the other 256, all relative to `window[centre]`.
-fn compare_scalar(window: &[u8], centre: i32, offsets: &[i32]) -> Descriptor {
+pub(crate) fn compare_scalar(window: &[u8], centre: i32, offsets: &[i32]) -> Descriptor {
     let (first, second) = offsets.split_at(256);
     let mut words = [0; 4];
     for ((word, first), second) in words

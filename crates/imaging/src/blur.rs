@@ -92,11 +92,11 @@ fn smooth_row_border(source: &[u8], span: Range<usize>, out: &mut [u16]) {
     let last = source.len() - 1;
     let at = |x: usize| u16::from(source[x.min(last)]);
     for x in span {
-        let mut sum = at(x) * TAPS[0] as u16;
-        for k in 1..4 {
-            sum += (at(x.saturating_sub(k)) + at(x + k)) * TAPS[k] as u16;
-        }
-        out[x] = sum;
+        let pair = |k: usize| at(x.saturating_sub(k)) + at(x + k);
+        out[x] = at(x) * TAPS[0] as u16
+            + pair(1) * TAPS[1] as u16
+            + pair(2) * TAPS[2] as u16
+            + pair(3) * TAPS[3] as u16;
     }
 }
 
