@@ -6,6 +6,7 @@
 
 use crate::error::{DatasetError, Result, quote};
 use crate::lists::{data_lines, parse_numbers, read_text};
+use crate::presets::{preset_names, preset_text};
 use std::path::{Path, PathBuf};
 use stillpoint_geometry::{BrownConrady, Camera};
 
@@ -41,66 +42,6 @@ impl CameraChoice {
     }
 }
 
-/// Name, other names, and the camera file.
-type Preset = (&'static str, &'static [&'static str], &'static str);
-
-const PRESETS: [Preset; 7] = [
-    (
-        "tum_fr1",
-        &["fr1", "freiburg1"],
-        include_str!("../../../configs/tum_fr1.toml"),
-    ),
-    (
-        "tum_fr2",
-        &["fr2", "freiburg2"],
-        include_str!("../../../configs/tum_fr2.toml"),
-    ),
-    (
-        "tum_fr3",
-        &["fr3", "freiburg3"],
-        include_str!("../../../configs/tum_fr3.toml"),
-    ),
-    ("bonn", &[], include_str!("../../../configs/bonn.toml")),
-    (
-        "bonn_calibrated",
-        &[],
-        include_str!("../../../configs/bonn_calibrated.toml"),
-    ),
-    (
-        "icl_nuim",
-        &["icl"],
-        include_str!("../../../configs/icl_nuim.toml"),
-    ),
-    (
-        "seven_scenes",
-        &["7scenes"],
-        include_str!("../../../configs/seven_scenes.toml"),
-    ),
-];
-
-fn preset_text(name: &str) -> Option<(&'static str, &'static str)> {
-    PRESETS
-        .iter()
-        .find(|(n, others, _)| *n == name || others.contains(&name))
-        .map(|(n, _, text)| (*n, *text))
-}
-
-/// The preset that a folder's name asks for, with the part of the name that does.
-pub(crate) fn preset_for_folder(name: &str) -> Option<(&'static str, &'static str)> {
-    let name = name.to_lowercase();
-    [
-        ("freiburg1", "tum_fr1"),
-        ("freiburg2", "tum_fr2"),
-        ("freiburg3", "tum_fr3"),
-        ("fr1", "tum_fr1"),
-        ("fr2", "tum_fr2"),
-        ("fr3", "tum_fr3"),
-        ("bonn", "bonn"),
-    ]
-    .into_iter()
-    .find(|(part, _)| name.contains(part))
-}
-
 /// The keys of a camera file.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -122,7 +63,7 @@ struct CameraFile {
 impl CameraModel {
     /// The names of the presets.
     pub fn preset_names() -> impl Iterator<Item = &'static str> {
-        PRESETS.iter().map(|p| p.0)
+        preset_names()
     }
 
     /// A preset by its name or one of its short names (`fr1`, `freiburg1`, `icl`, `7scenes`, ...).
@@ -342,19 +283,6 @@ mod tests {
             CameraModel::preset("bonn_calibrated").unwrap().depth_scale,
             4720.0
         );
-    }
-
-    #[test]
-    fn folder_names_tell_the_preset() {
-        for (name, preset) in [
-            ("rgbd_dataset_freiburg1_xyz", Some("tum_fr1")),
-            ("FR2_desk", Some("tum_fr2")),
-            ("fr3_walking_xyz", Some("tum_fr3")),
-            ("rgbd_bonn_balloon", Some("bonn")),
-            ("kitchen", None),
-        ] {
-            assert_eq!(preset_for_folder(name).map(|p| p.1), preset, "{name}");
-        }
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::error::{DatasetError, Result};
 use crate::layout::{self, Layout};
 use crate::source::{DatasetSource, FrameOptions};
 use crate::trajectory::StampedPose;
-use crate::{ground_truth, probe};
+use crate::{ground_truth, presets, probe};
 use std::path::{Path, PathBuf};
 
 /// How to open a data set; the default guesses everything.
@@ -248,7 +248,7 @@ fn guess_camera(path: &Path, folder_name: &str, layout: Layout) -> Result<(Camer
     let (preset, why) = match layout {
         Layout::SevenScenes => ("seven_scenes", "the layout says so".to_owned()),
         Layout::IclNuim => ("icl_nuim", "the layout says so".to_owned()),
-        Layout::Tum | Layout::Bonn => match camera::preset_for_folder(folder_name) {
+        Layout::Tum | Layout::Bonn => match presets::preset_for_folder(folder_name) {
             Some((part, preset)) => (preset, format!("\"{part}\" in the folder's name")),
             None => return Err(camera::unknown_for_folder(path)),
         },

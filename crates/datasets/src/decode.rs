@@ -65,18 +65,28 @@ fn other_format(bytes: &[u8]) -> Option<&'static str> {
 
 fn decode(path: &Path, expected: &str) -> Result<(DynamicImage, ImageFormat)> {
     let (bytes, format) = load(path, expected)?;
+    let broken = |why: &str| {
+        let found = format!(
+            "a broken or truncated file of {} bytes ({why})",
+            bytes.len()
+        );
+        let advice = "copy or export the file again, or take it off the list";
+        bad(path, expected, found, advice)
+    };
+    if format == ImageFormat::Jpeg && !jpeg_is_whole(&bytes) {
+        return Err(broken("no end of image marker"));
+    }
     ImageReader::with_format(Cursor::new(&bytes), format)
         .decode()
         .map(|i| (i, format))
-        .map_err(|e| {
-            let found = format!("a broken or truncated file of {} bytes ({e})", bytes.len());
-            bad(
-                path,
-                expected,
-                found,
-                "copy or export the file again, or take it off the list",
-            )
-        })
+        .map_err(|e| broken(&e.to_string()))
+}
+
+/// Whether the end marker of a JPEG follows its last scan. The decoder fills what is missing of a truncated file with grey
+/// and reports nothing; within a scan neither marker can occur, so this tells a truncated file for sure.
+fn jpeg_is_whole(bytes: &[u8]) -> bool {
+    let scan = bytes.windows(2).rposition(|w| w == [0xff, 0xda]);
+    scan.is_some_and(|at| bytes[at..].windows(2).any(|w| w == [0xff, 0xd9]))
 }
 
 /// Width and height, px, from the head of an image file.

@@ -25,6 +25,7 @@ mod error;
 mod ground_truth;
 mod layout;
 mod lists;
+mod presets;
 mod probe;
 mod read_ahead;
 mod recorder;

@@ -28,6 +28,10 @@ pub(crate) fn probe(
     let chosen: Vec<&Entry> = (0..count)
         .map(|k| &entries[k * (entries.len() - 1) / (count - 1).max(1)])
         .collect();
+    if model.camera.width == 0 {
+        let sizes = chosen.iter().filter_map(|e| read_size(&e.colour).ok());
+        (model.camera.width, model.camera.height) = most_frequent(sizes.collect());
+    }
     let (mut first_error, mut depths, mut empty) = (None, Vec::new(), Vec::new());
     for entry in chosen {
         match probe_one(entry, model) {
@@ -57,13 +61,16 @@ pub(crate) fn probe(
     Ok(())
 }
 
+/// The size that most images have, the first of those that are equally frequent; one image may be spoilt.
+fn most_frequent(sizes: Vec<(u32, u32)>) -> (u32, u32) {
+    let count = |size: &(u32, u32)| sizes.iter().filter(|s| *s == size).count();
+    let best = sizes.iter().rev().max_by_key(|s| count(s));
+    best.copied().unwrap_or_default()
+}
+
 /// Depths of every eighth pixel in both directions, m, without the missing ones.
-fn probe_one(entry: &Entry, model: &mut CameraModel) -> Result<Vec<f64>> {
-    let size = read_size(&entry.colour)?;
-    if model.camera.width == 0 {
-        (model.camera.width, model.camera.height) = size;
-    }
-    check_size(&entry.colour, "colour", model, size)?;
+fn probe_one(entry: &Entry, model: &CameraModel) -> Result<Vec<f64>> {
+    check_size(&entry.colour, "colour", model, read_size(&entry.colour)?)?;
     let depth = read_depth(&entry.depth, model.depth_scale)?;
     check_size(
         &entry.depth,

@@ -131,10 +131,36 @@ fn outcomes(f: &Folder, strict: bool) -> Vec<String> {
     all
 }
 
+/// Cuts off the last bytes of a colour image in another format.
+fn truncate(f: &Folder, format: ImageFormat) {
+    let noise = image::RgbImage::from_fn(common::W, common::H, |x, y| {
+        image::Rgb([
+            (x * 91 + y * 57) as u8,
+            (x * y * 13) as u8,
+            (x + 31 * y) as u8,
+        ])
+    });
+    f.image_as("rgb/1.png", &noise.into(), format);
+    let bytes = std::fs::read(f.path.join("rgb/1.png")).unwrap();
+    f.bytes("rgb/1.png", &bytes[..bytes.len() * 4 / 5]);
+}
+
+#[test]
+fn a_first_image_of_another_size_does_not_set_the_size() {
+    let f = Folder::tum("x", 5);
+    f.image(
+        "rgb/0.png",
+        &gray(0).resize_exact(16, 24, image::imageops::Nearest),
+    );
+    let camera = f.open().camera().camera;
+    assert_eq!((camera.width, camera.height), (common::W, common::H));
+    assert!(outcomes(&f, false)[0].contains("32 x 24 px"));
+}
+
 #[test]
 fn one_unreadable_frame_is_skipped_unless_strict() {
     type Spoil = fn(&Folder);
-    let cases: [(Spoil, [&str; 2]); 7] = [
+    let cases: [(Spoil, [&str; 2]); 9] = [
         (|f| f.remove("rgb/1.png"), ["rgb/1.png", "no such file"]),
         (|f| f.bytes("rgb/1.png", b""), ["rgb/1.png", "0 bytes"]),
         (
@@ -143,6 +169,14 @@ fn one_unreadable_frame_is_skipped_unless_strict() {
                 f.bytes("depth/1.png", &bytes[..bytes.len() / 2]);
             },
             ["depth/1.png", "truncated"],
+        ),
+        (
+            |f| truncate(f, ImageFormat::Jpeg),
+            ["rgb/1.png", "truncated"],
+        ),
+        (
+            |f| truncate(f, ImageFormat::WebP),
+            ["rgb/1.png", "truncated"],
         ),
         (
             |f| {

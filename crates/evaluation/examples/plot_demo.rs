@@ -2,7 +2,9 @@
 
 use std::error::Error;
 use std::path::PathBuf;
-use stillpoint_evaluation::plot::{Series, timing_figure, trajectory_figure};
+use stillpoint_evaluation::plot::{
+    Series, drift_figure, poses_figure, timing_figure, trajectory_figure,
+};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::{Se3, Vec3, so3};
 
@@ -30,6 +32,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let figure = trajectory_figure("made-up trajectory", &evaluation.ate);
     std::fs::write(dir.join("trajectory.svg"), figure.to_svg())?;
     std::fs::write(dir.join("trajectory.png"), figure.to_png()?)?;
+    std::fs::write(
+        dir.join("poses.png"),
+        poses_figure("no ground truth", &estimate).to_png()?,
+    )?;
+    std::fs::write(
+        dir.join("drift.png"),
+        drift_figure("fixed camera", &estimate).to_png()?,
+    )?;
     let track: Vec<f64> = (0..600u32)
         .map(|i| 9.0 + f64::from(i.wrapping_mul(2_654_435_761) >> 24) / 60.0)
         .collect();

@@ -1,7 +1,9 @@
 //! Figures are complete, well-formed and survive odd input.
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
-use stillpoint_evaluation::plot::{Series, drift_figure, timing_figure, trajectory_figure};
+use stillpoint_evaluation::plot::{
+    Series, drift_figure, poses_figure, timing_figure, trajectory_figure,
+};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::{Se3, Vec3, so3};
 
@@ -73,6 +75,16 @@ fn drift_figure_is_about_the_first_pose() {
     assert!(!svg.contains("NaN"));
     assert!(!drift_figure("none", &[]).to_svg().contains("NaN"));
     drift_figure("one", &estimate[..1]).to_png().unwrap();
+}
+
+#[test]
+fn poses_can_be_drawn_without_ground_truth() {
+    let estimate = walk(60, 0.0);
+    let svg = poses_figure("map", &estimate).to_svg();
+    assert!(svg.contains("60 poses") && svg.contains("no ground truth"));
+    assert!(!svg.contains("error") && !svg.contains("NaN"));
+    assert!(!poses_figure("none", &[]).to_svg().contains("NaN"));
+    poses_figure("map", &estimate).to_png().unwrap();
 }
 
 #[test]

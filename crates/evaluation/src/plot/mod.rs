@@ -6,11 +6,14 @@
 mod axes;
 mod canvas;
 mod colour;
-mod figures;
 mod font;
+mod legend;
 mod png;
 mod svg;
+mod timing;
+mod trajectory;
 
 pub use canvas::Figure;
-pub use figures::{Series, drift_figure, timing_figure, trajectory_figure};
 pub use png::PlotError;
+pub use timing::{Series, timing_figure};
+pub use trajectory::{drift_figure, poses_figure, trajectory_figure};
