@@ -1,2 +1,58 @@
-//! The command line of Stillpoint.
-fn main() {}
+//! The command line of Stillpoint: arguments to a resolved configuration to wiring to an exit code.
+//!
+//! Answers: what the user asked for, which parts do it, and how it ended. Holds no method of its own. This is the only
+//! place that reads the clock and the environment; results never depend on either.
+
+mod args;
+mod bench;
+mod config;
+mod config_docs;
+mod console;
+mod demo;
+mod eval;
+mod failure;
+mod interrupt;
+mod machine;
+mod output;
+mod report;
+mod run;
+mod session;
+mod simulate;
+mod summary;
+mod timing;
+
+use args::{Arguments, Command, ConfigCommand};
+use clap::Parser;
+use failure::{Failure, Status};
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(e) => {
+            // Help and version go to stdout and end with 0, mistakes to stderr with 2; a closed pipe is no reason to fail.
+            let _ = e.print();
+            return ExitCode::from(e.exit_code().clamp(0, 2) as u8);
+        }
+    };
+    match dispatch(&arguments) {
+        Ok(status) => status.into(),
+        Err(failure) => {
+            console::line(&format!("error: {failure}"));
+            failure.status().into()
+        }
+    }
+}
+
+fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
+    console::set_verbosity(arguments.quiet, arguments.verbose);
+    let timing = timing::install();
+    match &arguments.command {
+        Command::Demo(a) => demo::demo(a, timing),
+        Command::Run(a) => run::run(a, timing),
+        Command::Eval(a) => eval::eval(a),
+        Command::Simulate(a) => simulate::simulate(a),
+        Command::Bench(a) => bench::bench(a),
+        Command::Config(ConfigCommand::Print(a)) => config::print(a),
+    }
+}

@@ -1,1 +1,40 @@
-//! Visual SLAM that stays still while the world moves: the library facade.
+//! Visual SLAM that stays still while the world moves: the whole library under one name.
+//!
+//! Answers: where to find everything. Holds no logic of its own: every module is one of the project's crates.
+//!
+//! ```no_run
+//! use stillpoint::datasets::{Dataset, FrameOptions, OpenOptions};
+//! use stillpoint::imaging::{FrameSource, Simd};
+//! use stillpoint::slam::{Config, Event, System};
+//!
+//! let dataset = Dataset::open("rgbd_dataset_freiburg1_xyz".as_ref(), &OpenOptions::default())?;
+//! let mut frames = dataset.frames(&FrameOptions::default())?;
+//! let mut system = System::new(Config::default(), dataset.camera().camera, Simd::detect())?;
+//! while let Some(frame) = frames.next_frame() {
+//!     for event in system.step(frame?) {
+//!         if let Event::Frame(report) = event {
+//!             println!("{}: {:?}", report.frame, report.outcome);
+//!         }
+//!     }
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+/// Data sets, trajectory files and their formats.
+pub use stillpoint_datasets as datasets;
+/// Solvers: pose, bundle adjustment, triangulation.
+pub use stillpoint_estimation as estimation;
+/// ATE, RPE and plots.
+pub use stillpoint_evaluation as evaluation;
+/// Keypoints, descriptors, matching.
+pub use stillpoint_features as features;
+/// Rotations, rigid motions, cameras.
+pub use stillpoint_geometry as geometry;
+/// Images, pyramids, frames.
+pub use stillpoint_imaging as imaging;
+/// Keyframes, landmarks, views.
+pub use stillpoint_map as map;
+/// Rendered rooms with exact ground truth.
+pub use stillpoint_simulator as simulator;
+/// The system itself.
+pub use stillpoint_slam as slam;

@@ -1,0 +1,229 @@
+//! The command line, as clap reads it. Every command's help ends with examples.
+
+use clap::{ArgAction, Args, Parser, Subcommand};
+use std::path::PathBuf;
+use stillpoint::evaluation::Delta;
+
+const EXIT_CODES: &str = "Exit codes:
+  0  all went well
+  1  it ran, but tracking was lost in some frame or a criterion failed
+  2  the arguments, the input or the output folder cannot be used";
+
+const ROOT_EXAMPLES: &str = "Examples:
+  stillpoint demo
+  stillpoint run rgbd_dataset_freiburg1_xyz
+  stillpoint eval groundtruth.txt out/rgbd_dataset_freiburg1_xyz/trajectory.txt
+
+";
+
+/// Visual RGB-D SLAM: from a folder of images to a trajectory and its score.
+#[derive(Debug, Parser)]
+#[command(name = "stillpoint", version, after_help = format!("{ROOT_EXAMPLES}{EXIT_CODES}"))]
+pub(crate) struct Arguments {
+    /// Say nothing but errors (results of eval and config print are still printed).
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub(crate) quiet: bool,
+    /// Say more; twice for every detail.
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub(crate) verbose: u8,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Demo(DemoArgs),
+    Run(RunArgs),
+    Eval(EvalArgs),
+    Simulate(SimulateArgs),
+    Bench(BenchArgs),
+    /// Show the configuration.
+    #[command(subcommand)]
+    Config(ConfigCommand),
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum ConfigCommand {
+    Print(PrintArgs),
+}
+
+/// Print the resolved configuration as TOML, every value with its meaning.
+///
+/// Layers, later ones win: defaults, --config, --set in the given order, --seed.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  stillpoint config print > my.toml
+  stillpoint config print --config my.toml --set mapping.close=2.5")]
+pub(crate) struct PrintArgs {
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}
+
+/// Layers of the configuration, shared by the commands that run the system.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct ConfigArgs {
+    /// Configuration file (TOML); what it does not name keeps its default.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Set one value, e.g. features.features=1500; may be given several times and wins over the file.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Seed of every random choice; short for --set seed=N.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub(crate) seed: Option<u64>,
+}
+
+/// Which frames of a data set, seen by which camera.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct InputArgs {
+    /// Camera file (camera.toml or camera.txt) or preset (tum_fr1, tum_fr2, tum_fr3, bonn, bonn_calibrated, icl_nuim,
+    /// seven_scenes); guessed when not given.
+    #[arg(long, value_name = "FILE|PRESET")]
+    pub(crate) camera: Option<String>,
+    /// Leave out this many frames at the start.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) start: usize,
+    /// Read at most this many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    pub(crate) max_frames: Option<u64>,
+    /// Object detector; there is none yet, so only "none" is accepted.
+    #[arg(long, value_name = "NAME", default_value = "none")]
+    pub(crate) detector: String,
+    /// End with an error at the first unreadable frame instead of skipping it.
+    #[arg(long)]
+    pub(crate) strict: bool,
+}
+
+/// Simulate a room, run SLAM on it, and print the score.
+///
+/// Needs no input and no download. The result folder is that of `run`.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  stillpoint demo
+  stillpoint demo --scene halfsphere --frames 600 --out /tmp/demo
+  stillpoint demo --set features.features=500")]
+pub(crate) struct DemoArgs {
+    /// Scene to simulate: xyz, rpy, halfsphere, static or loop_two_rooms.
+    #[arg(long, value_name = "NAME", default_value = "xyz")]
+    pub(crate) scene: String,
+    /// Number of frames (30 per second).
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    pub(crate) frames: u64,
+    /// Result folder.
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}
+
+/// Run SLAM on a data set folder.
+///
+/// The layout (TUM, Bonn, ICL-NUIM, 7-Scenes) and the camera are guessed, and each guess is printed. With ground truth in
+/// the folder the score is printed too.
+///
+/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at least 30 inliers; TUM
+/// format), trajectory_online.txt (the poses as known at each frame), keyframes.txt, config.toml (the resolved
+/// configuration), summary.json, and plots. An older result in it is replaced only when the run has ended. Ctrl-C ends the
+/// run after the frame at hand and writes what there is; a second Ctrl-C ends it at once.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  stillpoint run rgbd_dataset_freiburg1_xyz
+  stillpoint run recording --camera camera.toml --out result
+  stillpoint run rgbd_dataset_freiburg3_long_office_household --start 100 --max-frames 500
+  stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
+
+Exit code 1 when a frame was lost or fewer than two poses were found, 2 when the input or the output folder
+cannot be used.")]
+pub(crate) struct RunArgs {
+    /// Data set folder.
+    #[arg(value_name = "PATH")]
+    pub(crate) path: PathBuf,
+    /// Result folder [default: out/ and the name of PATH].
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}
+
+/// Score a trajectory against ground truth: ATE and RPE.
+///
+/// Both files are in the TUM format: timestamp tx ty tz qx qy qz qw. Poses within 0.02 s belong together. ATE is taken
+/// after alignment by SE(3), with --scale by Sim(3). RPE is taken over --delta: seconds as the TUM script with a fixed
+/// delta, or frames as evo over all pairs.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  stillpoint eval groundtruth.txt out/desk/trajectory.txt
+  stillpoint eval groundtruth.txt trajectory.txt --delta 30f --json
+  stillpoint eval groundtruth.txt trajectory.txt --plot errors.svg")]
+pub(crate) struct EvalArgs {
+    /// Ground truth, TUM format.
+    #[arg(value_name = "GROUNDTRUTH")]
+    pub(crate) ground_truth: PathBuf,
+    /// Estimated trajectory, TUM format.
+    #[arg(value_name = "ESTIMATE")]
+    pub(crate) estimate: PathBuf,
+    /// Align with scale: Sim(3) instead of SE(3).
+    #[arg(long)]
+    pub(crate) scale: bool,
+    /// What RPE is taken over: seconds (1s) or frames (30f).
+    #[arg(long, value_name = "DELTA", default_value = "1s")]
+    pub(crate) delta: Delta,
+    /// Print JSON (metres, degrees) instead of a table.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Write a plot: top view coloured by error, x/y/z and error over time. SVG or PNG by the name.
+    #[arg(long, value_name = "FILE.svg|png")]
+    pub(crate) plot: Option<PathBuf>,
+}
+
+/// Write a simulated data set with exact ground truth, in the TUM layout.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  stillpoint simulate --scene xyz --out xyz
+  stillpoint simulate --scene halfsphere --frames 60 --seed 7 --jpeg --out small")]
+pub(crate) struct SimulateArgs {
+    /// Scene: xyz, rpy, halfsphere, static or loop_two_rooms.
+    #[arg(long, value_name = "NAME")]
+    pub(crate) scene: String,
+    /// New or empty folder to write to.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Number of frames (30 per second) [default: the scene's own length].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    pub(crate) frames: Option<u64>,
+    /// Seed of room, textures and noise.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Ideal images: no noise, no holes, no exposure change.
+    #[arg(long)]
+    pub(crate) ideal: bool,
+    /// Colour images as JPEG instead of PNG: a third of the size.
+    #[arg(long)]
+    pub(crate) jpeg: bool,
+}
+
+/// Run data sets several times and report accuracy, speed and memory.
+///
+/// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the results of the runs stay
+/// in runs/ beside them.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  stillpoint bench rgbd_dataset_freiburg1_xyz
+  stillpoint bench data/* --runs 5 --out out/bench")]
+pub(crate) struct BenchArgs {
+    /// Data set folders.
+    #[arg(value_name = "PATH", required = true)]
+    pub(crate) paths: Vec<PathBuf>,
+    /// Runs per data set.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) runs: u32,
+    /// Folder to write to.
+    #[arg(long, value_name = "DIR", default_value = "out/bench")]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}

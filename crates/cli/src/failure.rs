@@ -1,0 +1,69 @@
+//! How a command ended, and the one place that maps it to exit codes.
+
+use std::fmt::Display;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// The end of a command.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Status {
+    /// Everything worked.
+    Ok,
+    /// It ran, but lost track or failed its criteria.
+    Failed,
+    /// The arguments or the input cannot be used.
+    Unusable,
+}
+
+impl From<Status> for ExitCode {
+    fn from(status: Status) -> Self {
+        match status {
+            Status::Ok => ExitCode::SUCCESS,
+            Status::Failed => ExitCode::from(1),
+            Status::Unusable => ExitCode::from(2),
+        }
+    }
+}
+
+/// A command that could not be carried out, with a message that says what was expected, what was found, where, and what to
+/// do.
+#[derive(Debug)]
+pub(crate) struct Failure {
+    message: String,
+    status: Status,
+}
+
+impl Failure {
+    /// Usage or input is wrong.
+    pub(crate) fn input(message: impl Display) -> Self {
+        Self {
+            message: message.to_string(),
+            status: Status::Unusable,
+        }
+    }
+
+    /// A file or folder could not be written.
+    pub(crate) fn write(path: &Path, reason: &std::io::Error) -> Self {
+        Self::input(format!(
+            "{}: expected to write it, found: {reason}; check the folder's permissions and the free space, or name another with --out",
+            path.display()
+        ))
+    }
+
+    /// What the process exits with.
+    pub(crate) fn status(&self) -> Status {
+        self.status
+    }
+}
+
+impl Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl From<stillpoint::datasets::DatasetError> for Failure {
+    fn from(e: stillpoint::datasets::DatasetError) -> Self {
+        Self::input(e)
+    }
+}

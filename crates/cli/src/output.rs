@@ -1,0 +1,176 @@
+//! The result folder: written aside, then moved into place, so that nothing half-written replaces an old result.
+
+use crate::failure::Failure;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// Every file that a result may hold. Those of an older result that a new one lacks are removed with it.
+const FILES: [&str; 9] = [
+    "trajectory.txt",
+    "trajectory_online.txt",
+    "keyframes.txt",
+    "config.toml",
+    "summary.json",
+    "plot.svg",
+    "plot.png",
+    "timing.svg",
+    "timing.png",
+];
+
+/// A result in the making. Files go into a hidden folder inside the result folder; [`ResultFolder::commit`] moves them.
+/// Dropping it without that leaves the older result as it was.
+#[derive(Debug)]
+pub(crate) struct ResultFolder {
+    out: PathBuf,
+    aside: PathBuf,
+    names: Vec<String>,
+    /// The topmost folder that did not exist before.
+    created: Option<PathBuf>,
+}
+
+impl ResultFolder {
+    /// Makes the folder where it does not exist, and tries to write into it, so that a run of an hour does not end with a
+    /// folder that cannot be written.
+    pub(crate) fn create(out: &Path) -> Result<Self, Failure> {
+        if out.exists() && !out.is_dir() {
+            return Err(Failure::input(format!(
+                "{}: expected a folder to write to, found a file; name another with --out",
+                out.display()
+            )));
+        }
+        let created = out
+            .ancestors()
+            .filter(|p| !p.as_os_str().is_empty() && !p.exists())
+            .last()
+            .map(Path::to_owned);
+        let folder = Self {
+            out: out.to_owned(),
+            aside: out.join(format!(".unfinished-{}", std::process::id())),
+            names: Vec::new(),
+            created,
+        };
+        let aside = &folder.aside;
+        std::fs::create_dir_all(aside)
+            .and_then(|()| std::fs::write(aside.join("probe"), b"probe"))
+            .and_then(|()| std::fs::remove_file(aside.join("probe")))
+            .map_err(|e| Failure::write(out, &e))?;
+        Ok(folder)
+    }
+
+    /// Writes a file aside.
+    pub(crate) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
+        debug_assert!(FILES.contains(&name), "{name} is not in the list of files");
+        let path = self.aside.join(name);
+        std::fs::File::create(&path)
+            .and_then(|mut file| {
+                file.write_all(bytes)?;
+                // A full disk may show only here.
+                file.sync_all()
+            })
+            .map_err(|e| Failure::write(&self.out.join(name), &e))?;
+        self.names.push(name.to_owned());
+        Ok(())
+    }
+
+    /// Moves everything into place.
+    pub(crate) fn commit(self) -> Result<(), Failure> {
+        for name in &self.names {
+            let target = self.out.join(name);
+            std::fs::rename(self.aside.join(name), &target)
+                .map_err(|e| Failure::write(&target, &e))?;
+        }
+        for name in FILES {
+            if !self.names.iter().any(|n| n == name) {
+                // Most often there is none.
+                let _ = std::fs::remove_file(self.out.join(name));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for ResultFolder {
+    fn drop(&mut self) {
+        // Nothing can be done about a failure here; the folder is hidden and says that it is unfinished.
+        let _ = std::fs::remove_dir_all(&self.aside);
+        if let Some(top) = &self.created {
+            // Removes folders made for nothing; those that hold a result are not empty and stay.
+            for folder in self.out.ancestors() {
+                let _ = std::fs::remove_dir(folder);
+                if folder == top {
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// Writes one file as a whole, outside of a result folder.
+pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    stillpoint::datasets::write_atomic(path, bytes).map_err(Failure::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<String> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_new_result_replaces_the_old_one_and_nothing_else() {
+        let dir = tempfile::tempdir().unwrap();
+        for (name, text) in [
+            ("trajectory.txt", "old"),
+            ("plot.svg", "old"),
+            ("mine.txt", "mine"),
+        ] {
+            std::fs::write(dir.path().join(name), text).unwrap();
+        }
+        let mut r = ResultFolder::create(dir.path()).unwrap();
+        r.write("trajectory.txt", b"new").unwrap();
+        assert_eq!(
+            std::fs::read(dir.path().join("trajectory.txt")).unwrap(),
+            b"old"
+        );
+        r.commit().unwrap();
+        assert_eq!(names(dir.path()), ["mine.txt", "trajectory.txt"]);
+        assert_eq!(
+            std::fs::read(dir.path().join("trajectory.txt")).unwrap(),
+            b"new"
+        );
+    }
+
+    #[test]
+    fn an_abandoned_result_leaves_no_trace() {
+        let dir = tempfile::tempdir().unwrap();
+        let mut r = ResultFolder::create(&dir.path().join("a/b")).unwrap();
+        r.write("trajectory.txt", b"new").unwrap();
+        drop(r);
+        assert!(names(dir.path()).is_empty());
+        std::fs::write(dir.path().join("trajectory.txt"), b"old").unwrap();
+        let mut r = ResultFolder::create(dir.path()).unwrap();
+        r.write("trajectory.txt", b"new").unwrap();
+        drop(r);
+        assert_eq!(names(dir.path()), ["trajectory.txt"]);
+        assert_eq!(
+            std::fs::read(dir.path().join("trajectory.txt")).unwrap(),
+            b"old"
+        );
+    }
+
+    #[test]
+    fn a_file_is_no_folder() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let e = ResultFolder::create(file.path()).unwrap_err().to_string();
+        assert!(e.contains("found a file"), "{e}");
+        let e = ResultFolder::create(&file.path().join("sub")).unwrap_err();
+        assert!(e.to_string().contains("expected to write"), "{e}");
+    }
+}

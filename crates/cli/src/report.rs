@@ -1,0 +1,84 @@
+//! What `run`, `demo` and `eval` print about a result.
+
+use crate::summary::{ScoreJson, StatisticsJson, Summary};
+use stillpoint::evaluation::Table;
+use stillpoint::evaluation::timing;
+
+/// The report of a run: counts, score, timing.
+pub(crate) fn run_text(summary: &Summary) -> String {
+    let s = summary;
+    let mut text = format!(
+        "\n{}: {} of {} frames tracked, {} keyframes, {} landmarks, {:.1} s ({:.0} frames/s)\n",
+        s.input.name,
+        s.tracked,
+        s.frames,
+        s.keyframes,
+        s.landmarks,
+        s.seconds,
+        s.frames as f64 / s.seconds.max(1e-3)
+    );
+    if s.skipped > 0 {
+        text += &format!("{} frames could not be read and were skipped\n", s.skipped);
+    }
+    if let Some(a) = &s.accuracy {
+        text.push('\n');
+        text += &score_text(
+            &[("final", &a.final_poses), ("online", &a.online)],
+            s.frames,
+        );
+    }
+    text.push('\n');
+    let rows = s.timing_ms.iter().map(|t| (t.stage.as_str(), t.stats()));
+    text += &timing::table(rows).to_text();
+    if let Some(bytes) = s.peak_memory_bytes {
+        text += &format!("\npeak memory {:.0} MB\n", bytes as f64 * 1e-6);
+    }
+    text
+}
+
+/// A table of scores. `frames` is what the pairs are counted against.
+pub(crate) fn score_text(scores: &[(&str, &ScoreJson)], frames: usize) -> String {
+    let mut table = Table::new(["error", "rmse", "sd", "mean", "median", "max", "pairs"]);
+    for (name, score) in scores {
+        let label = |text: &str| {
+            if name.is_empty() {
+                text.to_owned()
+            } else {
+                format!("{name}: {text}")
+            }
+        };
+        match score {
+            ScoreJson::Moving(m) => {
+                let alignment = m
+                    .scale
+                    .map_or_else(String::new, |s| format!(", scale {s:.4}"));
+                table.row(cells(
+                    label(&format!("ATE (mm{alignment})")),
+                    &m.ate,
+                    1e3,
+                    format!("{} of {frames} frames", m.pairs),
+                ));
+                if let Some(r) = &m.rpe {
+                    let unit = |u: &str| label(&format!("RPE ({u} per {})", r.delta));
+                    let pairs = r.pairs.to_string();
+                    table.row(cells(unit("mm"), &r.translation, 1e3, pairs.clone()));
+                    table.row(cells(unit("deg"), &r.rotation_deg, 1.0, pairs));
+                }
+            }
+            ScoreJson::Fixed(f) => {
+                let none = String::new;
+                table.row(cells(label("drift (mm)"), &f.drift, 1e3, none()));
+                table.row(cells(label("spread (mm)"), &f.spread, 1e3, none()));
+                table.row(cells(label("rotation (deg)"), &f.rotation_deg, 1.0, none()));
+            }
+        }
+    }
+    table.to_text()
+}
+
+fn cells(name: String, s: &StatisticsJson, factor: f64, pairs: String) -> Vec<String> {
+    let mut row = vec![name];
+    row.extend([s.rmse, s.sd, s.mean, s.median, s.max].map(|x| format!("{:.3}", x * factor)));
+    row.push(pairs);
+    row
+}

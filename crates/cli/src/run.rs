@@ -1,0 +1,252 @@
+//! `run`: a data set folder through the system, and the result folder, which `demo` writes in the same way.
+
+use crate::args::{InputArgs, RunArgs};
+use crate::console;
+use crate::failure::{Failure, Status};
+use crate::interrupt::Interrupt;
+use crate::machine::{Machine, peak_memory};
+use crate::output::ResultFolder;
+use crate::session::{Driver, Session};
+use crate::summary::{Accuracy, Input, ScoreJson, StageTiming, Summary};
+use crate::timing::Timing;
+use crate::{config, report};
+use std::path::{Path, PathBuf};
+use stillpoint::datasets::{
+    CameraChoice, Dataset, FrameOptions, OpenOptions, ReadAhead, StampedPose, trajectory,
+};
+use stillpoint::evaluation::plot::{
+    Figure, Series, drift_figure, timing_figure, trajectory_figure,
+};
+use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
+use stillpoint::imaging::Simd;
+use stillpoint::slam::Config;
+
+/// `run`.
+pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
+    check_detector(&args.input.detector)?;
+    let config = config::resolve(&args.config)?;
+    let simd = config::simd()?;
+    let dataset = open(&args.path, &args.input)?;
+    let truth = dataset.ground_truth()?;
+    let options = FrameOptions {
+        start: args.input.start,
+        max_frames: args.input.max_frames.map(|n| n as usize),
+        keep_colour: false,
+    };
+    let frames = dataset.frames(&options)?;
+    let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
+    let folder = ResultFolder::create(&out)?;
+    let interrupt = Interrupt::listen();
+    let driver = Driver {
+        config: config.clone(),
+        camera: dataset.camera().camera,
+        simd,
+        timing,
+        interrupt: &interrupt,
+    };
+    let session = driver.drive(&mut ReadAhead::new(frames))?;
+    let input = Input {
+        name: args.path.display().to_string(),
+        layout: dataset.layout().to_string(),
+        camera: dataset.camera().name.clone(),
+    };
+    let setup = Setup {
+        input,
+        config: &config,
+        simd,
+        timing,
+        truth: truth.as_deref(),
+    };
+    finish(&setup, &session, folder, &out)
+}
+
+/// There is no detector yet, and asking for one must not be ignored.
+fn check_detector(name: &str) -> Result<(), Failure> {
+    if name == "none" {
+        Ok(())
+    } else {
+        Err(Failure::input(format!(
+            "--detector: expected none, found \"{name}\"; this version has no detectors yet: leave the option out"
+        )))
+    }
+}
+
+/// Opens the data set and says what was guessed.
+fn open(path: &Path, input: &InputArgs) -> Result<Dataset, Failure> {
+    let options = OpenOptions {
+        camera: input.camera.as_deref().map(CameraChoice::from_argument),
+        strict: input.strict,
+        ..OpenOptions::default()
+    };
+    let dataset = Dataset::open(path, &options)?;
+    for guess in dataset.guesses() {
+        console::info(guess);
+    }
+    for warning in dataset.warnings() {
+        console::warn(warning);
+    }
+    Ok(dataset)
+}
+
+/// `out/` and the folder's name.
+fn default_out(path: &Path) -> PathBuf {
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    Path::new("out").join(
+        path.file_name()
+            .or(full.file_name())
+            .unwrap_or("run".as_ref()),
+    )
+}
+
+/// What a result is about.
+pub(crate) struct Setup<'a> {
+    pub(crate) input: Input,
+    pub(crate) config: &'a Config,
+    pub(crate) simd: Simd,
+    pub(crate) timing: &'a Timing,
+    pub(crate) truth: Option<&'a [StampedPose]>,
+}
+
+/// Scores a session, writes its result, prints the report, and says how it ended.
+pub(crate) fn finish(
+    setup: &Setup<'_>,
+    session: &Session,
+    mut folder: ResultFolder,
+    out: &Path,
+) -> Result<Status, Failure> {
+    let scores = setup.truth.and_then(|truth| scores(truth, session));
+    let summary = summarise(setup, session, scores.as_ref());
+    let poses = |p: &[StampedPose]| trajectory::format(p).into_bytes();
+    folder.write("trajectory.txt", &poses(&session.final_poses))?;
+    folder.write("trajectory_online.txt", &poses(&session.online_poses))?;
+    folder.write("keyframes.txt", &poses(&session.keyframes))?;
+    folder.write("config.toml", config::to_text(setup.config)?.as_bytes())?;
+    let json = serde_json::to_string_pretty(&summary).map_err(Failure::input)?;
+    folder.write("summary.json", format!("{json}\n").as_bytes())?;
+    for (name, figure) in figures(setup, session, scores.as_ref()) {
+        folder.write(&format!("{name}.svg"), figure.to_svg().as_bytes())?;
+        let png = figure.to_png().map_err(Failure::input)?;
+        folder.write(&format!("{name}.png"), &png)?;
+    }
+    folder.commit()?;
+    console::report(&report::run_text(&summary));
+    console::report(&format!("result in {}\n", out.display()));
+    Ok(verdict(&summary))
+}
+
+/// The plots of a result: the final poses against the ground truth, where there is any, and the times.
+fn figures(
+    setup: &Setup<'_>,
+    session: &Session,
+    scores: Option<&(Score, Score)>,
+) -> Vec<(&'static str, Figure)> {
+    let name = &setup.input.name;
+    let mut figures = Vec::new();
+    if let Some((score, _)) = scores {
+        let poses = timed(&session.final_poses);
+        figures.push(("plot", score_figure(name, score, &poses)));
+    }
+    let stages = ["frame", "map"].map(|s| (s, setup.timing.per_frame(s)));
+    let series: Vec<Series<'_>> = stages
+        .iter()
+        .map(|(name, milliseconds)| Series { name, milliseconds })
+        .collect();
+    figures.push(("timing", timing_figure(name, &series)));
+    figures
+}
+
+/// The plot of a score: errors of a camera that moves, drift of one that stands still.
+pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -> Figure {
+    match score {
+        Score::Moving(e) => trajectory_figure(title, &e.ate),
+        Score::Fixed(_) => drift_figure(title, estimate),
+    }
+}
+
+/// Says what went wrong, if anything did.
+fn verdict(summary: &Summary) -> Status {
+    let s = summary;
+    if s.interrupted {
+        console::line(&format!(
+            "interrupted after {} frames: the result holds what there was",
+            s.frames
+        ));
+    }
+    for stretch in &s.lost {
+        console::warn(&format!(
+            "no pose in frames {} to {}: {}",
+            stretch.first, stretch.last, stretch.reason
+        ));
+    }
+    let missing = s.frames - s.tracked;
+    if missing > 0 {
+        console::line(&format!("{missing} of {} frames have no pose", s.frames));
+    }
+    if missing > 0 || s.tracked < 2 {
+        Status::Failed
+    } else {
+        Status::Ok
+    }
+}
+
+/// Scores of the final and the online poses. No score is no reason to lose the result.
+fn scores(truth: &[StampedPose], session: &Session) -> Option<(Score, Score)> {
+    let truth = timed(truth);
+    let options = EvalOptions::default();
+    let both = score(&truth, &timed(&session.final_poses), &options)
+        .and_then(|f| Ok((f, score(&truth, &timed(&session.online_poses), &options)?)));
+    both.map_err(|e| console::warn(&format!("no score: {e}")))
+        .ok()
+}
+
+fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score)>) -> Summary {
+    Summary {
+        input: setup.input.clone(),
+        frames: session.frames,
+        skipped: session.skipped,
+        tracked: session.final_poses.len(),
+        lost: session.lost.clone(),
+        interrupted: session.interrupted,
+        keyframes: session.view.keyframe_count(),
+        landmarks: session.view.landmark_count(),
+        map_versions: session.view.version(),
+        seconds: session.seconds,
+        timing_ms: setup
+            .timing
+            .statistics()
+            .into_iter()
+            .map(|(name, s)| StageTiming::new(name, s))
+            .collect(),
+        peak_memory_bytes: peak_memory(),
+        simd: format!("{:?}", setup.simd).to_lowercase(),
+        machine: Machine::here(),
+        accuracy: scores.map(|(final_score, online_score)| Accuracy {
+            final_poses: ScoreJson::new(final_score, false),
+            online: ScoreJson::new(online_score, false),
+        }),
+    }
+}
+
+/// Poses as the judge takes them.
+pub(crate) fn timed(poses: &[StampedPose]) -> Vec<TimedPose> {
+    poses
+        .iter()
+        .map(|p| TimedPose {
+            stamp: p.stamp,
+            world_from_camera: p.world_from_camera,
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_go_beside_each_other_by_name() {
+        assert_eq!(default_out(Path::new("data/desk/")), Path::new("out/desk"));
+        let here = std::env::current_dir().unwrap();
+        let name = here.file_name().unwrap();
+        assert_eq!(default_out(Path::new(".")), Path::new("out").join(name));
+    }
+}

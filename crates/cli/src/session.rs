@@ -1,0 +1,187 @@
+//! One pass of a stream of frames through the system.
+//!
+//! Answers: which frames went in, which came out with a pose, what the map was in the end. Knows nothing of where the
+//! frames come from or where results go.
+
+use crate::console::{self, Progress};
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::summary::LostStretch;
+use crate::timing::Timing;
+use std::sync::Arc;
+use std::time::Instant;
+use stillpoint::datasets::StampedPose;
+use stillpoint::geometry::Camera;
+use stillpoint::imaging::{FrameId, FrameSource, Simd};
+use stillpoint::map::MapView;
+use stillpoint::slam::{Config, Event, FrameReport, Outcome, System};
+
+/// Fewer landmarks may agree on a pose by chance: such poses are not written.
+const MIN_INLIERS: u32 = 30;
+
+/// What a pass gave.
+pub(crate) struct Session {
+    /// Frames that went through the system.
+    pub(crate) frames: usize,
+    /// Frames that could not be read.
+    pub(crate) skipped: usize,
+    /// Stretches of frames without a pose.
+    pub(crate) lost: Vec<LostStretch>,
+    /// The user ended it early.
+    pub(crate) interrupted: bool,
+    /// From the first frame to the last, s.
+    pub(crate) seconds: f64,
+    /// Final poses of the tracked frames.
+    pub(crate) final_poses: Vec<StampedPose>,
+    /// Poses of the same frames as known at each of them.
+    pub(crate) online_poses: Vec<StampedPose>,
+    /// Final poses of the keyframes.
+    pub(crate) keyframes: Vec<StampedPose>,
+    /// The final map.
+    pub(crate) view: Arc<MapView>,
+}
+
+/// Means of a pass.
+pub(crate) struct Driver<'a> {
+    pub(crate) config: Config,
+    pub(crate) camera: Camera,
+    pub(crate) simd: Simd,
+    pub(crate) timing: &'a Timing,
+    pub(crate) interrupt: &'a Interrupt,
+}
+
+impl Driver<'_> {
+    /// Runs the stream to its end, or until the user asks to stop.
+    ///
+    /// # Errors
+    /// A configuration out of range, a stream that fails for good, a stream without any readable frame.
+    pub(crate) fn drive(self, source: &mut dyn FrameSource) -> Result<Session, Failure> {
+        let mut system =
+            System::new(self.config, self.camera, self.simd).map_err(Failure::input)?;
+        let mut progress = Progress::new(source.remaining());
+        let mut tally = Tally::default();
+        let start = Instant::now();
+        while !self.interrupt.requested() {
+            let next = tracing::info_span!("wait").in_scope(|| source.next_frame());
+            match next {
+                None => break,
+                Some(Ok(frame)) => {
+                    let events = tracing::info_span!("total").in_scope(|| system.step(frame));
+                    tally.take(&events);
+                    self.timing.end_frame();
+                }
+                Some(Err(e)) if e.recoverable => {
+                    tally.skipped += 1;
+                    console::warn(&format!("skipped: {e}"));
+                }
+                Some(Err(e)) => {
+                    progress.finish();
+                    return Err(Failure::input(e));
+                }
+            }
+            let note = if tally.without_pose == 0 {
+                String::new()
+            } else {
+                format!(", {} lost", tally.without_pose)
+            };
+            progress.show(tally.frames + tally.skipped, &note);
+        }
+        tally.take(&system.finish());
+        self.timing.end_frame();
+        progress.finish();
+        if tally.frames == 0 && !self.interrupt.requested() {
+            return Err(Failure::input(format!(
+                "expected frames, found none that can be read ({} skipped); check the images",
+                tally.skipped
+            )));
+        }
+        Ok(tally.close(&system, start, self.interrupt.requested()))
+    }
+}
+
+/// Counts while frames go by.
+#[derive(Default)]
+struct Tally {
+    frames: usize,
+    skipped: usize,
+    without_pose: usize,
+    lost: Vec<LostStretch>,
+    last_lost: Option<FrameId>,
+    last_frame: Option<FrameId>,
+}
+
+impl Tally {
+    fn take(&mut self, events: &[Event]) {
+        for event in events {
+            match event {
+                Event::Frame(report) => self.take_report(report),
+                Event::Mapped(report) => tracing::debug!(
+                    keyframe = %report.keyframe,
+                    version = report.map_version,
+                    keyframes = report.keyframes,
+                    landmarks = report.landmarks,
+                    "mapped"
+                ),
+            }
+        }
+    }
+
+    fn take_report(&mut self, report: &FrameReport) {
+        self.frames += 1;
+        let previous = self.last_frame.replace(report.frame);
+        tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
+        let reason = match report.outcome {
+            Outcome::Lost { reason, .. } => reason.to_string(),
+            Outcome::Tracked if report.counts.inliers < MIN_INLIERS => {
+                format!("fewer than {MIN_INLIERS} inliers")
+            }
+            Outcome::Tracked | Outcome::Initialised => return,
+        };
+        self.without_pose += 1;
+        let goes_on = previous.is_some() && self.last_lost == previous;
+        match self.lost.last_mut() {
+            Some(stretch) if goes_on => stretch.last = report.frame.0,
+            _ => self.lost.push(LostStretch {
+                first: report.frame.0,
+                last: report.frame.0,
+                reason,
+            }),
+        }
+        self.last_lost = Some(report.frame);
+    }
+
+    fn close(self, system: &System, start: Instant, interrupted: bool) -> Session {
+        let seconds = start.elapsed().as_secs_f64();
+        let view = system.view();
+        let (mut final_poses, mut online_poses) = (Vec::new(), Vec::new());
+        for (entry, pose) in system.trajectory().resolve(&view) {
+            if entry.inliers < MIN_INLIERS {
+                continue;
+            }
+            let stamped = |world_from_camera| StampedPose {
+                stamp: entry.stamp,
+                world_from_camera,
+            };
+            final_poses.push(stamped(pose));
+            online_poses.push(stamped(entry.online_world_from_camera));
+        }
+        let keyframes = view
+            .keyframes()
+            .map(|k| StampedPose {
+                stamp: k.data.stamp,
+                world_from_camera: k.world_from_camera,
+            })
+            .collect();
+        Session {
+            frames: self.frames,
+            skipped: self.skipped,
+            lost: self.lost,
+            interrupted,
+            seconds,
+            final_poses,
+            online_poses,
+            keyframes,
+            view,
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! Timing and log lines: the subscriber behind the spans and events of the libraries.
+//!
+//! Every span is measured by its name. Durations of a name are added up within a frame, so that a row of the table
+//! says what a stage costs per frame in which it ran; a span inside another of its own name counts once. A span costs two
+//! readings of the clock and one uncontended lock.
+
+use crate::console;
+use std::cell::RefCell;
+use std::fmt::Write;
+use std::sync::{Mutex, MutexGuard};
+use std::time::Instant;
+use stillpoint::evaluation::timing::Stats;
+use tracing::field::{Field, Visit};
+use tracing::span::{Attributes, Id, Record};
+use tracing::{Event, Level, Metadata, Subscriber, subscriber::Interest};
+
+/// The durations measured so far.
+#[derive(Debug, Default)]
+pub(crate) struct Timing {
+    table: Mutex<Stages>,
+}
+
+#[derive(Debug, Default)]
+struct Stages {
+    /// Address of a call site's metadata, and its stage.
+    sites: Vec<(u64, usize)>,
+    stages: Vec<Stage>,
+    /// Frames that ended.
+    frames: usize,
+}
+
+#[derive(Debug)]
+struct Stage {
+    name: &'static str,
+    /// Sum within the present frame, ns; `None` when it did not run.
+    frame_ns: Option<u64>,
+    /// One per frame in which it ran: number of the frame, ms.
+    samples: Vec<(usize, f64)>,
+}
+
+impl Stages {
+    fn stage_of(&mut self, site: u64, name: &'static str) -> usize {
+        if let Some((_, stage)) = self.sites.iter().find(|(s, _)| *s == site) {
+            return *stage;
+        }
+        let known = self.stages.iter().position(|s| s.name == name);
+        let stage = known.unwrap_or_else(|| {
+            self.stages.push(Stage {
+                name,
+                frame_ns: None,
+                samples: Vec::new(),
+            });
+            self.stages.len() - 1
+        });
+        self.sites.push((site, stage));
+        stage
+    }
+}
+
+thread_local! {
+    /// Stages entered on this thread, with the time of entry.
+    static OPEN: RefCell<Vec<(u64, Instant)>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Makes the timing the process's subscriber. Called once; a second call gets timing that nothing feeds.
+pub(crate) fn install() -> &'static Timing {
+    let timing: &'static Timing = Box::leak(Box::default());
+    // Fails only when there is a subscriber already.
+    let _ = tracing::subscriber::set_global_default(Recorder(timing));
+    timing
+}
+
+impl Timing {
+    fn lock(&self) -> MutexGuard<'_, Stages> {
+        match self.table.lock() {
+            Ok(guard) => guard,
+            Err(poisoned) => poisoned.into_inner(),
+        }
+    }
+
+    /// Ends a frame: the sums become samples.
+    pub(crate) fn end_frame(&self) {
+        let mut table = self.lock();
+        let frame = table.frames;
+        for stage in &mut table.stages {
+            if let Some(ns) = stage.frame_ns.take() {
+                stage.samples.push((frame, ns as f64 * 1e-6));
+            }
+        }
+        table.frames += 1;
+    }
+
+    /// Statistics per stage in ms, in the order in which the stages first ran.
+    pub(crate) fn statistics(&self) -> Vec<(&'static str, Stats)> {
+        let table = self.lock();
+        let stages = table.stages.iter().filter(|s| !s.samples.is_empty());
+        stages
+            .map(|s| {
+                let ms: Vec<f64> = s.samples.iter().map(|(_, ms)| *ms).collect();
+                (s.name, Stats::of(&ms))
+            })
+            .collect()
+    }
+
+    /// A stage's time in every frame, ms; NaN where it did not run.
+    pub(crate) fn per_frame(&self, name: &str) -> Vec<f64> {
+        let table = self.lock();
+        let mut all = vec![f64::NAN; table.frames];
+        for stage in table.stages.iter().filter(|s| s.name == name) {
+            for (frame, ms) in &stage.samples {
+                all[*frame] = *ms;
+            }
+        }
+        all
+    }
+}
+
+/// Feeds [`Timing`] and prints events. A span's id is its stage, so that entering needs no look-up by instance.
+struct Recorder(&'static Timing);
+
+impl Subscriber for Recorder {
+    fn register_callsite(&self, metadata: &'static Metadata<'static>) -> Interest {
+        if self.enabled(metadata) {
+            Interest::always()
+        } else {
+            Interest::never()
+        }
+    }
+
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        metadata.is_span() || *metadata.level() <= event_level()
+    }
+
+    fn new_span(&self, attributes: &Attributes<'_>) -> Id {
+        let metadata = attributes.metadata();
+        let site = std::ptr::from_ref(metadata) as u64;
+        let stage = self.0.lock().stage_of(site, metadata.name());
+        Id::from_u64(stage as u64 + 1)
+    }
+
+    fn enter(&self, span: &Id) {
+        let id = span.into_u64();
+        OPEN.with_borrow_mut(|open| open.push((id, Instant::now())));
+    }
+
+    fn exit(&self, span: &Id) {
+        let now = Instant::now();
+        let id = span.into_u64();
+        let entered = OPEN.with_borrow_mut(|open| {
+            let at = open.iter().rposition(|(s, _)| *s == id)?;
+            let (_, entered) = open.remove(at);
+            // Inside another span of the same name the outer one will count this time.
+            let outermost = open.iter().all(|(s, _)| *s != id);
+            outermost.then_some(entered)
+        });
+        if let Some(entered) = entered {
+            let ns = now.duration_since(entered).as_nanos() as u64;
+            let mut table = self.0.lock();
+            if let Some(stage) = table.stages.get_mut(id as usize - 1) {
+                stage.frame_ns = Some(stage.frame_ns.unwrap_or(0) + ns);
+            }
+        }
+    }
+
+    fn event(&self, event: &Event<'_>) {
+        let mut text = Text::default();
+        event.record(&mut text);
+        let level = match *event.metadata().level() {
+            Level::ERROR => "error",
+            Level::WARN => "warning",
+            Level::INFO => "info",
+            Level::DEBUG => "debug",
+            Level::TRACE => "trace",
+        };
+        console::line(&format!("{level}: {}{}", text.message, text.fields));
+    }
+
+    fn record(&self, _: &Id, _: &Record<'_>) {}
+
+    fn record_follows_from(&self, _: &Id, _: &Id) {}
+}
+
+fn event_level() -> Level {
+    match console::verbosity() {
+        0 => Level::ERROR,
+        1 => Level::WARN,
+        2 => Level::DEBUG,
+        _ => Level::TRACE,
+    }
+}
+
+/// An event's message and its fields as ` key=value`.
+#[derive(Default)]
+struct Text {
+    message: String,
+    fields: String,
+}
+
+impl Visit for Text {
+    fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+        // Writing to a String cannot fail.
+        let _ = if field.name() == "message" {
+            write!(self.message, "{value:?}")
+        } else {
+            write!(self.fields, " {}={value:?}", field.name())
+        };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spin(us: u128) {
+        let start = Instant::now();
+        while start.elapsed().as_micros() < us {}
+    }
+
+    #[test]
+    fn names_add_up_within_a_frame_and_nesting_counts_once() {
+        let timing: &'static Timing = Box::leak(Box::default());
+        tracing::subscriber::with_default(Recorder(timing), || {
+            for frame in 0..3 {
+                let _outer = tracing::info_span!("outer").entered();
+                for _ in 0..2 {
+                    tracing::info_span!("part").in_scope(|| {
+                        tracing::info_span!("part").in_scope(|| spin(1000));
+                    });
+                }
+                if frame == 0 {
+                    tracing::debug_span!("rare").in_scope(|| spin(10));
+                }
+                drop(_outer);
+                timing.end_frame();
+            }
+        });
+        let all = timing.statistics();
+        let names: Vec<&str> = all.iter().map(|s| s.0).collect();
+        assert_eq!(names, ["outer", "part", "rare"]);
+        assert_eq!([all[0].1.n, all[1].1.n, all[2].1.n], [3, 3, 1]);
+        let parts = timing.per_frame("part");
+        for part in &parts {
+            assert!(*part >= 2.0, "two calls of 1 ms each, found {part} ms");
+        }
+        for (outer, part) in timing.per_frame("outer").iter().zip(parts) {
+            assert!(
+                *outer >= part,
+                "the inner part counted twice: {part} of {outer} ms"
+            );
+        }
+        let rare = timing.per_frame("rare");
+        assert!(rare[0] > 0.0 && rare[1].is_nan() && rare[2].is_nan());
+    }
+
+    #[test]
+    fn an_open_span_gives_no_sample() {
+        let timing: &'static Timing = Box::leak(Box::default());
+        tracing::subscriber::with_default(Recorder(timing), || {
+            let _open = tracing::info_span!("open").entered();
+            timing.end_frame();
+            assert!(timing.statistics().is_empty());
+        });
+        timing.end_frame();
+        assert_eq!(timing.statistics().len(), 1);
+    }
+}
