@@ -34,7 +34,7 @@ const DISPARITY_STEP: f32 = 0.125;
 /// The infrared signal (reflectivity x cosine / depth^2) below which there is no measurement, about.
 const SIGNAL: f32 = 0.009;
 /// Borders without depth after registration to the colour camera: left, top, right, bottom, px of 640 x 480.
-const BORDER: [usize; 4] = [10, 30, 36, 4];
+const BORDER: [usize; 4] = [10, 28, 34, 4];
 
 impl Sensor {
     pub(crate) fn new(camera: &Camera, seed: u64) -> Self {
@@ -173,7 +173,7 @@ fn find_lit(inverse_depth: &[f32], focal: f32, lit: &mut [bool]) {
 /// True where the matching window of the depth camera straddles a depth edge and finds nothing; how far from the edge
 /// that happens varies in patches.
 fn ragged(view: &View, x: usize, y: usize, focal: f32, patch: f32) -> bool {
-    let reach = (2.6 + 2.2 * patch) as usize;
+    let reach = (2.2 + 1.9 * patch) as usize;
     if reach == 0 || x < reach || y < reach || x + reach >= view.width || y + reach >= view.height {
         return false;
     }

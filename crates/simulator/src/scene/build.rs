@@ -120,7 +120,7 @@ impl Builder {
                 self.names.len() - 1
             });
         let infrared = match pattern {
-            Pattern::Black | Pattern::DarkScreen => 0.021,
+            Pattern::Black | Pattern::DarkScreen => 0.026,
             Pattern::LitScreen => 0.03,
             Pattern::Fabric => 0.35,
             _ => 0.8,

@@ -6,6 +6,9 @@ use super::furniture::DESK;
 use crate::texture::Pattern;
 use stillpoint_geometry::Vec3;
 
+/// How many different posters there are.
+const POSTERS: usize = 24;
+
 /// Height of a room, m.
 const HEIGHT: f64 = 2.7;
 
@@ -109,7 +112,7 @@ fn posters(b: &mut Builder, start: Vec3, along: Vec3, length: f64, first: usize)
     while x < length - 0.7 {
         let width = b.rng.range(0.4, 0.65);
         let z = b.rng.range(1.4, 1.7);
-        let skin = b.skin(Pattern::Poster, k % 8);
+        let skin = b.skin(Pattern::Poster, k % POSTERS);
         picture(
             b,
             start + along * (x + 0.5 * width) + Vec3::new(0.0, 0.0, z),
@@ -208,7 +211,7 @@ pub(super) fn two_rooms(seed: u64) -> Scene {
         (6.5, 2.0),
         (6.5, 5.5),
     ] {
-        b.lamp(x, y, 2.65, 0.75);
+        b.lamp(x, y, 2.65, 0.95);
     }
     let [x, y] = TWO_ROOMS;
     floor_and_ceiling(b, [-x, 0.0, 0.0, y], Pattern::Parquet);
@@ -271,8 +274,8 @@ fn wall_with_doors(b: &mut Builder, length: f64) {
     for x in [-0.08, 0.08] {
         let out = Vec3::x() * if x > 0.0 { 1.0 } else { -1.0 };
         for (k, y) in [0.5, 2.6, 3.7, 4.8, 7.0].into_iter().enumerate() {
-            let kind = b.rng.below(8);
-            let skin = b.skin(Pattern::Poster, (kind + k) % 8);
+            let kind = b.rng.below(POSTERS);
+            let skin = b.skin(Pattern::Poster, (kind + k) % POSTERS);
             let width = b.rng.range(0.5, 0.7);
             picture(b, Vec3::new(x, y, 1.5), out, [width, 1.4 * width], skin);
         }
@@ -314,6 +317,7 @@ fn along_walls(b: &mut Builder, side: f64) {
     use std::f64::consts::{FRAC_PI_2, PI};
     let [x, y] = TWO_ROOMS;
     let variant = if side > 0.0 { 4 } else { 0 };
+    let poster = if side > 0.0 { 12 } else { 0 };
     for (k, at) in [1.6, 3.9, 6.4].into_iter().enumerate() {
         let jitter = b.rng.range(-0.2, 0.2);
         b.shelf(
@@ -367,18 +371,18 @@ fn along_walls(b: &mut Builder, side: f64) {
     let (near, far) = (0.2 * side, x * side);
     let west = near.min(far);
     let east = near.max(far);
-    posters(b, Vec3::new(west, y, 0.0), Vec3::x(), east - west, variant);
+    posters(b, Vec3::new(west, y, 0.0), Vec3::x(), east - west, poster);
     posters(
         b,
         Vec3::new(east, 0.0, 0.0),
         -Vec3::x(),
         east - west,
-        variant + 3,
+        poster + 5,
     );
     let start = if side > 0.0 {
         (Vec3::new(far, y, 0.0), -Vec3::y())
     } else {
         (Vec3::new(far, 0.0, 0.0), Vec3::y())
     };
-    posters(b, start.0, start.1, y, variant + 6);
+    posters(b, start.0, start.1, y, poster + 9);
 }
