@@ -147,33 +147,34 @@ unsafe fn score_block(
     _mm256_andnot_si256(not_above, score)
 }
 
-/// Twin of [`maxima_span`], row by row.
-pub(crate) fn find_maxima(
+/// Twin of [`maxima_span`].
+pub(crate) fn find_row_maxima(
     scores: &GrayImage,
-    rows: Range<usize>,
+    y: usize,
     columns: Range<usize>,
+    thresholds: &[u8],
     corners: &mut Vec<Corner>,
 ) {
     check();
-    assert!(rows.start >= 1 && rows.end < scores.height());
+    assert!(y >= 1 && y + 1 < scores.height());
     assert!(columns.start >= 1 && columns.end < scores.width());
-    for y in rows {
-        if columns.len() < 32 {
-            maxima_span(scores, y, columns.clone(), corners);
-        } else {
-            // SAFETY: `check` has seen AVX2; the row and the at least 32 columns, and their neighbours, are inside.
-            unsafe { maxima_row(scores, y, columns.clone(), corners) };
-        }
+    assert!(thresholds.len() == scores.width());
+    if columns.len() < 32 {
+        maxima_span(scores, y, columns, thresholds, corners);
+    } else {
+        // SAFETY: `check` has seen AVX2; the row and the at least 32 columns, and their neighbours, are inside; there is a threshold per column.
+        unsafe { maxima_row(scores, y, columns, thresholds, corners) };
     }
 }
 
 /// # Safety
-/// `columns` are at least 32; they and `y` are at least 1 px from the border of `scores`.
+/// `columns` are at least 32; they and `y` are at least 1 px from the border of `scores`, which is as wide as `thresholds`.
 #[target_feature(enable = "avx2")]
 unsafe fn maxima_row(
     scores: &GrayImage,
     y: usize,
     columns: Range<usize>,
+    thresholds: &[u8],
     corners: &mut Vec<Corner>,
 ) {
     let width = scores.width();
@@ -184,15 +185,19 @@ unsafe fn maxima_row(
         let x = block.min(columns.end - 32);
         let index = y * width + x;
         let score = at(index);
-        if _mm256_testz_si256(score, score) == 1 {
+        // SAFETY: the block lies inside the row, which is as long as `thresholds`.
+        let excess = _mm256_subs_epu8(score, unsafe { load(thresholds, x) });
+        if _mm256_testz_si256(excess, excess) == 1 {
             continue;
         }
+        let too_low = _mm256_cmpeq_epi8(excess, _mm256_setzero_si256());
         let line = |i: usize| _mm256_max_epu8(_mm256_max_epu8(at(i - 1), at(i)), at(i + 1));
         let before = _mm256_max_epu8(line(index - width), at(index - 1));
         let after = _mm256_max_epu8(line(index + width), at(index + 1));
         let not_above = _mm256_cmpeq_epi8(_mm256_max_epu8(score, before), before);
         let not_below = _mm256_cmpeq_epi8(_mm256_max_epu8(score, after), score);
-        let mut mask = _mm256_movemask_epi8(_mm256_andnot_si256(not_above, not_below)) as u32;
+        let maximum = _mm256_andnot_si256(not_above, not_below);
+        let mut mask = _mm256_movemask_epi8(_mm256_andnot_si256(too_low, maximum)) as u32;
         // The last block overlaps the one before, whose pixels are done.
         mask &= u32::MAX << (block - x);
         while mask != 0 {

@@ -43,7 +43,7 @@ pub(crate) struct Corner {
 pub(crate) struct FastDetector {
     scores: GrayImage,
     corners: Vec<Corner>,
-    cell_is_strong: Vec<bool>,
+    cells: Cells,
     simd: Simd,
 }
 
@@ -78,8 +78,12 @@ impl FastDetector {
             return &self.corners;
         }
         score_image(image, options, self.scores.data_mut(), self.simd);
-        find_maxima(&self.scores, options.margin, &mut self.corners, self.simd);
-        self.prefer_strong(options, width, height);
+        self.cells.lay_out((width, height), options);
+        self.find_maxima(options);
+        // Weak corners found before the first strong one of their cell.
+        let cells = &self.cells;
+        self.corners
+            .retain(|corner| corner.score > options.high || !cells.is_strong(corner));
         &self.corners
     }
 
@@ -93,29 +97,78 @@ impl FastDetector {
         &self.scores
     }
 
-    fn prefer_strong(&mut self, options: &FastOptions, width: usize, height: usize) {
+    fn find_maxima(&mut self, options: &FastOptions) {
         let margin = options.margin;
-        let (inner_width, inner_height) = (width - 2 * margin, height - 2 * margin);
-        // Cells of equal size as near to CELL as the image allows.
-        let across = ((inner_width + CELL / 2) / CELL).max(1);
-        let down = ((inner_height + CELL / 2) / CELL).max(1);
-        let cell_width = inner_width.div_ceil(across) as u32;
-        let cell_height = inner_height.div_ceil(down) as u32;
-        let cell_of = |corner: &Corner| {
-            let column = (u32::from(corner.x) - margin as u32) / cell_width;
-            let row = (u32::from(corner.y) - margin as u32) / cell_height;
-            row as usize * across + column as usize
-        };
-        self.cell_is_strong.clear();
-        self.cell_is_strong.resize(across * down, false);
-        for corner in &self.corners {
-            if corner.score > options.high {
-                self.cell_is_strong[cell_of(corner)] = true;
+        let columns = margin..self.scores.width() - margin;
+        for y in margin..self.scores.height() - margin {
+            if (y - margin).is_multiple_of(self.cells.height) {
+                self.cells.thresholds.fill(options.low);
+            }
+            let before = self.corners.len();
+            let thresholds = &self.cells.thresholds;
+            find_row_maxima(
+                &self.scores,
+                y,
+                columns.clone(),
+                thresholds,
+                &mut self.corners,
+                self.simd,
+            );
+            for corner in &self.corners[before..] {
+                if corner.score > options.high {
+                    self.cells.mark_strong(corner, options.high);
+                }
             }
         }
-        let strong = &self.cell_is_strong;
-        self.corners
-            .retain(|corner| corner.score > options.high || !strong[cell_of(corner)]);
+    }
+}
+
+/// Cells of equal size, as near to [`CELL`] as the image allows, over the searched rectangle.
+#[derive(Clone, Debug, Default)]
+struct Cells {
+    margin: usize,
+    across: usize,
+    width: usize,
+    height: usize,
+    strong: Vec<bool>,
+    /// For each column of the image the score that corners must exceed in the present row of cells: once a cell has a strong corner, weak ones are
+    /// of no use.
+    thresholds: Vec<u8>,
+}
+
+impl Cells {
+    fn lay_out(&mut self, image: (usize, usize), options: &FastOptions) {
+        let inner = (image.0 - 2 * options.margin, image.1 - 2 * options.margin);
+        let count = |length: usize| ((length + CELL / 2) / CELL).max(1);
+        let down = count(inner.1);
+        self.margin = options.margin;
+        self.across = count(inner.0);
+        self.width = inner.0.div_ceil(self.across);
+        self.height = inner.1.div_ceil(down);
+        self.strong.clear();
+        self.strong.resize(self.across * down, false);
+        self.thresholds.clear();
+        self.thresholds.resize(image.0, options.low);
+    }
+
+    fn index(&self, corner: &Corner) -> usize {
+        let column = (usize::from(corner.x) - self.margin) / self.width;
+        let row = (usize::from(corner.y) - self.margin) / self.height;
+        row * self.across + column
+    }
+
+    fn is_strong(&self, corner: &Corner) -> bool {
+        self.strong[self.index(corner)]
+    }
+
+    fn mark_strong(&mut self, corner: &Corner, high: u8) {
+        let index = self.index(corner);
+        if !self.strong[index] {
+            self.strong[index] = true;
+            let begin = self.margin + index % self.across * self.width;
+            let end = (begin + self.width).min(self.thresholds.len());
+            self.thresholds[begin..end].fill(high);
+        }
     }
 }
 
@@ -213,31 +266,36 @@ fn score_lanes<const N: usize>(
     score_of(bright, dark).map(|score| if score > low { score } else { 0 })
 }
 
-fn find_maxima(scores: &GrayImage, margin: usize, corners: &mut Vec<Corner>, simd: Simd) {
-    let columns = margin..scores.width() - margin;
-    let rows = margin..scores.height() - margin;
+/// Appends the pixels `columns` of row `y` whose score exceeds their column's threshold and is above that of the neighbours before and not below that
+/// of the neighbours after them: of equal neighbours the first one wins.
+fn find_row_maxima(
+    scores: &GrayImage,
+    y: usize,
+    columns: Range<usize>,
+    thresholds: &[u8],
+    corners: &mut Vec<Corner>,
+    simd: Simd,
+) {
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
-        return crate::avx2::find_maxima(scores, rows, columns, corners);
+        return crate::avx2::find_row_maxima(scores, y, columns, thresholds, corners);
     }
     let _ = simd;
-    for y in rows {
-        maxima_span(scores, y, columns.clone(), corners);
-    }
+    maxima_span(scores, y, columns, thresholds, corners);
 }
 
-/// Appends the pixels `columns` of row `y` whose score is above that of the neighbours before and not below that of the neighbours after them: of
-/// equal neighbours the first one wins.
+/// [`find_row_maxima`] for any machine.
 pub(crate) fn maxima_span(
     scores: &GrayImage,
     y: usize,
     columns: Range<usize>,
+    thresholds: &[u8],
     corners: &mut Vec<Corner>,
 ) {
     let (above, row, below) = (scores.row(y - 1), scores.row(y), scores.row(y + 1));
     for x in columns {
         let score = row[x];
-        if score == 0 {
+        if score <= thresholds[x] {
             continue;
         }
         let before = above[x - 1].max(above[x]).max(above[x + 1]).max(row[x - 1]);

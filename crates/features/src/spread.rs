@@ -68,8 +68,8 @@ impl Spread {
         self.keys.clear();
         self.keys
             .extend(corners.iter().enumerate().map(|(index, corner)| {
-                let x = (u64::from(corner.x) * u64::from(step_x) >> 16) as u32;
-                let y = (u64::from(corner.y) * u64::from(step_y) >> 16) as u32;
+                let x = ((u64::from(corner.x) * u64::from(step_x)) >> 16) as u32;
+                let y = ((u64::from(corner.y) * u64::from(step_y)) >> 16) as u32;
                 let root = x >> DEPTH;
                 let mask = (1 << DEPTH) - 1;
                 let key = (root << (2 * DEPTH)) | spaced(x & mask) | (spaced(y & mask) << 1);

@@ -196,27 +196,30 @@ fn smooth_columns_kernel(rows: &[&[u16]; 7], out: &mut [u8]) {
     }
     // Cut to one length, so that one bounds check serves all loads of a block.
     let rows = rows.map(|row| &row[..out.len()]);
-    for x in blocks(out.len(), 32) {
-        let packed = _mm256_packus_epi16(smooth_block(&rows, x), smooth_block(&rows, x + 16));
-        store_u8(out, x, _mm256_permute4x64_epi64::<0b11_01_10_00>(packed));
+    let taps = [
+        _mm256_set1_epi16(TAPS[0] << 9),
+        _mm256_set1_epi16(TAPS[1] << 9),
+        _mm256_set1_epi16(TAPS[2] << 9),
+        _mm256_set1_epi16(TAPS[3] << 9),
+    ];
+    for start in blocks(out.len(), 32) {
+        // A loop rather than a function for each half: the compiler would call it through memory.
+        let mut halves = [_mm256_set1_epi16(64); 2];
+        for (half, sum) in halves.iter_mut().enumerate() {
+            let x = start + 16 * half;
+            *sum = _mm256_add_epi16(*sum, _mm256_mulhi_epu16(load_u16(rows[3], x), taps[0]));
+            for k in 1..4 {
+                // At most 2 x 32640, which fits an unsigned word.
+                let pair = _mm256_add_epi16(load_u16(rows[3 - k], x), load_u16(rows[3 + k], x));
+                *sum = _mm256_add_epi16(*sum, _mm256_mulhi_epu16(pair, taps[k]));
+            }
+            *sum = _mm256_srli_epi16::<7>(*sum);
+        }
+        let packed = _mm256_packus_epi16(halves[0], halves[1]);
+        store_u8(
+            out,
+            start,
+            _mm256_permute4x64_epi64::<0b11_01_10_00>(packed),
+        );
     }
-}
-
-/// Sixteen smoothed pixels as words.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn smooth_block(rows: &[&[u16]; 7], x: usize) -> __m256i {
-    let tap = |k: usize| _mm256_set1_epi16(TAPS[k] << 9);
-    // At most 2 x 32640, which fits an unsigned word.
-    let pair = |k: usize| _mm256_add_epi16(load_u16(rows[3 - k], x), load_u16(rows[3 + k], x));
-    let near = _mm256_add_epi16(
-        _mm256_mulhi_epu16(load_u16(rows[3], x), tap(0)),
-        _mm256_mulhi_epu16(pair(1), tap(1)),
-    );
-    let far = _mm256_add_epi16(
-        _mm256_mulhi_epu16(pair(2), tap(2)),
-        _mm256_mulhi_epu16(pair(3), tap(3)),
-    );
-    let sum = _mm256_add_epi16(_mm256_add_epi16(near, far), _mm256_set1_epi16(64));
-    _mm256_srli_epi16::<7>(sum)
 }
