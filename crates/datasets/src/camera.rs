@@ -1,8 +1,6 @@
 //! Cameras: presets and camera files.
 //!
-//! A `camera.toml` holds the keys `fx fy cx cy` (px), `depth_scale` (depth image values per metre) and, where wanted,
-//! `name`, `width` and `height` (px; else the size of the images), `distortion = [k1, k2, p1, p2, k3]`. A `camera.txt` holds
-//! one line `fx fy cx cy depth_scale`, and lines that start with `#`.
+//! The crate's documentation describes the formats.
 
 use crate::error::{DatasetError, Result, quote};
 use crate::lists::{data_lines, parse_numbers, read_text};

@@ -41,8 +41,11 @@ pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Vec<StampedPo
             }
         }
         Layout::IclNuim => {
+            // Frame numbers, as the data set has them, unless somebody wrote seconds.
+            let numbered = poses.iter().all(|p| p.stamp.fract() == 0.0);
+            let rate = if numbered { NUMBERED_RATE } else { 1.0 };
             for p in &mut poses {
-                p.stamp /= NUMBERED_RATE;
+                p.stamp /= rate;
                 p.world_from_camera = mirror_y(&p.world_from_camera);
             }
         }

@@ -82,6 +82,11 @@ fn has(names: &[String], name: &str) -> bool {
     names.iter().any(|n| n == name)
 }
 
+/// Both lists of the TUM layout.
+fn has_lists(names: &[String]) -> bool {
+    has(names, "rgb.txt") && has(names, "depth.txt")
+}
+
 fn association_file(names: &[String]) -> Option<&'static str> {
     ASSOCIATION_NAMES.into_iter().find(|n| has(names, n))
 }
@@ -111,14 +116,18 @@ pub(crate) fn guess(
     if icl_ground_truth(names).is_some() {
         return Ok((Layout::IclNuim, "a .gt.freiburg file".into()));
     }
-    let files = if has(names, "rgb.txt") {
+    let files = if has_lists(names) {
         "rgb.txt and depth.txt"
     } else if let Some(file) = association_file(names) {
         let path = folder.join(file);
-        if parse_associations(&read_text(&path)?, &path)?.depth_first {
-            return Ok((Layout::IclNuim, format!("{file} lists depth first")));
+        let list = parse_associations(&read_text(&path)?, &path)?;
+        if list.depth_first && list.is_numbered() {
+            let why = format!("{file} lists depth first and frame numbers");
+            return Ok((Layout::IclNuim, why));
         }
         file
+    } else if has(names, "rgb.txt") {
+        "rgb.txt"
     } else if numbered(&folder.join("rgb")).is_ok_and(|l| l.first().is_some_and(|f| f.0 < 2)) {
         return Ok((Layout::IclNuim, "images rgb/0.png, rgb/1.png, ...".into()));
     } else {
@@ -172,13 +181,13 @@ pub(crate) fn index(
     max_dt: f64,
 ) -> Result<(Vec<Entry>, Counts)> {
     match layout {
-        Layout::Tum | Layout::Bonn if has(names, "rgb.txt") => index_lists(folder, names, max_dt),
-        Layout::Tum | Layout::Bonn => match association_file(names) {
-            Some(file) => index_associations(&folder.join(file), 1.0, max_dt),
-            None => Err(unknown(folder, names)),
+        Layout::Tum | Layout::Bonn => match (has_lists(names), association_file(names)) {
+            (false, Some(file)) => index_associations(&folder.join(file), layout, max_dt),
+            _ if has(names, "rgb.txt") => index_lists(folder, names, max_dt),
+            _ => Err(unknown(folder, names)),
         },
         Layout::IclNuim => match association_file(names) {
-            Some(file) => index_associations(&folder.join(file), NUMBERED_RATE, max_dt),
+            Some(file) => index_associations(&folder.join(file), layout, max_dt),
             None => index_numbered(folder),
         },
         Layout::SevenScenes => index_seven_scenes(folder, names),
@@ -251,9 +260,12 @@ fn index_lists(folder: &Path, names: &[String], max_dt: f64) -> Result<(Vec<Entr
     ))
 }
 
-/// Pairs as the file states them; `rate` turns frame numbers into seconds (1 for stamps in seconds).
-fn index_associations(path: &Path, rate: f64, max_dt: f64) -> Result<(Vec<Entry>, Counts)> {
-    let Associations { colour, depth, .. } = parse_associations(&read_text(path)?, path)?;
+/// Pairs as the file states them; ICL-NUIM states frame numbers instead of seconds.
+fn index_associations(path: &Path, layout: Layout, max_dt: f64) -> Result<(Vec<Entry>, Counts)> {
+    let list = parse_associations(&read_text(path)?, path)?;
+    let numbered = layout == Layout::IclNuim && list.is_numbered();
+    let rate = if numbered { NUMBERED_RATE } else { 1.0 };
+    let Associations { colour, depth, .. } = list;
     let total = colour.stamps.len();
     let folder = path.parent().unwrap_or(Path::new("."));
     let entries: Vec<Entry> = (0..total)

@@ -4,6 +4,32 @@
 //! truth says in this project's conventions. Also writes data sets and trajectories. Does not judge trajectories (crate
 //! `evaluation`) and does not know what is done with the frames.
 //!
+//! # Layouts
+//! | layout | told by | stamps | ground truth |
+//! |---|---|---|---|
+//! | TUM | `rgb.txt` and `depth.txt`, else `associations.txt` | s | `groundtruth.txt` |
+//! | Bonn | as TUM, with "bonn" in the folder's name or the camera | s | of a marker, converted to the camera |
+//! | ICL-NUIM | `*.gt.freiburg`, or associations that list depth first and frame numbers, or `rgb/0.png` | number / 30 Hz | left-handed, mirrored |
+//! | 7-Scenes | `frame-000000.color.png`, `.depth.png`, `.pose.txt` | number / 30 Hz | one matrix per frame |
+//!
+//! # Camera files
+//! The camera is the one asked for, else `camera.toml` or `camera.txt` in the folder, else that of the layout (ICL-NUIM,
+//! 7-Scenes), else a preset when the folder's name contains `freiburg1` or `fr1`, `freiburg2` or `fr2`, `freiburg3` or `fr3`, or
+//! `bonn`. A `camera.txt` holds one line `fx fy cx cy depth_scale` and comments that start with `#`. A `camera.toml`:
+//!
+//! ```toml
+//! name = "my camera"          # optional
+//! width = 640                 # px; optional, else the size of the images
+//! height = 480
+//! fx = 525.0                  # focal lengths and principal point, px
+//! fy = 525.0
+//! cx = 319.5
+//! cy = 239.5
+//! distortion = [0.0, 0.0, 0.0, 0.0, 0.0] # k1 k2 p1 p2 k3; optional
+//! depth_scale = 5000.0        # depth image values per metre
+//! ```
+//!
+//! # Use
 //! ```no_run
 //! use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
 //! use stillpoint_imaging::FrameSource;

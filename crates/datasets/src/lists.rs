@@ -134,6 +134,14 @@ pub(crate) struct Associations {
     pub(crate) depth_first: bool,
 }
 
+impl Associations {
+    /// Whether all stamps are whole numbers: frame numbers, not seconds.
+    pub(crate) fn is_numbered(&self) -> bool {
+        let whole = |l: &ImageList| l.stamps.iter().all(|t| t.fract() == 0.0);
+        whole(&self.colour) && whole(&self.depth)
+    }
+}
+
 /// Parses an association file: `timestamp file timestamp file` per line. Which side is depth is told by the names; when
 /// they do not tell, colour comes first, as in the TUM tools.
 pub(crate) fn parse_associations(text: &str, path: &Path) -> Result<Associations> {

@@ -95,6 +95,21 @@ fn associations_jpeg_and_webp() {
 }
 
 #[test]
+fn depth_first_with_seconds_is_not_icl_nuim() {
+    let f = Folder::tum("x", 3);
+    // Without depth.txt the associations are taken.
+    f.remove("depth.txt");
+    f.text("associations.txt", "0.005 depth/0.png 0.0 rgb/0.png\n");
+    let d = f.open();
+    assert_eq!((d.layout(), d.counts().frames), (Layout::Tum, 1));
+    assert!(d.guesses()[0].contains("associations.txt"));
+    assert_eq!(
+        (d.entries()[0].stamp, d.entries()[0].depth_stamp),
+        (0.0, 0.005)
+    );
+}
+
+#[test]
 fn camera_choices_come_before_guesses() {
     let f = Folder::tum("fr2_x", 2);
     f.text("my.toml", "name = \"mine\"\nfx = 1.0\nfy = 2.0\ncx = 3.0\ncy = 4.0\ndepth_scale = 5000.0\ndistortion = [1.0, 2.0, 3.0, 4.0, 5.0]\n");

@@ -95,15 +95,14 @@ impl Axes {
                 );
             }
         }
+        // The label keeps its distance from ticks with many digits.
+        let mut offset = 50.0f64;
         for &t in &ys {
             let [_, py] = self.at(self.x[0], t);
+            let text = format!("{t:.y_decimals$}");
             figure.line(vec![[left, py], [right, py]], GRID, 1.0);
-            figure.text(
-                [left - 7.0, py + 4.3],
-                &format!("{t:.y_decimals$}"),
-                SMALL,
-                Anchor::End,
-            );
+            figure.text([left - 7.0, py + 4.3], &text, SMALL, Anchor::End);
+            offset = offset.max(super::font::width(&text, SMALL) + 20.0);
         }
         let corners = [
             [left, top],
@@ -121,7 +120,7 @@ impl Axes {
                 Anchor::Middle,
             );
         }
-        figure.text_upwards([left - 50.0, top + 0.5 * h], y_label, LABEL);
+        figure.text_upwards([left - offset, top + 0.5 * h], y_label, LABEL);
     }
 }
 
