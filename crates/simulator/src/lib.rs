@@ -6,6 +6,7 @@
 //! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`) from exact poses
 //! (`path`) at the stamps of the colour image and of the depth image, and then spoiled as a real camera does (`sensor`).
 
+mod lens;
 mod path;
 mod random;
 mod raster;

@@ -3,6 +3,7 @@
 //! Answers: visibility of convex planar faces in a pinhole view, by scan lines and a depth buffer on 1 / z (which is
 //! affine in the image), and the shading of what is seen. Knows no noise (module `sensor`).
 
+use crate::lens::Lens;
 use crate::scene::{Face, Scene};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
@@ -155,54 +156,84 @@ impl View {
         Some(rows)
     }
 
-    /// Colours one row of pixels into `out`, RGB interleaved in grey levels; the view must have 2 x 2 samples per pixel.
-    /// Where the four samples see one face it is shaded once, at the pixel's centre; else each sample is shaded.
-    pub(crate) fn shade_row(&self, scene: &Scene, y: usize, out: &mut [f32]) {
-        let (upper, lower) = self.face[2 * y * self.width..][..2 * self.width].split_at(self.width);
-        let pixels = self.width / 2;
+    /// Colours one row of the recorded image into `out`, RGB interleaved in grey levels; the view must have 2 x 2 samples
+    /// per pixel. Where the four samples see one face it is shaded once, at the pixel's centre; else each sample is shaded.
+    pub(crate) fn shade_row(&self, scene: &Scene, lens: &Lens, y: usize, out: &mut [f32]) {
         let mut x = 0;
-        while x < pixels {
-            let number = upper[2 * x];
-            let same = |x: usize| {
-                upper[2 * x] == number
-                    && upper[2 * x + 1] == number
-                    && lower[2 * x] == number
-                    && lower[2 * x + 1] == number
-            };
-            let mut end = x;
-            while end < pixels && same(end) {
-                end += 1;
-            }
-            if end > x {
-                let row = &mut out[3 * x..3 * end];
-                if number == NOTHING {
-                    row.fill(0.0);
-                } else {
-                    self.faces[usize::from(number)].shade(scene, [x as f64, y as f64], row);
+        while x < lens.width {
+            let place = lens.place(x, y);
+            let numbers = self.samples(place);
+            let same = |n: &[u16; 4]| n.iter().all(|k| *k == numbers[0]);
+            let mut end = x + 1;
+            if !same(&numbers) {
+                self.shade_mixed(scene, place, &numbers, &mut out[3 * x..3 * end]);
+            } else {
+                // Distorted pixels do not follow each other at equal steps, so only ideal ones are shaded in runs.
+                while lens.is_ideal() && end < lens.width && same(&self.samples(lens.place(end, y)))
+                {
+                    end += 1;
                 }
-                x = end;
-                continue;
-            }
-            let mut sum = [0.0; 3];
-            for (id, du, dv) in [
-                (upper[2 * x], -0.25, -0.25),
-                (upper[2 * x + 1], 0.25, -0.25),
-                (lower[2 * x], -0.25, 0.25),
-                (lower[2 * x + 1], 0.25, 0.25),
-            ] {
-                if id != NOTHING {
-                    let mut one = [0.0; 3];
-                    self.faces[usize::from(id)].shade(
-                        scene,
-                        [x as f64 + du, y as f64 + dv],
-                        &mut one,
-                    );
-                    (0..3).for_each(|c| sum[c] += 0.25 * one[c]);
+                let run = &mut out[3 * x..3 * end];
+                match self.faces.get(usize::from(numbers[0])) {
+                    Some(face) => face.shade(scene, place, run),
+                    None => run.fill(0.0),
                 }
             }
-            out[3 * x..3 * x + 3].copy_from_slice(&sum);
-            x += 1;
+            x = end;
         }
+    }
+
+    /// The faces that the four samples about a place of the image see.
+    #[inline]
+    fn samples(&self, [u, v]: [f64; 2]) -> [u16; 4] {
+        // Sample k lies at pixel (k + 0.5) / 2 - 0.5.
+        let clip = |p: f64, size: usize| ((2.0 * p + 0.5).max(0.0) as usize).min(size - 2);
+        let i = clip(v, self.height) * self.width + clip(u, self.width);
+        let (upper, lower) = (
+            &self.face[i..i + 2],
+            &self.face[i + self.width..i + self.width + 2],
+        );
+        [upper[0], upper[1], lower[0], lower[1]]
+    }
+
+    fn shade_mixed(&self, scene: &Scene, [u, v]: [f64; 2], numbers: &[u16; 4], out: &mut [f32]) {
+        out.fill(0.0);
+        for (k, number) in numbers.iter().enumerate() {
+            let (du, dv) = (0.5 * (k % 2) as f64 - 0.25, 0.5 * (k / 2) as f64 - 0.25);
+            if let Some(face) = self.faces.get(usize::from(*number)) {
+                let mut one = [0.0; 3];
+                face.shade(scene, [u + du, v + dv], &mut one);
+                (0..3).for_each(|c| out[c] += 0.25 * one[c]);
+            }
+        }
+    }
+
+    /// The view of the recorded image: this one, which must have one sample per pixel, through the lens.
+    pub(crate) fn through(self, lens: &Lens) -> Self {
+        if lens.is_ideal() {
+            return self;
+        }
+        let mut recorded = Self {
+            width: lens.width,
+            height: lens.height,
+            inverse_depth: Vec::with_capacity(lens.width * lens.height),
+            face: Vec::with_capacity(lens.width * lens.height),
+            ..self
+        };
+        for y in 0..lens.height {
+            for x in 0..lens.width {
+                let [u, v] = lens.place(x, y);
+                let number = self.face[(v + 0.5) as usize * self.width + (u + 0.5) as usize];
+                let face = recorded.faces.get(usize::from(number));
+                let [c0, cu, cv] = face.map_or([0.0; 3], |f| f.inverse_depth);
+                // At a face's border the line of sight may just miss it, where its plane is behind the camera.
+                recorded
+                    .inverse_depth
+                    .push((c0 + cu * u + cv * v).max(0.0) as f32);
+                recorded.face.push(number);
+            }
+        }
+        recorded
     }
 }
 
@@ -316,6 +347,7 @@ mod tests {
     #[test]
     fn a_slanted_face_has_its_colour_and_depth_at_whole_pixels() {
         let camera = Camera::pinhole(640, 480, [535.0, 530.0, 319.5, 239.5]);
+        let lens = Lens::new(&camera);
         let pose = Se3::new(
             so3::exp(&Vec3::new(0.2, -0.5, 0.1)),
             Vec3::new(0.1, -0.05, 0.2),
@@ -348,7 +380,7 @@ mod tests {
         let (mut errors, mut n) = ([0.0; 2], 0.0);
         for v in 0..480 {
             let mut row = vec![0.0; 3 * 640];
-            fine.shade_row(&scene, v, &mut row);
+            fine.shade_row(&scene, &lens, v, &mut row);
             for u in 0..640 {
                 let ray = pose.rotation * camera.ray(Vec2::new(u as f64, v as f64));
                 let z = normal.dot(&(corner - pose.translation)) / normal.dot(&ray);

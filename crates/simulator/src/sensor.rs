@@ -4,9 +4,10 @@
 //! The depth noise follows Nguyen, Izadi and Lovell (3DIMPVT 2012), the quantisation Khoshelham and Elberink (Sensors
 //! 2012).
 
+use crate::lens::Lens;
 use crate::random::{self, Normal, Purpose};
 use crate::raster::{NOTHING, View};
-use stillpoint_geometry::Camera;
+use stillpoint_geometry::Vec2;
 
 /// What turns ideal images into recorded ones.
 pub(crate) struct Sensor {
@@ -37,16 +38,13 @@ const SIGNAL: f32 = 0.009;
 const BORDER: [usize; 4] = [10, 28, 34, 4];
 
 impl Sensor {
-    pub(crate) fn new(camera: &Camera, seed: u64) -> Self {
-        let (w, h) = (camera.width as usize, camera.height as usize);
-        let mut ray = Vec::with_capacity(w * h);
-        for v in 0..h {
-            for u in 0..w {
-                let (x, y) = (
-                    (u as f64 - camera.cx) / camera.fx,
-                    (v as f64 - camera.cy) / camera.fy,
-                );
-                ray.push((1.0 + x * x + y * y).sqrt() as f32);
+    pub(crate) fn new(lens: &Lens, seed: u64) -> Self {
+        let camera = &lens.rendered;
+        let mut ray = Vec::with_capacity(lens.width * lens.height);
+        for y in 0..lens.height {
+            for x in 0..lens.width {
+                let [u, v] = lens.place(x, y);
+                ray.push(camera.ray(Vec2::new(u, v)).norm() as f32);
             }
         }
         // Half of the natural cos^4 law: lenses are made to do better.

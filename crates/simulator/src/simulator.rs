@@ -1,11 +1,12 @@
 //! The simulator: a scene, a path and a sensor put together.
 
+use crate::lens::Lens;
 use crate::path::Path;
 use crate::raster::View;
 use crate::scene::Scene;
 use crate::sensor::Sensor;
 use std::sync::Arc;
-use stillpoint_geometry::{Camera, Se3};
+use stillpoint_geometry::{Camera, Se3, Vec2};
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
 
 const NAMES: [&str; 5] = ["xyz", "rpy", "halfsphere", "static", "loop_two_rooms"];
@@ -30,6 +31,8 @@ pub struct SimulatorConfig {
     /// How long after the colour image the depth image is taken, s, on average; it drifts by 70 % to both sides, as the
     /// two cameras of a Kinect run free.
     pub depth_delay: f64,
+    /// The camera, of colour and of depth: any size from 32 to 4096 px, with or without distortion.
+    pub camera: Camera,
 }
 
 impl Default for SimulatorConfig {
@@ -40,6 +43,7 @@ impl Default for SimulatorConfig {
             frames: None,
             noise: true,
             depth_delay: 0.01,
+            camera: Camera::pinhole(640, 480, [535.0, 535.0, 319.5, 239.5]),
         }
     }
 }
@@ -56,6 +60,8 @@ pub enum SimulatorError {
     },
     /// The delay of depth images is not a number from 0 to 1/30 s.
     DepthDelay(f64),
+    /// The camera's size or focal length cannot be rendered; it is given back.
+    Camera(Box<Camera>),
 }
 
 impl std::fmt::Display for SimulatorError {
@@ -74,6 +80,10 @@ impl std::fmt::Display for SimulatorError {
                     "expected a depth delay from 0 to 0.0333 s, found {found}"
                 )
             }
+            Self::Camera(found) => write!(
+                f,
+                "expected a camera of 32 to 4096 px with focal lengths of 16 to 8192 px and its principal point in the image, found {found:?}"
+            ),
         }
     }
 }
@@ -83,6 +93,7 @@ impl std::error::Error for SimulatorError {}
 /// A simulated RGB-D recording with exact poses. Every frame is a pure function of configuration and index.
 pub struct Simulator {
     camera: Camera,
+    lens: Lens,
     scene: Scene,
     path: Path,
     sensor: Sensor,
@@ -98,10 +109,13 @@ impl Simulator {
     /// Builds the scene and paints its textures.
     ///
     /// # Errors
-    /// [`SimulatorError`] for an unknown scene, or a delay that is longer than a frame.
+    /// [`SimulatorError`] for an unknown scene, a delay that is longer than a frame, or a camera out of range.
     pub fn new(config: &SimulatorConfig) -> Result<Self, SimulatorError> {
         if !(0.0..=1.0 / RATE).contains(&config.depth_delay) {
             return Err(SimulatorError::DepthDelay(config.depth_delay));
+        }
+        if !can_render(&config.camera) {
+            return Err(SimulatorError::Camera(Box::new(config.camera)));
         }
         let seed = config.seed;
         let (scene, path) = match config.scene.as_str() {
@@ -120,11 +134,12 @@ impl Simulator {
                 });
             }
         };
-        let camera = Camera::pinhole(640, 480, [535.0, 535.0, 319.5, 239.5]);
+        let lens = Lens::new(&config.camera);
         let default_length = (path.duration() * RATE).round() as usize;
         Ok(Self {
-            sensor: Sensor::new(&camera, seed),
-            camera,
+            sensor: Sensor::new(&lens, seed),
+            camera: config.camera,
+            lens,
             scene,
             length: config.frames.unwrap_or(default_length),
             path,
@@ -133,7 +148,7 @@ impl Simulator {
         })
     }
 
-    /// The camera: 640 x 480, without distortion.
+    /// The camera of the configuration.
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
@@ -205,11 +220,16 @@ impl Simulator {
     pub fn colour(&self, index: usize) -> ColourImage {
         let stamp = self.stamp(index);
         let faces = self.scene.faces_at(stamp);
-        let view = View::new(faces, &self.camera, &self.world_from_camera(stamp), 2);
+        let view = View::new(
+            faces,
+            &self.lens.rendered,
+            &self.world_from_camera(stamp),
+            2,
+        );
         let (w, h) = (self.camera.width as usize, self.camera.height as usize);
         let mut ideal = vec![0.0_f32; 3 * w * h];
         for (y, row) in ideal.chunks_exact_mut(3 * w).enumerate() {
-            view.shade_row(&self.scene, y, row);
+            view.shade_row(&self.scene, &self.lens, y, row);
         }
         let bytes = if self.noise {
             self.sensor
@@ -225,7 +245,13 @@ impl Simulator {
     pub fn depth(&self, index: usize) -> DepthImage {
         let stamp = self.depth_stamp(index);
         let faces = self.scene.faces_at(stamp);
-        let view = View::new(faces, &self.camera, &self.world_from_camera(stamp), 1);
+        let view = View::new(
+            faces,
+            &self.lens.rendered,
+            &self.world_from_camera(stamp),
+            1,
+        )
+        .through(&self.lens);
         let depth = if self.noise {
             self.sensor
                 .record_depth(&view, self.camera.fx as f32, index as u64)
@@ -287,6 +313,14 @@ impl FrameSource for SimulatorSource {
     fn remaining(&self) -> Option<usize> {
         Some(self.simulator.len() - self.next)
     }
+}
+
+fn can_render(camera: &Camera) -> bool {
+    let size = 32..=4096;
+    let focal = 16.0..=8192.0;
+    let centre = camera.contains(Vec2::new(camera.cx, camera.cy));
+    let sizes = size.contains(&camera.width) && size.contains(&camera.height);
+    sizes && focal.contains(&camera.fx) && focal.contains(&camera.fy) && centre
 }
 
 /// The scene whose name needs the fewest edits (Levenshtein) to become `name`.

@@ -1,14 +1,32 @@
 //! Exactness: what one frame shows is where another frame's depth and pose say it is.
 
-use stillpoint_geometry::{Camera, Se3, Vec2};
+use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec2};
 use stillpoint_imaging::{DepthImage, GrayImage};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 
 fn ideal(scene: &str) -> Simulator {
+    with_camera(scene, SimulatorConfig::default().camera)
+}
+
+/// A camera with a lens that distorts as strongly as freiburg1's.
+fn distorted() -> Camera {
+    let mut camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
+    camera.distortion = BrownConrady {
+        k1: 0.2624,
+        k2: -0.9531,
+        p1: -0.0054,
+        p2: 0.0026,
+        k3: 1.1633,
+    };
+    camera
+}
+
+fn with_camera(scene: &str, camera: Camera) -> Simulator {
     Simulator::new(&SimulatorConfig {
         scene: scene.to_owned(),
         noise: false,
         depth_delay: 0.0,
+        camera,
         ..SimulatorConfig::default()
     })
     .unwrap()
@@ -31,8 +49,9 @@ fn warp(
             if z == 0.0 || bend > 1e-4 {
                 continue;
             }
-            let p = j_from_i.transform(&camera.backproject(Vec2::new(u as f64, v as f64), z));
-            let px = camera.project(&p);
+            let from = camera.undistort(Vec2::new(u as f64, v as f64));
+            let p = j_from_i.transform(&camera.backproject(from, z));
+            let px = camera.project_distorted(&p);
             if p.z > 0.1 && px.x > 4.0 && px.y > 4.0 && px.x < 635.0 && px.y < 475.0 {
                 visit([u, v], px, p.z);
             }
@@ -50,8 +69,12 @@ fn bilinear(at: impl Fn(usize, usize) -> f64, p: Vec2) -> f64 {
 
 #[test]
 fn depth_of_one_frame_lands_on_the_depth_of_another() {
-    for scene in ["xyz", "loop_two_rooms"] {
-        let sim = ideal(scene);
+    let sims = [
+        ideal("xyz"),
+        ideal("loop_two_rooms"),
+        with_camera("xyz", distorted()),
+    ];
+    for (scene, sim) in sims.iter().enumerate() {
         let (a, b) = (10, 25);
         let (depth_a, depth_b) = (sim.depth(a), sim.depth(b));
         let b_from_a =
@@ -99,8 +122,12 @@ fn mean_shift(a: &GrayImage, b: &GrayImage, pairs: &[([usize; 2], Vec2)]) -> Vec
 
 #[test]
 fn colours_stay_on_their_points_to_a_tenth_of_a_pixel() {
-    for scene in ["xyz", "rpy", "halfsphere", "loop_two_rooms"] {
-        let sim = ideal(scene);
+    let mut sims = ["xyz", "rpy", "halfsphere", "loop_two_rooms"]
+        .map(ideal)
+        .into_iter()
+        .collect::<Vec<_>>();
+    sims.push(with_camera("rpy", distorted()));
+    for (scene, sim) in sims.iter().enumerate() {
         let (a, b) = (40, 46);
         let (fa, fb) = (sim.frame(a), sim.frame(b));
         let b_from_a = sim.world_from_camera(fb.stamp).inverse() * sim.world_from_camera(fa.stamp);

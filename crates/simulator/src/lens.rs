@@ -1,0 +1,59 @@
+//! Lens distortion: which point of an ideal pinhole image each pixel of the recorded image shows.
+
+use stillpoint_geometry::{Camera, Vec2};
+
+/// A recording camera and the pinhole view that covers all it sees.
+pub(crate) struct Lens {
+    /// The pinhole camera that is rendered: the recording camera itself when it does not distort.
+    pub(crate) rendered: Camera,
+    /// Width of the recorded image, px.
+    pub(crate) width: usize,
+    /// Height of the recorded image, px.
+    pub(crate) height: usize,
+    /// For each recorded pixel its place in the rendered image; empty without distortion.
+    places: Vec<[f64; 2]>,
+}
+
+impl Lens {
+    pub(crate) fn new(camera: &Camera) -> Self {
+        let (width, height) = (camera.width as usize, camera.height as usize);
+        let mut lens = Self {
+            rendered: *camera,
+            width,
+            height,
+            places: Vec::new(),
+        };
+        if camera.distortion.is_zero() {
+            return lens;
+        }
+        let mut bounds = [f64::MAX, f64::MAX, f64::MIN, f64::MIN];
+        for i in 0..width * height {
+            let p = camera.undistort(Vec2::new((i % width) as f64, (i / width) as f64));
+            let b = bounds;
+            bounds = [b[0].min(p.x), b[1].min(p.y), b[2].max(p.x), b[3].max(p.y)];
+            lens.places.push([p.x, p.y]);
+        }
+        let (left, top) = (bounds[0].floor() - 1.0, bounds[1].floor() - 1.0);
+        for [u, v] in &mut lens.places {
+            *u -= left;
+            *v -= top;
+        }
+        let size = [bounds[2] - left + 2.0, bounds[3] - top + 2.0].map(|v| v.ceil() as u32);
+        let intrinsics = [camera.fx, camera.fy, camera.cx - left, camera.cy - top];
+        lens.rendered = Camera::pinhole(size[0], size[1], intrinsics);
+        lens
+    }
+
+    /// True when recorded and rendered pixels are the same.
+    pub(crate) fn is_ideal(&self) -> bool {
+        self.places.is_empty()
+    }
+
+    /// Place of the recorded pixel (x, y) in the rendered image, px.
+    pub(crate) fn place(&self, x: usize, y: usize) -> [f64; 2] {
+        match self.places.get(y * self.width + x) {
+            Some(place) => *place,
+            None => [x as f64, y as f64],
+        }
+    }
+}
