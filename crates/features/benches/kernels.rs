@@ -4,12 +4,16 @@
 
 use std::path::PathBuf;
 
-use divan::{Bencher, black_box};
+use divan::{AllocProfiler, Bencher, black_box};
 use stillpoint_features::{
     Descriptor, FeatureGrid, Features, OrbConfig, OrbExtractor, Window, best_two, kernels::Stages,
     match_brute_force,
 };
 use stillpoint_imaging::{ColourImage, GrayImage, Pyramid, Simd};
+
+/// Counts allocations: a second image of a size should make none.
+#[global_allocator]
+static ALLOCATIONS: AllocProfiler = AllocProfiler::system();
 
 fn main() {
     divan::main();
@@ -48,6 +52,8 @@ fn texture() -> GrayImage {
     image
 }
 
+// A benchmark may look for its data; the library may not.
+#[allow(clippy::disallowed_methods)]
 fn real() -> Option<GrayImage> {
     let root = std::env::var_os("STILLPOINT_DATA").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
@@ -139,8 +145,8 @@ fn spread(bencher: Bencher, (source, simd): (Source, Simd)) {
 fn orientation(bencher: Bencher, (source, simd): (Source, Simd)) {
     let (pyramid, stages) = levels(source, simd);
     bencher.bench_local(|| {
-        for level in 0..8 {
-            black_box(stages[level].orient(pyramid.level(level)));
+        for (level, stages) in stages.iter().enumerate() {
+            black_box(stages.orient(pyramid.level(level)));
         }
     });
 }
@@ -149,8 +155,8 @@ fn orientation(bencher: Bencher, (source, simd): (Source, Simd)) {
 fn descriptors(bencher: Bencher, (source, simd): (Source, Simd)) {
     let (pyramid, mut stages) = levels(source, simd);
     bencher.bench_local(|| {
-        for level in 0..8 {
-            black_box(stages[level].describe(pyramid.smooth(level)));
+        for (level, stages) in stages.iter_mut().enumerate() {
+            black_box(stages.describe(pyramid.smooth(level)));
         }
     });
 }

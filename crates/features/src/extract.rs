@@ -58,8 +58,8 @@ impl Features {
     }
 }
 
-/// The ORB extractor (Rublee et al., ICCV 2011) with an even spread over image and scales. Buffers are reused: after the first image of a size,
-/// extraction allocates nothing.
+/// The ORB extractor (Rublee et al., ICCV 2011) with an even spread over image and scales. Buffers are reused: once they have
+/// grown to the image with the most corners, extraction allocates nothing.
 #[derive(Clone, Debug)]
 pub struct OrbExtractor {
     config: OrbConfig,

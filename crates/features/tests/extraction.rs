@@ -20,10 +20,8 @@ fn texture(x: f64, y: f64) -> f64 {
     let mut value = 128.0;
     for (octave, cell) in [97.0, 41.0, 19.0].into_iter().enumerate() {
         let angle = 0.4 + octave as f64;
-        let (u, v) = (
-            x * angle.cos() - y * angle.sin(),
-            x * angle.sin() + y * angle.cos(),
-        );
+        let (sin, cos) = libm::sincos(angle);
+        let (u, v) = (x * cos - y * sin, x * sin + y * cos);
         let (i, j) = ((u / cell).floor() as i64, (v / cell).floor() as i64);
         value += (hash(i, j, octave as u64) % 81) as f64 - 40.0;
     }
@@ -47,7 +45,7 @@ fn render(width: usize, height: usize, map: impl Fn(f64, f64) -> (f64, f64)) -> 
             data.push((sum / 16.0) as u8);
         }
     }
-    GrayImage::from_vec(width, height, data).unwrap()
+    GrayImage::from_vec(width, height, data).expect("as many pixels as the size asks for")
 }
 
 fn extract(image: &GrayImage, simd: Simd) -> Features {
@@ -138,7 +136,7 @@ fn a_shifted_image_gives_the_shifted_features() {
 /// Features of an image scaled by three levels: no bias of the position that depends on the level.
 #[test]
 fn a_scaled_image_gives_features_at_other_levels_without_bias() {
-    let scale = 1.2_f64.powi(3);
+    let scale = 1.2 * 1.2 * 1.2;
     let first = extract(&render(640, 480, |x, y| (x, y)), Simd::detect());
     let second = extract(
         &render(370, 278, |x, y| {
@@ -178,7 +176,7 @@ fn a_scaled_image_gives_features_at_other_levels_without_bias() {
 #[test]
 fn a_turned_image_gives_turned_angles_and_like_descriptors() {
     for degrees in [20.0_f64, 75.0, 160.0, -110.0] {
-        let (sin, cos) = degrees.to_radians().sin_cos();
+        let (sin, cos) = libm::sincos(degrees.to_radians());
         let turn = |x: f64, y: f64| {
             let (u, v) = (x - 199.5, y - 199.5);
             (cos * u - sin * v + 199.5, sin * u + cos * v + 199.5)
@@ -190,7 +188,8 @@ fn a_turned_image_gives_turned_angles_and_like_descriptors() {
         for &(i, j) in &pairs {
             let (a, b) = (first.keypoints[i], second.keypoints[j]);
             let (x, y) = turn(f64::from(b.x), f64::from(b.y));
-            let apart = (f64::from(a.x) - x).powi(2) + (f64::from(a.y) - y).powi(2);
+            let (dx, dy) = (f64::from(a.x) - x, f64::from(a.y) - y);
+            let apart = dx * dx + dy * dy;
             // The second image shows the first turned by -degrees.
             let angle = f64::from(a.angle - b.angle) - degrees.to_radians();
             let angle =
@@ -227,11 +226,13 @@ fn images_without_corners_or_without_room_give_nothing() {
     for simd in [Simd::Scalar, Simd::detect()] {
         for (width, height) in [(0, 0), (1, 1), (38, 38), (38, 500), (7, 3)] {
             let data = (0..width * height).map(|i| (i * 97 % 251) as u8).collect();
-            let image = GrayImage::from_vec(width, height, data).unwrap();
+            let image = GrayImage::from_vec(width, height, data)
+                .expect("as many pixels as the size asks for");
             assert!(extract(&image, simd).is_empty(), "{width}x{height}");
         }
         for grey in [0, 128, 255] {
-            let image = GrayImage::from_vec(640, 480, vec![grey; 640 * 480]).unwrap();
+            let image = GrayImage::from_vec(640, 480, vec![grey; 640 * 480])
+                .expect("as many pixels as the size asks for");
             assert!(extract(&image, simd).is_empty(), "constant {grey}");
         }
     }
@@ -251,7 +252,7 @@ fn the_low_threshold_serves_cells_that_stay_empty() {
             }
         })
         .collect();
-    let image = GrayImage::from_vec(640, 480, data).unwrap();
+    let image = GrayImage::from_vec(640, 480, data).expect("as many pixels as the size asks for");
     let right = |low: u8| {
         let config = OrbConfig {
             fast_threshold_low: low,
@@ -294,7 +295,7 @@ proptest! {
         let data = (0..width * height)
             .map(|i| ((hash((i % width) as i64 / 3, (i / width) as i64 / 3, seed) % contrast) + hash(i as i64, 0, seed) % 9).min(255) as u8)
             .collect();
-        let image = GrayImage::from_vec(width, height, data).unwrap();
+        let image = GrayImage::from_vec(width, height, data).expect("as many pixels as the size asks for");
         let (scalar, vector) = (extract(&image, Simd::Scalar), extract(&image, Simd::detect()));
         prop_assert_eq!(scalar, vector);
     }
