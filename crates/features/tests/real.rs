@@ -1,6 +1,6 @@
 //! Extraction on real frames, where there are any under `STILLPOINT_DATA` (else `../shared/data`).
 // A test may look for its data; the library may not.
-#![allow(clippy::disallowed_methods)]
+#![allow(clippy::disallowed_methods, clippy::print_stderr)]
 
 use std::path::PathBuf;
 
