@@ -309,3 +309,79 @@ pub(crate) fn maxima_span(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    const OPTIONS: FastOptions = FastOptions {
+        high: 20,
+        low: 7,
+        margin: 4,
+    };
+
+    /// The definition: nine adjacent pixels of the circle all brighter, or all darker, by more than the threshold.
+    fn is_corner(image: &GrayImage, x: usize, y: usize, threshold: i32) -> bool {
+        let centre = i32::from(image.at(x, y));
+        let differences = CIRCLE.map(|(dx, dy)| {
+            let (x, y) = (x as i32 + dx, y as i32 + dy);
+            i32::from(image.at(x as usize, y as usize)) - centre
+        });
+        let arc = |start: usize, sign: i32| {
+            (start..start + 9).all(|k| sign * differences[k % 16] > threshold)
+        };
+        (0..16).any(|start| arc(start, 1) || arc(start, -1))
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(48))]
+        #[test]
+        fn scores_are_the_largest_threshold_of_the_definition(
+            width in 9_usize..80, height in 9_usize..14, palette in any::<[u8; 3]>(), seed in any::<u64>(),
+        ) {
+            // Few greys, so that arcs of nine occur.
+            let mut state = seed;
+            let data = (0..width * height).map(|_| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                palette[[0, 0, 0, 1, 1, 2][(state >> 40) as usize % 6]]
+            });
+            let image = GrayImage::from_vec(width, height, data.collect()).expect("this size");
+            for simd in [Simd::Scalar, Simd::detect()] {
+                let mut detector = FastDetector::new(simd);
+                detector.detect(&image, &OPTIONS);
+                for y in 3..height - 3 {
+                    for x in 3..width - 3 {
+                        let score = i32::from(detector.scores().at(x, y));
+                        prop_assert!(score == 0 || score > 7);
+                        prop_assert_eq!(score > 0, is_corner(&image, x, y, 7));
+                        prop_assert!(score == 0 || is_corner(&image, x, y, score - 1));
+                        prop_assert!(score == 0 || !is_corner(&image, x, y, score));
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_square_has_four_corners() {
+        let bright = |x: usize, y: usize| (20..40).contains(&x) && (24..50).contains(&y);
+        let data = (0..64 * 80)
+            .map(|i| if bright(i % 64, i / 64) { 150 } else { 50 })
+            .collect();
+        let image = GrayImage::from_vec(64, 80, data).expect("this size");
+        for simd in [Simd::Scalar, Simd::detect()] {
+            let mut detector = FastDetector::new(simd);
+            let corners = detector.detect(&image, &OPTIONS);
+            for (x, y) in [(20_u16, 24_u16), (39, 24), (20, 49), (39, 49)] {
+                let near = corners
+                    .iter()
+                    .filter(|c| c.x.abs_diff(x) <= 2 && c.y.abs_diff(y) <= 2);
+                assert_eq!(near.count(), 1, "at ({x}, {y}): {corners:?}");
+            }
+            assert_eq!(corners.len(), 4);
+            assert!(corners.iter().all(|corner| corner.score == 100));
+        }
+    }
+}
