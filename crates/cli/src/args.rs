@@ -6,7 +6,7 @@ use stillpoint::evaluation::Delta;
 
 const EXIT_CODES: &str = "Exit codes:
   0  all went well
-  1  it ran, but tracking was lost in some frame or a criterion failed
+  1  it ran, but tracking was lost in some frame, or Ctrl-C ended it early
   2  the arguments, the input or the output folder cannot be used";
 
 const ROOT_EXAMPLES: &str = "Examples:
@@ -21,10 +21,16 @@ const ROOT_EXAMPLES: &str = "Examples:
 #[command(name = "stillpoint", version, after_help = format!("{ROOT_EXAMPLES}{EXIT_CODES}"))]
 pub(crate) struct Arguments {
     /// Say nothing but errors (results of eval and config print are still printed).
-    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    #[arg(
+        short,
+        long,
+        global = true,
+        conflicts_with = "verbose",
+        display_order = 900
+    )]
     pub(crate) quiet: bool,
     /// Say more; twice for every detail.
-    #[arg(short, long, global = true, action = ArgAction::Count)]
+    #[arg(short, long, global = true, action = ArgAction::Count, display_order = 901)]
     pub(crate) verbose: u8,
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -51,9 +57,12 @@ pub(crate) enum ConfigCommand {
 ///
 /// Layers, later ones win: defaults, --config, --set in the given order, --seed.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
   stillpoint config print > my.toml
-  stillpoint config print --config my.toml --set mapping.close=2.5")]
+  stillpoint config print --config my.toml --set mapping.close=2.5"
+)]
 pub(crate) struct PrintArgs {
     #[command(flatten)]
     pub(crate) config: ConfigArgs,
@@ -76,9 +85,9 @@ pub(crate) struct ConfigArgs {
 /// Which frames of a data set, seen by which camera.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct InputArgs {
-    /// Camera file (camera.toml or camera.txt) or preset (tum_fr1, tum_fr2, tum_fr3, bonn, bonn_calibrated, icl_nuim,
-    /// seven_scenes); guessed when not given.
-    #[arg(long, value_name = "FILE|PRESET")]
+    /// Camera file (camera.toml or camera.txt) or preset; guessed when not given.
+    /// Presets: tum_fr1, tum_fr2, tum_fr3, bonn, bonn_calibrated, icl_nuim, seven_scenes
+    #[arg(long, value_name = "FILE|PRESET", verbatim_doc_comment)]
     pub(crate) camera: Option<String>,
     /// Leave out this many frames at the start.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -98,10 +107,13 @@ pub(crate) struct InputArgs {
 ///
 /// Needs no input and no download. The result folder is that of `run`.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
   stillpoint demo
   stillpoint demo --scene halfsphere --frames 600 --out /tmp/demo
-  stillpoint demo --set features.features=500")]
+  stillpoint demo --set features.features=500"
+)]
 pub(crate) struct DemoArgs {
     /// Scene to simulate: xyz, rpy, halfsphere, static or loop_two_rooms.
     #[arg(long, value_name = "NAME", default_value = "xyz")]
@@ -126,14 +138,17 @@ pub(crate) struct DemoArgs {
 /// configuration), summary.json, and plots. An older result in it is replaced only when the run has ended. Ctrl-C ends the
 /// run after the frame at hand and writes what there is; a second Ctrl-C ends it at once.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
   stillpoint run rgbd_dataset_freiburg1_xyz
   stillpoint run recording --camera camera.toml --out result
   stillpoint run rgbd_dataset_freiburg3_long_office_household --start 100 --max-frames 500
   stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
 
-Exit code 1 when a frame was lost or fewer than two poses were found, 2 when the input or the output folder
-cannot be used.")]
+Exit code 1 when a frame was lost, fewer than two poses were found, or Ctrl-C ended the run; 2 when the input or
+the output folder cannot be used."
+)]
 pub(crate) struct RunArgs {
     /// Data set folder.
     #[arg(value_name = "PATH")]
@@ -153,10 +168,13 @@ pub(crate) struct RunArgs {
 /// after alignment by SE(3), with --scale by Sim(3). RPE is taken over --delta: seconds as the TUM script with a fixed
 /// delta, or frames as evo over all pairs.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
   stillpoint eval groundtruth.txt out/desk/trajectory.txt
   stillpoint eval groundtruth.txt trajectory.txt --delta 30f --json
-  stillpoint eval groundtruth.txt trajectory.txt --plot errors.svg")]
+  stillpoint eval groundtruth.txt trajectory.txt --plot errors.svg"
+)]
 pub(crate) struct EvalArgs {
     /// Ground truth, TUM format.
     #[arg(value_name = "GROUNDTRUTH")]
@@ -180,9 +198,12 @@ pub(crate) struct EvalArgs {
 
 /// Write a simulated data set with exact ground truth, in the TUM layout.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
   stillpoint simulate --scene xyz --out xyz
-  stillpoint simulate --scene halfsphere --frames 60 --seed 7 --jpeg --out small")]
+  stillpoint simulate --scene halfsphere --frames 60 --seed 7 --jpeg --out small"
+)]
 pub(crate) struct SimulateArgs {
     /// Scene: xyz, rpy, halfsphere, static or loop_two_rooms.
     #[arg(long, value_name = "NAME")]
@@ -209,9 +230,12 @@ pub(crate) struct SimulateArgs {
 /// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the results of the runs stay
 /// in runs/ beside them.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
   stillpoint bench rgbd_dataset_freiburg1_xyz
-  stillpoint bench data/* --runs 5 --out out/bench")]
+  stillpoint bench data/* --runs 5 --out out/bench"
+)]
 pub(crate) struct BenchArgs {
     /// Data set folders.
     #[arg(value_name = "PATH", required = true)]

@@ -42,6 +42,14 @@ impl Failure {
         }
     }
 
+    /// It ran and failed its criteria.
+    pub(crate) fn criteria(message: impl Display) -> Self {
+        Self {
+            message: message.to_string(),
+            status: Status::Failed,
+        }
+    }
+
     /// A file or folder could not be written.
     pub(crate) fn write(path: &Path, reason: &std::io::Error) -> Self {
         Self::input(format!(

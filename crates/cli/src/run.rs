@@ -15,7 +15,7 @@ use stillpoint::datasets::{
     CameraChoice, Dataset, FrameOptions, OpenOptions, ReadAhead, StampedPose, trajectory,
 };
 use stillpoint::evaluation::plot::{
-    Figure, Series, drift_figure, timing_figure, trajectory_figure,
+    Figure, Series, drift_figure, poses_figure, timing_figure, trajectory_figure,
 };
 use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
 use stillpoint::imaging::Simd;
@@ -134,7 +134,7 @@ pub(crate) fn finish(
     Ok(verdict(&summary))
 }
 
-/// The plots of a result: the final poses against the ground truth, where there is any, and the times.
+/// The plots of a result: the final poses, against the ground truth where there is any, and the times.
 fn figures(
     setup: &Setup<'_>,
     session: &Session,
@@ -142,11 +142,15 @@ fn figures(
 ) -> Vec<(&'static str, Figure)> {
     let name = &setup.input.name;
     let mut figures = Vec::new();
-    if let Some((score, _)) = scores {
-        let poses = timed(&session.final_poses);
-        figures.push(("plot", score_figure(name, score, &poses)));
-    }
-    let stages = ["frame", "map"].map(|s| (s, setup.timing.per_frame(s)));
+    let poses = timed(&session.final_poses);
+    figures.push((
+        "plot",
+        match scores {
+            Some((score, _)) => score_figure(name, score, &poses),
+            None => poses_figure(name, &poses),
+        },
+    ));
+    let stages = ["total", "frame"].map(|s| (s, setup.timing.per_frame(s)));
     let series: Vec<Series<'_>> = stages
         .iter()
         .map(|(name, milliseconds)| Series { name, milliseconds })
@@ -182,7 +186,7 @@ fn verdict(summary: &Summary) -> Status {
     if missing > 0 {
         console::line(&format!("{missing} of {} frames have no pose", s.frames));
     }
-    if missing > 0 || s.tracked < 2 {
+    if missing > 0 || s.tracked < 2 || s.interrupted {
         Status::Failed
     } else {
         Status::Ok

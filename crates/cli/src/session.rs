@@ -89,7 +89,12 @@ impl Driver<'_> {
         tally.take(&system.finish());
         self.timing.end_frame();
         progress.finish();
-        if tally.frames == 0 && !self.interrupt.requested() {
+        if tally.frames == 0 && self.interrupt.requested() {
+            return Err(Failure::criteria(
+                "interrupted before the first frame: nothing was written",
+            ));
+        }
+        if tally.frames == 0 {
             return Err(Failure::input(format!(
                 "expected frames, found none that can be read ({} skipped); check the images",
                 tally.skipped

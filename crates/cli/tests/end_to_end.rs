@@ -1,0 +1,232 @@
+//! The main job on simulated data: results that are complete, right, and the same to the byte every time.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{check, files, program, simulate, stdout};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+/// Enough for several keyframes, bundle adjustments and culling.
+const FRAMES: usize = 90;
+/// Stamps of colour and depth drift against each other as those of a real camera, so that association may leave a frame
+/// out.
+const LEAST: usize = FRAMES - 2;
+
+static ROOM: LazyLock<TempDir> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    simulate(&dir.path().join("room"), "halfsphere", FRAMES);
+    dir
+});
+
+fn room() -> PathBuf {
+    ROOM.path().join("room")
+}
+
+/// Runs the data set; the trajectory files as bytes.
+fn trajectories(mut command: Command, out: &Path) -> [Vec<u8>; 3] {
+    let output = command
+        .arg("run")
+        .arg(room())
+        .arg("--out")
+        .arg(out)
+        .output()
+        .unwrap();
+    check(&output, 0, &[]);
+    ["trajectory.txt", "trajectory_online.txt", "keyframes.txt"]
+        .map(|name| std::fs::read(out.join(name)).unwrap())
+}
+
+#[test]
+fn the_same_command_gives_the_same_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let first = trajectories(program(), &dir.path().join("first"));
+    let poses = String::from_utf8_lossy(&first[0]).lines().count() - 1;
+    assert!(poses >= LEAST, "{poses} poses of {FRAMES} frames");
+    let keyframes = String::from_utf8_lossy(&first[2]).lines().count();
+    assert!(
+        keyframes > 3,
+        "{keyframes} lines: too few keyframes to test mapping"
+    );
+
+    let again = trajectories(program(), &dir.path().join("again"));
+    assert!(first == again, "a second run differs");
+
+    let mut scalar = program();
+    scalar.env("STILLPOINT_SIMD", "scalar");
+    let scalar = trajectories(scalar, &dir.path().join("scalar"));
+    assert!(first == scalar, "the scalar kernels differ");
+    let summary = std::fs::read_to_string(dir.path().join("scalar/summary.json")).unwrap();
+    assert!(summary.contains("\"simd\": \"scalar\""), "{summary}");
+
+    let mut pinned = Command::new("taskset");
+    let works = Command::new("taskset").args(["-c", "0", "true"]).status();
+    if !works.is_ok_and(|s| s.success()) {
+        println!("skipped: there is no taskset here to pin a run to one core");
+        return;
+    }
+    pinned.args(["-c", "0", env!("CARGO_BIN_EXE_stillpoint")]);
+    let pinned = trajectories(pinned, &dir.path().join("pinned"));
+    assert!(first == pinned, "a run pinned to one core differs");
+}
+
+#[test]
+fn a_result_is_complete_and_accurate() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("result");
+    trajectories(program(), &out);
+    let names: Vec<String> = files(&out)
+        .iter()
+        .map(|p| p.file_name().unwrap().to_str().unwrap().to_owned())
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "config.toml",
+            "keyframes.txt",
+            "plot.png",
+            "plot.svg",
+            "summary.json",
+            "timing.png",
+            "timing.svg",
+            "trajectory.txt",
+            "trajectory_online.txt"
+        ]
+    );
+    let summary: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
+    assert!(summary["frames"].as_u64().unwrap() >= LEAST as u64);
+    assert_eq!(summary["tracked"], summary["frames"]);
+    for poses in ["final", "online"] {
+        let ate = summary["accuracy"][poses]["ate"]["rmse"].as_f64().unwrap();
+        assert!(ate > 0.0 && ate < 0.005, "{poses}: ATE of {ate} m");
+        assert_eq!(summary["accuracy"][poses]["pairs"], summary["frames"]);
+    }
+    let stages = summary["timing_ms"].as_array().unwrap();
+    for name in [
+        "total", "frame", "extract", "match", "pose", "map", "refine",
+    ] {
+        let stage = stages.iter().find(|s| s["stage"] == name);
+        let stage = stage.unwrap_or_else(|| panic!("no stage {name}"));
+        assert!(stage["median"].as_f64().unwrap() > 0.0, "{stage}");
+    }
+    // The score of `eval` is that of the summary.
+    let output = program()
+        .arg("eval")
+        .arg(room().join("groundtruth.txt"))
+        .arg(out.join("trajectory.txt"))
+        .arg("--json")
+        .output()
+        .unwrap();
+    let score: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+    let (a, b) = (
+        &score["ate"]["rmse"],
+        &summary["accuracy"]["final"]["ate"]["rmse"],
+    );
+    assert!((a.as_f64().unwrap() - b.as_f64().unwrap()).abs() < 1e-6);
+    // The resolved configuration reproduces the run.
+    let config = out.join("config.toml");
+    let output = program()
+        .args(["config", "print", "--config"])
+        .arg(&config)
+        .output()
+        .unwrap();
+    assert_eq!(stdout(&output), std::fs::read_to_string(config).unwrap());
+}
+
+#[test]
+fn without_ground_truth_everything_else_works() {
+    let dir = tempfile::tempdir().unwrap();
+    common::copy(&room(), &dir.path().join("room"));
+    std::fs::remove_file(dir.path().join("room/groundtruth.txt")).unwrap();
+    let out = dir.path().join("out");
+    let output = program()
+        .arg("run")
+        .arg(dir.path().join("room"))
+        .arg("--out")
+        .arg(&out)
+        .args(["--start", "10", "--max-frames", "20"])
+        .output()
+        .unwrap();
+    check(&output, 0, &[]);
+    assert!(stdout(&output).contains("20 of 20 frames tracked"));
+    assert!(!stdout(&output).contains("ATE"));
+    assert!(out.join("plot.svg").exists());
+}
+
+#[test]
+fn the_demo_runs() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("demo");
+    let output = program()
+        .args(["demo", "--frames", "20", "--out"])
+        .arg(&out)
+        .output()
+        .unwrap();
+    check(&output, 0, &["simulating scene xyz: 20 frames"]);
+    let text = stdout(&output);
+    for part in [
+        "20 of 20 frames tracked",
+        "final: ATE (mm)",
+        "stage (ms)",
+        "result in",
+    ] {
+        assert!(text.contains(part), "{text:?} lacks {part:?}");
+    }
+    assert!(out.join("trajectory.txt").exists());
+}
+
+#[test]
+fn the_bench_reports_every_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let output = program()
+        .arg("bench")
+        .arg(room())
+        .args(["--runs", "2", "--max-frames", "30", "--out"])
+        .arg(dir.path())
+        .output()
+        .unwrap();
+    check(&output, 0, &["room: run 1 of 2", "room: run 2 of 2"]);
+    let markdown = std::fs::read_to_string(dir.path().join("bench.md")).unwrap();
+    assert!(stdout(&output).contains(&markdown));
+    assert!(
+        markdown.contains("| room ") && markdown.contains("100.0 / 100.0"),
+        "{markdown}"
+    );
+    let json: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(dir.path().join("bench.json")).unwrap()).unwrap();
+    let sequence = &json["sequences"][0];
+    assert_eq!(sequence["runs"].as_array().unwrap().len(), 2);
+    assert_eq!(sequence["identical"], true);
+    assert!(sequence["ate_rmse"]["worst"].as_f64().unwrap() < 0.005);
+    assert!(json["machine"]["cores"].as_u64().unwrap() > 0);
+}
+
+/// Ctrl-C ends the run after the frame at hand, and what there is gets written.
+#[test]
+#[cfg(unix)]
+fn an_interrupt_keeps_what_there_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let child = program()
+        .args(["-v", "demo", "--frames", "100000", "--out"])
+        .arg(&out)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    // Time for the room to be built and some frames to be tracked.
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let kill = Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status();
+    assert!(kill.unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    check(&output, 1, &["interrupted after"]);
+    let trajectory = std::fs::read_to_string(out.join("trajectory.txt")).unwrap();
+    assert!(trajectory.lines().count() > 1, "{trajectory}");
+    let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
+    assert!(summary.contains("\"interrupted\": true"), "{summary}");
+}

@@ -1,0 +1,69 @@
+//! Help and configuration as users see them. After an intended change, renew the files by
+//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test golden`.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{check, stdout, stillpoint};
+use std::path::Path;
+
+fn golden(name: &str, args: &[&str]) {
+    let output = stillpoint(args);
+    check(&output, 0, &[]);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/golden")
+        .join(name);
+    let found = stdout(&output);
+    if std::env::var_os("STILLPOINT_BLESS").is_some() {
+        std::fs::write(&path, &found).unwrap();
+    }
+    let expected = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(
+        found, expected,
+        "{name} differs; if that is intended, renew it: STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test golden"
+    );
+}
+
+#[test]
+fn help_of_every_command() {
+    golden("help.txt", &["--help"]);
+    for command in ["demo", "run", "eval", "simulate", "bench"] {
+        golden(&format!("help_{command}.txt"), &[command, "--help"]);
+    }
+    golden("help_config_print.txt", &["config", "print", "--help"]);
+}
+
+#[test]
+fn every_help_has_examples() {
+    for args in [
+        &["--help"][..],
+        &["demo", "--help"],
+        &["run", "--help"],
+        &["eval", "--help"],
+        &["simulate", "--help"],
+        &["bench", "--help"],
+        &["config", "print", "--help"],
+    ] {
+        let text = stdout(&stillpoint(args));
+        assert!(
+            text.contains("Examples:\n  stillpoint "),
+            "{args:?}: {text}"
+        );
+    }
+}
+
+#[test]
+fn configuration() {
+    golden("config_print.txt", &["config", "print"]);
+    golden(
+        "config_print_set.txt",
+        &[
+            "config",
+            "print",
+            "--set",
+            "sensor.max_depth=6",
+            "--seed",
+            "7",
+        ],
+    );
+}
