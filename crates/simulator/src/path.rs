@@ -149,7 +149,7 @@ impl Tremor {
                 of_axis[w] = [
                     amplitude * share,
                     rng.range(low, high),
-                    rng.range(0.0, 6.28),
+                    rng.range(0.0, std::f64::consts::TAU),
                 ];
             }
         }

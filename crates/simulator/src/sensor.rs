@@ -121,10 +121,11 @@ impl Sensor {
         for y in border[1]..h - border[3] {
             let disparities = &view.inverse_depth[y * w..(y + 1) * w];
             find_lit(disparities, focal, &mut lit);
-            for x in border[0]..w - border[2] {
+            let measured = lit.iter().enumerate().take(w - border[2]).skip(border[0]);
+            for (x, lit) in measured {
                 let i = y * w + x;
                 let inverse = view.inverse_depth[i];
-                if !lit[x] || view.face[i] == NOTHING {
+                if !lit || view.face[i] == NOTHING {
                     continue;
                 }
                 let z = 1.0 / inverse;
@@ -151,7 +152,8 @@ fn measure(z: f32, focal: f32, normal: f32) -> f32 {
     let d = z - 0.4;
     let noisy = z + normal * (0.0012 + 0.0019 * d * d);
     let unit = focal * BASELINE / DISPARITY_STEP;
-    let steps = (unit / noisy + 0.5).floor();
+    // Disparities are positive, so that cutting off rounds down.
+    let steps = (unit / noisy + 0.5) as i32 as f32;
     unit / steps
 }
 

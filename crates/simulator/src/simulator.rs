@@ -82,7 +82,7 @@ impl std::fmt::Display for SimulatorError {
             }
             Self::Camera(found) => write!(
                 f,
-                "expected a camera of 32 to 4096 px with focal lengths of 16 to 8192 px and its principal point in the image, found {found:?}"
+                "expected a camera of 32 to 4096 px with focal lengths of 16 to 8192 px its principal point in the image and a finite, one-to-one distortion, found {found:?}"
             ),
         }
     }
@@ -135,6 +135,10 @@ impl Simulator {
             }
         };
         let lens = Lens::new(&config.camera);
+        // A lens model that folds over or runs off asks for a boundless view.
+        if lens.rendered.width.max(lens.rendered.height) > 8192 || lens.rendered.width == 0 {
+            return Err(SimulatorError::Camera(Box::new(config.camera)));
+        }
         let default_length = (path.duration() * RATE).round() as usize;
         Ok(Self {
             sensor: Sensor::new(&lens, seed),
@@ -320,7 +324,9 @@ fn can_render(camera: &Camera) -> bool {
     let focal = 16.0..=8192.0;
     let centre = camera.contains(Vec2::new(camera.cx, camera.cy));
     let sizes = size.contains(&camera.width) && size.contains(&camera.height);
-    sizes && focal.contains(&camera.fx) && focal.contains(&camera.fy) && centre
+    let d = camera.distortion;
+    let finite = [d.k1, d.k2, d.p1, d.p2, d.k3].iter().all(|k| k.is_finite());
+    finite && sizes && focal.contains(&camera.fx) && focal.contains(&camera.fy) && centre
 }
 
 /// The scene whose name needs the fewest edits (Levenshtein) to become `name`.

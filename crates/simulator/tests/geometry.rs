@@ -29,7 +29,7 @@ fn with_camera(scene: &str, camera: Camera) -> Simulator {
         camera,
         ..SimulatorConfig::default()
     })
-    .unwrap()
+    .expect("a scene that exists")
 }
 
 /// Visits the pixels of frame `i` that frame `j` must see too: their pixel there and their depth there.

@@ -10,7 +10,7 @@ fn simulator(scene: &str, seed: u64) -> Simulator {
         seed,
         ..SimulatorConfig::default()
     };
-    Simulator::new(&config).unwrap()
+    Simulator::new(&config).expect("a known scene")
 }
 
 #[test]
@@ -85,6 +85,23 @@ fn an_unknown_scene_is_an_error_that_names_the_nearest() {
         Simulator::new(&config).err(),
         Some(SimulatorError::DepthDelay(-0.1))
     );
+}
+
+#[test]
+fn a_camera_out_of_range_is_an_error() {
+    let mut tiny = SimulatorConfig::default();
+    tiny.camera.width = 3;
+    let mut blind = SimulatorConfig::default();
+    blind.camera.fx = f64::NAN;
+    let mut wild = SimulatorConfig::default();
+    wild.camera.distortion.k1 = f64::NAN;
+    for config in [tiny, blind, wild] {
+        let error = Simulator::new(&config).err();
+        assert!(
+            matches!(error, Some(SimulatorError::Camera(_))),
+            "{error:?}"
+        );
+    }
 }
 
 /// Mean and greatest speed (m/s) and turn rate (deg/s), from poses a millisecond apart; checks that neither jumps.
@@ -198,4 +215,26 @@ fn recorded_depth_has_the_noise_range_and_holes_of_a_kinect() {
             "{scene}: variance {normalised} of the model's"
         );
     }
+}
+
+/// FNV-1a, 64 bits.
+fn checksum(bytes: impl Iterator<Item = u8>) -> u64 {
+    bytes.fold(0xcbf2_9ce4_8422_2325, |h, b| {
+        (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+/// Every machine must render these bytes. Whoever changes scenes or sensor on purpose writes down the new sums.
+#[test]
+fn frames_are_the_same_bits_on_every_machine() {
+    let sums = [("xyz", 17), ("loop_two_rooms", 700)].map(|(scene, index)| {
+        let frame = simulator(scene, 42).frame(index);
+        let depth = frame.depth.data().iter().flat_map(|z| z.to_le_bytes());
+        [checksum(frame.gray.data().iter().copied()), checksum(depth)]
+    });
+    let expected = [
+        [0x3ded_616e_9b50_ce32, 0x0a17_6cbd_8007_6652],
+        [0x8bdb_64ac_e16c_8e14, 0x729a_86de_a53f_8661],
+    ];
+    assert_eq!(sums, expected, "found {sums:#018x?}");
 }

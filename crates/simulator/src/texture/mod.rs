@@ -5,6 +5,7 @@
 
 mod canvas;
 mod patterns;
+mod surfaces;
 
 pub(crate) use patterns::Pattern;
 
