@@ -54,7 +54,7 @@ fn texture() -> GrayImage {
 
 // A benchmark may look for its data; the library may not.
 #[allow(clippy::disallowed_methods)]
-fn real() -> Option<GrayImage> {
+fn real_files() -> Option<Vec<PathBuf>> {
     let root = std::env::var_os("STILLPOINT_DATA").map_or_else(
         || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
         PathBuf::from,
@@ -64,13 +64,22 @@ fn real() -> Option<GrayImage> {
         .filter_map(|entry| Some(entry.ok()?.path()))
         .collect();
     files.sort();
-    let decoded = image::open(files.get(files.len() / 2)?).ok()?.to_rgb8();
+    Some(files)
+}
+
+fn load(file: &PathBuf) -> Option<GrayImage> {
+    let decoded = image::open(file).ok()?.to_rgb8();
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     Some(
         ColourImage::from_vec(width, height, decoded.into_raw())
             .ok()?
             .to_gray(),
     )
+}
+
+fn real() -> Option<GrayImage> {
+    let files = real_files()?;
+    load(files.get(files.len() / 2)?)
 }
 
 /// The image of a case; the texture where there is no real one.
@@ -87,6 +96,23 @@ fn whole_extraction(bencher: Bencher, (source, simd): (Source, Simd)) {
     let mut extractor = OrbExtractor::new(&OrbConfig::default(), simd);
     let mut features = Features::default();
     bencher.bench_local(|| extractor.extract(black_box(&image), &mut features));
+}
+
+/// Another real frame each time, as in use: repeating one image flatters the branch predictor.
+#[divan::bench(args = [Simd::Scalar, Simd::Avx2], sample_count = 150)]
+fn whole_extraction_changing(bencher: Bencher, simd: Simd) {
+    let files = real_files().unwrap_or_default();
+    let mut frames: Vec<_> = files.iter().step_by(6).filter_map(load).collect();
+    if frames.is_empty() {
+        frames.push(texture());
+    }
+    let mut extractor = OrbExtractor::new(&OrbConfig::default(), simd);
+    let mut features = Features::default();
+    let mut next = 0;
+    bencher.bench_local(|| {
+        next = (next + 1) % frames.len();
+        extractor.extract(black_box(&frames[next]), &mut features);
+    });
 }
 
 #[divan::bench(args = CASES)]

@@ -48,6 +48,7 @@ impl Brief {
         if self.simd.has_avx2() {
             return crate::avx2::describe(xs, ys, direction, width as i32, (window, centre));
         }
+        let _ = self.simd;
         rotate_scalar(xs, ys, direction, width as i32, &mut self.offsets);
         compare_scalar(window, centre, &self.offsets)
     }

@@ -5,7 +5,7 @@ use stillpoint_imaging::GrayImage;
 /// Offset (dx, dy) of the peak of the quadratic surface fitted to the nine FAST scores around a local maximum by least squares; each within one
 /// pixel, and 0 where the surface has no peak.
 ///
-/// On fr1_xyz it takes a third off the median distance to the epipolar line of matches between neighbouring frames, at all levels; Foerstner's
+/// On fr1_xyz it takes a third off the median distance to the epipolar line of matches between frames 0.1 s apart, at all levels; Foerstner's
 /// point, Harris responses and the circle's differences do less or harm.
 pub(crate) fn refine(scores: &GrayImage, x: usize, y: usize) -> (f32, f32) {
     let line = |y: usize| [-1, 0, 1].map(|dx| f32::from(scores.at(x.wrapping_add_signed(dx), y)));

@@ -13,10 +13,13 @@ pub(crate) struct Axis {
     /// Fraction towards the next pixel in 1/128, 1..=127. Both weights then fit a signed byte; the error is at most 1/128 px.
     pub(crate) fraction: Vec<u8>,
     /// Eight targets each, together all of them (the last group overlaps the one before); empty when some group cannot be built.
+    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
     pub(crate) groups: Vec<Group>,
 }
 
 /// How to make eight adjacent targets from 16 adjacent source bytes.
+// Only the vector kernels read this.
+#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     /// First target.
