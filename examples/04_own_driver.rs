@@ -1,0 +1,58 @@
+//! Full control: the stages one by one instead of `System`. The mapper answers some frames late here, as it would on a
+//! thread of its own, and the tracker goes on with the older view meanwhile.
+//!
+//! `cargo run --release -p stillpoint --example 04_own_driver`
+
+use std::collections::VecDeque;
+use std::error::Error;
+use std::io::Write;
+use std::sync::Arc;
+use stillpoint::imaging::Simd;
+use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::slam::{Config, Mapper, MapperMsg, Outcome, Tracker};
+
+/// Frames that pass before the tracker sees what the mapper made of a keyframe.
+const DELAY: usize = 5;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let room = Simulator::new(&SimulatorConfig {
+        scene: "halfsphere".to_owned(),
+        frames: Some(60),
+        ..SimulatorConfig::default()
+    })?;
+    let config = Config::default();
+    config.validate()?;
+    let mut mapper = Mapper::new(&config);
+    let mut tracker = Tracker::new(config, *room.camera(), Simd::detect());
+    let mut replies = VecDeque::new();
+
+    let mut out = std::io::stdout().lock();
+    for i in 0..room.len() {
+        while replies.front().is_some_and(|(due, _)| *due <= i) {
+            if let Some((_, view)) = replies.pop_front() {
+                tracker.receive(view);
+            }
+        }
+        let tracked = tracker.track(&Arc::new(room.frame(i)));
+        if let Outcome::Lost { reason, .. } = tracked.report.outcome {
+            writeln!(out, "frame {i} is lost: {reason}")?;
+        }
+        if let Some(keyframe) = tracked.keyframe {
+            let reply = mapper.step(MapperMsg::Keyframe(Box::new(keyframe)));
+            writeln!(
+                out,
+                "frame {i} is a keyframe: map version {}, {} landmarks, {} observations refined",
+                reply.report.map_version, reply.report.landmarks, reply.report.bundle.observations
+            )?;
+            // Before the first view there is nothing to track against, so that one is waited for.
+            let due = if i == 0 { 1 } else { i + 1 + DELAY };
+            replies.push_back((due, reply.view));
+        }
+    }
+    writeln!(
+        out,
+        "{} frames tracked",
+        tracker.trajectory().entries().len()
+    )?;
+    Ok(())
+}
