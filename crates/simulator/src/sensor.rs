@@ -178,16 +178,15 @@ fn ragged(view: &View, x: usize, y: usize, focal: f32, patch: f32) -> bool {
         return false;
     }
     let i = y * view.width + x;
-    let disparity = |i: usize| view.inverse_depth[i] * focal * BASELINE;
-    let here = disparity(i);
-    let (left, right) = (disparity(i - reach), disparity(i + reach));
-    let (up, down) = (
-        disparity(i - reach * view.width),
-        disparity(i + reach * view.width),
-    );
-    // Second differences: zero on any plane, so that slanted faces are no edges.
-    (left + right - 2.0 * here).abs() > 1.2 || (up + down - 2.0 * here).abs() > 1.2
+    let w = &view.inverse_depth;
+    // Second differences of the disparity: zero on any plane, so that slanted faces are no edges.
+    let limit = EDGE / (focal * BASELINE);
+    let bend = |step: usize| (w[i - step] + w[i + step] - 2.0 * w[i]).abs() > limit;
+    bend(reach) || bend(reach * view.width)
 }
+
+/// Bend of the disparity that the matching window does not bear, px.
+const EDGE: f32 = 1.2;
 
 /// Smooth noise of about unit variance, in patches of some pixels: neighbours share their luck.
 struct Patches {

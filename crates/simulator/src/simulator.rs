@@ -82,7 +82,7 @@ impl std::fmt::Display for SimulatorError {
             }
             Self::Camera(found) => write!(
                 f,
-                "expected a camera of 32 to 4096 px with focal lengths of 16 to 8192 px its principal point in the image and a finite, one-to-one distortion, found {found:?}"
+                "expected a camera of 32 to 4096 px with focal lengths of 16 to 8192 px, its principal point in the image and a finite, one-to-one distortion, found {found:?}"
             ),
         }
     }

@@ -52,7 +52,7 @@ impl Level {
     }
 
     /// Bilinear sample at texel coordinates in 1/256 texel, centres of texels at whole numbers.
-    #[inline]
+    #[inline(always)]
     fn bilinear(&self, s: i32, t: i32) -> u64 {
         let (i, j) = (s >> 8, t >> 8);
         let (fs, ft) = ((s & 255) as u64, (t & 255) as u64);
@@ -99,10 +99,9 @@ impl Texture {
         let last = (self.levels.len() - 1) as u32;
         let level = (log >> 8).min(last);
         let between = u64::from(log & 255);
-        let at = |l: u32| {
-            let scale = f32::from_bits((127 + 8 - l) << 23);
-            self.levels[l as usize].bilinear((s * scale) as i32 - 128, (t * scale) as i32 - 128)
-        };
+        // From corners to centres of texels: half a texel of each level.
+        let (s, t) = ((s * 256.0) as i32, (t * 256.0) as i32);
+        let at = |l: u32| self.levels[l as usize].bilinear((s >> l) - 128, (t >> l) - 128);
         let fine = at(level);
         let coarse = if between == 0 {
             fine
