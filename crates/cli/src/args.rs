@@ -44,7 +44,12 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     Bench(BenchArgs),
     /// Show the configuration.
-    #[command(subcommand)]
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  stillpoint config print > my.toml
+  stillpoint run recording --config my.toml"
+    )]
     Config(ConfigCommand),
 }
 

@@ -115,19 +115,20 @@ pub(crate) fn finish(
     out: &Path,
 ) -> Result<Status, Failure> {
     let scores = setup.truth.and_then(|truth| scores(truth, session));
-    let summary = summarise(setup, session, scores.as_ref());
     let poses = |p: &[StampedPose]| trajectory::format(p).into_bytes();
     folder.write("trajectory.txt", &poses(&session.final_poses))?;
     folder.write("trajectory_online.txt", &poses(&session.online_poses))?;
     folder.write("keyframes.txt", &poses(&session.keyframes))?;
     folder.write("config.toml", config::to_text(setup.config)?.as_bytes())?;
-    let json = serde_json::to_string_pretty(&summary).map_err(Failure::input)?;
-    folder.write("summary.json", format!("{json}\n").as_bytes())?;
     for (name, figure) in figures(setup, session, scores.as_ref()) {
         folder.write(&format!("{name}.svg"), figure.to_svg().as_bytes())?;
         let png = figure.to_png().map_err(Failure::input)?;
         folder.write(&format!("{name}.png"), &png)?;
     }
+    // Last, so that the peak of memory is that of all the work.
+    let summary = summarise(setup, session, scores.as_ref());
+    let json = serde_json::to_string_pretty(&summary).map_err(Failure::input)?;
+    folder.write("summary.json", format!("{json}\n").as_bytes())?;
     folder.commit()?;
     console::report(&report::run_text(&summary));
     console::report(&format!("result in {}\n", out.display()));

@@ -87,7 +87,6 @@ impl Driver<'_> {
             progress.show(tally.frames + tally.skipped, &note);
         }
         tally.take(&system.finish());
-        self.timing.end_frame();
         progress.finish();
         if tally.frames == 0 && self.interrupt.requested() {
             return Err(Failure::criteria(

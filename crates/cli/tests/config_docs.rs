@@ -1,5 +1,6 @@
 //! Holds `src/config_docs.txt` against the documentation of the configuration structs. After a change of those, renew it by
-//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test config_docs`.
+//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test config_docs`, then what the test `golden` compares, which
+//! holds the same text.
 #![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;

@@ -1,5 +1,5 @@
 //! Help and configuration as users see them. After an intended change, renew the files by
-//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test golden`.
+//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test golden`, after those of the test `config_docs`.
 #![allow(clippy::unwrap_used)]
 
 mod common;
@@ -27,7 +27,7 @@ fn golden(name: &str, args: &[&str]) {
 #[test]
 fn help_of_every_command() {
     golden("help.txt", &["--help"]);
-    for command in ["demo", "run", "eval", "simulate", "bench"] {
+    for command in ["demo", "run", "eval", "simulate", "bench", "config"] {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
@@ -42,6 +42,7 @@ fn every_help_has_examples() {
         &["eval", "--help"],
         &["simulate", "--help"],
         &["bench", "--help"],
+        &["config", "--help"],
         &["config", "print", "--help"],
     ] {
         let text = stdout(&stillpoint(args));
