@@ -37,7 +37,7 @@ impl Path {
     pub(crate) fn xyz(seed: u64) -> Self {
         Self {
             kind: Kind::Xyz,
-            tremor: Tremor::new(seed, 1.0),
+            tremor: Tremor::new(seed, 3.0),
         }
     }
 
