@@ -18,7 +18,8 @@ const ROOT_EXAMPLES: &str = "Examples:
 
 /// Visual RGB-D SLAM: from a folder of images to a trajectory and its score.
 #[derive(Debug, Parser)]
-#[command(name = "stillpoint", version, after_help = format!("{ROOT_EXAMPLES}{EXIT_CODES}"))]
+// Width 0 leaves lines as they are: clap would wrap them or not, depending on what else is built with it.
+#[command(name = "stillpoint", version, term_width = 0, after_help = format!("{ROOT_EXAMPLES}{EXIT_CODES}"))]
 pub(crate) struct Arguments {
     /// Say nothing but errors (results of eval and config print are still printed).
     #[arg(
@@ -79,7 +80,7 @@ pub(crate) struct ConfigArgs {
     /// Configuration file (TOML); what it does not name keeps its default.
     #[arg(long, value_name = "FILE")]
     pub(crate) config: Option<PathBuf>,
-    /// Set one value, e.g. features.features=1500; may be given several times and wins over the file.
+    /// Set one value, e.g. features.features=1500; may be repeated, and wins over the file.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) set: Vec<String>,
     /// Seed of every random choice; short for --set seed=N.
@@ -135,13 +136,14 @@ pub(crate) struct DemoArgs {
 
 /// Run SLAM on a data set folder.
 ///
-/// The layout (TUM, Bonn, ICL-NUIM, 7-Scenes) and the camera are guessed, and each guess is printed. With ground truth in
-/// the folder the score is printed too.
+/// The layout (TUM, Bonn, ICL-NUIM, 7-Scenes) and the camera are guessed, and each guess is
+/// printed. With ground truth in the folder the score is printed too.
 ///
-/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at least 30 inliers; TUM
-/// format), trajectory_online.txt (the poses as known at each frame), keyframes.txt, config.toml (the resolved
-/// configuration), summary.json, and plots. An older result in it is replaced only when the run has ended. Ctrl-C ends the
-/// run after the frame at hand and writes what there is; a second Ctrl-C ends it at once.
+/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
+/// least 30 inliers; TUM format), trajectory_online.txt (the poses as known at each frame),
+/// keyframes.txt, config.toml (the resolved configuration), summary.json, and plots. An older
+/// result in it is replaced only when the run has ended. Ctrl-C ends the run after the frame at
+/// hand and writes what there is; a second Ctrl-C ends it at once.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -151,8 +153,8 @@ pub(crate) struct DemoArgs {
   stillpoint run rgbd_dataset_freiburg3_long_office_household --start 100 --max-frames 500
   stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
 
-Exit code 1 when a frame was lost, fewer than two poses were found, or Ctrl-C ended the run; 2 when the input or
-the output folder cannot be used."
+Exit code 1 when a frame was lost, fewer than two poses were found, or Ctrl-C ended the run;
+2 when the input or the output folder cannot be used."
 )]
 pub(crate) struct RunArgs {
     /// Data set folder.
@@ -169,9 +171,9 @@ pub(crate) struct RunArgs {
 
 /// Score a trajectory against ground truth: ATE and RPE.
 ///
-/// Both files are in the TUM format: timestamp tx ty tz qx qy qz qw. Poses within 0.02 s belong together. ATE is taken
-/// after alignment by SE(3), with --scale by Sim(3). RPE is taken over --delta: seconds as the TUM script with a fixed
-/// delta, or frames as evo over all pairs.
+/// Both files are in the TUM format: timestamp tx ty tz qx qy qz qw. Poses within 0.02 s belong
+/// together. ATE is taken after alignment by SE(3), with --scale by Sim(3). RPE is taken over
+/// --delta: seconds as the TUM script with a fixed delta, or frames as evo over all pairs.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -232,8 +234,8 @@ pub(crate) struct SimulateArgs {
 
 /// Run data sets several times and report accuracy, speed and memory.
 ///
-/// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the results of the runs stay
-/// in runs/ beside them.
+/// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the
+/// results of the runs stay in runs/ beside them.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
