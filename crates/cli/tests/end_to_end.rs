@@ -4,6 +4,7 @@
 mod common;
 
 use common::{check, files, program, simulate, stdout};
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
@@ -210,21 +211,28 @@ fn the_bench_reports_every_run() {
 fn an_interrupt_keeps_what_there_is() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
-    let child = program()
+    let mut child = program()
         .args(["-v", "demo", "--frames", "100000", "--out"])
         .arg(&out)
-        .stdout(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::null())
         .stderr(std::process::Stdio::piped())
         .spawn()
         .unwrap();
-    // Time for the room to be built and some frames to be tracked.
-    std::thread::sleep(std::time::Duration::from_secs(3));
+    let mut said = BufReader::new(child.stderr.take().unwrap());
+    // The first keyframe is in the map: from now on there is something to write.
+    let mut line = String::new();
+    while !line.contains("mapped") {
+        line.clear();
+        assert!(said.read_line(&mut line).unwrap() > 0, "the program ended");
+    }
     let kill = Command::new("kill")
         .args(["-INT", &child.id().to_string()])
         .status();
     assert!(kill.unwrap().success());
-    let output = child.wait_with_output().unwrap();
-    check(&output, 1, &["interrupted after"]);
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "{rest}");
+    assert!(rest.contains("interrupted after"), "{rest}");
     let trajectory = std::fs::read_to_string(out.join("trajectory.txt")).unwrap();
     assert!(trajectory.lines().count() > 1, "{trajectory}");
     let summary = std::fs::read_to_string(out.join("summary.json")).unwrap();
