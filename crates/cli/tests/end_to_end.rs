@@ -4,6 +4,7 @@
 mod common;
 
 use common::{check, files, program, simulate, stdout};
+#[cfg(unix)]
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::Command;
