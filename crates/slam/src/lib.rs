@@ -18,7 +18,7 @@ pub use event::{
 };
 pub use mapping::{Mapper, MappingConfig};
 pub use messages::{LandmarkStatistic, MapperMsg, MapperOut, NewKeyframe, Tracked};
-pub use sensor::SensorConfig;
+pub use sensor::{SensorConfig, Timing};
 pub use stillpoint_imaging::Simd;
 pub use system::System;
 pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};

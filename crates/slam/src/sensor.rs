@@ -20,8 +20,15 @@ pub struct SensorConfig {
     pub noise_scale: f64,
     /// Share of the depth that calibration may be wrong by, added to the noise in quadrature. Range: 0 to 0.2.
     pub calibration_error: f64,
-    /// Compensates the time between the colour and the depth image with the predicted motion. Range: true or false.
-    pub compensate_stamps: bool,
+    /// Time from the exposure of the colour image's first row to its last, s; 0 for a global shutter. Range: 0 to 0.1.
+    /// With `self_calibrate` this is where the estimate starts.
+    pub readout: f64,
+    /// Age of a depth image at its stamp, s, beyond that of a colour image. Range: -0.1 to 0.1. With `self_calibrate`
+    /// this is where the estimate starts.
+    pub depth_delay: f64,
+    /// Estimates `readout` and `depth_delay` while tracking. Range: true or false. Few cameras state them, and on a
+    /// structured-light camera they cost more accuracy than everything else.
+    pub self_calibrate: bool,
 }
 
 impl Default for SensorConfig {
@@ -32,7 +39,9 @@ impl Default for SensorConfig {
             close_depth: 3.0,
             noise_scale: 1.0,
             calibration_error: 0.01,
-            compensate_stamps: true,
+            readout: 0.0,
+            depth_delay: 0.0,
+            self_calibrate: true,
         }
     }
 }
@@ -47,13 +56,32 @@ impl SensorConfig {
     }
 }
 
+/// When the parts of a frame were exposed, relative to its stamp.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Timing {
+    /// Time from the exposure of the first row to that of the last, s; the stamp is that of the middle row.
+    pub readout: f64,
+    /// Age of the depth image at its stamp, s.
+    pub depth_delay: f64,
+}
+
+impl SensorConfig {
+    /// The timing that the configuration states.
+    pub(crate) fn timing(&self) -> Timing {
+        Timing {
+            readout: self.readout,
+            depth_delay: self.depth_delay,
+        }
+    }
+}
+
 /// A depth measurement of one keypoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DepthReading {
     /// Depth along the optical axis, m.
-    pub(crate) z: f32,
+    pub(crate) z: f64,
     /// Its standard deviation, m.
-    pub(crate) sigma: f32,
+    pub(crate) sigma: f64,
 }
 
 /// Reads depths of keypoints in one depth image.
@@ -61,14 +89,14 @@ pub(crate) struct DepthReader<'a> {
     config: &'a SensorConfig,
     camera: &'a Camera,
     image: &'a DepthImage,
-    /// Motion from the camera at the colour stamp to the camera at the depth stamp; none when it is not known or small.
+    /// Motion from the camera at the colour stamp to the camera at the exposure of the depth image; none when unknown.
     depth_from_colour: Option<Se3>,
-    /// Standard deviation of the camera's motion along the ray between the stamps that is not compensated, m.
+    /// Standard deviation of the camera's motion along the ray between the two that is not compensated, m.
     motion_sigma: f64,
 }
 
 impl<'a> DepthReader<'a> {
-    /// A reader for a depth image taken `dt` seconds after the colour image, with the camera moving by `velocity`
+    /// A reader for a depth image exposed `dt` seconds after the colour image, with the camera moving by `velocity`
     /// (twist per second of `camera_later_from_camera_earlier`).
     pub(crate) fn new(
         config: &'a SensorConfig,
@@ -78,21 +106,13 @@ impl<'a> DepthReader<'a> {
         dt: f64,
     ) -> Self {
         let motion = velocity.filter(|_| dt != 0.0).map(|v| v * dt);
-        let speed = motion.map_or(0.0, |m| m.fixed_rows::<3>(0).norm());
-        let depth_from_colour = motion
-            .filter(|_| config.compensate_stamps)
-            .map(|m| Se3::exp(&m));
         Self {
             config,
             camera,
             image,
-            depth_from_colour,
-            // A constant-velocity prediction misses about a third of the motion; without it, all is missed.
-            motion_sigma: if config.compensate_stamps {
-                speed / 3.0
-            } else {
-                speed
-            },
+            depth_from_colour: motion.map(|m| Se3::exp(&m)),
+            // A constant velocity misses about a third of the motion.
+            motion_sigma: motion.map_or(0.0, |m| m.fixed_rows::<3>(0).norm() / 3.0),
         }
     }
 
@@ -109,8 +129,8 @@ impl<'a> DepthReader<'a> {
             + self.motion_sigma * self.motion_sigma)
             .sqrt();
         Some(DepthReading {
-            z: z as f32,
-            sigma: sigma as f32,
+            z,
+            sigma,
         })
     }
 

@@ -4,6 +4,7 @@ use crate::config::{Config, ConfigError};
 use crate::event::Event;
 use crate::mapping::Mapper;
 use crate::messages::{MapperMsg, MapperOut, Tracked};
+use crate::sensor::Timing;
 use crate::tracking::Tracker;
 use crate::trajectory::Trajectory;
 use std::collections::VecDeque;
@@ -71,6 +72,12 @@ impl System {
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
         self.tracker.trajectory()
+    }
+
+    /// When the parts of a frame are exposed, as estimated so far.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        self.tracker.timing()
     }
 
     /// The newest version of the map, whether the tracker has seen it yet or not.

@@ -1,11 +1,14 @@
 //! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
 
-use crate::sensor::{DepthReader, SensorConfig};
+use crate::sensor::{DepthReader, SensorConfig, Timing};
 use std::sync::Arc;
 use stillpoint_features::{FeatureGrid, Features, OrbConfig, OrbExtractor};
-use stillpoint_geometry::{Camera, Vec2, Vec6};
+use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_map::KeyframeData;
+
+/// Depth taken for a keypoint that has none, m, where only its share in the image's motion within a readout depends on it.
+const TYPICAL_DEPTH: f64 = 2.0;
 
 /// Extracts features and reads their depths; keeps its buffers between frames.
 pub(super) struct Observer {
@@ -13,6 +16,9 @@ pub(super) struct Observer {
     sensor: SensorConfig,
     extractor: OrbExtractor,
     features: Features,
+    /// Undistorted pixels of `features`, as exposed row by row.
+    undistorted: Vec<Vec2>,
+    levels: Vec<u8>,
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],
@@ -31,6 +37,8 @@ impl Observer {
             sensor,
             extractor: OrbExtractor::new(orb, simd),
             features: Features::default(),
+            undistorted: Vec::new(),
+            levels: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),
         }
@@ -46,16 +54,26 @@ impl Observer {
         self.bounds
     }
 
-    /// What `frame` saw, with depths brought to the time of the colour image by `velocity` (twist per second).
-    pub(super) fn observe(
-        &mut self,
+    /// Extracts the features of a frame; [`Self::measure`] speaks of these until the next call.
+    pub(super) fn extract(&mut self, frame: &RgbdFrame) {
+        let _span = tracing::info_span!("extract").entered();
+        self.extractor.extract(&frame.gray, &mut self.features);
+        self.undistorted.clear();
+        self.levels.clear();
+        for k in &self.features.keypoints {
+            let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
+            self.undistorted.push(self.camera.undistort(raw));
+            self.levels.push(k.level);
+        }
+    }
+
+    /// What the frame saw, brought to the time of its stamp by the camera's velocity (twist per second).
+    pub(super) fn measure(
+        &self,
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
+        timing: &Timing,
     ) -> Arc<KeyframeData> {
-        {
-            let _span = tracing::info_span!("extract").entered();
-            self.extractor.extract(&frame.gray, &mut self.features);
-        }
         let _span = tracing::info_span!("depth").entered();
         let keypoints = self.features.keypoints.clone();
         let n = keypoints.len();
@@ -63,25 +81,28 @@ impl Observer {
         let mut sigma_px = Vec::with_capacity(n);
         let mut depths = Vec::with_capacity(n);
         let mut depth_sigmas = Vec::with_capacity(n);
-        let mut levels = Vec::with_capacity(n);
-        let reader = DepthReader::new(
-            &self.sensor,
-            &self.camera,
-            &frame.depth,
-            velocity,
-            frame.depth_stamp - frame.stamp,
-        );
-        for k in &keypoints {
+        let reader = self.depth_reader(frame, velocity, timing);
+        for (k, undistorted) in keypoints.iter().zip(&self.undistorted) {
             let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
-            let undistorted = self.camera.undistort(raw);
-            let reading = reader.read(raw, undistorted);
-            positions.push([undistorted.x as f32, undistorted.y as f32]);
+            let reading = reader.read(raw, *undistorted);
+            let (mut position, mut z) = (*undistorted, reading.map_or(0.0, |r| r.z));
+            if let Some(v) = velocity.filter(|_| timing.readout != 0.0) {
+                let late = self.row_share(k.y) * timing.readout;
+                let depth = reading.map_or(TYPICAL_DEPTH, |r| r.z);
+                let seen = self.camera.backproject(position, depth);
+                // First order: within a readout the camera moves by millimetres and fractions of a degree.
+                let there = seen - point_velocity(v, &seen) * late;
+                if there.z > 0.0 {
+                    position = self.camera.project(&there);
+                    z = reading.map_or(0.0, |_| there.z);
+                }
+            }
+            positions.push([position.x as f32, position.y as f32]);
             sigma_px.push(self.level_sigmas[usize::from(k.level)]);
-            depths.push(reading.map_or(0.0, |r| r.z));
-            depth_sigmas.push(reading.map_or(0.0, |r| r.sigma));
-            levels.push(k.level);
+            depths.push(z as f32);
+            depth_sigmas.push(reading.map_or(0.0, |r| r.sigma as f32));
         }
-        let grid = FeatureGrid::build(&positions, &levels, self.bounds);
+        let grid = FeatureGrid::build(&positions, &self.levels, self.bounds);
         Arc::new(KeyframeData {
             stamp: frame.stamp,
             camera: self.camera,
@@ -94,4 +115,36 @@ impl Observer {
             grid,
         })
     }
+
+    /// When the row of a raw pixel is exposed, as a share of the readout before (-) or after (+) the stamp.
+    pub(super) fn row_share(&self, raw_y: f32) -> f64 {
+        f64::from(raw_y) / f64::from(self.camera.height) - 0.5
+    }
+
+    /// The depth of a feature, m, as it would be measured with another timing.
+    pub(super) fn depth_with(
+        &self,
+        reader: &DepthReader<'_>,
+        feature: usize,
+    ) -> Option<f64> {
+        let k = &self.features.keypoints[feature];
+        let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
+        reader.read(raw, self.undistorted[feature]).map(|r| r.z)
+    }
+
+    pub(super) fn depth_reader<'a>(
+        &'a self,
+        frame: &'a RgbdFrame,
+        velocity: Option<&Vec6>,
+        timing: &Timing,
+    ) -> DepthReader<'a> {
+        let dt = frame.depth_stamp - frame.stamp - timing.depth_delay;
+        DepthReader::new(&self.sensor, &self.camera, &frame.depth, velocity, dt)
+    }
+}
+
+/// Velocity (m/s, camera coordinates) of a point that stands still while the camera moves by the twist `v` per second.
+pub(super) fn point_velocity(v: &Vec6, p: &Vec3) -> Vec3 {
+    let phi: Vec3 = v.fixed_rows::<3>(3).into();
+    v.fixed_rows::<3>(0) + phi.cross(p)
 }

@@ -8,6 +8,7 @@ mod local_map;
 pub(crate) mod matching;
 mod motion;
 mod pose;
+mod self_calibration;
 
 pub(crate) use pose::measurement;
 
@@ -16,15 +17,17 @@ pub use keyframe::KeyframeConfig;
 use crate::config::{Checker, Config};
 use crate::event::{FrameCounts, FrameReport, LostReason, Outcome};
 use crate::messages::{LandmarkStatistic, NewKeyframe, Tracked};
+use crate::sensor::Timing;
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use frame::Observer;
 use local_map::LocalMap;
 use matching::{Candidate, Matches};
 use motion::Motion;
+use self_calibration::SelfCalibration;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use stillpoint_geometry::{Camera, Se3};
+use stillpoint_geometry::{Camera, Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
 
@@ -84,6 +87,7 @@ pub struct Tracker {
     observer: Observer,
     view: Arc<MapView>,
     motion: Motion,
+    calibration: SelfCalibration,
     last: Option<LastFrame>,
     local_map: LocalMap,
     lost_since: Option<FrameId>,
@@ -94,6 +98,7 @@ pub struct Tracker {
 
 /// A pose with all that led to it.
 struct Solution {
+    data: Arc<KeyframeData>,
     camera_from_world: Se3,
     reference: KeyframeId,
     matches: Vec<Option<LandmarkId>>,
@@ -104,6 +109,7 @@ impl Tracker {
     #[must_use]
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Self {
         Self {
+            calibration: SelfCalibration::new(config.sensor.timing()),
             observer: Observer::new(camera, config.sensor.clone(), &config.features, simd),
             config,
             view: Arc::default(),
@@ -123,6 +129,12 @@ impl Tracker {
         &self.trajectory
     }
 
+    /// When the parts of a frame are exposed, as estimated so far.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        *self.calibration.timing()
+    }
+
     /// The view in use.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
@@ -138,14 +150,18 @@ impl Tracker {
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
         let mut counts = FrameCounts::default();
-        let data = self.observer.observe(frame, self.motion.velocity());
+        self.observer.extract(frame);
+        let velocity = self.motion.velocity();
+        let data = self
+            .observer
+            .measure(frame, velocity, self.calibration.timing());
         counts.keypoints = data.len() as u32;
         counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
         if self.last.is_none() {
             return self.initialise(frame, data, counts);
         }
-        match self.locate(frame, &data, &mut counts) {
-            Ok(solution) => self.accept(frame, data, counts, solution),
+        match self.locate(frame, data, &mut counts) {
+            Ok(solution) => self.accept(frame, counts, solution),
             Err(reason) => self.lose(frame, counts, reason),
         }
     }
@@ -197,27 +213,54 @@ impl Tracker {
     fn locate(
         &mut self,
         frame: &RgbdFrame,
-        data: &Arc<KeyframeData>,
+        data: Arc<KeyframeData>,
         counts: &mut FrameCounts,
     ) -> Result<Solution, LostReason> {
         if data.len() < self.config.tracking.min_inliers {
             return Err(LostReason::FewFeatures);
         }
         let (reference, predicted) = self.predict(frame.stamp);
-        let (matches, pose) = self.match_last_frame(data, reference, &predicted)?;
+        let (matches, pose) = self.match_last_frame(&data, reference, &predicted)?;
         counts.frame_matches = matches.count as u32;
-        let (reference, matches, pose) =
-            self.match_local_map(data, reference, matches, &pose, counts);
+        let velocity = self.velocity_to(&pose, frame.stamp);
+        let data = match &velocity {
+            Some(v) => self
+                .observer
+                .measure(frame, Some(v), self.calibration.timing()),
+            None => data,
+        };
+        let (reference, found, pose) =
+            self.match_local_map(&data, reference, matches, &pose, counts);
+        if let Some(v) = velocity.filter(|_| self.config.sensor.self_calibrate) {
+            self.calibration
+                .learn(&self.observer, frame, &data, &found, &pose, &v);
+        }
+        let matches: Vec<Option<LandmarkId>> = found
+            .targets
+            .iter()
+            .map(|t| t.and_then(|t| t.landmark))
+            .collect();
         let inliers = matches.iter().flatten().count();
         counts.inliers = inliers as u32;
         if inliers < self.config.tracking.min_inliers {
             return Err(LostReason::FewInliers);
         }
         Ok(Solution {
+            data,
             camera_from_world: pose,
             reference,
             matches,
         })
+    }
+
+    /// The velocity that a pose of this frame amounts to.
+    fn velocity_to(&self, camera_from_world: &Se3, stamp: f64) -> Option<Vec6> {
+        let last = self.last.as_ref().filter(|_| self.lost_since.is_none())?;
+        motion::velocity(
+            &last.world_from_camera.inverse(),
+            camera_from_world,
+            stamp - last.stamp,
+        )
     }
 
     /// Expresses the last pose in the present view, then predicts. Returns the reference keyframe and
@@ -328,7 +371,7 @@ impl Tracker {
         mut matches: Matches,
         pose: &Se3,
         counts: &mut FrameCounts,
-    ) -> (KeyframeId, Vec<Option<LandmarkId>>, Se3) {
+    ) -> (KeyframeId, Matches, Se3) {
         let span = tracing::info_span!("match").entered();
         let reference = self.local_map.update(&self.view, reference, &matches);
         let statistics = &mut self.statistics;
@@ -345,26 +388,21 @@ impl Tracker {
         counts.local_visible = search.visible;
         counts.map_matches = matches.count as u32;
         let (matches, pose) = pose::solve(data, pose, matches);
-        let landmarks: Vec<Option<LandmarkId>> = matches
-            .targets
-            .iter()
-            .map(|t| t.and_then(|t| t.landmark))
-            .collect();
-        for id in landmarks.iter().flatten() {
-            statistic(&mut self.statistics, *id).found += 1;
+        for id in matches.targets.iter().flatten().filter_map(|t| t.landmark) {
+            statistic(&mut self.statistics, id).found += 1;
         }
-        (reference, landmarks, pose)
+        (reference, matches, pose)
     }
 
     /// Takes a pose: motion model, trajectory, keyframe decision.
     fn accept(
         &mut self,
         frame: &RgbdFrame,
-        data: Arc<KeyframeData>,
         counts: FrameCounts,
         solution: Solution,
     ) -> Tracked {
         let Solution {
+            data,
             camera_from_world,
             reference,
             matches,

@@ -11,8 +11,7 @@ pub(super) struct Motion {
 impl Motion {
     /// Learns the velocity from two poses of one map view, `dt` seconds apart.
     pub(super) fn learn(&mut self, last_from_world: &Se3, now_from_world: &Se3, dt: f64) {
-        self.velocity =
-            (dt > 1e-6).then(|| (*now_from_world * last_from_world.inverse()).log() / dt);
+        self.velocity = velocity(last_from_world, now_from_world, dt);
     }
 
     /// Forgets the velocity: after a loss nothing is known of it.
@@ -33,4 +32,9 @@ impl Motion {
             None => *last_from_world,
         }
     }
+}
+
+/// Twist per second between two poses `dt` seconds apart.
+pub(super) fn velocity(last_from_world: &Se3, now_from_world: &Se3, dt: f64) -> Option<Vec6> {
+    (dt > 1e-6).then(|| (*now_from_world * last_from_world.inverse()).log() / dt)
 }
