@@ -24,11 +24,7 @@ pub fn linearise(k: &Intrinsics, m: &Measurement, p: &Vec3) -> Linearised {
     let (a, b) = (k.fx * iz, k.fy * iz);
     let (x, y) = (p.x * iz, p.y * iz);
     let iz2 = iz * iz;
-    let by_point = [
-        [a, 0.0, -a * x],
-        [0.0, b, -b * y],
-        [0.0, 0.0, -iz2],
-    ];
+    let by_point = [[a, 0.0, -a * x], [0.0, b, -b * y], [0.0, 0.0, -iz2]];
     let row = |j: [f64; 3]| {
         [
             j[0],

@@ -143,7 +143,12 @@ impl Problem<'_> {
     fn accumulate(&self, pose: &Se3, robust: bool) -> Normal {
         let (r, t) = (pose.rotation_matrix(), pose.translation);
         let mut sums = Sums::default();
-        for (o, _) in self.observations.iter().zip(&self.active).filter(|(_, a)| **a) {
+        for (o, _) in self
+            .observations
+            .iter()
+            .zip(&self.active)
+            .filter(|(_, a)| **a)
+        {
             let p = transform(&r, &t, &o.point);
             let gate = o.measurement.gate() * self.gate_scale;
             if p.z <= 1e-3 {
@@ -183,7 +188,9 @@ impl Problem<'_> {
         let (r, t) = (pose.rotation_matrix(), pose.translation);
         let (mut changed, mut count) = (false, 0);
         for (o, active) in self.observations.iter().zip(&mut self.active) {
-            let chi2 = o.measurement.chi2(self.camera, &transform(&r, &t, &o.point));
+            let chi2 = o
+                .measurement
+                .chi2(self.camera, &transform(&r, &t, &o.point));
             let inlier = chi2 <= o.measurement.gate() * self.gate_scale;
             changed |= inlier != *active;
             count += usize::from(inlier);

@@ -52,7 +52,11 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
         let mut h = [[0.0; 3]; 3];
         let mut b = [0.0; 3];
         let first = system.cross.len();
-        while let Some(o) = problem.observations.get(at).filter(|o| o.point as usize == index) {
+        while let Some(o) = problem
+            .observations
+            .get(at)
+            .filter(|o| o.point as usize == index)
+        {
             let is_active = active[at];
             at += 1;
             if !is_active {
@@ -67,8 +71,8 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
             let m = &o.measurement;
             let l = linearise(&problem.camera, m, &p);
             let e = &l.residual;
-            let chi2 = m.pixel_weight * (e[0] * e[0] + e[1] * e[1])
-                + m.inverse_depth_weight * e[2] * e[2];
+            let chi2 =
+                m.pixel_weight * (e[0] * e[0] + e[1] * e[1]) + m.inverse_depth_weight * e[2] * e[2];
             let weight = robust::huber_weight(chi2, m.gate());
             let w = [
                 weight * m.pixel_weight,

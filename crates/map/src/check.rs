@@ -25,10 +25,9 @@ impl Map {
     }
 
     fn check_landmarks(&self) -> Result<(), Violation> {
-        ensure(
-            self.observations.len() == self.view.landmarks.len(),
-            || "one list of observations per landmark id".into(),
-        )?;
+        ensure(self.observations.len() == self.view.landmarks.len(), || {
+            "one list of observations per landmark id".into()
+        })?;
         let mut live = 0;
         for (i, slot) in self.view.landmarks.iter().enumerate() {
             let id = LandmarkId(i as u32);
@@ -83,11 +82,15 @@ impl Map {
             })?;
             for (feature, landmark) in k.matches.iter().enumerate() {
                 let Some(landmark) = landmark else { continue };
-                let known = self.observations.get(landmark.index()).is_some_and(|list| {
-                    list.binary_search(&(k.id, feature as u32)).is_ok()
-                });
+                let known = self
+                    .observations
+                    .get(landmark.index())
+                    .is_some_and(|list| list.binary_search(&(k.id, feature as u32)).is_ok());
                 ensure(known, || {
-                    format!("landmark {landmark} knows its observation in keyframe {}", k.id)
+                    format!(
+                        "landmark {landmark} knows its observation in keyframe {}",
+                        k.id
+                    )
                 })?;
             }
             for &(other, n) in &k.covisible {

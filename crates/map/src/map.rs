@@ -8,13 +8,6 @@ use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// Pyramid factor and number of levels, for the distances from which a landmark can be recognised.
-#[derive(Clone, Copy, Debug)]
-struct Levels {
-    count: usize,
-    factor: f32,
-}
-
 /// A landmark to be made.
 #[derive(Clone, Copy, Debug)]
 pub struct NewLandmark {
@@ -30,7 +23,8 @@ pub struct Map {
     pub(crate) view: MapView,
     /// The inverse index: who observes each landmark, with which feature; by keyframe id.
     pub(crate) observations: Vec<Vec<(KeyframeId, u32)>>,
-    levels: Levels,
+    /// Scale of each pyramid level, for the distances from which a landmark can be recognised.
+    level_scales: Vec<f32>,
 }
 
 impl Map {
@@ -40,10 +34,9 @@ impl Map {
         Self {
             view: MapView::default(),
             observations: Vec::new(),
-            levels: Levels {
-                count: levels,
-                factor: scale_factor,
-            },
+            level_scales: std::iter::successors(Some(1.0), |s| Some(s * scale_factor))
+                .take(levels.max(1))
+                .collect(),
         }
     }
 
@@ -158,10 +151,11 @@ impl Map {
     }
 
     fn scale_range(&self, data: &KeyframeData, feature: u32, distance: f64) -> ScaleRange {
-        let level = i32::from(data.keypoints[feature as usize].level);
-        let max_distance = distance as f32 * self.levels.factor.powi(level);
+        let level = usize::from(data.keypoints[feature as usize].level);
+        let coarsest = self.level_scales.len() - 1;
+        let max_distance = distance as f32 * self.level_scales[level.min(coarsest)];
         ScaleRange {
-            min_distance: max_distance / self.levels.factor.powi(self.levels.count as i32 - 1),
+            min_distance: max_distance / self.level_scales[coarsest],
             max_distance,
         }
     }

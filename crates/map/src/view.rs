@@ -134,9 +134,12 @@ impl MapView {
 
     /// All live landmarks, by id.
     pub fn landmarks(&self) -> impl Iterator<Item = (LandmarkId, &Landmark)> {
-        self.landmarks.iter().enumerate().filter_map(|(i, s)| match s {
-            LandmarkSlot::Live(l) => Some((LandmarkId(i as u32), l)),
-            _ => None,
-        })
+        self.landmarks
+            .iter()
+            .enumerate()
+            .filter_map(|(i, s)| match s {
+                LandmarkSlot::Live(l) => Some((LandmarkId(i as u32), l)),
+                _ => None,
+            })
     }
 }

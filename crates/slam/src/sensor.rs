@@ -124,14 +124,10 @@ impl<'a> DepthReader<'a> {
         };
         let sensor = self.config.noise_scale * (0.0012 + 0.0019 * (z - 0.4) * (z - 0.4));
         let calibration = self.config.calibration_error * z;
-        let sigma = (sensor * sensor
-            + calibration * calibration
-            + self.motion_sigma * self.motion_sigma)
-            .sqrt();
-        Some(DepthReading {
-            z,
-            sigma,
-        })
+        let sigma =
+            (sensor * sensor + calibration * calibration + self.motion_sigma * self.motion_sigma)
+                .sqrt();
+        Some(DepthReading { z, sigma })
     }
 
     /// The depth image was taken from another pose: looks where the point appears in it, and takes back the motion along

@@ -154,7 +154,8 @@ fn triangulate_match(
         }
     }
     let size = |k: &Keyframe, f: usize| {
-        (t.point - k.centre()).norm() * libm::pow(scale_factor, f64::from(k.data.keypoints[f].level))
+        (t.point - k.centre()).norm()
+            * libm::pow(scale_factor, f64::from(k.data.keypoints[f].level))
     };
     let ratio = size(a, i) / size(b, j);
     let tolerance = 1.5 * scale_factor;

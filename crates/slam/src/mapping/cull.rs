@@ -9,7 +9,8 @@ impl Mapper {
     pub(super) fn cull_landmarks(&mut self, now: KeyframeId) -> u32 {
         let _span = tracing::info_span!("cull").entered();
         let age_of = |created: KeyframeId| {
-            self.order.partition_point(|k| *k <= now) - self.order.partition_point(|k| *k <= created)
+            self.order.partition_point(|k| *k <= now)
+                - self.order.partition_point(|k| *k <= created)
         };
         let mut doomed = Vec::new();
         let (map, min_found) = (&self.map, self.config.min_found_share);

@@ -106,7 +106,13 @@ impl Mapper {
                 let m = measurement(data, i as usize);
                 m.chi2(&intrinsics, &p) <= m.gate()
             };
-            let best = best_two(&data.grid, &window, &l.descriptor, &data.descriptors, agrees);
+            let best = best_two(
+                &data.grid,
+                &window,
+                &l.descriptor,
+                &data.descriptors,
+                agrees,
+            );
             let Some(best) = best.filter(|b| b.distance <= STRICT_DISTANCE) else {
                 continue;
             };

@@ -36,8 +36,11 @@ impl Mapper {
             self.map.set_position(*landmark, *position);
         }
         let mut outliers = 0;
-        for ((o, (landmark, keyframe)), is_outlier) in
-            problem.observations.iter().zip(&features).zip(&report.outliers)
+        for ((o, (landmark, keyframe)), is_outlier) in problem
+            .observations
+            .iter()
+            .zip(&features)
+            .zip(&report.outliers)
         {
             debug_assert_eq!(window.landmarks[o.point as usize], *landmark);
             if *is_outlier {

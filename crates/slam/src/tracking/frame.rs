@@ -122,11 +122,7 @@ impl Observer {
     }
 
     /// The depth of a feature, m, as it would be measured with another timing.
-    pub(super) fn depth_with(
-        &self,
-        reader: &DepthReader<'_>,
-        feature: usize,
-    ) -> Option<f64> {
+    pub(super) fn depth_with(&self, reader: &DepthReader<'_>, feature: usize) -> Option<f64> {
         let k = &self.features.keypoints[feature];
         let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
         reader.read(raw, self.undistorted[feature]).map(|r| r.z)

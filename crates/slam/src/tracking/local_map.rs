@@ -31,6 +31,17 @@ pub(super) struct LocalMap {
     round: u32,
 }
 
+/// Where to search.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SearchArea<'a> {
+    /// Bounds of undistorted pixels, `[min_x, min_y, max_x, max_y]`.
+    pub(super) bounds: [f32; 4],
+    /// Standard deviation of a keypoint on each level, px.
+    pub(super) level_sigmas: &'a [f32],
+    /// Factor on the radius of the windows.
+    pub(super) radius_px: f32,
+}
+
 /// What a search in the local map found.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LocalSearch {
@@ -54,7 +65,9 @@ impl LocalMap {
         }
         self.round += 1;
         for target in matches.targets.iter().flatten() {
-            let Some((id, l)) = target.landmark.and_then(|id| Some((id, view.landmark(id)?)))
+            let Some((id, l)) = target
+                .landmark
+                .and_then(|id| Some((id, view.landmark(id)?)))
             else {
                 continue;
             };
@@ -134,12 +147,15 @@ impl LocalMap {
         &mut self,
         data: &KeyframeData,
         camera_from_world: &Se3,
-        view_bounds: [f32; 4],
-        level_sigmas: &[f32],
-        radius_px: f32,
+        area: &SearchArea<'_>,
         matches: &mut Matches,
         mut visible: impl FnMut(LandmarkId),
     ) -> LocalSearch {
+        let SearchArea {
+            bounds,
+            level_sigmas,
+            radius_px,
+        } = *area;
         self.round += 1;
         for target in matches.targets.iter().flatten() {
             if let Some(id) = target.landmark {
@@ -162,7 +178,7 @@ impl LocalMap {
             }
             let px = data.camera.project(&p);
             let pixel = [px.x as f32, px.y as f32];
-            if !in_bounds(pixel, view_bounds) {
+            if !in_bounds(pixel, bounds) {
                 continue;
             }
             let ray = e.position - centre;

@@ -103,8 +103,7 @@ pub(super) fn match_by_projection(
         else {
             continue;
         };
-        if best.distance <= MAX_DISTANCE
-            && is_distinct(best.distance, best.second_distance, RATIO)
+        if best.distance <= MAX_DISTANCE && is_distinct(best.distance, best.second_distance, RATIO)
         {
             found.push((c, best.index, best.distance));
         }
@@ -128,9 +127,7 @@ pub(super) fn match_by_descriptor(
         .iter()
         .zip(&query)
         .zip(&matches)
-        .filter_map(|((c, q), m)| {
-            m.map(|m| (c, m, q.distance(&data.descriptors[m as usize])))
-        })
+        .filter_map(|((c, q), m)| m.map(|m| (c, m, q.distance(&data.descriptors[m as usize]))))
         .collect();
     keep_consistent_rotations(data, earlier, &found)
 }

@@ -20,7 +20,7 @@ use crate::messages::{LandmarkStatistic, NewKeyframe, Tracked};
 use crate::sensor::Timing;
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use frame::Observer;
-use local_map::LocalMap;
+use local_map::{LocalMap, SearchArea};
 use matching::{Candidate, Matches};
 use motion::Motion;
 use self_calibration::SelfCalibration;
@@ -240,7 +240,12 @@ impl Tracker {
             .iter()
             .map(|t| t.and_then(|t| t.landmark))
             .collect();
-        let inliers = matches.iter().flatten().count();
+        // Until the first view of the map arrives, the last frame's own points are all there is to track.
+        let inliers = if self.view.keyframe_count() == 0 {
+            found.count
+        } else {
+            matches.iter().flatten().count()
+        };
         counts.inliers = inliers as u32;
         if inliers < self.config.tracking.min_inliers {
             return Err(LostReason::FewInliers);
@@ -302,7 +307,12 @@ impl Tracker {
             let matches = {
                 let _span = tracing::info_span!("match").entered();
                 matching::match_by_projection(
-                    data, predicted, &last.data, &candidates, bounds, radius,
+                    data,
+                    predicted,
+                    &last.data,
+                    &candidates,
+                    bounds,
+                    radius,
                 )
             };
             if matches.count >= min_inliers {
@@ -313,7 +323,10 @@ impl Tracker {
             }
         }
         let _span = tracing::info_span!("match").entered();
-        let keyframe = self.view.keyframe(reference).ok_or(LostReason::FewMatches)?;
+        let keyframe = self
+            .view
+            .keyframe(reference)
+            .ok_or(LostReason::FewMatches)?;
         let candidates: Vec<Candidate> = keyframe
             .matches
             .iter()
@@ -375,15 +388,16 @@ impl Tracker {
         let span = tracing::info_span!("match").entered();
         let reference = self.local_map.update(&self.view, reference, &matches);
         let statistics = &mut self.statistics;
-        let search = self.local_map.search(
-            data,
-            pose,
-            self.observer.bounds(),
-            self.observer.level_sigmas(),
-            self.config.tracking.local_radius as f32,
-            &mut matches,
-            |id| statistic(statistics, id).visible += 1,
-        );
+        let area = SearchArea {
+            bounds: self.observer.bounds(),
+            level_sigmas: self.observer.level_sigmas(),
+            radius_px: self.config.tracking.local_radius as f32,
+        };
+        let search = self
+            .local_map
+            .search(data, pose, &area, &mut matches, |id| {
+                statistic(statistics, id).visible += 1;
+            });
         drop(span);
         counts.local_visible = search.visible;
         counts.map_matches = matches.count as u32;
@@ -395,12 +409,7 @@ impl Tracker {
     }
 
     /// Takes a pose: motion model, trajectory, keyframe decision.
-    fn accept(
-        &mut self,
-        frame: &RgbdFrame,
-        counts: FrameCounts,
-        solution: Solution,
-    ) -> Tracked {
+    fn accept(&mut self, frame: &RgbdFrame, counts: FrameCounts, solution: Solution) -> Tracked {
         let Solution {
             data,
             camera_from_world,

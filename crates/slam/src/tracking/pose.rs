@@ -1,9 +1,7 @@
 //! The pose from matches.
 
 use super::matching::Matches;
-use stillpoint_estimation::{
-    Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose,
-};
+use stillpoint_estimation::{Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose};
 use stillpoint_geometry::Se3;
 use stillpoint_map::KeyframeData;
 

@@ -87,7 +87,9 @@ impl SelfCalibration {
             let share = observer.row_share(data.keypoints[i].y);
             // The measurement's derivative by the readout is its image velocity times its row's share; by the delay only
             // the depth changes.
-            let by_readout = l.by_point.map(|j| -share * (j[0] * rate.x + j[1] * rate.y + j[2] * rate.z));
+            let by_readout = l
+                .by_point
+                .map(|j| -share * (j[0] * rate.x + j[1] * rate.y + j[2] * rate.z));
             let by_delay = if m.has_depth() {
                 let depths = (
                     observer.depth_with(&reader, i),
