@@ -23,11 +23,10 @@ pub struct SensorConfig {
     /// Time from the exposure of the colour image's first row to its last, s; 0 for a global shutter. Range: 0 to 0.1.
     /// With `self_calibrate` this is where the estimate starts.
     pub readout: f64,
-    /// Age of a depth image at its stamp, s, beyond that of a colour image. Range: -0.1 to 0.1. With `self_calibrate`
-    /// this is where the estimate starts.
+    /// Age of a depth image at its stamp, s, beyond that of a colour image. Range: -0.1 to 0.1.
     pub depth_delay: f64,
-    /// Estimates `readout` and `depth_delay` while tracking. Range: true or false. Few cameras state them, and on a
-    /// structured-light camera they cost more accuracy than everything else.
+    /// Estimates `readout` while tracking. Range: true or false. Few cameras state it, and on a rolling shutter it costs
+    /// more accuracy than everything else.
     pub self_calibrate: bool,
 }
 
@@ -53,6 +52,8 @@ impl SensorConfig {
         c.range("close_depth", self.close_depth, 0.1, 100.0);
         c.range("noise_scale", self.noise_scale, 0.1, 100.0);
         c.range("calibration_error", self.calibration_error, 0.0, 0.2);
+        c.range("readout", self.readout, 0.0, 0.1);
+        c.range("depth_delay", self.depth_delay, -0.1, 0.1);
     }
 }
 

@@ -81,7 +81,8 @@ impl Observer {
         let mut sigma_px = Vec::with_capacity(n);
         let mut depths = Vec::with_capacity(n);
         let mut depth_sigmas = Vec::with_capacity(n);
-        let reader = self.depth_reader(frame, velocity, timing);
+        let dt = frame.depth_stamp - frame.stamp - timing.depth_delay;
+        let reader = DepthReader::new(&self.sensor, &self.camera, &frame.depth, velocity, dt);
         for (k, undistorted) in keypoints.iter().zip(&self.undistorted) {
             let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
             let reading = reader.read(raw, *undistorted);
@@ -119,23 +120,6 @@ impl Observer {
     /// When the row of a raw pixel is exposed, as a share of the readout before (-) or after (+) the stamp.
     pub(super) fn row_share(&self, raw_y: f32) -> f64 {
         f64::from(raw_y) / f64::from(self.camera.height) - 0.5
-    }
-
-    /// The depth of a feature, m, as it would be measured with another timing.
-    pub(super) fn depth_with(&self, reader: &DepthReader<'_>, feature: usize) -> Option<f64> {
-        let k = &self.features.keypoints[feature];
-        let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
-        reader.read(raw, self.undistorted[feature]).map(|r| r.z)
-    }
-
-    pub(super) fn depth_reader<'a>(
-        &'a self,
-        frame: &'a RgbdFrame,
-        velocity: Option<&Vec6>,
-        timing: &Timing,
-    ) -> DepthReader<'a> {
-        let dt = frame.depth_stamp - frame.stamp - timing.depth_delay;
-        DepthReader::new(&self.sensor, &self.camera, &frame.depth, velocity, dt)
     }
 }
 

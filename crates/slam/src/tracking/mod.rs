@@ -233,7 +233,7 @@ impl Tracker {
             self.match_local_map(&data, reference, matches, &pose, counts);
         if let Some(v) = velocity.filter(|_| self.config.sensor.self_calibrate) {
             self.calibration
-                .learn(&self.observer, frame, &data, &found, &pose, &v);
+                .learn(&self.observer, &data, &found, &pose, &v);
         }
         let matches: Vec<Option<LandmarkId>> = found
             .targets

@@ -1,0 +1,184 @@
+//! The whole system on simulated rooms: accuracy with a control, late maps, covered lenses, and the shutter's readout.
+
+#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+
+use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
+use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::{FrameSource, GrayImage, RgbdFrame, Simd};
+use stillpoint_simulator::{Simulator, SimulatorConfig};
+use stillpoint_slam::{Config, Event, LostReason, Outcome, System};
+
+fn simulator(scene: &str, frames: usize) -> Simulator {
+    Simulator::new(&SimulatorConfig {
+        scene: scene.into(),
+        frames: Some(frames),
+        ..SimulatorConfig::default()
+    })
+    .unwrap()
+}
+
+/// Runs the system over a simulation whose frames `change` may spoil; returns it with every frame's outcome.
+fn run(
+    simulator: &Simulator,
+    config: Config,
+    change: impl Fn(usize, &mut RgbdFrame),
+) -> (System, Vec<Outcome>) {
+    let mut system = System::new(config, *simulator.camera(), Simd::detect()).unwrap();
+    let mut outcomes = Vec::new();
+    for i in 0..simulator.len() {
+        let mut frame = simulator.frame(i);
+        change(i, &mut frame);
+        for event in system.step(frame) {
+            if let Event::Frame(report) = event {
+                outcomes.push(report.outcome);
+            }
+        }
+    }
+    system.finish();
+    (system, outcomes)
+}
+
+fn truth(simulator: &Simulator) -> Vec<TimedPose> {
+    simulator
+        .ground_truth()
+        .into_iter()
+        .map(|(stamp, world_from_camera)| TimedPose {
+            stamp,
+            world_from_camera,
+        })
+        .collect()
+}
+
+fn ate_mm(simulator: &Simulator, estimate: &[TimedPose]) -> f64 {
+    let score = evaluate(&truth(simulator), estimate, &EvalOptions::default()).unwrap();
+    score.ate.statistics.rmse * 1e3
+}
+
+fn final_poses(system: &System) -> Vec<TimedPose> {
+    let view = system.view();
+    let poses = system.trajectory().resolve(&view);
+    poses
+        .map(|(entry, world_from_camera)| TimedPose {
+            stamp: entry.stamp,
+            world_from_camera,
+        })
+        .collect()
+}
+
+#[test]
+fn static_scenes_are_tracked_within_5_mm() {
+    for scene in ["xyz", "rpy", "halfsphere"] {
+        let simulator = simulator(scene, 120);
+        let (system, outcomes) = run(&simulator, Config::default(), |_, _| ());
+        assert!(!outcomes.iter().any(|o| matches!(o, Outcome::Lost { .. })));
+        let poses = final_poses(&system);
+        assert_eq!(poses.len(), simulator.len(), "{scene}");
+        let error = ate_mm(&simulator, &poses);
+        assert!(error < 5.0, "{scene}: {error} mm");
+        // Control: the bound means something only where standing still fails it.
+        let still: Vec<TimedPose> = poses
+            .iter()
+            .map(|p| TimedPose {
+                world_from_camera: Se3::identity(),
+                ..*p
+            })
+            .collect();
+        let control = evaluate(&truth(&simulator), &still, &EvalOptions::default());
+        let control = control.map_or(f64::INFINITY, |c| c.ate.statistics.rmse * 1e3);
+        assert!(control > 10.0, "{scene}: control {control} mm");
+    }
+}
+
+#[test]
+fn a_late_map_costs_no_frame() {
+    let simulator = simulator("xyz", 90);
+    for delay in [1, 5] {
+        let mut config = Config::default();
+        config.schedule.mapper = delay;
+        let (system, outcomes) = run(&simulator, config, |_, _| ());
+        assert!(!outcomes.iter().any(|o| matches!(o, Outcome::Lost { .. })));
+        let error = ate_mm(&simulator, &final_poses(&system));
+        assert!(error < 8.0, "delay {delay}: {error} mm");
+    }
+}
+
+#[test]
+fn black_frames_are_lost_with_a_reason_and_then_tracking_goes_on() {
+    let simulator = simulator("xyz", 60);
+    let black = 30..35;
+    let (system, outcomes) = run(&simulator, Config::default(), |i, frame| {
+        if black.contains(&i) {
+            frame.gray = GrayImage::new(frame.gray.width(), frame.gray.height());
+        }
+    });
+    for (i, outcome) in outcomes.iter().enumerate().skip(1) {
+        match outcome {
+            Outcome::Lost { since, reason } => {
+                assert!(black.contains(&i), "frame {i} lost: {reason}");
+                assert_eq!(since.0, 30);
+                assert_eq!(*reason, LostReason::FewFeatures);
+            }
+            _ => assert!(!black.contains(&i), "frame {i} has a pose without an image"),
+        }
+    }
+    let poses = final_poses(&system);
+    assert_eq!(poses.len(), simulator.len() - black.len());
+    assert!(ate_mm(&simulator, &poses) < 5.0);
+}
+
+#[test]
+fn a_first_frame_without_depth_does_not_start_a_map() {
+    let simulator = simulator("xyz", 5);
+    let (_, outcomes) = run(&simulator, Config::default(), |i, frame| {
+        if i < 2 {
+            let n = frame.depth.width() * frame.depth.height();
+            let (w, h) = (frame.depth.width(), frame.depth.height());
+            frame.depth = stillpoint_imaging::DepthImage::from_vec(w, h, vec![0.0; n]).unwrap();
+        }
+    });
+    let lost = |o: &Outcome| {
+        matches!(
+            o,
+            Outcome::Lost {
+                reason: LostReason::FewDepths,
+                ..
+            }
+        )
+    };
+    assert!(outcomes[..2].iter().all(lost));
+    assert_eq!(outcomes[2], Outcome::Initialised);
+    assert_eq!(outcomes[3], Outcome::Tracked);
+}
+
+#[test]
+fn the_readout_is_found_where_there_is_one() {
+    // The simulator's shutter is global: nothing may be found, from wherever the estimate starts.
+    let simulator = simulator("rpy", 150);
+    for start in [0.0, 0.02] {
+        let mut config = Config::default();
+        config.sensor.readout = start;
+        let (system, _) = run(&simulator, config, |_, _| ());
+        let readout = system.timing().readout;
+        assert!(readout < 0.004, "from {start} s: {readout} s");
+    }
+    // The Kinect's is not.
+    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
+        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+        Into::into,
+    );
+    let path = data.join("fr1_xyz");
+    if !path.is_dir() {
+        println!("skipped: no data set fr1_xyz in {}", data.display());
+        return;
+    }
+    let dataset = Dataset::open(&path, &OpenOptions::default()).unwrap();
+    let mut system =
+        System::new(Config::default(), dataset.camera().camera, Simd::detect()).unwrap();
+    let mut source = ReadAhead::new(dataset.frames(&FrameOptions::default()).unwrap());
+    while let Some(frame) = source.next_frame() {
+        system.step(frame.unwrap());
+    }
+    let readout = system.timing().readout;
+    assert!((0.012..0.035).contains(&readout), "{readout} s");
+}
