@@ -2,8 +2,10 @@
 //!
 //! Owns the motion model and the last frame; sees the map only as a view. Does not change the map.
 
+mod config;
 mod frame;
 mod keyframe;
+mod last_frame;
 mod local_map;
 pub(crate) mod matching;
 mod motion;
@@ -12,63 +14,24 @@ mod self_calibration;
 
 pub(crate) use pose::measurement;
 
+pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
 
-use crate::config::{Checker, Config};
+use crate::config::Config;
 use crate::event::{FrameCounts, FrameReport, LostReason, Outcome};
 use crate::messages::{LandmarkStatistic, NewKeyframe, Tracked};
 use crate::sensor::Timing;
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use frame::Observer;
 use local_map::{LocalMap, SearchArea};
-use matching::{Candidate, Matches};
+use matching::Matches;
 use motion::Motion;
 use self_calibration::SelfCalibration;
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
-
-/// How poses are tracked.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct TrackingConfig {
-    /// A pose counts as measured with at least this many inliers. Range: 10 to 1000. Fewer agree by chance.
-    pub min_inliers: usize,
-    /// A map begins with a frame of at least this many features with depth. Range: 20 to 10000.
-    pub min_initial_points: usize,
-    /// Radius of the search around the prediction from the last frame, px on level 0. Range: 2 to 100.
-    pub motion_radius: f64,
-    /// Factor on the radius (2.5 or 4 px) of the search for local landmarks. Range: 0.5 to 10.
-    pub local_radius: f64,
-}
-
-impl Default for TrackingConfig {
-    fn default() -> Self {
-        Self {
-            min_inliers: 30,
-            min_initial_points: 100,
-            motion_radius: 15.0,
-            local_radius: 2.0,
-        }
-    }
-}
-
-impl TrackingConfig {
-    pub(crate) fn check(&self, c: &mut Checker<'_>) {
-        c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
-        c.range(
-            "min_initial_points",
-            self.min_initial_points as f64,
-            20.0,
-            1e4,
-        );
-        c.range("motion_radius", self.motion_radius, 2.0, 100.0);
-        c.range("local_radius", self.local_radius, 0.5, 10.0);
-    }
-}
 
 /// The last frame whose pose is known.
 struct LastFrame {
@@ -284,95 +247,6 @@ impl Tracker {
         let last_from_world = last.world_from_camera.inverse();
         let predicted = self.motion.predict(&last_from_world, stamp - last.stamp);
         (reference, predicted)
-    }
-
-    /// Matches to the last frame around the prediction, else wider, else to the reference keyframe by descriptor alone.
-    fn match_last_frame(
-        &self,
-        data: &KeyframeData,
-        reference: KeyframeId,
-        predicted: &Se3,
-    ) -> Result<(Matches, Se3), LostReason> {
-        let Some(last) = &self.last else {
-            return Err(LostReason::FewMatches);
-        };
-        let min_inliers = self.config.tracking.min_inliers.min(20);
-        let bounds = self.observer.bounds();
-        let candidates = {
-            let _span = tracing::info_span!("match").entered();
-            self.last_frame_points(last)
-        };
-        let radius = self.config.tracking.motion_radius as f32;
-        for radius in [radius, 3.0 * radius] {
-            let matches = {
-                let _span = tracing::info_span!("match").entered();
-                matching::match_by_projection(
-                    data,
-                    predicted,
-                    &last.data,
-                    &candidates,
-                    bounds,
-                    radius,
-                )
-            };
-            if matches.count >= min_inliers {
-                let (matches, pose) = pose::solve(data, predicted, matches);
-                if matches.count >= min_inliers {
-                    return Ok((matches, pose));
-                }
-            }
-        }
-        let _span = tracing::info_span!("match").entered();
-        let keyframe = self
-            .view
-            .keyframe(reference)
-            .ok_or(LostReason::FewMatches)?;
-        let candidates: Vec<Candidate> = keyframe
-            .matches
-            .iter()
-            .enumerate()
-            .filter_map(|(i, id)| {
-                let landmark = (*id)?;
-                Some(Candidate {
-                    landmark: Some(landmark),
-                    position: self.view.landmark_position(landmark)?,
-                    feature: i as u32,
-                })
-            })
-            .collect();
-        let matches = matching::match_by_descriptor(data, &keyframe.data, &candidates);
-        if matches.count < min_inliers {
-            return Err(LostReason::FewMatches);
-        }
-        let start = last.world_from_camera.inverse();
-        let (matches, pose) = pose::solve(data, &start, matches);
-        if matches.count < min_inliers {
-            return Err(LostReason::FewInliers);
-        }
-        Ok((matches, pose))
-    }
-
-    /// The points that the last frame saw: landmarks, and where there is none the point behind its depth. The latter
-    /// are there at once, so a map view that comes late costs nothing.
-    fn last_frame_points(&self, last: &LastFrame) -> Vec<Candidate> {
-        let close = self.config.sensor.close_depth;
-        let point = |i: usize| {
-            let landmark = last.matches[i].and_then(|id| self.view.resolve_landmark(id));
-            let position = match landmark {
-                Some(id) => self.view.landmark_position(id)?,
-                None => {
-                    last.data.depth(i).filter(|z| *z < close)?;
-                    last.world_from_camera
-                        .transform(&last.data.point_in_camera(i)?)
-                }
-            };
-            Some(Candidate {
-                landmark,
-                position,
-                feature: i as u32,
-            })
-        };
-        (0..last.data.len()).filter_map(point).collect()
     }
 
     /// Matches to the local map and optimises the pose with all that was found. Returns the new reference keyframe, the
