@@ -58,15 +58,17 @@ pub fn align_umeyama(
     let mean = |v: &[Vec3]| v.iter().fold(Vec3::zeros(), |a, p| a + p) / count;
     let (ms, mt) = (mean(source), mean(target));
     let mut covariance = Mat3::zeros();
-    let mut variance = 0.0;
     for (s, t) in source.iter().zip(target) {
         covariance += (t - mt) * (s - ms).transpose();
-        variance += (s - ms).norm_squared();
     }
     covariance /= count;
-    variance /= count;
+    let source_variance = variance(source, &ms);
     let extent = covariance.norm();
-    if !(extent.is_finite() && extent > 0.0 && variance > 0.0) {
+    if !(extent.is_finite()
+        && extent > 0.0
+        && source_variance > rounding(source)
+        && variance(target, &mt) > rounding(target))
+    {
         return Err(AlignmentError::Degenerate);
     }
     let svd = covariance.svd(true, true);
@@ -80,7 +82,7 @@ pub fn align_umeyama(
     }
     let rotation = u * sign * v_t;
     let scale = if with_scale {
-        (Mat3::from_diagonal(&svd.singular_values) * sign).trace() / variance
+        (Mat3::from_diagonal(&svd.singular_values) * sign).trace() / source_variance
     } else {
         1.0
     };
@@ -89,4 +91,17 @@ pub fn align_umeyama(
         target_from_source: Se3::from_matrix(&rotation, translation),
         scale,
     })
+}
+
+/// Mean squared distance to the mean.
+fn variance(points: &[Vec3], mean: &Vec3) -> f64 {
+    let sum: f64 = points.iter().map(|p| (p - mean).norm_squared()).sum();
+    sum / points.len() as f64
+}
+
+/// The variance that equal points of this size may show, because their mean is rounded.
+fn rounding(points: &[Vec3]) -> f64 {
+    let size = points.iter().fold(0.0, |a, p| f64::max(a, p.amax()));
+    let error = 4.0 * f64::EPSILON * points.len() as f64 * size;
+    error * error
 }
