@@ -39,16 +39,28 @@ pub(super) fn ticks([lo, hi]: [f64; 2], count: f64) -> (Vec<f64>, usize) {
     if !(raw.is_finite() && raw > 0.0) {
         return (Vec::new(), 0);
     }
-    let exponent = libm::floor(libm::log10(raw));
-    let power = libm::pow(10.0, exponent);
+    let power = libm::pow(10.0, libm::floor(libm::log10(raw)));
+    let wanted = |s: &f64| *s >= raw * 0.999;
     let step = [1.0, 2.0, 5.0, 10.0]
-        .into_iter()
         .map(|f| f * power)
-        .find(|s| *s >= raw * 0.999)
-        .unwrap_or(10.0 * power);
-    let decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 9.0) as usize;
-    let first = (lo / step - 1e-9).ceil();
-    let n = ((hi / step + 1e-9).floor() - first).clamp(0.0, 100.0) as usize;
+        .into_iter()
+        .find(wanted);
+    let step = step.unwrap_or(10.0 * power);
+    // A short range may lie between two multiples of its step: then the next finer one that has a multiple in it.
+    let multiples = |step: f64| {
+        let first = (lo / step - 1e-9).ceil();
+        (first, (hi / step + 1e-9).floor() - first)
+    };
+    let finer = [1.0, 0.5, 0.2, 0.1].map(|f| f * step);
+    let step = finer
+        .into_iter()
+        .find(|s| multiples(*s).1 >= 0.0)
+        .unwrap_or(step);
+    let mut decimals = (-libm::floor(libm::log10(step) + 1e-9)).clamp(0.0, 9.0) as usize;
+    let in_last_digit = step * libm::pow(10.0, decimals as f64);
+    decimals += usize::from((in_last_digit - libm::round(in_last_digit)).abs() > 1e-6);
+    let (first, n) = multiples(step);
+    let n = n.clamp(0.0, 100.0) as usize;
     // Adding 0.0 turns -0.0 into 0.0.
     let values = (0..=n).map(|k| (first + k as f64) * step + 0.0).collect();
     (values, decimals)
@@ -137,6 +149,7 @@ mod tests {
         );
         let (t, decimals) = ticks([-0.13, 0.21], 4.0);
         assert_eq!((t.len(), decimals), (4, 1));
+        assert_eq!(ticks([-9969.0, -5363.0], 2.0).0, [-7500.0]);
         assert_eq!(ticks([1.0, 1.0], 4.0).0, []);
         assert_eq!(ticks([f64::NAN, 1.0], 4.0).0, []);
     }
