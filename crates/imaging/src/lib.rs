@@ -5,6 +5,7 @@
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod blur;
+mod coarse_depth;
 mod frame;
 mod image;
 mod pyramid;
@@ -12,6 +13,7 @@ mod resize;
 mod simd;
 
 pub use blur::Blur;
+pub use coarse_depth::CoarseDepth;
 pub use frame::{FrameId, FrameSource, RgbdFrame, SourceError};
 pub use image::{ColourImage, DepthImage, GrayImage, SizeError};
 pub use pyramid::Pyramid;

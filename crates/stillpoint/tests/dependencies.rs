@@ -15,8 +15,18 @@ const NORMAL: &[(&str, &[&str])] = &[
     ("map", &["geometry", "features"]),
     (
         "slam",
-        &["geometry", "imaging", "features", "estimation", "map"],
+        &[
+            "geometry",
+            "imaging",
+            "features",
+            "estimation",
+            "map",
+            "detection",
+        ],
     ),
+    ("detection", &["geometry", "imaging"]),
+    // A subscriber: of the system it reads events only.
+    ("view", &["geometry", "imaging", "detection", "slam"]),
     ("datasets", &["geometry", "imaging"]),
     ("simulator", &["geometry", "imaging"]),
     // The judge does not know the player.
@@ -29,7 +39,9 @@ const NORMAL: &[(&str, &[&str])] = &[
             "features",
             "estimation",
             "map",
+            "detection",
             "slam",
+            "view",
             "datasets",
             "simulator",
             "evaluation",
@@ -43,7 +55,9 @@ const NORMAL: &[(&str, &[&str])] = &[
 const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("features", &["simulator", "datasets"]),
     ("map", &["imaging"]),
+    ("detection", &["simulator", "datasets"]),
     ("slam", &["simulator", "datasets", "evaluation"]),
+    ("view", &["simulator"]),
     // How much the simulator's images are like real ones is measured in terms of features.
     ("simulator", &["features", "datasets"]),
 ];
@@ -55,9 +69,17 @@ const CORE: &[&str] = &[
     "features",
     "estimation",
     "map",
+    "detection",
     "slam",
 ];
-const OUTSIDE: &[&str] = &["datasets", "simulator", "evaluation", "stillpoint", "cli"];
+const OUTSIDE: &[&str] = &[
+    "datasets",
+    "simulator",
+    "evaluation",
+    "view",
+    "stillpoint",
+    "cli",
+];
 
 type Edges = BTreeSet<(String, String)>;
 

@@ -1,0 +1,153 @@
+//! A depth image reduced to cells: what depth-connected regions and moving things are looked for in.
+
+use crate::DepthImage;
+
+/// One depth per square cell of the image; 0 where most of the cell has none.
+///
+/// A cell's depth is the median of the valid ones among 16 samples: at an edge it is the depth of one side, never a mean
+/// of the two.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CoarseDepth {
+    cell: usize,
+    width: usize,
+    height: usize,
+    data: Vec<f32>,
+}
+
+impl CoarseDepth {
+    /// Reduces a depth image to cells of `cell` x `cell` px (at least 4); a remainder at the right and bottom is left out.
+    #[must_use]
+    pub fn new(depth: &DepthImage, cell: usize) -> Self {
+        let cell = cell.max(4);
+        let (width, height) = (depth.width() / cell, depth.height() / cell);
+        let mut data = Vec::with_capacity(width * height);
+        let offsets = [0, 1, 2, 3].map(|i| (2 * i + 1) * cell / 8);
+        for y in 0..height {
+            let rows = offsets.map(|o| {
+                let start = (y * cell + o) * depth.width();
+                &depth.data()[start..start + depth.width()]
+            });
+            for x in 0..width {
+                let mut found = [f32::MAX; 16];
+                let mut count = 0;
+                for row in rows {
+                    for o in offsets {
+                        let z = row[x * cell + o];
+                        if z > 0.0 && z.is_finite() {
+                            found[count] = z;
+                            count += 1;
+                        }
+                    }
+                }
+                data.push(if count >= 4 {
+                    *found[..count]
+                        .select_nth_unstable_by(count / 2, f32::total_cmp)
+                        .1
+                } else {
+                    0.0
+                });
+            }
+        }
+        Self {
+            cell,
+            width,
+            height,
+            data,
+        }
+    }
+
+    /// Side of a cell, px.
+    #[must_use]
+    pub fn cell(&self) -> usize {
+        self.cell
+    }
+
+    /// Number of cells in a row.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Number of rows of cells.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Depths, m, row by row; 0 where there is none.
+    #[must_use]
+    pub fn data(&self) -> &[f32] {
+        &self.data
+    }
+
+    /// Depth of a cell, m; `None` where there is none or outside.
+    #[must_use]
+    pub fn get(&self, x: usize, y: usize) -> Option<f32> {
+        let inside = x < self.width && y < self.height;
+        inside
+            .then(|| self.data[y * self.width + x])
+            .filter(|z| *z > 0.0)
+    }
+
+    /// The cell (column, row) that holds a pixel of the raw image; `None` outside.
+    #[must_use]
+    pub fn cell_at(&self, u: f64, v: f64) -> Option<(usize, usize)> {
+        let size = self.cell as f64;
+        let (x, y) = ((u + 0.5) / size, (v + 0.5) / size);
+        let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
+        inside.then_some((x as usize, y as usize))
+    }
+
+    /// The raw pixel at the middle of a cell.
+    #[must_use]
+    pub fn centre(&self, x: usize, y: usize) -> [f64; 2] {
+        let size = self.cell as f64;
+        [x, y].map(|i| (i as f64 + 0.5) * size - 0.5)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn image(f: impl Fn(usize, usize) -> f32) -> DepthImage {
+        let data = (0..24).flat_map(|y| (0..32).map(move |x| (x, y)));
+        DepthImage::from_vec(32, 24, data.map(|(x, y)| f(x, y)).collect()).unwrap()
+    }
+
+    #[test]
+    fn takes_one_side_of_an_edge() {
+        let coarse = CoarseDepth::new(&image(|x, _| if x < 11 { 1.0 } else { 3.0 }), 8);
+        assert_eq!((coarse.width(), coarse.height()), (4, 3));
+        assert!(coarse.data().iter().all(|z| *z == 1.0 || *z == 3.0));
+        assert_eq!(coarse.get(0, 0), Some(1.0));
+        assert_eq!(coarse.get(3, 2), Some(3.0));
+        assert_eq!(coarse.get(4, 0), None);
+    }
+
+    #[test]
+    fn ignores_missing_and_broken_depths() {
+        let coarse = CoarseDepth::new(
+            &image(|x, y| match (x, y % 4) {
+                (0..8, _) => 0.0,
+                (_, 0) => f32::NAN,
+                (_, 1) => 0.0,
+                _ => 2.0,
+            }),
+            8,
+        );
+        assert_eq!(coarse.get(0, 1), None);
+        assert_eq!(coarse.get(2, 1), Some(2.0));
+    }
+
+    #[test]
+    fn cells_and_pixels_agree() {
+        let coarse = CoarseDepth::new(&image(|_, _| 1.0), 8);
+        for (x, y) in [(0, 0), (3, 2), (1, 2)] {
+            let [u, v] = coarse.centre(x, y);
+            assert_eq!(coarse.cell_at(u, v), Some((x, y)));
+        }
+        assert_eq!(coarse.cell_at(-0.6, 0.0), None);
+        assert_eq!(coarse.cell_at(31.6, 0.0), None);
+    }
+}
