@@ -1,0 +1,58 @@
+//! What is drawn over a frame, as plain data. All coordinates are pixels of the raw image; the centre of the first pixel is
+//! (0, 0).
+
+use crate::Colour;
+use stillpoint_detection::BoundingBox;
+
+/// What became of a feature.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mark {
+    /// Taken for static: a small disc.
+    Static,
+    /// Rejected, in the colour of the reason: a ring with a dot.
+    Dynamic(Colour),
+    /// Not used: a dot.
+    Unused,
+}
+
+/// A feature: column, row, px, and what became of it.
+pub type Keypoint = (f32, f32, Mark);
+
+/// A box with a label.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OverlayBox {
+    /// Where it is, px.
+    pub bounds: BoundingBox,
+    /// What is written over it, such as `person 3 0.8 m/s`.
+    pub label: String,
+    /// Colour of the frame and of the label's ground.
+    pub colour: Colour,
+    /// Not seen now, but carried on: the frame is dashed.
+    pub coasting: bool,
+}
+
+/// A label for every cell of a grid over the image, such as depth segments or rejected regions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CellLabels<'a> {
+    /// Size of a cell, px: cell (i, j) covers the pixels from `(i * cell, j * cell)`.
+    pub cell: usize,
+    /// Columns of the grid.
+    pub width: usize,
+    /// Rows of the grid.
+    pub height: usize,
+    /// Row by row, `width * height` of them. 0 is not tinted; others by [`Colour::of_number`].
+    pub labels: &'a [u16],
+}
+
+/// Everything that is drawn over one frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Overlay<'a> {
+    /// Features.
+    pub keypoints: &'a [Keypoint],
+    /// Objects.
+    pub boxes: &'a [OverlayBox],
+    /// Segments, tinted.
+    pub cells: Option<CellLabels<'a>>,
+    /// The state, in a line under the image; empty for none.
+    pub caption: &'a str,
+}
