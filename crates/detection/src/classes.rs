@@ -1,0 +1,177 @@
+//! Names of the 80 classes of COCO.
+
+use crate::ClassId;
+
+/// Names of the classes in the order of their numbers (Lin et al., "Microsoft COCO: Common Objects in Context", 2014; the
+/// 80 that are annotated with boxes).
+const NAMES: [&str; ClassId::COUNT] = [
+    "person",
+    "bicycle",
+    "car",
+    "motorcycle",
+    "airplane",
+    "bus",
+    "train",
+    "truck",
+    "boat",
+    "traffic light",
+    "fire hydrant",
+    "stop sign",
+    "parking meter",
+    "bench",
+    "bird",
+    "cat",
+    "dog",
+    "horse",
+    "sheep",
+    "cow",
+    "elephant",
+    "bear",
+    "zebra",
+    "giraffe",
+    "backpack",
+    "umbrella",
+    "handbag",
+    "tie",
+    "suitcase",
+    "frisbee",
+    "skis",
+    "snowboard",
+    "sports ball",
+    "kite",
+    "baseball bat",
+    "baseball glove",
+    "skateboard",
+    "surfboard",
+    "tennis racket",
+    "bottle",
+    "wine glass",
+    "cup",
+    "fork",
+    "knife",
+    "spoon",
+    "bowl",
+    "banana",
+    "apple",
+    "sandwich",
+    "orange",
+    "broccoli",
+    "carrot",
+    "hot dog",
+    "pizza",
+    "donut",
+    "cake",
+    "chair",
+    "couch",
+    "potted plant",
+    "bed",
+    "dining table",
+    "toilet",
+    "tv",
+    "laptop",
+    "mouse",
+    "remote",
+    "keyboard",
+    "cell phone",
+    "microwave",
+    "oven",
+    "toaster",
+    "sink",
+    "refrigerator",
+    "book",
+    "clock",
+    "vase",
+    "scissors",
+    "teddy bear",
+    "hair drier",
+    "toothbrush",
+];
+
+impl ClassId {
+    /// Number of classes.
+    pub const COUNT: usize = 80;
+
+    /// All classes by rising number.
+    pub fn all() -> impl Iterator<Item = Self> {
+        (0..Self::COUNT as u8).map(Self)
+    }
+
+    /// The name, e.g. `dining table`; `unknown` for a number that COCO does not have.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        NAMES.get(usize::from(self.0)).copied().unwrap_or("unknown")
+    }
+
+    /// The class of a name. Case does not matter, and `_` or `-` may stand for a blank, as some tools write it.
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        let name = normal(name);
+        Self::all().find(|class| class.name() == name)
+    }
+
+    /// The class whose name is most like a misspelt one, if any is near.
+    #[must_use]
+    pub(crate) fn nearest(name: &str) -> Option<Self> {
+        let name = normal(name);
+        let distance = |class: &Self| edits(class.name(), &name);
+        let best = Self::all().min_by_key(distance)?;
+        (distance(&best) <= 2).then_some(best)
+    }
+}
+
+impl std::fmt::Display for ClassId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+fn normal(name: &str) -> String {
+    name.trim().to_ascii_lowercase().replace(['_', '-'], " ")
+}
+
+/// Levenshtein's distance: the fewest insertions, deletions and replacements that turn one text into the other.
+fn edits(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = std::mem::replace(&mut row[0], i + 1);
+        for (j, &y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_numbers_agree() {
+        for (number, name) in [
+            (0, "person"),
+            (16, "dog"),
+            (56, "chair"),
+            (60, "dining table"),
+            (79, "toothbrush"),
+        ] {
+            assert_eq!(ClassId(number).name(), name);
+        }
+        for class in ClassId::all() {
+            assert_eq!(ClassId::from_name(class.name()), Some(class), "{class}");
+        }
+        assert_eq!(ClassId::from_name("Dining_Table"), Some(ClassId(60)));
+        assert_eq!(ClassId::from_name("table"), None);
+        assert_eq!(ClassId(80).name(), "unknown");
+    }
+
+    #[test]
+    fn near_names_are_suggested_and_far_ones_are_not() {
+        assert_eq!(ClassId::nearest("persn"), Some(ClassId::PERSON));
+        assert_eq!(ClassId::nearest("chiar"), Some(ClassId(56)));
+        assert_eq!(ClassId::nearest("spaceship"), None);
+        assert_eq!(edits("kitten", "sitting"), 3);
+    }
+}
