@@ -3,6 +3,7 @@
 
 mod describe;
 mod fast;
+mod flow;
 
 use std::arch::x86_64::*;
 
@@ -12,6 +13,7 @@ use crate::{BestTwo, Descriptor, FeatureGrid, Window, matching};
 
 pub(crate) use describe::{describe, moments};
 pub(crate) use fast::{find_row_maxima, score_rows};
+pub(crate) use flow::{compare_window, sample_window};
 
 /// Every entry calls this, so that no instruction runs on a machine that lacks it. The detection is cached by the standard library.
 #[inline]

@@ -65,6 +65,8 @@ pub struct OrbExtractor {
     config: OrbConfig,
     simd: Simd,
     pyramid: Pyramid,
+    /// Of the image before. Both take turns, so that keeping it costs no copy.
+    previous_pyramid: Pyramid,
     detectors: Vec<FastDetector>,
     spread: Spread,
     chosen: Vec<Vec<Corner>>,
@@ -83,6 +85,7 @@ impl OrbExtractor {
         Self {
             simd,
             pyramid: Pyramid::new(config.levels, config.scale_factor, simd),
+            previous_pyramid: Pyramid::new(config.levels, config.scale_factor, simd),
             detectors: vec![FastDetector::new(simd); config.levels],
             spread: Spread::default(),
             chosen: vec![Vec::new(); config.levels],
@@ -97,6 +100,7 @@ impl OrbExtractor {
     /// Images too small for a patch at some level give no features there.
     pub fn extract(&mut self, image: &GrayImage, out: &mut Features) {
         out.clear();
+        std::mem::swap(&mut self.pyramid, &mut self.previous_pyramid);
         self.pyramid.build(image);
         self.pyramid.smooth_all();
         self.detect();
@@ -109,6 +113,12 @@ impl OrbExtractor {
     #[must_use]
     pub fn pyramid(&self) -> &Pyramid {
         &self.pyramid
+    }
+
+    /// The pyramid of the image before the last one, for [`crate::Flow`]; its images are empty as long as there was none.
+    #[must_use]
+    pub fn previous_pyramid(&self) -> &Pyramid {
+        &self.previous_pyramid
     }
 
     fn detect(&mut self) {

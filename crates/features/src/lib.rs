@@ -1,6 +1,6 @@
-//! ORB features, descriptor and projection matching.
+//! ORB features, descriptor and projection matching, and optical flow.
 //!
-//! Answers: where the corners of an image are, how each looks, and which of two sets look alike. Does not know cameras, poses or landmarks.
+//! Answers: where the corners of an image are, how each looks, which of two sets look alike, and where points of one image are in the next. Does not know cameras, poses or landmarks.
 //! Kernels are chosen at run time through [`stillpoint_imaging::Simd`]; all give the same bits.
 
 #[cfg(target_arch = "x86_64")]
@@ -10,6 +10,7 @@ mod config;
 mod descriptor;
 mod extract;
 mod fast;
+mod flow;
 mod grid;
 #[doc(hidden)]
 pub mod kernels;
@@ -22,5 +23,6 @@ mod subpixel;
 pub use config::OrbConfig;
 pub use descriptor::Descriptor;
 pub use extract::{Features, Keypoint, OrbExtractor};
+pub use flow::{Flow, FlowConfig, FlowMatch};
 pub use grid::FeatureGrid;
 pub use matching::{BestTwo, RotationHistogram, Window, best_two, match_brute_force};

@@ -1,0 +1,167 @@
+//! Alignment of one window at one level.
+//!
+//! Answers: which displacement and change of brightness make a window of one image most like that of another. Knows one scale only.
+
+use stillpoint_imaging::{GrayImage, Simd};
+
+use super::{
+    FlowConfig,
+    patch::{DifferenceSums, GradientSums, Place, Template},
+};
+
+/// What became of a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Outcome<T> {
+    Found(T),
+    /// The search ran off, or its end does not hold: another start may do better.
+    Lost,
+    /// The window itself is at the border or has no texture: no start can help.
+    Untrackable,
+}
+
+impl<T> Outcome<T> {
+    pub(crate) fn found(self) -> Option<T> {
+        match self {
+            Self::Found(value) => Some(value),
+            Self::Lost | Self::Untrackable => None,
+        }
+    }
+}
+
+/// Where the window was found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Aligned {
+    /// Its centre, px of the level.
+    pub(crate) position: [f32; 2],
+    /// How much brighter it is there, grey levels.
+    pub(crate) brightness: f32,
+    /// Mean absolute difference beyond that, grey levels.
+    pub(crate) residual: f32,
+}
+
+/// Aligns windows, with its buffer.
+#[derive(Clone, Debug)]
+pub(crate) struct Aligner {
+    template: Template,
+    iterations: usize,
+    epsilon: f64,
+    min_eigenvalue: f64,
+    simd: Simd,
+}
+
+impl Aligner {
+    pub(crate) fn new(config: &FlowConfig, simd: Simd) -> Self {
+        Self {
+            template: Template::new(config.radius),
+            iterations: config.iterations,
+            epsilon: f64::from(config.epsilon),
+            min_eigenvalue: f64::from(config.min_eigenvalue),
+            simd,
+        }
+    }
+
+    /// Moves the window of the second image from `start` (px) and `brightness` (grey levels) until it looks like that around `point` of the first.
+    ///
+    /// Gauss-Newton with the gradients of the first image, which stay the same, so that a step costs one comparison of both windows.
+    pub(crate) fn align(
+        &mut self,
+        (first, second): (&GrayImage, &GrayImage),
+        point: [f32; 2],
+        start: [f32; 2],
+        brightness: f32,
+    ) -> Outcome<Aligned> {
+        let side = self.template.side;
+        let Some(place) = Place::new(first, point[0], point[1], side) else {
+            return Outcome::Untrackable;
+        };
+        let sums = self.template.sample(first, place, self.simd);
+        let Some(normal) = Normal::new(&sums, side * side, self.min_eigenvalue) else {
+            return Outcome::Untrackable;
+        };
+        let mut position = start;
+        let mut offset = offset_of(f64::from(brightness) * 64.0);
+        let mut residual = f32::INFINITY;
+        let mut last = [0.0; 2];
+        for _ in 0..self.iterations {
+            let Some(place) = Place::new(second, position[0], position[1], side) else {
+                return Outcome::Lost;
+            };
+            let found = self.template.compare(second, place, offset, self.simd);
+            let (step, brighter) = normal.step(&found);
+            position = [position[0] + step[0] as f32, position[1] + step[1] as f32];
+            offset = offset_of(f64::from(offset) + brighter);
+            residual = found.abs_e as f32 / (16 * side * side) as f32;
+            let length = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
+            if length(step) < self.epsilon * self.epsilon {
+                break;
+            }
+            // A step that takes back the one before goes round in circles: the middle is the best guess.
+            if length([step[0] + last[0], step[1] + last[1]]) < self.epsilon * self.epsilon {
+                position[0] -= 0.5 * step[0] as f32;
+                position[1] -= 0.5 * step[1] as f32;
+                break;
+            }
+            last = step;
+            let run = [position[0] - start[0], position[1] - start[1]];
+            if run[0] * run[0] + run[1] * run[1] > (side * side) as f32 {
+                return Outcome::Lost;
+            }
+        }
+        Outcome::Found(Aligned {
+            position,
+            brightness: f32::from(offset) / 64.0,
+            residual,
+        })
+    }
+}
+
+/// A brightness in 1/64 grey level, in the range that the kernels take.
+fn offset_of(value: f64) -> i16 {
+    value.clamp(-16320.0, 16320.0) as i16
+}
+
+/// The inverse of the normal equations of displacement and brightness.
+struct Normal {
+    /// xx, xy and yy of the inverse, for differences in 1/16 grey level and gradients in 1/8 grey level per px.
+    inverse: [f64; 3],
+    /// Mean gradient, same unit.
+    mean: [f64; 2],
+    /// 1 / number of pixels.
+    weight: f64,
+}
+
+impl Normal {
+    /// `None` when the smallest eigenvalue of the mean product of the gradients (less their mean) is not above `min_eigenvalue`, (grey levels / px)^2.
+    fn new(sums: &GradientSums, count: usize, min_eigenvalue: f64) -> Option<Self> {
+        let weight = 1.0 / count as f64;
+        let (x, y) = (f64::from(sums.x), f64::from(sums.y));
+        let xx = f64::from(sums.xx) - x * x * weight;
+        let xy = f64::from(sums.xy) - x * y * weight;
+        let yy = f64::from(sums.yy) - y * y * weight;
+        let half_spread = 0.5 * ((xx - yy) * (xx - yy) + 4.0 * xy * xy).sqrt();
+        let smallest = 0.5 * (xx + yy) - half_spread;
+        let determinant = xx * yy - xy * xy;
+        // Gradients are in 1/8, so their products in 1/64.
+        if smallest * weight <= 64.0 * min_eigenvalue || determinant <= 0.0 {
+            return None;
+        }
+        // A gradient in 1/8 times a step in px is half of a difference in 1/16.
+        let factor = 0.5 / determinant;
+        Some(Self {
+            inverse: [yy * factor, -xy * factor, xx * factor],
+            mean: [x * weight, y * weight],
+            weight,
+        })
+    }
+
+    /// The step, px, and how much brighter the second window is than assumed, 1/64 grey level.
+    fn step(&self, sums: &DifferenceSums) -> ([f64; 2], f64) {
+        let e = f64::from(sums.e);
+        let bx = f64::from(sums.gx_e) - self.mean[0] * e;
+        let by = f64::from(sums.gy_e) - self.mean[1] * e;
+        let [xx, xy, yy] = self.inverse;
+        let step = [-(xx * bx + xy * by), -(xy * bx + yy * by)];
+        let tilt = 2.0 * (self.mean[0] * step[0] + self.mean[1] * step[1]);
+        (step, 4.0 * (e * self.weight + tilt))
+    }
+}
