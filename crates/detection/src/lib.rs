@@ -7,11 +7,13 @@ mod classes;
 mod detections;
 mod detector;
 mod hash;
+mod objects;
 mod scripted;
 mod weights;
 
 pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
+pub use objects::{Motion, Object, ObjectId, ObjectState, ObjectTracker, ObjectsConfig};
 pub use scripted::{
     SCRIPT_HEADER, ScriptError, ScriptRow, ScriptUse, ScriptedDetector, format_script, parse_script,
 };

@@ -1,0 +1,63 @@
+//! What the object tracker can be told.
+
+use serde::{Deserialize, Serialize};
+
+/// Configuration of [`crate::ObjectTracker`].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ObjectsConfig {
+    /// How long a confirmed object lives on without a detection, s, 0.1..=10. Small networks miss a walking person for up to 25 frames of 30 per
+    /// second; beyond 1.5 s the prediction says little.
+    pub coast_seconds: f64,
+    /// Missed detections after which an object that was seen only once is dropped, 1..=30. Three keep a walker who is found in every third frame,
+    /// and let a false alarm mask for a tenth of a second only.
+    pub tentative_misses: u32,
+    /// Acceleration that objects are expected to have, m/s^2, 0.05..=20: what a velocity changes by in a second. 1 is a person who walks, turns and stops.
+    pub acceleration: f64,
+    /// Standard deviation of a side of a detected box as a share of the box's size, 0.005..=0.5. Boxes of small networks jitter by some hundredths, and
+    /// swinging limbs widen them.
+    pub side_sigma: f64,
+    /// Share of an object's features that must agree with a static scene for it to count as standing still, above 0.6 up to 1. The rigid test accepts 95 % of
+    /// static features; some of the box is background.
+    pub parked_share: f64,
+    /// How long an object must stand still to be parked, s, 0.1..=60. A walker who turns round stands still for about a second.
+    pub parked_seconds: f64,
+}
+
+impl Default for ObjectsConfig {
+    fn default() -> Self {
+        Self {
+            coast_seconds: 1.5,
+            tentative_misses: 3,
+            acceleration: 1.0,
+            side_sigma: 0.06,
+            parked_share: 0.8,
+            parked_seconds: 2.0,
+        }
+    }
+}
+
+impl ObjectsConfig {
+    /// Every value out of range, as `field: expected, found`; empty when all is well.
+    #[must_use]
+    pub fn problems(&self) -> Vec<String> {
+        let mut problems = Vec::new();
+        let mut check = |field: &str, value: f64, low: f64, high: f64| {
+            if !(low..=high).contains(&value) {
+                problems.push(format!("{field}: expected {low} to {high}, found {value}"));
+            }
+        };
+        check("coast_seconds", self.coast_seconds, 0.1, 10.0);
+        check(
+            "tentative_misses",
+            f64::from(self.tentative_misses),
+            1.0,
+            30.0,
+        );
+        check("acceleration", self.acceleration, 0.05, 20.0);
+        check("side_sigma", self.side_sigma, 0.005, 0.5);
+        check("parked_share", self.parked_share, 0.6, 1.0);
+        check("parked_seconds", self.parked_seconds, 0.1, 60.0);
+        problems
+    }
+}

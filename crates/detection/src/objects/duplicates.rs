@@ -1,0 +1,90 @@
+//! Two tracks on one object: how they are kept from starting, and merged.
+
+use super::measurement::Measurement;
+use super::track::Track;
+use super::view::View;
+use crate::BoundingBox;
+
+/// A box is a part of another when this share of it lies inside.
+const PART: f64 = 0.85;
+/// Surfaces this near to each other are of one body, m.
+const SAME_DEPTH: f64 = 0.25;
+/// Without depth only boxes that are nearly the same are of one object.
+const SAME_BOX: f64 = 0.7;
+/// Updates in a row for which two tracks are on one thing before they become one: people who cross are together for less.
+const UPDATES: u32 = 3;
+
+/// Share of the smaller box that lies in the other.
+fn overlap(a: &BoundingBox, b: &BoundingBox) -> f64 {
+    let iou = a.iou(b);
+    let common = iou * (a.area() + b.area()) / (1.0 + iou);
+    let least = a.area().min(b.area());
+    if least > 0.0 { common / least } else { 0.0 }
+}
+
+/// Whether a detection is a part of one that belongs to a known object: the upper half of a person beside the whole. Its place is masked already.
+pub(super) fn part_of_another(m: &Measurement, all: &[Measurement], taken: &[bool]) -> bool {
+    all.iter().zip(taken).any(|(other, taken)| {
+        let same = match (m.modes.first(), other.modes.first()) {
+            (Some(a), Some(b)) => (a.depth - b.depth).abs() <= SAME_DEPTH,
+            _ => false,
+        };
+        *taken
+            && same
+            && m.detection.class == other.detection.class
+            && m.detection.bounds.area() <= other.detection.bounds.area()
+            && overlap(&m.detection.bounds, &other.detection.bounds) >= PART
+    })
+}
+
+/// Whether two tracks are on the same thing now.
+fn same(a: &Track, b: &Track, view: &View) -> bool {
+    if a.class != b.class {
+        return false;
+    }
+    let (box_a, box_b) = (a.bounds(view), b.bounds(view));
+    match (a.depth(view), b.depth(view)) {
+        (Some(x), Some(y)) => (x - y).abs() <= SAME_DEPTH && overlap(&box_a, &box_b) >= PART,
+        _ => (a.misses > 0) != (b.misses > 0) && box_a.iou(&box_b) >= SAME_BOX,
+    }
+}
+
+/// Merges tracks that have been on the same thing for some updates. The elder keeps its id; the state is that of the one that was seen, or of the larger.
+pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) {
+    // Confirmed ones are elder than those that were seen once.
+    let mut order: Vec<usize> = (0..tracks.len()).collect();
+    order.sort_by_key(|&i| (!tracks[i].confirmed(), tracks[i].id));
+    let mut gone = vec![false; tracks.len()];
+    for n in 0..order.len() {
+        let young = order[n];
+        let elder = order[..n]
+            .iter()
+            .copied()
+            .find(|&i| !gone[i] && same(&tracks[i], &tracks[young], view));
+        let Some(elder) = elder else {
+            tracks[young].duplicate = 0;
+            continue;
+        };
+        tracks[young].duplicate += 1;
+        if tracks[young].duplicate < UPDATES {
+            continue;
+        }
+        gone[young] = true;
+        let other = tracks[young].clone();
+        let kept = &mut tracks[elder];
+        let larger = other.bounds(view).area() > kept.bounds(view).area();
+        if other.misses < kept.misses || (other.misses == kept.misses && larger) {
+            kept.body = other.body;
+            kept.reach = other.reach;
+            kept.score = other.score;
+        }
+        kept.misses = kept.misses.min(other.misses);
+        kept.last_seen = kept.last_seen.max(other.last_seen);
+        kept.hits = kept.hits.saturating_add(other.hits);
+    }
+    let mut i = 0;
+    tracks.retain(|_| {
+        i += 1;
+        !gone[i - 1]
+    });
+}

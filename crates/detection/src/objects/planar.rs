@@ -1,0 +1,121 @@
+//! The filter of an object without depth: its box and how the box changes.
+//!
+//! State: centre (undistorted px), logarithms of width and height (px), and the rates of the four. The centre is that of the camera at the state's time;
+//! another camera sees it turned with the camera, which is all that can be said of a point without depth.
+
+use super::kalman::{Drive, Gaussian, Mat8, Row, Vec8};
+use super::measurement::Measurement;
+use super::view::{NEAREST, Sides, View};
+use stillpoint_geometry::{Mat3, Vec2};
+
+/// The filter.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Planar {
+    pub(super) state: Gaussian,
+    /// Rotation of `world_from_camera` of the camera that the centre belongs to.
+    rotation: Mat3,
+}
+
+/// Acceleration of the box per m/s^2 of the object, in sizes of the box: one, as for something a metre high.
+const SIZES_PER_METRE: f64 = 1.0;
+
+impl Planar {
+    /// From one detection.
+    pub(super) fn new(view: &View, m: &Measurement, share: f64) -> Self {
+        let [w, h] = m.size();
+        let mut mean = Vec8::zeros();
+        mean[0] = (m.sides[0] + m.sides[2]) / 2.0;
+        mean[1] = (m.sides[1] + m.sides[3]) / 2.0;
+        mean[2] = libm::log(w);
+        mean[3] = libm::log(h);
+        let extent = w.max(h);
+        let spread = Vec8::from_column_slice(&[
+            extent * extent,
+            extent * extent,
+            1.0,
+            1.0,
+            extent * extent,
+            extent * extent,
+            0.25,
+            0.25,
+        ]);
+        let covariance = Mat8::from_diagonal(&spread);
+        let mut filter = Self {
+            state: Gaussian { mean, covariance },
+            rotation: view.rotation.transpose(),
+        };
+        if let Some((sides, jacobians)) = filter.project(view) {
+            filter.state.update(&m.side_rows(&sides, &jacobians, share));
+        }
+        filter
+    }
+
+    /// The state `dt` seconds later, still as the old camera would see it.
+    pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
+        let extent = libm::exp(self.state.mean[2].max(self.state.mean[3]));
+        let pixels = acceleration * SIZES_PER_METRE * extent;
+        let drive = |value, density| Drive {
+            value,
+            rate: Some(value + 4),
+            density,
+        };
+        let drives = [
+            drive(0, pixels * pixels),
+            drive(1, pixels * pixels),
+            drive(2, acceleration * acceleration / 4.0),
+            drive(3, acceleration * acceleration / 4.0),
+        ];
+        self.state.propagate(dt, &drives);
+    }
+
+    /// The centre as this camera sees it; `None` behind it.
+    fn centre(&self, view: &View) -> Option<Vec2> {
+        let ray = view
+            .camera
+            .ray(Vec2::new(self.state.mean[0], self.state.mean[1]));
+        let turned = view.rotation * (self.rotation * ray);
+        (turned.z > NEAREST).then(|| view.camera.project(&turned))
+    }
+
+    /// Makes the state that of this camera. Pixels turn with the image: small rolls are left to the noise.
+    pub(super) fn rebase(&mut self, view: &View) {
+        if let Some(centre) = self.centre(view) {
+            self.state.mean[0] = centre.x;
+            self.state.mean[1] = centre.y;
+            self.rotation = view.rotation.transpose();
+        }
+    }
+
+    /// The sides as this camera sees them, with their derivatives by the rebased state; `None` behind the camera.
+    pub(super) fn project(&self, view: &View) -> Option<(Sides, [Vec8; 4])> {
+        let centre = self.centre(view)?;
+        // A size that has run away is not worth an infinity.
+        let [w, h] = [2, 3].map(|i| libm::exp(self.state.mean[i].min(20.0)));
+        let row = |axis: usize, half: f64| {
+            let mut row = Vec8::zeros();
+            row[axis] = 1.0;
+            row[axis + 2] = half;
+            row
+        };
+        let sides = [
+            centre.x - w / 2.0,
+            centre.y - h / 2.0,
+            centre.x + w / 2.0,
+            centre.y + h / 2.0,
+        ];
+        let jacobians = [
+            row(0, -w / 2.0),
+            row(1, -h / 2.0),
+            row(0, w / 2.0),
+            row(1, h / 2.0),
+        ];
+        Some((sides, jacobians))
+    }
+
+    /// All that a detection measures.
+    pub(super) fn rows(&self, view: &View, m: &Measurement, share: f64) -> Vec<Row> {
+        self.project(view)
+            .map(|(sides, jacobians)| m.side_rows(&sides, &jacobians, share))
+            .unwrap_or_default()
+    }
+}

@@ -1,0 +1,131 @@
+//! Whether an object stands still, judged over time with hysteresis.
+
+use serde::{Deserialize, Serialize};
+
+/// What is known about an object's motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Motion {
+    /// Not enough was measured.
+    #[default]
+    Unknown,
+    /// It moves, or stood still for a short time only.
+    Moving,
+    /// It has stood still for [`crate::ObjectsConfig::parked_seconds`].
+    Parked,
+}
+
+/// Evidence about one object.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Rigidity {
+    motion: Motion,
+    /// Smoothed share of agreeing features, and the stamp of the last one, s.
+    share: Option<(f64, f64)>,
+    /// Since when the share has been high, s.
+    still_since: Option<f64>,
+}
+
+/// Fewer tested features say nothing.
+const LEAST_TESTED: u32 = 5;
+/// Time constant of the smoothing, s: what a swinging arm does in one frame is averaged over a step.
+const SMOOTHING: f64 = 0.3;
+/// Below this smoothed share an object moves.
+const MOVING: f64 = 0.6;
+/// A single frame with so small a share of at least [`CERTAIN`] features ends parking at once: a mover must not pass for static for long.
+const BREAKS: f64 = 0.3;
+/// See [`BREAKS`].
+const CERTAIN: u32 = 10;
+
+impl Rigidity {
+    pub(super) fn motion(&self) -> Motion {
+        self.motion
+    }
+
+    /// Takes in one frame's count. Older stamps than the last, and too few features, are left out.
+    pub(super) fn observe(
+        &mut self,
+        stamp: f64,
+        [agreeing, tested]: [u32; 2],
+        parked_share: f64,
+        parked_seconds: f64,
+    ) {
+        if tested < LEAST_TESTED || !stamp.is_finite() {
+            return;
+        }
+        let now = f64::from(agreeing.min(tested)) / f64::from(tested);
+        let share = match self.share {
+            Some((_, last)) if stamp <= last => return,
+            Some((old, last)) => now + (old - now) * libm::exp((last - stamp) / SMOOTHING),
+            None => now,
+        };
+        self.share = Some((share, stamp));
+        if share < parked_share {
+            self.still_since = None;
+        } else if self.still_since.is_none() {
+            self.still_since = Some(stamp);
+        }
+        let broken = now < BREAKS && tested >= CERTAIN;
+        if share < MOVING || broken {
+            self.motion = Motion::Moving;
+            self.still_since = None;
+        } else if self
+            .still_since
+            .is_some_and(|s| stamp - s >= parked_seconds)
+        {
+            self.motion = Motion::Parked;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(rigidity: &mut Rigidity, from: f64, frames: u32, count: [u32; 2]) -> Motion {
+        for i in 0..frames {
+            rigidity.observe(from + f64::from(i) / 30.0, count, 0.8, 2.0);
+        }
+        rigidity.motion()
+    }
+
+    #[test]
+    fn parks_after_the_time_and_not_before() {
+        let mut r = Rigidity::default();
+        assert_eq!(run(&mut r, 0.0, 59, [19, 20]), Motion::Unknown);
+        assert_eq!(run(&mut r, 2.0, 3, [19, 20]), Motion::Parked);
+    }
+
+    #[test]
+    fn a_swinging_arm_keeps_it_parked_and_a_step_does_not() {
+        let mut r = Rigidity::default();
+        run(&mut r, 0.0, 90, [20, 20]);
+        assert_eq!(run(&mut r, 3.1, 2, [12, 20]), Motion::Parked);
+        assert_eq!(run(&mut r, 3.2, 20, [20, 20]), Motion::Parked);
+        assert_eq!(run(&mut r, 4.0, 1, [2, 20]), Motion::Moving);
+        // Standing still again takes the whole time again.
+        assert_eq!(run(&mut r, 4.1, 45, [20, 20]), Motion::Moving);
+        assert_eq!(run(&mut r, 5.7, 60, [20, 20]), Motion::Parked);
+    }
+
+    #[test]
+    fn few_features_and_old_stamps_say_nothing() {
+        let mut r = Rigidity::default();
+        assert_eq!(run(&mut r, 0.0, 90, [4, 4]), Motion::Unknown);
+        assert_eq!(run(&mut r, 5.0, 20, [0, 20]), Motion::Moving);
+        let before = r.clone();
+        run(&mut r, 0.0, 90, [20, 20]);
+        assert_eq!(r, before);
+    }
+
+    #[test]
+    fn a_share_between_the_bounds_changes_nothing() {
+        for (count, first) in [([0, 20], Motion::Moving), ([20, 20], Motion::Parked)] {
+            let mut r = Rigidity::default();
+            assert_eq!(run(&mut r, 0.0, 90, count), first);
+            assert_eq!(run(&mut r, 3.0, 1, [15, 20]), first);
+            for _ in 0..3 {
+                assert_eq!(run(&mut r, 3.1, 200, [15, 20]), first);
+            }
+        }
+    }
+}

@@ -1,0 +1,225 @@
+//! The filter of an object with depth: position and velocity in the world, and size.
+//!
+//! State: position (m), velocity (m/s), logarithms of width and height (m). The position is the middle of the surface that the camera sees. The object is
+//! an ellipse that faces the camera, its long axis along the world's vertical: a rolling camera widens its box without widening the object.
+
+use super::depth::DepthMode;
+use super::kalman::{Drive, Gaussian, Mat8, Row, Vec8};
+use super::measurement::Measurement;
+use super::view::{NEAREST, Sides, View};
+use stillpoint_geometry::{Mat6, Vec2, Vec3};
+
+/// Where an object of this kind is expected in an image.
+#[derive(Clone, Debug)]
+pub(super) struct Projection {
+    pub(super) sides: Sides,
+    /// Derivatives of the sides by the state.
+    pub(super) jacobians: [Vec8; 4],
+    /// Depth, m.
+    pub(super) z: f64,
+    /// Derivative of the depth by the state.
+    pub(super) z_jacobian: Vec8,
+}
+
+/// The filter.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Spatial {
+    pub(super) state: Gaussian,
+}
+
+/// Standard deviation of the first velocity, m/s: walking pace either way.
+const FIRST_SPEED: f64 = 1.0;
+/// What the logarithm of a size changes by in a second, standard deviation: arms that stretch, a person who sits down.
+const RESHAPE: f64 = 0.3;
+/// 99.7 % of the depths of the object's own surface.
+const DEPTH_GATE: f64 = 9.0;
+
+/// Standard deviation of the depth of a surface in a box, m: which part of the body it is, and the sensor's noise, which grows with the square.
+fn depth_sigma(z: f64) -> f64 {
+    0.05 + 0.01 * z * z
+}
+
+impl Spatial {
+    /// From one detection and the surface that is taken for the object. What the sides leave open stays uncertain: the prior is wide.
+    pub(super) fn new(view: &View, m: &Measurement, mode: &DepthMode, share: f64) -> Self {
+        let z = mode.depth.max(NEAREST);
+        let centre = Vec2::new(
+            (m.sides[0] + m.sides[2]) / 2.0,
+            (m.sides[1] + m.sides[3]) / 2.0,
+        );
+        let point = view.camera.backproject(centre, z);
+        let position = view.world_from_camera.transform(&point);
+        let [w, h] = m.size();
+        let size = upright([w * z / view.camera.fx, h * z / view.camera.fy], view.roll);
+        let mut mean = Vec8::zeros();
+        mean.fixed_rows_mut::<3>(0).copy_from(&position);
+        let speed = FIRST_SPEED * FIRST_SPEED;
+        let mut spread = Vec8::repeat(speed);
+        for i in 0..3 {
+            spread[i] = z * z / 4.0;
+        }
+        for i in 0..2 {
+            mean[6 + i] = libm::log(size[i].max(0.01));
+            spread[6 + i] = 1.0;
+        }
+        let covariance = Mat8::from_diagonal(&spread);
+        let mut filter = Self {
+            state: Gaussian { mean, covariance },
+        };
+        if let Some(p) = filter.project(view) {
+            let mut rows = m.side_rows(&p.sides, &p.jacobians, share);
+            rows.push(filter.depth_row(&p, mode));
+            filter.state.update(&rows);
+        }
+        filter
+    }
+
+    /// The state `dt` seconds later, for objects that accelerate by `acceleration` m/s^2.
+    pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
+        let moving = |i| Drive {
+            value: i,
+            rate: Some(i + 3),
+            density: acceleration * acceleration,
+        };
+        let walking = |i| Drive {
+            value: i,
+            rate: None,
+            density: RESHAPE * RESHAPE,
+        };
+        let drives = [moving(0), moving(1), moving(2), walking(6), walking(7)];
+        self.state.propagate(dt, &drives);
+    }
+
+    pub(super) fn position(&self) -> Vec3 {
+        self.state.mean.fixed_rows::<3>(0).into_owned()
+    }
+
+    pub(super) fn velocity(&self) -> Vec3 {
+        self.state.mean.fixed_rows::<3>(3).into_owned()
+    }
+
+    /// Covariance of position and velocity.
+    pub(super) fn covariance(&self) -> Mat6 {
+        self.state.covariance.fixed_view::<6, 6>(0, 0).into_owned()
+    }
+
+    /// Width and height, m.
+    pub(super) fn size(&self) -> [f64; 2] {
+        [6, 7].map(|i| libm::exp(self.state.mean[i]))
+    }
+
+    /// Sides and depth as a camera sees them, with their derivatives; `None` behind the camera.
+    pub(super) fn project(&self, view: &View) -> Option<Projection> {
+        let p = view.camera_point(&self.position());
+        if p.z.is_nan() || p.z < NEAREST {
+            return None;
+        }
+        let (fx, fy) = (view.camera.fx, view.camera.fy);
+        let centre = view.camera.project(&p);
+        let [c2, s2] = view.roll;
+        let [w2, h2] = self.size().map(|s| s * s);
+        let (seen_w, seen_h) = ((w2 * c2 + h2 * s2).sqrt(), (h2 * c2 + w2 * s2).sqrt());
+        let (a, b) = (fx * seen_w / p.z, fy * seen_h / p.z);
+        // Derivatives by the point in camera coordinates, then by the logarithms of the sizes.
+        let du = Vec3::new(fx / p.z, 0.0, -fx * p.x / (p.z * p.z));
+        let dv = Vec3::new(0.0, fy / p.z, -fy * p.y / (p.z * p.z));
+        let da = Vec3::new(0.0, 0.0, -a / p.z);
+        let db = Vec3::new(0.0, 0.0, -b / p.z);
+        let (aw, ah) = (
+            a * w2 * c2 / (seen_w * seen_w),
+            a * h2 * s2 / (seen_w * seen_w),
+        );
+        let (bw, bh) = (
+            b * w2 * s2 / (seen_h * seen_h),
+            b * h2 * c2 / (seen_h * seen_h),
+        );
+        let row = |point: Vec3, w: f64, h: f64| {
+            let world = view.rotation.transpose() * point;
+            let mut row = Vec8::zeros();
+            row.fixed_rows_mut::<3>(0).copy_from(&world);
+            row[6] = w;
+            row[7] = h;
+            row
+        };
+        Some(Projection {
+            sides: [
+                centre.x - a / 2.0,
+                centre.y - b / 2.0,
+                centre.x + a / 2.0,
+                centre.y + b / 2.0,
+            ],
+            jacobians: [
+                row(du - da / 2.0, -aw / 2.0, -ah / 2.0),
+                row(dv - db / 2.0, -bw / 2.0, -bh / 2.0),
+                row(du + da / 2.0, aw / 2.0, ah / 2.0),
+                row(dv + db / 2.0, bw / 2.0, bh / 2.0),
+            ],
+            z: p.z,
+            z_jacobian: row(Vec3::z(), 0.0, 0.0),
+        })
+    }
+
+    /// Variance of the depth as this camera sees it, m^2.
+    pub(super) fn depth_variance(&self, p: &Projection) -> f64 {
+        p.z_jacobian.dot(&(self.state.covariance * p.z_jacobian))
+    }
+
+    fn depth_row(&self, p: &Projection, mode: &DepthMode) -> Row {
+        let sigma = depth_sigma(mode.depth);
+        Row {
+            jacobian: p.z_jacobian,
+            residual: mode.depth - p.z,
+            variance: sigma * sigma,
+        }
+    }
+
+    /// The surface that is this object's: the nearest one that holds half of the box if the prediction allows it, else the one that fits the prediction best.
+    pub(super) fn own_mode<'m>(
+        &self,
+        p: &Projection,
+        modes: &'m [DepthMode],
+    ) -> Option<&'m DepthMode> {
+        let variance = self.depth_variance(p);
+        let misfit = |mode: &DepthMode| {
+            let (error, sigma) = (mode.depth - p.z, depth_sigma(mode.depth));
+            error * error / (variance + sigma * sigma)
+        };
+        let fits = |mode: &&DepthMode| misfit(mode) <= DEPTH_GATE;
+        modes
+            .iter()
+            .filter(fits)
+            .find(|mode| mode.share >= 0.5)
+            .or_else(|| {
+                modes
+                    .iter()
+                    .filter(fits)
+                    .min_by(|a, b| misfit(a).total_cmp(&misfit(b)))
+            })
+    }
+
+    /// All that a detection measures.
+    pub(super) fn rows(
+        &self,
+        p: &Projection,
+        m: &Measurement,
+        mode: Option<&DepthMode>,
+        share: f64,
+    ) -> Vec<Row> {
+        let mut rows = m.side_rows(&p.sides, &p.jacobians, share);
+        rows.extend(mode.map(|mode| self.depth_row(p, mode)));
+        rows
+    }
+}
+
+/// Width and height of an upright ellipse whose image has this size in a rolled camera. Near 45 degrees both are alike: then the size seen.
+fn upright([w, h]: [f64; 2], [c2, s2]: [f64; 2]) -> [f64; 2] {
+    if (c2 - s2).abs() < 0.3 {
+        return [w, h];
+    }
+    let (w2, h2, d) = (w * w, h * h, c2 * c2 - s2 * s2);
+    let least = w2.min(h2) * 0.1;
+    [
+        ((w2 * c2 - h2 * s2) / d).max(least).sqrt(),
+        ((h2 * c2 - w2 * s2) / d).max(least).sqrt(),
+    ]
+}

@@ -1,0 +1,265 @@
+//! One object: its filter, and how it was seen.
+
+use super::depth::DepthMode;
+use super::kalman::{Gaussian, Row};
+use super::measurement::Measurement;
+use super::planar::Planar;
+use super::rigidity::Rigidity;
+use super::spatial::Spatial;
+use super::view::View;
+use super::{Object, ObjectId, ObjectState};
+use crate::{BoundingBox, ClassId};
+
+/// The state of an object, by what was measured of it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Body {
+    Spatial(Spatial),
+    Planar(Planar),
+}
+
+/// One object.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Track {
+    pub(super) id: ObjectId,
+    pub(super) class: ClassId,
+    pub(super) score: f32,
+    pub(super) body: Body,
+    /// How far the surface reaches in front of its median and behind it, m.
+    pub(super) reach: [f64; 2],
+    pub(super) hits: u32,
+    /// Updates without a detection since the last one.
+    pub(super) misses: u32,
+    /// Stamp of the last detection, s.
+    pub(super) last_seen: f64,
+    /// Detections in a row whose depth contradicted the state.
+    pub(super) contradictions: u32,
+    /// Updates in a row in which it was on the same thing as an elder track.
+    pub(super) duplicate: u32,
+    pub(super) rigidity: Rigidity,
+}
+
+/// How well a detection fits a track.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fit {
+    /// Greater is better, about 0 to 2.
+    pub(super) benefit: f64,
+}
+
+/// 99 % quantiles of chi-square for 0 to 5 degrees of freedom.
+const CHI2_99: [f64; 6] = [0.0, 6.635, 9.210, 11.345, 13.277, 15.086];
+/// Boxes that overlap so much are of one object even when the filter did not expect its change of shape or speed.
+const SAME_BOX: f64 = 0.5;
+/// The same where the depths contradict each other.
+const SAME_BOX_OTHER_DEPTH: f64 = 0.6;
+/// So many contradictions in a row, and the depth is started anew.
+const CONTRADICTIONS: u32 = 3;
+/// Least reach of a surface, m: bodies are not flat.
+const LEAST_REACH: f64 = 0.2;
+
+impl Track {
+    pub(super) fn new(id: ObjectId, view: &View, m: &Measurement, stamp: f64, share: f64) -> Self {
+        Self {
+            id,
+            class: m.detection.class,
+            score: m.detection.score,
+            body: body_from(view, m, share),
+            reach: m.modes.first().map_or([LEAST_REACH; 2], reach),
+            hits: 1,
+            misses: 0,
+            last_seen: stamp,
+            contradictions: 0,
+            duplicate: 0,
+            rigidity: Rigidity::default(),
+        }
+    }
+
+    pub(super) fn confirmed(&self) -> bool {
+        self.hits >= 2
+    }
+
+    pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
+        match &mut self.body {
+            Body::Spatial(s) => s.propagate(dt, acceleration),
+            Body::Planar(p) => p.propagate(dt, acceleration),
+        }
+    }
+
+    /// Box in the raw image; without area when it is outside.
+    pub(super) fn bounds(&self, view: &View) -> BoundingBox {
+        let sides = match &self.body {
+            Body::Spatial(s) => s.project(view).map(|p| p.sides),
+            Body::Planar(p) => p.project(view).map(|p| p.0),
+        };
+        sides.map_or_else(BoundingBox::default, |s| view.raw(&s))
+    }
+
+    /// Depth in this camera, m.
+    pub(super) fn depth(&self, view: &View) -> Option<f64> {
+        match &self.body {
+            Body::Spatial(s) => s.project(view).map(|p| p.z),
+            Body::Planar(_) => None,
+        }
+    }
+
+    /// How well a detection fits; `None` when it is not of this object.
+    pub(super) fn fit(&self, view: &View, m: &Measurement, share: f64) -> Option<Fit> {
+        if m.detection.class != self.class {
+            return None;
+        }
+        let (chi2, rows, mode) = match &self.body {
+            Body::Spatial(s) => {
+                let p = s.project(view)?;
+                let mode = s.own_mode(&p, &m.modes);
+                let rows = s.rows(&p, m, mode, share);
+                (s.state.distance(&rows), rows, mode)
+            }
+            Body::Planar(p) => {
+                let rows = p.rows(view, m, share);
+                (p.state.distance(&rows), rows, None)
+            }
+        };
+        let iou = self.bounds(view).iou(&m.detection.bounds);
+        let gate = CHI2_99[rows.len().min(5)];
+        let contradicts =
+            matches!(self.body, Body::Spatial(_)) && !m.modes.is_empty() && mode.is_none();
+        let allowed = if contradicts {
+            iou >= SAME_BOX_OTHER_DEPTH
+        } else {
+            chi2 <= gate || iou >= SAME_BOX
+        };
+        let closeness = (1.0 - chi2 / gate.max(1.0)).max(0.0);
+        let penalty = if contradicts { 0.5 } else { 0.0 };
+        allowed.then_some(Fit {
+            benefit: iou + 0.5 * closeness - penalty,
+        })
+    }
+
+    /// Takes in a detection of this object.
+    pub(super) fn absorb(&mut self, view: &View, m: &Measurement, stamp: f64, share: f64) {
+        self.hits = self.hits.saturating_add(1);
+        self.misses = 0;
+        self.last_seen = stamp;
+        self.score = m.detection.score;
+        let mode = match &mut self.body {
+            Body::Planar(p) if m.modes.is_empty() => {
+                p.rebase(view);
+                let rows = p.rows(view, m, share);
+                robust_update(&mut p.state, rows);
+                return;
+            }
+            Body::Planar(_) => None,
+            Body::Spatial(s) => {
+                let Some(p) = s.project(view) else {
+                    return;
+                };
+                let mode = s.own_mode(&p, &m.modes).copied();
+                let rows = s.rows(&p, m, mode.as_ref(), share);
+                robust_update(&mut s.state, rows);
+                if m.modes.is_empty() {
+                    return;
+                }
+                mode
+            }
+        };
+        self.judge_depth(view, m, mode, share);
+    }
+
+    /// Follows the reach of the object's surface, or starts the depth anew when it has been contradicted for long.
+    fn judge_depth(&mut self, view: &View, m: &Measurement, own: Option<DepthMode>, share: f64) {
+        let nearest = m.modes[0];
+        let hidden = own.is_some_and(|o| o.depth > nearest.depth && nearest.share >= 0.6);
+        self.contradictions = if own.is_none() || hidden {
+            self.contradictions + 1
+        } else {
+            0
+        };
+        let planar = matches!(self.body, Body::Planar(_));
+        if planar || self.contradictions >= CONTRADICTIONS {
+            self.body = body_from(view, m, share);
+            self.reach = reach(&nearest);
+            self.contradictions = 0;
+        } else if let Some(own) = own {
+            let new = reach(&own);
+            for (kept, new) in self.reach.iter_mut().zip(new) {
+                *kept += 0.3 * (new - *kept);
+            }
+        }
+    }
+
+    /// Whether so little is known that the box says nothing: the position is uncertain by twice the object's size. Boxes without depth: by their own size.
+    pub(super) fn vague(&self) -> bool {
+        match &self.body {
+            Body::Spatial(s) => {
+                let c = &s.state.covariance;
+                let variance = (c[(0, 0)] + c[(1, 1)] + c[(2, 2)]) / 3.0;
+                let [w, h] = s.size();
+                let limit = 2.0 * w.max(h);
+                variance > limit * limit
+            }
+            Body::Planar(p) => {
+                let c = &p.state.covariance;
+                let variance = (c[(0, 0)] + c[(1, 1)]) / 2.0;
+                let extent = libm::exp(p.state.mean[2].max(p.state.mean[3]).min(20.0));
+                variance > 4.0 * extent * extent
+            }
+        }
+    }
+
+    /// The object as the tracker's users see it.
+    pub(super) fn object(&self, view: &View) -> Object {
+        let state = match (self.confirmed(), self.misses) {
+            (false, _) => ObjectState::Tentative,
+            (true, 0) => ObjectState::Confirmed,
+            (true, _) => ObjectState::Coasting,
+        };
+        let mut object = Object {
+            id: self.id,
+            class: self.class,
+            score: self.score,
+            state,
+            bounds: self.bounds(view),
+            depth_range: None,
+            position: None,
+            velocity: None,
+            covariance: None,
+            size: None,
+            last_seen: self.last_seen,
+            motion: self.rigidity.motion(),
+        };
+        if let Body::Spatial(s) = &self.body {
+            object.position = Some(s.position());
+            object.velocity = Some(s.velocity());
+            object.covariance = Some(s.covariance());
+            object.size = Some(s.size());
+            object.depth_range = s.project(view).map(|p| {
+                let sigma = s.depth_variance(&p).max(0.0).sqrt();
+                let [front, back] = self.reach;
+                [(p.z - front - sigma).max(0.0), p.z + back + sigma]
+            });
+        }
+        object
+    }
+}
+
+fn body_from(view: &View, m: &Measurement, share: f64) -> Body {
+    match m.modes.first() {
+        Some(mode) => Body::Spatial(Spatial::new(view, m, mode, share)),
+        None => Body::Planar(Planar::new(view, m, share)),
+    }
+}
+
+fn reach(mode: &DepthMode) -> [f64; 2] {
+    [mode.depth - mode.range[0], mode.range[1] - mode.depth].map(|r| r.max(LEAST_REACH))
+}
+
+/// Updates with a detection that was accepted. Where it is farther off than the gate it counts for less, by as much.
+fn robust_update(state: &mut Gaussian, mut rows: Vec<Row>) {
+    let gate = CHI2_99[rows.len().min(5)];
+    let excess = state.distance(&rows) / gate.max(1.0);
+    if excess > 1.0 {
+        for row in &mut rows {
+            row.variance *= excess;
+        }
+    }
+    state.update(&rows);
+}

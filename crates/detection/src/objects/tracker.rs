@@ -1,0 +1,152 @@
+//! All objects, from detections to predictions.
+
+use super::associate::associate;
+use super::duplicates;
+use super::measurement::Measurement;
+use super::track::Track;
+use super::view::View;
+use super::{Object, ObjectId, ObjectsConfig};
+use crate::Detections;
+use stillpoint_geometry::{Camera, Se3, Vec3};
+use stillpoint_imaging::CoarseDepth;
+
+/// Follows what a detector sees: an extended Kalman filter per object, detections assigned to objects by the Hungarian method.
+///
+/// The state is that of the newest detections' stamp; [`Self::predict`] says where things are at any other time. The first camera is taken to be held
+/// level: its y axis is the vertical along which objects are upright. Source: algorithm.md, section 2.
+#[derive(Clone, Debug)]
+pub struct ObjectTracker {
+    config: ObjectsConfig,
+    camera: Camera,
+    limits: [f64; 4],
+    down: Option<Vec3>,
+    stamp: Option<f64>,
+    tracks: Vec<Track>,
+    next_id: u32,
+    ignored: u64,
+}
+
+impl ObjectTracker {
+    /// A tracker that knows no objects, for a camera whose raw images the detector looks at.
+    #[must_use]
+    pub fn new(config: ObjectsConfig, camera: Camera) -> Self {
+        Self {
+            limits: camera.undistorted_bounds(),
+            config,
+            camera,
+            down: None,
+            stamp: None,
+            tracks: Vec::new(),
+            next_id: 0,
+            ignored: 0,
+        }
+    }
+
+    /// Takes in the detections of one frame, possibly some frames old, with the camera's pose and the depth of that frame.
+    ///
+    /// Detections that are not newer than the last ones, or whose stamp or pose is not finite, are left out and counted: see [`Self::ignored`]. Boxes
+    /// that are not finite or not in the image are left out.
+    pub fn update(
+        &mut self,
+        detections: &Detections,
+        world_from_camera: &Se3,
+        depth: &CoarseDepth,
+    ) {
+        let stamp = detections.stamp;
+        let late = self.stamp.is_some_and(|last| stamp <= last);
+        if late || !stamp.is_finite() || !world_from_camera.is_finite() {
+            self.ignored += 1;
+            return;
+        }
+        self.advance(stamp);
+        let down = *self
+            .down
+            .get_or_insert(world_from_camera.rotation * Vec3::y());
+        let view = View::new(&self.camera, self.limits, world_from_camera, &down);
+        let measurements: Vec<Measurement> = detections
+            .items
+            .iter()
+            .filter_map(|d| Measurement::new(&view, d, depth))
+            .collect();
+        let share = self.config.side_sigma;
+        let assigned = associate(&self.tracks, &view, &measurements, share);
+        for (track, j) in self.tracks.iter_mut().zip(&assigned) {
+            match j {
+                Some(j) => track.absorb(&view, &measurements[*j], stamp, share),
+                None => track.misses += 1,
+            }
+        }
+        let mut taken = vec![false; measurements.len()];
+        for j in assigned.into_iter().flatten() {
+            taken[j] = true;
+        }
+        for (j, m) in measurements.iter().enumerate() {
+            if !taken[j] && !duplicates::part_of_another(m, &measurements, &taken) {
+                let id = ObjectId(self.next_id);
+                self.next_id += 1;
+                self.tracks.push(Track::new(id, &view, m, stamp, share));
+            }
+        }
+        duplicates::merge(&mut self.tracks, &view);
+        let misses = self.config.tentative_misses;
+        self.tracks
+            .retain(|t| (t.confirmed() || t.misses < misses) && !(t.misses > 0 && t.vague()));
+    }
+
+    /// Brings all objects to a new stamp, without those that have coasted too long.
+    fn advance(&mut self, stamp: f64) {
+        let dt = self.stamp.map_or(0.0, |last| stamp - last);
+        let coast = self.config.coast_seconds;
+        self.tracks.retain(|t| stamp - t.last_seen <= coast);
+        for track in &mut self.tracks {
+            track.propagate(dt, self.config.acceleration);
+        }
+        self.stamp = Some(stamp);
+    }
+
+    /// The objects as they are expected at a stamp (s), seen from a camera pose, in the order of their ids. Changes nothing, so that late detections are no
+    /// special case. Stamps before the newest detections are answered too: the states are traced back.
+    #[must_use]
+    pub fn predict(&self, stamp: f64, world_from_camera: &Se3) -> Vec<Object> {
+        let (Some(last), Some(down)) = (self.stamp, self.down) else {
+            return Vec::new();
+        };
+        if !stamp.is_finite() || !world_from_camera.is_finite() {
+            return Vec::new();
+        }
+        let view = View::new(&self.camera, self.limits, world_from_camera, &down);
+        let coast = self.config.coast_seconds;
+        self.tracks
+            .iter()
+            .filter(|t| (stamp - t.last_seen).abs() <= coast)
+            .map(|t| {
+                let mut t = t.clone();
+                t.propagate(stamp - last, self.config.acceleration);
+                t.object(&view)
+            })
+            .collect()
+    }
+
+    /// What the rigid test says about an object in the frame of a stamp (s): how many of its tested features agree with a static scene. Over time, with
+    /// hysteresis, this makes it parked or moving. Unknown ids are ignored: the object may have ended since.
+    pub fn observe_rigidity(&mut self, id: ObjectId, stamp: f64, agreeing: u32, tested: u32) {
+        let (share, seconds) = (self.config.parked_share, self.config.parked_seconds);
+        if let Some(track) = self.tracks.iter_mut().find(|t| t.id == id) {
+            track
+                .rigidity
+                .observe(stamp, [agreeing, tested], share, seconds);
+        }
+    }
+
+    /// How many calls of [`Self::update`] were left out: detections out of order, or without finite stamp and pose.
+    #[must_use]
+    pub fn ignored(&self) -> u64 {
+        self.ignored
+    }
+
+    /// Stamp of the newest detections, s.
+    #[must_use]
+    pub fn stamp(&self) -> Option<f64> {
+        self.stamp
+    }
+}

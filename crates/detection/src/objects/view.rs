@@ -1,0 +1,84 @@
+//! A camera at a pose, and boxes in its raw and undistorted image.
+
+use crate::BoundingBox;
+use stillpoint_geometry::{Camera, Mat3, Se3, Vec2, Vec3};
+
+/// Sides of a box in undistorted pixels: left, top, right, bottom.
+pub(super) type Sides = [f64; 4];
+
+/// Points nearer than this to the plane of the camera are not projected, m.
+pub(super) const NEAREST: f64 = 0.1;
+
+/// A camera at a pose.
+#[derive(Clone, Debug)]
+pub(super) struct View<'a> {
+    pub(super) camera: &'a Camera,
+    pub(super) world_from_camera: Se3,
+    /// Rotation of `camera_from_world`.
+    pub(super) rotation: Mat3,
+    /// Squares of cosine and sine of the angle between the image's y axis and the vertical seen in the image.
+    pub(super) roll: [f64; 2],
+    /// Undistorted pixels that the raw image holds: see [`Camera::undistorted_bounds`].
+    limits: [f64; 4],
+}
+
+impl<'a> View<'a> {
+    /// `down` is the vertical of the world, `limits` the camera's undistorted bounds.
+    pub(super) fn new(
+        camera: &'a Camera,
+        limits: [f64; 4],
+        world_from_camera: &Se3,
+        down: &Vec3,
+    ) -> Self {
+        let rotation = world_from_camera.rotation_matrix().transpose();
+        let seen = rotation * down;
+        let flat = seen.x * seen.x + seen.y * seen.y;
+        // Along the vertical a camera sees it as a point: there is no angle, and things are as wide as they are deep.
+        let roll = if flat > 0.1 {
+            [seen.y * seen.y / flat, seen.x * seen.x / flat]
+        } else {
+            [1.0, 0.0]
+        };
+        Self {
+            camera,
+            world_from_camera: *world_from_camera,
+            rotation,
+            roll,
+            limits,
+        }
+    }
+
+    /// A point of the world in camera coordinates.
+    pub(super) fn camera_point(&self, world: &Vec3) -> Vec3 {
+        self.rotation * (world - self.world_from_camera.translation)
+    }
+
+    /// The sides of a raw box without the lens distortion: those of its sides' midpoints.
+    pub(super) fn undistorted(&self, raw: &BoundingBox) -> Sides {
+        let [u, v] = raw.centre();
+        let point = |x, y| self.camera.undistort(Vec2::new(x, y));
+        [
+            point(raw.x0, v).x,
+            point(u, raw.y0).y,
+            point(raw.x1, v).x,
+            point(u, raw.y1).y,
+        ]
+    }
+
+    /// The inverse of [`Self::undistorted`], cut to the image; of no area when the box is outside.
+    pub(super) fn raw(&self, sides: &Sides) -> BoundingBox {
+        let [left, top, right, bottom] = self.limits;
+        // The distortion is known within the image only: beyond, its polynomial may fold back.
+        let x = [sides[0], sides[2]].map(|x| x.clamp(left - 1.0, right + 1.0));
+        let y = [sides[1], sides[3]].map(|y| y.clamp(top - 1.0, bottom + 1.0));
+        let (u, v) = ((x[0] + x[1]) / 2.0, (y[0] + y[1]) / 2.0);
+        let point = |x, y| self.camera.distort(Vec2::new(x, y));
+        BoundingBox {
+            x0: point(x[0], v).x,
+            y0: point(u, y[0]).y,
+            x1: point(x[1], v).x,
+            y1: point(u, y[1]).y,
+        }
+        .clipped(self.camera.width as usize, self.camera.height as usize)
+    }
+}
