@@ -24,6 +24,8 @@ pub struct KeyframeData {
     pub depth_sigmas: Vec<f32>,
     /// Their descriptors.
     pub descriptors: Vec<Descriptor>,
+    /// Whether each feature may observe or become a landmark; false on objects that stand still only for now.
+    pub mappable: Vec<bool>,
     /// Buckets over `positions`.
     pub grid: FeatureGrid,
 }

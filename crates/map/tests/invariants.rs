@@ -32,6 +32,7 @@ fn data(id: u32) -> Arc<KeyframeData> {
         descriptors: (0..n)
             .map(|i| Descriptor([i as u64, u64::from(id), 0, 0]))
             .collect(),
+        mappable: vec![true; n],
         grid: FeatureGrid::build(&positions, &levels, [0.0, 0.0, 640.0, 480.0]),
         positions,
     })

@@ -2,6 +2,7 @@
 
 use crate::mapping::MappingConfig;
 use crate::sensor::SensorConfig;
+use crate::static_filter::StaticFilterConfig;
 use crate::tracking::{KeyframeConfig, TrackingConfig};
 use serde::{Deserialize, Serialize};
 use stillpoint_features::OrbConfig;
@@ -16,6 +17,8 @@ pub struct Config {
     pub features: OrbConfig,
     /// The depth sensor's range and noise.
     pub sensor: SensorConfig,
+    /// Rejection of what moves.
+    pub static_filter: StaticFilterConfig,
     /// Pose tracking.
     pub tracking: TrackingConfig,
     /// When a frame becomes a keyframe.
@@ -107,6 +110,7 @@ impl Config {
             );
         });
         section("sensor", &|c| self.sensor.check(c));
+        section("static_filter", &|c| self.static_filter.check(c));
         section("tracking", &|c| self.tracking.check(c));
         section("keyframes", &|c| self.keyframes.check(c));
         section("mapping", &|c| self.mapping.check(c));

@@ -1,5 +1,7 @@
 //! What the system says about each frame. Events are values: tests, reports and viewers read the same ones.
 
+use crate::static_filter::FeatureVerdict;
+use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
 use stillpoint_map::KeyframeId;
@@ -64,6 +66,8 @@ pub struct FrameReport {
     pub outcome: Outcome,
     /// The pose as known at this frame, when one was measured in it.
     pub world_from_camera: Option<Se3>,
+    /// What the static filter said of each keypoint, and was used for this frame's pose; in the order of extraction.
+    pub verdicts: Arc<[FeatureVerdict]>,
     /// Counts of each step.
     pub counts: FrameCounts,
     /// The frame became a keyframe.
@@ -77,6 +81,8 @@ pub struct FrameReport {
 pub struct FrameCounts {
     /// Extracted keypoints.
     pub keypoints: u32,
+    /// Keypoints rejected because they move.
+    pub dynamic: u32,
     /// Keypoints with a usable depth.
     pub with_depth: u32,
     /// Matches to the last frame (or the reference keyframe).

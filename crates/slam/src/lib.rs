@@ -8,6 +8,7 @@ mod event;
 mod mapping;
 mod messages;
 mod sensor;
+mod static_filter;
 mod system;
 mod tracking;
 mod trajectory;
@@ -19,6 +20,7 @@ pub use event::{
 pub use mapping::{Mapper, MappingConfig};
 pub use messages::{LandmarkStatistic, MapperMsg, MapperOut, NewKeyframe, Tracked};
 pub use sensor::{SensorConfig, Timing};
+pub use static_filter::{FeatureVerdict, Preset, Reasons, StaticFilterConfig};
 pub use stillpoint_imaging::Simd;
 pub use system::System;
 pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};

@@ -31,7 +31,7 @@ impl Mapper {
             if z > self.sensor.close_depth && rank >= self.config.min_depth_landmarks {
                 break;
             }
-            if keyframe.matches[i].is_some() {
+            if keyframe.matches[i].is_some() || !data.mappable[i] {
                 continue;
             }
             let point = data.camera.backproject(data.position(i), z);
@@ -88,7 +88,9 @@ fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, 
     let essential: Mat3 = so3::hat(&b_from_a.translation) * b_from_a.rotation_matrix();
     let free = |k: &Keyframe| -> Vec<usize> {
         (0..k.data.len())
-            .filter(|i| k.matches[*i].is_none() && k.data.depth(*i).is_none())
+            .filter(|i| {
+                k.matches[*i].is_none() && k.data.depth(*i).is_none() && k.data.mappable[*i]
+            })
             .collect()
     };
     let (free_a, free_b) = (free(a), free(b));

@@ -152,7 +152,8 @@ impl Mapper {
         self.map.insert_keyframe(keyframe.id, data, pose, parent);
         self.order.push(keyframe.id);
         for (feature, landmark) in keyframe.matches.iter().enumerate() {
-            let Some(landmark) = landmark.and_then(|l| self.map.view().resolve_landmark(l)) else {
+            let known = landmark.filter(|_| keyframe.data.mappable[feature]);
+            let Some(landmark) = known.and_then(|l| self.map.view().resolve_landmark(l)) else {
                 continue;
             };
             if self

@@ -1,6 +1,7 @@
 //! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
 
 use crate::sensor::{DepthReader, SensorConfig, Timing};
+use crate::static_filter::FeatureVerdict;
 use std::sync::Arc;
 use stillpoint_features::{FeatureGrid, Features, OrbConfig, OrbExtractor};
 use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
@@ -18,7 +19,6 @@ pub(super) struct Observer {
     features: Features,
     /// Undistorted pixels of `features`, as exposed row by row.
     undistorted: Vec<Vec2>,
-    levels: Vec<u8>,
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],
@@ -38,7 +38,6 @@ impl Observer {
             extractor: OrbExtractor::new(orb, simd),
             features: Features::default(),
             undistorted: Vec::new(),
-            levels: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),
         }
@@ -59,31 +58,40 @@ impl Observer {
         let _span = tracing::info_span!("extract").entered();
         self.extractor.extract(&frame.gray, &mut self.features);
         self.undistorted.clear();
-        self.levels.clear();
         for k in &self.features.keypoints {
             let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
             self.undistorted.push(self.camera.undistort(raw));
-            self.levels.push(k.level);
         }
     }
 
-    /// What the frame saw, brought to the time of its stamp by the camera's velocity (twist per second).
+    /// What the frame saw, brought to the time of its stamp by the camera's velocity (twist per second): all of it, or
+    /// without the features whose verdict is dynamic.
     pub(super) fn measure(
         &self,
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
         timing: &Timing,
+        verdicts: Option<&[FeatureVerdict]>,
     ) -> Arc<KeyframeData> {
         let _span = tracing::info_span!("depth").entered();
-        let keypoints = self.features.keypoints.clone();
-        let n = keypoints.len();
+        let all = self.features.keypoints.len();
+        let is_kept = |i: &usize| verdicts.is_none_or(|v| !v[*i].dynamic);
+        let kept: Vec<usize> = (0..all).filter(is_kept).collect();
+        let n = kept.len();
+        let (mut keypoints, mut levels) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        let (mut descriptors, mut mappable) = (Vec::with_capacity(n), Vec::with_capacity(n));
         let mut positions = Vec::with_capacity(n);
         let mut sigma_px = Vec::with_capacity(n);
         let mut depths = Vec::with_capacity(n);
         let mut depth_sigmas = Vec::with_capacity(n);
         let dt = frame.depth_stamp - frame.stamp - timing.depth_delay;
         let reader = DepthReader::new(&self.sensor, &self.camera, &frame.depth, velocity, dt);
-        for (k, undistorted) in keypoints.iter().zip(&self.undistorted) {
+        for i in kept {
+            let (k, undistorted) = (&self.features.keypoints[i], &self.undistorted[i]);
+            keypoints.push(*k);
+            levels.push(k.level);
+            descriptors.push(self.features.descriptors[i]);
+            mappable.push(verdicts.is_none_or(|v| v[i].may_map()));
             let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
             let reading = reader.read(raw, *undistorted);
             let (mut position, mut z) = (*undistorted, reading.map_or(0.0, |r| r.z));
@@ -103,7 +111,7 @@ impl Observer {
             depths.push(z as f32);
             depth_sigmas.push(reading.map_or(0.0, |r| r.sigma as f32));
         }
-        let grid = FeatureGrid::build(&positions, &self.levels, self.bounds);
+        let grid = FeatureGrid::build(&positions, &levels, self.bounds);
         Arc::new(KeyframeData {
             stamp: frame.stamp,
             camera: self.camera,
@@ -112,7 +120,8 @@ impl Observer {
             sigma_px,
             depths,
             depth_sigmas,
-            descriptors: self.features.descriptors.clone(),
+            descriptors,
+            mappable,
             grid,
         })
     }

@@ -1,5 +1,6 @@
 //! Which feature of the frame sees which point.
 
+use crate::static_filter::FeatureVerdict;
 use stillpoint_features::{Descriptor, RotationHistogram, Window, best_two};
 use stillpoint_geometry::{Mat3, Se3, Vec3};
 use stillpoint_map::{KeyframeData, LandmarkId};
@@ -47,6 +48,16 @@ impl Matches {
                 self.count += usize::from(slot.is_none());
                 *slot = Some(target);
             }
+        }
+    }
+
+    /// The matches of a selection of the features, numbered anew: those whose verdict is not dynamic.
+    pub(super) fn without_dynamic(self, verdicts: &[FeatureVerdict]) -> Self {
+        let kept = self.targets.into_iter().zip(verdicts);
+        let targets: Vec<_> = kept.filter(|(_, v)| !v.dynamic).map(|(t, _)| t).collect();
+        Self {
+            count: targets.iter().flatten().count(),
+            targets,
         }
     }
 

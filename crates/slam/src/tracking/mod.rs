@@ -21,6 +21,7 @@ use crate::config::Config;
 use crate::event::{FrameCounts, FrameReport, LostReason, Outcome};
 use crate::messages::{LandmarkStatistic, NewKeyframe, Tracked};
 use crate::sensor::Timing;
+use crate::static_filter::{FeatureVerdict, FrameInput, StaticFilter};
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use frame::Observer;
 use local_map::{LocalMap, SearchArea};
@@ -48,6 +49,7 @@ struct LastFrame {
 pub struct Tracker {
     config: Config,
     observer: Observer,
+    filter: StaticFilter,
     view: Arc<MapView>,
     motion: Motion,
     calibration: SelfCalibration,
@@ -57,6 +59,13 @@ pub struct Tracker {
     last_keyframe: Option<FrameId>,
     statistics: BTreeMap<LandmarkId, LandmarkStatistic>,
     trajectory: Trajectory,
+}
+
+/// What is noted of a frame on its way.
+#[derive(Default)]
+struct Notes {
+    counts: FrameCounts,
+    verdicts: Arc<[FeatureVerdict]>,
 }
 
 /// A pose with all that led to it.
@@ -73,6 +82,7 @@ impl Tracker {
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Self {
         Self {
             calibration: SelfCalibration::new(config.sensor.timing()),
+            filter: StaticFilter::new(config.static_filter.clone(), &camera),
             observer: Observer::new(camera, config.sensor.clone(), &config.features, simd),
             config,
             view: Arc::default(),
@@ -112,30 +122,67 @@ impl Tracker {
     /// Tracks a frame.
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
-        let mut counts = FrameCounts::default();
+        let mut notes = Notes::default();
         self.observer.extract(frame);
         let velocity = self.motion.velocity();
         let data = self
             .observer
-            .measure(frame, velocity, self.calibration.timing());
-        counts.keypoints = data.len() as u32;
-        counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
+            .measure(frame, velocity, self.calibration.timing(), None);
+        notes.counts.keypoints = data.len() as u32;
+        notes.counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
         if self.last.is_none() {
-            return self.initialise(frame, data, counts);
+            return self.initialise(frame, &data, notes);
         }
-        match self.locate(frame, data, &mut counts) {
-            Ok(solution) => self.accept(frame, counts, solution),
-            Err(reason) => self.lose(frame, counts, reason),
+        match self.locate(frame, data, &mut notes) {
+            Ok(solution) => self.accept(frame, notes, solution),
+            Err(reason) => self.lose(frame, notes, reason),
         }
     }
 
-    /// Begins a map with the first frame that has enough depth.
-    fn initialise(
+    /// Asks the static filter about the features `data` of a frame whose pose is about `world_from_camera`.
+    fn judge(
         &mut self,
         frame: &RgbdFrame,
-        data: Arc<KeyframeData>,
-        counts: FrameCounts,
-    ) -> Tracked {
+        data: &KeyframeData,
+        world_from_camera: &Se3,
+        velocity: Option<&Vec6>,
+        notes: &mut Notes,
+    ) {
+        let features: Vec<([f32; 2], f32)> = data
+            .keypoints
+            .iter()
+            .zip(&data.depths)
+            .map(|(k, z)| ([k.x, k.y], *z))
+            .collect();
+        let camera_from_depth = self.camera_from_depth(frame, velocity);
+        notes.verdicts = self
+            .filter
+            .judge(&FrameInput {
+                stamp: frame.stamp,
+                depth: &frame.depth,
+                view: &self.view,
+                world_from_depth: *world_from_camera * camera_from_depth,
+                features: &features,
+            })
+            .into();
+        notes.counts.dynamic = notes.verdicts.iter().filter(|v| v.dynamic).count() as u32;
+    }
+
+    /// The camera's motion from the depth image's exposure to the colour image's.
+    fn camera_from_depth(&self, frame: &RgbdFrame, velocity: Option<&Vec6>) -> Se3 {
+        let dt = frame.depth_stamp - frame.stamp - self.calibration.timing().depth_delay;
+        velocity.map_or(Se3::identity(), |v| Se3::exp(&(v * dt)).inverse())
+    }
+
+    /// Begins a map with the first frame that has enough depth.
+    fn initialise(&mut self, frame: &RgbdFrame, data: &KeyframeData, mut notes: Notes) -> Tracked {
+        let pose = Se3::identity();
+        self.judge(frame, data, &pose, None, &mut notes);
+        let timing = self.calibration.timing();
+        let data = self
+            .observer
+            .measure(frame, None, timing, Some(&notes.verdicts));
+        let counts = &notes.counts;
         if (counts.with_depth as usize) < self.config.tracking.min_initial_points {
             let few = (counts.keypoints as usize) < self.config.tracking.min_initial_points;
             let reason = if few {
@@ -143,12 +190,13 @@ impl Tracker {
             } else {
                 LostReason::FewDepths
             };
-            return self.lose(frame, counts, reason);
+            return self.lose(frame, notes, reason);
         }
-        let pose = Se3::identity();
+        let inliers = counts.with_depth;
         let id = KeyframeId(frame.id.0);
         let matches = vec![None; data.len()];
         self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
+        self.filter.remember(id, Se3::identity());
         self.last_keyframe = Some(frame.id);
         self.lost_since = None;
         self.trajectory.push(TrajectoryEntry {
@@ -157,10 +205,10 @@ impl Tracker {
             reference: id,
             reference_from_camera: Se3::identity(),
             online_world_from_camera: pose,
-            inliers: counts.with_depth,
+            inliers,
         });
         Tracked {
-            report: self.report(frame, Outcome::Initialised, Some(pose), counts, true),
+            report: self.report(frame, Outcome::Initialised, Some(pose), notes, true),
             keyframe: Some(NewKeyframe {
                 id,
                 data,
@@ -177,21 +225,24 @@ impl Tracker {
         &mut self,
         frame: &RgbdFrame,
         data: Arc<KeyframeData>,
-        counts: &mut FrameCounts,
+        notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         if data.len() < self.config.tracking.min_inliers {
             return Err(LostReason::FewFeatures);
         }
         let (reference, predicted) = self.predict(frame.stamp);
         let (matches, pose) = self.match_last_frame(&data, reference, &predicted)?;
-        counts.frame_matches = matches.count as u32;
+        notes.counts.frame_matches = matches.count as u32;
         let velocity = self.velocity_to(&pose, frame.stamp);
-        let data = match &velocity {
-            Some(v) => self
-                .observer
-                .measure(frame, Some(v), self.calibration.timing()),
-            None => data,
-        };
+        self.judge(frame, &data, &pose.inverse(), velocity.as_ref(), notes);
+        let data = self.observer.measure(
+            frame,
+            velocity.as_ref(),
+            self.calibration.timing(),
+            Some(&notes.verdicts),
+        );
+        let matches = matches.without_dynamic(&notes.verdicts);
+        let counts = &mut notes.counts;
         let (reference, found, pose) =
             self.match_local_map(&data, reference, matches, &pose, counts);
         if let Some(v) = velocity.filter(|_| self.config.sensor.self_calibrate) {
@@ -283,7 +334,8 @@ impl Tracker {
     }
 
     /// Takes a pose: motion model, trajectory, keyframe decision.
-    fn accept(&mut self, frame: &RgbdFrame, counts: FrameCounts, solution: Solution) -> Tracked {
+    fn accept(&mut self, frame: &RgbdFrame, notes: Notes, solution: Solution) -> Tracked {
+        let counts = &notes.counts;
         let Solution {
             data,
             camera_from_world,
@@ -310,6 +362,9 @@ impl Tracker {
             online_world_from_camera: world_from_camera,
             inliers: counts.inliers,
         });
+        let camera_from_depth = self.camera_from_depth(frame, self.motion.velocity());
+        self.filter
+            .remember(reference, reference_from_camera * camera_from_depth);
         let keyframe = self.make_keyframe(frame, &data, reference, reference_from_camera, &matches);
         self.remember(
             frame,
@@ -325,7 +380,7 @@ impl Tracker {
                 frame,
                 outcome,
                 Some(world_from_camera),
-                counts,
+                notes,
                 keyframe.is_some(),
             ),
             keyframe,
@@ -386,12 +441,12 @@ impl Tracker {
         });
     }
 
-    fn lose(&mut self, frame: &RgbdFrame, counts: FrameCounts, reason: LostReason) -> Tracked {
+    fn lose(&mut self, frame: &RgbdFrame, notes: Notes, reason: LostReason) -> Tracked {
         self.motion.forget();
         let since = *self.lost_since.get_or_insert(frame.id);
         let outcome = Outcome::Lost { since, reason };
         Tracked {
-            report: self.report(frame, outcome, None, counts, false),
+            report: self.report(frame, outcome, None, notes, false),
             keyframe: None,
         }
     }
@@ -401,7 +456,7 @@ impl Tracker {
         frame: &RgbdFrame,
         outcome: Outcome,
         world_from_camera: Option<Se3>,
-        counts: FrameCounts,
+        notes: Notes,
         is_keyframe: bool,
     ) -> FrameReport {
         FrameReport {
@@ -409,7 +464,8 @@ impl Tracker {
             stamp: frame.stamp,
             outcome,
             world_from_camera,
-            counts,
+            verdicts: notes.verdicts,
+            counts: notes.counts,
             is_keyframe,
             map_version: self.view.version(),
         }

@@ -1,0 +1,96 @@
+//! The rigid test of whole surfaces: was each cell's surface there before, or did earlier frames see through its place?
+//!
+//! A cell of the present depth image is carried into earlier frames by the camera's motion. Where the earlier depth agrees, the
+//! surface may have stood there all the time; where the earlier depth is farther, the place was empty, so the surface has
+//! moved; where it is nearer, the place was hidden and nothing is known. Agreement soon after says little, since slow
+//! things stay under the noise; seeing through is proof at any age. (docs/algorithm.md, free-space test.)
+
+use super::cells::{Cells, depth_tolerance};
+use std::sync::Arc;
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::CoarseDepth;
+
+/// Evidence of one earlier frame against or for a cell, in log odds of "moving".
+const SEEN_THROUGH: f32 = 4.0;
+/// Agreement with a frame `age` seconds earlier counts this much per second, up to `MATCH_LIMIT`.
+const MATCH_PER_SECOND: f32 = 4.5;
+const MATCH_LIMIT: f32 = 2.0;
+/// Of the neighbours of the place in the earlier frame, this many must have depth to call it empty.
+const MIN_VALID: u32 = 5;
+
+/// An earlier frame's depth, with its pose at the depth image's stamp.
+pub(super) struct Earlier<'a> {
+    pub(super) grid: &'a CoarseDepth,
+    pub(super) earlier_from_now: Se3,
+    /// Seconds ago.
+    pub(super) age: f64,
+}
+
+/// Adds the evidence of one earlier frame to each cell's log odds.
+pub(super) fn add_evidence(
+    cells: &Cells,
+    now: &CoarseDepth,
+    earlier: &Earlier<'_>,
+    evidence: &mut [f32],
+) {
+    let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
+    let r = earlier.earlier_from_now.rotation_matrix().map(|v| v as f32);
+    let t = earlier.earlier_from_now.translation.map(|v| v as f32);
+    let before = earlier.grid.data();
+    let rays = cells.rays();
+    for (cell, &z) in now.data().iter().enumerate() {
+        if z <= 0.0 {
+            continue;
+        }
+        let (x, y) = (rays[cell][0] * z, rays[cell][1] * z);
+        let p = [0, 1, 2].map(|i| r[(i, 0)] * x + r[(i, 1)] * y + r[(i, 2)] * z + t[i]);
+        let Some(place) = cells.project(p).filter(|c| cells.has_neighbours(*c)) else {
+            continue;
+        };
+        match compare(before, cells.width, place, p[2]) {
+            Seen::Through => evidence[cell] += SEEN_THROUGH,
+            Seen::Same => evidence[cell] -= weight,
+            Seen::Hidden => {}
+        }
+    }
+}
+
+/// What an earlier frame says of a place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Seen {
+    /// It was empty.
+    Through,
+    /// A surface was there.
+    Same,
+    /// Something in front of it, or no depth.
+    Hidden,
+}
+
+/// Compares a depth with the 3x3 cells around its place.
+pub(super) fn compare(before: &[f32], width: usize, place: usize, z: f32) -> Seen {
+    let tolerance = depth_tolerance(z);
+    let (mut valid, mut farther, mut same) = (0, 0, false);
+    for row in [place - width, place, place + width] {
+        for &there in &before[row - 1..=row + 1] {
+            valid += u32::from(there > 0.0);
+            farther += u32::from(there > z + tolerance);
+            same |= there > 0.0 && (there - z).abs() <= tolerance;
+        }
+    }
+    if same {
+        Seen::Same
+    } else if valid >= MIN_VALID && farther == valid {
+        Seen::Through
+    } else {
+        Seen::Hidden
+    }
+}
+
+/// A frame kept for later comparison.
+pub(super) struct Snapshot {
+    pub(super) stamp: f64,
+    pub(super) grid: Arc<CoarseDepth>,
+    /// The reference keyframe of its time, and the depth camera's pose relative to it: follows every correction of the map.
+    pub(super) reference: stillpoint_map::KeyframeId,
+    pub(super) reference_from_depth: Se3,
+}
