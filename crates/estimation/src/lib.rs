@@ -1,17 +1,35 @@
-//! Pose optimisation, triangulation and bundle adjustment: arrays in, results out.
+//! Two-view relations, camera motion, pose optimisation, triangulation and bundle adjustment: arrays in, results out.
 //!
-//! Answers: which poses and points explain these observations best. Knows no keyframes, no landmarks and no map. Failing
+//! Answers: which poses and points explain these observations best, and which observations do not fit. Knows no keyframes, no landmarks and no map. Failing
 //! to converge is a result, not an error. All sums are taken in a fixed order.
 
 mod bundle;
+mod camera_motion;
+mod degeneracy;
+mod fundamental;
+mod homography;
+mod linear;
 mod linearise;
 mod observation;
+mod p3p;
 mod pose;
+mod sampling;
 mod schur;
 mod triangulate;
+mod two_view;
+mod votes;
 
 pub use bundle::{BundleObservation, BundleOptions, BundleProblem, BundleReport, adjust_bundle};
+pub use camera_motion::{CameraMotion, MotionOptions, MotionPair, MotionPrior, find_camera_motion};
+pub use degeneracy::{Degeneracy, DegeneracyTest, test_degeneracy, transfer_squared};
+pub use fundamental::{
+    Fundamental, epipolar_distance, find_fundamental, sampson_squared, seven_point,
+};
+pub use homography::{Homography, find_homography, four_point};
 pub use linearise::{Linearised, linearise};
 pub use observation::{Intrinsics, Measurement};
+pub use p3p::p3p;
 pub use pose::{PoseEstimate, PoseObservation, PoseOptions, optimise_pose};
+pub use sampling::{Purpose, Rng, ransac_iterations, rng};
 pub use triangulate::{Triangulation, triangulate_midpoint};
+pub use two_view::{PixelPair, TwoViewOptions};

@@ -1,0 +1,369 @@
+//! The camera's motion between two frames, by a weighted vote of points that may move themselves.
+//!
+//! Answers: which rigid motion do the points obey that are likely to stand still. A person close to the camera may own most
+//! of the image; prior weights and a prior motion keep such a crowd from winning.
+
+use crate::p3p::p3p;
+use crate::pose::transform;
+use crate::sampling::{Rng, ransac_iterations};
+use crate::votes::Votes;
+use crate::{Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose};
+use stillpoint_geometry::{Mat6, Se3, Vec3, align_umeyama, so3};
+
+/// A point of frame A and what frame B measured of it.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionPair {
+    /// Position in the camera coordinates of frame A, m.
+    pub point: Vec3,
+    /// What frame B measured. Its variances should include what the error of `point` adds to the prediction.
+    pub measurement: Measurement,
+    /// Prior belief that the point stands still, 0 or more: its share among the samples, and its vote. Points of weight 0
+    /// are judged, but have no say.
+    pub weight: f64,
+}
+
+/// What is believed of the motion before looking, for example that the velocity stayed the same.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionPrior {
+    /// The expected motion.
+    pub b_from_a: Se3,
+    /// Standard deviation of each translation coordinate, m.
+    pub sigma_m: f64,
+    /// Standard deviation of each rotation coordinate, rad.
+    pub sigma_rad: f64,
+}
+
+impl MotionPrior {
+    /// The part of a vote that is lost by being this far from the prior: 0 at the prior, `strength` beyond the 95 % gate.
+    fn factor(&self, b_from_a: &Se3, strength: f64) -> f64 {
+        let t = (b_from_a.translation - self.b_from_a.translation) / self.sigma_m;
+        let r = so3::log(&(b_from_a.rotation * self.b_from_a.rotation.inverse())) / self.sigma_rad;
+        let chi2 = t.norm_squared() + r.norm_squared();
+        if chi2 < CHI2_95_6 {
+            1.0 - strength * chi2 / CHI2_95_6
+        } else {
+            1.0 - strength
+        }
+    }
+}
+
+/// 95 % quantile of chi-square with 6 degrees of freedom, a whole pose.
+const CHI2_95_6: f64 = 12.591_587_243_743_977;
+
+/// Effort and gates of the search for the camera's motion.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionOptions {
+    /// Probability of drawing at least one sample without outliers, 0 to 1.
+    pub confidence: f64,
+    /// Least number of samples.
+    pub min_iterations: usize,
+    /// Largest number of samples.
+    pub max_iterations: usize,
+    /// Factor on the squared chi-square gates (95 %) of the measurements.
+    pub gate_scale: f64,
+    /// Share of its votes that a motion far from the prior loses, 0 to below 1.
+    pub prior_strength: f64,
+    /// Least number of inliers with a weight.
+    pub min_inliers: usize,
+}
+
+impl Default for MotionOptions {
+    fn default() -> Self {
+        Self {
+            confidence: 0.99,
+            min_iterations: 8,
+            max_iterations: 200,
+            gate_scale: 1.0,
+            prior_strength: 0.3,
+            min_inliers: 8,
+        }
+    }
+}
+
+/// The motion that won.
+#[derive(Clone, Debug)]
+pub struct CameraMotion {
+    /// The motion: maps camera coordinates of frame A to those of frame B.
+    pub b_from_a: Se3,
+    /// Per pair, whatever its weight: within the gate.
+    pub inliers: Vec<bool>,
+    /// Number of inliers.
+    pub count: usize,
+    /// Share of the total weight that the inliers hold, 0 to 1.
+    pub weight_share: f64,
+    /// Samples drawn; the prior is not among them.
+    pub iterations: usize,
+    /// The inverse covariance of the motion, for a left perturbation `[translation; rotation]`, as far as the measurements'
+    /// variances tell.
+    pub information: Mat6,
+}
+
+/// Finds the motion `b_from_a` with the largest weighted vote. Each pair votes with its weight, falling from one to zero
+/// at its chi-square gate. The prior is the first hypothesis; then come samples of three pairs, drawn by weight, solved by
+/// aligning the two triangles when all have depth in B (Umeyama 1991), else by P3P. New best ones are refined at once, the
+/// winner by [`optimise_pose`].
+///
+/// `None` when fewer than `min_inliers` pairs with a weight agree on any motion.
+#[must_use]
+pub fn find_camera_motion(
+    camera: &Intrinsics,
+    pairs: &[MotionPair],
+    prior: Option<&MotionPrior>,
+    options: &MotionOptions,
+    rng: Rng,
+) -> Option<CameraMotion> {
+    let mut search = Search::new(camera, pairs, prior, options)?;
+    if let Some(prior) = prior {
+        search.propose(&prior.b_from_a);
+    }
+    let iterations = search.sample(rng);
+    search.conclude(iterations)
+}
+
+struct Search<'a> {
+    camera: &'a Intrinsics,
+    pairs: &'a [MotionPair],
+    prior: Option<&'a MotionPrior>,
+    options: &'a MotionOptions,
+    votes: Votes,
+    /// Running sums of the weights, for drawing by weight.
+    cumulative: Vec<f64>,
+    best: Option<Se3>,
+    /// Vote of `best`, prior included.
+    best_score: f64,
+    /// Best vote of a sample before its refinement. Samples compete with each other as they are: noise makes them all
+    /// look worse than a refined motion, also those that would end up better.
+    best_raw: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        camera: &'a Intrinsics,
+        pairs: &'a [MotionPair],
+        prior: Option<&'a MotionPrior>,
+        options: &'a MotionOptions,
+    ) -> Option<Self> {
+        let mut total = 0.0;
+        let cumulative: Vec<f64> = pairs
+            .iter()
+            .map(|p| {
+                total += believed(p);
+                total
+            })
+            .collect();
+        let voters = pairs.iter().filter(|p| believed(p) > 0.0).count();
+        if voters < options.min_inliers.max(3) || !total.is_finite() {
+            return None;
+        }
+        Some(Self {
+            camera,
+            pairs,
+            prior,
+            options,
+            votes: Votes::new(camera, pairs, options.gate_scale),
+            cumulative,
+            best: None,
+            best_score: 0.0,
+            best_raw: 0.0,
+        })
+    }
+
+    fn total(&self) -> f64 {
+        self.cumulative.last().copied().unwrap_or(0.0)
+    }
+
+    /// The vote on a motion, 0 when it cannot exceed `limit`.
+    fn score(&self, b_from_a: &Se3, limit: f64) -> f64 {
+        let factor = self
+            .prior
+            .map_or(1.0, |p| p.factor(b_from_a, self.options.prior_strength));
+        factor * self.votes.count(b_from_a, limit / factor)
+    }
+
+    /// Refines a motion in two steps, first with open gates, and keeps it if it is the best so far.
+    fn propose(&mut self, start: &Se3) {
+        let raw = self.score(start, self.best_score);
+        if raw > self.best_score {
+            (self.best, self.best_score) = (Some(*start), raw);
+        }
+        let mut pose = *start;
+        for opening in [9.0, 1.0] {
+            let Some(refined) = self.refine(&pose, opening) else {
+                return;
+            };
+            pose = refined;
+            let score = self.score(&pose, self.best_score);
+            if score > self.best_score {
+                (self.best, self.best_score) = (Some(pose), score);
+            }
+        }
+    }
+
+    /// A short optimisation on at most [`REFINE_PAIRS`] pairs that agree when the squared gates are opened by a factor.
+    fn refine(&self, pose: &Se3, opening: f64) -> Option<Se3> {
+        let observations = self.agreeing(pose, opening * self.options.gate_scale);
+        let stride = observations.len().div_ceil(REFINE_PAIRS).max(1);
+        let chosen: Vec<_> = observations.into_iter().step_by(stride).collect();
+        if chosen.len() < 4 {
+            return None;
+        }
+        let options = PoseOptions {
+            rounds: 1,
+            plain_rounds: 0,
+            iterations: 3,
+            gate_scale: self.options.gate_scale,
+        };
+        Some(optimise_pose(self.camera, pose, &chosen, &options).camera_from_world)
+    }
+
+    /// Observations of the pairs with a weight whose squared residual is within `scale` gates.
+    fn agreeing(&self, pose: &Se3, scale: f64) -> Vec<PoseObservation> {
+        let (r, t) = (pose.rotation_matrix(), pose.translation);
+        let mut found = Vec::with_capacity(self.pairs.len());
+        for p in self.pairs.iter().filter(|p| believed(p) > 0.0) {
+            let m = &p.measurement;
+            if m.chi2(self.camera, &transform(&r, &t, &p.point)) <= m.gate() * scale {
+                found.push(PoseObservation {
+                    point: p.point,
+                    measurement: *m,
+                });
+            }
+        }
+        found
+    }
+
+    /// Draws samples until a better motion has become improbable; returns how many.
+    fn sample(&mut self, mut rng: Rng) -> usize {
+        let o = self.options;
+        let range = (o.min_iterations.max(1), o.max_iterations.max(1));
+        let needed = |share: f64| ransac_iterations(o.confidence, share, 3, range);
+        let mut iterations = 0;
+        let mut limit = needed(self.share());
+        while iterations < limit {
+            iterations += 1;
+            let Some(chosen) = self.draw(&mut rng) else {
+                continue;
+            };
+            for pose in self.solve(&chosen) {
+                let raw = self.score(&pose, self.best_raw);
+                if raw > self.best_raw {
+                    self.best_raw = raw;
+                    self.propose(&pose);
+                    limit = needed(self.share());
+                }
+            }
+        }
+        iterations
+    }
+
+    /// The weight that agrees with the best motion: as samples are drawn by weight, also the probability of a good draw.
+    fn share(&self) -> f64 {
+        self.best
+            .map_or(0.0, |pose| self.votes.inlier_weight(&pose) / self.total())
+    }
+
+    /// Three different pairs, by weight; `None` when a few pairs hold nearly all weight and keep being drawn.
+    fn draw(&self, rng: &mut Rng) -> Option<[usize; 3]> {
+        let mut chosen = [usize::MAX; 3];
+        for k in 0..3 {
+            let mut tries = 0;
+            while chosen[k] == usize::MAX {
+                let at = rng.unit() * self.total();
+                let i = self.cumulative.partition_point(|c| *c <= at);
+                if i < self.pairs.len() && !chosen[..k].contains(&i) {
+                    chosen[k] = i;
+                }
+                tries += 1;
+                if tries > 16 {
+                    return None;
+                }
+            }
+        }
+        Some(chosen)
+    }
+
+    /// The motions that three pairs allow.
+    fn solve(&self, chosen: &[usize; 3]) -> Vec<Se3> {
+        let sample = chosen.map(|i| &self.pairs[i]);
+        let points = sample.map(|p| p.point);
+        let rays = sample.map(|p| {
+            let px = p.measurement.pixel;
+            let k = self.camera;
+            Vec3::new((px.x - k.cx) / k.fx, (px.y - k.cy) / k.fy, 1.0)
+        });
+        if !sample.iter().all(|p| p.measurement.has_depth()) {
+            return p3p(points, rays);
+        }
+        let seen: [Vec3; 3] =
+            std::array::from_fn(|i| rays[i] / sample[i].measurement.inverse_depth);
+        if !self.rigid(&sample, &points, &seen) {
+            return Vec::new();
+        }
+        align_umeyama(&points, &seen, false)
+            .map(|a| a.target_from_source)
+            .into_iter()
+            .collect()
+    }
+
+    /// Whether the sides of two triangles agree within their noise: what does not cannot be one rigid body.
+    fn rigid(&self, sample: &[&MotionPair; 3], points: &[Vec3; 3], seen: &[Vec3; 3]) -> bool {
+        let sigma = |i: usize| {
+            let (m, z) = (&sample[i].measurement, seen[i].z);
+            let pixel = z / (self.camera.fx * m.pixel_weight.sqrt());
+            z * z / m.inverse_depth_weight.sqrt() + pixel
+        };
+        [(0, 1), (0, 2), (1, 2)].into_iter().all(|(i, k)| {
+            let (a, b) = (points[i] - points[k], seen[i] - seen[k]);
+            let tolerance = 3.0 * (sigma(i) + sigma(k)) * self.options.gate_scale.sqrt();
+            (a.norm() - b.norm()).abs() <= tolerance
+        })
+    }
+
+    fn conclude(self, iterations: usize) -> Option<CameraMotion> {
+        let scale = self.options.gate_scale;
+        let observations = self.agreeing(&self.best?, scale);
+        let options = PoseOptions {
+            rounds: 2,
+            plain_rounds: 1,
+            iterations: 5,
+            gate_scale: scale,
+        };
+        let estimate = optimise_pose(self.camera, &self.best?, &observations, &options);
+        let b_from_a = estimate.camera_from_world;
+        let (r, t) = (b_from_a.rotation_matrix(), b_from_a.translation);
+        let (mut inliers, mut weight, mut count, mut voters) = (Vec::new(), 0.0, 0, 0);
+        for p in self.pairs {
+            let m = &p.measurement;
+            let chi2 = m.chi2(self.camera, &transform(&r, &t, &p.point));
+            let inlier = chi2 <= m.gate() * scale;
+            inliers.push(inlier);
+            if inlier {
+                weight += believed(p);
+                voters += usize::from(believed(p) > 0.0);
+                count += 1;
+            }
+        }
+        (voters >= self.options.min_inliers.max(3) && b_from_a.is_finite()).then(|| CameraMotion {
+            b_from_a,
+            inliers,
+            count,
+            weight_share: weight / self.total(),
+            iterations,
+            information: estimate.information,
+        })
+    }
+}
+
+/// Pairs that a refinement between samples looks at, at most: enough for its accuracy, few enough to be quick.
+const REFINE_PAIRS: usize = 48;
+
+/// The weight of a pair, 0 for what is not a positive number or a pair that is not finite.
+pub(crate) fn believed(p: &MotionPair) -> f64 {
+    let m = &p.measurement;
+    let sum = p.point.sum() + m.pixel.sum() + m.inverse_depth + m.pixel_weight;
+    if p.weight > 0.0 && (sum + m.inverse_depth_weight + p.weight).is_finite() {
+        p.weight
+    } else {
+        0.0
+    }
+}

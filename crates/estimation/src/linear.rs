@@ -1,0 +1,194 @@
+//! Small dense algebra of the minimal solvers, with one order of operations everywhere.
+
+use stillpoint_geometry::{Mat3, Vec3};
+
+/// The eigenvector (length 1) of the smallest eigenvalue of a symmetric positive semidefinite matrix, by inverse iteration.
+/// `None` for a matrix that is zero or not finite.
+pub(crate) fn smallest_eigenvector<const N: usize>(m: &[[f64; N]; N]) -> Option<[f64; N]> {
+    let trace: f64 = (0..N).map(|i| m[i][i]).sum();
+    if !(trace.is_finite() && trace > 0.0) {
+        return None;
+    }
+    // The shift keeps pivots above rounding when the smallest eigenvalue is zero, and is far below the second one.
+    let (l, d) = ldlt(m, 1e-14 * trace)?;
+    let mut x: [f64; N] = std::array::from_fn(|i| 1.0 + 0.1 * i as f64);
+    for _ in 0..16 {
+        let mut y = x;
+        for i in 0..N {
+            for k in 0..i {
+                y[i] -= l[i][k] * y[k];
+            }
+        }
+        for i in (0..N).rev() {
+            y[i] /= d[i];
+            for k in i + 1..N {
+                y[i] -= l[k][i] * y[k];
+            }
+        }
+        let norm = y.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if !(norm.is_finite() && norm > 0.0) {
+            return None;
+        }
+        let mut moved = 0.0_f64;
+        for (a, b) in x.iter_mut().zip(&y) {
+            let next = b / norm;
+            moved = moved.max((next - *a).abs());
+            *a = next;
+        }
+        if moved < 1e-13 {
+            break;
+        }
+    }
+    Some(x)
+}
+
+/// `m + shift I = L D L^T` with unit diagonal of L; pivots are held at the shift or above.
+#[allow(clippy::type_complexity)]
+fn ldlt<const N: usize>(m: &[[f64; N]; N], shift: f64) -> Option<([[f64; N]; N], [f64; N])> {
+    let (mut l, mut d) = ([[0.0; N]; N], [0.0; N]);
+    for j in 0..N {
+        let mut pivot = m[j][j] + shift;
+        for k in 0..j {
+            pivot -= l[j][k] * l[j][k] * d[k];
+        }
+        if !pivot.is_finite() {
+            return None;
+        }
+        d[j] = pivot.max(shift);
+        for i in j + 1..N {
+            let mut v = m[i][j];
+            for k in 0..j {
+                v -= l[i][k] * l[j][k] * d[k];
+            }
+            l[i][j] = v / d[j];
+        }
+    }
+    Some((l, d))
+}
+
+/// The nearest of the matrices that share the kernel of the smallest singular value: rank 2 in Frobenius norm.
+pub(crate) fn to_rank_two(f: &Mat3) -> Option<Mat3> {
+    let g = f.tr_mul(f);
+    let rows = [0, 1, 2].map(|r| [0, 1, 2].map(|c| g[(r, c)]));
+    let v = Vec3::from(smallest_eigenvector(&rows)?);
+    Some(f - (f * v) * v.transpose())
+}
+
+/// The adjugate: `adjugate(m) * m = det(m) I`.
+pub(crate) fn adjugate(m: &Mat3) -> Mat3 {
+    let (a, b, c) = (m.column(0), m.column(1), m.column(2));
+    let rows = [b.cross(&c), c.cross(&a), a.cross(&b)];
+    Mat3::from_fn(|r, k| rows[r][k])
+}
+
+/// Coefficients `c0 + c1 x + c2 x^2 + c3 x^3` of `det(x a + b)`.
+pub(crate) fn determinant_cubic(a: &Mat3, b: &Mat3) -> [f64; 4] {
+    let (adj_a, adj_b) = (adjugate(a), adjugate(b));
+    // The trace of a product needs its diagonal only.
+    let trace = |m: &Mat3, n: &Mat3| {
+        let mut sum = 0.0;
+        for i in 0..3 {
+            for k in 0..3 {
+                sum += m[(i, k)] * n[(k, i)];
+            }
+        }
+        sum
+    };
+    let det = |m: &Mat3, adj: &Mat3| {
+        m[(0, 0)] * adj[(0, 0)] + m[(0, 1)] * adj[(1, 0)] + m[(0, 2)] * adj[(2, 0)]
+    };
+    [
+        det(b, &adj_b),
+        trace(&adj_b, a),
+        trace(&adj_a, b),
+        det(a, &adj_a),
+    ]
+}
+
+/// Up to three real numbers.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Roots {
+    values: [f64; 3],
+    count: usize,
+}
+
+impl Roots {
+    fn push(&mut self, x: f64) {
+        if x.is_finite() && self.count < 3 {
+            self.values[self.count] = x;
+            self.count += 1;
+        }
+    }
+
+    pub(crate) fn as_slice(&self) -> &[f64] {
+        &self.values[..self.count]
+    }
+}
+
+/// The real roots of `c0 + c1 x + c2 x^2`, without cancellation. A discriminant that is negative by rounding counts as zero.
+pub(crate) fn quadratic_roots(c: [f64; 3]) -> Roots {
+    let mut roots = Roots::default();
+    let size = c[0].abs().max(c[1].abs()).max(c[2].abs());
+    if c[2].abs() <= 1e-14 * size {
+        roots.push(-c[0] / c[1]);
+        return roots;
+    }
+    let mut discriminant = c[1] * c[1] - 4.0 * c[2] * c[0];
+    if discriminant < 0.0 {
+        if discriminant < -1e-12 * (c[1] * c[1] + (4.0 * c[2] * c[0]).abs()) {
+            return roots;
+        }
+        discriminant = 0.0;
+    }
+    let q = -0.5 * (c[1] + discriminant.sqrt().copysign(c[1]));
+    roots.push(q / c[2]);
+    if q != 0.0 && discriminant > 0.0 {
+        roots.push(c[0] / q);
+    }
+    roots
+}
+
+/// The real roots of `c0 + c1 x + c2 x^2 + c3 x^3` (Press et al., "Numerical Recipes", 5.6), polished by Newton's method. A
+/// root that is near infinity, where c3 vanishes, is left out.
+pub(crate) fn cubic_roots(c: [f64; 4]) -> Roots {
+    let size = c.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+    if c[3].abs() <= 1e-13 * size {
+        return quadratic_roots([c[0], c[1], c[2]]);
+    }
+    let (a, b, d) = (c[2] / c[3], c[1] / c[3], c[0] / c[3]);
+    let q = (a * a - 3.0 * b) / 9.0;
+    let r = (2.0 * a * a * a - 9.0 * a * b + 27.0 * d) / 54.0;
+    let (q3, shift) = (q * q * q, a / 3.0);
+    let mut roots = Roots::default();
+    if r * r <= q3 * (1.0 + 1e-13) && q3 > 0.0 {
+        let root = q.sqrt();
+        let theta = libm::acos((r / (root * q)).clamp(-1.0, 1.0));
+        let third = 2.0 * std::f64::consts::PI / 3.0;
+        for k in [0.0, 1.0, -1.0] {
+            let x = -2.0 * root * libm::cos(theta / 3.0 + k * third) - shift;
+            roots.push(polish(a, b, d, x));
+        }
+    } else {
+        let u = -(r.abs() + (r * r - q3).max(0.0).sqrt()).copysign(r);
+        let u = libm::cbrt(u);
+        let v = if u == 0.0 { 0.0 } else { q / u };
+        roots.push(polish(a, b, d, u + v - shift));
+    }
+    roots
+}
+
+/// Newton steps on the monic cubic, as long as they bring it nearer to zero.
+fn polish(a: f64, b: f64, d: f64, mut x: f64) -> f64 {
+    let value = |x: f64| ((x + a) * x + b) * x + d;
+    let mut f = value(x);
+    for _ in 0..3 {
+        let slope = (3.0 * x + 2.0 * a) * x + b;
+        let next = x - f / slope;
+        let g = value(next);
+        if g.is_nan() || g.abs() >= f.abs() {
+            break;
+        }
+        (x, f) = (next, g);
+    }
+    x
+}

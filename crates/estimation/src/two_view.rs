@@ -1,0 +1,283 @@
+//! What the fundamental matrix and the homography share: pairs of pixels, and the search by random samples.
+
+use crate::sampling::{Rng, ransac_iterations};
+use stillpoint_geometry::Mat3;
+
+/// An undistorted pixel in the first image and the one in the second that shows the same point, px.
+pub type PixelPair = ([f64; 2], [f64; 2]);
+
+/// Effort and gate of the search for a two-view relation.
+#[derive(Clone, Copy, Debug)]
+pub struct TwoViewOptions {
+    /// Residual up to which a pair agrees, px. For pixels with standard deviation sigma, 1.96 sigma passes 95 % of the good
+    /// pairs of a fundamental matrix (chi-square, 1 degree of freedom) and 2.45 sigma those of a homography (2 degrees).
+    pub threshold_px: f64,
+    /// Probability of drawing at least one sample without outliers, 0 to 1.
+    pub confidence: f64,
+    /// Least number of samples.
+    pub min_iterations: usize,
+    /// Largest number of samples.
+    pub max_iterations: usize,
+}
+
+impl Default for TwoViewOptions {
+    fn default() -> Self {
+        Self {
+            threshold_px: 1.0,
+            confidence: 0.99,
+            min_iterations: 10,
+            max_iterations: 500,
+        }
+    }
+}
+
+/// Pairs that go through the kernels together.
+pub(crate) const LANES: usize = 4;
+
+/// Coordinates of [`LANES`] pairs.
+#[derive(Clone, Copy)]
+pub(crate) struct Block {
+    pub(crate) x1: [f64; LANES],
+    pub(crate) y1: [f64; LANES],
+    pub(crate) x2: [f64; LANES],
+    pub(crate) y2: [f64; LANES],
+}
+
+/// Blocks between two looks at whether a hypothesis can still win.
+const BLOCKS_PER_LOOK: usize = 8;
+
+/// The finite pairs, moved and scaled so that numbers are near one (Hartley, "In defense of the eight-point algorithm",
+/// PAMI 1997). Both images share the scale, so that residuals keep their meaning.
+pub(crate) struct Pairs {
+    pub(crate) blocks: Vec<Block>,
+    /// Position of each pair in the input.
+    index: Vec<usize>,
+    centre: [[f64; 2]; 2],
+    /// 1 / px.
+    pub(crate) scale: f64,
+}
+
+impl Pairs {
+    /// `None` when fewer than `least` pairs are finite or all of them are the same.
+    pub(crate) fn new(pairs: &[PixelPair], least: usize) -> Option<Self> {
+        let finite = |p: &PixelPair| (p.0[0] + p.0[1]).is_finite() && (p.1[0] + p.1[1]).is_finite();
+        let index: Vec<usize> = (0..pairs.len()).filter(|&i| finite(&pairs[i])).collect();
+        if index.len() < least {
+            return None;
+        }
+        let count = index.len() as f64;
+        let mut centre = [[0.0; 2]; 2];
+        for &i in &index {
+            for (c, p) in centre.iter_mut().zip([pairs[i].0, pairs[i].1]) {
+                c[0] += p[0] / count;
+                c[1] += p[1] / count;
+            }
+        }
+        let mut spread = 0.0;
+        for &i in &index {
+            for (c, p) in centre.iter().zip([pairs[i].0, pairs[i].1]) {
+                let (dx, dy) = (p[0] - c[0], p[1] - c[1]);
+                spread += dx * dx + dy * dy;
+            }
+        }
+        // Root mean square distance sqrt(2) from the centre, over both images.
+        let scale = (4.0 * count / spread).sqrt();
+        if !(scale.is_finite() && scale > 0.0) {
+            return None;
+        }
+        let normalise = |p: [f64; 2], c: [f64; 2]| [(p[0] - c[0]) * scale, (p[1] - c[1]) * scale];
+        let blocks = index
+            .chunks(LANES)
+            .map(|chunk| {
+                // What is not a number never agrees with a hypothesis, so unused lanes cost all of them the same.
+                let mut block = Block::filled(f64::NAN);
+                for (lane, &i) in chunk.iter().enumerate() {
+                    [block.x1[lane], block.y1[lane]] = normalise(pairs[i].0, centre[0]);
+                    [block.x2[lane], block.y2[lane]] = normalise(pairs[i].1, centre[1]);
+                }
+                block
+            })
+            .collect();
+        Some(Self {
+            blocks,
+            index,
+            centre,
+            scale,
+        })
+    }
+
+    pub(crate) fn count(&self) -> usize {
+        self.index.len()
+    }
+
+    /// Normalised pair `i` of the finite ones.
+    pub(crate) fn get(&self, i: usize) -> PixelPair {
+        let (b, lane) = (&self.blocks[i / LANES], i % LANES);
+        ([b.x1[lane], b.y1[lane]], [b.x2[lane], b.y2[lane]])
+    }
+
+    /// The matrix that normalises homogeneous pixels of an image (0 or 1).
+    pub(crate) fn normaliser(&self, image: usize) -> Mat3 {
+        let ([cx, cy], s) = (self.centre[image], self.scale);
+        Mat3::new(s, 0.0, -s * cx, 0.0, s, -s * cy, 0.0, 0.0, 1.0)
+    }
+
+    /// The inverse of [`Self::normaliser`].
+    pub(crate) fn denormaliser(&self, image: usize) -> Mat3 {
+        let ([cx, cy], s) = (self.centre[image], 1.0 / self.scale);
+        Mat3::new(s, 0.0, cx, 0.0, s, cy, 0.0, 0.0, 1.0)
+    }
+
+    /// Sum of `min(residual^2, gate)` over pairs, unused lanes included; infinite as soon as it reaches `limit`. The sum only
+    /// grows, so leaving early changes no decision (MSAC: Torr, Zisserman, "MLESAC", CVIU 2000).
+    #[inline]
+    pub(crate) fn truncated_cost(
+        &self,
+        gate: f64,
+        limit: f64,
+        squared: impl Fn(&Block) -> [f64; LANES],
+    ) -> f64 {
+        let mut sums = [0.0; LANES];
+        let mut total = 0.0;
+        for group in self.blocks.chunks(BLOCKS_PER_LOOK) {
+            for block in group {
+                let r = squared(block);
+                for (s, r) in sums.iter_mut().zip(r) {
+                    *s += if r < gate { r } else { gate };
+                }
+            }
+            total = (sums[0] + sums[1]) + (sums[2] + sums[3]);
+            if total >= limit {
+                return f64::INFINITY;
+            }
+        }
+        total
+    }
+
+    /// Flags of the input's pairs whose squared residual is below the gate, and their number.
+    pub(crate) fn inliers(
+        &self,
+        input: usize,
+        gate: f64,
+        squared: impl Fn(&Block) -> [f64; LANES],
+    ) -> (Vec<bool>, usize) {
+        let (mut flags, mut count) = (vec![false; input], 0);
+        for (block, index) in self.blocks.iter().zip(self.index.chunks(LANES)) {
+            for (r, &i) in squared(block).iter().zip(index) {
+                flags[i] = *r < gate;
+                count += usize::from(flags[i]);
+            }
+        }
+        (flags, count)
+    }
+
+    /// Number of pairs whose squared residual is below the gate.
+    pub(crate) fn count_inliers(
+        &self,
+        gate: f64,
+        squared: impl Fn(&Block) -> [f64; LANES],
+    ) -> usize {
+        self.blocks
+            .iter()
+            .map(|b| squared(b).iter().filter(|r| **r < gate).count())
+            .sum()
+    }
+}
+
+impl Block {
+    fn filled(v: f64) -> Self {
+        let v = [v; LANES];
+        Self {
+            x1: v,
+            y1: v,
+            x2: v,
+            y2: v,
+        }
+    }
+}
+
+/// A relation between two views that samples of `SIZE` pairs determine.
+pub(crate) trait Relation<const SIZE: usize> {
+    /// All relations that a sample allows.
+    fn minimal(sample: &[PixelPair; SIZE]) -> Vec<Mat3>;
+    /// The relation that fits the inliers of `start` best.
+    fn refit(pairs: &Pairs, start: &Mat3, gate: f64) -> Option<Mat3>;
+    /// Squared residuals, in normalised units.
+    fn squared(m: &[f64; 9], block: &Block) -> [f64; LANES];
+}
+
+/// The winner of a search, in normalised coordinates.
+pub(crate) struct Winner {
+    pub(crate) matrix: Mat3,
+    pub(crate) iterations: usize,
+}
+
+/// Row by row.
+#[inline]
+pub(crate) fn rows(m: &Mat3) -> [f64; 9] {
+    std::array::from_fn(|i| m[(i / 3, i % 3)])
+}
+
+/// Random samples, each new best one refined at once (LO-RANSAC: Chum, Matas, Kittler, DAGM 2003): samples of noisy pairs
+/// find fewer inliers than there are, and without the refinement the estimate of the needed samples would be far too high.
+pub(crate) fn search<R: Relation<SIZE>, const SIZE: usize>(
+    pairs: &Pairs,
+    options: &TwoViewOptions,
+    mut rng: Rng,
+) -> Option<Winner> {
+    let gate = gate(pairs, options);
+    let range = (options.min_iterations.max(1), options.max_iterations.max(1));
+    let cost = |m: &Mat3, limit: f64| {
+        let m = rows(m);
+        pairs.truncated_cost(gate, limit, |b| R::squared(&m, b))
+    };
+    let (mut best, mut best_cost) = (None, f64::INFINITY);
+    let (mut iterations, mut needed) = (0, range.1);
+    while iterations < needed {
+        iterations += 1;
+        let chosen = rng.distinct::<SIZE>(pairs.count())?;
+        for mut hypothesis in R::minimal(&chosen.map(|i| pairs.get(i))) {
+            let mut c = cost(&hypothesis, best_cost);
+            if c >= best_cost {
+                continue;
+            }
+            for _ in 0..2 {
+                let Some(refined) = R::refit(pairs, &hypothesis, gate) else {
+                    break;
+                };
+                let d = cost(&refined, c);
+                if d >= c {
+                    break;
+                }
+                (hypothesis, c) = (refined, d);
+            }
+            (best, best_cost) = (Some(hypothesis), c);
+            let m = rows(&hypothesis);
+            let share =
+                pairs.count_inliers(gate, |b| R::squared(&m, b)) as f64 / pairs.count() as f64;
+            needed = ransac_iterations(options.confidence, share, SIZE, range);
+        }
+    }
+    let mut matrix = best?;
+    for _ in 0..8 {
+        let Some(refined) = R::refit(pairs, &matrix, gate) else {
+            break;
+        };
+        let c = cost(&refined, best_cost);
+        if c >= best_cost {
+            break;
+        }
+        let settled = best_cost - c < 1e-6 * best_cost;
+        (matrix, best_cost) = (refined, c);
+        if settled {
+            break;
+        }
+    }
+    Some(Winner { matrix, iterations })
+}
+
+/// The threshold, squared and in normalised units.
+pub(crate) fn gate(pairs: &Pairs, options: &TwoViewOptions) -> f64 {
+    let t = options.threshold_px * pairs.scale;
+    t * t
+}
