@@ -1,5 +1,6 @@
 //! The command line, as clap reads it. Every command's help ends with examples.
 
+use crate::suite_catalogue::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 use stillpoint::evaluation::Delta;
@@ -236,17 +237,28 @@ pub(crate) struct SimulateArgs {
 ///
 /// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the
 /// results of the runs stay in runs/ beside them.
+///
+/// With --suite, the sequences of a public data set are looked for in PATH by their names, as
+/// published, down to three folders below it; those found are run, and suite.md and suite.json
+/// put their errors beside published ones. A sequence that fails is listed with its error.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "Examples:
   stillpoint bench rgbd_dataset_freiburg1_xyz
-  stillpoint bench data/* --runs 5 --out out/bench"
+  stillpoint bench data/* --runs 5 --out out/bench
+  stillpoint bench --suite tum-dynamic ~/data/tum --runs 1
+
+Exit code 1 when a frame was lost, a sequence of a suite failed, or Ctrl-C ended it;
+2 when a data set, the output folder, or no sequence of a suite can be used."
 )]
 pub(crate) struct BenchArgs {
-    /// Data set folders.
+    /// Data set folders; with --suite, folders to look in.
     #[arg(value_name = "PATH", required = true)]
     pub(crate) paths: Vec<PathBuf>,
+    /// Run all sequences of a public data set that are found, and compare with published figures.
+    #[arg(long, value_name = "NAME", value_enum)]
+    pub(crate) suite: Option<Suite>,
     /// Runs per data set.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,

@@ -1,25 +1,15 @@
 //! `bench`: every data set several times, each run in a fresh process, so that memory and timing are honest.
 
 use crate::args::BenchArgs;
+use crate::bench_runner::{Plan, Sequence, Spread, median};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::Machine;
 use crate::summary::{ScoreJson, StageTiming, Summary};
-use crate::{config, console, output};
+use crate::{config, console, output, suite};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::path::PathBuf;
 use stillpoint::evaluation::Table;
-
-/// All runs of one data set.
-#[derive(Debug, Serialize)]
-struct Sequence {
-    name: String,
-    path: String,
-    /// True when all runs gave the same trajectory, byte for byte.
-    identical: bool,
-    runs: Vec<Summary>,
-}
 
 /// The file `bench.json`.
 #[derive(Debug, Serialize)]
@@ -45,54 +35,34 @@ struct SequenceFigures<'a> {
     timing_ms: Vec<StageTiming>,
 }
 
-/// Median and worst of several runs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-struct Spread {
-    median: f64,
-    worst: f64,
-}
-
-impl Spread {
-    /// `None` without values. The worst is the largest.
-    fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
-        let values: Vec<f64> = values.into_iter().collect();
-        let worst = values.iter().copied().reduce(f64::max)?;
-        let median = median(values);
-        Some(Self { median, worst })
-    }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len();
-    match n {
-        0 => f64::NAN,
-        _ if n % 2 == 1 => values[n / 2],
-        _ => 0.5 * (values[n / 2 - 1] + values[n / 2]),
-    }
-}
-
 /// `bench`.
 pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     // Mistakes in the configuration show here, once, instead of in every run.
     config::resolve(&args.config)?;
     config::simd()?;
-    let runs_folder = args.out.join("runs");
-    std::fs::create_dir_all(&runs_folder).map_err(|e| Failure::write(&runs_folder, &e))?;
     let interrupt = Interrupt::listen();
+    let plan = Plan {
+        runs: args.runs,
+        out: &args.out,
+        input: &args.input,
+        config: &args.config,
+    };
+    if let Some(suite) = args.suite {
+        return suite::bench(suite, &args.paths, &plan, &interrupt);
+    }
+    plan.prepare()?;
     let mut sequences = Vec::new();
     for (path, name) in args.paths.iter().zip(unique_names(&args.paths)) {
         if interrupt.requested() {
             break;
         }
-        let sequence = run_sequence(args, path, name, &interrupt)?;
+        let sequence = plan.run(path, name, &interrupt)?;
         if !sequence.runs.is_empty() {
             sequences.push(sequence);
         }
     }
     let machine = Machine::here();
-    let command: Vec<String> = std::env::args().collect();
-    let command = command.join(" ");
+    let command = command_line();
     let figures: Vec<SequenceFigures<'_>> = sequences.iter().map(figures).collect();
     let markdown = markdown(&figures, &machine, &command);
     let all_tracked = figures.iter().all(|f| f.tracked.worst >= 1.0);
@@ -113,6 +83,11 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     } else {
         Status::Failed
     })
+}
+
+/// What the user typed, for the report.
+pub(crate) fn command_line() -> String {
+    std::env::args().collect::<Vec<_>>().join(" ")
 }
 
 /// The last parts of the paths, with a number where two are the same.
@@ -138,114 +113,12 @@ fn unique_names(paths: &[PathBuf]) -> Vec<String> {
     names
 }
 
-fn run_sequence(
-    args: &BenchArgs,
-    path: &Path,
-    name: String,
-    interrupt: &Interrupt,
-) -> Result<Sequence, Failure> {
-    let mut runs = Vec::new();
-    let mut first_trajectory = None;
-    let mut identical = true;
-    for k in 1..=args.runs {
-        let out = args.out.join("runs").join(format!("{name}-{k}"));
-        console::info(&format!("{name}: run {k} of {}", args.runs));
-        let summary = run_once(args, path, &out)?;
-        if interrupt.requested() {
-            break;
-        }
-        let trajectory = std::fs::read(out.join("trajectory.txt")).unwrap_or_default();
-        identical &= *first_trajectory.get_or_insert_with(|| trajectory.clone()) == trajectory;
-        runs.push(summary);
-    }
-    Ok(Sequence {
-        name,
-        path: path.display().to_string(),
-        identical,
-        runs,
-    })
-}
-
-/// One run in a process of its own.
-fn run_once(args: &BenchArgs, path: &Path, out: &Path) -> Result<Summary, Failure> {
-    let program = std::env::current_exe()
-        .map_err(|e| Failure::input(format!("expected to find this program, found: {e}")))?;
-    let mut command = Command::new(&program);
-    command
-        .arg("--quiet")
-        .arg("run")
-        .arg(path)
-        .arg("--out")
-        .arg(out);
-    pass_on(args, &mut command);
-    let output = command.stdin(Stdio::null()).output().map_err(|e| {
-        Failure::input(format!(
-            "{}: expected to run it, found: {e}",
-            program.display()
-        ))
-    })?;
-    let said = String::from_utf8_lossy(&output.stderr);
-    // 1 says that frames were lost: a figure of the report, not a failure of the bench.
-    if !matches!(output.status.code(), Some(0 | 1)) {
-        let said = said.trim().trim_start_matches("error: ");
-        return Err(Failure::input(format!(
-            "run failed ({}): {said}",
-            output.status
-        )));
-    }
-    let file = out.join("summary.json");
-    let text = std::fs::read_to_string(&file).map_err(|e| {
-        Failure::input(format!(
-            "{}: expected the summary of a run, found: {e}",
-            file.display()
-        ))
-    })?;
-    serde_json::from_str(&text).map_err(|e| {
-        Failure::input(format!(
-            "{}: expected the summary of a run, found: {e}",
-            file.display()
-        ))
-    })
-}
-
-/// The arguments that a run shares with the bench.
-fn pass_on(args: &BenchArgs, command: &mut Command) {
-    let input = &args.input;
-    if let Some(camera) = &input.camera {
-        command.args(["--camera", camera]);
-    }
-    command.args(["--start", &input.start.to_string()]);
-    if let Some(n) = input.max_frames {
-        command.args(["--max-frames", &n.to_string()]);
-    }
-    command.args(["--detector", &input.detector]);
-    if input.strict {
-        command.arg("--strict");
-    }
-    if let Some(file) = &args.config.config {
-        command.arg("--config").arg(file);
-    }
-    for set in &args.config.set {
-        command.args(["--set", set]);
-    }
-    if let Some(seed) = args.config.seed {
-        command.args(["--seed", &seed.to_string()]);
-    }
-}
-
 fn figures(sequence: &Sequence) -> SequenceFigures<'_> {
     let runs = &sequence.runs;
-    let shares: Vec<f64> = runs
-        .iter()
-        .map(|r| r.tracked as f64 / r.frames.max(1) as f64)
-        .collect();
     let score = |r: &Summary| r.accuracy.as_ref().map(|a| a.final_poses.clone());
     SequenceFigures {
         sequence,
-        tracked: Spread {
-            median: median(shares.clone()),
-            worst: shares.iter().copied().fold(f64::INFINITY, f64::min),
-        },
+        tracked: Spread::of_tracked(runs),
         ate_rmse: Spread::of(runs.iter().filter_map(|r| match score(r)? {
             ScoreJson::Moving(m) => Some(m.ate.rmse),
             ScoreJson::Fixed(f) => Some(f.drift.rmse),
@@ -356,14 +229,6 @@ fn markdown(figures: &[SequenceFigures<'_>], machine: &Machine, command: &str) -
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn median_and_worst() {
-        let s = Spread::of([3.0, 1.0, 2.0, 10.0]).unwrap();
-        assert_eq!((s.median, s.worst), (2.5, 10.0));
-        assert_eq!(Spread::of([]), None);
-        assert_eq!(median(vec![5.0, 1.0, 3.0]), 3.0);
-    }
 
     #[test]
     fn equal_names_get_numbers() {

@@ -5,6 +5,7 @@
 
 mod args;
 mod bench;
+mod bench_runner;
 mod config;
 mod config_docs;
 mod console;
@@ -18,6 +19,10 @@ mod report;
 mod run;
 mod session;
 mod simulate;
+mod suite;
+mod suite_catalogue;
+mod suite_find;
+mod suite_report;
 mod summary;
 mod timing;
 
