@@ -78,3 +78,69 @@ fn dominant_start(sorted: &[f64], wanted: f64) -> Option<usize> {
     }
     Some(best)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_imaging::DepthImage;
+
+    const BOX: BoundingBox = BoundingBox {
+        x0: 40.0,
+        y0: 40.0,
+        x1: 120.0,
+        y1: 140.0,
+    };
+
+    fn depth_of(f: impl Fn(usize, usize) -> f32) -> CoarseDepth {
+        let data = (0..20).flat_map(|y| (0..20).map(move |x| (x, y)));
+        let cells: Vec<f32> = data.map(|(x, y)| f(x, y)).collect();
+        let pixels = (0..160 * 160).map(|i| cells[i / 160 / 8 * 20 + i % 160 / 8]);
+        CoarseDepth::new(
+            &DepthImage::from_vec(160, 160, pixels.collect()).unwrap(),
+            8,
+        )
+    }
+
+    #[test]
+    fn a_body_before_a_wall_is_the_nearer_surface() {
+        // A slanted body 3 of 5 central cells wide, a wall 2 m behind it.
+        let depth = depth_of(|x, y| {
+            if (7..11).contains(&x) {
+                2.0 + y as f32 * 0.01
+            } else {
+                4.0
+            }
+        });
+        let found = modes(&depth, &BOX);
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert!((found[0].depth - 2.1).abs() < 0.05, "{found:?}");
+        assert!(found[0].range[0] >= 2.0 && found[0].range[1] < 2.25);
+        assert!((found[1].depth - 4.0).abs() < 1e-6);
+        assert!((found[0].share + found[1].share - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_few_near_cells_are_no_surface() {
+        let near = depth_of(|x, y| if x == 9 && y < 10 { 0.8 } else { 3.0 });
+        let found = modes(&near, &BOX);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert!((found[0].depth - 3.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn the_fullest_window_wins_over_its_fringe() {
+        // Stray cells just before the body belong to no window of their own, and do not pull its middle.
+        let found = modes(
+            &depth_of(|x, y| if (x + y) % 5 == 0 { 1.7 } else { 2.2 }),
+            &BOX,
+        );
+        assert!((found[0].depth - 2.2).abs() < 1e-6, "{found:?}");
+    }
+
+    #[test]
+    fn no_depth_has_no_surface() {
+        assert!(modes(&depth_of(|_, _| 0.0), &BOX).is_empty());
+        assert!(modes(&CoarseDepth::default(), &BOX).is_empty());
+        assert!(modes(&depth_of(|_, _| 2.0), &BoundingBox::default()).is_empty());
+    }
+}

@@ -87,3 +87,91 @@ impl Gaussian {
         self.clone().update(rows)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use stillpoint_geometry::nalgebra::{SMatrix, SVector};
+
+    fn numbers(n: usize) -> impl Strategy<Value = Vec<f64>> {
+        proptest::collection::vec(-1.0..1.0_f64, n)
+    }
+
+    fn gaussian(v: &[f64]) -> Gaussian {
+        let root = Mat8::from_column_slice(&v[8..72]);
+        Gaussian {
+            mean: Vec8::from_column_slice(&v[..8]),
+            covariance: root * root.transpose() + Mat8::identity() * 0.1,
+        }
+    }
+
+    const DRIVES: [Drive; 3] = [
+        Drive {
+            value: 0,
+            rate: Some(3),
+            density: 1.3,
+        },
+        Drive {
+            value: 1,
+            rate: Some(4),
+            density: 0.7,
+        },
+        Drive {
+            value: 6,
+            rate: None,
+            density: 0.4,
+        },
+    ];
+
+    proptest! {
+        #[test]
+        fn one_after_the_other_is_all_at_once(v in numbers(72), h in numbers(40), z in numbers(5)) {
+            let prior = gaussian(&v);
+            let jacobian = SMatrix::<f64, 5, 8>::from_row_slice(&h);
+            let residual = SVector::<f64, 5>::from_column_slice(&z);
+            let rows: Vec<Row> = (0..5)
+                .map(|i| Row {
+                    jacobian: jacobian.row(i).transpose(),
+                    residual: residual[i],
+                    variance: 0.2 + 0.1 * i as f64,
+                })
+                .collect();
+            let noise = SMatrix::<f64, 5, 5>::from_diagonal(&SVector::from_fn(|i, _| rows[i].variance));
+            let s = (jacobian * prior.covariance * jacobian.transpose() + noise).try_inverse().unwrap();
+            let gain = prior.covariance * jacobian.transpose() * s;
+            let mut posterior = prior.clone();
+            let chi2 = posterior.update(&rows);
+            let mean = prior.mean + gain * residual;
+            let covariance = (Mat8::identity() - gain * jacobian) * prior.covariance;
+            prop_assert!((chi2 - residual.dot(&(s * residual))).abs() < 1e-9);
+            prop_assert!((posterior.mean - mean).norm() < 1e-9);
+            prop_assert!((posterior.covariance - covariance).norm() < 1e-9);
+            prop_assert_eq!(prior.distance(&rows), chi2);
+        }
+
+        #[test]
+        fn two_steps_are_one(v in numbers(72), a in 0.0..1.0_f64, b in 0.0..1.0_f64, sign in prop::bool::ANY) {
+            let s = if sign { 1.0 } else { -1.0 };
+            let mut once = gaussian(&v);
+            let mut twice = once.clone();
+            once.propagate(s * (a + b), &DRIVES);
+            twice.propagate(s * a, &DRIVES);
+            twice.propagate(s * b, &DRIVES);
+            prop_assert!((once.mean - twice.mean).norm() < 1e-9);
+            prop_assert!((once.covariance - twice.covariance).norm() < 1e-9);
+        }
+
+        #[test]
+        fn back_and_forth_keeps_the_mean_and_adds_doubt(v in numbers(72), dt in 0.01..1.0_f64) {
+            let start = gaussian(&v);
+            let mut end = start.clone();
+            end.propagate(dt, &DRIVES);
+            end.propagate(-dt, &DRIVES);
+            prop_assert!((start.mean - end.mean).norm() < 1e-9);
+            for i in 0..8 {
+                prop_assert!(end.covariance[(i, i)] >= start.covariance[(i, i)] - 1e-9);
+            }
+        }
+    }
+}

@@ -91,3 +91,68 @@ impl Measurement {
         rows
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BoundingBox, ClassId};
+    use stillpoint_geometry::{Camera, Se3, Vec3};
+
+    fn measure([x0, y0, x1, y1]: [f64; 4]) -> Option<Measurement> {
+        let camera = Camera::pinhole(640, 480, [500.0, 500.0, 319.5, 239.5]);
+        let view = View::new(
+            &camera,
+            camera.undistorted_bounds(),
+            &Se3::default(),
+            &Vec3::y(),
+        );
+        let detection = Detection {
+            class: ClassId::PERSON,
+            score: 0.5,
+            bounds: BoundingBox { x0, y0, x1, y1 },
+        };
+        Measurement::new(&view, &detection, &CoarseDepth::default())
+    }
+
+    #[test]
+    fn boxes_that_are_none_are_left_out() {
+        assert!(measure([f64::NAN, 0.0, 10.0, 10.0]).is_none());
+        assert!(measure([0.0, 0.0, f64::INFINITY, 10.0]).is_none());
+        assert!(measure([20.0, 0.0, 10.0, 10.0]).is_none());
+        assert!(measure([-50.0, 0.0, -10.0, 10.0]).is_none());
+        assert!(measure([10.0, 10.0, 50.0, 90.0]).is_some());
+    }
+
+    #[test]
+    fn sides_at_the_border_bind_one_way() {
+        let rows = |m: &Measurement, predicted: Sides| {
+            m.side_rows(&predicted, &[Vec8::zeros(); 4], 0.1)
+                .iter()
+                .map(|r| r.residual)
+                .collect::<Vec<_>>()
+        };
+        let free = measure([100.0, 100.0, 200.0, 300.0]).unwrap();
+        assert_eq!(free.cut, [false; 4]);
+        assert_eq!(
+            rows(&free, [90.0, 90.0, 210.0, 310.0]),
+            [10.0, 10.0, -10.0, -10.0]
+        );
+        let cut = measure([-5.0, 100.0, 200.0, 478.0]).unwrap();
+        assert_eq!(cut.cut, [true, false, false, true]);
+        // Expected beyond the border: the border says nothing.
+        assert_eq!(rows(&cut, [-60.0, 100.0, 200.0, 600.0]), [0.0, 0.0]);
+        // Expected inside the image: it must reach the border.
+        let pulled = rows(&cut, [20.5, 100.0, 200.0, 400.0]);
+        assert_eq!(pulled, [-21.0, 0.0, 0.0, 78.0]);
+    }
+
+    #[test]
+    fn noise_grows_with_the_box() {
+        let variance = |b| {
+            let m = measure(b).unwrap();
+            m.side_rows(&m.sides, &[Vec8::zeros(); 4], 0.1)[0].variance
+        };
+        assert!((variance([100.0, 100.0, 200.0, 300.0]) - 100.0).abs() < 1e-9);
+        assert!((variance([100.0, 100.0, 102.0, 300.0]) - LEAST_SIGMA * LEAST_SIGMA).abs() < 1e-9);
+    }
+}

@@ -119,3 +119,105 @@ impl Planar {
             .unwrap_or_default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BoundingBox, ClassId, Detection};
+    use stillpoint_geometry::{Camera, Se3, Vec3, so3};
+    use stillpoint_imaging::CoarseDepth;
+
+    const CAMERA: Camera = Camera {
+        width: 640,
+        height: 480,
+        fx: 500.0,
+        fy: 500.0,
+        cx: 320.0,
+        cy: 240.0,
+        distortion: stillpoint_geometry::BrownConrady {
+            k1: 0.0,
+            k2: 0.0,
+            p1: 0.0,
+            p2: 0.0,
+            k3: 0.0,
+        },
+    };
+
+    fn view(yaw: f64) -> View<'static> {
+        let pose = Se3::new(so3::exp(&(Vec3::y() * yaw)), Vec3::zeros());
+        View::new(&CAMERA, CAMERA.undistorted_bounds(), &pose, &Vec3::y())
+    }
+
+    fn measured(view: &View, bounds: BoundingBox) -> Measurement {
+        let detection = Detection {
+            class: ClassId::PERSON,
+            score: 0.5,
+            bounds,
+        };
+        Measurement::new(view, &detection, &CoarseDepth::default()).unwrap()
+    }
+
+    const BOX: BoundingBox = BoundingBox {
+        x0: 100.0,
+        y0: 120.0,
+        x1: 180.0,
+        y1: 320.0,
+    };
+
+    #[test]
+    fn jacobians_are_those_of_differences() {
+        let start = view(0.0);
+        let f = Planar::new(&start, &measured(&start, BOX), 0.06);
+        let (_, jacobians) = f.project(&start).unwrap();
+        for i in 0..8 {
+            let shifted = |step: f64| {
+                let mut f = f.clone();
+                f.state.mean[i] += step;
+                f.project(&start).unwrap().0
+            };
+            let (plus, minus) = (shifted(1e-6), shifted(-1e-6));
+            for k in 0..4 {
+                let numeric = (plus[k] - minus[k]) / 2e-6;
+                assert!((numeric - jacobians[k][i]).abs() < 1e-4, "{k} {i}");
+            }
+        }
+    }
+
+    #[test]
+    fn follows_a_box_that_moves_and_grows() {
+        let v = view(0.0);
+        let at = |t: f64| BoundingBox {
+            x0: 100.0 + 100.0 * t,
+            y0: 120.0 - 20.0 * t,
+            x1: 180.0 + 140.0 * t,
+            y1: 320.0 + 20.0 * t,
+        };
+        let mut f = Planar::new(&v, &measured(&v, at(0.0)), 0.02);
+        for i in 1..=30 {
+            f.propagate(1.0 / 30.0, 1.0);
+            let rows = f.rows(&v, &measured(&v, at(f64::from(i) / 30.0)), 0.02);
+            f.state.update(&rows);
+        }
+        f.propagate(0.5, 1.0);
+        let found = v.raw(&f.project(&v).unwrap().0);
+        assert!(found.iou(&at(1.5)) > 0.85, "{found:?} {:?}", at(1.5));
+    }
+
+    #[test]
+    fn turns_with_the_camera() {
+        let start = view(0.0);
+        let mut f = Planar::new(&start, &measured(&start, BOX), 0.06);
+        let ray = CAMERA.ray(stillpoint_geometry::Vec2::new(140.0, 220.0));
+        let turned = view(-0.2);
+        let expected = CAMERA.project(&(turned.rotation * ray));
+        assert!((expected.x - 140.0).abs() > 80.0);
+        for _ in 0..2 {
+            let (sides, _) = f.project(&turned).unwrap();
+            assert!(((sides[0] + sides[2]) / 2.0 - expected.x).abs() < 1e-9);
+            assert!(((sides[1] + sides[3]) / 2.0 - expected.y).abs() < 1e-9);
+            // The same from the rebased state.
+            f.rebase(&turned);
+        }
+        assert!(f.project(&view(3.0)).is_none());
+    }
+}

@@ -223,3 +223,120 @@ fn upright([w, h]: [f64; 2], [c2, s2]: [f64; 2]) -> [f64; 2] {
         ((h2 * c2 - w2 * s2) / d).max(least).sqrt(),
     ]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use stillpoint_geometry::{Camera, Se3, Vec6};
+
+    fn filter(v: &[f64]) -> Spatial {
+        Spatial {
+            state: Gaussian {
+                mean: Vec8::from_column_slice(v),
+                covariance: Mat8::identity(),
+            },
+        }
+    }
+
+    /// Sides and depth after a change of one number of the state.
+    fn shifted(filter: &Spatial, view: &View, i: usize, step: f64) -> [f64; 5] {
+        let mut f = filter.clone();
+        f.state.mean[i] += step;
+        let p = f.project(view).unwrap();
+        [p.sides[0], p.sides[1], p.sides[2], p.sides[3], p.z]
+    }
+
+    proptest! {
+        #[test]
+        fn jacobians_are_those_of_differences(
+            at in prop::array::uniform3(-1.0..1.0_f64), size in prop::array::uniform2(-2.0..0.5_f64),
+            twist in prop::array::uniform6(-0.4..0.4_f64)
+        ) {
+            let camera = Camera::pinhole(640, 480, [517.3, 510.0, 318.6, 255.3]);
+            let pose = Se3::exp(&Vec6::from_column_slice(&twist));
+            let view = View::new(&camera, camera.undistorted_bounds(), &pose, &Vec3::y());
+            let f = filter(&[at[0], at[1], at[2] + 3.5, 0.3, 0.1, -0.2, size[0], size[1]]);
+            let p = f.project(&view).unwrap();
+            for i in 0..8 {
+                let step = 1e-6;
+                let (plus, minus) = (shifted(&f, &view, i, step), shifted(&f, &view, i, -step));
+                for k in 0..5 {
+                    let numeric = (plus[k] - minus[k]) / (2.0 * step);
+                    let analytic = if k < 4 { p.jacobians[k][i] } else { p.z_jacobian[i] };
+                    prop_assert!(
+                        (numeric - analytic).abs() <= 1e-5 * (1.0 + numeric.abs()),
+                        "number {k} by state {i}: {numeric} {analytic}"
+                    );
+                }
+            }
+        }
+
+        #[test]
+        fn the_size_behind_a_rolled_box(w in 0.1..1.0_f64, h in 0.1..2.0_f64, roll in -0.5..0.5_f64) {
+            let c = libm::cos(roll);
+            let roll = [c * c, 1.0 - c * c];
+            let seen = [
+                (w * w * roll[0] + h * h * roll[1]).sqrt(),
+                (h * h * roll[0] + w * w * roll[1]).sqrt(),
+            ];
+            let found = upright(seen, roll);
+            prop_assert!((found[0] - w).abs() < 1e-6 || w < 0.35 * h || h < 0.35 * w, "{found:?}");
+            prop_assert!((found[1] - h).abs() < 1e-6 || w < 0.35 * h || h < 0.35 * w, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn projects_a_person_by_hand() {
+        let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
+        let view = View::new(
+            &camera,
+            camera.undistorted_bounds(),
+            &Se3::default(),
+            &Vec3::y(),
+        );
+        let (w, h) = (libm::log(0.5), libm::log(1.6));
+        let f = filter(&[0.2, 0.1, 2.0, 0.0, 0.0, 0.0, w, h]);
+        let p = f.project(&view).unwrap();
+        let expected = [370.0 - 62.5, 265.0 - 200.0, 370.0 + 62.5, 265.0 + 200.0];
+        for (found, expected) in p.sides.iter().zip(expected) {
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
+        }
+        assert_eq!(p.z, 2.0);
+        assert!(
+            filter(&[0.2, 0.1, -2.0, 0.0, 0.0, 0.0, w, h])
+                .project(&view)
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn keeps_to_its_own_surface() {
+        let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
+        let view = View::new(
+            &camera,
+            camera.undistorted_bounds(),
+            &Se3::default(),
+            &Vec3::y(),
+        );
+        let mut f = filter(&[0.0, 0.0, 2.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
+        f.state.covariance *= 0.01;
+        let p = f.project(&view).unwrap();
+        let mode = |depth: f64, share| DepthMode {
+            depth,
+            range: [depth, depth],
+            share,
+        };
+        let pick = |modes: &[DepthMode]| f.own_mode(&p, modes).map(|m| m.depth);
+        // Somebody in front and the wall behind are not it.
+        assert_eq!(
+            pick(&[mode(1.5, 0.5), mode(2.6, 0.3), mode(5.0, 0.2)]),
+            Some(2.6)
+        );
+        assert_eq!(pick(&[mode(1.5, 0.6), mode(5.0, 0.4)]), None);
+        // What holds half of the box is preferred when both are possible.
+        assert_eq!(pick(&[mode(2.3, 0.6), mode(2.52, 0.4)]), Some(2.3));
+        assert_eq!(pick(&[mode(2.3, 0.3), mode(2.52, 0.4)]), Some(2.52));
+        assert_eq!(pick(&[]), None);
+    }
+}

@@ -82,3 +82,83 @@ impl<'a> View<'a> {
         .clipped(self.camera.width as usize, self.camera.height as usize)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use stillpoint_geometry::BrownConrady;
+
+    fn fr1() -> Camera {
+        Camera {
+            distortion: BrownConrady {
+                k1: 0.2624,
+                k2: -0.9531,
+                p1: -0.0054,
+                p2: 0.0026,
+                k3: 1.1633,
+            },
+            ..Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3])
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn raw_and_undistorted_are_inverse(
+            x0 in 0.0..600.0_f64, y0 in 0.0..440.0_f64, w in 0.05..1.0_f64, h in 0.05..1.0_f64
+        ) {
+            let camera = fr1();
+            let view = View::new(&camera, camera.undistorted_bounds(), &Se3::default(), &Vec3::y());
+            let raw = BoundingBox { x0, y0, x1: x0 + w * (639.0 - x0), y1: y0 + h * (479.0 - y0) };
+            let back = view.raw(&view.undistorted(&raw));
+            // The midpoint of a side moves a little along it, which the distortion hardly sees.
+            for (a, b) in [(raw.x0, back.x0), (raw.y0, back.y0), (raw.x1, back.x1), (raw.y1, back.y1)] {
+                prop_assert!((a - b).abs() < 0.5, "{raw:?} {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_box_outside_has_no_area() {
+        let camera = fr1();
+        let view = View::new(
+            &camera,
+            camera.undistorted_bounds(),
+            &Se3::default(),
+            &Vec3::y(),
+        );
+        for sides in [
+            [-900.0, 100.0, -200.0, 300.0],
+            [700.0, 100.0, 5000.0, 300.0],
+            [100.0, 600.0, 200.0, 1e9],
+        ] {
+            assert_eq!(view.raw(&sides).area(), 0.0, "{sides:?}");
+        }
+        let all = view.raw(&[-1e9, -1e9, 1e9, 1e9]);
+        assert!(all.area() > 0.97 * 640.0 * 480.0, "{all:?}");
+    }
+
+    #[test]
+    fn roll_is_the_angle_to_the_vertical() {
+        let camera = fr1();
+        for angle in [-0.7, 0.0, 0.3, 1.2] {
+            let pose = Se3::new(
+                stillpoint_geometry::so3::exp(&(Vec3::z() * angle)),
+                Vec3::zeros(),
+            );
+            let view = View::new(&camera, [0.0, 0.0, 1.0, 1.0], &pose, &Vec3::y());
+            let c = libm::cos(angle);
+            assert!(
+                (view.roll[0] - c * c).abs() < 1e-12 && (view.roll[1] + c * c - 1.0).abs() < 1e-12
+            );
+        }
+        let down = Se3::new(
+            stillpoint_geometry::so3::exp(&(Vec3::x() * -1.5707)),
+            Vec3::zeros(),
+        );
+        assert_eq!(
+            View::new(&camera, [0.0; 4], &down, &Vec3::y()).roll,
+            [1.0, 0.0]
+        );
+    }
+}
