@@ -8,12 +8,16 @@ mod detections;
 mod detector;
 mod hash;
 mod objects;
+#[cfg(feature = "onnx")]
+mod onnx;
 mod scripted;
 mod weights;
 
 pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
 pub use objects::{Motion, Object, ObjectId, ObjectState, ObjectTracker, ObjectsConfig};
+#[cfg(feature = "onnx")]
+pub use onnx::{ModelError, OnnxDetector, OnnxOptions};
 pub use scripted::{
     SCRIPT_HEADER, ScriptError, ScriptRow, ScriptUse, ScriptedDetector, format_script, parse_script,
 };
