@@ -105,7 +105,7 @@ fn homography_600(bencher: Bencher, outliers: f64) {
         frame += 1;
         find_homography(
             black_box(&pairs),
-            &TwoViewOptions::default(),
+            &TwoViewOptions::for_homography(),
             rng(1, frame, Purpose::HOMOGRAPHY),
         )
     });

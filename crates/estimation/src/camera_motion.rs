@@ -245,8 +245,9 @@ impl<'a> Search<'a> {
                 continue;
             };
             for pose in self.solve(&chosen) {
-                let raw = self.score(&pose, self.best_raw);
-                if raw > self.best_raw {
+                let least = self.best_raw.max(RAW_SHARE * self.best_score);
+                let raw = self.score(&pose, least);
+                if raw > least {
                     self.best_raw = raw;
                     self.propose(&pose);
                     limit = needed(self.share());
@@ -321,7 +322,8 @@ impl<'a> Search<'a> {
 
     fn conclude(self, iterations: usize) -> Option<CameraMotion> {
         let scale = self.options.gate_scale;
-        let observations = self.agreeing(&self.best?, scale);
+        // Opened gates: the best motion is still rough, and the optimisation tests all it is given anew.
+        let observations = self.agreeing(&self.best?, FINAL_OPENING * scale);
         let options = PoseOptions {
             rounds: 2,
             plain_rounds: 1,
@@ -353,6 +355,12 @@ impl<'a> Search<'a> {
         })
     }
 }
+
+/// Share of the best vote that a sample needs before it is worth refining.
+const RAW_SHARE: f64 = 0.25;
+
+/// Factor on the squared gates within which pairs take part in the last optimisation.
+const FINAL_OPENING: f64 = 4.0;
 
 /// Pairs that a refinement between samples looks at, at most: enough for its accuracy, few enough to be quick.
 const REFINE_PAIRS: usize = 48;

@@ -192,3 +192,82 @@ fn polish(a: f64, b: f64, d: f64, mut x: f64) -> f64 {
     }
     x
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Roots that were put in come out, and nothing else does.
+        #[test]
+        fn cubics_have_their_roots(a in -5.0..5.0f64, b in -5.0..5.0f64, c in -5.0..5.0f64, size in 0.1..10.0f64) {
+            let gap = (a - b).abs().min((a - c).abs()).min((b - c).abs());
+            prop_assume!(gap > 1e-2);
+            let found = cubic_roots([-a * b * c, a * b + a * c + b * c, -a - b - c, 1.0].map(|v| v * size));
+            let (mut found, mut expected) = (found.as_slice().to_vec(), vec![a, b, c]);
+            found.sort_by(f64::total_cmp);
+            expected.sort_by(f64::total_cmp);
+            prop_assert_eq!(found.len(), 3);
+            for (f, e) in found.iter().zip(&expected) {
+                prop_assert!((f - e).abs() < 1e-9, "{f} {e}");
+            }
+        }
+
+        /// One real root beside a pair of complex ones.
+        #[test]
+        fn a_lone_root_is_found(a in -5.0..5.0f64, re in -3.0..3.0f64, im in 0.1..3.0f64) {
+            let (s, p) = (2.0 * re, re * re + im * im);
+            let found = cubic_roots([-a * p, a * s + p, -a - s, 1.0]);
+            prop_assert_eq!(found.as_slice().len(), 1);
+            prop_assert!((found.as_slice()[0] - a).abs() < 1e-9);
+        }
+
+        #[test]
+        fn quadratics_have_their_roots(a in -5.0..5.0f64, b in -5.0..5.0f64, size in 0.1..10.0f64) {
+            prop_assume!((a - b).abs() > 1e-3);
+            let found = quadratic_roots([a * b * size, -(a + b) * size, size]);
+            let mut found = found.as_slice().to_vec();
+            found.sort_by(f64::total_cmp);
+            prop_assert_eq!(found.len(), 2);
+            prop_assert!((found[0] - a.min(b)).abs() < 1e-9 && (found[1] - a.max(b)).abs() < 1e-9);
+            let complex = quadratic_roots([a * a + 1.0, -2.0 * a, 1.0]);
+            prop_assert!(complex.as_slice().is_empty());
+        }
+
+        #[test]
+        fn determinants_are_their_cubic(m in prop::array::uniform9(-1.0..1.0f64), n in prop::array::uniform9(-1.0..1.0f64), x in -3.0..3.0f64) {
+            let (m, n) = (Mat3::from_row_slice(&m), Mat3::from_row_slice(&n));
+            let c = determinant_cubic(&m, &n);
+            let value = ((c[3] * x + c[2]) * x + c[1]) * x + c[0];
+            prop_assert!((value - (m * x + n).determinant()).abs() < 1e-12 * 100.0);
+            prop_assert!((adjugate(&m) * m - Mat3::identity() * m.determinant()).amax() < 1e-14);
+        }
+
+        /// Compared with the library's eigenvalues.
+        #[test]
+        fn the_smallest_eigenvector(m in prop::array::uniform9(-1.0..1.0f64)) {
+            let m = Mat3::from_row_slice(&m);
+            let g = m.tr_mul(&m);
+            let values = g.symmetric_eigenvalues();
+            let smallest = values.min();
+            let second = values.iter().filter(|v| **v > smallest).fold(f64::INFINITY, |a, v| a.min(*v));
+            prop_assume!(second > 4.0 * smallest);
+            let v = Vec3::from(smallest_eigenvector(&[0, 1, 2].map(|r| [0, 1, 2].map(|c| g[(r, c)]))).unwrap());
+            prop_assert!((v.norm() - 1.0).abs() < 1e-14);
+            prop_assert!((g * v - v * smallest).norm() < 1e-8);
+            let flat = to_rank_two(&m).unwrap();
+            prop_assert!(flat.determinant().abs() < 1e-14);
+            prop_assert!(((m - flat).norm() - smallest.max(0.0).sqrt()).abs() < 1e-7);
+        }
+    }
+
+    #[test]
+    fn nothing_has_no_eigenvector() {
+        assert!(smallest_eigenvector(&[[0.0; 3]; 3]).is_none());
+        assert!(smallest_eigenvector(&[[f64::NAN; 3]; 3]).is_none());
+        // A kernel of two dimensions: any of its vectors will do.
+        let v = smallest_eigenvector(&[[1.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]);
+        assert!(v.unwrap()[0].abs() < 1e-12);
+    }
+}
