@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use divan::{AllocProfiler, Bencher, black_box};
 use stillpoint_features::{
-    Descriptor, FeatureGrid, Features, OrbConfig, OrbExtractor, Window, best_two, kernels::Stages,
-    match_brute_force,
+    Descriptor, FeatureGrid, Features, Flow, FlowConfig, OrbConfig, OrbExtractor, Window, best_two,
+    kernels::Stages, match_brute_force,
 };
 use stillpoint_imaging::{ColourImage, GrayImage, Pyramid, Simd};
 
@@ -231,5 +231,54 @@ fn windows(bencher: Bencher) {
             sum += best.map_or(0, |best| best.distance);
         }
         sum
+    });
+}
+
+/// What the flow is told of the motion.
+#[derive(Clone, Copy, Debug)]
+enum Start {
+    /// Nothing: the search uses all levels.
+    Point,
+    /// Positions that are wrong by up to 1.5 px in x and y.
+    Guess,
+}
+
+/// A thousand points from a real frame to the next, and back. The texture is tracked to itself where there is no real frame.
+#[divan::bench(args = [
+    (Start::Point, Simd::Scalar),
+    (Start::Point, Simd::Avx2),
+    (Start::Guess, Simd::Scalar),
+    (Start::Guess, Simd::Avx2),
+])]
+fn flow(bencher: Bencher, (start, simd): (Start, Simd)) {
+    let files = real_files().unwrap_or_default();
+    let middle = files.len() / 2;
+    let frame = |i: usize| files.get(i).and_then(load).unwrap_or_else(texture);
+    let mut extractor = OrbExtractor::new(&OrbConfig::default(), simd);
+    let (mut features, mut second) = <(Features, Features)>::default();
+    extractor.extract(&frame(middle), &mut features);
+    extractor.extract(&frame(middle + 1), &mut second);
+    let (previous, current) = (extractor.previous_pyramid(), extractor.pyramid());
+    let points: Vec<_> = features.keypoints.iter().map(|k| [k.x, k.y]).collect();
+    let mut flow = Flow::new(FlowConfig::default(), simd);
+    let mut out = Vec::new();
+    flow.track(previous, current, &points, None, &mut out);
+    let mut state = 1_u32;
+    let mut error = || {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as f32 / (1 << 23) as f32 * 1.5 - 1.5
+    };
+    let near = out.iter().zip(&points).map(|(found, point)| {
+        let [x, y] = found.map_or(*point, |found| found.position);
+        [x + error(), y + error()]
+    });
+    let guesses: Vec<_> = near.collect();
+    let guesses = match start {
+        Start::Point => None,
+        Start::Guess => Some(&guesses[..]),
+    };
+    bencher.bench_local(|| {
+        flow.track(previous, current, black_box(&points), guesses, &mut out);
+        out.iter().flatten().count()
     });
 }

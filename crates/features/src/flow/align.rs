@@ -28,6 +28,17 @@ impl<T> Outcome<T> {
     }
 }
 
+/// From where and how finely to search.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Start {
+    /// The window's expected centre, px of the level.
+    pub(crate) position: [f32; 2],
+    /// How much brighter it is expected to be, grey levels.
+    pub(crate) brightness: f32,
+    /// A step shorter than this ends the search, px.
+    pub(crate) epsilon: f32,
+}
+
 /// Where the window was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Aligned {
@@ -44,7 +55,6 @@ pub(crate) struct Aligned {
 pub(crate) struct Aligner {
     template: Template,
     iterations: usize,
-    epsilon: f64,
     min_eigenvalue: f64,
     simd: Simd,
 }
@@ -54,21 +64,19 @@ impl Aligner {
         Self {
             template: Template::new(config.radius),
             iterations: config.iterations,
-            epsilon: f64::from(config.epsilon),
             min_eigenvalue: f64::from(config.min_eigenvalue),
             simd,
         }
     }
 
-    /// Moves the window of the second image from `start` (px) and `brightness` (grey levels) until it looks like that around `point` of the first.
+    /// Moves the window of the second image from `start` until it looks like that around `point` (px) of the first.
     ///
     /// Gauss-Newton with the gradients of the first image, which stay the same, so that a step costs one comparison of both windows.
     pub(crate) fn align(
         &mut self,
         (first, second): (&GrayImage, &GrayImage),
         point: [f32; 2],
-        start: [f32; 2],
-        brightness: f32,
+        start: Start,
     ) -> Outcome<Aligned> {
         let side = self.template.side;
         let Some(place) = Place::new(first, point[0], point[1], side) else {
@@ -78,8 +86,9 @@ impl Aligner {
         let Some(normal) = Normal::new(&sums, side * side, self.min_eigenvalue) else {
             return Outcome::Untrackable;
         };
-        let mut position = start;
-        let mut offset = offset_of(f64::from(brightness) * 64.0);
+        let epsilon = f64::from(start.epsilon) * f64::from(start.epsilon);
+        let mut position = start.position;
+        let mut offset = offset_of(f64::from(start.brightness) * 64.0);
         let mut residual = f32::INFINITY;
         let mut last = [0.0; 2];
         for _ in 0..self.iterations {
@@ -92,17 +101,20 @@ impl Aligner {
             offset = offset_of(f64::from(offset) + brighter);
             residual = found.abs_e as f32 / (16 * side * side) as f32;
             let length = |v: [f64; 2]| v[0] * v[0] + v[1] * v[1];
-            if length(step) < self.epsilon * self.epsilon {
+            if length(step) < epsilon {
                 break;
             }
             // A step that takes back the one before goes round in circles: the middle is the best guess.
-            if length([step[0] + last[0], step[1] + last[1]]) < self.epsilon * self.epsilon {
+            if length([step[0] + last[0], step[1] + last[1]]) < epsilon {
                 position[0] -= 0.5 * step[0] as f32;
                 position[1] -= 0.5 * step[1] as f32;
                 break;
             }
             last = step;
-            let run = [position[0] - start[0], position[1] - start[1]];
+            let run = [
+                position[0] - start.position[0],
+                position[1] - start.position[1],
+            ];
             if run[0] * run[0] + run[1] * run[1] > (side * side) as f32 {
                 return Outcome::Lost;
             }

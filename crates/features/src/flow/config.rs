@@ -31,13 +31,13 @@ impl Default for FlowConfig {
     fn default() -> Self {
         Self {
             radius: 7,
-            levels: 3,
-            level_step: 3,
+            levels: 4,
+            level_step: 4,
             iterations: 10,
             epsilon: 0.02,
             forward_backward: 0.5,
-            max_residual: 12.0,
-            min_eigenvalue: 2.0,
+            max_residual: 18.0,
+            min_eigenvalue: 1.0,
             guess_error: 3.0,
         }
     }

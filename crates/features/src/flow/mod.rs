@@ -7,11 +7,16 @@
 mod align;
 mod config;
 pub(crate) mod patch;
+mod scales;
 
 pub use config::FlowConfig;
 
-use align::{Aligned, Aligner, Outcome};
+use align::{Aligned, Aligner, Outcome, Start};
+use scales::Scales;
 use stillpoint_imaging::{Pyramid, Simd};
+
+/// A step shorter than this ends a coarse level, px: the next finer one goes on from there.
+const COARSE_EPSILON: f32 = 0.1;
 
 /// Where a point is in the current image.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,8 +34,9 @@ pub struct FlowMatch {
 pub struct Flow {
     config: FlowConfig,
     aligner: Aligner,
-    /// The pyramid levels used, finest first.
-    levels: Vec<usize>,
+    /// Scales of the previous and of the current image.
+    old: Scales,
+    new: Scales,
 }
 
 impl Flow {
@@ -44,7 +50,8 @@ impl Flow {
         config.iterations = config.iterations.clamp(1, 100);
         Self {
             aligner: Aligner::new(&config, simd),
-            levels: Vec::new(),
+            old: Scales::default(),
+            new: Scales::default(),
             config,
         }
     }
@@ -77,33 +84,34 @@ impl Flow {
             out.resize(points.len(), None);
             return;
         }
-        self.levels.clear();
-        let levels = (0..previous.levels()).step_by(self.config.level_step);
-        self.levels.extend(levels.take(self.config.levels));
+        let (count, step) = (self.config.levels, self.config.level_step);
+        self.old.build(previous, count, step);
+        self.new.build(current, count, step);
         let pair = (previous, current);
-        let near = self.levels_for(self.config.guess_error, previous);
+        let near = self.levels_for(self.config.guess_error);
         for (i, &point) in points.iter().enumerate() {
             let guess = guesses.and_then(|guesses| guesses.get(i)).copied();
             let start = guess.unwrap_or(point);
             let first = if guess.is_some() {
                 near
             } else {
-                self.levels.len()
+                self.config.levels
             };
             let mut found = self.track_point(pair, point, start, first);
-            if found == Outcome::Lost && first < self.levels.len() {
-                found = self.track_point(pair, point, start, self.levels.len());
+            if found == Outcome::Lost && first < self.config.levels {
+                found = self.track_point(pair, point, start, self.config.levels);
             }
             out.push(found.found());
         }
     }
 
     /// How many levels are needed for a start that is wrong by up to `error` px: a step reaches about half a radius.
-    fn levels_for(&self, error: f32, pyramid: &Pyramid) -> usize {
+    fn levels_for(&self, error: f32) -> usize {
         let reach = 0.5 * self.config.radius as f32;
-        let enough = |&level: &usize| error <= reach * pyramid.scale(level);
-        let needed = self.levels.iter().position(enough);
-        needed.map_or(self.levels.len(), |index| index + 1)
+        let enough = |&i: &usize| error <= reach * self.new.scale(i);
+        (0..self.new.len())
+            .find(enough)
+            .map_or(self.new.len(), |i| i + 1)
     }
 
     /// Forward from coarse to fine, and back at the finest level.
@@ -125,9 +133,15 @@ impl Flow {
             return Outcome::Lost;
         }
         let (old, new) = (previous.level(0), current.level(0));
-        let back = self
-            .aligner
-            .align((new, old), forward.position, point, -forward.brightness);
+        let back = self.aligner.align(
+            (new, old),
+            forward.position,
+            Start {
+                position: point,
+                brightness: -forward.brightness,
+                epsilon: self.config.epsilon,
+            },
+        );
         let Outcome::Found(back) = back else {
             return Outcome::Lost;
         };
@@ -153,19 +167,48 @@ impl Flow {
     ) -> Outcome<Aligned> {
         let mut position = start;
         let mut brightness = 0.0;
-        for &level in self.levels[1..count].iter().rev() {
-            let (x, y) = previous.from_base(level, point[0], point[1]);
-            let (u, v) = current.from_base(level, position[0], position[1]);
-            let images = (previous.level(level), current.level(level));
-            // A coarse window that leaves the image or has no texture says nothing: the finer ones go on from where they are.
-            let found = self.aligner.align(images, [x, y], [u, v], brightness);
+        for i in (1..count).rev() {
+            let images = (self.old.image(previous, i), self.new.image(current, i));
+            let size = (images.1.width(), images.1.height());
+            let from = self.old.from_base(i, point);
+            let to = self.new.from_base(i, position);
+            let [from, to, shift] = self.inwards(from, to, size);
+            let start = Start {
+                position: to,
+                brightness,
+                epsilon: self.config.epsilon.max(COARSE_EPSILON),
+            };
+            let found = self.aligner.align(images, from, start);
+            // A coarse window that runs off or has no texture says nothing: the finer ones go on from where they are.
             if let Outcome::Found(aligned) = found {
-                let (x, y) = current.to_base(level, aligned.position[0], aligned.position[1]);
-                position = [x, y];
+                let [x, y] = aligned.position;
+                position = self.new.to_base(i, [x - shift[0], y - shift[1]]);
                 brightness = aligned.brightness;
             }
         }
         let images = (previous.level(0), current.level(0));
-        self.aligner.align(images, point, position, brightness)
+        let start = Start {
+            position,
+            brightness,
+            epsilon: self.config.epsilon,
+        };
+        self.aligner.align(images, point, start)
+    }
+
+    /// Moves a pair of positions, and both alike, so that their windows are inside images of this size: near the border the motion of the
+    /// window beside it is a better start than none. Returns them and the move.
+    fn inwards(&self, from: [f32; 2], to: [f32; 2], size: (usize, usize)) -> [[f32; 2]; 3] {
+        // The window, its gradients, the interpolation, and room to move.
+        let margin = (self.config.radius + 4) as f32;
+        let move_in = |a: f32, b: f32, length: usize| {
+            let (low, high) = (margin, length as f32 - 1.0 - margin);
+            (low - a.min(b)).max(0.0) - (a.max(b) - high).max(0.0)
+        };
+        let shift = [
+            move_in(from[0], to[0], size.0),
+            move_in(from[1], to[1], size.1),
+        ];
+        let moved = |p: [f32; 2]| [p[0] + shift[0], p[1] + shift[1]];
+        [moved(from), moved(to), shift]
     }
 }

@@ -1,0 +1,84 @@
+//! The scales on which the flow searches.
+//!
+//! Answers: which images are compared from coarse to fine. A feature pyramid ends too early for fast motion, so halves of its last level in use
+//! are appended: they are small and cost next to nothing. Coordinates follow the pyramid's rule, `x0 = (x_l + 0.5) s - 0.5`.
+
+use stillpoint_imaging::{GrayImage, Pyramid};
+
+/// The images of one pyramid at every scale in use, finest first.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Scales {
+    /// Levels of the pyramid in use.
+    levels: Vec<usize>,
+    /// What follows them, each half of the one before.
+    halves: Vec<GrayImage>,
+    /// Pixels of level 0 per pixel, of all.
+    scales: Vec<f32>,
+}
+
+impl Scales {
+    /// Takes every `step`-th level of `pyramid` and makes halves until there are `count` scales.
+    pub(crate) fn build(&mut self, pyramid: &Pyramid, count: usize, step: usize) {
+        self.levels.clear();
+        self.levels
+            .extend((0..pyramid.levels()).step_by(step).take(count));
+        self.scales.clear();
+        self.scales
+            .extend(self.levels.iter().map(|&level| pyramid.scale(level)));
+        self.halves
+            .resize_with(count - self.levels.len(), GrayImage::default);
+        let mut finer = pyramid.level(self.levels[self.levels.len() - 1]);
+        for half in &mut self.halves {
+            halve(finer, half);
+            finer = half;
+            self.scales.push(2.0 * self.scales[self.scales.len() - 1]);
+        }
+    }
+
+    /// Number of scales.
+    pub(crate) fn len(&self) -> usize {
+        self.scales.len()
+    }
+
+    /// Pixels of level 0 per pixel of scale `i`.
+    pub(crate) fn scale(&self, i: usize) -> f32 {
+        self.scales[i]
+    }
+
+    /// The image at scale `i`; `pyramid` is the one that this was built from.
+    pub(crate) fn image<'a>(&'a self, pyramid: &'a Pyramid, i: usize) -> &'a GrayImage {
+        match self.levels.get(i) {
+            Some(&level) => pyramid.level(level),
+            None => &self.halves[i - self.levels.len()],
+        }
+    }
+
+    /// Position at scale `i` of a position in level 0, px.
+    pub(crate) fn from_base(&self, i: usize, [x, y]: [f32; 2]) -> [f32; 2] {
+        let scale = self.scales[i];
+        [(x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5]
+    }
+
+    /// Position in level 0 of a position at scale `i`, px.
+    pub(crate) fn to_base(&self, i: usize, [x, y]: [f32; 2]) -> [f32; 2] {
+        let scale = self.scales[i];
+        [(x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5]
+    }
+}
+
+/// Means of squares of 2x2 pixels, rounded; an odd last row or column is left out.
+fn halve(image: &GrayImage, out: &mut GrayImage) {
+    let (width, height) = (image.width() / 2, image.height() / 2);
+    out.resize(width, height);
+    if width == 0 {
+        return;
+    }
+    for (y, out) in out.data_mut().chunks_exact_mut(width).enumerate() {
+        let (above, below) = (image.row(2 * y), image.row(2 * y + 1));
+        let pairs = above.chunks_exact(2).zip(below.chunks_exact(2));
+        for (out, (a, b)) in out.iter_mut().zip(pairs) {
+            let sum = u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]);
+            *out = ((sum + 2) / 4) as u8;
+        }
+    }
+}
