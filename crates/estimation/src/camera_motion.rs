@@ -53,7 +53,8 @@ const CHI2_95_6: f64 = 12.591_587_243_743_977;
 /// Effort and gates of the search for the camera's motion.
 #[derive(Clone, Copy, Debug)]
 pub struct MotionOptions {
-    /// Probability of drawing at least one sample without outliers, 0 to 1.
+    /// Probability of drawing at least one sample without outliers, 0 to 1. High, because depths are noisy: two motions that
+    /// differ little have one between them that shares both crowds, and a single good sample may end there.
     pub confidence: f64,
     /// Least number of samples.
     pub min_iterations: usize,
@@ -70,7 +71,7 @@ pub struct MotionOptions {
 impl Default for MotionOptions {
     fn default() -> Self {
         Self {
-            confidence: 0.99,
+            confidence: 0.999,
             min_iterations: 8,
             max_iterations: 200,
             gate_scale: 1.0,
