@@ -5,14 +5,18 @@
 //!
 //! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`) from exact poses
 //! (`path`) at the stamps of the colour image and of the depth image, and then spoiled as a real camera does (`sensor`).
+//! People move through some scenes (`people`); what they cover is known exactly (`truth`).
 
 mod lens;
 mod path;
+mod people;
 mod random;
 mod raster;
 mod scene;
 mod sensor;
 mod simulator;
 mod texture;
+mod truth;
 
 pub use simulator::{Simulator, SimulatorConfig, SimulatorError, SimulatorSource, scene_names};
+pub use truth::{DetectionNoise, FrameTruth, MoverBox, ScriptedDetection};

@@ -11,6 +11,8 @@ pub(crate) struct Path {
     kind: Kind,
     /// Slow and fast shaking of the hand that holds the camera.
     tremor: Tremor,
+    /// How much farther from the desk the camera is, m.
+    back: f64,
 }
 
 enum Kind {
@@ -38,6 +40,7 @@ impl Path {
         Self {
             kind: Kind::Xyz,
             tremor: Tremor::new(seed, 3.0),
+            back: 0.0,
         }
     }
 
@@ -45,6 +48,7 @@ impl Path {
         Self {
             kind: Kind::Rpy,
             tremor: Tremor::new(seed, 2.0),
+            back: 0.0,
         }
     }
 
@@ -52,6 +56,7 @@ impl Path {
         Self {
             kind: Kind::Halfsphere,
             tremor: Tremor::new(seed, 1.0),
+            back: 0.0,
         }
     }
 
@@ -59,6 +64,7 @@ impl Path {
         Self {
             kind: Kind::Static,
             tremor: Tremor::new(seed, 0.6),
+            back: 0.0,
         }
     }
 
@@ -67,7 +73,13 @@ impl Path {
         Self {
             kind: Kind::Loop(Walk::new(corners)),
             tremor: Tremor::new(seed, 1.5),
+            back: 0.0,
         }
+    }
+
+    /// The same motion by `back` m farther from the desk, so that people can pass before it.
+    pub(crate) fn farther(self, back: f64) -> Self {
+        Self { back, ..self }
     }
 
     /// How long the path is by default, s.
@@ -88,11 +100,11 @@ impl Path {
                     0.16 * wave(t, 0.14, 1.0),
                     0.13 * wave(t, 0.17, 2.0),
                 );
-                let at = centre + Vec3::new(-0.05, -1.0, 0.5) + offset;
+                let at = centre + Vec3::new(-0.05, -1.0 - self.back, 0.5) + offset;
                 look_at(at, centre + offset + Vec3::new(-0.05, 0.0, 0.0))
             }
             Kind::Rpy => {
-                let at = centre + Vec3::new(0.0, -1.1, 0.5);
+                let at = centre + Vec3::new(0.0, -1.1 - self.back, 0.5);
                 // The three axes take turns, with soft changes.
                 let share = |k: f64| 0.5 + 0.5 * wave(t, 0.1, 2.1 * k);
                 let turn = Vec3::new(
@@ -103,7 +115,7 @@ impl Path {
                 look_at(at, centre) * Se3::new(so3::exp(&turn), Vec3::zeros())
             }
             Kind::Halfsphere => {
-                let radius = 1.0 + 0.12 * wave(t, 0.11, 0.0);
+                let radius = 1.0 + self.back + 0.12 * wave(t, 0.11, 0.0);
                 let azimuth = 0.9 * wave(t, 0.1, -0.6);
                 let elevation = 0.7 + 0.33 * wave(t, 0.17, 0.8);
                 let ground = radius * libm::cos(elevation);
@@ -114,7 +126,7 @@ impl Path {
                 );
                 look_at(centre + out, centre)
             }
-            Kind::Static => look_at(centre + Vec3::new(-0.1, -1.1, 0.55), centre),
+            Kind::Static => look_at(centre + Vec3::new(-0.1, -1.1 - self.back, 0.55), centre),
             Kind::Loop(walk) => walk.pose(t),
         };
         base * self.tremor.at(t)

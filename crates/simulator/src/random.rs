@@ -12,6 +12,8 @@ pub(crate) enum Purpose {
     Path = 4,
     Texture = 5,
     Layout = 6,
+    People = 7,
+    Detections = 8,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a bijection of 64 bits that mixes them well.

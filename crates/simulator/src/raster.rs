@@ -15,6 +15,14 @@ pub(crate) const NOTHING: u16 = u16::MAX;
 /// `c[0] + c[1] u + c[2] v` over the image.
 type Affine = [f64; 3];
 
+/// Where a view is seen from.
+struct Eye<'a> {
+    camera: &'a Camera,
+    camera_from_world: Se3,
+    /// The camera's centre in the world, m.
+    centre: Vec3,
+}
+
 /// One face as a view sees it.
 pub(crate) struct Visible {
     inverse_depth: Affine,
@@ -24,6 +32,10 @@ pub(crate) struct Visible {
     texture: u16,
     /// Share of infrared light that comes back.
     infrared: f32,
+    /// Number of the mover that it belongs to; 0 for what stands still.
+    pub(crate) mover: u8,
+    /// Number of the smooth surface that it is part of; 0 for a face of its own.
+    surface: u16,
     /// Distance of the camera from the face's plane, m.
     plane_distance: f32,
 }
@@ -66,26 +78,24 @@ impl View {
             right: vec![0.0; height],
         };
         let camera_from_world = world_from_camera.inverse();
+        let eye = Eye {
+            camera,
+            centre: camera_from_world.inverse().translation,
+            camera_from_world,
+        };
         let mut polygon = Vec::new();
         for face in faces {
-            view.draw(face, camera, &camera_from_world, &mut polygon);
+            view.draw(face, &eye, &mut polygon);
         }
         view
     }
 
-    fn draw(
-        &mut self,
-        face: &Face,
-        camera: &Camera,
-        camera_from_world: &Se3,
-        polygon: &mut Vec<[f64; 2]>,
-    ) {
-        let centre = camera_from_world.inverse().translation;
-        let distance = face.normal.dot(&(centre - face.vertices[0]));
+    fn draw(&mut self, face: &Face, eye: &Eye, polygon: &mut Vec<[f64; 2]>) {
+        let distance = face.normal.dot(&(eye.centre - face.vertices[0]));
         if distance < 1e-4 || self.faces.len() >= usize::from(NOTHING) {
             return;
         }
-        project_clipped(&face.vertices, camera, camera_from_world, polygon);
+        project_clipped(&face.vertices, eye.camera, &eye.camera_from_world, polygon);
         if polygon.len() < 3 {
             return;
         }
@@ -96,7 +106,7 @@ impl View {
         let Some(rows) = self.scan(polygon) else {
             return;
         };
-        let visible = Visible::new(face, camera, camera_from_world, distance);
+        let visible = Visible::new(face, eye, distance);
         let number = self.faces.len() as u16;
         let [c0, cu, cv] = visible.inverse_depth;
         // From samples to pixels: u = (x + 0.5) / k - 0.5.
@@ -163,21 +173,24 @@ impl View {
         while x < lens.width {
             let place = lens.place(x, y);
             let numbers = self.samples(place);
-            let same = |n: &[u16; 4]| n.iter().all(|k| *k == numbers[0]);
+            let only = match self.one_face(&numbers) {
+                Some(number) => number,
+                None => {
+                    self.shade_mixed(scene, place, &numbers, &mut out[3 * x..3 * x + 3]);
+                    x += 1;
+                    continue;
+                }
+            };
+            // Distorted pixels do not follow each other at equal steps, so only ideal ones are shaded in runs.
+            let same = |x: usize| self.samples(lens.place(x, y)).iter().all(|k| *k == only);
             let mut end = x + 1;
-            if !same(&numbers) {
-                self.shade_mixed(scene, place, &numbers, &mut out[3 * x..3 * end]);
-            } else {
-                // Distorted pixels do not follow each other at equal steps, so only ideal ones are shaded in runs.
-                while lens.is_ideal() && end < lens.width && same(&self.samples(lens.place(end, y)))
-                {
-                    end += 1;
-                }
-                let run = &mut out[3 * x..3 * end];
-                match self.faces.get(usize::from(numbers[0])) {
-                    Some(face) => face.shade(scene, place, run),
-                    None => run.fill(0.0),
-                }
+            while lens.is_ideal() && end < lens.width && same(end) {
+                end += 1;
+            }
+            let run = &mut out[3 * x..3 * end];
+            match self.faces.get(usize::from(only)) {
+                Some(face) => face.shade(scene, place, run),
+                None => run.fill(0.0),
             }
             x = end;
         }
@@ -194,6 +207,27 @@ impl View {
             &self.face[i + self.width..i + self.width + 2],
         );
         [upper[0], upper[1], lower[0], lower[1]]
+    }
+
+    /// The face that colours a pixel on its own: the one that all its samples see or, where they see one smooth surface,
+    /// whose faces continue each other, the one that is seen least aslant.
+    #[inline]
+    fn one_face(&self, numbers: &[u16; 4]) -> Option<u16> {
+        let [first, rest @ ..] = numbers;
+        if rest.iter().all(|n| n == first) {
+            return Some(*first);
+        }
+        let mut best = (*first, self.faces.get(usize::from(*first))?);
+        for number in rest {
+            let face = self.faces.get(usize::from(*number))?;
+            if face.surface == 0 || face.surface != best.1.surface {
+                return None;
+            }
+            if face.plane_distance > best.1.plane_distance {
+                best = (*number, face);
+            }
+        }
+        Some(best.0)
     }
 
     fn shade_mixed(&self, scene: &Scene, [u, v]: [f64; 2], numbers: &[u16; 4], out: &mut [f32]) {
@@ -238,13 +272,13 @@ impl View {
 }
 
 impl Visible {
-    fn new(face: &Face, camera: &Camera, camera_from_world: &Se3, distance: f64) -> Self {
+    fn new(face: &Face, eye: &Eye, distance: f64) -> Self {
+        let (camera, camera_from_world) = (eye.camera, &eye.camera_from_world);
         let normal = camera_from_world.rotation * face.normal;
         // The plane is normal . X = -distance, so 1 / z = -(normal . ray) / distance.
         let inverse_depth = affine(&(normal / -distance), camera);
-        let centre = camera_from_world.inverse().translation;
         let over_z = |k: usize| {
-            let offset = face.axes[k].dot(&centre) + face.offsets[k];
+            let offset = face.axes[k].dot(&eye.centre) + face.offsets[k];
             let a = affine(&(camera_from_world.rotation * face.axes[k]), camera);
             [0, 1, 2].map(|i| a[i] + offset * inverse_depth[i])
         };
@@ -255,6 +289,8 @@ impl Visible {
             light: face.light,
             texture: face.texture,
             infrared: face.infrared,
+            mover: face.mover,
+            surface: face.surface,
             plane_distance: distance as f32,
         }
     }
@@ -371,11 +407,13 @@ mod tests {
             offsets,
             light: [1.0, 0.0, 0.0],
             infrared: 1.0,
+            mover: 0,
+            surface: 0,
         };
         let scene = Scene::of(vec![face], ramp());
         let (fine, coarse) = (
-            View::new(scene.faces_at(0.0), &camera, &pose, 2),
-            View::new(scene.faces_at(0.0), &camera, &pose, 1),
+            View::new(scene.fixed().iter(), &camera, &pose, 2),
+            View::new(scene.fixed().iter(), &camera, &pose, 1),
         );
         let (mut errors, mut n) = ([0.0; 2], 0.0);
         for v in 0..480 {

@@ -2,14 +2,28 @@
 
 use crate::lens::Lens;
 use crate::path::Path;
+use crate::people::Cast;
 use crate::raster::View;
 use crate::scene::Scene;
 use crate::sensor::Sensor;
+use crate::truth::{self, DetectionNoise, FrameTruth, ScriptedDetection};
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec2};
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
 
-const NAMES: [&str; 5] = ["xyz", "rpy", "halfsphere", "static", "loop_two_rooms"];
+const NAMES: [&str; 11] = [
+    "xyz",
+    "rpy",
+    "halfsphere",
+    "static",
+    "loop_two_rooms",
+    "walking_xyz",
+    "walking_rpy",
+    "walking_halfsphere",
+    "walking_static",
+    "sitting_xyz",
+    "box_carried",
+];
 
 /// The names of the scenes: what [`SimulatorConfig::scene`] may be.
 #[must_use]
@@ -118,21 +132,11 @@ impl Simulator {
             return Err(SimulatorError::Camera(Box::new(config.camera)));
         }
         let seed = config.seed;
-        let (scene, path) = match config.scene.as_str() {
-            "xyz" => (Scene::office(seed), Path::xyz(seed)),
-            "rpy" => (Scene::office(seed), Path::rpy(seed)),
-            "halfsphere" => (Scene::office(seed), Path::halfsphere(seed)),
-            "static" => (Scene::office(seed), Path::still(seed)),
-            "loop_two_rooms" => (
-                Scene::two_rooms(seed),
-                Path::walk(seed, &Scene::TWO_ROOMS_WALK),
-            ),
-            found => {
-                return Err(SimulatorError::UnknownScene {
-                    found: found.to_owned(),
-                    nearest: nearest_name(found),
-                });
-            }
+        let Some((scene, path)) = build(&config.scene, seed) else {
+            return Err(SimulatorError::UnknownScene {
+                found: config.scene.clone(),
+                nearest: nearest_name(&config.scene),
+            });
         };
         let lens = Lens::new(&config.camera);
         // A lens model that folds over or runs off asks for a boundless view.
@@ -223,13 +227,7 @@ impl Simulator {
     #[must_use]
     pub fn colour(&self, index: usize) -> ColourImage {
         let stamp = self.stamp(index);
-        let faces = self.scene.faces_at(stamp);
-        let view = View::new(
-            faces,
-            &self.lens.rendered,
-            &self.world_from_camera(stamp),
-            2,
-        );
+        let view = self.view(stamp, 2);
         let (w, h) = (self.camera.width as usize, self.camera.height as usize);
         let mut ideal = vec![0.0_f32; 3 * w * h];
         for (y, row) in ideal.chunks_exact_mut(3 * w).enumerate() {
@@ -248,14 +246,7 @@ impl Simulator {
     #[must_use]
     pub fn depth(&self, index: usize) -> DepthImage {
         let stamp = self.depth_stamp(index);
-        let faces = self.scene.faces_at(stamp);
-        let view = View::new(
-            faces,
-            &self.lens.rendered,
-            &self.world_from_camera(stamp),
-            1,
-        )
-        .through(&self.lens);
+        let view = self.view(stamp, 1).through(&self.lens);
         let depth = if self.noise {
             self.sensor
                 .record_depth(&view, self.camera.fx as f32, index as u64)
@@ -263,6 +254,27 @@ impl Simulator {
             view.inverse_depth.iter().map(|w| 1.0 / w).collect()
         };
         DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default()
+    }
+
+    /// What moves in a frame, exactly: mask and boxes at the stamp of its colour image, whatever the noise.
+    #[must_use]
+    pub fn truth(&self, index: usize) -> FrameTruth {
+        let view = self.view(self.stamp(index), 1).through(&self.lens);
+        truth::truth(&view, &self.scene.movers())
+    }
+
+    /// What a detector that errs as `noise` says would find in a frame: persons only.
+    #[must_use]
+    pub fn detections(&self, index: usize, noise: &DetectionNoise) -> Vec<ScriptedDetection> {
+        truth::detections(&self.truth(index), noise, index, self.stamp(index))
+    }
+
+    /// What the camera sees at a time, before the lens, with `factor`^2 samples per pixel.
+    fn view(&self, stamp: f64, factor: usize) -> View {
+        let moving = self.scene.moving(stamp);
+        let faces = self.scene.fixed().iter().chain(&moving);
+        let pose = self.world_from_camera(stamp);
+        View::new(faces, &self.lens.rendered, &pose, factor)
     }
 
     /// The frames in order, with colour when `colour` says so.
@@ -317,6 +329,32 @@ impl FrameSource for SimulatorSource {
     fn remaining(&self) -> Option<usize> {
         Some(self.simulator.len() - self.next)
     }
+}
+
+/// How much farther the camera is from the desk where people pass between the two, m.
+const ROOM_TO_PASS: f64 = 0.7;
+
+/// The scene and the path of a name.
+fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
+    let people = |cast| Scene::office_with_people(seed, cast);
+    let far = |path: Path| path.farther(ROOM_TO_PASS);
+    Some(match name {
+        "xyz" => (Scene::office(seed), Path::xyz(seed)),
+        "rpy" => (Scene::office(seed), Path::rpy(seed)),
+        "halfsphere" => (Scene::office(seed), Path::halfsphere(seed)),
+        "static" => (Scene::office(seed), Path::still(seed)),
+        "loop_two_rooms" => (
+            Scene::two_rooms(seed),
+            Path::walk(seed, &Scene::TWO_ROOMS_WALK),
+        ),
+        "walking_xyz" => (people(Cast::Walking), far(Path::xyz(seed))),
+        "walking_rpy" => (people(Cast::Walking), far(Path::rpy(seed))),
+        "walking_halfsphere" => (people(Cast::Walking), far(Path::halfsphere(seed))),
+        "walking_static" => (people(Cast::Walking), far(Path::still(seed))),
+        "sitting_xyz" => (people(Cast::Sitting), Path::xyz(seed)),
+        "box_carried" => (people(Cast::Carrying), far(Path::xyz(seed))),
+        _ => return None,
+    })
 }
 
 fn can_render(camera: &Camera) -> bool {

@@ -1,6 +1,7 @@
 //! From quads, boxes and prisms to lit faces.
 
-use super::{Face, Scene};
+use super::{Face, Lamp, Light, Scene};
+use crate::people::Person;
 use crate::random::{Purpose, Stream};
 use crate::texture::{Pattern, Texture};
 use stillpoint_geometry::Vec3;
@@ -8,10 +9,10 @@ use stillpoint_geometry::Vec3;
 /// What a face is covered with.
 #[derive(Clone, Copy)]
 pub(crate) struct Skin {
-    texture: u16,
+    pub(crate) texture: u16,
     /// Texels per metre; `None` stretches the texture over the face.
     density: Option<f64>,
-    infrared: f32,
+    pub(crate) infrared: f32,
 }
 
 impl Skin {
@@ -60,12 +61,6 @@ impl Place {
     }
 }
 
-/// A lamp under the ceiling.
-struct Lamp {
-    at: Vec3,
-    power: f64,
-}
-
 /// Collects faces, textures and lamps.
 pub(crate) struct Builder {
     seed: u64,
@@ -73,11 +68,9 @@ pub(crate) struct Builder {
     faces: Vec<Face>,
     textures: Vec<Texture>,
     names: Vec<(Pattern, u64)>,
-    lamps: Vec<Lamp>,
+    light: Light,
+    pub(crate) people: Vec<Person>,
 }
-
-/// Light that comes from everywhere, relative to a white face at full brightness.
-const AMBIENT: f64 = 0.5;
 
 impl Builder {
     pub(crate) fn new(seed: u64) -> Self {
@@ -87,7 +80,8 @@ impl Builder {
             faces: Vec::new(),
             textures: Vec::new(),
             names: Vec::new(),
-            lamps: Vec::new(),
+            light: Light::default(),
+            people: Vec::new(),
         }
     }
 
@@ -95,12 +89,14 @@ impl Builder {
         Scene {
             faces: self.faces,
             textures: self.textures,
+            light: self.light,
+            people: self.people,
         }
     }
 
     /// Lamps light only what is added after them.
     pub(crate) fn lamp(&mut self, x: f64, y: f64, z: f64, power: f64) {
-        self.lamps.push(Lamp {
+        self.light.lamps.push(Lamp {
             at: Vec3::new(x, y, z),
             power,
         });
@@ -146,7 +142,7 @@ impl Builder {
         let axes = [right * per_s, up * -per_t];
         let top_left = corner + up;
         let offsets = [-axes[0].dot(&top_left), -axes[1].dot(&top_left)];
-        let l = corners.map(|p| self.brightness(&p, &normal));
+        let l = corners.map(|p| self.light.brightness(&p, &normal));
         let (span_s, span_t) = (axes[0].dot(&right), -axes[1].dot(&up));
         let along_s = 0.5 * (l[1] - l[0] + l[2] - l[3]) / span_s;
         let along_t = 0.5 * (l[0] - l[3] + l[1] - l[2]) / span_t;
@@ -160,22 +156,9 @@ impl Builder {
             offsets,
             light: [base as f32, along_s as f32, along_t as f32],
             infrared: skin.infrared,
+            mover: 0,
+            surface: 0,
         });
-    }
-
-    fn brightness(&self, p: &Vec3, normal: &Vec3) -> f64 {
-        let lamps: f64 = self
-            .lamps
-            .iter()
-            .map(|lamp| {
-                let to = lamp.at - p;
-                let distance2 = to.norm_squared();
-                lamp.power * (normal.dot(&to) / distance2.sqrt()).max(0.0)
-                    / (1.0 + 0.25 * distance2)
-            })
-            .sum();
-        // Light from the ceiling's white is stronger from above than from below.
-        AMBIENT * (1.0 + 0.15 * normal.z) + lamps
     }
 
     /// A box from `low` to `high` in a place's coordinates, with skins for its sides and its top (and bottom).

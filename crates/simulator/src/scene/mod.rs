@@ -6,6 +6,9 @@ mod build;
 mod furniture;
 mod rooms;
 
+pub(crate) use build::Builder;
+
+use crate::people::{Cast, Person};
 use crate::texture::Texture;
 use stillpoint_geometry::Vec3;
 
@@ -25,18 +28,62 @@ pub(crate) struct Face {
     pub(crate) light: [f32; 3],
     /// Share of infrared light that is scattered back, 0..1: black glossy plastic hides from depth cameras.
     pub(crate) infrared: f32,
+    /// Number of the mover that it belongs to; 0 for what stands still.
+    pub(crate) mover: u8,
+    /// Number of the smooth surface that it is part of; 0 for a face of its own.
+    pub(crate) surface: u16,
+}
+
+/// A lamp under the ceiling.
+struct Lamp {
+    at: Vec3,
+    power: f64,
+}
+
+/// The light of a scene, without shadows.
+#[derive(Default)]
+pub(crate) struct Light {
+    lamps: Vec<Lamp>,
+}
+
+/// Light that comes from everywhere, relative to a white face at full brightness.
+const AMBIENT: f64 = 0.5;
+
+impl Light {
+    /// Brightness of a white surface at `p` with the unit normal `normal`.
+    pub(crate) fn brightness(&self, p: &Vec3, normal: &Vec3) -> f64 {
+        let lamps: f64 = self
+            .lamps
+            .iter()
+            .map(|lamp| {
+                let to = lamp.at - p;
+                let distance2 = to.norm_squared();
+                lamp.power * (normal.dot(&to) / distance2.sqrt()).max(0.0)
+                    / (1.0 + 0.25 * distance2)
+            })
+            .sum();
+        // Light from the ceiling's white is stronger from above than from below.
+        AMBIENT * (1.0 + 0.15 * normal.z) + lamps
+    }
 }
 
 /// All faces and textures.
 pub(crate) struct Scene {
     faces: Vec<Face>,
     textures: Vec<Texture>,
+    light: Light,
+    people: Vec<Person>,
 }
 
 impl Scene {
     /// The office with its desk, 6 x 5 m.
     pub(crate) fn office(seed: u64) -> Self {
         rooms::office(seed)
+    }
+
+    /// The same office for people to walk in: without the second desk, with chairs where they sit down.
+    pub(crate) fn office_with_people(seed: u64, cast: Cast) -> Self {
+        rooms::office_with_people(seed, cast)
     }
 
     /// Two rooms of 8 x 7 m, joined by two doors.
@@ -47,10 +94,23 @@ impl Scene {
     /// The corners (x, y) of a walk through both rooms and both doors.
     pub(crate) const TWO_ROOMS_WALK: [[f64; 2]; 7] = rooms::WALK;
 
-    /// The faces at a time (s). What moves is to be chained here with its place at that time: everything downstream
-    /// asks for the colour image's stamp and the depth image's stamp separately.
-    pub(crate) fn faces_at(&self, _stamp: f64) -> impl Iterator<Item = &Face> {
-        self.faces.iter()
+    /// What stands still.
+    pub(crate) fn fixed(&self) -> &[Face] {
+        &self.faces
+    }
+
+    /// What moves, where it is at a time (s).
+    pub(crate) fn moving(&self, stamp: f64) -> Vec<Face> {
+        let mut faces = Vec::new();
+        for person in &self.people {
+            person.place(stamp, &self.light, &mut faces);
+        }
+        faces
+    }
+
+    /// What each mover is; mover k is entry k - 1.
+    pub(crate) fn movers(&self) -> Vec<&'static str> {
+        self.people.iter().flat_map(Person::classes).collect()
     }
 
     /// A texture by its number.
@@ -66,6 +126,8 @@ impl Scene {
         Self {
             faces,
             textures: vec![texture],
+            light: Light::default(),
+            people: Vec::new(),
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::Scene;
 use super::build::{Builder, Place, Skin};
 use super::furniture::DESK;
+use crate::people::{Cast, SEATS};
 use crate::texture::Pattern;
 use stillpoint_geometry::Vec3;
 
@@ -126,6 +127,15 @@ fn posters(b: &mut Builder, start: Vec3, along: Vec3, length: f64, first: usize)
 }
 
 pub(super) fn office(seed: u64) -> Scene {
+    furnished(seed, None)
+}
+
+pub(super) fn office_with_people(seed: u64, cast: Cast) -> Scene {
+    furnished(seed, Some(cast))
+}
+
+/// The office; people need room, so that they have chairs instead of the second desk.
+fn furnished(seed: u64, cast: Option<Cast>) -> Scene {
     let b = &mut Builder::new(seed);
     b.lamp(-1.2, 0.0, 2.65, 1.0);
     b.lamp(1.4, 0.6, 2.65, 0.9);
@@ -140,13 +150,16 @@ pub(super) fn office(seed: u64) -> Scene {
     wall(b, [x, -y], [-x, -y], [0.0, HEIGHT], plaster);
     wall(b, [-x, -y], [-x, y], [0.0, HEIGHT], plaster);
     work_desk(b, &Place::new(0.0, -0.3, 0.0, 0.0));
-    // A second desk behind the first one, seen from its back.
-    let back = Place::new(0.15, 0.85, 0.0, std::f64::consts::PI);
-    b.desk(&back, [1.9, 0.9], 1);
-    b.monitor(&back.then(-0.1, 0.1, DESK, 0.1), [0.5, 0.32], true, 2);
-    b.litter(&back, [1.8, 0.8], 20);
-    b.chair(&Place::new(-1.5, 1.5, 0.0, 2.2), 0);
-    b.chair(&Place::new(0.3, 1.75, 0.0, 0.2), 1);
+    match cast {
+        None => second_desk(b),
+        Some(cast) => {
+            for (k, [x, y, yaw]) in SEATS.into_iter().enumerate() {
+                // A chair faces -y at yaw 0.
+                b.chair(&Place::new(x, y, 0.0, yaw + std::f64::consts::FRAC_PI_2), k);
+            }
+            cast.enter(b, seed);
+        }
+    }
     b.shelf(&Place::new(-1.7, 2.15, 0.0, 0.0), 1.2, 5, 0);
     b.shelf(&Place::new(1.9, 2.15, 0.0, 0.0), 1.4, 4, 1);
     b.shelf(
@@ -178,6 +191,16 @@ pub(super) fn office(seed: u64) -> Scene {
         2,
     );
     std::mem::replace(b, Builder::new(seed)).finish()
+}
+
+/// A second desk behind the first one, seen from its back, and two chairs.
+fn second_desk(b: &mut Builder) {
+    let back = Place::new(0.15, 0.85, 0.0, std::f64::consts::PI);
+    b.desk(&back, [1.9, 0.9], 1);
+    b.monitor(&back.then(-0.1, 0.1, DESK, 0.1), [0.5, 0.32], true, 2);
+    b.litter(&back, [1.8, 0.8], 20);
+    b.chair(&Place::new(-1.5, 1.5, 0.0, 2.2), 0);
+    b.chair(&Place::new(0.3, 1.75, 0.0, 0.2), 1);
 }
 
 /// Half the distance between the far ends of the walk, m.

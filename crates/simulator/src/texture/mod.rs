@@ -4,6 +4,7 @@
 //! (module `scene`); what is painted on it is in `patterns`.
 
 mod canvas;
+mod clothes;
 mod patterns;
 mod surfaces;
 

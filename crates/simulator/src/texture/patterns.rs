@@ -1,7 +1,7 @@
 //! What is painted on walls, floors, desks and things.
 
 use super::canvas::{Canvas, Rgb};
-use super::surfaces;
+use super::{clothes, surfaces};
 use crate::random::{Purpose, Stream};
 
 /// A kind of surface. The seed decides colours and content.
@@ -47,6 +47,20 @@ pub(crate) enum Pattern {
     Package,
     /// Many small things: cables, clips, pens.
     Clutter,
+    /// A checked shirt.
+    Plaid,
+    /// A printed T-shirt.
+    Print,
+    /// Blue jeans.
+    Denim,
+    /// Plain trousers.
+    Chino,
+    /// Bare skin.
+    Skin,
+    /// A head with hair and face.
+    Face,
+    /// A shoe.
+    Shoe,
 }
 
 const INK: Rgb = [35.0, 35.0, 45.0];
@@ -97,11 +111,18 @@ impl Pattern {
             Self::Black => surfaces::black(rng),
             Self::Package => package(rng),
             Self::Clutter => clutter(rng),
+            Self::Plaid => clothes::plaid(rng),
+            Self::Print => clothes::print(rng),
+            Self::Denim => clothes::denim(rng),
+            Self::Chino => clothes::chino(rng),
+            Self::Skin => clothes::skin(rng),
+            Self::Face => clothes::face(rng),
+            Self::Shoe => clothes::shoe(rng),
         }
     }
 }
 
-fn random_shapes(c: &mut Canvas, rng: &mut Stream, count: usize, [low, high]: [f64; 2]) {
+pub(super) fn random_shapes(c: &mut Canvas, rng: &mut Stream, count: usize, [low, high]: [f64; 2]) {
     let (w, h) = (c.width as f64, c.height as f64);
     for _ in 0..count {
         let p = [rng.range(0.0, w) as f32, rng.range(0.0, h) as f32];

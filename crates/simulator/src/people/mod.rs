@@ -1,0 +1,43 @@
+//! People who walk, stop, turn, sit down, talk and carry: articulated bodies as functions of time.
+//!
+//! Answers: the faces of a person (and of the box that the person carries) at a time. A person is a route (`route`), a way
+//! to move along it (`gait`), bones (`skeleton`) and a clothed body (`body`). Which people a scene has is in `cast`.
+
+mod body;
+mod cast;
+mod gait;
+mod mesh;
+mod route;
+mod skeleton;
+
+pub(crate) use body::{Body, Dress};
+pub(crate) use cast::{Cast, SEATS};
+
+use crate::scene::{Face, Light};
+use gait::Gait;
+use mesh::{Cover, Mesh};
+use skeleton::Skeleton;
+
+/// A person with or without a load.
+pub(crate) struct Person {
+    gait: Gait,
+    body: Body,
+    load: Option<(Mesh, Cover)>,
+}
+
+impl Person {
+    /// What the person is and what it carries, in the order of their numbers as movers.
+    pub(crate) fn classes(&self) -> impl Iterator<Item = &'static str> {
+        let carried = self.load.as_ref().map(|_| "box");
+        std::iter::once("person").chain(carried)
+    }
+
+    /// Adds the person's faces at a time (s).
+    pub(crate) fn place(&self, stamp: f64, light: &Light, out: &mut Vec<Face>) {
+        let skeleton = Skeleton::new(&self.gait.posture(stamp));
+        self.body.place(&skeleton, light, out);
+        if let (Some((mesh, cover)), Some(pose)) = (&self.load, self.gait.load_pose(stamp)) {
+            mesh.place(&pose, *cover, light, out);
+        }
+    }
+}
