@@ -82,6 +82,21 @@ impl Gaussian {
         chi2
     }
 
+    /// Takes in measurements that depend on the state in a curved way: `rows` linearises them at a mean, and does so again where the last round led (iterated
+    /// filter, Bar-Shalom, Li, Kirubarajan 2001, section 10.5.2). After long coasting the first linearisation is far off.
+    pub(super) fn update_iterated(&mut self, rounds: usize, rows: impl Fn(&Vec8) -> Vec<Row>) {
+        let prior = self.clone();
+        for _ in 0..rounds {
+            let mut rows = rows(&self.mean);
+            for row in &mut rows {
+                row.residual += row.jacobian.dot(&(self.mean - prior.mean));
+            }
+            let mut next = prior.clone();
+            next.update(&rows);
+            *self = next;
+        }
+    }
+
     /// What [`Self::update`] would return.
     pub(super) fn distance(&self, rows: &[Row]) -> f64 {
         self.clone().update(rows)

@@ -31,12 +31,16 @@ pub(super) struct Spatial {
 const FIRST_SPEED: f64 = 1.0;
 /// What the logarithm of a size changes by in a second, standard deviation: arms that stretch, a person who sits down.
 const RESHAPE: f64 = 0.3;
+/// Linearisations per update.
+const ROUNDS: usize = 3;
+/// Logarithms of 2 cm and 20 m: no thing that a detector finds is smaller or larger.
+const LOG_SIZES: [f64; 2] = [-3.9, 3.0];
 /// 99.7 % of the depths of the object's own surface.
 const DEPTH_GATE: f64 = 9.0;
 
 /// Standard deviation of the depth of a surface in a box, m: which part of the body it is, and the sensor's noise, which grows with the square.
 fn depth_sigma(z: f64) -> f64 {
-    0.05 + 0.01 * z * z
+    0.05 + 0.003 * z * z
 }
 
 impl Spatial {
@@ -88,6 +92,22 @@ impl Spatial {
         };
         let drives = [moving(0), moving(1), moving(2), walking(6), walking(7)];
         self.state.propagate(dt, &drives);
+    }
+
+    /// Takes in measurements; `rows` linearises them for a filter with another mean.
+    pub(super) fn update(&mut self, rows: impl Fn(&Self) -> Vec<Row>) {
+        let covariance = self.state.covariance;
+        self.state.update_iterated(ROUNDS, |mean| {
+            rows(&Self {
+                state: Gaussian {
+                    mean: *mean,
+                    covariance,
+                },
+            })
+        });
+        for i in 6..8 {
+            self.state.mean[i] = self.state.mean[i].clamp(LOG_SIZES[0], LOG_SIZES[1]);
+        }
     }
 
     pub(super) fn position(&self) -> Vec3 {

@@ -134,8 +134,15 @@ impl Track {
         })
     }
 
-    /// Takes in a detection of this object.
-    pub(super) fn absorb(&mut self, view: &View, m: &Measurement, stamp: f64, share: f64) {
+    /// Takes in a detection of this object. `hidden` says that another known object is at the depth of the nearest surface in the box.
+    pub(super) fn absorb(
+        &mut self,
+        view: &View,
+        m: &Measurement,
+        stamp: f64,
+        share: f64,
+        hidden: bool,
+    ) {
         self.hits = self.hits.saturating_add(1);
         self.misses = 0;
         self.last_seen = stamp;
@@ -144,7 +151,8 @@ impl Track {
             Body::Planar(p) if m.modes.is_empty() => {
                 p.rebase(view);
                 let rows = p.rows(view, m, share);
-                robust_update(&mut p.state, rows);
+                let ease = excess(&p.state, &rows);
+                p.state.update(&eased(rows, ease));
                 return;
             }
             Body::Planar(_) => None,
@@ -153,22 +161,27 @@ impl Track {
                     return;
                 };
                 let mode = s.own_mode(&p, &m.modes).copied();
-                let rows = s.rows(&p, m, mode.as_ref(), share);
-                robust_update(&mut s.state, rows);
+                let ease = excess(&s.state, &s.rows(&p, m, mode.as_ref(), share));
+                s.update(|s| {
+                    let rows = s.project(view).map(|p| s.rows(&p, m, mode.as_ref(), share));
+                    eased(rows.unwrap_or_default(), ease)
+                });
                 if m.modes.is_empty() {
                     return;
                 }
                 mode
             }
         };
-        self.judge_depth(view, m, mode, share);
+        if !hidden {
+            self.judge_depth(view, m, mode, share);
+        }
     }
 
     /// Follows the reach of the object's surface, or starts the depth anew when it has been contradicted for long.
     fn judge_depth(&mut self, view: &View, m: &Measurement, own: Option<DepthMode>, share: f64) {
         let nearest = m.modes[0];
-        let hidden = own.is_some_and(|o| o.depth > nearest.depth && nearest.share >= 0.6);
-        self.contradictions = if own.is_none() || hidden {
+        let behind = own.is_some_and(|o| o.depth > nearest.depth && nearest.share >= 0.6);
+        self.contradictions = if own.is_none() || behind {
             self.contradictions + 1
         } else {
             0
@@ -252,14 +265,15 @@ fn reach(mode: &DepthMode) -> [f64; 2] {
     [mode.depth - mode.range[0], mode.range[1] - mode.depth].map(|r| r.max(LEAST_REACH))
 }
 
-/// Updates with a detection that was accepted. Where it is farther off than the gate it counts for less, by as much.
-fn robust_update(state: &mut Gaussian, mut rows: Vec<Row>) {
-    let gate = CHI2_99[rows.len().min(5)];
-    let excess = state.distance(&rows) / gate.max(1.0);
-    if excess > 1.0 {
-        for row in &mut rows {
-            row.variance *= excess;
-        }
+/// How far beyond the gate an accepted detection is: 1 within it.
+fn excess(state: &Gaussian, rows: &[Row]) -> f64 {
+    (state.distance(rows) / CHI2_99[rows.len().min(5)].max(1.0)).max(1.0)
+}
+
+/// A detection that is farther off than the gate counts for less, by as much.
+fn eased(mut rows: Vec<Row>, excess: f64) -> Vec<Row> {
+    for row in &mut rows {
+        row.variance *= excess;
     }
-    state.update(&rows);
+    rows
 }

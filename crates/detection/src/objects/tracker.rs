@@ -70,9 +70,14 @@ impl ObjectTracker {
             .collect();
         let share = self.config.side_sigma;
         let assigned = associate(&self.tracks, &view, &measurements, share);
+        let known = duplicates::occupants(&self.tracks, &view);
         for (track, j) in self.tracks.iter_mut().zip(&assigned) {
             match j {
-                Some(j) => track.absorb(&view, &measurements[*j], stamp, share),
+                Some(j) => {
+                    let m = &measurements[*j];
+                    let hidden = duplicates::hidden(track.id, m, &known);
+                    track.absorb(&view, m, stamp, share, hidden);
+                }
                 None => track.misses += 1,
             }
         }

@@ -1,0 +1,348 @@
+//! Single rules of the tracker, each on a few frames.
+
+use crate::world::{Faults, RATE, Walker, World, person};
+use stillpoint_detection::{
+    BoundingBox, ClassId, Detection, Detections, Motion, Object, ObjectState, ObjectTracker,
+    ObjectsConfig,
+};
+use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_imaging::{CoarseDepth, FrameId};
+
+/// Somebody who stands 2.5 m before a camera that stands still.
+fn standing() -> World {
+    World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 2.5))], |_| {
+        Se3::default()
+    })
+}
+
+fn tracker(world: &World) -> ObjectTracker {
+    ObjectTracker::new(ObjectsConfig::default(), world.camera)
+}
+
+fn detections(frame: u64, items: Vec<Detection>) -> Detections {
+    Detections {
+        frame: FrameId(frame as u32),
+        stamp: frame as f64 / RATE,
+        items,
+    }
+}
+
+fn truth(world: &World, frame: u64) -> BoundingBox {
+    world.truth(0, frame as f64 / RATE).unwrap().0
+}
+
+/// Feeds one frame with the true box, or none, and returns the objects of that frame.
+fn feed(tracker: &mut ObjectTracker, world: &World, frame: u64, seen: bool) -> Vec<Object> {
+    let items = seen.then(|| person(truth(world, frame)));
+    feed_items(tracker, world, frame, items.into_iter().collect())
+}
+
+fn feed_items(
+    tracker: &mut ObjectTracker,
+    world: &World,
+    frame: u64,
+    items: Vec<Detection>,
+) -> Vec<Object> {
+    let t = frame as f64 / RATE;
+    tracker.update(&detections(frame, items), &world.pose(t), &world.depth(t));
+    tracker.predict(t, &world.pose(t))
+}
+
+#[test]
+fn one_detection_masks_and_two_earn_coasting() {
+    let world = standing();
+    let mut t = tracker(&world);
+    let first = feed(&mut t, &world, 0, true);
+    assert_eq!(first.len(), 1);
+    assert_eq!(first[0].state, ObjectState::Tentative);
+    assert!(first[0].bounds.iou(&truth(&world, 0)) > 0.95);
+    let second = feed(&mut t, &world, 1, true);
+    assert_eq!(second[0].state, ObjectState::Confirmed);
+    assert_eq!(second[0].id, first[0].id);
+    for frame in 2..=46 {
+        let objects = feed(&mut t, &world, frame, false);
+        assert_eq!(objects.len(), 1, "frame {frame}");
+        assert_eq!(objects[0].state, ObjectState::Coasting);
+        assert_eq!(objects[0].last_seen, 1.0 / RATE);
+    }
+    assert!(feed(&mut t, &world, 47, false).is_empty());
+    // Seen again, it is somebody else: ids are never used again.
+    assert_ne!(feed(&mut t, &world, 48, true)[0].id, first[0].id);
+}
+
+#[test]
+fn what_was_seen_once_ends_after_three_misses() {
+    let world = standing();
+    let mut t = tracker(&world);
+    feed(&mut t, &world, 0, true);
+    assert_eq!(feed(&mut t, &world, 1, false).len(), 1);
+    assert_eq!(feed(&mut t, &world, 2, false).len(), 1);
+    assert!(feed(&mut t, &world, 3, false).is_empty());
+}
+
+#[test]
+fn measures_position_velocity_and_size() {
+    let world = World::new(
+        vec![Walker::new(|t| {
+            Vec3::new(-0.6 + 0.5 * t, 0.2, 3.0 - 0.2 * t)
+        })],
+        |_| Se3::default(),
+    );
+    let mut t = tracker(&world);
+    let mut last = Vec::new();
+    for frame in 0..60 {
+        let items = Faults::default().detect(&world, frame).items;
+        last = feed_items(&mut t, &world, frame, items);
+    }
+    let o = &last[0];
+    let middle = (world.walkers[0].path)(59.0 / RATE);
+    // The surface is up to 15 cm before the middle.
+    let error = o.position.unwrap() - middle;
+    assert!(error.x.abs() < 0.06 && error.y.abs() < 0.1, "{error:?}");
+    assert!((-0.25..0.02).contains(&error.z), "{error:?}");
+    let v = o.velocity.unwrap() - Vec3::new(0.5, 0.0, -0.2);
+    assert!(v.norm() < 0.25, "{v:?}");
+    let [w, h] = o.size.unwrap();
+    assert!((w - 0.5).abs() < 0.08 && (h - 1.7).abs() < 0.2, "{w} {h}");
+    let [near, far] = o.depth_range.unwrap();
+    assert!(near < middle.z - 0.1 && far > middle.z && far - near < 0.9);
+    // The stated uncertainty is that of the errors: within four standard deviations, and not boundless.
+    let c = o.covariance.unwrap();
+    for i in 0..3 {
+        let sigma = c[(3 + i, 3 + i)].sqrt();
+        assert!(v[i].abs() < 4.0 * sigma && sigma < 0.5, "{i}: {sigma}");
+    }
+}
+
+#[test]
+fn prediction_changes_nothing_and_agrees_with_the_update() {
+    let world = standing();
+    let mut t = tracker(&world);
+    for frame in 0..5 {
+        feed(&mut t, &world, frame, true);
+    }
+    let now = t.predict(4.0 / RATE, &world.pose(0.0));
+    let ahead = t.predict(10.0 / RATE, &world.pose(0.0));
+    assert_eq!(t.predict(4.0 / RATE, &world.pose(0.0)), now);
+    // Predicting is what an update without detections does.
+    let mut other = t.clone();
+    let after = feed(&mut other, &world, 10, false);
+    assert_eq!(ahead[0].bounds, after[0].bounds);
+    assert_eq!(ahead[0].position, after[0].position);
+    assert!(t.predict(4.0 / RATE + 1.6, &world.pose(0.0)).is_empty());
+    assert!(t.predict(f64::NAN, &world.pose(0.0)).is_empty());
+}
+
+#[test]
+fn what_is_out_of_order_is_ignored_and_counted() {
+    let world = standing();
+    let mut t = tracker(&world);
+    for frame in [3, 5] {
+        feed(&mut t, &world, frame, true);
+    }
+    let before = t.predict(6.0 / RATE, &world.pose(0.0));
+    feed_items(&mut t, &world, 4, Vec::new());
+    feed(&mut t, &world, 5, true);
+    let mut broken = detections(7, Vec::new());
+    broken.stamp = f64::NAN;
+    t.update(&broken, &world.pose(0.0), &world.depth(0.0));
+    let nowhere = Se3::new(Se3::default().rotation, Vec3::new(f64::NAN, 0.0, 0.0));
+    t.update(&detections(7, Vec::new()), &nowhere, &world.depth(0.0));
+    assert_eq!(t.ignored(), 4);
+    assert_eq!(t.stamp(), Some(5.0 / RATE));
+    assert_eq!(t.predict(6.0 / RATE, &world.pose(0.0)), before);
+}
+
+#[test]
+fn broken_boxes_are_left_out() {
+    let world = standing();
+    let mut t = tracker(&world);
+    let bad = |x0: f64, x1: f64| {
+        person(BoundingBox {
+            x0,
+            y0: 10.0,
+            x1,
+            y1: 90.0,
+        })
+    };
+    let items = vec![
+        bad(f64::NAN, 20.0),
+        bad(50.0, 20.0),
+        bad(900.0, 950.0),
+        bad(f64::NEG_INFINITY, f64::INFINITY),
+    ];
+    assert!(feed_items(&mut t, &world, 0, items).is_empty());
+}
+
+#[test]
+fn classes_are_not_mixed() {
+    let world = standing();
+    let mut t = tracker(&world);
+    let person_box = person(truth(&world, 0));
+    let chair = Detection {
+        class: ClassId(56),
+        ..person_box
+    };
+    feed_items(&mut t, &world, 0, vec![person_box]);
+    let objects = feed_items(&mut t, &world, 1, vec![chair]);
+    assert_eq!(objects.len(), 2);
+    assert_eq!([objects[0].class.0, objects[1].class.0], [0, 56]);
+}
+
+#[test]
+fn a_second_box_on_the_same_person_does_not_stay() {
+    let world = standing();
+    let whole = truth(&world, 0);
+    let half = BoundingBox {
+        y1: whole.y0 + 0.55 * whole.height(),
+        ..whole
+    };
+    // Beside the whole, the half starts nothing.
+    let mut t = tracker(&world);
+    feed(&mut t, &world, 0, true);
+    let both = || vec![person(whole), person(half)];
+    for frame in 1..20 {
+        assert_eq!(feed_items(&mut t, &world, frame, both()).len(), 1);
+    }
+    // Known by the half first, it becomes the whole and keeps its id.
+    let mut t = tracker(&world);
+    for frame in 0..5 {
+        feed_items(&mut t, &world, frame, vec![person(half)]);
+    }
+    let id = t.predict(5.0 / RATE, &world.pose(0.0))[0].id;
+    let mut last = Vec::new();
+    for frame in 5..15 {
+        last = feed_items(&mut t, &world, frame, both());
+    }
+    assert_eq!(last.len(), 1);
+    assert_eq!(last[0].id, id);
+    assert!(last[0].bounds.iou(&whole) > 0.9, "{:?}", last[0].bounds);
+}
+
+#[test]
+fn two_people_close_together_stay_two() {
+    let world = World::new(
+        vec![
+            Walker::new(|_| Vec3::new(-0.2, 0.2, 2.5)),
+            Walker::new(|_| Vec3::new(0.15, 0.2, 3.1)),
+        ],
+        |_| Se3::default(),
+    );
+    let mut t = tracker(&world);
+    for frame in 0..30 {
+        let items = Faults::default().detect(&world, frame).items;
+        assert_eq!(feed_items(&mut t, &world, frame, items).len(), 2);
+    }
+}
+
+#[test]
+fn without_depth_it_follows_the_box_and_depth_completes_it() {
+    let mut world = World::new(
+        vec![Walker::new(|t| Vec3::new(-0.6 + 0.6 * t, 0.2, 3.0))],
+        |_| Se3::default(),
+    );
+    world.with_depth = false;
+    let mut t = tracker(&world);
+    for frame in 0..40 {
+        let objects = feed(&mut t, &world, frame, frame % 4 != 3);
+        assert_eq!(objects.len(), 1);
+        let o = &objects[0];
+        assert!(o.position.is_none() && o.depth_range.is_none() && o.size.is_none());
+        let iou = o.bounds.iou(&truth(&world, frame));
+        assert!(iou > 0.85, "frame {frame}: {iou}");
+    }
+    let id = t.predict(40.0 / RATE, &world.pose(0.0))[0].id;
+    world.with_depth = true;
+    let objects = feed(&mut t, &world, 40, true);
+    assert_eq!(objects[0].id, id);
+    assert!((objects[0].position.unwrap().z - 2.9).abs() < 0.15);
+}
+
+#[test]
+fn a_wrong_first_depth_is_corrected() {
+    let world = standing();
+    let wall = World {
+        walkers: Vec::new(),
+        ..standing()
+    };
+    let mut t = tracker(&world);
+    let bounds = truth(&world, 0);
+    for frame in 0..2 {
+        let d = detections(frame, vec![person(bounds)]);
+        t.update(&d, &world.pose(0.0), &wall.depth(0.0));
+    }
+    let behind = t.predict(1.0 / RATE, &world.pose(0.0));
+    assert!(behind[0].position.unwrap().z > 4.0);
+    let mut last = Vec::new();
+    for frame in 2..8 {
+        last = feed(&mut t, &world, frame, true);
+    }
+    assert_eq!(last.len(), 1);
+    assert_eq!(last[0].id, behind[0].id);
+    assert!((last[0].position.unwrap().z - 2.4).abs() < 0.15, "{last:?}");
+}
+
+#[test]
+fn who_leaves_the_image_keeps_his_size() {
+    let world = World::new(
+        vec![Walker::new(|t| Vec3::new(0.6 + 0.5 * t, 0.2, 2.5))],
+        |_| Se3::default(),
+    );
+    let mut t = tracker(&world);
+    for frame in 0..60 {
+        let Some((bounds, _)) = world.truth(0, frame as f64 / RATE) else {
+            assert!(frame > 40);
+            return;
+        };
+        let objects = feed(&mut t, &world, frame, true);
+        let [w, h] = objects[0].size.unwrap();
+        assert!((w - 0.5).abs() < 0.1 && (h - 1.65).abs() < 0.2, "{w} {h}");
+        let iou = objects[0].bounds.iou(&bounds);
+        assert!(iou > 0.75, "frame {frame}: {iou}");
+    }
+    panic!("the walker never left");
+}
+
+#[test]
+fn rigidity_parks_and_motion_frees() {
+    let world = standing();
+    let mut t = tracker(&world);
+    let mut motions = Vec::new();
+    for frame in 0..120 {
+        let objects = feed(&mut t, &world, frame, true);
+        motions.push(objects[0].motion);
+        let agreeing = if frame < 100 { 19 } else { 3 };
+        t.observe_rigidity(objects[0].id, frame as f64 / RATE, agreeing, 20);
+        t.observe_rigidity(stillpoint_detection::ObjectId(999), 0.0, 0, 20);
+    }
+    assert_eq!(motions[30], Motion::Unknown);
+    assert_eq!(motions[90], Motion::Parked);
+    assert_eq!(motions[119], Motion::Moving);
+}
+
+#[test]
+fn an_empty_tracker_predicts_nothing() {
+    let world = standing();
+    let mut t = tracker(&world);
+    assert!(t.predict(0.0, &world.pose(0.0)).is_empty());
+    t.update(
+        &detections(0, Vec::new()),
+        &world.pose(0.0),
+        &CoarseDepth::default(),
+    );
+    assert!(t.predict(0.0, &world.pose(0.0)).is_empty());
+}
+
+#[test]
+fn the_configuration_tells_what_is_out_of_range() {
+    assert!(ObjectsConfig::default().problems().is_empty());
+    let bad = ObjectsConfig {
+        coast_seconds: f64::NAN,
+        tentative_misses: 0,
+        side_sigma: 2.0,
+        ..ObjectsConfig::default()
+    };
+    let problems = bad.problems();
+    assert_eq!(problems.len(), 3, "{problems:?}");
+    assert_eq!(problems[2], "side_sigma: expected 0.005 to 0.5, found 2");
+}

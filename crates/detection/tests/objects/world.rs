@@ -1,0 +1,422 @@
+//! A small world for the tracker: ellipsoids that walk in a room, a camera that moves, and a detector with faults.
+
+use stillpoint_detection::{
+    BoundingBox, ClassId, Detection, Detections, Object, ObjectId, ObjectState, ObjectTracker,
+    ObjectsConfig,
+};
+use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec2, Vec3, so3};
+use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId};
+
+/// Frames per second.
+pub(crate) const RATE: f64 = 30.0;
+
+/// Uniform in 0..1 from a seed and an address (splitmix64).
+pub(crate) fn uniform(seed: u64, address: [u64; 3]) -> f64 {
+    let mut x = seed;
+    for a in address {
+        x = x.wrapping_add(a.wrapping_mul(0x9e37_79b9_7f4a_7c15)) ^ 0x1234_5678_9abc_def1;
+        x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        x ^= x >> 31;
+    }
+    (x >> 11) as f64 / (1_u64 << 53) as f64
+}
+
+/// About normal: the sum of twelve uniform numbers.
+pub(crate) fn normal(seed: u64, [a, b]: [u64; 2]) -> f64 {
+    (0..12).map(|i| uniform(seed, [a, b, i + 100])).sum::<f64>() - 6.0
+}
+
+/// 640x480 without distortion.
+pub(crate) fn pinhole() -> Camera {
+    Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5])
+}
+
+/// The strongly distorted camera of the TUM fr1 sequences.
+pub(crate) fn distorted() -> Camera {
+    Camera {
+        distortion: BrownConrady {
+            k1: 0.2624,
+            k2: -0.9531,
+            p1: -0.0054,
+            p2: 0.0026,
+            k3: 1.1633,
+        },
+        ..Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3])
+    }
+}
+
+/// Somebody: an ellipsoid whose middle is at `path(t)`.
+pub(crate) struct Walker {
+    pub(crate) path: Box<dyn Fn(f64) -> Vec3>,
+    /// Size in life size: 1 is 1.7 m high.
+    pub(crate) scale: f64,
+}
+
+impl Walker {
+    pub(crate) fn new(path: impl Fn(f64) -> Vec3 + 'static) -> Self {
+        Self {
+            path: Box::new(path),
+            scale: 1.0,
+        }
+    }
+
+    fn axes(&self) -> Vec3 {
+        Vec3::new(0.25, 0.85, 0.15) * self.scale
+    }
+
+    fn surface(&self, t: f64) -> Vec<Vec3> {
+        let (middle, axes) = ((self.path)(t), self.axes());
+        let mut points = Vec::new();
+        for i in 0..=12 {
+            let (sp, cp) = libm::sincos(f64::from(i) / 12.0 * std::f64::consts::PI);
+            for j in 0..16 {
+                let (sa, ca) = libm::sincos(f64::from(j) / 8.0 * std::f64::consts::PI);
+                points.push(middle + axes.component_mul(&Vec3::new(sp * ca, -cp, sp * sa)));
+            }
+        }
+        points
+    }
+
+    /// Distance along a ray to the near side, in lengths of the direction.
+    fn hit(&self, t: f64, from: &Vec3, direction: &Vec3) -> Option<f64> {
+        let axes = self.axes();
+        let o = (from - (self.path)(t)).component_div(&axes);
+        let d = direction.component_div(&axes);
+        let (a, b, c) = (d.dot(&d), o.dot(&d), o.dot(&o) - 1.0);
+        let root = b * b - a * c;
+        (root >= 0.0)
+            .then(|| (-b - root.sqrt()) / a)
+            .filter(|s| *s > 0.05)
+    }
+}
+
+/// A room of 10 x 4 x 10 m around the origin with people in it.
+pub(crate) struct World {
+    pub(crate) camera: Camera,
+    pub(crate) walkers: Vec<Walker>,
+    pub(crate) path: Box<dyn Fn(f64) -> Se3>,
+    /// Whether the sensor has depth at all.
+    pub(crate) with_depth: bool,
+}
+
+/// Rotation by yaw, pitch, roll about the camera's y, x, z axes.
+pub(crate) fn turned(yaw: f64, pitch: f64, roll: f64, at: Vec3) -> Se3 {
+    let r = so3::exp(&(Vec3::y() * yaw)) * so3::exp(&(Vec3::x() * pitch));
+    Se3::new(r * so3::exp(&(Vec3::z() * roll)), at)
+}
+
+impl World {
+    pub(crate) fn new(walkers: Vec<Walker>, path: impl Fn(f64) -> Se3 + 'static) -> Self {
+        Self {
+            camera: pinhole(),
+            walkers,
+            path: Box::new(path),
+            with_depth: true,
+        }
+    }
+
+    pub(crate) fn pose(&self, t: f64) -> Se3 {
+        (self.path)(t)
+    }
+
+    /// Where a walker is in the raw image, and the share of it that nobody hides; `None` when less than a third of it is in the image.
+    pub(crate) fn truth(&self, n: usize, t: f64) -> Option<(BoundingBox, f64)> {
+        let pose = self.pose(t);
+        let inverse = pose.inverse();
+        let surface = self.walkers[n].surface(t);
+        let (mut b, mut open, mut inside) = (None::<BoundingBox>, 0, 0);
+        for world in &surface {
+            let p = inverse.transform(world);
+            if p.z < 0.2 {
+                return None;
+            }
+            let px = self.camera.project(&p);
+            // Outside the image the distortion's polynomial is not one to one.
+            let raw = if (px - Vec2::new(319.5, 239.5)).norm() < 420.0 {
+                self.camera.distort(px)
+            } else {
+                px
+            };
+            inside += usize::from(self.camera.contains(raw));
+            let ray = world - pose.translation;
+            let hidden =
+                self.walkers.iter().enumerate().any(|(m, w)| {
+                    m != n && w.hit(t, &pose.translation, &ray).is_some_and(|s| s < 1.0)
+                });
+            open += usize::from(!hidden);
+            let grown = b.get_or_insert(BoundingBox {
+                x0: raw.x,
+                y0: raw.y,
+                x1: raw.x,
+                y1: raw.y,
+            });
+            grown.x0 = grown.x0.min(raw.x);
+            grown.y0 = grown.y0.min(raw.y);
+            grown.x1 = grown.x1.max(raw.x);
+            grown.y1 = grown.y1.max(raw.y);
+        }
+        let total = surface.len();
+        (inside * 3 >= total).then(|| {
+            let bounds = b.unwrap_or_default().clipped(640, 480);
+            (bounds, open as f64 / total as f64)
+        })
+    }
+
+    /// What the depth camera sees, at the resolution of the cells.
+    pub(crate) fn depth(&self, t: f64) -> CoarseDepth {
+        if !self.with_depth {
+            return CoarseDepth::default();
+        }
+        let pose = self.pose(t);
+        let mut data = vec![0.0_f32; 640 * 480];
+        for y in 0..60 {
+            for x in 0..80 {
+                let raw = Vec2::new(f64::from(x) * 8.0 + 3.5, f64::from(y) * 8.0 + 3.5);
+                let ray = self.camera.ray(self.camera.undistort(raw));
+                let z = self.depth_along(t, &pose, &ray) as f32;
+                for v in 0..8 {
+                    let start = (y * 8 + v) as usize * 640 + x as usize * 8;
+                    data[start..start + 8].fill(z);
+                }
+            }
+        }
+        CoarseDepth::new(&DepthImage::from_vec(640, 480, data).unwrap(), 8)
+    }
+
+    fn depth_along(&self, t: f64, pose: &Se3, ray: &Vec3) -> f64 {
+        let direction = pose.rotation * ray;
+        let walls = [(0, 5.0), (1, 2.0), (2, 5.0)].map(|(i, half)| {
+            let side = if direction[i] > 0.0 { half } else { -half };
+            let s = (side - pose.translation[i]) / direction[i];
+            if s.is_finite() && s > 0.0 { s } else { 1e9 }
+        });
+        let wall = walls.into_iter().fold(1e9, f64::min);
+        self.walkers
+            .iter()
+            .filter_map(|w| w.hit(t, &pose.translation, &direction))
+            .fold(wall, f64::min)
+    }
+}
+
+/// A detector's faults.
+pub(crate) struct Faults {
+    pub(crate) seed: u64,
+    /// Standard deviation of each side as a share of the box's size.
+    pub(crate) jitter: f64,
+    /// Probability that a walker is missed in a frame.
+    pub(crate) drop: f64,
+    /// Whether walkers are missed in a frame for certain.
+    pub(crate) gap: fn(u64) -> bool,
+    /// Probability that there is one more box, somewhere.
+    pub(crate) false_alarms: f64,
+}
+
+impl Default for Faults {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            jitter: 0.03,
+            drop: 0.0,
+            gap: |_| false,
+            false_alarms: 0.0,
+        }
+    }
+}
+
+impl Faults {
+    /// The detections of a frame. A person of whom others hide 40 % is not found.
+    pub(crate) fn detect(&self, world: &World, frame: u64) -> Detections {
+        let t = frame as f64 / RATE;
+        let mut items = Vec::new();
+        for n in 0..world.walkers.len() {
+            let missed = uniform(self.seed, [frame, n as u64, 7]) < self.drop || (self.gap)(frame);
+            if let Some((bounds, open)) = world.truth(n, t)
+                && open >= 0.6
+                && !missed
+            {
+                items.push(self.jittered(bounds, frame, n as u64));
+            }
+        }
+        if uniform(self.seed, [frame, 99, 8]) < self.false_alarms {
+            let u = |i: u64| uniform(self.seed, [frame, 99, 9 + i]);
+            let (x0, y0) = (u(0) * 500.0, u(1) * 300.0);
+            items.push(person(BoundingBox {
+                x0,
+                y0,
+                x1: x0 + 40.0 + 100.0 * u(2),
+                y1: y0 + 80.0 + 100.0 * u(3),
+            }));
+        }
+        Detections {
+            frame: FrameId(frame as u32),
+            stamp: t,
+            items,
+        }
+    }
+
+    fn jittered(&self, b: BoundingBox, frame: u64, n: u64) -> Detection {
+        let e = |i: u64, size: f64| normal(self.seed, [frame, 10 * n + i]) * self.jitter * size;
+        let (w, h) = (b.width(), b.height());
+        let moved = BoundingBox {
+            x0: b.x0 + e(0, w),
+            y0: b.y0 + e(1, h),
+            x1: b.x1 + e(2, w),
+            y1: b.y1 + e(3, h),
+        };
+        person(moved.clipped(640, 480))
+    }
+}
+
+/// A detected person.
+pub(crate) fn person(bounds: BoundingBox) -> Detection {
+    Detection {
+        class: ClassId::PERSON,
+        score: 0.8,
+        bounds,
+    }
+}
+
+/// What a run showed.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Score {
+    /// How often a walker was given another id than before.
+    pub(crate) switches: usize,
+    /// Overlap of predicted and true box in every frame in which a walker was visible but not detected, and its object known.
+    pub(crate) coasting: Vec<f64>,
+    /// Frames with a visible walker that has an object, and that has none. The first ten frames do not count.
+    pub(crate) held: usize,
+    pub(crate) missed: usize,
+    /// Objects beyond one per walker, confirmed or coasting, summed over the frames.
+    pub(crate) surplus: usize,
+    /// Ids that were ever confirmed.
+    pub(crate) ids: Vec<ObjectId>,
+}
+
+impl Score {
+    pub(crate) fn mean(&self) -> f64 {
+        self.coasting.iter().sum::<f64>() / self.coasting.len() as f64
+    }
+
+    /// The overlap that a share of the coasting frames stays under.
+    pub(crate) fn quantile(&self, share: f64) -> f64 {
+        let mut sorted = self.coasting.clone();
+        sorted.sort_by(f64::total_cmp);
+        let last = sorted.len().saturating_sub(1) as f64;
+        sorted.get((share * last) as usize).copied().unwrap_or(1.0)
+    }
+}
+
+/// How the tracker is driven.
+pub(crate) struct Drive {
+    /// Frames by which detections come late.
+    pub(crate) lag: u64,
+    /// Whether the tracker is told the camera's pose. Controls are not.
+    pub(crate) with_pose: bool,
+}
+
+impl Default for Drive {
+    fn default() -> Self {
+        Self {
+            lag: 0,
+            with_pose: true,
+        }
+    }
+}
+
+/// Runs the tracker over some frames; it is asked for every frame right after the detections that have come by then.
+pub(crate) fn run(world: &World, faults: &Faults, frames: u64, drive: &Drive) -> Score {
+    let mut tracker = ObjectTracker::new(ObjectsConfig::default(), world.camera);
+    let mut score = Score::default();
+    let mut known: Vec<Option<ObjectId>> = vec![None; world.walkers.len()];
+    let pose = |t| {
+        if drive.with_pose {
+            world.pose(t)
+        } else {
+            Se3::default()
+        }
+    };
+    for frame in drive.lag..frames {
+        let seen = frame - drive.lag;
+        let (t, then) = (frame as f64 / RATE, seen as f64 / RATE);
+        let late = faults.detect(world, seen);
+        tracker.update(&late, &pose(then), &world.depth(then));
+        let objects: Vec<Object> = tracker
+            .predict(t, &pose(t))
+            .into_iter()
+            .filter(|o| o.state != ObjectState::Tentative)
+            .collect();
+        for o in &objects {
+            if !score.ids.contains(&o.id) {
+                score.ids.push(o.id);
+            }
+        }
+        let in_view = objects.iter().filter(|o| o.bounds.area() > 0.0).count();
+        score.surplus += in_view.saturating_sub(world.walkers.len());
+        let detections = match drive.lag {
+            0 => late,
+            _ => faults.detect(world, frame),
+        };
+        for (n, id) in known.iter_mut().enumerate() {
+            let truth = world.truth(n, t);
+            judge(&mut score, id, truth, &objects, &detections, frame);
+        }
+    }
+    println!("{score}");
+    score
+}
+
+impl std::fmt::Display for Score {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "switches {}, held {}, missed {}, surplus {}, ids {}, coasting {}: mean {:.3}, 5 % under {:.3}",
+            self.switches,
+            self.held,
+            self.missed,
+            self.surplus,
+            self.ids.len(),
+            self.coasting.len(),
+            self.mean(),
+            self.quantile(0.05)
+        )
+    }
+}
+
+fn judge(
+    score: &mut Score,
+    known: &mut Option<ObjectId>,
+    truth: Option<(BoundingBox, f64)>,
+    objects: &[Object],
+    detections: &Detections,
+    frame: u64,
+) {
+    // Who has left the image may come back as somebody else. Who is hidden is not judged.
+    let Some((bounds, open)) = truth else {
+        *known = None;
+        return;
+    };
+    if open < 0.5 {
+        return;
+    }
+    let detected = detections.items.iter().any(|d| d.bounds.iou(&bounds) > 0.6);
+    let own = known.and_then(|id| objects.iter().find(|o| o.id == id));
+    if let Some(own) = own.filter(|_| !detected) {
+        score.coasting.push(own.bounds.iou(&bounds));
+    }
+    let kept = own.filter(|o| o.bounds.iou(&bounds) >= 0.3);
+    let found = kept.or_else(|| {
+        objects
+            .iter()
+            .filter(|o| o.bounds.iou(&bounds) >= 0.5)
+            .max_by(|a, b| a.bounds.iou(&bounds).total_cmp(&b.bounds.iou(&bounds)))
+    });
+    if frame >= 10 {
+        score.held += usize::from(found.is_some());
+        score.missed += usize::from(found.is_none());
+    }
+    if let Some(found) = found {
+        score.switches += usize::from(known.is_some_and(|id| id != found.id));
+        *known = Some(found.id);
+    }
+}
