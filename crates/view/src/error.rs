@@ -1,0 +1,29 @@
+//! What can go wrong: encoding and writing.
+
+/// A picture could not be encoded or written.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// A picture without pixels.
+    #[error("expected a picture of at least 1 x 1 px, found {0} x {1}")]
+    Empty(usize, usize),
+    /// Frames of an animation differ in size.
+    #[error(
+        "expected all frames of an animation to have {} x {} px as the first, found {} x {}; give all of them a caption or none",
+        expected.0, expected.1, found.0, found.1
+    )]
+    Size {
+        /// Width and height of the first frame, px.
+        expected: (usize, usize),
+        /// Width and height of this one, px.
+        found: (usize, usize),
+    },
+    /// An animation was finished before its first frame.
+    #[error("expected an animation of at least one frame, found none")]
+    NoFrames,
+    /// The encoder failed.
+    #[error("expected to encode the picture as PNG, found: {0}")]
+    Encode(#[from] png::EncodingError),
+    /// Writing failed.
+    #[error("expected to write the picture, found: {0}")]
+    Write(#[from] std::io::Error),
+}

@@ -1,0 +1,218 @@
+//! An RGB picture and the few ways to put something on it.
+
+use crate::Colour;
+use stillpoint_imaging::{ColourImage, GrayImage, RgbdFrame};
+
+/// An RGB picture of `height` x `width`. What is drawn outside of it is left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    width: usize,
+    height: usize,
+    data: Vec<u8>,
+}
+
+impl Picture {
+    /// A picture of one colour.
+    #[must_use]
+    pub fn new(width: usize, height: usize, colour: Colour) -> Self {
+        let mut data = Vec::with_capacity(3 * width * height);
+        for _ in 0..width * height {
+            data.extend([colour.0, colour.1, colour.2]);
+        }
+        Self {
+            width,
+            height,
+            data,
+        }
+    }
+
+    /// The colour image of a frame, else its grey one.
+    #[must_use]
+    pub fn from_frame(frame: &RgbdFrame) -> Self {
+        match &frame.colour {
+            Some(colour) => Self::from_colour(colour),
+            None => Self::from_gray(&frame.gray),
+        }
+    }
+
+    /// A copy of a colour image.
+    #[must_use]
+    pub fn from_colour(image: &ColourImage) -> Self {
+        Self {
+            width: image.width(),
+            height: image.height(),
+            data: image.data().to_vec(),
+        }
+    }
+
+    /// A copy of a grey image.
+    #[must_use]
+    pub fn from_gray(image: &GrayImage) -> Self {
+        Self {
+            width: image.width(),
+            height: image.height(),
+            data: image.data().iter().flat_map(|&v| [v, v, v]).collect(),
+        }
+    }
+
+    /// Width, px.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Height, px.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// All pixels, interleaved RGB, row by row.
+    #[must_use]
+    pub fn data(&self) -> &[u8] {
+        &self.data
+    }
+
+    /// One pixel; `None` outside.
+    #[must_use]
+    pub fn at(&self, x: usize, y: usize) -> Option<Colour> {
+        let i = self.index(x as i64, y as i64)?;
+        Some(Colour(self.data[i], self.data[i + 1], self.data[i + 2]))
+    }
+
+    /// The mean of every 2 x 2 pixels; an odd last row or column is dropped. A picture of one pixel in either direction has
+    /// nothing left.
+    #[must_use]
+    pub fn halved(&self) -> Self {
+        let (width, height) = (self.width / 2, self.height / 2);
+        let mut data = Vec::with_capacity(3 * width * height);
+        for y in 0..height {
+            for x in 0..width {
+                let first = 3 * (2 * y * self.width + 2 * x);
+                for c in first..first + 3 {
+                    let below = c + 3 * self.width;
+                    let sum = [c, c + 3, below, below + 3]
+                        .iter()
+                        .map(|&i| u16::from(self.data[i]))
+                        .sum::<u16>();
+                    data.push(((sum + 2) / 4) as u8);
+                }
+            }
+        }
+        Self {
+            width,
+            height,
+            data,
+        }
+    }
+
+    /// Every channel of every pixel, changed.
+    pub(crate) fn map(mut self, change: impl Fn(u8) -> u8) -> Self {
+        for v in &mut self.data {
+            *v = change(*v);
+        }
+        self
+    }
+
+    fn index(&self, x: i64, y: i64) -> Option<usize> {
+        let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
+        (x < self.width && y < self.height).then_some(3 * (y * self.width + x))
+    }
+
+    /// Mixes a colour into a pixel: `coverage` 0 leaves it, 1 replaces it.
+    pub(crate) fn blend(&mut self, x: i64, y: i64, colour: Colour, coverage: f32) {
+        let Some(i) = self.index(x, y) else { return };
+        let coverage = coverage.clamp(0.0, 1.0);
+        for (old, new) in self.data[i..i + 3]
+            .iter_mut()
+            .zip([colour.0, colour.1, colour.2])
+        {
+            let mixed = f32::from(*old) + coverage * (f32::from(new) - f32::from(*old));
+            *old = (mixed + 0.5) as u8;
+        }
+    }
+
+    /// Fills the pixels from `(x0, y0)` up to but without `(x1, y1)`.
+    pub(crate) fn fill(
+        &mut self,
+        (x0, y0): (i64, i64),
+        (x1, y1): (i64, i64),
+        colour: Colour,
+        coverage: f32,
+    ) {
+        // Cut first: the corners may be anywhere.
+        let cut = |v: i64, end: usize| v.clamp(0, end as i64);
+        for y in cut(y0, self.height)..cut(y1, self.height) {
+            for x in cut(x0, self.width)..cut(x1, self.width) {
+                self.blend(x, y, colour, coverage);
+            }
+        }
+    }
+
+    /// Puts a picture on this one, its first pixel at `(x, y)`.
+    pub(crate) fn paste(&mut self, other: &Self, x: usize, y: usize) {
+        let columns = other.width.min(self.width.saturating_sub(x));
+        if columns == 0 {
+            return;
+        }
+        for row in 0..other.height.min(self.height.saturating_sub(y)) {
+            let from = 3 * row * other.width;
+            let to = 3 * ((y + row) * self.width + x);
+            self.data[to..to + 3 * columns].copy_from_slice(&other.data[from..from + 3 * columns]);
+        }
+    }
+
+    /// The same picture with a strip of one colour below.
+    pub(crate) fn with_strip(mut self, height: usize, colour: Colour) -> Self {
+        for _ in 0..height * self.width {
+            self.data.extend([colour.0, colour.1, colour.2]);
+        }
+        self.height += height;
+        self
+    }
+}
+
+impl From<Picture> for ColourImage {
+    fn from(picture: Picture) -> Self {
+        // The data of a picture always has the size that its width and height ask for.
+        Self::from_vec(picture.width, picture.height, picture.data).unwrap_or_default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn halves_are_means() {
+        let mut p = Picture::new(5, 3, Colour::BLACK);
+        p.fill((0, 0), (1, 2), Colour::WHITE, 1.0);
+        let half = p.halved();
+        assert_eq!((half.width(), half.height()), (2, 1));
+        assert_eq!(half.at(0, 0), Some(Colour(128, 128, 128)));
+        assert_eq!(half.at(1, 0), Some(Colour::BLACK));
+        assert_eq!(half.at(2, 0), None);
+    }
+
+    #[test]
+    fn what_is_outside_is_left_out() {
+        let mut p = Picture::new(4, 4, Colour::BLACK);
+        p.fill((i64::MIN, i64::MIN), (-1, i64::MAX), Colour::WHITE, 1.0);
+        p.blend(4, 0, Colour::WHITE, 1.0);
+        p.blend(0, -1, Colour::WHITE, 1.0);
+        assert_eq!(p, Picture::new(4, 4, Colour::BLACK));
+        p.paste(&Picture::new(9, 9, Colour::WHITE), 3, 3);
+        assert_eq!(p.at(3, 3), Some(Colour::WHITE));
+        assert_eq!(p.at(2, 3), Some(Colour::BLACK));
+        p.paste(&Picture::new(9, 9, Colour::STATIC), 7, 0);
+        assert_eq!(p.at(3, 0), Some(Colour::BLACK));
+    }
+
+    #[test]
+    fn a_picture_is_a_colour_image() {
+        let gray = GrayImage::from_vec(2, 1, vec![7, 200]).unwrap();
+        let image = ColourImage::from(Picture::from_gray(&gray));
+        assert_eq!(image.at(1, 0), [200, 200, 200]);
+        assert_eq!(Picture::from_colour(&image).at(0, 0), Some(Colour(7, 7, 7)));
+    }
+}

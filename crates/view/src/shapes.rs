@@ -1,0 +1,218 @@
+//! Discs, rings, frames and tinted cells.
+
+use crate::overlay::CellLabels;
+use crate::{Colour, Picture};
+
+/// Calls `paint` for the pixels around a point, with their distances from it, px.
+fn around(
+    picture: &mut Picture,
+    (u, v): (f32, f32),
+    reach: f32,
+    mut paint: impl FnMut(&mut Picture, i64, i64, f32),
+) {
+    // Keeps the range of pixels small, whatever comes in.
+    let outside = |c: f32, size: usize| !(-reach..=size as f32 + reach).contains(&c);
+    if outside(u, picture.width()) || outside(v, picture.height()) {
+        return;
+    }
+    for y in (v - reach).floor() as i64..=(v + reach).ceil() as i64 {
+        for x in (u - reach).floor() as i64..=(u + reach).ceil() as i64 {
+            let (dx, dy) = (x as f32 - u, y as f32 - v);
+            paint(picture, x, y, (dx * dx + dy * dy).sqrt());
+        }
+    }
+}
+
+/// A filled circle with smooth edges. The pixel at its centre has the pure colour from a radius of 1.25 px on.
+pub(crate) fn disc(picture: &mut Picture, centre: (f32, f32), radius: f32, colour: Colour) {
+    around(picture, centre, radius + 1.0, |p, x, y, d| {
+        p.blend(x, y, colour, radius + 0.5 - d);
+    });
+}
+
+/// A circle's line with smooth edges.
+pub(crate) fn ring(
+    picture: &mut Picture,
+    centre: (f32, f32),
+    radius: f32,
+    width: f32,
+    colour: Colour,
+) {
+    around(picture, centre, radius + width + 1.0, |p, x, y, d| {
+        p.blend(x, y, colour, 0.5 * width + 0.5 - (d - radius).abs());
+    });
+}
+
+/// Pixels of a dash and of the gap after it.
+const DASH: i64 = 6;
+
+/// A frame of lines inside the pixels from `(x0, y0)` up to but without `(x1, y1)`.
+pub(crate) fn frame(
+    picture: &mut Picture,
+    (x0, y0): (i64, i64),
+    (x1, y1): (i64, i64),
+    (line, dashed): (i64, bool),
+    colour: Colour,
+) {
+    let drawn = |along: i64| !dashed || (along / DASH) % 2 == 0;
+    let (w, h) = (picture.width() as i64, picture.height() as i64);
+    for x in x0.max(0)..x1.min(w) {
+        if drawn(x - x0) {
+            picture.fill((x, y0), (x + 1, (y0 + line).min(y1)), colour, 1.0);
+            picture.fill((x, (y1 - line).max(y0)), (x + 1, y1), colour, 1.0);
+        }
+    }
+    for y in y0.max(0)..y1.min(h) {
+        if drawn(y - y0) {
+            picture.fill((x0, y), ((x0 + line).min(x1), y + 1), colour, 1.0);
+            picture.fill(((x1 - line).max(x0), y), (x1, y + 1), colour, 1.0);
+        }
+    }
+}
+
+/// How much of a cell's colour is mixed into its pixels.
+const TINT: f32 = 0.3;
+/// The same at the border to another label.
+const BORDER: f32 = 0.8;
+
+/// Tints labelled cells, with a line of one pixel where the label changes. Cells without a label stay as they are.
+pub(crate) fn cells(picture: &mut Picture, cells: &CellLabels<'_>) {
+    let label = |i: usize, j: usize| {
+        let inside = i < cells.width && j < cells.height;
+        let found = inside.then_some(j.saturating_mul(cells.width).saturating_add(i));
+        found
+            .and_then(|k| cells.labels.get(k))
+            .copied()
+            .unwrap_or(0)
+    };
+    // A cell larger than the picture covers it; a grid that reaches out of it is cut.
+    let size = cells.cell.min(picture.width().max(picture.height()));
+    if size == 0 {
+        return;
+    }
+    let columns = cells.width.min(picture.width().div_ceil(size));
+    for j in 0..cells.height.min(picture.height().div_ceil(size)) {
+        for i in 0..columns {
+            let own = label(i, j);
+            if own == 0 {
+                continue;
+            }
+            let colour = Colour::of_number(u32::from(own));
+            let (x, y, size) = ((i * size) as i64, (j * size) as i64, size as i64);
+            picture.fill((x, y), (x + size, y + size), colour, TINT);
+            // Each border is drawn once by the cell before it, and by the cell behind it where the one before has no label.
+            let other = |i: usize, j: usize| label(i, j) != own;
+            if other(i + 1, j) {
+                picture.fill((x + size - 1, y), (x + size, y + size), colour, BORDER);
+            }
+            if other(i, j + 1) {
+                picture.fill((x, y + size - 1), (x + size, y + size), colour, BORDER);
+            }
+            if i == 0 || label(i - 1, j) == 0 {
+                picture.fill((x, y), (x + 1, y + size), colour, BORDER);
+            }
+            if j == 0 || label(i, j - 1) == 0 {
+                picture.fill((x, y), (x + size, y + 1), colour, BORDER);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn grey() -> Picture {
+        Picture::new(60, 40, Colour(100, 100, 100))
+    }
+
+    fn count(picture: &Picture, colour: Colour) -> usize {
+        picture
+            .data()
+            .chunks_exact(3)
+            .filter(|p| **p == [colour.0, colour.1, colour.2])
+            .count()
+    }
+
+    #[test]
+    fn discs_cover_their_area_wherever_they_lie() {
+        for offset in [0.0f32, 0.25, 0.5, 0.9] {
+            let mut p = grey();
+            disc(
+                &mut p,
+                (20.0 + offset, 15.0 + offset),
+                3.0,
+                Colour(101, 100, 100),
+            );
+            let covered = count(&p, Colour(101, 100, 100));
+            assert!((20..=37).contains(&covered), "{offset}: {covered} px of 28");
+            let mut p = grey();
+            disc(&mut p, (20.0 + offset, 15.0 + offset), 1.25, Colour::STATIC);
+            let (x, y) = (
+                (20.0 + offset).round() as usize,
+                (15.0 + offset).round() as usize,
+            );
+            assert_eq!(p.at(x, y), Some(Colour::STATIC), "{offset}");
+        }
+    }
+
+    #[test]
+    fn points_that_are_nowhere_draw_nothing() {
+        for point in [
+            (f32::NAN, 5.0),
+            (5.0, f32::INFINITY),
+            (-1e9, 5.0),
+            (1e30, -1e30),
+        ] {
+            let mut p = grey();
+            disc(&mut p, point, 3.0, Colour::STATIC);
+            ring(&mut p, point, 3.0, 1.0, Colour::STATIC);
+            assert_eq!(p, grey(), "{point:?}");
+        }
+    }
+
+    #[test]
+    fn dashes_leave_half_of_a_frame_out() {
+        let (mut full, mut dashed) = (grey(), grey());
+        frame(&mut full, (5, 5), (53, 35), (1, false), Colour::RIGID);
+        frame(&mut dashed, (5, 5), (53, 35), (1, true), Colour::RIGID);
+        assert_eq!(count(&full, Colour::RIGID), 2 * 48 + 2 * 30 - 4);
+        let part = count(&dashed, Colour::RIGID);
+        assert!((60..=100).contains(&part), "{part}");
+        assert_eq!(full.at(5, 5), Some(Colour::RIGID));
+        assert_eq!(full.at(52, 34), Some(Colour::RIGID));
+        assert_eq!(full.at(6, 6), grey().at(6, 6));
+    }
+
+    #[test]
+    fn cells_are_tinted_and_their_borders_drawn() {
+        let mut p = grey();
+        let labels = [0, 3, 3, 0, 0, 0];
+        let grid = CellLabels {
+            cell: 10,
+            width: 3,
+            height: 2,
+            labels: &labels,
+        };
+        cells(&mut p, &grid);
+        assert_eq!(p.at(5, 5), grey().at(5, 5), "no label");
+        let inner = p.at(15, 5).unwrap();
+        assert_ne!(Some(inner), grey().at(5, 5));
+        assert_eq!(p.at(19, 5), Some(inner), "no border within a segment");
+        assert_eq!(p.at(20, 5), Some(inner), "no border within a segment");
+        for (x, y) in [(10, 5), (29, 5), (15, 0), (15, 9)] {
+            assert_ne!(p.at(x, y), Some(inner), "border at {x} {y}");
+        }
+        assert_eq!(p.at(15, 10), grey().at(5, 5));
+        // Grids that claim more than they have.
+        for (cell, width, height) in [(usize::MAX / 2 + 1, 4, 9), (1, usize::MAX, usize::MAX)] {
+            let grid = CellLabels {
+                cell,
+                width,
+                height,
+                labels: &labels,
+            };
+            cells(&mut p, &grid);
+        }
+    }
+}

@@ -1,0 +1,236 @@
+//! What a picture shows: marks, boxes, labels, segments, captions; and that nothing that is drawn can make it fail.
+#![allow(clippy::unwrap_used)]
+
+use proptest::prelude::*;
+use std::sync::Arc;
+use stillpoint_detection::BoundingBox;
+use stillpoint_imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
+use stillpoint_view::{CellLabels, Colour, Mark, Overlay, OverlayBox, Picture, draw, side_by_side};
+
+const GREY: u8 = 120;
+
+fn frame(width: usize, height: usize) -> RgbdFrame {
+    let n = width * height;
+    RgbdFrame {
+        id: FrameId(0),
+        stamp: 0.0,
+        depth_stamp: 0.0,
+        gray: GrayImage::from_vec(width, height, vec![GREY; n]).unwrap(),
+        colour: None,
+        depth: DepthImage::from_vec(width, height, vec![0.0; n]).unwrap(),
+    }
+}
+
+fn object(bounds: [f64; 4], label: &str, coasting: bool) -> OverlayBox {
+    let [x0, y0, x1, y1] = bounds;
+    OverlayBox {
+        bounds: BoundingBox { x0, y0, x1, y1 },
+        label: label.to_owned(),
+        colour: Colour::of_number(1),
+        coasting,
+    }
+}
+
+/// Pixels of a colour in the columns and rows given.
+fn count(
+    picture: &Picture,
+    colour: Colour,
+    x: std::ops::Range<usize>,
+    y: std::ops::Range<usize>,
+) -> usize {
+    y.flat_map(|y| x.clone().map(move |x| (x, y)))
+        .filter(|&(x, y)| picture.at(x, y) == Some(colour))
+        .count()
+}
+
+#[test]
+fn marks_have_their_colours() {
+    let reasons = [Colour::SEMANTIC, Colour::EPIPOLAR, Colour::DEPTH];
+    let mut keypoints = vec![(20.3, 30.4, Mark::Static), (40.5, 30.0, Mark::Unused)];
+    for (i, colour) in reasons.iter().enumerate() {
+        keypoints.push((60.0 + 20.0 * i as f32, 30.0, Mark::Dynamic(*colour)));
+    }
+    let overlay = Overlay {
+        keypoints: &keypoints,
+        ..Overlay::default()
+    };
+    let picture = draw(&frame(640, 480), &overlay);
+    assert_eq!((picture.width(), picture.height()), (640, 480));
+    assert_eq!(picture.at(20, 30), Some(Colour::STATIC));
+    assert_eq!(picture.at(40, 30), Some(Colour::UNUSED));
+    for (i, colour) in reasons.iter().enumerate() {
+        let x = 60 + 20 * i;
+        assert_eq!(picture.at(x, 30), Some(*colour));
+        // The ring, apart from the disc inside.
+        assert_eq!(picture.at(x + 4, 30), Some(*colour));
+        assert_ne!(picture.at(x + 7, 30), Some(*colour));
+    }
+    let none = |x: usize, y: usize| picture.at(x, y) == Some(Colour(GREY, GREY, GREY));
+    assert!(none(300, 300) && none(20, 40) && none(30, 30));
+}
+
+#[test]
+fn a_rejected_feature_is_not_hidden_by_a_static_one() {
+    let keypoints = [
+        (50.0, 50.0, Mark::Dynamic(Colour::SEMANTIC)),
+        (50.0, 50.0, Mark::Static),
+        (50.0, 50.0, Mark::Unused),
+    ];
+    let overlay = Overlay {
+        keypoints: &keypoints,
+        ..Overlay::default()
+    };
+    let picture = draw(&frame(640, 480), &overlay);
+    assert_eq!(picture.at(50, 50), Some(Colour::SEMANTIC));
+}
+
+#[test]
+fn boxes_have_frames_and_labels() {
+    let colour = Colour::of_number(1);
+    let boxes = [object(
+        [100.0, 100.0, 300.0, 400.0],
+        "person 3 0.8 m/s",
+        false,
+    )];
+    let overlay = Overlay {
+        boxes: &boxes,
+        ..Overlay::default()
+    };
+    let picture = draw(&frame(640, 480), &overlay);
+    for (x, y) in [(101, 250), (299, 250), (250, 101), (200, 399)] {
+        assert_eq!(picture.at(x, y), Some(colour), "{x} {y}");
+    }
+    assert_eq!(picture.at(200, 250), Some(Colour(GREY, GREY, GREY)));
+    // The label stands above the box: ink on the box's colour, at least 14 px high, so that it is legible at half size.
+    let ink = [Colour::BLACK, Colour::WHITE];
+    let rows: Vec<usize> = (0..100)
+        .filter(|&y| {
+            ink.iter()
+                .any(|c| count(&picture, *c, 100..300, y..y + 1) > 0)
+        })
+        .collect();
+    assert!((14..=18).contains(&rows.len()), "{rows:?}");
+    assert!(rows[0] > 75, "{rows:?}");
+    let ground = count(&picture, colour, 100..300, 79..100);
+    assert!(ground > 1000, "{ground} px");
+
+    // A coasting box lacks half of its frame, and nothing else changes.
+    let boxes = [object([100.0, 100.0, 300.0, 400.0], "", true)];
+    let dashed = draw(
+        &frame(640, 480),
+        &Overlay {
+            boxes: &boxes,
+            ..Overlay::default()
+        },
+    );
+    let full = count(&picture, colour, 100..102, 110..400);
+    let part = count(&dashed, colour, 100..102, 110..400);
+    assert!(part * 3 > full && part * 3 < 2 * full, "{part} of {full}");
+}
+
+#[test]
+fn labels_stay_in_the_picture() {
+    let colour = Colour::of_number(1);
+    for bounds in [
+        [-50.0, -50.0, 60.0, 60.0],
+        [600.0, 2.0, 900.0, 900.0],
+        [500.0, 470.0, 639.0, 479.0],
+    ] {
+        let with = |label| {
+            let boxes = [object(bounds, label, false)];
+            let overlay = Overlay {
+                boxes: &boxes,
+                ..Overlay::default()
+            };
+            draw(&frame(640, 480), &overlay)
+        };
+        let count = |p: &Picture| count(p, colour, 0..640, 0..480);
+        let label = count(&with("person 3 0.8 m/s")) - count(&with(""));
+        assert!(label > 1000, "{bounds:?}: {label} px");
+    }
+}
+
+#[test]
+fn a_caption_adds_a_line_below() {
+    let overlay = Overlay {
+        caption: "frame 12  tracked  static 611  dynamic 204",
+        ..Overlay::default()
+    };
+    let picture = draw(&frame(320, 240), &overlay);
+    assert!(picture.height() > 240 + 7);
+    let rows = 240..picture.height();
+    assert!(count(&picture, Colour::WHITE, 0..320, rows) > 200);
+    assert_eq!(count(&picture, Colour::WHITE, 0..320, 0..240), 0);
+}
+
+#[test]
+fn the_colour_image_is_drawn_where_there_is_one() {
+    let mut frame = frame(8, 8);
+    let pixels = [10, 200, 30].repeat(64);
+    frame.colour = Some(Arc::new(ColourImage::from_vec(8, 8, pixels).unwrap()));
+    let picture = draw(&frame, &Overlay::default());
+    assert_eq!(picture.at(3, 3), Some(Colour(10, 200, 30)));
+}
+
+#[test]
+fn pictures_stand_side_by_side_under_their_titles() {
+    let left = Picture::new(320, 200, Colour::STATIC);
+    let right = Picture::new(320, 240, Colour::RIGID);
+    let both = side_by_side(&left, &right, ["filter off", "filter on"]);
+    assert!(both.width() > 640 && both.height() > 240 + 7);
+    let top = both.height() - 240;
+    assert_eq!(both.at(0, top), Some(Colour::STATIC));
+    assert_eq!(both.at(0, top + 200), Some(Colour::WHITE));
+    assert_eq!(
+        both.at(both.width() - 1, both.height() - 1),
+        Some(Colour::RIGID)
+    );
+    for columns in [0..320, both.width() - 320..both.width()] {
+        assert!(count(&both, Colour::BLACK, columns, 0..top) > 50);
+    }
+}
+
+fn anything() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        -50.0..150.0,
+        -1e12..1e12,
+        Just(f64::NAN),
+        Just(f64::INFINITY),
+        Just(f64::NEG_INFINITY),
+        Just(f64::MAX)
+    ]
+}
+
+proptest! {
+    #[test]
+    fn nothing_that_is_drawn_makes_it_fail(
+        (width, height) in (0usize..90, 0usize..70),
+        points in proptest::collection::vec((anything(), anything()), 0..8),
+        boxes in proptest::collection::vec((proptest::array::uniform4(anything()), ".{0,30}", any::<bool>()), 0..4),
+        (cell, columns, rows) in (prop_oneof![0usize..20, Just(usize::MAX)], 0usize..8, 0usize..8),
+        labels in proptest::collection::vec(any::<u16>(), 0..40),
+        caption in ".{0,40}",
+    ) {
+        let keypoints: Vec<_> = points
+            .iter()
+            .enumerate()
+            .map(|(i, p)| {
+                let mark = [Mark::Static, Mark::Unused, Mark::Dynamic(Colour::RIGID)][i % 3];
+                (p.0 as f32, p.1 as f32, mark)
+            })
+            .collect();
+        let boxes: Vec<_> = boxes.iter().map(|(b, label, coasting)| object(*b, label, *coasting)).collect();
+        let overlay = Overlay {
+            keypoints: &keypoints,
+            boxes: &boxes,
+            cells: Some(CellLabels { cell, width: columns, height: rows, labels: &labels }),
+            caption: &caption,
+        };
+        let picture = draw(&frame(width, height), &overlay);
+        prop_assert_eq!(picture.width(), width);
+        prop_assert!(picture.height() >= height);
+        prop_assert_eq!(picture.data().len(), 3 * picture.width() * picture.height());
+        let both = side_by_side(&picture, &picture.halved(), [&caption, ""]);
+        prop_assert!(both.width() >= width);
+    }
+}
