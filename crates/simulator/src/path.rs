@@ -117,7 +117,8 @@ impl Path {
             Kind::Halfsphere => {
                 let radius = 1.0 + self.back + 0.12 * wave(t, 0.11, 0.0);
                 let azimuth = 0.9 * wave(t, 0.1, -0.6);
-                let elevation = 0.7 + 0.33 * wave(t, 0.17, 0.8);
+                // A wider sphere is flatter, as the ceiling wants it.
+                let elevation = (0.7 + 0.33 * wave(t, 0.17, 0.8)) / (1.0 + 0.55 * self.back);
                 let ground = radius * libm::cos(elevation);
                 let out = Vec3::new(
                     ground * libm::sin(azimuth),

@@ -331,13 +331,9 @@ impl FrameSource for SimulatorSource {
     }
 }
 
-/// How much farther the camera is from the desk where people pass between the two, m.
-const ROOM_TO_PASS: f64 = 0.7;
-
 /// The scene and the path of a name.
 fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
     let people = |cast| Scene::office_with_people(seed, cast);
-    let far = |path: Path| path.farther(ROOM_TO_PASS);
     Some(match name {
         "xyz" => (Scene::office(seed), Path::xyz(seed)),
         "rpy" => (Scene::office(seed), Path::rpy(seed)),
@@ -347,12 +343,12 @@ fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
             Scene::two_rooms(seed),
             Path::walk(seed, &Scene::TWO_ROOMS_WALK),
         ),
-        "walking_xyz" => (people(Cast::Walking), far(Path::xyz(seed))),
-        "walking_rpy" => (people(Cast::Walking), far(Path::rpy(seed))),
-        "walking_halfsphere" => (people(Cast::Walking), far(Path::halfsphere(seed))),
-        "walking_static" => (people(Cast::Walking), far(Path::still(seed))),
-        "sitting_xyz" => (people(Cast::Sitting), Path::xyz(seed)),
-        "box_carried" => (people(Cast::Carrying), far(Path::xyz(seed))),
+        "walking_xyz" => (people(Cast::Walking), Path::xyz(seed).farther(0.66)),
+        "walking_rpy" => (people(Cast::Walking), Path::rpy(seed).farther(0.66)),
+        "walking_halfsphere" => (people(Cast::Walking), Path::halfsphere(seed).farther(1.2)),
+        "walking_static" => (people(Cast::Walking), Path::still(seed).farther(0.66)),
+        "sitting_xyz" => (people(Cast::Sitting), Path::xyz(seed).farther(0.25)),
+        "box_carried" => (people(Cast::Carrying), Path::xyz(seed).farther(0.85)),
         _ => return None,
     })
 }

@@ -22,11 +22,20 @@ pub(crate) enum Cast {
 /// Direction towards the camera, rad.
 const TO_CAMERA: f64 = -std::f64::consts::FRAC_PI_2;
 
-/// Chairs behind the desk: place of the seat, m, and the direction in which one sits, rad.
-pub(crate) const SEATS: [[f64; 3]; 2] = [[-0.62, 0.62, -1.35], [0.62, 0.66, -1.75]];
+/// A chair: place of the seat, m, and the direction in which one sits, rad.
+pub(crate) type Seat = [f64; 3];
+
+/// Where one sits down in the walking scenes.
+const SEAT: Seat = [-0.62, 0.62, -1.35];
+/// Where two people sit and talk.
+const SEATS: [Seat; 2] = [[-0.55, 0.5, -1.3], [0.5, 0.52, -1.8]];
+/// The line along which people pass between the camera and the desk, m.
+const BEFORE: f64 = -1.06;
+/// The line along which they pass behind the desk, m.
+const BEHIND: f64 = 0.5;
 
 /// Where the feet's middle of a person is who sits on a seat.
-fn feet_of([x, y, yaw]: [f64; 3]) -> [f64; 2] {
+fn feet_of([x, y, yaw]: Seat) -> [f64; 2] {
     let ahead = SIT_BACK - 0.06;
     [x + ahead * libm::cos(yaw), y + ahead * libm::sin(yaw)]
 }
@@ -47,6 +56,15 @@ const PRINT: Dress = Dress {
 };
 
 impl Cast {
+    /// The two chairs of the office.
+    pub(crate) fn seats(self) -> [Seat; 2] {
+        match self {
+            Self::Walking => [SEAT, [0.9, 1.65, 0.8]],
+            Self::Sitting => SEATS,
+            Self::Carrying => [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]],
+        }
+    }
+
     /// Adds the people to a scene.
     pub(crate) fn enter(self, b: &mut Builder, seed: u64) {
         let rng = &mut Stream::new(seed, Purpose::People, 0);
@@ -74,14 +92,14 @@ impl Cast {
             };
             let load = load.map(|l: Load| {
                 mover += 1;
-                let skin = b.skin(Pattern::Package, 60);
+                let skin = b.skin(Pattern::Carton, 0);
                 let cover = Cover {
                     texture: skin.texture,
                     infrared: skin.infrared,
                     mover,
                     surface: 0,
                 };
-                (Mesh::cuboid(l.half, 128.0), cover)
+                (Mesh::cuboid(l.half, 256.0), cover)
             });
             b.people.push(Person { gait, body, load });
         }
@@ -89,55 +107,56 @@ impl Cast {
 }
 
 const LOAD: Load = Load {
-    half: [0.17, 0.21, 0.17],
+    half: [0.14, 0.17, 0.14],
     wander: 0.07,
 };
 
 /// Start and stages of a route.
 type Script = ([f64; 3], Vec<Stage>);
 
-/// Walks behind the desk, stops, comes round it and crosses close before the camera.
+/// Crosses close before the camera, stops there with the back to it, goes on, turns round and crosses again.
 fn walker() -> Script {
     use Stage::{Stand, Talk, To};
     let stages = vec![
-        To(0.35, 0.75, 1.0),
-        Talk(1.0, TO_CAMERA),
-        To(1.55, 0.5, 1.1),
-        To(1.55, -0.75, 1.1),
-        To(0.9, -1.12, 1.0),
-        To(-1.7, -1.12, 0.8),
-        Stand(1.0, 3.0),
+        To(0.12, BEFORE, 0.8),
+        Talk(2.3, 1.3),
+        To(1.1, BEFORE, 0.8),
+        Stand(0.6, 2.9),
+        To(-1.6, BEFORE, 0.62),
+        Stand(60.0, 3.1),
     ];
-    ([-1.0, 0.75, 0.0], stages)
+    ([-1.5, BEFORE, 0.0], stages)
 }
 
-/// Stands before the desk, walks round it and sits down behind it.
+/// Stands behind the desk, walks there to and fro, and sits down.
 fn sitter() -> Script {
-    use Stage::{Sit, Talk, To};
-    let [x, y] = feet_of(SEATS[0]);
+    use Stage::{Sit, Stand, Talk, To};
+    let [x, y] = feet_of(SEAT);
     let stages = vec![
-        Talk(1.5, 2.0),
-        To(-1.5, -0.9, 0.9),
-        To(-1.5, 0.45, 1.1),
+        Talk(1.2, TO_CAMERA),
+        To(1.0, BEHIND, 0.9),
+        Stand(0.8, 2.6),
+        To(0.1, BEHIND, 0.9),
         To(x, y, 0.8),
-        Sit(8.0, SEATS[0][2]),
+        Sit(60.0, SEAT[2]),
     ];
-    ([-0.5, -1.1, 2.0], stages)
+    ([0.2, BEHIND, TO_CAMERA], stages)
 }
 
-fn seated(seat: [f64; 3]) -> Script {
+fn seated(seat: Seat) -> Script {
     let [x, y] = feet_of(seat);
     ([x, y, seat[2]], vec![Stage::Sit(60.0, seat[2])])
 }
 
-/// Carries a box from right to left behind the desk and back before it.
+/// Holds a box into the picture from the right, then carries it across before the desk and back behind it.
 fn carrier() -> Script {
     use Stage::{Stand, To};
     let stages = vec![
-        Stand(1.0, 3.1),
-        To(-1.5, 0.7, 0.8),
-        To(-1.5, -0.9, 0.9),
-        To(1.6, -1.12, 0.7),
+        Stand(2.5, 3.1),
+        To(-1.3, BEFORE, 0.65),
+        To(-1.35, BEHIND, 1.2),
+        To(0.7, BEHIND, 0.7),
+        Stand(60.0, TO_CAMERA),
     ];
-    ([1.0, 0.7, 3.1], stages)
+    ([0.95, BEFORE, 3.1], stages)
 }

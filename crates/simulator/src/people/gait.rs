@@ -180,7 +180,7 @@ impl Gait {
             Arm::Angles([
                 -0.5 * sign * swing + 0.04 + rest + 0.75 * lift + 0.12 * sit,
                 0.13 + 0.16 * talk + 0.08 * talk * wave(t, 0.47, phase),
-                0.1 + talk * (0.35 + 0.25 * wave(t, 0.37, phase)) + 0.25 * sit,
+                0.1 + talk * (0.15 + 0.2 * wave(t, 0.37, phase)) + 0.1 * sit,
                 0.28 + 0.25 * (sign * -swing).max(0.0) * (sign * -swing).max(0.0)
                     + 1.0 * lift
                     + 0.75 * sit,

@@ -11,7 +11,7 @@ mod route;
 mod skeleton;
 
 pub(crate) use body::{Body, Dress};
-pub(crate) use cast::{Cast, SEATS};
+pub(crate) use cast::Cast;
 
 use crate::scene::{Face, Light};
 use gait::Gait;

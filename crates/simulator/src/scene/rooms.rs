@@ -3,7 +3,7 @@
 use super::Scene;
 use super::build::{Builder, Place, Skin};
 use super::furniture::DESK;
-use crate::people::{Cast, SEATS};
+use crate::people::Cast;
 use crate::texture::Pattern;
 use stillpoint_geometry::Vec3;
 
@@ -153,7 +153,7 @@ fn furnished(seed: u64, cast: Option<Cast>) -> Scene {
     match cast {
         None => second_desk(b),
         Some(cast) => {
-            for (k, [x, y, yaw]) in SEATS.into_iter().enumerate() {
+            for (k, [x, y, yaw]) in cast.seats().into_iter().enumerate() {
                 // A chair faces -y at yaw 0.
                 b.chair(&Place::new(x, y, 0.0, yaw + std::f64::consts::FRAC_PI_2), k);
             }

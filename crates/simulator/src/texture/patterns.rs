@@ -61,6 +61,8 @@ pub(crate) enum Pattern {
     Face,
     /// A shoe.
     Shoe,
+    /// A side of a printed cardboard box.
+    Carton,
 }
 
 const INK: Rgb = [35.0, 35.0, 45.0];
@@ -118,6 +120,7 @@ impl Pattern {
             Self::Skin => clothes::skin(rng),
             Self::Face => clothes::face(rng),
             Self::Shoe => clothes::shoe(rng),
+            Self::Carton => surfaces::carton(rng),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Plain surfaces: walls, floors, desks, cloth, plastic.
 
 use super::canvas::Canvas;
-use super::patterns::{gray, vivid};
+use super::patterns::{gray, random_shapes, vivid};
 use crate::random::Stream;
 
 pub(super) fn plaster(rng: &mut Stream) -> Canvas {
@@ -130,5 +130,22 @@ pub(super) fn plastic(rng: &mut Stream) -> Canvas {
 pub(super) fn black(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(64, 64, [24.0, 24.0, 26.0]);
     c.grain(rng, [16, 16], 3.0);
+    c
+}
+
+/// Printed cardboard: shapes in many colours, a label, tape and text.
+pub(super) fn carton(rng: &mut Stream) -> Canvas {
+    let mut c = Canvas::new(256, 256, [186.0, 148.0, 104.0]);
+    random_shapes(&mut c, rng, 26, [5.0, 22.0]);
+    c.rect([118.0, 0.0, 140.0, 256.0], [214.0, 190.0, 150.0]);
+    let ink = gray(38.0);
+    c.text(rng, [12.0, 14.0, 112.0, 60.0], 24.0, ink);
+    c.rect([148.0, 150.0, 246.0, 236.0], gray(238.0));
+    c.text(rng, [154.0, 156.0, 240.0, 230.0], 9.0, ink);
+    c.text(rng, [12.0, 190.0, 110.0, 246.0], 13.0, [120.0, 30.0, 30.0]);
+    c.rect([0.0, 0.0, 256.0, 3.0], [120.0, 92.0, 62.0]);
+    c.rect([0.0, 253.0, 256.0, 256.0], [120.0, 92.0, 62.0]);
+    c.grain(rng, [2, 64], 5.0);
+    c.grain(rng, [4, 4], 4.0);
     c
 }
