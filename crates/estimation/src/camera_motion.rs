@@ -115,7 +115,8 @@ pub fn find_camera_motion(
 ) -> Option<CameraMotion> {
     let mut search = Search::new(camera, pairs, prior, options)?;
     if let Some(prior) = prior {
-        search.propose(&prior.b_from_a);
+        let raw = search.score(&prior.b_from_a, 0.0);
+        search.propose(&prior.b_from_a, raw);
     }
     let iterations = search.sample(rng);
     search.conclude(iterations)
@@ -181,9 +182,8 @@ impl<'a> Search<'a> {
         factor * self.votes.count(b_from_a, limit / factor)
     }
 
-    /// Refines a motion in two steps, first with open gates, and keeps it if it is the best so far.
-    fn propose(&mut self, start: &Se3) {
-        let raw = self.score(start, self.best_score);
+    /// Refines a motion, whose vote is `raw`, in two steps, first with open gates, and keeps it if it is the best so far.
+    fn propose(&mut self, start: &Se3, raw: f64) {
         if raw > self.best_score {
             (self.best, self.best_score) = (Some(*start), raw);
         }
@@ -211,7 +211,7 @@ impl<'a> Search<'a> {
         let options = PoseOptions {
             rounds: 1,
             plain_rounds: 0,
-            iterations: 3,
+            iterations: 2,
             gate_scale: self.options.gate_scale,
         };
         Some(optimise_pose(self.camera, pose, &chosen, &options).camera_from_world)
@@ -250,7 +250,7 @@ impl<'a> Search<'a> {
                 let raw = self.score(&pose, least);
                 if raw > least {
                     self.best_raw = raw;
-                    self.propose(&pose);
+                    self.propose(&pose, raw);
                     limit = needed(self.share());
                 }
             }
@@ -328,7 +328,7 @@ impl<'a> Search<'a> {
         let options = PoseOptions {
             rounds: 2,
             plain_rounds: 1,
-            iterations: 5,
+            iterations: 2,
             gate_scale: scale,
         };
         let estimate = optimise_pose(self.camera, &self.best?, &observations, &options);
@@ -364,7 +364,7 @@ const RAW_SHARE: f64 = 0.25;
 const FINAL_OPENING: f64 = 4.0;
 
 /// Pairs that a refinement between samples looks at, at most: enough for its accuracy, few enough to be quick.
-const REFINE_PAIRS: usize = 48;
+const REFINE_PAIRS: usize = 36;
 
 /// The weight of a pair, 0 for what is not a positive number or a pair that is not finite.
 pub(crate) fn believed(p: &MotionPair) -> f64 {

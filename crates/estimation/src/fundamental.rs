@@ -202,9 +202,9 @@ fn sampson(f: &[f64; 9], b: &Block) -> ([f64; LANES], [f64; LANES]) {
 pub fn find_fundamental(
     pairs: &[PixelPair],
     options: &TwoViewOptions,
-    rng: Rng,
+    mut rng: Rng,
 ) -> Option<Fundamental> {
-    let normalised = Pairs::new(pairs, 8)?;
+    let normalised = Pairs::new(pairs, 8, &mut rng)?;
     let winner = search::<Epipolar, 7>(&normalised, options, rng)?;
     let m = rows(&winner.matrix);
     let (inliers, count) = normalised.inliers(pairs.len(), gate(&normalised, options), |b| {

@@ -122,9 +122,9 @@ impl Relation<4> for Planar {
 pub fn find_homography(
     pairs: &[PixelPair],
     options: &TwoViewOptions,
-    rng: Rng,
+    mut rng: Rng,
 ) -> Option<Homography> {
-    let normalised = Pairs::new(pairs, 5)?;
+    let normalised = Pairs::new(pairs, 5, &mut rng)?;
     let winner = search::<Planar, 4>(&normalised, options, rng)?;
     let m = rows(&winner.matrix);
     let (inliers, count) = normalised.inliers(pairs.len(), gate(&normalised, options), |b| {
