@@ -119,7 +119,7 @@ fn walker() -> Script {
     use Stage::{Stand, Talk, To};
     let stages = vec![
         To(0.12, BEFORE, 0.8),
-        Talk(2.3, 1.3),
+        Talk(2.8, 1.3),
         To(1.1, BEFORE, 0.8),
         Stand(0.6, 2.9),
         To(-1.6, BEFORE, 0.62),
