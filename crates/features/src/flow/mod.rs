@@ -15,7 +15,7 @@ use align::{Aligned, Aligner, Outcome, Start};
 use scales::Scales;
 use stillpoint_imaging::{Pyramid, Simd};
 
-/// A step shorter than this ends a coarse level, px: the next finer one goes on from there.
+/// A step shorter than this ends a coarse scale, px of it: the next finer one goes on from there.
 const COARSE_EPSILON: f32 = 0.1;
 
 /// Where a point is in the current image.
@@ -58,8 +58,8 @@ impl Flow {
 
     /// Finds `points` (px in level 0 of `previous`) in `current`; entry `i` of `out` belongs to point `i`. What `out` held is replaced.
     ///
-    /// `guesses` are expected positions in `current`, one per point: the search then starts at the coarsest level that the configured error
-    /// of a guess asks for, and falls back to the whole pyramid where that fails. A missing guess is the point itself, of unknown error.
+    /// `guesses` are expected positions in `current`, one per point: the search then starts at the scale that [`FlowConfig::guess_error`]
+    /// asks for, and falls back to all scales where that fails. A missing guess is the point itself, of unknown error.
     ///
     /// `None` when the window leaves an image, has too little texture, looks different at the end, or does not find its way back. Pyramids
     /// of images that differ in size give nothing.
@@ -90,22 +90,19 @@ impl Flow {
         let pair = (previous, current);
         let near = self.levels_for(self.config.guess_error);
         for (i, &point) in points.iter().enumerate() {
-            let guess = guesses.and_then(|guesses| guesses.get(i)).copied();
-            let start = guess.unwrap_or(point);
-            let first = if guess.is_some() {
-                near
-            } else {
-                self.config.levels
+            let (start, first) = match guesses.and_then(|guesses| guesses.get(i)) {
+                Some(&guess) => (guess, near),
+                None => (point, count),
             };
             let mut found = self.track_point(pair, point, start, first);
-            if found == Outcome::Lost && first < self.config.levels {
-                found = self.track_point(pair, point, start, self.config.levels);
+            if found == Outcome::Lost && first < count {
+                found = self.track_point(pair, point, start, count);
             }
             out.push(found.found());
         }
     }
 
-    /// How many levels are needed for a start that is wrong by up to `error` px: a step reaches about half a radius.
+    /// How many scales are needed for a start that is wrong by up to `error` px: a step reaches about half a radius.
     fn levels_for(&self, error: f32) -> usize {
         let reach = 0.5 * self.config.radius as f32;
         let enough = |&i: &usize| error <= reach * self.new.scale(i);
@@ -157,7 +154,7 @@ impl Flow {
         })
     }
 
-    /// Refines `start` on the `count` finest levels in use, from coarse to fine.
+    /// Refines `start` on the `count` finest scales, from coarse to fine.
     fn descend(
         &mut self,
         (previous, current): (&Pyramid, &Pyramid),
@@ -170,8 +167,8 @@ impl Flow {
         for i in (1..count).rev() {
             let images = (self.old.image(previous, i), self.new.image(current, i));
             let size = (images.1.width(), images.1.height());
-            let from = self.old.from_base(i, point);
-            let to = self.new.from_base(i, position);
+            let from = self.old.at_scale(i, point);
+            let to = self.new.at_scale(i, position);
             let [from, to, shift] = self.inwards(from, to, size);
             let start = Start {
                 position: to,

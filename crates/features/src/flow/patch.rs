@@ -128,26 +128,26 @@ impl Template {
     }
 
     pub(crate) fn sample_scalar(&mut self, image: &GrayImage, place: Place) -> GradientSums {
+        const WIDE: usize = LANES + 2;
         let (side, stride) = (self.side, image.width());
-        // Rows and columns -1..=side of the window.
+        // Rows -1..=side and columns from -1 on.
         let start = place.index - stride - 1;
-        let mut window = [[0; MAX_SIDE + 2]; MAX_SIDE + 2];
-        let mut above = row::<{ MAX_SIDE + 2 }>(image.data(), start, side + 2, place.fx);
+        let mut window = [[0; WIDE]; MAX_SIDE + 2];
+        let mut above = row::<WIDE>(image.data(), start, place.fx);
         for (y, out) in window.iter_mut().enumerate().take(side + 2) {
-            let index = start + (y + 1) * stride;
-            let below = row(image.data(), index, side + 2, place.fx);
-            for ((out, &a), &b) in out.iter_mut().zip(&above).zip(&below) {
-                *out = blend(a, b, place.fy);
-            }
+            let below = row(image.data(), start + (y + 1) * stride, place.fx);
+            *out = std::array::from_fn(|x| blend(above[x], below[x], place.fy));
             above = below;
         }
         let mut sums = GradientSums::default();
         for y in 0..side {
-            for x in 0..side {
+            let [up, middle, down] = [&window[y], &window[y + 1], &window[y + 2]];
+            for x in 0..LANES {
+                let used = self.columns.0[x];
                 // A difference over 2 px in 1/64 grey level, divided by 16, is in 1/8 grey level per px.
-                let gx = scale(window[y + 1][x + 2] - window[y + 1][x], 1 << 11);
-                let gy = scale(window[y + 2][x + 1] - window[y][x + 1], 1 << 11);
-                self.gray[y].0[x] = window[y + 1][x + 1];
+                let gx = used * scale(middle[x + 2] - middle[x], 1 << 11);
+                let gy = used * scale(down[x + 1] - up[x + 1], 1 << 11);
+                self.gray[y].0[x] = middle[x + 1];
                 self.gx[y].0[x] = gx;
                 self.gy[y].0[x] = gy;
                 let (gx, gy) = (i32::from(gx), i32::from(gy));
@@ -167,17 +167,18 @@ impl Template {
         place: Place,
         offset: i16,
     ) -> DifferenceSums {
-        let (side, stride) = (self.side, image.width());
+        let stride = image.width();
         let mut sums = DifferenceSums::default();
-        let mut above = row::<LANES>(image.data(), place.index, side, place.fx);
-        for y in 0..side {
-            let index = place.index + (y + 1) * stride;
-            let below = row(image.data(), index, side, place.fx);
-            for x in 0..side {
-                let gray = blend(above[x], below[x], place.fy);
-                let e = i32::from(scale(gray - self.gray[y].0[x] - offset, 1 << 13));
-                sums.gx_e += i32::from(self.gx[y].0[x]) * e;
-                sums.gy_e += i32::from(self.gy[y].0[x]) * e;
+        let mut above = row::<LANES>(image.data(), place.index, place.fx);
+        let rows = self.gray.iter().zip(&self.gx).zip(&self.gy);
+        for (y, ((gray, gx), gy)) in rows.enumerate().take(self.side) {
+            let below = row(image.data(), place.index + (y + 1) * stride, place.fx);
+            for x in 0..LANES {
+                let other = blend(above[x], below[x], place.fy);
+                let e = self.columns.0[x] * scale(other - gray.0[x] - offset, 1 << 13);
+                let e = i32::from(e);
+                sums.gx_e += i32::from(gx.0[x]) * e;
+                sums.gy_e += i32::from(gy.0[x]) * e;
                 sums.e += e;
                 sums.abs_e += e.abs();
             }
@@ -187,13 +188,19 @@ impl Template {
     }
 }
 
-/// `count` pixels from `index` on, interpolated with their right neighbours, 1/64 grey level.
+/// Pixels from `index` on, interpolated with their right neighbours, 1/64 grey level; 0 beyond the data.
 #[inline]
-fn row<const N: usize>(data: &[u8], index: usize, count: usize, fx: i16) -> [i16; N] {
-    let pixels = &data[index..=index + count];
+fn row<const N: usize>(data: &[u8], index: usize, fx: i16) -> [i16; N] {
+    let from = |start: usize| &data[start..data.len().min(start + N)];
+    let (a, b) = (from(index), from(index + 1));
+    let pixel = |a: u8, b: u8| blend(i16::from(a) << 6, i16::from(b) << 6, fx);
+    // Where all are inside, a loop of known length is made of vectors.
+    if let (Ok(a), Ok(b)) = (<&[u8; N]>::try_from(a), <&[u8; N]>::try_from(b)) {
+        return std::array::from_fn(|x| pixel(a[x], b[x]));
+    }
     let mut row = [0; N];
-    for ((out, &a), &b) in row.iter_mut().zip(pixels).zip(&pixels[1..]) {
-        *out = blend(i16::from(a) << 6, i16::from(b) << 6, fx);
+    for ((out, &a), &b) in row.iter_mut().zip(a).zip(b) {
+        *out = pixel(a, b);
     }
     row
 }

@@ -54,7 +54,7 @@ impl Scales {
     }
 
     /// Position at scale `i` of a position in level 0, px.
-    pub(crate) fn from_base(&self, i: usize, [x, y]: [f32; 2]) -> [f32; 2] {
+    pub(crate) fn at_scale(&self, i: usize, [x, y]: [f32; 2]) -> [f32; 2] {
         let scale = self.scales[i];
         [(x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5]
     }
@@ -80,5 +80,41 @@ fn halve(image: &GrayImage, out: &mut GrayImage) {
             let sum = u16::from(a[0]) + u16::from(a[1]) + u16::from(b[0]) + u16::from(b[1]);
             *out = ((sum + 2) / 4) as u8;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_imaging::Simd;
+
+    /// A plane of grey values keeps its values: positions at all scales mean the same places.
+    #[test]
+    fn halves_follow_the_levels_and_keep_positions() {
+        let plane = |i: usize| (10 + (i % 240) / 2 + (i / 240) / 3) as u8;
+        let data = (0..240 * 180).map(plane).collect();
+        let mut pyramid = Pyramid::new(8, 1.2, Simd::Scalar);
+        pyramid.build(&GrayImage::from_vec(240, 180, data).unwrap());
+        let mut scales = Scales::default();
+        scales.build(&pyramid, 4, 4);
+        assert_eq!(scales.len(), 4);
+        let expected = [1.0, 2.0736, 4.1472, 8.2944];
+        for (i, expected) in expected.into_iter().enumerate() {
+            assert!((scales.scale(i) - expected).abs() < 1e-4);
+            let [x, y] = scales.at_scale(i, [120.0, 90.0]);
+            let image = scales.image(&pyramid, i);
+            let value = f32::from(image.at(x.round() as usize, y.round() as usize));
+            let [x, y] = scales.to_base(i, [x.round(), y.round()]);
+            assert!(
+                (value - (10.0 + x / 2.0 + y / 3.0)).abs() < 1.5,
+                "scale {i}: {value}"
+            );
+        }
+        let widths = [0, 1, 2, 3].map(|i| scales.image(&pyramid, i).width());
+        assert_eq!(widths, [240, 116, 58, 29]);
+        // With fewer scales than levels there are no halves.
+        scales.build(&pyramid, 2, 3);
+        assert_eq!((scales.len(), scales.halves.len()), (2, 0));
+        assert_eq!(scales.image(&pyramid, 1), pyramid.level(3));
     }
 }
