@@ -135,3 +135,54 @@ impl Motion {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::{Purpose, rng};
+    use crate::{Measurement, MotionPair};
+    use proptest::prelude::*;
+    use stillpoint_geometry::{Vec2, Vec3, Vec6};
+
+    const CAMERA: Intrinsics = Intrinsics {
+        fx: 520.0,
+        fy: 515.0,
+        cx: 320.0,
+        cy: 240.0,
+    };
+
+    proptest! {
+        /// The kernel against the measurement's own squared distance; leaving early means nothing but losing.
+        #[test]
+        fn votes_are_weighted_agreements(count in 0usize..90, seed in any::<u64>(), share in 0.0..1.5f64, scale in 0.5..3.0f64) {
+            let random = &mut rng(seed, 0, Purpose(1000));
+            let pairs: Vec<MotionPair> = (0..count)
+                .map(|_| {
+                    let z = 4.0 * random.unit() - 0.5;
+                    let (x, y) = (random.unit() - 0.5, random.unit() - 0.5);
+                    let pixel = Vec2::new(320.0 + 520.0 * x + 8.0 * random.unit(), 240.0 + 515.0 * y);
+                    let depth = (z > 0.2 && random.unit() < 0.5).then_some((z * 1.01, 0.02));
+                    MotionPair {
+                        point: Vec3::new(x * z, y * z, z),
+                        measurement: Measurement::new(pixel, 2.0, depth),
+                        weight: 2.0 * random.unit() - 0.3,
+                    }
+                })
+                .collect();
+            let pose = Se3::exp(&Vec6::new(0.01, 0.0, -0.02, 0.002, 0.001, 0.0));
+            let (mut vote, mut weight) = (0.0, 0.0);
+            for p in pairs.iter().filter(|p| p.weight > 0.0) {
+                let m = &p.measurement;
+                let ratio = m.chi2(&CAMERA, &pose.transform(&p.point)) / (m.gate() * scale);
+                vote += p.weight * (1.0 - ratio).max(0.0);
+                weight += if ratio <= 1.0 { p.weight } else { 0.0 };
+            }
+            let votes = Votes::new(&CAMERA, &pairs, scale);
+            let all = votes.count(&pose, -1.0);
+            prop_assert!((all - vote).abs() < 1e-9 * (1.0 + vote), "{all} {vote}");
+            prop_assert!((votes.inlier_weight(&pose) - weight).abs() < 1e-9);
+            let limited = votes.count(&pose, share * all);
+            prop_assert_eq!(limited, if all > share * all { all } else { 0.0 });
+        }
+    }
+}
