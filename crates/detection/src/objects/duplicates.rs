@@ -1,6 +1,5 @@
-//! Objects that share a place in the image: one that hides another, and two tracks on one object, which are kept from starting, or merged.
+//! Two tracks on one object: how they are kept from starting, and merged.
 
-use super::ObjectId;
 use super::measurement::Measurement;
 use super::track::Track;
 use super::view::View;
@@ -9,7 +8,7 @@ use crate::BoundingBox;
 /// A box is a part of another when this share of it lies inside.
 const PART: f64 = 0.85;
 /// Surfaces this near to each other are of one body, m.
-const SAME_DEPTH: f64 = 0.25;
+pub(super) const SAME_DEPTH: f64 = 0.25;
 /// Without depth only boxes that are nearly the same are of one object.
 const SAME_BOX: f64 = 0.7;
 /// Updates in a row for which two tracks are on one thing before they become one: people who cross are together for less.
@@ -21,29 +20,6 @@ fn overlap(a: &BoundingBox, b: &BoundingBox) -> f64 {
     let common = iou * (a.area() + b.area()) / (1.0 + iou);
     let least = a.area().min(b.area());
     if least > 0.0 { common / least } else { 0.0 }
-}
-
-/// A confirmed object with its box and depth (m), before an update.
-pub(super) type Occupant = (ObjectId, BoundingBox, f64);
-
-/// Where confirmed objects are.
-pub(super) fn occupants(tracks: &[Track], view: &View) -> Vec<Occupant> {
-    tracks
-        .iter()
-        .filter(|t| t.confirmed())
-        .filter_map(|t| t.depth(view).map(|z| (t.id, t.bounds(view), z)))
-        .collect()
-}
-
-/// Whether the nearest surface in an object's box is that of another known object, which passes in front of it.
-pub(super) fn hidden(id: ObjectId, m: &Measurement, known: &[Occupant]) -> bool {
-    m.modes.first().is_some_and(|nearest| {
-        known.iter().any(|(other, bounds, z)| {
-            *other != id
-                && (z - nearest.depth).abs() <= SAME_DEPTH
-                && bounds.iou(&m.detection.bounds) > 0.0
-        })
-    })
 }
 
 /// Whether a detection is a part of one that belongs to a known object: the upper half of a person beside the whole. Its place is masked already.

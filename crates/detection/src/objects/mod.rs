@@ -2,7 +2,7 @@
 //!
 //! Answers: where every object is in the image of any pose and stamp, how it moves, and whether it has been standing still. Bridges what the detector
 //! misses or answers late. Does not decide which features are rejected. One module each for the filter with depth (`spatial`), the one without (`planar`),
-//! what a detection measures (`measurement`, `depth`), the assignment (`associate`), the life of an object (`track`, `tracker`, `duplicates`).
+//! what a detection measures (`measurement`, `depth`), the assignment (`associate`, `occlusion`), the life of an object (`track`, `tracker`, `duplicates`).
 
 mod associate;
 mod config;
@@ -10,6 +10,7 @@ mod depth;
 mod duplicates;
 mod kalman;
 mod measurement;
+mod occlusion;
 mod planar;
 mod rigidity;
 mod spatial;

@@ -49,6 +49,8 @@ pub(super) struct Fit {
 const CHI2_99: [f64; 6] = [0.0, 6.635, 9.210, 11.345, 13.277, 15.086];
 /// Boxes that overlap so much are of one object even when the filter did not expect its change of shape or speed.
 const SAME_BOX: f64 = 0.5;
+/// The same where the depths agree: arms that stretch, and others who hide a part, change a box at once.
+const SAME_BOX_SAME_DEPTH: f64 = 0.3;
 /// The same where the depths contradict each other.
 const SAME_BOX_OTHER_DEPTH: f64 = 0.6;
 /// So many contradictions in a row, and the depth is started anew.
@@ -122,11 +124,12 @@ impl Track {
         let gate = CHI2_99[rows.len().min(5)];
         let contradicts =
             matches!(self.body, Body::Spatial(_)) && !m.modes.is_empty() && mode.is_none();
-        let allowed = if contradicts {
-            iou >= SAME_BOX_OTHER_DEPTH
-        } else {
-            chi2 <= gate || iou >= SAME_BOX
+        let least = match mode {
+            _ if contradicts => SAME_BOX_OTHER_DEPTH,
+            Some(_) => SAME_BOX_SAME_DEPTH,
+            None => SAME_BOX,
         };
+        let allowed = iou >= least || (chi2 <= gate && !contradicts);
         let closeness = (1.0 - chi2 / gate.max(1.0)).max(0.0);
         let penalty = if contradicts { 0.5 } else { 0.0 };
         allowed.then_some(Fit {
@@ -134,15 +137,8 @@ impl Track {
         })
     }
 
-    /// Takes in a detection of this object. `hidden` says that another known object is at the depth of the nearest surface in the box.
-    pub(super) fn absorb(
-        &mut self,
-        view: &View,
-        m: &Measurement,
-        stamp: f64,
-        share: f64,
-        hidden: bool,
-    ) {
+    /// Takes in a detection of this object.
+    pub(super) fn absorb(&mut self, view: &View, m: &Measurement, stamp: f64, share: f64) {
         self.hits = self.hits.saturating_add(1);
         self.misses = 0;
         self.last_seen = stamp;
@@ -172,9 +168,7 @@ impl Track {
                 mode
             }
         };
-        if !hidden {
-            self.judge_depth(view, m, mode, share);
-        }
+        self.judge_depth(view, m, mode, share);
     }
 
     /// Follows the reach of the object's surface, or starts the depth anew when it has been contradicted for long.

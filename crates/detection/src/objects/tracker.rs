@@ -70,20 +70,15 @@ impl ObjectTracker {
             .collect();
         let share = self.config.side_sigma;
         let assigned = associate(&self.tracks, &view, &measurements, share);
-        let known = duplicates::occupants(&self.tracks, &view);
-        for (track, j) in self.tracks.iter_mut().zip(&assigned) {
-            match j {
-                Some(j) => {
-                    let m = &measurements[*j];
-                    let hidden = duplicates::hidden(track.id, m, &known);
-                    track.absorb(&view, m, stamp, share, hidden);
+        let mut taken = vec![false; measurements.len()];
+        for (track, found) in self.tracks.iter_mut().zip(assigned) {
+            match found {
+                Some((j, m)) => {
+                    track.absorb(&view, &m, stamp, share);
+                    taken[j] = true;
                 }
                 None => track.misses += 1,
             }
-        }
-        let mut taken = vec![false; measurements.len()];
-        for j in assigned.into_iter().flatten() {
-            taken[j] = true;
         }
         for (j, m) in measurements.iter().enumerate() {
             if !taken[j] && !duplicates::part_of_another(m, &measurements, &taken) {

@@ -153,7 +153,7 @@ mod tests {
             );
         }
         let down = Se3::new(
-            stillpoint_geometry::so3::exp(&(Vec3::x() * -1.5707)),
+            stillpoint_geometry::so3::exp(&(Vec3::x() * -1.5)),
             Vec3::zeros(),
         );
         assert_eq!(

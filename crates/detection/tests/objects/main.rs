@@ -1,7 +1,8 @@
 //! The object tracker on people who walk in a room, with a detector that misses, invents and doubles.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are not recognised as tests.
 
 mod behaviour;
+mod recorded;
 mod world;
 
 use stillpoint_geometry::{Se3, Vec3};

@@ -383,7 +383,8 @@ impl std::fmt::Display for Score {
     }
 }
 
-fn judge(
+/// Judges one walker's frame: true box and visible share, the objects, and what was detected.
+pub(crate) fn judge(
     score: &mut Score,
     known: &mut Option<ObjectId>,
     truth: Option<(BoundingBox, f64)>,
