@@ -3,23 +3,20 @@
 //! On one machine the same bytes, image and options give the same boxes in every run, whatever else the machine does. Its
 //! kernels are chosen by the CPU's features, so other CPUs may differ in the last digits of a score.
 
+mod container;
+mod error;
 mod letterbox;
+mod network;
 mod yolox;
 
 use crate::detector::{DetectError, Detector, DetectorInfo, DetectorKind};
 use crate::hash::sha256_hex;
 use crate::{BoundingBox, Detection, Detections};
+pub use error::ModelError;
 use letterbox::Letterbox;
-use rten::{Dimension, Model, NodeId, RunOptions, ThreadPool, ValueView};
+use network::{Network, RUNTIME};
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
 use stillpoint_imaging::{ColourImage, FrameId, RgbdFrame};
-
-/// The runtime, as summaries name it; a test holds it against Cargo.lock.
-const RUNTIME: &str = "rten 0.24.0";
-
-/// What the YOLOX head needs.
-const EXPECTED: &str = "a YOLOX model: one input of [1, 3, H, W] with H and W fixed multiples of 32 up to 4096, one output of [1, H W (1/64 + 1/256 + 1/1024), 85] with raw boxes";
 
 /// How a network is run and its output is read.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,52 +41,6 @@ impl Default for OnnxOptions {
     }
 }
 
-/// A model cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum ModelError {
-    /// The bytes are no model, or one with operators that the runtime does not have.
-    #[error(
-        "{name}: expected an ONNX model that {RUNTIME} can load, found: {reason}; check the file, or export the model anew"
-    )]
-    Load {
-        /// Name of the model.
-        name: String,
-        /// What the runtime said.
-        reason: String,
-    },
-    /// The model does not have the inputs and outputs of the head.
-    #[error(
-        "{name}: expected {EXPECTED}; found {found}; use a YOLOX model exported without decoding and for a fixed size"
-    )]
-    Interface {
-        /// Name of the model.
-        name: String,
-        /// Its inputs and outputs, or what else does not fit.
-        found: String,
-    },
-    /// The model was loaded but does not run.
-    #[error(
-        "{name}: expected the model to run on a grey image, found: {reason}; export the model anew or use another one"
-    )]
-    Run {
-        /// Name of the model.
-        name: String,
-        /// What the runtime said.
-        reason: String,
-    },
-    /// An option is out of its range.
-    #[error("{option}: expected {expected}, found {found}; choose a value in this range")]
-    Option {
-        /// Which one.
-        option: &'static str,
-        /// Its range.
-        expected: &'static str,
-        /// Its value.
-        found: String,
-    },
-}
-
 /// A network that finds COCO's classes: YOLOX of any size.
 pub struct OnnxDetector {
     name: String,
@@ -97,17 +48,6 @@ pub struct OnnxDetector {
     options: OnnxOptions,
     network: Network,
     letterbox: Letterbox,
-}
-
-/// The loaded model with what it takes to run it.
-struct Network {
-    model: Model,
-    input: NodeId,
-    output: NodeId,
-    /// Of the input, px.
-    width: usize,
-    height: usize,
-    pool: Arc<ThreadPool>,
 }
 
 impl OnnxDetector {
@@ -220,100 +160,6 @@ impl std::fmt::Debug for OnnxDetector {
     }
 }
 
-/// The network did not answer as it should.
-enum Failure {
-    Runtime(String),
-    Output { expected: String, found: String },
-}
-
-impl Failure {
-    fn at(self, frame: FrameId) -> DetectError {
-        match self {
-            Self::Runtime(reason) => DetectError::Runtime { frame, reason },
-            Self::Output { expected, found } => DetectError::Output {
-                frame,
-                expected,
-                found,
-            },
-        }
-    }
-}
-
-impl Network {
-    fn load(bytes: Vec<u8>, name: &str, threads: usize) -> Result<Self, ModelError> {
-        let model = Model::load(bytes).map_err(|e| ModelError::Load {
-            name: name.to_owned(),
-            reason: one_line(&e),
-        })?;
-        let refuse = |found: String| ModelError::Interface {
-            name: name.to_owned(),
-            found,
-        };
-        let sides = interface(&model);
-        let (&[input], &[output]) = (model.input_ids(), model.output_ids()) else {
-            return Err(refuse(sides));
-        };
-        let shape = model
-            .node_info(input)
-            .and_then(|n| n.shape())
-            .unwrap_or_default();
-        let &[batch, channels, height, width] = &fixed(&shape)[..] else {
-            return Err(refuse(sides));
-        };
-        if (batch, channels) != (1, 3) || !yolox::fits(width, height) {
-            return Err(refuse(sides));
-        }
-        let network = Self {
-            model,
-            input,
-            output,
-            width,
-            height,
-            pool: Arc::new(ThreadPool::with_num_threads(threads)),
-        };
-        let grey = vec![114.0; 3 * width * height];
-        match network.run(&grey) {
-            Ok(output) if yolox::is_decoded(&output) => Err(refuse("boxes in pixels".to_owned())),
-            Ok(_) => Ok(network),
-            Err(Failure::Output { .. }) => Err(refuse(sides)),
-            Err(Failure::Runtime(reason)) => Err(ModelError::Run {
-                name: name.to_owned(),
-                reason,
-            }),
-        }
-    }
-
-    /// Runs the network on planes of 3 x height x width; the output's rows one after another.
-    fn run(&self, planes: &[f32]) -> Result<Vec<f32>, Failure> {
-        let runtime = |e: &dyn std::fmt::Display| Failure::Runtime(one_line(e));
-        let input = ValueView::from_shape([1, 3, self.height, self.width].as_slice(), planes)
-            .map_err(|e| runtime(&e))?;
-        // Its own threads, since the default pool takes all cores.
-        let options = RunOptions::default().with_thread_pool(Some(Arc::clone(&self.pool)));
-        let [output] = self
-            .model
-            .run_n(
-                vec![(self.input, input.into())],
-                [self.output],
-                Some(options),
-            )
-            .map_err(|e| runtime(&e))?;
-        let expected = [1, yolox::rows(self.width, self.height), yolox::COLUMNS];
-        let wrong = |found: String| Failure::Output {
-            expected: format!("an output of {expected:?}"),
-            found,
-        };
-        let (shape, data) = output
-            .into_shape_vec::<f32, 3>()
-            .map_err(|e| wrong(one_line(&e)))?;
-        if shape == expected {
-            Ok(data)
-        } else {
-            Err(wrong(format!("{shape:?}")))
-        }
-    }
-}
-
 fn check_options(options: &OnnxOptions) -> Result<(), ModelError> {
     let refuse = |option, expected, found| {
         Err(ModelError::Option {
@@ -345,54 +191,4 @@ fn check_options(options: &OnnxOptions) -> Result<(), ModelError> {
         return refuse("threads", "1 to 64 threads", threads.to_string());
     }
     Ok(())
-}
-
-/// The sizes of a shape; 0 for those that are not fixed.
-fn fixed(shape: &[Dimension]) -> Vec<usize> {
-    shape
-        .iter()
-        .map(|d| match d {
-            Dimension::Fixed(size) => *size,
-            Dimension::Symbolic(_) => 0,
-        })
-        .collect()
-}
-
-/// A model's inputs and outputs, for a message.
-fn interface(model: &Model) -> String {
-    let describe = |ids: &[NodeId]| {
-        let mut parts = Vec::new();
-        for info in ids.iter().filter_map(|&id| model.node_info(id)) {
-            let sizes = |d: &Dimension| match d {
-                Dimension::Fixed(size) => size.to_string(),
-                Dimension::Symbolic(name) => name.clone(),
-            };
-            let shape = info.shape().map_or("of unknown shape".to_owned(), |s| {
-                format!("[{}]", s.iter().map(sizes).collect::<Vec<_>>().join(", "))
-            });
-            parts.push(format!(
-                "{} {shape}",
-                info.name().unwrap_or("(without a name)")
-            ));
-        }
-        if parts.is_empty() {
-            "none".to_owned()
-        } else {
-            parts.join(", ")
-        }
-    };
-    format!(
-        "inputs: {}; outputs: {}",
-        describe(model.input_ids()),
-        describe(model.output_ids())
-    )
-}
-
-/// A reason as part of a one-line message.
-fn one_line(reason: &dyn std::fmt::Display) -> String {
-    reason
-        .to_string()
-        .split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ")
 }
