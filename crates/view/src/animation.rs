@@ -5,7 +5,7 @@
 //! show the first frame. GIF would be streamed more simply, since APNG states the number of frames ahead of them: the sink
 //! must seek, and the number is put in at the end.
 
-use crate::encode::write_png;
+use crate::encode::write_filtered;
 use crate::{Picture, ViewError};
 use std::io::{Seek, SeekFrom, Write};
 
@@ -162,7 +162,8 @@ fn coarse(picture: Picture) -> Picture {
 /// The header and the compressed pixels of a picture.
 fn compress(picture: &Picture) -> Result<(Vec<u8>, Vec<u8>), ViewError> {
     let mut file = Vec::new();
-    write_png(picture, &mut file)?;
+    // Few levels repeat more often than their differences do: a quarter less than with adaptive filters.
+    write_filtered(picture, &mut file, png::Filter::NoFilter)?;
     let (mut header, mut pixels) = (Vec::new(), Vec::new());
     let mut rest = file.get(SIGNATURE.len()..).unwrap_or_default();
     // Length, type, content, checksum.

@@ -25,11 +25,15 @@ impl Colour {
     pub const HISTORY: Self = Self(52, 172, 255);
 
     /// The colour of a thing with a number, such as an object or a segment: the same number always gets the same colour,
-    /// and numbers that follow each other differ clearly (steps of the golden angle around the hue circle).
+    /// and numbers that follow each other differ clearly (steps of the golden ratio). Hues from yellow-green to green are
+    /// left out: green is what is static.
     #[must_use]
     pub fn of_number(number: u32) -> Self {
-        // The golden angle is 0.381966 of a circle; a circle is 1536 steps here: 6 ramps of 256.
-        let hue = (u64::from(number) * 381_966 * 1536 / 1_000_000) % 1536;
+        // The hue circle has 1536 steps here, 6 ramps of 256 from red; 384 of them around green are left out.
+        const FIRST: u64 = 704;
+        const USED: u64 = 1152;
+        let step = u64::from(number) * 381_966 * USED / 1_000_000 % USED;
+        let hue = (FIRST + step) % 1536;
         let (ramp, up) = ((hue / 256) as u8, (hue % 256) as u8);
         let down = 255 - up;
         match ramp {
@@ -60,8 +64,9 @@ mod tests {
                 assert!(distance(a, b) > 100, "{n} {step}: {a:?} {b:?}");
             }
         }
-        assert_eq!(Colour::of_number(0), Colour(255, 0, 0));
-        let _ = Colour::of_number(u32::MAX);
+        for n in (0..2000).chain([u32::MAX]) {
+            assert!(distance(Colour::of_number(n), Colour::STATIC) > 150, "{n}");
+        }
     }
 
     #[test]

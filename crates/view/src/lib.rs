@@ -2,6 +2,35 @@
 //!
 //! Answers: how a frame looks with what was found in it drawn over it. Takes plain data ([`Overlay`]) and gives pixels;
 //! decides nothing, reads no files, and nothing that it draws goes back into the system.
+//!
+//! ```
+//! use std::io::Cursor;
+//! use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
+//! use stillpoint_view::{Animation, AnimationOptions, Colour, Mark, Overlay, draw, write_png};
+//!
+//! let frame = RgbdFrame {
+//!     id: FrameId(0),
+//!     stamp: 0.0,
+//!     depth_stamp: 0.0,
+//!     gray: GrayImage::new(640, 480),
+//!     colour: None,
+//!     depth: DepthImage::from_vec(640, 480, vec![0.0; 640 * 480])?,
+//! };
+//! let overlay = Overlay {
+//!     keypoints: &[(100.0, 80.0, Mark::Static), (320.5, 200.0, Mark::Dynamic(Colour::SEMANTIC))],
+//!     caption: "frame 0: tracked",
+//!     ..Overlay::default()
+//! };
+//! let picture = draw(&frame, &overlay);
+//! let mut png = Vec::new();
+//! write_png(&picture, &mut png)?;
+//!
+//! let mut animation = Animation::new(Cursor::new(Vec::new()), AnimationOptions::default());
+//! animation.push(&picture)?;
+//! let apng = animation.finish()?.into_inner();
+//! assert!(apng.starts_with(&png[..8]));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod animation;
 mod colour;

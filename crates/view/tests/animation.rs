@@ -126,6 +126,30 @@ fn what_cannot_be_animated_is_refused() {
     ));
 }
 
+/// Grey with the noise of a camera, from a fixed sequence.
+fn noisy(width: usize, height: usize) -> Picture {
+    let mut state = 1u32;
+    let pixels = (0..width * height).map(|i| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (i % width / 2) as u8 + (state >> 30) as u8
+    });
+    Picture::from_gray(&GrayImage::from_vec(width, height, pixels.collect()).unwrap())
+}
+
+#[test]
+fn an_animation_is_far_smaller_than_its_stills() {
+    let picture = noisy(320, 240);
+    let mut still = Vec::new();
+    write_png(&picture, &mut still).unwrap();
+    let mut animation = Animation::new(Cursor::new(Vec::new()), AnimationOptions::default());
+    for _ in 0..30 {
+        animation.push(&picture).unwrap();
+    }
+    let length = animation.finish().unwrap().into_inner().len();
+    let stills = 30 * still.len();
+    assert!(15 * length < stills, "{length} of {stills} bytes");
+}
+
 #[test]
 fn a_still_picture_needs_no_seeking() {
     let mut bytes = Vec::new();
