@@ -85,10 +85,10 @@ pub(super) fn plaid(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(512, 512, base);
     // Bands of warp and weft mix where they cross.
     let cloth = |k: usize| {
-        let at = k % 64;
+        let at = k % 32;
         match at {
-            0..22 => (band, 0.62),
-            40..43 | 50..53 => (line, 0.7),
+            0..12 => (band, 0.62),
+            18..20 | 25..27 => (line, 0.75),
             _ => (base, 0.0),
         }
     };
@@ -105,7 +105,7 @@ pub(super) fn plaid(rng: &mut Stream) -> Canvas {
     c.rect([300.0, 120.0, 301.5, 182.0], band.map(|v| 0.6 * v));
     c.rect([351.0, 120.0, 352.5, 182.0], band.map(|v| 0.6 * v));
     c.rect([300.0, 181.0, 352.0, 182.5], band.map(|v| 0.6 * v));
-    folds(&mut c, rng, 60, 0.3);
+    folds(&mut c, rng, 110, 0.42);
     weave(&mut c, rng, 5.0);
     c
 }
@@ -124,7 +124,7 @@ pub(super) fn print(rng: &mut Stream) -> Canvas {
         let y = 300.0 + 16.0 * k as f32;
         c.rect([0.0, y, 512.0, y + 6.0], ink.map(|v| 0.8 * v + 20.0));
     }
-    folds(&mut c, rng, 70, 0.28);
+    folds(&mut c, rng, 110, 0.36);
     let (x, y) = (256.0, 130.0);
     c.ellipse([x, y], [62.0, 56.0], vivid(rng));
     c.ellipse([x, y], [50.0, 45.0], ink);
@@ -136,6 +136,8 @@ pub(super) fn print(rng: &mut Stream) -> Canvas {
         c.turned_rect([x + dx as f32, y + dy as f32], half, turn, vivid(rng));
     }
     c.text(rng, [x - 72.0, 200.0, x + 76.0, 232.0], 26.0, ink);
+    c.text(rng, [30.0, 210.0, 150.0, 290.0], 12.0, ink);
+    c.text(rng, [400.0, 220.0, 500.0, 280.0], 14.0, ink);
     c.text(rng, [x - 60.0, 244.0, x + 64.0, 286.0], 11.0, ink);
     c.text(rng, [10.0, 90.0, 110.0, 130.0], 30.0, ink);
     c.text(rng, [420.0, 60.0, 506.0, 200.0], 18.0, ink);
