@@ -170,7 +170,7 @@ mod tests {
     #[test]
     fn near_names_are_suggested_and_far_ones_are_not() {
         assert_eq!(ClassId::nearest("persn"), Some(ClassId::PERSON));
-        assert_eq!(ClassId::nearest("chiar"), Some(ClassId(56)));
+        assert_eq!(ClassId::nearest("chairs"), Some(ClassId(56)));
         assert_eq!(ClassId::nearest("spaceship"), None);
         assert_eq!(edits("kitten", "sitting"), 3);
     }

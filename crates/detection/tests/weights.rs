@@ -1,0 +1,108 @@
+//! Motion weights: the defaults that are published, and the table a user edits.
+
+use proptest::prelude::*;
+use serde::{Deserialize, Serialize};
+use stillpoint_detection::{ClassId, MotionWeights, WeightError};
+
+#[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+struct Objects {
+    weights: MotionWeights,
+}
+
+fn weight(weights: &MotionWeights, name: &str) -> f64 {
+    weights.get(ClassId::from_name(name).unwrap())
+}
+
+#[test]
+fn defaults_are_the_published_ones_and_sane_elsewhere() {
+    let weights = MotionWeights::default();
+    for (name, expected) in [
+        ("person", 5.0),
+        ("chair", 3.0),
+        ("dining table", 1.0),
+        ("dog", 5.0),
+        ("laptop", 2.0),
+        ("tv", 1.0),
+        ("sink", 0.0),
+    ] {
+        assert_eq!(weight(&weights, name), expected, "{name}");
+    }
+    assert_eq!(weights.iter().count(), ClassId::COUNT);
+    assert!(weights.iter().all(|(_, w)| (0.0..=5.0).contains(&w)));
+    assert_eq!(weights.get(ClassId(80)), 0.0);
+}
+
+#[test]
+fn a_table_changes_what_it_names() {
+    let text = "[weights]\nchair = 0\ndining_table = 2.5\n\"sports ball\" = 5\n";
+    let objects: Objects = toml::from_str(text).unwrap();
+    for (class, w) in objects.weights.iter() {
+        let expected = match class.name() {
+            "chair" => 0.0,
+            "dining table" => 2.5,
+            "sports ball" => 5.0,
+            _ => MotionWeights::default().get(class),
+        };
+        assert_eq!(w, expected, "{class}");
+    }
+    assert_eq!(toml::from_str::<Objects>("").unwrap(), Objects::default());
+}
+
+#[test]
+fn tables_that_make_no_sense_are_refused_with_advice() {
+    let cases = [
+        ("persn = 5", "such as `person`, found `persn`"),
+        ("table = 1", "found `table`"),
+        (
+            "person = 6",
+            "from 0 (ignored) to 5 (moves by itself) for `person`, found 6",
+        ),
+        ("person = -0.1", "found -0.1"),
+        ("person = nan", "found NaN"),
+        ("person = \"much\"", "invalid type"),
+    ];
+    for (line, part) in cases {
+        let error = toml::from_str::<Objects>(&format!("[weights]\n{line}"))
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(part), "{part} is not in: {error}");
+    }
+    let error = MotionWeights::default().set("chairs", 1.0).unwrap_err();
+    assert!(
+        matches!(
+            error,
+            WeightError::UnknownClass {
+                nearest: ClassId(56),
+                ..
+            }
+        ),
+        "{error}"
+    );
+}
+
+/// Keys are bare, so that `--set objects.weights.dining_table=1` needs no quotes.
+#[test]
+fn all_classes_are_written_as_bare_keys() {
+    let text = toml::to_string(&Objects::default()).unwrap();
+    assert_eq!(
+        text.lines().filter(|l| l.contains(" = ")).count(),
+        ClassId::COUNT
+    );
+    assert!(
+        text.contains("\ndining_table = 1.0\n") && !text.contains('"'),
+        "{text}"
+    );
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_is_read_back(changes in prop::collection::vec((0..80u8, 0.0..=5.0f64), 0..10)) {
+        let mut objects = Objects::default();
+        for (class, weight) in changes {
+            objects.weights.set(ClassId(class).name(), weight).unwrap();
+        }
+        let text = toml::to_string(&objects).unwrap();
+        prop_assert_eq!(toml::from_str::<Objects>(&text).unwrap(), objects);
+    }
+}
