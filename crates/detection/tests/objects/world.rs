@@ -313,6 +313,8 @@ pub(crate) struct Drive {
     pub(crate) lag: u64,
     /// Whether the tracker is told the camera's pose. Controls are not.
     pub(crate) with_pose: bool,
+    /// Pose of an empty frame before the first.
+    pub(crate) first: Option<Se3>,
 }
 
 impl Default for Drive {
@@ -320,6 +322,7 @@ impl Default for Drive {
         Self {
             lag: 0,
             with_pose: true,
+            first: None,
         }
     }
 }
@@ -336,6 +339,14 @@ pub(crate) fn run(world: &World, faults: &Faults, frames: u64, drive: &Drive) ->
             Se3::default()
         }
     };
+    if let Some(first) = drive.first {
+        let nothing = Detections {
+            frame: FrameId(0),
+            stamp: -1.0,
+            items: Vec::new(),
+        };
+        tracker.update(&nothing, &first, &CoarseDepth::default());
+    }
     for frame in drive.lag..frames {
         let seen = frame - drive.lag;
         let (t, then) = (frame as f64 / RATE, seen as f64 / RATE);
