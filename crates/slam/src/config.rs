@@ -5,6 +5,7 @@ use crate::sensor::SensorConfig;
 use crate::static_filter::StaticFilterConfig;
 use crate::tracking::{KeyframeConfig, TrackingConfig};
 use serde::{Deserialize, Serialize};
+use stillpoint_detection::{MotionWeights, ObjectsConfig};
 use stillpoint_features::OrbConfig;
 
 /// Everything that can be set. Defaults are meant for an RGB-D camera of 640x480 at 30 Hz.
@@ -19,6 +20,10 @@ pub struct Config {
     pub sensor: SensorConfig,
     /// Rejection of what moves.
     pub static_filter: StaticFilterConfig,
+    /// Objects that a detector sees.
+    pub objects: ObjectsConfig,
+    /// How likely each class of objects is to move, 0 (ignored) to 5 (moves by itself). Classes left out keep their defaults.
+    pub motion_weights: MotionWeights,
     /// Pose tracking.
     pub tracking: TrackingConfig,
     /// When a frame becomes a keyframe.
@@ -33,6 +38,9 @@ pub struct Config {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Schedule {
+    /// Frames between an image and the detections in it. Range: 0 to 1000. 0: detections are there before their frame is
+    /// tracked, as when a data set is processed at leisure.
+    pub detector: u32,
     /// Frames between a keyframe and the map view that holds it. Range: 0 to 1000. 0: mapping keeps up with the camera.
     pub mapper: u32,
 }
@@ -115,8 +123,16 @@ impl Config {
         section("keyframes", &|c| self.keyframes.check(c));
         section("mapping", &|c| self.mapping.check(c));
         section("schedule", &|c| {
+            c.range("detector", f64::from(self.schedule.detector), 0.0, 1000.0);
             c.range("mapper", f64::from(self.schedule.mapper), 0.0, 1000.0);
         });
+        for problem in self.objects.problems() {
+            let (field, message) = problem.split_once(": ").unwrap_or(("", &problem));
+            problems.push(ConfigProblem {
+                path: format!("objects.{field}"),
+                message: message.to_owned(),
+            });
+        }
         if problems.is_empty() {
             Ok(())
         } else {

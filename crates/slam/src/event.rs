@@ -2,6 +2,7 @@
 
 use crate::static_filter::FeatureVerdict;
 use std::sync::Arc;
+use stillpoint_detection::{DetectError, Detections, Object};
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
 use stillpoint_map::KeyframeId;
@@ -13,6 +14,12 @@ pub enum Event {
     Frame(FrameReport),
     /// The mapper took a keyframe and published a new version of the map.
     Mapped(MappingReport),
+    /// The detector answered, as of the frame named in it.
+    Detected(Detections),
+    /// The detector failed on a frame; tracking goes on with what it said before.
+    DetectorFailed(DetectError),
+    /// Features of an earlier keyframe turned out to move: their landmarks were taken out.
+    Rejudged(RejudgeReport),
 }
 
 /// What became of a frame's pose.
@@ -68,6 +75,8 @@ pub struct FrameReport {
     pub world_from_camera: Option<Se3>,
     /// What the static filter said of each keypoint, and was used for this frame's pose; in the order of extraction.
     pub verdicts: Arc<[FeatureVerdict]>,
+    /// The objects as they were expected in this frame.
+    pub objects: Arc<[Object]>,
     /// Counts of each step.
     pub counts: FrameCounts,
     /// The frame became a keyframe.
@@ -83,6 +92,8 @@ pub struct FrameCounts {
     pub keypoints: u32,
     /// Keypoints rejected because they move.
     pub dynamic: u32,
+    /// Of those that move, keypoints used all the same because too few others were left.
+    pub released: u32,
     /// Keypoints with a usable depth.
     pub with_depth: u32,
     /// Matches to the last frame (or the reference keyframe).
@@ -118,6 +129,17 @@ pub struct MappingReport {
     pub culled_keyframes: u32,
     /// Keyframes, landmarks and observations in local bundle adjustment; zeros when it was not run.
     pub bundle: BundleCounts,
+}
+
+/// What late detections took out of the map.
+#[derive(Clone, Debug)]
+pub struct RejudgeReport {
+    /// The keyframe they were about.
+    pub keyframe: KeyframeId,
+    /// Version of the published view.
+    pub map_version: u64,
+    /// Landmarks removed.
+    pub landmarks: u32,
 }
 
 /// Size and effort of one local bundle adjustment.

@@ -16,9 +16,10 @@ mod trajectory;
 pub use config::{Config, ConfigError, ConfigProblem, Schedule};
 pub use event::{
     BundleCounts, Event, FrameCounts, FrameReport, LostReason, MappingReport, Outcome,
+    RejudgeReport,
 };
 pub use mapping::{Mapper, MappingConfig};
-pub use messages::{LandmarkStatistic, MapperMsg, MapperOut, NewKeyframe, Tracked};
+pub use messages::{LandmarkStatistic, MapperMsg, MapperOut, MapperReport, NewKeyframe, Tracked};
 pub use sensor::{SensorConfig, Timing};
 pub use static_filter::{FeatureVerdict, Preset, Reasons, StaticFilterConfig};
 pub use stillpoint_imaging::Simd;

@@ -1,6 +1,6 @@
 //! What the stages send each other.
 
-use crate::event::{FrameReport, MappingReport};
+use crate::event::{FrameReport, MappingReport, RejudgeReport};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
@@ -47,6 +47,13 @@ pub struct LandmarkStatistic {
 pub enum MapperMsg {
     /// A frame to build into the map.
     Keyframe(Box<NewKeyframe>),
+    /// Features of a keyframe that lie on something that moves, as late detections tell.
+    Rejudge {
+        /// The keyframe.
+        keyframe: KeyframeId,
+        /// The features.
+        features: Vec<u32>,
+    },
 }
 
 /// What the mapper answers.
@@ -55,5 +62,14 @@ pub struct MapperOut {
     /// The map after the message.
     pub view: Arc<MapView>,
     /// What was done.
-    pub report: MappingReport,
+    pub report: MapperReport,
+}
+
+/// What the mapper did with a message.
+#[derive(Clone, Debug)]
+pub enum MapperReport {
+    /// It took a keyframe.
+    Mapped(MappingReport),
+    /// It took out what moves.
+    Rejudged(RejudgeReport),
 }

@@ -3,14 +3,15 @@
 use crate::config::{Config, ConfigError};
 use crate::event::Event;
 use crate::mapping::Mapper;
-use crate::messages::{MapperMsg, MapperOut, Tracked};
+use crate::messages::{MapperMsg, MapperOut, MapperReport, Tracked};
 use crate::sensor::Timing;
 use crate::tracking::Tracker;
 use crate::trajectory::Trajectory;
 use std::collections::VecDeque;
 use std::sync::Arc;
+use stillpoint_detection::{Detections, Detector};
 use stillpoint_geometry::Camera;
-use stillpoint_imaging::{RgbdFrame, Simd};
+use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::MapView;
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
@@ -20,6 +21,10 @@ pub struct System {
     /// Replies of the mapper that are not due yet, with the number of the step at which they are.
     replies: VecDeque<(u64, MapperOut)>,
     mapper_delay: u64,
+    detector: Option<Box<dyn Detector>>,
+    /// Answers of the detector that are not due yet, with the number of the step at which they are.
+    detections: VecDeque<(u64, Detections)>,
+    detector_delay: u64,
     step: u64,
 }
 
@@ -30,28 +35,85 @@ impl System {
     /// [`ConfigError`] when a field is out of range.
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Result<Self, ConfigError> {
         config.validate()?;
+        let detector_delay = u64::from(config.schedule.detector);
         Ok(Self {
             mapper_delay: u64::from(config.schedule.mapper),
             mapper: Mapper::new(&config),
             tracker: Tracker::new(config, camera, simd),
             replies: VecDeque::new(),
+            detector: None,
+            detections: VecDeque::new(),
+            detector_delay,
             step: 0,
         })
     }
 
+    /// The system with a detector, which looks at every frame.
+    #[must_use]
+    pub fn with_detector(mut self, detector: Box<dyn Detector>) -> Self {
+        self.detector = Some(detector);
+        self
+    }
+
+    /// The detector, if there is one.
+    #[must_use]
+    pub fn detector(&self) -> Option<&dyn Detector> {
+        self.detector.as_deref()
+    }
+
     /// Takes the next frame and says what happened, the frame's own report first.
     pub fn step(&mut self, frame: RgbdFrame) -> Vec<Event> {
+        let mut events = Vec::new();
         self.deliver(self.step);
+        self.detect(&frame, &mut events);
+        self.deliver_detections(frame.id, &mut events);
         let Tracked { report, keyframe } = self.tracker.track(&Arc::new(frame));
-        let mut events = vec![Event::Frame(report)];
+        events.insert(0, Event::Frame(report));
         if let Some(keyframe) = keyframe {
-            let out = self.mapper.step(MapperMsg::Keyframe(Box::new(keyframe)));
-            events.push(Event::Mapped(out.report.clone()));
-            self.replies
-                .push_back((self.step + 1 + self.mapper_delay, out));
+            self.map(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
         }
         self.step += 1;
         events
+    }
+
+    /// Lets the detector look at a frame; its answer is due some steps later.
+    fn detect(&mut self, frame: &RgbdFrame, events: &mut Vec<Event>) {
+        let Some(detector) = &mut self.detector else {
+            return;
+        };
+        let _span = tracing::info_span!("detect").entered();
+        match detector.detect(frame) {
+            Ok(detections) => self
+                .detections
+                .push_back((self.step + self.detector_delay, detections)),
+            Err(e) => events.push(Event::DetectorFailed(e)),
+        }
+    }
+
+    fn deliver_detections(&mut self, next: FrameId, events: &mut Vec<Event>) {
+        while self
+            .detections
+            .front()
+            .is_some_and(|(due, _)| *due <= self.step)
+        {
+            let Some((_, detections)) = self.detections.pop_front() else {
+                return;
+            };
+            events.push(Event::Detected(detections.clone()));
+            for message in self.tracker.receive_detections(detections, next) {
+                self.map(message, events);
+            }
+        }
+    }
+
+    fn map(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
+        let out = self.mapper.step(message);
+        events.push(match out.report.clone() {
+            MapperReport::Mapped(report) => Event::Mapped(report),
+            MapperReport::Rejudged(report) => Event::Rejudged(report),
+        });
+        self.replies
+            .push_back((self.step + 1 + self.mapper_delay, out));
     }
 
     /// Ends the stream: delivers every reply that is still outstanding.

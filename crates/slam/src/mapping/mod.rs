@@ -8,8 +8,8 @@ mod fuse;
 mod refine;
 
 use crate::config::{Checker, Config};
-use crate::event::MappingReport;
-use crate::messages::{MapperMsg, MapperOut, NewKeyframe};
+use crate::event::{MappingReport, RejudgeReport};
+use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
 use crate::sensor::SensorConfig;
 use serde::{Deserialize, Serialize};
 use stillpoint_geometry::Se3;
@@ -96,6 +96,7 @@ impl Mapper {
     pub fn step(&mut self, message: MapperMsg) -> MapperOut {
         match message {
             MapperMsg::Keyframe(keyframe) => self.take_keyframe(&keyframe),
+            MapperMsg::Rejudge { keyframe, features } => self.rejudge(keyframe, &features),
         }
     }
 
@@ -128,6 +129,34 @@ impl Mapper {
         report.map_version = view.version();
         report.keyframes = view.keyframe_count();
         report.landmarks = view.landmark_count();
+        let report = MapperReport::Mapped(report);
+        MapperOut { view, report }
+    }
+
+    /// Takes out the landmarks that features of a keyframe made, and the observations that they added to others.
+    fn rejudge(&mut self, id: KeyframeId, features: &[u32]) -> MapperOut {
+        let mut landmarks = 0;
+        for feature in features {
+            let view = self.map.view();
+            let seen = view.keyframe(id).and_then(|k| k.matches[*feature as usize]);
+            let Some((landmark, made_here)) =
+                seen.and_then(|l| Some((l, view.landmark(l)?.created_at == id)))
+            else {
+                continue;
+            };
+            if made_here {
+                self.map.cull_landmark(landmark);
+                landmarks += 1;
+            } else {
+                self.map.remove_observation(landmark, id);
+            }
+        }
+        let view = self.map.publish();
+        let report = MapperReport::Rejudged(RejudgeReport {
+            keyframe: id,
+            map_version: view.version(),
+            landmarks,
+        });
         MapperOut { view, report }
     }
 

@@ -1,275 +1,317 @@
 //! The static filter: which features of a frame stand still.
 //!
-//! Answers per feature, with reasons, before the pose is measured from those that do. Owns what is remembered of earlier
-//! frames for that purpose; does not move the camera or change the map.
+//! Answers per feature, with reasons, before the pose is measured from those that do. Owns the objects and what is
+//! remembered of earlier frames; does not move the camera or change the map.
 
 mod cells;
+mod config;
+mod history;
 mod segments;
+mod semantic;
+mod surfaces;
 mod verdict;
 mod visibility;
 
+pub use config::{Preset, StaticFilterConfig};
+pub(crate) use history::Place;
 pub use verdict::{FeatureVerdict, Reasons};
 
-use crate::config::Checker;
+use crate::config::Config;
 use cells::Cells;
-use segments::{LIMIT, Links};
-use serde::{Deserialize, Serialize};
-use std::collections::VecDeque;
+use history::{History, Snapshot};
+use segments::LIMIT;
+use semantic::{MOVER, Mover};
 use std::sync::Arc;
+use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{CoarseDepth, DepthImage};
-use stillpoint_map::{KeyframeId, MapView};
-use visibility::{Earlier, Snapshot};
+use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId, RgbdFrame};
+use stillpoint_map::{KeyframeData, MapView};
+use surfaces::{Now, Surfaces};
 
-/// Which strategy rejects features.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Preset {
-    /// Every feature counts as static.
-    Off,
-    /// Objects, epipolar constraint and depth, fused as published.
-    Paper,
-    /// Log odds per depth-connected region from objects, free space, flow and the past.
-    #[default]
-    Default,
-}
-
-/// Rejection of what moves.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct StaticFilterConfig {
-    /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published) or "default".
-    pub preset: Preset,
-    /// Uses objects (O). Range: true or false.
-    pub objects: bool,
-    /// Uses flow between frames (G): the epipolar constraint, and in preset "default" the rigid test. Range: true or false.
-    pub geometry: bool,
-    /// Uses depth within boxes (D). Range: true or false.
-    pub depth: bool,
-    /// Fewer static features than this starve tracking: the least risky dynamic ones are released. Range: 0 to 1000.
-    pub min_features: usize,
-}
-
-impl Default for StaticFilterConfig {
-    fn default() -> Self {
-        Self {
-            preset: Preset::Default,
-            objects: true,
-            geometry: true,
-            depth: true,
-            min_features: 80,
-        }
-    }
-}
-
-impl StaticFilterConfig {
-    pub(crate) fn check(&self, c: &mut Checker<'_>) {
-        c.range("min_features", self.min_features as f64, 0.0, 1000.0);
-    }
-}
-
-/// Ages of the frames that a frame is compared with, s: from a few frames, for fast things, to seconds, for slow ones.
-const AGES: [f64; 5] = [0.2, 0.4, 0.8, 1.6, 3.0];
-/// Frames are kept for comparison this long, s.
-const HISTORY: f64 = 3.2;
-/// Share of a surface's log odds that it keeps from frame to frame.
-const KEEP: f32 = 0.85;
-/// Log odds above which a cell moves.
+/// How far the rim of a hole in the depth image is looked for, px, and in which steps: hair and dark cloth make holes of
+/// this size in people.
+const HOLE_PX: f32 = 24.0;
+const HOLE_STEP: f32 = 3.0;
+/// Log odds above which a surface moves.
 const THRESHOLD: f32 = 1.0;
+/// Surfaces of an object that were seen to stand still have at most these log odds from free space.
+const STANDS_STILL: f32 = -1.5;
 
 /// What the filter is told of a frame.
 pub(crate) struct FrameInput<'a> {
-    pub(crate) stamp: f64,
-    pub(crate) depth: &'a DepthImage,
+    pub(crate) frame: &'a RgbdFrame,
     pub(crate) view: &'a MapView,
-    /// Camera at the depth image's stamp, as well as it is known before the pose is measured.
-    pub(crate) world_from_depth: Se3,
-    /// Features: raw pixels and depths (0: none).
-    pub(crate) features: &'a [([f32; 2], f32)],
+    /// Camera at the colour stamp, as well as it is known before the pose is measured.
+    pub(crate) world_from_camera: Se3,
+    /// The camera's motion between the exposures of the depth and the colour image.
+    pub(crate) camera_from_depth: Se3,
+    /// Features: raw pixels.
+    pub(crate) features: &'a [[f32; 2]],
 }
 
-/// The state of a frame that [`StaticFilter::remember`] keeps.
-struct Present {
-    stamp: f64,
-    grid: Arc<CoarseDepth>,
+/// What the filter says of a frame.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Judgement {
+    pub(crate) verdicts: Arc<[FeatureVerdict]>,
+    pub(crate) objects: Arc<[Object]>,
+    /// Features that the starvation guard released.
+    pub(crate) released: u32,
+}
+
+/// Features of an earlier frame that turned out to lie on something that moves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Rejudged {
+    pub(crate) frame: FrameId,
+    pub(crate) features: Vec<u32>,
 }
 
 /// Tells what stands still.
 pub(crate) struct StaticFilter {
     config: StaticFilterConfig,
+    weights: MotionWeights,
+    coast: f64,
     cells: Cells,
-    history: VecDeque<Snapshot>,
-    /// Log odds of "moving" per cell of the last frame judged.
-    odds: Vec<f32>,
-    present: Option<Present>,
+    objects: ObjectTracker,
+    /// Detections not taken in yet: those of the present frame wait for its pose.
+    inbox: Vec<Detections>,
+    history: History,
+    surfaces: Surfaces,
+    present: Option<(FrameId, f64, Arc<CoarseDepth>)>,
 }
 
 impl StaticFilter {
-    pub(crate) fn new(config: StaticFilterConfig, camera: &Camera) -> Self {
+    pub(crate) fn new(config: &Config, camera: &Camera) -> Self {
         let cells = Cells::new(camera);
         Self {
-            config,
-            odds: vec![0.0; cells.count()],
+            config: config.static_filter.clone(),
+            weights: config.motion_weights.clone(),
+            coast: config.objects.coast_seconds,
+            surfaces: Surfaces::new(&cells),
             cells,
-            history: VecDeque::new(),
+            objects: ObjectTracker::new(config.objects.clone(), *camera),
+            inbox: Vec::new(),
+            history: History::default(),
             present: None,
         }
     }
 
+    /// Takes detections of the frame to come or of an earlier one.
+    pub(crate) fn receive(&mut self, detections: Detections) {
+        if self.config.objects && self.config.preset != Preset::Off {
+            self.inbox.push(detections);
+        }
+    }
+
     /// Judges the features of a frame.
-    pub(crate) fn judge(&mut self, input: &FrameInput<'_>) -> Vec<FeatureVerdict> {
+    pub(crate) fn judge(&mut self, input: &FrameInput<'_>) -> Judgement {
         let _span = tracing::info_span!("filter").entered();
         if self.config.preset == Preset::Off {
-            return input
-                .features
-                .iter()
-                .map(|f| FeatureVerdict::kept(f.0))
-                .collect();
+            let kept = input.features.iter().map(|f| FeatureVerdict::kept(*f));
+            return Judgement {
+                verdicts: kept.collect(),
+                ..Judgement::default()
+            };
         }
-        let grid = Arc::new(cells::coarse(input.depth));
-        let mut own = self.carry(&grid, input);
-        for earlier in self.choose(input) {
-            visibility::add_evidence(&self.cells, &grid, &earlier, &mut own);
+        let grid = Arc::new(cells::coarse(&input.frame.depth));
+        let stamp = input.frame.stamp;
+        for detections in self.inbox.extract_if(.., |d| d.frame == input.frame.id) {
+            self.objects
+                .update(&detections, &input.world_from_camera, &grid);
         }
-        let links = Links::new(&self.cells, grid.data());
-        let mut odds = std::mem::take(&mut self.odds);
-        links.spread(&self.cells, &own, &mut odds);
-        self.odds = odds;
+        let objects = self.objects.predict(stamp, &input.world_from_camera);
+        let movers = semantic::movers(&objects, &self.weights, stamp, self.coast);
+        let now = Now {
+            stamp,
+            grid: &grid,
+            world_from_depth: input.world_from_camera * input.camera_from_depth,
+            view: input.view,
+        };
+        self.surfaces
+            .update(&self.cells, &self.history, &now, &movers);
+        self.measure_rigidity(stamp, &grid, &movers);
         let mut verdicts: Vec<FeatureVerdict> = input
             .features
             .iter()
-            .map(|(pixel, z)| self.judge_feature(*pixel, *z, grid.data()))
+            .map(|pixel| self.judge_feature(*pixel, &input.frame.depth, grid.data(), &movers))
             .collect();
-        verdict::release_when_starving(&mut verdicts, self.config.min_features);
-        self.present = Some(Present {
-            stamp: input.stamp,
-            grid,
-        });
-        verdicts
+        let released = verdict::release_when_starving(&mut verdicts, self.config.min_features);
+        self.present = Some((input.frame.id, stamp, grid));
+        Judgement {
+            verdicts: verdicts.into(),
+            objects: objects.into(),
+            released,
+        }
     }
 
     /// Keeps the frame just judged for later comparison, once its pose is known.
-    pub(crate) fn remember(&mut self, reference: KeyframeId, reference_from_depth: Se3) {
-        let Some(present) = self.present.take() else {
-            return;
-        };
-        while self
-            .history
-            .front()
-            .is_some_and(|s| present.stamp - s.stamp > HISTORY)
-        {
-            self.history.pop_front();
+    pub(crate) fn remember(&mut self, place: &Place) {
+        if let Some((frame, stamp, grid)) = self.present.take() {
+            self.history.push(frame, stamp, grid, place);
         }
-        self.history.push_back(Snapshot {
-            stamp: present.stamp,
-            grid: present.grid,
-            reference,
-            reference_from_depth,
-        });
     }
 
-    /// The log odds of the last frame, carried to this one's cells along the surfaces they belong to.
-    fn carry(&self, grid: &CoarseDepth, input: &FrameInput<'_>) -> Vec<f32> {
-        let mut own = vec![0.0; self.cells.count()];
-        let Some((last, pose)) = self
-            .history
-            .back()
-            .and_then(|s| Some((s, s.earlier_from(input)?)))
-        else {
-            return own;
-        };
-        let (r, t) = (
-            pose.rotation_matrix().map(|v| v as f32),
-            pose.translation.map(|v| v as f32),
-        );
-        let before = last.grid.data();
-        for (cell, &z) in grid.data().iter().enumerate() {
-            if z <= 0.0 {
-                continue;
-            }
-            let [x, y] = self.cells.rays()[cell].map(|v| v * z);
-            let p = [0, 1, 2].map(|i| r[(i, 0)] * x + r[(i, 1)] * y + r[(i, 2)] * z + t[i]);
-            let Some(place) = self.cells.project(p) else {
+    /// Takes in detections of earlier frames, and judges the features of those frames again that became keyframes.
+    pub(crate) fn take_late(
+        &mut self,
+        view: &MapView,
+        data: impl Fn(FrameId) -> Option<Arc<KeyframeData>>,
+    ) -> Vec<Rejudged> {
+        let mut rejudged = Vec::new();
+        for detections in std::mem::take(&mut self.inbox) {
+            let Some(s) = self.history.get(detections.frame) else {
                 continue;
             };
-            let (mut sum, mut count) = (0.0, 0.0);
-            for near in self.cells.around(place, 1) {
-                if before[near] > 0.0 && (before[near] - p[2]).abs() < 0.05 + 0.01 * p[2] {
-                    sum += self.odds[near];
-                    count += 1.0;
+            let pose = s.world_from_camera(view);
+            self.objects.update(&detections, &pose, &s.grid);
+            if let Some(data) = data(detections.frame) {
+                let features = self.features_on_movers(s, &pose, &data);
+                if !features.is_empty() {
+                    rejudged.push(Rejudged {
+                        frame: detections.frame,
+                        features,
+                    });
                 }
-            }
-            if count > 0.0 {
-                own[cell] = KEEP * sum / count;
             }
         }
-        own
+        rejudged
     }
 
-    /// The earlier frames to compare with.
-    fn choose(&self, input: &FrameInput<'_>) -> Vec<Earlier<'_>> {
-        let mut chosen: Vec<Earlier<'_>> = Vec::with_capacity(AGES.len());
-        let mut last = usize::MAX;
-        for age in AGES {
-            let wanted = input.stamp - age;
-            let i = self.history.partition_point(|s| s.stamp <= wanted);
-            let Some(i) = i.checked_sub(1).filter(|i| *i != last) else {
-                continue;
-            };
-            last = i;
-            let s = &self.history[i];
-            if let Some(earlier_from_now) = s.earlier_from(input) {
-                chosen.push(Earlier {
-                    grid: &s.grid,
-                    earlier_from_now,
-                    age: input.stamp - s.stamp,
-                });
+    fn features_on_movers(&self, s: &Snapshot, pose: &Se3, data: &KeyframeData) -> Vec<u32> {
+        let objects = self.objects.predict(s.stamp, pose);
+        let movers = semantic::movers(&objects, &self.weights, s.stamp, self.coast);
+        let on_mover = |i: &u32| {
+            let (k, z) = (&data.keypoints[*i as usize], data.depths[*i as usize]);
+            let (u, v) = (f64::from(k.x), f64::from(k.y));
+            movers.iter().any(|m| m.strength > 0.0 && m.holds(u, v, z))
+        };
+        (0..data.len() as u32).filter(on_mover).collect()
+    }
+
+    /// Tells the objects which part of their surface stands still.
+    fn measure_rigidity(&mut self, stamp: f64, grid: &CoarseDepth, movers: &[Mover]) {
+        for m in movers {
+            let (mut agreeing, mut tested) = (0, 0);
+            for (i, &z) in grid.data().iter().enumerate() {
+                let [u, v] = grid.centre(i % grid.width(), i / grid.width());
+                let evidence = self.surfaces.evidence[i];
+                if z > 0.0 && m.holds(u, v, z) && (evidence > 0.0 || evidence <= STANDS_STILL) {
+                    tested += 1;
+                    agreeing += u32::from(evidence < 0.0);
+                }
+            }
+            if tested > 0 {
+                self.objects.observe_rigidity(m.id, stamp, agreeing, tested);
             }
         }
-        chosen
     }
 
-    /// A feature moves with the cell that it lies on: of those around it, the one at its depth.
-    fn judge_feature(&self, pixel: [f32; 2], z: f32, depth: &[f32]) -> FeatureVerdict {
-        let home = self.cells.at(pixel[0], pixel[1]);
-        let odds = if z > 0.0 {
-            let mut best = (f32::INFINITY, 0.0);
-            for cell in self.cells.around(home, 1) {
-                let gap = (depth[cell] - z).abs() + if cell == home { 0.0 } else { 0.01 };
-                if depth[cell] > 0.0 && gap < best.0 {
-                    best = (gap, self.odds[cell]);
-                }
-            }
-            best.1
-        } else {
-            let (mut sum, mut count) = (0.0, 0.0);
-            for cell in self.cells.around(home, 1) {
-                if depth[cell] > 0.0 {
-                    sum += self.odds[cell];
-                    count += 1.0;
-                }
-            }
-            if count > 0.0 { sum / count } else { 0.0 }
+    /// A feature moves with the surface that it lies on.
+    fn judge_feature(
+        &self,
+        pixel: [f32; 2],
+        image: &DepthImage,
+        grid: &[f32],
+        movers: &[Mover],
+    ) -> FeatureVerdict {
+        let [u, v] = pixel.map(f64::from);
+        let (z, cell) = self.surface_at(pixel, image, grid);
+        let in_box = movers
+            .iter()
+            .any(|m| m.strength > 0.0 && m.bounds.contains(u, v));
+        let (odds, evidence) = match cell {
+            Some(cell) => (self.surfaces.odds[cell], self.surfaces.evidence[cell]),
+            None if in_box => (self.odds_around_hole(pixel, image, grid), 0.0),
+            None => (0.0, 0.0),
         };
         let dynamic = odds > THRESHOLD;
+        let mut reasons = Reasons::default();
+        if let Some(m) = movers
+            .iter()
+            .find(|m| (m.weight >= MOVER || m.strength > 0.0) && m.holds(u, v, z))
+        {
+            if dynamic && m.strength > 0.0 {
+                reasons |= Reasons::OBJECT;
+            } else if !dynamic && m.weight >= MOVER {
+                reasons |= Reasons::PARKED;
+            }
+        } else if in_box && !dynamic {
+            reasons |= Reasons::DEPTH;
+        }
+        if dynamic && evidence > 0.0 {
+            reasons |= Reasons::RIGID;
+        } else if dynamic && reasons.is_empty() {
+            reasons |= Reasons::AGE;
+        }
         FeatureVerdict {
             pixel,
             dynamic,
-            reasons: if dynamic {
-                Reasons::RIGID
-            } else {
-                Reasons::default()
-            },
+            reasons,
             risk: odds.clamp(-LIMIT, LIMIT),
         }
     }
+
+    /// The depth (m; 0: none) at a raw pixel or next to it, and of the cells around it the one at that depth.
+    fn surface_at(
+        &self,
+        pixel: [f32; 2],
+        image: &DepthImage,
+        grid: &[f32],
+    ) -> (f32, Option<usize>) {
+        let z = nearest_depth(image, pixel).unwrap_or(0.0);
+        let home = self.cells.at(pixel[0], pixel[1]);
+        // Of a cell's width the surface itself may slope by this much.
+        let mut best = (0.05 + 0.03 * z, None);
+        for cell in self.cells.around(home, 1) {
+            let gap = (grid[cell] - z).abs() + if cell == home { 0.0 } else { 0.01 };
+            if z > 0.0 && grid[cell] > 0.0 && gap < best.0 {
+                best = (gap, Some(cell));
+            }
+        }
+        (z, best.1)
+    }
+
+    /// The log odds of a feature in a hole of the depth image: it moves when what surrounds the hole does, on all
+    /// four sides. On a silhouette and in an infrared shadow one to three do.
+    fn odds_around_hole(&self, [u, v]: [f32; 2], image: &DepthImage, grid: &[f32]) -> f32 {
+        let mut sides = [0.0; 4];
+        for (side, (dx, dy)) in
+            sides
+                .iter_mut()
+                .zip([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
+        {
+            let mut step = HOLE_STEP;
+            while step <= HOLE_PX {
+                if let (_, Some(cell)) =
+                    self.surface_at([u + step * dx, v + step * dy], image, grid)
+                {
+                    *side = self.surfaces.odds[cell];
+                    break;
+                }
+                step += HOLE_STEP;
+            }
+        }
+        sides.into_iter().fold(f32::INFINITY, f32::min)
+    }
 }
 
-impl Snapshot {
-    /// The motion from the depth camera of the present frame to that of this one, in the present view of the map.
-    fn earlier_from(&self, input: &FrameInput<'_>) -> Option<Se3> {
-        let world_from_reference = input.view.world_from_keyframe(self.reference)?;
-        let world_from_this = world_from_reference * self.reference_from_depth;
-        Some(world_from_this.inverse() * input.world_from_depth)
-    }
+/// The depth (m) of a raw pixel, else that of a neighbour: a corner on a silhouette has its depth on either side.
+fn nearest_depth(image: &DepthImage, [u, v]: [f32; 2]) -> Option<f32> {
+    let (u, v) = (libm::roundf(u) as i32, libm::roundf(v) as i32);
+    let at = |(dx, dy): &(i32, i32)| {
+        let (x, y) = (u + dx, v + dy);
+        let inside = x >= 0 && y >= 0 && x < image.width() as i32 && y < image.height() as i32;
+        Some(image.at(inside.then_some(x as usize)?, y as usize)).filter(|z| *z > 0.0)
+    };
+    const NEAR: [(i32, i32); 9] = [
+        (0, 0),
+        (-1, 0),
+        (1, 0),
+        (0, -1),
+        (0, 1),
+        (-1, -1),
+        (1, -1),
+        (-1, 1),
+        (1, 1),
+    ];
+    NEAR.iter().find_map(at)
 }

@@ -6,7 +6,6 @@
 //! things stay under the noise; seeing through is proof at any age. (docs/algorithm.md, free-space test.)
 
 use super::cells::{Cells, depth_tolerance};
-use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::CoarseDepth;
 
@@ -26,6 +25,28 @@ pub(super) struct Earlier<'a> {
     pub(super) age: f64,
 }
 
+/// A rigid motion in single precision, for points given by ray and depth.
+pub(super) struct Motion {
+    r: [[f32; 3]; 3],
+    t: [f32; 3],
+}
+
+impl Motion {
+    pub(super) fn new(pose: &Se3) -> Self {
+        let r = pose.rotation_matrix();
+        Self {
+            r: [0, 1, 2].map(|i| [0, 1, 2].map(|j| r[(i, j)] as f32)),
+            t: [0, 1, 2].map(|i| pose.translation[i] as f32),
+        }
+    }
+
+    /// The moved point at depth `z` (m) along a ray (x/z, y/z).
+    pub(super) fn apply(&self, [x, y]: [f32; 2], z: f32) -> [f32; 3] {
+        let (x, y) = (x * z, y * z);
+        [0, 1, 2].map(|i| self.r[i][0] * x + self.r[i][1] * y + self.r[i][2] * z + self.t[i])
+    }
+}
+
 /// Adds the evidence of one earlier frame to each cell's log odds.
 pub(super) fn add_evidence(
     cells: &Cells,
@@ -34,16 +55,14 @@ pub(super) fn add_evidence(
     evidence: &mut [f32],
 ) {
     let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
-    let r = earlier.earlier_from_now.rotation_matrix().map(|v| v as f32);
-    let t = earlier.earlier_from_now.translation.map(|v| v as f32);
+    let motion = Motion::new(&earlier.earlier_from_now);
     let before = earlier.grid.data();
     let rays = cells.rays();
     for (cell, &z) in now.data().iter().enumerate() {
         if z <= 0.0 {
             continue;
         }
-        let (x, y) = (rays[cell][0] * z, rays[cell][1] * z);
-        let p = [0, 1, 2].map(|i| r[(i, 0)] * x + r[(i, 1)] * y + r[(i, 2)] * z + t[i]);
+        let p = motion.apply(rays[cell], z);
         let Some(place) = cells.project(p).filter(|c| cells.has_neighbours(*c)) else {
             continue;
         };
@@ -84,13 +103,4 @@ pub(super) fn compare(before: &[f32], width: usize, place: usize, z: f32) -> See
     } else {
         Seen::Hidden
     }
-}
-
-/// A frame kept for later comparison.
-pub(super) struct Snapshot {
-    pub(super) stamp: f64,
-    pub(super) grid: Arc<CoarseDepth>,
-    /// The reference keyframe of its time, and the depth camera's pose relative to it: follows every correction of the map.
-    pub(super) reference: stillpoint_map::KeyframeId,
-    pub(super) reference_from_depth: Se3,
 }

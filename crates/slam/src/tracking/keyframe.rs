@@ -78,16 +78,17 @@ impl KeyframeConfig {
         } else {
             self.min_tracked_share
         };
-        let (mut tracked, mut untracked) = (0, 0);
-        for (z, m) in data.depths.iter().zip(matches) {
+        let (mut tracked, mut untracked) = (0_u32, 0_u32);
+        for ((z, m), mappable) in data.depths.iter().zip(matches).zip(&data.mappable) {
             if *z > 0.0 && f64::from(*z) < close_depth {
                 match m {
                     Some(_) => tracked += 1,
-                    None => untracked += 1,
+                    None => untracked += u32::from(*mappable),
                 }
             }
         }
-        let few_close = tracked < self.min_close_tracked && untracked > self.min_close_untracked;
+        let few_close = (tracked as usize) < self.min_close_tracked
+            && untracked as usize > self.min_close_untracked;
         few_close || (inliers as f64) < share * established as f64
     }
 }

@@ -19,9 +19,9 @@ pub use keyframe::KeyframeConfig;
 
 use crate::config::Config;
 use crate::event::{FrameCounts, FrameReport, LostReason, Outcome};
-use crate::messages::{LandmarkStatistic, NewKeyframe, Tracked};
+use crate::messages::{LandmarkStatistic, MapperMsg, NewKeyframe, Tracked};
 use crate::sensor::Timing;
-use crate::static_filter::{FeatureVerdict, FrameInput, StaticFilter};
+use crate::static_filter::{FrameInput, Judgement, Place, StaticFilter};
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use frame::Observer;
 use local_map::{LocalMap, SearchArea};
@@ -30,6 +30,7 @@ use motion::Motion;
 use self_calibration::SelfCalibration;
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use stillpoint_detection::Detections;
 use stillpoint_geometry::{Camera, Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
@@ -65,7 +66,7 @@ pub struct Tracker {
 #[derive(Default)]
 struct Notes {
     counts: FrameCounts,
-    verdicts: Arc<[FeatureVerdict]>,
+    judgement: Judgement,
 }
 
 /// A pose with all that led to it.
@@ -82,7 +83,7 @@ impl Tracker {
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Self {
         Self {
             calibration: SelfCalibration::new(config.sensor.timing()),
-            filter: StaticFilter::new(config.static_filter.clone(), &camera),
+            filter: StaticFilter::new(&config, &camera),
             observer: Observer::new(camera, config.sensor.clone(), &config.features, simd),
             config,
             view: Arc::default(),
@@ -112,6 +113,25 @@ impl Tracker {
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
         Arc::clone(&self.view)
+    }
+
+    /// Takes detections of the frame to come, or late ones. Returns what the mapper is to be told of earlier keyframes.
+    pub fn receive_detections(&mut self, detections: Detections, next: FrameId) -> Vec<MapperMsg> {
+        let late = detections.frame < next;
+        self.filter.receive(detections);
+        if !late {
+            return Vec::new();
+        }
+        let view = Arc::clone(&self.view);
+        let data = |f: FrameId| view.keyframe(KeyframeId(f.0)).map(|k| Arc::clone(&k.data));
+        let rejudged = self.filter.take_late(&view, data);
+        rejudged
+            .into_iter()
+            .map(|r| MapperMsg::Rejudge {
+                keyframe: KeyframeId(r.frame.0),
+                features: r.features,
+            })
+            .collect()
     }
 
     /// Takes a newer view of the map.
@@ -148,24 +168,17 @@ impl Tracker {
         velocity: Option<&Vec6>,
         notes: &mut Notes,
     ) {
-        let features: Vec<([f32; 2], f32)> = data
-            .keypoints
-            .iter()
-            .zip(&data.depths)
-            .map(|(k, z)| ([k.x, k.y], *z))
-            .collect();
-        let camera_from_depth = self.camera_from_depth(frame, velocity);
-        notes.verdicts = self
-            .filter
-            .judge(&FrameInput {
-                stamp: frame.stamp,
-                depth: &frame.depth,
-                view: &self.view,
-                world_from_depth: *world_from_camera * camera_from_depth,
-                features: &features,
-            })
-            .into();
-        notes.counts.dynamic = notes.verdicts.iter().filter(|v| v.dynamic).count() as u32;
+        let features: Vec<[f32; 2]> = data.keypoints.iter().map(|k| [k.x, k.y]).collect();
+        notes.judgement = self.filter.judge(&FrameInput {
+            frame,
+            view: &self.view,
+            world_from_camera: *world_from_camera,
+            camera_from_depth: self.camera_from_depth(frame, velocity),
+            features: &features,
+        });
+        let verdicts = &notes.judgement.verdicts;
+        notes.counts.dynamic = verdicts.iter().filter(|v| v.dynamic).count() as u32;
+        notes.counts.released = notes.judgement.released;
     }
 
     /// The camera's motion from the depth image's exposure to the colour image's.
@@ -181,7 +194,7 @@ impl Tracker {
         let timing = self.calibration.timing();
         let data = self
             .observer
-            .measure(frame, None, timing, Some(&notes.verdicts));
+            .measure(frame, None, timing, Some(&notes.judgement.verdicts));
         let counts = &notes.counts;
         if (counts.with_depth as usize) < self.config.tracking.min_initial_points {
             let few = (counts.keypoints as usize) < self.config.tracking.min_initial_points;
@@ -196,7 +209,12 @@ impl Tracker {
         let id = KeyframeId(frame.id.0);
         let matches = vec![None; data.len()];
         self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
-        self.filter.remember(id, Se3::identity());
+        self.filter.remember(&Place {
+            reference: id,
+            reference_from_camera: Se3::identity(),
+            world_from_camera: pose,
+            camera_from_depth: Se3::identity(),
+        });
         self.last_keyframe = Some(frame.id);
         self.lost_since = None;
         self.trajectory.push(TrajectoryEntry {
@@ -239,9 +257,9 @@ impl Tracker {
             frame,
             velocity.as_ref(),
             self.calibration.timing(),
-            Some(&notes.verdicts),
+            Some(&notes.judgement.verdicts),
         );
-        let matches = matches.without_dynamic(&notes.verdicts);
+        let matches = matches.without_dynamic(&notes.judgement.verdicts);
         let counts = &mut notes.counts;
         let (reference, found, pose) =
             self.match_local_map(&data, reference, matches, &pose, counts);
@@ -362,9 +380,12 @@ impl Tracker {
             online_world_from_camera: world_from_camera,
             inliers: counts.inliers,
         });
-        let camera_from_depth = self.camera_from_depth(frame, self.motion.velocity());
-        self.filter
-            .remember(reference, reference_from_camera * camera_from_depth);
+        self.filter.remember(&Place {
+            reference,
+            reference_from_camera,
+            world_from_camera,
+            camera_from_depth: self.camera_from_depth(frame, self.motion.velocity()),
+        });
         let keyframe = self.make_keyframe(frame, &data, reference, reference_from_camera, &matches);
         self.remember(
             frame,
@@ -464,7 +485,8 @@ impl Tracker {
             stamp: frame.stamp,
             outcome,
             world_from_camera,
-            verdicts: notes.verdicts,
+            verdicts: notes.judgement.verdicts,
+            objects: notes.judgement.objects,
             counts: notes.counts,
             is_keyframe,
             map_version: self.view.version(),
