@@ -1,6 +1,6 @@
 //! Networks: against ONNX Runtime on the shared images, where there are any, and what is refused.
 // A test may look for its data; the library may not.
-#![allow(clippy::disallowed_methods, clippy::print_stderr)]
+#![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
 #![cfg(feature = "onnx")]
 
 use std::path::{Path, PathBuf};
