@@ -3,10 +3,12 @@
 
 mod behaviour;
 mod recorded;
+mod score;
 mod world;
 
+use score::{Drive, Score, run};
 use stillpoint_geometry::{Se3, Vec3};
-use world::{Drive, Faults, Score, Walker, World, distorted, run, turned};
+use world::{Faults, Walker, World, distorted, turned};
 
 const FRAMES: u64 = 300;
 

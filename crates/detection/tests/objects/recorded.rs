@@ -1,6 +1,9 @@
 //! The tracker on people with arms, legs and ragged depth: the simulator's, and real ones where the data set is there.
+// Tests may look for data sets; the library reads no files.
+#![allow(clippy::disallowed_methods)]
 
-use crate::world::{Score, judge, normal, person, uniform};
+use crate::score::{Score, judge};
+use crate::world::{normal, person, uniform};
 use std::collections::BTreeMap;
 use std::path::Path;
 use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, StampedPose};
