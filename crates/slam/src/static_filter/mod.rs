@@ -23,7 +23,7 @@ use segments::LIMIT;
 use semantic::{MOVER, Mover};
 use std::sync::Arc;
 use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
-use stillpoint_geometry::{Camera, Se3};
+use stillpoint_geometry::{Camera, Se3, Vec2};
 use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{Now, Surfaces};
@@ -47,6 +47,17 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) camera_from_depth: Se3,
     /// Features: raw pixels.
     pub(crate) features: &'a [[f32; 2]],
+}
+
+/// A feature of the present frame and where it was in the frame before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FlowPair {
+    /// Raw pixel in the frame before.
+    pub(crate) before_raw: [f32; 2],
+    /// Undistorted pixel in the frame before.
+    pub(crate) before: Vec2,
+    /// Undistorted pixel in the present frame.
+    pub(crate) now: Vec2,
 }
 
 /// What the filter says of a frame.
@@ -141,6 +152,12 @@ impl StaticFilter {
             objects: objects.into(),
             released,
         }
+    }
+
+    /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
+    pub(crate) fn static_probability(&self, [u, v]: [f32; 2]) -> f64 {
+        let odds = self.surfaces.odds[self.cells.at(u, v)];
+        1.0 / (1.0 + libm::exp(f64::from(odds)))
     }
 
     /// Keeps the frame just judged for later comparison, once its pose is known.

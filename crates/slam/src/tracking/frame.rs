@@ -3,7 +3,9 @@
 use crate::sensor::{DepthReader, SensorConfig, Timing};
 use crate::static_filter::FeatureVerdict;
 use std::sync::Arc;
-use stillpoint_features::{FeatureGrid, Features, OrbConfig, OrbExtractor};
+use stillpoint_features::{
+    FeatureGrid, Features, Flow, FlowConfig, FlowMatch, OrbConfig, OrbExtractor,
+};
 use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_map::KeyframeData;
@@ -13,12 +15,16 @@ const TYPICAL_DEPTH: f64 = 2.0;
 
 /// Extracts features and reads their depths; keeps its buffers between frames.
 pub(super) struct Observer {
-    camera: Camera,
+    pub(super) camera: Camera,
     sensor: SensorConfig,
-    extractor: OrbExtractor,
-    features: Features,
+    pub(super) extractor: OrbExtractor,
+    pub(super) features: Features,
+    pub(super) flow: Flow,
+    /// Buffers of the flow.
+    pub(super) points: Vec<[f32; 2]>,
+    pub(super) found: Vec<Option<FlowMatch>>,
     /// Undistorted pixels of `features`, as exposed row by row.
-    undistorted: Vec<Vec2>,
+    pub(super) undistorted: Vec<Vec2>,
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],
@@ -37,6 +43,9 @@ impl Observer {
             sensor,
             extractor: OrbExtractor::new(orb, simd),
             features: Features::default(),
+            flow: Flow::new(FlowConfig::default(), simd),
+            points: Vec::new(),
+            found: Vec::new(),
             undistorted: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),

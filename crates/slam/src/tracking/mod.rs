@@ -3,6 +3,7 @@
 //! Owns the motion model and the last frame; sees the map only as a view. Does not change the map.
 
 mod config;
+mod flow;
 mod frame;
 mod keyframe;
 mod last_frame;
@@ -55,6 +56,8 @@ pub struct Tracker {
     motion: Motion,
     calibration: SelfCalibration,
     last: Option<LastFrame>,
+    /// The frame before, whatever became of it.
+    previous: Option<Arc<RgbdFrame>>,
     local_map: LocalMap,
     lost_since: Option<FrameId>,
     last_keyframe: Option<FrameId>,
@@ -89,6 +92,7 @@ impl Tracker {
             view: Arc::default(),
             motion: Motion::default(),
             last: None,
+            previous: None,
             local_map: LocalMap::default(),
             lost_since: None,
             last_keyframe: None,
@@ -142,6 +146,12 @@ impl Tracker {
     /// Tracks a frame.
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
+        let tracked = self.track_frame(frame);
+        self.previous = Some(Arc::clone(frame));
+        tracked
+    }
+
+    fn track_frame(&mut self, frame: &RgbdFrame) -> Tracked {
         let mut notes = Notes::default();
         self.observer.extract(frame);
         let velocity = self.motion.velocity();
@@ -249,6 +259,10 @@ impl Tracker {
             return Err(LostReason::FewFeatures);
         }
         let (reference, predicted) = self.predict(frame.stamp);
+        let pairs = self.flow(&data, &predicted);
+        let predicted = self
+            .pose_by_flow(frame, &data, &pairs, &predicted)
+            .unwrap_or(predicted);
         let (matches, pose) = self.match_last_frame(&data, reference, &predicted)?;
         notes.counts.frame_matches = matches.count as u32;
         let velocity = self.velocity_to(&pose, frame.stamp);

@@ -1,0 +1,140 @@
+//! Flow: where each feature was in the frame before, and how the camera moved since.
+
+use super::Tracker;
+use super::frame::Observer;
+use crate::sensor::DepthReader;
+use crate::static_filter::FlowPair;
+use stillpoint_estimation::{
+    Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
+    rng,
+};
+use stillpoint_features::FlowMatch;
+use stillpoint_geometry::{Se3, Vec2};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::KeyframeData;
+
+/// Standard deviation of a flow vector, px, with what corners on edges add.
+const SIGMA_PX: f64 = 1.0;
+/// A constant velocity is wrong by about this much after a frame.
+const PRIOR_SIGMA_M: f64 = 0.02;
+const PRIOR_SIGMA_RAD: f64 = 0.02;
+/// Pairs that vote on the camera's motion, at most: enough for a pose to a millimetre.
+const MAX_PAIRS: usize = 300;
+/// The motion is believed when pairs with this share of the weight agree on it.
+const MIN_WEIGHT_SHARE: f64 = 0.4;
+/// Depth taken for a feature that has none, m, where only a guess depends on it.
+const TYPICAL_DEPTH: f64 = 2.0;
+
+impl Tracker {
+    /// Finds the features of the frame in the one before. The guess is that the scene stands still and the camera moves to
+    /// `camera_from_world`.
+    pub(super) fn flow(
+        &mut self,
+        data: &KeyframeData,
+        camera_from_world: &Se3,
+    ) -> Vec<Option<FlowPair>> {
+        let Some(last) = self.last.as_ref().filter(|_| self.lost_since.is_none()) else {
+            return Vec::new();
+        };
+        let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
+        let guess = |i: usize| {
+            let k = &data.keypoints[i];
+            let z = data.depth(i).unwrap_or(TYPICAL_DEPTH);
+            let p = last_from_now.transform(&data.camera.backproject(data.position(i), z));
+            if p.z <= 0.05 {
+                return [k.x, k.y];
+            }
+            // The keypoint's own lens and shutter effects are taken to be the same in both frames.
+            let shift = data.camera.project(&p) - data.position(i);
+            [k.x + shift.x as f32, k.y + shift.y as f32]
+        };
+        let guesses: Vec<[f32; 2]> = (0..data.len()).map(guess).collect();
+        self.observer.flow_to_previous(&guesses)
+    }
+
+    /// The camera's motion since the last frame by a vote of the flow, as the pose it leads to. Features on surfaces that moved
+    /// before have next to no say.
+    pub(super) fn pose_by_flow(
+        &self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        pairs: &[Option<FlowPair>],
+        predicted: &Se3,
+    ) -> Option<Se3> {
+        let _span = tracing::info_span!("motion").entered();
+        let last = self.last.as_ref()?;
+        let previous = self.previous.as_ref()?;
+        let reader = DepthReader::new(
+            &self.config.sensor,
+            &data.camera,
+            &previous.depth,
+            None,
+            0.0,
+        );
+        let with_depth: Vec<usize> = (0..pairs.len())
+            .filter(|i| pairs[*i].is_some() && data.depth(*i).is_some())
+            .collect();
+        let step = with_depth.len().div_ceil(MAX_PAIRS).max(1);
+        let motion_pair = |i: usize| {
+            let pair = pairs[i]?;
+            let reading = reader.read(pair.before_raw.map(f64::from).into(), pair.before)?;
+            let (z, sigma) = (data.depth(i)?, f64::from(data.depth_sigmas[i]));
+            // Both depths are wrong: the error of the point is added to that of the measurement.
+            let sigma = (reading.sigma * reading.sigma + sigma * sigma).sqrt();
+            Some(MotionPair {
+                point: data.camera.backproject(pair.now, z),
+                measurement: Measurement::new(pair.before, SIGMA_PX, Some((reading.z, sigma))),
+                weight: self.filter.static_probability(pair.before_raw),
+            })
+        };
+        let votes: Vec<MotionPair> = with_depth
+            .iter()
+            .step_by(step)
+            .filter_map(|i| motion_pair(*i))
+            .collect();
+        let prior = MotionPrior {
+            b_from_a: last.world_from_camera.inverse() * predicted.inverse(),
+            sigma_m: PRIOR_SIGMA_M,
+            sigma_rad: PRIOR_SIGMA_RAD,
+        };
+        let motion = find_camera_motion(
+            &Intrinsics::from(&data.camera),
+            &votes,
+            Some(&prior),
+            &MotionOptions::default(),
+            rng(
+                self.config.seed,
+                u64::from(frame.id.0),
+                Purpose::CAMERA_MOTION,
+            ),
+        )?;
+        let believed = motion.weight_share >= MIN_WEIGHT_SHARE;
+        believed.then(|| motion.b_from_a.inverse() * last.world_from_camera.inverse())
+    }
+}
+
+impl Observer {
+    /// Finds the features of the last image in the one before.
+    pub(super) fn flow_to_previous(&mut self, guesses: &[[f32; 2]]) -> Vec<Option<FlowPair>> {
+        let _span = tracing::info_span!("flow").entered();
+        self.points.clear();
+        self.points
+            .extend(self.features.keypoints.iter().map(|k| [k.x, k.y]));
+        self.flow.track(
+            self.extractor.pyramid(),
+            self.extractor.previous_pyramid(),
+            &self.points,
+            Some(guesses),
+            &mut self.found,
+        );
+        let pair = |(found, now): (&Option<FlowMatch>, &Vec2)| {
+            let before_raw = found.as_ref()?.position;
+            Some(FlowPair {
+                before_raw,
+                before: self.camera.undistort(before_raw.map(f64::from).into()),
+                now: *now,
+            })
+        };
+        self.found.iter().zip(&self.undistorted).map(pair).collect()
+    }
+}
