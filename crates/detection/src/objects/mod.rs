@@ -53,6 +53,8 @@ pub struct Object {
     pub state: ObjectState,
     /// Where it is expected in the raw image, px, cut to the image; without area when it is outside the view.
     pub bounds: BoundingBox,
+    /// Standard deviation of the box's vertical and of its horizontal sides, px: how far the object may reach beyond the box. Zero behind the camera.
+    pub bounds_sigma: [f64; 2],
     /// Nearest and farthest depth (camera z, m) of its surface, widened by the standard deviation of its predicted depth; `None` without depth or
     /// behind the camera.
     pub depth_range: Option<[f64; 2]>,

@@ -55,8 +55,8 @@ const SAME_BOX_SAME_DEPTH: f64 = 0.3;
 const SAME_BOX_OTHER_DEPTH: f64 = 0.6;
 /// So many contradictions in a row, and the depth is started anew.
 const CONTRADICTIONS: u32 = 3;
-/// Least reach of a surface, m: bodies are not flat.
-const LEAST_REACH: f64 = 0.2;
+/// Least reach of a surface as a share of the object's width: bodies are not flat.
+const LEAST_REACH: f64 = 0.4;
 
 impl Track {
     pub(super) fn new(id: ObjectId, view: &View, m: &Measurement, stamp: f64, share: f64) -> Self {
@@ -65,7 +65,7 @@ impl Track {
             class: m.detection.class,
             score: m.detection.score,
             body: body_from(view, m, share),
-            reach: m.modes.first().map_or([LEAST_REACH; 2], reach),
+            reach: m.modes.first().map_or([0.0; 2], reach),
             hits: 1,
             misses: 0,
             last_seen: stamp,
@@ -93,6 +93,19 @@ impl Track {
             Body::Planar(p) => p.project(view).map(|p| p.0),
         };
         sides.map_or_else(BoundingBox::default, |s| view.raw(&s))
+    }
+
+    /// Standard deviation of the box's vertical and horizontal sides, px.
+    fn bounds_sigma(&self, view: &View) -> [f64; 2] {
+        let (state, jacobians) = match &self.body {
+            Body::Spatial(s) => (&s.state, s.project(view).map(|p| p.jacobians)),
+            Body::Planar(p) => (&p.state, p.project(view).map(|p| p.1)),
+        };
+        let Some(jacobians) = jacobians else {
+            return [0.0; 2];
+        };
+        let variance = |i: usize| jacobians[i].dot(&(state.covariance * jacobians[i]));
+        [0, 1].map(|axis| variance(axis).max(variance(axis + 2)).max(0.0).sqrt())
     }
 
     /// Depth in this camera, m.
@@ -225,6 +238,7 @@ impl Track {
             score: self.score,
             state,
             bounds: self.bounds(view),
+            bounds_sigma: self.bounds_sigma(view),
             depth_range: None,
             position: None,
             velocity: None,
@@ -240,7 +254,8 @@ impl Track {
             object.size = Some(s.size());
             object.depth_range = s.project(view).map(|p| {
                 let sigma = s.depth_variance(&p).max(0.0).sqrt();
-                let [front, back] = self.reach;
+                let least = LEAST_REACH * s.size()[0];
+                let [front, back] = self.reach.map(|r| r.max(least));
                 [(p.z - front - sigma).max(0.0), p.z + back + sigma]
             });
         }
@@ -256,7 +271,7 @@ fn body_from(view: &View, m: &Measurement, share: f64) -> Body {
 }
 
 fn reach(mode: &DepthMode) -> [f64; 2] {
-    [mode.depth - mode.range[0], mode.range[1] - mode.depth].map(|r| r.max(LEAST_REACH))
+    [mode.depth - mode.range[0], mode.range[1] - mode.depth]
 }
 
 /// How far beyond the gate an accepted detection is: 1 within it.

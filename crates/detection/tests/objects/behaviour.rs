@@ -115,6 +115,27 @@ fn measures_position_velocity_and_size() {
 }
 
 #[test]
+fn the_box_says_how_sure_it_is() {
+    let world = standing();
+    let mut t = tracker(&world);
+    for frame in 0..20 {
+        let items = Faults::default().detect(&world, frame).items;
+        feed_items(&mut t, &world, frame, items);
+    }
+    let sigma = |frames: f64| t.predict((19.0 + frames) / RATE, &world.pose(0.0))[0].bounds_sigma;
+    let truth = truth(&world, 19);
+    let now = sigma(0.0);
+    let bounds = t.predict(19.0 / RATE, &world.pose(0.0))[0].bounds;
+    assert!((bounds.x0 - truth.x0).abs() < 3.0 * now[0]);
+    assert!((bounds.y1 - truth.y1).abs() < 3.0 * now[1]);
+    assert!(now[0] < 0.1 * truth.width() && now[1] < 0.1 * truth.height());
+    // A second later somebody may have gone half a metre: 110 px.
+    let later = sigma(30.0);
+    assert!((80.0..250.0).contains(&later[0]), "{later:?}");
+    assert!(sigma(10.0)[0] > now[0] && sigma(10.0)[0] < later[0]);
+}
+
+#[test]
 fn prediction_changes_nothing_and_agrees_with_the_update() {
     let world = standing();
     let mut t = tracker(&world);
