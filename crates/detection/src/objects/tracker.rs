@@ -13,7 +13,7 @@ use stillpoint_imaging::CoarseDepth;
 /// Follows what a detector sees: an extended Kalman filter per object, detections assigned to objects by the Hungarian method.
 ///
 /// The state is that of the newest detections' stamp; [`Self::predict`] says where things are at any other time. The first camera is taken to be held
-/// level: its y axis is the vertical along which objects are upright. Source: algorithm.md, section 2.
+/// level: its y axis is the vertical along which objects are upright. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001.
 #[derive(Clone, Debug)]
 pub struct ObjectTracker {
     config: ObjectsConfig,

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are not recognised as tests.
 
 mod behaviour;
+mod laws;
 mod recorded;
 mod score;
 mod world;
