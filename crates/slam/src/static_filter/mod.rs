@@ -28,10 +28,6 @@ use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{Now, Surfaces};
 
-/// How far the rim of a hole in the depth image is looked for, px, and in which steps: hair and dark cloth make holes of
-/// this size in people.
-const HOLE_PX: f32 = 24.0;
-const HOLE_STEP: f32 = 3.0;
 /// Log odds above which a surface moves.
 const THRESHOLD: f32 = 1.0;
 /// Surfaces of an object that were seen to stand still have at most these log odds from free space.
@@ -235,11 +231,10 @@ impl StaticFilter {
         let in_box = movers
             .iter()
             .any(|m| m.strength > 0.0 && m.bounds.contains(u, v));
-        let (odds, evidence) = match cell {
-            Some(cell) => (self.surfaces.odds[cell], self.surfaces.evidence[cell]),
-            None if in_box => (self.odds_around_hole(pixel, image, grid), 0.0),
-            None => (0.0, 0.0),
-        };
+        // In a hole of the depth image nothing is known: most such corners are beside a silhouette, on the background.
+        let (odds, evidence) = cell.map_or((0.0, 0.0), |c| {
+            (self.surfaces.odds[c], self.surfaces.evidence[c])
+        });
         let dynamic = odds > THRESHOLD;
         let mut reasons = Reasons::default();
         if let Some(m) = movers
@@ -286,39 +281,10 @@ impl StaticFilter {
         }
         (z, best.1)
     }
-
-    /// The log odds of a feature in a hole of the depth image: it moves when what surrounds the hole does, on all
-    /// four sides. On a silhouette and in an infrared shadow one to three do.
-    fn odds_around_hole(&self, [u, v]: [f32; 2], image: &DepthImage, grid: &[f32]) -> f32 {
-        let mut sides = [0.0; 4];
-        for (side, (dx, dy)) in
-            sides
-                .iter_mut()
-                .zip([(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)])
-        {
-            let mut step = HOLE_STEP;
-            while step <= HOLE_PX {
-                if let (_, Some(cell)) =
-                    self.surface_at([u + step * dx, v + step * dy], image, grid)
-                {
-                    *side = self.surfaces.odds[cell];
-                    break;
-                }
-                step += HOLE_STEP;
-            }
-        }
-        sides.into_iter().fold(f32::INFINITY, f32::min)
-    }
 }
 
 /// The depth (m) of a raw pixel, else that of a neighbour: a corner on a silhouette has its depth on either side.
 fn nearest_depth(image: &DepthImage, [u, v]: [f32; 2]) -> Option<f32> {
-    let (u, v) = (libm::roundf(u) as i32, libm::roundf(v) as i32);
-    let at = |(dx, dy): &(i32, i32)| {
-        let (x, y) = (u + dx, v + dy);
-        let inside = x >= 0 && y >= 0 && x < image.width() as i32 && y < image.height() as i32;
-        Some(image.at(inside.then_some(x as usize)?, y as usize)).filter(|z| *z > 0.0)
-    };
     const NEAR: [(i32, i32); 9] = [
         (0, 0),
         (-1, 0),
@@ -330,5 +296,11 @@ fn nearest_depth(image: &DepthImage, [u, v]: [f32; 2]) -> Option<f32> {
         (-1, 1),
         (1, 1),
     ];
+    let (u, v) = (libm::roundf(u) as i32, libm::roundf(v) as i32);
+    let at = |(dx, dy): &(i32, i32)| {
+        let (x, y) = (u + dx, v + dy);
+        let inside = x >= 0 && y >= 0 && x < image.width() as i32 && y < image.height() as i32;
+        Some(image.at(inside.then_some(x as usize)?, y as usize)).filter(|z| *z > 0.0)
+    };
     NEAR.iter().find_map(at)
 }

@@ -20,8 +20,6 @@ pub(super) struct Mover {
     pub(super) weight: f64,
     /// Log odds of "moving" that it lends to what it holds; 0 for things that only may move.
     pub(super) strength: f32,
-    /// It was measured to stand still.
-    pub(super) parked: bool,
 }
 
 impl Mover {
@@ -69,7 +67,6 @@ pub(super) fn movers(
             range: o.depth_range.map(|r| r.map(|z| z as f32)),
             weight,
             strength,
-            parked,
         }
     };
     let visible = objects.iter().filter(|o| o.bounds.area() > 0.0);
