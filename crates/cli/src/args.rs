@@ -102,8 +102,13 @@ pub(crate) struct InputArgs {
     /// Read at most this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
     pub(crate) max_frames: Option<u64>,
-    /// Object detector; there is none yet, so only "none" is accepted.
-    #[arg(long, value_name = "NAME", default_value = "none")]
+    /// Object detector: none, scripted:FILE.csv (timestamp,class,score,x0,y0,x1,y1), or a YOLOX model as FILE.onnx.
+    #[arg(
+        long,
+        value_name = "none|scripted:FILE.csv|FILE.onnx",
+        default_value = "none",
+        hide_default_value = true
+    )]
     pub(crate) detector: String,
     /// End with an error at the first unreadable frame instead of skipping it.
     #[arg(long)]
@@ -153,6 +158,8 @@ pub(crate) struct DemoArgs {
   stillpoint run recording --camera camera.toml --out result
   stillpoint run rgbd_dataset_freiburg3_long_office_household --start 100 --max-frames 500
   stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
+  stillpoint run recording --detector yolox_nano_416.onnx --verdicts verdicts.csv
+  stillpoint run recording --set static_filter.preset=off
 
 Exit code 1 when a frame was lost, fewer than two poses were found, or Ctrl-C ended the run;
 2 when the input or the output folder cannot be used."
@@ -164,6 +171,9 @@ pub(crate) struct RunArgs {
     /// Result folder [default: out/ and the name of PATH].
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
+    /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) verdicts: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) input: InputArgs,
     #[command(flatten)]

@@ -4,9 +4,11 @@
 //! which are valid is the business of the crates that use them.
 
 use crate::args::{ConfigArgs, PrintArgs};
-use crate::config_docs::doc_of;
+use crate::config_docs::plain_text;
+pub(crate) use crate::config_docs::to_text;
 use crate::console;
 use crate::failure::{Failure, Status};
+use crate::spelling::nearest;
 use serde::Deserialize;
 use std::path::Path;
 use stillpoint::imaging::Simd;
@@ -33,7 +35,8 @@ pub(crate) fn resolve(args: &ConfigArgs) -> Result<Config, Failure> {
         layers.add(&text, &Origin::File(path))?;
     }
     for set in &args.set {
-        layers.add(set, &Origin::Set(set))?;
+        let text = layers.quoted(set);
+        layers.add(&text, &Origin::Set(set))?;
     }
     if let Some(seed) = args.seed {
         let text = format!("seed={seed}");
@@ -55,48 +58,6 @@ pub(crate) fn simd() -> Result<Simd, Failure> {
             "STILLPOINT_SIMD: expected scalar or auto, found {v:?}; unset it or correct it"
         ))),
     }
-}
-
-/// The configuration as TOML, every value with its meaning as a comment.
-pub(crate) fn to_text(config: &Config) -> Result<String, Failure> {
-    let plain = plain_text(config)?;
-    let mut text =
-        String::from("# Configuration of Stillpoint. What is left out keeps its default.\n");
-    let mut section = String::new();
-    for line in plain.lines() {
-        if let Some(name) = line.strip_prefix('[').and_then(|l| l.strip_suffix(']')) {
-            section = format!("{name}.");
-            comment(&mut text, name);
-        } else if let Some((key, _)) = line.split_once(" = ") {
-            comment(&mut text, &format!("{section}{key}"));
-        }
-        text.push_str(line);
-        text.push('\n');
-    }
-    Ok(text)
-}
-
-/// Adds the meaning of a key, wrapped to lines of 100 characters.
-fn comment(text: &mut String, key: &str) {
-    const WIDTH: usize = 100;
-    let Some(doc) = doc_of(key) else { return };
-    let mut line = String::from("#");
-    for word in doc.split_whitespace() {
-        if line.chars().count() + 1 + word.chars().count() > WIDTH {
-            text.push_str(&line);
-            text.push('\n');
-            line = String::from("#");
-        }
-        line.push(' ');
-        line.push_str(word);
-    }
-    text.push_str(&line);
-    text.push('\n');
-}
-
-fn plain_text(config: &Config) -> Result<String, Failure> {
-    toml::to_string(config)
-        .map_err(|e| Failure::input(format!("the configuration cannot be written as TOML: {e}")))
 }
 
 /// Where values come from, for messages.
@@ -203,6 +164,20 @@ impl Layers {
         }
     }
 
+    /// `KEY=WORD` with the word in quotes where the value is a word: shells take quotes away.
+    fn quoted(&mut self, set: &str) -> String {
+        let bare = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+        match set.split_once('=').map(|(k, w)| (k.trim(), w.trim())) {
+            Some((key, word))
+                if word.chars().all(bare)
+                    && matches!(self.leaf_mut(key), Some(Value::String(_))) =>
+            {
+                format!("{key}=\"{word}\"")
+            }
+            _ => set.to_owned(),
+        }
+    }
+
     fn leaf_mut(&mut self, path: &str) -> Option<&mut Value> {
         let mut parts = path.split('.');
         let mut value = self.table.get_mut(parts.next()?)?;
@@ -256,34 +231,10 @@ fn kind(value: &Value) -> &'static str {
     }
 }
 
-/// The name that takes the fewest edits to become `path`; a path without its section counts as nearly right.
-fn nearest<'a>(path: &str, names: &[&'a str]) -> Option<&'a str> {
-    let last = |p: &str| p.rsplit('.').next().unwrap_or_default().to_owned();
-    names.iter().copied().min_by_key(|name| {
-        let whole = distance(path, name);
-        whole.min(distance(&last(path), &last(name)) + 1)
-    })
-}
-
-/// Levenshtein distance.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(x != *y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config_docs::doc_of;
 
     fn layered(texts: &[(&str, bool)]) -> Result<Config, String> {
         let mut layers = Layers::new().unwrap();
@@ -307,6 +258,35 @@ mod tests {
         .unwrap();
         assert_eq!((c.seed, c.tracking.min_inliers), (3, 50));
         assert_eq!(c.mapping, Config::default().mapping);
+    }
+
+    #[test]
+    fn words_need_no_quotes_in_arguments() {
+        let mut layers = Layers::new().unwrap();
+        for (set, text) in [
+            ("static_filter.preset=off", "static_filter.preset=\"off\""),
+            ("static_filter.preset = off", "static_filter.preset=\"off\""),
+            (
+                "static_filter.preset=\"off\"",
+                "static_filter.preset=\"off\"",
+            ),
+            ("seed=off", "seed=off"),
+            ("preset=off", "preset=off"),
+        ] {
+            assert_eq!(layers.quoted(set), text);
+        }
+        let args = |set: &str| ConfigArgs {
+            set: vec![set.to_owned()],
+            ..ConfigArgs::default()
+        };
+        let off = resolve(&args("static_filter.preset=off")).unwrap();
+        assert_eq!(off.static_filter.preset, stillpoint::slam::Preset::Off);
+        let e = resolve(&args("static_filter.preset=of"))
+            .unwrap_err()
+            .to_string();
+        for part in ["--set static_filter.preset=of", "`off`", "`paper`"] {
+            assert!(e.contains(part), "{e}");
+        }
     }
 
     #[test]
@@ -347,6 +327,16 @@ mod tests {
                 false,
                 &["a whole number", "4.5"],
             ),
+            (
+                "motion_weights.persn=4",
+                false,
+                &["\"motion_weights.person\""],
+            ),
+            (
+                "motion_weights.person=9",
+                false,
+                &["motion_weights.person", "0 (ignored) to 5"],
+            ),
             ("tracking=4", false, &["found \"tracking\""]),
             ("seed", false, &["--set seed", "TOML"]),
             ("seed=many", false, &["--set seed=many", "quotes"]),
@@ -367,6 +357,7 @@ mod tests {
             ..Config::default()
         };
         config.sensor.max_depth = 5.5;
+        config.motion_weights.set("dining table", 0.5).unwrap();
         let text = to_text(&config).unwrap();
         assert_eq!(toml::from_str::<Config>(&text).unwrap(), config);
         assert_eq!(layered(&[(&text, true)]).unwrap(), config);
@@ -378,8 +369,10 @@ mod tests {
         let mut leaves = Vec::new();
         flatten(&table, None, "", &mut leaves);
         for (path, ..) in leaves {
+            // The names of classes are their own meaning, and the section says what the numbers are.
+            let class = path.starts_with("motion_weights.");
             assert!(
-                doc_of(&path).is_some(),
+                class || doc_of(&path).is_some(),
                 "{path} lacks a line in config_docs.txt"
             );
         }

@@ -5,7 +5,7 @@ use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
 use crate::run::{Setup, finish};
-use crate::session::Driver;
+use crate::session::{Driver, Outputs};
 use crate::summary::Input;
 use crate::timing::Timing;
 use crate::{config, console};
@@ -39,8 +39,12 @@ pub(crate) fn demo(args: &DemoArgs, timing: &Timing) -> Result<Status, Failure> 
         simd,
         timing,
         interrupt: &interrupt,
+        detector: None,
     };
-    let session = driver.drive(&mut ReadAhead::new(simulator.source()))?;
+    let session = driver.drive(
+        &mut ReadAhead::new(simulator.source()),
+        &mut Outputs::default(),
+    )?;
     let setup = Setup {
         input: Input {
             name: args.scene.clone(),

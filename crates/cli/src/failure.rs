@@ -50,10 +50,15 @@ impl Failure {
         }
     }
 
-    /// A file or folder could not be written.
+    /// A file or folder that `--out` named could not be written.
     pub(crate) fn write(path: &Path, reason: &std::io::Error) -> Self {
+        Self::write_of(path, "--out", reason)
+    }
+
+    /// A file or folder that `option` named could not be written.
+    pub(crate) fn write_of(path: &Path, option: &str, reason: &std::io::Error) -> Self {
         Self::input(format!(
-            "{}: expected to write it, found: {reason}; check the folder's permissions and the free space, or name another with --out",
+            "{}: expected to write it, found: {reason}; check the folder's permissions and the free space, or name another with {option}",
             path.display()
         ))
     }

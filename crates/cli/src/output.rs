@@ -1,7 +1,9 @@
-//! The result folder: written aside, then moved into place, so that nothing half-written replaces an old result.
+//! The result folder, and single large files: written aside, then moved into place, so that nothing half-written replaces
+//! an old result.
 
 use crate::failure::Failure;
-use std::io::Write;
+use std::fs::File;
+use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 /// Every file that a result may hold. Those of an older result that a new one lacks are removed with it.
@@ -105,6 +107,80 @@ impl Drop for ResultFolder {
     }
 }
 
+/// A file too large to be held in memory: written to a temporary file beside it, which takes its place when all is there.
+/// Dropping it without that leaves what was there before.
+#[derive(Debug)]
+pub(crate) struct StreamedFile {
+    path: PathBuf,
+    /// The option that named the file, for messages.
+    option: &'static str,
+    writer: BufWriter<File>,
+    /// `None` for devices and pipes, which cannot be replaced and are written to directly.
+    temporary: Option<PathBuf>,
+}
+
+impl StreamedFile {
+    pub(crate) fn create(path: &Path, option: &'static str) -> Result<Self, Failure> {
+        let fail = |e: &std::io::Error| Failure::write_of(path, option, e);
+        // Where a link leads: it must not be replaced by a file.
+        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        if target.is_dir() {
+            return Err(fail(&std::io::ErrorKind::IsADirectory.into()));
+        }
+        let special = target.exists() && !target.is_file();
+        let temporary = match target.file_name() {
+            _ if special => None,
+            Some(name) => {
+                let name = name.to_string_lossy();
+                Some(target.with_file_name(format!(".{name}.{}.tmp", std::process::id())))
+            }
+            None => return Err(fail(&std::io::ErrorKind::InvalidInput.into())),
+        };
+        let file = match &temporary {
+            Some(temporary) => File::create(temporary),
+            None => File::options().write(true).open(&target),
+        };
+        Ok(Self {
+            writer: BufWriter::with_capacity(1 << 16, file.map_err(|e| fail(&e))?),
+            path: target,
+            option,
+            temporary,
+        })
+    }
+
+    /// Lets `write` append.
+    pub(crate) fn write(
+        &mut self,
+        write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+    ) -> Result<(), Failure> {
+        write(&mut self.writer).map_err(|e| Failure::write_of(&self.path, self.option, &e))
+    }
+
+    /// Puts the file where it belongs.
+    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+        let written = self.writer.flush();
+        let placed = match &self.temporary {
+            // A full disk may show only when the system writes what it holds back.
+            Some(temporary) => written
+                .and_then(|()| self.writer.get_ref().sync_all())
+                .and_then(|()| std::fs::rename(temporary, &self.path)),
+            None => written,
+        };
+        placed.map_err(|e| Failure::write_of(&self.path, self.option, &e))?;
+        self.temporary = None;
+        Ok(())
+    }
+}
+
+impl Drop for StreamedFile {
+    fn drop(&mut self) {
+        if let Some(temporary) = &self.temporary {
+            // Nothing can be done about a failure here.
+            let _ = std::fs::remove_file(temporary);
+        }
+    }
+}
+
 /// Writes one file as a whole, outside of a result folder.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     stillpoint::datasets::write_atomic(path, bytes).map_err(Failure::from)
@@ -163,6 +239,39 @@ mod tests {
             std::fs::read(dir.path().join("trajectory.txt")).unwrap(),
             b"old"
         );
+    }
+
+    #[test]
+    fn a_streamed_file_replaces_the_old_one_when_it_is_complete() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("v.csv");
+        std::fs::write(&path, "old").unwrap();
+        let mut file = StreamedFile::create(&path, "--verdicts").unwrap();
+        file.write(|w| w.write_all(b"half")).unwrap();
+        drop(file);
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(names(dir.path()), ["v.csv"]);
+        let mut file = StreamedFile::create(&path, "--verdicts").unwrap();
+        file.write(|w| w.write_all(b"new")).unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        file.finish().unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"new");
+        assert_eq!(names(dir.path()), ["v.csv"]);
+        for path in [dir.path(), &dir.path().join("no/v.csv"), Path::new("..")] {
+            let e = StreamedFile::create(path, "--verdicts").unwrap_err();
+            assert!(e.to_string().contains("another with --verdicts"), "{e}");
+        }
+    }
+
+    /// A device is written to and not replaced; this one is always full.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_full_device_is_told() {
+        let mut file = StreamedFile::create(Path::new("/dev/full"), "--verdicts").unwrap();
+        file.write(|w| w.write_all(b"row")).unwrap();
+        let e = file.finish().unwrap_err().to_string();
+        assert!(e.contains("/dev/full: expected to write it"), "{e}");
+        assert!(!Path::new("/dev/full").is_file());
     }
 
     #[test]

@@ -20,6 +20,7 @@ pub(crate) fn run_text(summary: &Summary) -> String {
     if s.skipped > 0 {
         text += &format!("{} frames could not be read and were skipped\n", s.skipped);
     }
+    text += &filter_text(s);
     if let Some(a) = &s.accuracy {
         text.push('\n');
         text += &score_text(
@@ -34,6 +35,30 @@ pub(crate) fn run_text(summary: &Summary) -> String {
         text += &format!("\npeak memory {:.0} MB\n", bytes as f64 * 1e-6);
     }
     text
+}
+
+/// What the detector and the static filter did.
+fn filter_text(summary: &Summary) -> String {
+    let (d, f) = (&summary.detector, &summary.features);
+    let detector = match d.kind.as_str() {
+        "none" => "none".to_owned(),
+        kind => format!(
+            "{kind} {}, {} detections in {} frames",
+            d.name, d.detections, d.frames
+        ),
+    };
+    let mut text = format!(
+        "detector: {detector}; {:.1} % of {:.0} keypoints per frame move",
+        f.dynamic_share * 100.0,
+        f.keypoints as f64 / summary.frames.max(1) as f64
+    );
+    if f.released > 0 {
+        text += &format!(
+            ", {} more were used because too few others were left",
+            f.released
+        );
+    }
+    text + "\n"
 }
 
 /// A table of scores. `frames` is what the pairs are counted against.

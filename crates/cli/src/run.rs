@@ -6,10 +6,11 @@ use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
-use crate::session::{Driver, Session};
+use crate::session::{Driver, Outputs, Session};
 use crate::summary::{Accuracy, Input, ScoreJson, StageTiming, Summary};
 use crate::timing::Timing;
-use crate::{config, report};
+use crate::verdicts::VerdictFile;
+use crate::{config, detector, report};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{
     CameraChoice, Dataset, FrameOptions, OpenOptions, ReadAhead, StampedPose, trajectory,
@@ -23,19 +24,26 @@ use stillpoint::slam::Config;
 
 /// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
-    check_detector(&args.input.detector)?;
     let config = config::resolve(&args.config)?;
     let simd = config::simd()?;
     let dataset = open(&args.path, &args.input)?;
+    let detector = detector::load(&args.input.detector, dataset.entries())?;
     let truth = dataset.ground_truth()?;
     let options = FrameOptions {
         start: args.input.start,
         max_frames: args.input.max_frames.map(|n| n as usize),
-        keep_colour: false,
+        keep_colour: detector::needs_colour(&args.input.detector),
     };
     let frames = dataset.frames(&options)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
     let folder = ResultFolder::create(&out)?;
+    let mut outputs = Outputs {
+        verdicts: args
+            .verdicts
+            .as_deref()
+            .map(VerdictFile::create)
+            .transpose()?,
+    };
     let interrupt = Interrupt::listen();
     let driver = Driver {
         config: config.clone(),
@@ -43,8 +51,10 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         simd,
         timing,
         interrupt: &interrupt,
+        detector,
     };
-    let session = driver.drive(&mut ReadAhead::new(frames))?;
+    let session = driver.drive(&mut ReadAhead::new(frames), &mut outputs)?;
+    outputs.finish()?;
     let input = Input {
         name: args.path.display().to_string(),
         layout: dataset.layout().to_string(),
@@ -58,17 +68,6 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         truth: truth.as_deref(),
     };
     finish(&setup, &session, folder, &out)
-}
-
-/// There is no detector yet, and asking for one must not be ignored.
-fn check_detector(name: &str) -> Result<(), Failure> {
-    if name == "none" {
-        Ok(())
-    } else {
-        Err(Failure::input(format!(
-            "--detector: expected none, found \"{name}\"; this version has no detectors yet: leave the option out"
-        )))
-    }
 }
 
 /// Opens the data set and says what was guessed.
@@ -183,11 +182,23 @@ fn verdict(summary: &Summary) -> Status {
             stretch.first, stretch.last, stretch.reason
         ));
     }
+    if let Some(remark) = &s.detector.remark {
+        console::warn(remark);
+    }
+    let d = &s.detector;
+    if d.failed_frames > 0 {
+        console::line(&format!(
+            "the detector failed on {} of {} frames",
+            d.failed_frames, s.frames
+        ));
+    }
     let missing = s.frames - s.tracked;
     if missing > 0 {
         console::line(&format!("{missing} of {} frames have no pose", s.frames));
     }
-    if missing > 0 || s.tracked < 2 || s.interrupted {
+    // A detector that never answers is none, and a result without the detector that was asked for is no success.
+    let blind = d.failed_frames > 0 && d.frames == 0;
+    if missing > 0 || s.tracked < 2 || s.interrupted || blind {
         Status::Failed
     } else {
         Status::Ok
@@ -211,6 +222,8 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         skipped: session.skipped,
         tracked: session.final_poses.len(),
         lost: session.lost.clone(),
+        detector: session.detector.clone(),
+        features: session.features,
         interrupted: session.interrupted,
         keyframes: session.view.keyframe_count(),
         landmarks: session.view.landmark_count(),

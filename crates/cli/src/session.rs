@@ -6,11 +6,13 @@
 use crate::console::{self, Progress};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
-use crate::summary::LostStretch;
+use crate::summary::{DetectorJson, FeaturesJson, LostStretch};
 use crate::timing::Timing;
+use crate::verdicts::VerdictFile;
 use std::sync::Arc;
 use std::time::Instant;
 use stillpoint::datasets::StampedPose;
+use stillpoint::detection::{Detector, NoDetector};
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameId, FrameSource, Simd};
 use stillpoint::map::MapView;
@@ -27,6 +29,10 @@ pub(crate) struct Session {
     pub(crate) skipped: usize,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
+    /// What the detector was and did.
+    pub(crate) detector: DetectorJson,
+    /// What the static filter did.
+    pub(crate) features: FeaturesJson,
     /// The user ended it early.
     pub(crate) interrupted: bool,
     /// From the first frame to the last, s.
@@ -48,16 +54,48 @@ pub(crate) struct Driver<'a> {
     pub(crate) simd: Simd,
     pub(crate) timing: &'a Timing,
     pub(crate) interrupt: &'a Interrupt,
+    pub(crate) detector: Option<Box<dyn Detector>>,
+}
+
+/// What is written while frames go by.
+#[derive(Debug, Default)]
+pub(crate) struct Outputs {
+    pub(crate) verdicts: Option<VerdictFile>,
+}
+
+impl Outputs {
+    fn take(&mut self, events: &[Event]) -> Result<(), Failure> {
+        for event in events {
+            if let (Event::Frame(report), Some(file)) = (event, &mut self.verdicts) {
+                let _span = tracing::info_span!("verdicts").entered();
+                file.add(report)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts everything where it belongs.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        self.verdicts.map_or(Ok(()), VerdictFile::finish)
+    }
 }
 
 impl Driver<'_> {
     /// Runs the stream to its end, or until the user asks to stop.
     ///
     /// # Errors
-    /// A configuration out of range, a stream that fails for good, a stream without any readable frame.
-    pub(crate) fn drive(self, source: &mut dyn FrameSource) -> Result<Session, Failure> {
+    /// A configuration out of range, a stream that fails for good, a stream without any readable frame, outputs that cannot
+    /// be written.
+    pub(crate) fn drive(
+        self,
+        source: &mut dyn FrameSource,
+        outputs: &mut Outputs,
+    ) -> Result<Session, Failure> {
         let mut system =
             System::new(self.config, self.camera, self.simd).map_err(Failure::input)?;
+        if let Some(detector) = self.detector {
+            system = system.with_detector(detector);
+        }
         let mut progress = Progress::new(source.remaining());
         let mut tally = Tally::default();
         let start = Instant::now();
@@ -68,6 +106,7 @@ impl Driver<'_> {
                 Some(Ok(frame)) => {
                     let events = tracing::info_span!("total").in_scope(|| system.step(frame));
                     tally.take(&events);
+                    outputs.take(&events).inspect_err(|_| progress.finish())?;
                     self.timing.end_frame();
                 }
                 Some(Err(e)) if e.recoverable => {
@@ -112,6 +151,11 @@ struct Tally {
     lost: Vec<LostStretch>,
     last_lost: Option<FrameId>,
     last_frame: Option<FrameId>,
+    features: FeaturesJson,
+    /// Frames that the detector looked at, what it found, and frames it failed on.
+    looked: usize,
+    detections: usize,
+    failed: usize,
 }
 
 impl Tally {
@@ -126,12 +170,27 @@ impl Tally {
                     landmarks = report.landmarks,
                     "mapped"
                 ),
+                Event::Rejudged(report) => {
+                    self.features.rejudged_landmarks += u64::from(report.landmarks);
+                }
+                Event::Detected(detections) => {
+                    self.looked += 1;
+                    self.detections += detections.items.len();
+                }
+                Event::DetectorFailed(e) => {
+                    // The others are most likely the same; the number of them is told at the end.
+                    if self.failed == 0 {
+                        console::warn(&format!("the detector failed: {e}"));
+                    }
+                    self.failed += 1;
+                }
             }
         }
     }
 
     fn take_report(&mut self, report: &FrameReport) {
         self.frames += 1;
+        self.features.add(&report.counts);
         let previous = self.last_frame.replace(report.frame);
         tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
         let reason = match report.outcome {
@@ -176,7 +235,17 @@ impl Tally {
                 world_from_camera: k.world_from_camera,
             })
             .collect();
+        let info = system
+            .detector()
+            .map_or_else(|| NoDetector.info(), Detector::info);
+        let mut detector = DetectorJson::new(&info);
+        detector.remark = system.detector().and_then(Detector::remark);
+        detector.frames = self.looked;
+        detector.detections = self.detections;
+        detector.failed_frames = self.failed;
         Session {
+            detector,
+            features: self.features,
             frames: self.frames,
             skipped: self.skipped,
             lost: self.lost,

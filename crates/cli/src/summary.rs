@@ -2,8 +2,10 @@
 
 use crate::machine::Machine;
 use serde::{Deserialize, Serialize};
+use stillpoint::detection::{DetectorInfo, DetectorKind};
 use stillpoint::evaluation::timing::Stats;
 use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
+use stillpoint::slam::FrameCounts;
 
 /// All figures of one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,6 +20,12 @@ pub(crate) struct Summary {
     pub(crate) tracked: usize,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
+    /// The object detector.
+    #[serde(default)]
+    pub(crate) detector: DetectorJson,
+    /// The static filter's verdicts.
+    #[serde(default)]
+    pub(crate) features: FeaturesJson,
     /// True when the user ended the run early.
     pub(crate) interrupted: bool,
     /// Keyframes in the final map.
@@ -62,6 +70,72 @@ pub(crate) struct LostStretch {
     pub(crate) last: u32,
     /// Why the first of them has no pose.
     pub(crate) reason: String,
+}
+
+/// What the detector was, so that a result says what it came from, and what it did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct DetectorJson {
+    /// `none`, `scripted` or `onnx`.
+    pub(crate) kind: String,
+    /// File of the model or script; empty for none.
+    pub(crate) name: String,
+    /// SHA-256 of that file.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) sha256: Option<String>,
+    /// What ran the model, with its version.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) runtime: Option<String>,
+    /// Frames it answered for.
+    pub(crate) frames: usize,
+    /// Detections in them.
+    pub(crate) detections: usize,
+    /// Frames it failed on.
+    pub(crate) failed_frames: usize,
+    /// What the user should hear of it.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) remark: Option<String>,
+}
+
+impl DetectorJson {
+    pub(crate) fn new(info: &DetectorInfo) -> Self {
+        let kind = match info.kind {
+            DetectorKind::None => "none",
+            DetectorKind::Scripted => "scripted",
+            DetectorKind::Onnx => "onnx",
+        };
+        Self {
+            kind: kind.to_owned(),
+            name: info.name.clone(),
+            sha256: info.sha256.clone(),
+            runtime: info.runtime.clone(),
+            ..Self::default()
+        }
+    }
+}
+
+/// Sums over all frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FeaturesJson {
+    /// Extracted keypoints.
+    pub(crate) keypoints: u64,
+    /// Keypoints rejected because they move.
+    pub(crate) dynamic: u64,
+    /// Their share of all keypoints, 0 to 1.
+    pub(crate) dynamic_share: f64,
+    /// Keypoints that seemed to move and were used all the same because too few others were left.
+    pub(crate) released: u64,
+    /// Landmarks taken out of the map because late detections said that they move.
+    pub(crate) rejudged_landmarks: u64,
+}
+
+impl FeaturesJson {
+    /// Adds a frame.
+    pub(crate) fn add(&mut self, counts: &FrameCounts) {
+        self.keypoints += u64::from(counts.keypoints);
+        self.dynamic += u64::from(counts.dynamic);
+        self.released += u64::from(counts.released);
+        self.dynamic_share = self.dynamic as f64 / self.keypoints.max(1) as f64;
+    }
 }
 
 /// Milliseconds per frame of one stage.

@@ -306,7 +306,7 @@ fn arguments() {
     let case = Case::new();
     case.fails(
         &["--detector", "yolo"],
-        &["--detector", "yolo", "no detectors yet"],
+        &["--detector", "\"yolo\"", "FILE.onnx"],
     );
     case.fails(&["--start", "12"], &["start 12"]);
     check(&case.run(&["--max-frames", "0"]), 2, &["--max-frames"]);

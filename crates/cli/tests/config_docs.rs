@@ -65,7 +65,7 @@ fn describe(all: &BTreeMap<String, Fields>, name: &str, prefix: &str, text: &mut
 fn documentation_is_that_of_the_source() {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = Vec::new();
-    for folder in ["slam", "features"] {
+    for folder in ["slam", "features", "detection"] {
         rust_files(&here.join("..").join(folder).join("src"), &mut files);
     }
     let mut all = BTreeMap::new();

@@ -22,6 +22,8 @@
 
 /// Data sets, trajectory files and their formats.
 pub use stillpoint_datasets as datasets;
+/// Object detectors, and the objects they see, tracked through time.
+pub use stillpoint_detection as detection;
 /// Solvers: pose, bundle adjustment, triangulation.
 pub use stillpoint_estimation as estimation;
 /// ATE, RPE and plots.
@@ -38,3 +40,5 @@ pub use stillpoint_map as map;
 pub use stillpoint_simulator as simulator;
 /// The system itself.
 pub use stillpoint_slam as slam;
+/// Pictures of what the system saw.
+pub use stillpoint_view as view;

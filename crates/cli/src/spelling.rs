@@ -1,0 +1,26 @@
+//! What a mistyped name was most likely meant to be.
+
+/// The name that takes the fewest edits to become `path`; a path without its section counts as nearly right.
+pub(crate) fn nearest<'a>(path: &str, names: &[&'a str]) -> Option<&'a str> {
+    let last = |p: &str| p.rsplit('.').next().unwrap_or_default().to_owned();
+    names.iter().copied().min_by_key(|name| {
+        let whole = distance(path, name);
+        whole.min(distance(&last(path), &last(name)) + 1)
+    })
+}
+
+/// Levenshtein distance.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(x != *y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.len()]
+}

@@ -1,0 +1,39 @@
+//! `--verdicts`: what the static filter said of every keypoint, as a table.
+
+use crate::failure::Failure;
+use crate::output::StreamedFile;
+use std::io::Write;
+use std::path::Path;
+use stillpoint::slam::FrameReport;
+
+/// The columns: colour stamp, s; raw pixel; `static` or `dynamic`; reasons joined by `+`.
+const HEADER: &str = "timestamp,u,v,verdict,reasons";
+
+/// The table in the making, written row by row as frames go by.
+#[derive(Debug)]
+pub(crate) struct VerdictFile(StreamedFile);
+
+impl VerdictFile {
+    pub(crate) fn create(path: &Path) -> Result<Self, Failure> {
+        let mut file = StreamedFile::create(path, "--verdicts")?;
+        file.write(|w| writeln!(w, "{HEADER}"))?;
+        Ok(Self(file))
+    }
+
+    /// One row per keypoint of a frame, whatever became of its pose.
+    pub(crate) fn add(&mut self, report: &FrameReport) -> Result<(), Failure> {
+        let stamp = report.stamp;
+        self.0.write(|w| {
+            report.verdicts.iter().try_for_each(|v| {
+                let [x, y] = v.pixel;
+                let verdict = if v.dynamic { "dynamic" } else { "static" };
+                writeln!(w, "{stamp:.6},{x:.3},{y:.3},{verdict},{}", v.reasons)
+            })
+        })
+    }
+
+    /// Puts the table where it belongs.
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        self.0.finish()
+    }
+}
