@@ -3,10 +3,11 @@
 //! Answers: what an RGB-D camera would have recorded on a known path through a known room, for any seed, bit for bit the
 //! same on every machine. Frames are pure functions of configuration and index. Knows no SLAM; writes no files.
 //!
-//! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`) from exact poses
+//! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`, `shade`) from exact poses
 //! (`path`) at the stamps of the colour image and of the depth image, and then spoiled as a real camera does (`sensor`).
 //! People move through some scenes (`people`); what they cover is known exactly (`truth`).
 
+mod catalogue;
 mod lens;
 mod path;
 mod people;
@@ -14,9 +15,11 @@ mod random;
 mod raster;
 mod scene;
 mod sensor;
+mod shade;
 mod simulator;
 mod texture;
 mod truth;
 
-pub use simulator::{Simulator, SimulatorConfig, SimulatorError, SimulatorSource, scene_names};
+pub use catalogue::scene_names;
+pub use simulator::{Simulator, SimulatorConfig, SimulatorError, SimulatorSource};
 pub use truth::{DetectionNoise, FrameTruth, MoverBox, ScriptedDetection};

@@ -1,10 +1,11 @@
-//! Which face each pixel sees, and its colour and depth there.
+//! Which face each pixel sees, and its depth there.
 //!
 //! Answers: visibility of convex planar faces in a pinhole view, by scan lines and a depth buffer on 1 / z (which is
-//! affine in the image), and the shading of what is seen. Knows no noise (module `sensor`).
+//! affine in the image). Knows no colours (module `shade`) and no noise (module `sensor`).
 
 use crate::lens::Lens;
-use crate::scene::{Face, Scene};
+use crate::scene::Face;
+use crate::shade::Visible;
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
 /// Faces nearer than this are cut off, m.
@@ -12,32 +13,12 @@ const NEAR: f64 = 0.03;
 /// The face number of a pixel that sees nothing.
 pub(crate) const NOTHING: u16 = u16::MAX;
 
-/// `c[0] + c[1] u + c[2] v` over the image.
-type Affine = [f64; 3];
-
 /// Where a view is seen from.
-struct Eye<'a> {
-    camera: &'a Camera,
-    camera_from_world: Se3,
+pub(crate) struct Eye<'a> {
+    pub(crate) camera: &'a Camera,
+    pub(crate) camera_from_world: Se3,
     /// The camera's centre in the world, m.
-    centre: Vec3,
-}
-
-/// One face as a view sees it.
-pub(crate) struct Visible {
-    inverse_depth: Affine,
-    s_over_z: Affine,
-    t_over_z: Affine,
-    light: [f32; 3],
-    texture: u16,
-    /// Share of infrared light that comes back.
-    infrared: f32,
-    /// Number of the mover that it belongs to; 0 for what stands still.
-    pub(crate) mover: u8,
-    /// Number of the smooth surface that it is part of; 0 for a face of its own.
-    surface: u16,
-    /// Distance of the camera from the face's plane, m.
-    plane_distance: f32,
+    pub(crate) centre: Vec3,
 }
 
 /// The faces of one view, sample by sample.
@@ -166,82 +147,6 @@ impl View {
         Some(rows)
     }
 
-    /// Colours one row of the recorded image into `out`, RGB interleaved in grey levels; the view must have 2 x 2 samples
-    /// per pixel. Where the four samples see one face it is shaded once, at the pixel's centre; else each sample is shaded.
-    pub(crate) fn shade_row(&self, scene: &Scene, lens: &Lens, y: usize, out: &mut [f32]) {
-        let mut x = 0;
-        while x < lens.width {
-            let place = lens.place(x, y);
-            let numbers = self.samples(place);
-            let only = match self.one_face(&numbers) {
-                Some(number) => number,
-                None => {
-                    self.shade_mixed(scene, place, &numbers, &mut out[3 * x..3 * x + 3]);
-                    x += 1;
-                    continue;
-                }
-            };
-            // Distorted pixels do not follow each other at equal steps, so only ideal ones are shaded in runs.
-            let same = |x: usize| self.samples(lens.place(x, y)).iter().all(|k| *k == only);
-            let mut end = x + 1;
-            while lens.is_ideal() && end < lens.width && same(end) {
-                end += 1;
-            }
-            let run = &mut out[3 * x..3 * end];
-            match self.faces.get(usize::from(only)) {
-                Some(face) => face.shade(scene, place, run),
-                None => run.fill(0.0),
-            }
-            x = end;
-        }
-    }
-
-    /// The faces that the four samples about a place of the image see.
-    #[inline]
-    fn samples(&self, [u, v]: [f64; 2]) -> [u16; 4] {
-        // Sample k lies at pixel (k + 0.5) / 2 - 0.5.
-        let clip = |p: f64, size: usize| ((2.0 * p + 0.5).max(0.0) as usize).min(size - 2);
-        let i = clip(v, self.height) * self.width + clip(u, self.width);
-        let (upper, lower) = (
-            &self.face[i..i + 2],
-            &self.face[i + self.width..i + self.width + 2],
-        );
-        [upper[0], upper[1], lower[0], lower[1]]
-    }
-
-    /// The face that colours a pixel on its own: the one that all its samples see or, where they see one smooth surface,
-    /// whose faces continue each other, the one that is seen least aslant.
-    #[inline]
-    fn one_face(&self, numbers: &[u16; 4]) -> Option<u16> {
-        let [first, rest @ ..] = numbers;
-        if rest.iter().all(|n| n == first) {
-            return Some(*first);
-        }
-        let mut best = (*first, self.faces.get(usize::from(*first))?);
-        for number in rest {
-            let face = self.faces.get(usize::from(*number))?;
-            if face.surface == 0 || face.surface != best.1.surface {
-                return None;
-            }
-            if face.plane_distance > best.1.plane_distance {
-                best = (*number, face);
-            }
-        }
-        Some(best.0)
-    }
-
-    fn shade_mixed(&self, scene: &Scene, [u, v]: [f64; 2], numbers: &[u16; 4], out: &mut [f32]) {
-        out.fill(0.0);
-        for (k, number) in numbers.iter().enumerate() {
-            let (du, dv) = (0.5 * (k % 2) as f64 - 0.25, 0.5 * (k / 2) as f64 - 0.25);
-            if let Some(face) = self.faces.get(usize::from(*number)) {
-                let mut one = [0.0; 3];
-                face.shade(scene, [u + du, v + dv], &mut one);
-                (0..3).for_each(|c| out[c] += 0.25 * one[c]);
-            }
-        }
-    }
-
     /// The view of the recorded image: this one, which must have one sample per pixel, through the lens.
     pub(crate) fn through(self, lens: &Lens) -> Self {
         if lens.is_ideal() {
@@ -269,81 +174,6 @@ impl View {
         }
         recorded
     }
-}
-
-impl Visible {
-    fn new(face: &Face, eye: &Eye, distance: f64) -> Self {
-        let (camera, camera_from_world) = (eye.camera, &eye.camera_from_world);
-        let normal = camera_from_world.rotation * face.normal;
-        // The plane is normal . X = -distance, so 1 / z = -(normal . ray) / distance.
-        let inverse_depth = affine(&(normal / -distance), camera);
-        let over_z = |k: usize| {
-            let offset = face.axes[k].dot(&eye.centre) + face.offsets[k];
-            let a = affine(&(camera_from_world.rotation * face.axes[k]), camera);
-            [0, 1, 2].map(|i| a[i] + offset * inverse_depth[i])
-        };
-        Self {
-            inverse_depth,
-            s_over_z: over_z(0),
-            t_over_z: over_z(1),
-            light: face.light,
-            texture: face.texture,
-            infrared: face.infrared,
-            mover: face.mover,
-            surface: face.surface,
-            plane_distance: distance as f32,
-        }
-    }
-
-    /// Colours a run of pixels that starts at (u, v).
-    fn shade(&self, scene: &Scene, [u, v]: [f64; 2], out: &mut [f32]) {
-        let texture = scene.texture(self.texture);
-        let start = |a: &Affine| (a[0] + a[1] * u + a[2] * v) as f32;
-        let slope = |a: &Affine| [a[1] as f32, a[2] as f32];
-        let (w0, [wu, wv]) = (start(&self.inverse_depth), slope(&self.inverse_depth));
-        let (s0, [su, sv]) = (start(&self.s_over_z), slope(&self.s_over_z));
-        let (t0, [tu, tv]) = (start(&self.t_over_z), slope(&self.t_over_z));
-        let [l0, ls, lt] = self.light;
-        for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
-            let x = i as i32 as f32;
-            let z = 1.0 / (w0 + wu * x);
-            let (s, t) = ((s0 + su * x) * z, (t0 + tu * x) * z);
-            // Derivatives of s and t along u and v: the quotient rule.
-            let (dsu, dsv) = ((su - s * wu) * z, (sv - s * wv) * z);
-            let (dtu, dtv) = ((tu - t * wu) * z, (tv - t * wv) * z);
-            let along_u = dsu * dsu + dtu * dtu;
-            let along_v = dsv * dsv + dtv * dtv;
-            let footprint2 = FOOTPRINT2 * along_u.max(along_v);
-            let colour = texture.sample(s, t, footprint2);
-            let light = (l0 + ls * s + lt * t) * (1.0 / 256.0);
-            (0..3).for_each(|c| pixel[c] = colour[c] * light);
-        }
-    }
-
-    /// Share of infrared light that comes back from a point at depth `z` on a ray (x, y, 1) of length `ray`: Lambert's law,
-    /// and for glossy black plastic a lobe of the fourth power of the cosine.
-    #[inline]
-    pub(crate) fn infrared_back(&self, z: f32, ray: f32) -> f32 {
-        let cosine = self.plane_distance / (z * ray);
-        if self.infrared < GLOSSY {
-            self.infrared * cosine * cosine * cosine * cosine
-        } else {
-            self.infrared * cosine
-        }
-    }
-}
-
-/// Faces with less diffuse infrared reflection than this are glossy.
-const GLOSSY: f32 = 0.1;
-
-/// Squared size of a texture sample relative to the longer side of a pixel's footprint; under 1, because the box filters
-/// of the mip levels and the bilinear sampling blur on their own.
-const FOOTPRINT2: f32 = 0.5;
-
-/// `a . ray(u, v)` as an affine function of the pixel.
-fn affine(a: &Vec3, camera: &Camera) -> Affine {
-    let (au, av) = (a.x / camera.fx, a.y / camera.fy);
-    [a.z - au * camera.cx - av * camera.cy, au, av]
 }
 
 /// The pixels of a polygon's part in front of the near plane.
@@ -377,6 +207,7 @@ fn project_clipped(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Scene;
     use crate::texture::tests::ramp;
     use stillpoint_geometry::{Vec2, so3};
 

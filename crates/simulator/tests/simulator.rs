@@ -153,6 +153,10 @@ fn speeds_are_those_of_hand_held_recordings() {
     check("rpy", [0.005, 0.1], [15.0, 60.0], [0.15, 110.0]);
     check("halfsphere", [0.15, 0.7], [10.0, 40.0], [1.0, 70.0]);
     check("static", [0.001, 0.03], [0.1, 3.0], [0.06, 6.0]);
+    check("walking_xyz", [0.15, 0.4], [0.5, 12.0], [0.7, 25.0]);
+    check("walking_rpy", [0.005, 0.1], [15.0, 60.0], [0.15, 110.0]);
+    check("walking_halfsphere", [0.3, 1.2], [10.0, 40.0], [1.6, 70.0]);
+    check("walking_static", [0.001, 0.03], [0.1, 3.0], [0.06, 6.0]);
     check("loop_two_rooms", [0.7, 1.0], [5.0, 30.0], [1.3, 90.0]);
 }
 

@@ -5,7 +5,7 @@ use super::mesh::{Cover, Mesh};
 use super::route::{Route, Stage};
 use super::{Body, Dress, Person};
 use crate::random::{Purpose, Stream};
-use crate::scene::Builder;
+use crate::scene::{Builder, Place};
 use crate::texture::Pattern;
 
 /// The people of a scene.
@@ -23,7 +23,7 @@ pub(crate) enum Cast {
 const TO_CAMERA: f64 = -std::f64::consts::FRAC_PI_2;
 
 /// A chair: place of the seat, m, and the direction in which one sits, rad.
-pub(crate) type Seat = [f64; 3];
+type Seat = [f64; 3];
 
 /// Where one sits down in the walking scenes.
 const SEAT: Seat = [-0.62, 0.62, -1.35];
@@ -57,7 +57,7 @@ const PRINT: Dress = Dress {
 
 impl Cast {
     /// The two chairs of the office.
-    pub(crate) fn seats(self) -> [Seat; 2] {
+    fn seats(self) -> [Seat; 2] {
         match self {
             Self::Walking => [SEAT, [0.9, 1.65, 0.8]],
             Self::Sitting => SEATS,
@@ -65,8 +65,12 @@ impl Cast {
         }
     }
 
-    /// Adds the people to a scene.
+    /// Adds the people and their chairs to a scene.
     pub(crate) fn enter(self, b: &mut Builder, seed: u64) {
+        for (k, [x, y, yaw]) in self.seats().into_iter().enumerate() {
+            // A chair faces -y at yaw 0.
+            b.chair(&Place::new(x, y, 0.0, yaw + std::f64::consts::FRAC_PI_2), k);
+        }
         let rng = &mut Stream::new(seed, Purpose::People, 0);
         let people = match self {
             Self::Walking => vec![

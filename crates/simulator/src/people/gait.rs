@@ -87,14 +87,14 @@ impl Gait {
                 - arrive * strike * (1.0 - smooth(since / (0.2 * STANCE)))
         };
         let moved = (next.at - here.at).norm() + 0.1 * (next.yaw - here.yaw).abs();
-        let height = 0.06 * smooth(moved / 0.4) * 4.0 * w * (1.0 - w);
-        // The foot turns about its toes or its heel, which stay on the floor.
-        let pivot = self.size
-            * if heel > 0.0 {
-                length::TOE
-            } else {
-                -length::HEEL
-            };
+        let height = 0.06 * smooth(moved / 0.4) * 16.0 * w * w * (1.0 - w) * (1.0 - w);
+        // On the floor a foot turns about its heel first and its toes later; in the air the point wanders back.
+        let on_toes = if since < 0.4 * STANCE {
+            0.0
+        } else {
+            1.0 - smooth((w - 0.2) / 0.6)
+        };
+        let pivot = self.size * (length::TOE * on_toes - length::HEEL * (1.0 - on_toes));
         let foot = Se3::new(
             so3::exp(&(Vec3::z() * yaw)),
             at + Vec3::z() * height.max(0.0),

@@ -190,12 +190,6 @@ impl Mesh {
             triangle([a.0, b.0, c.0], texels, [a.1, b.1, c.1], cover)
         }));
     }
-
-    /// The corners in the part's own coordinates.
-    #[cfg(test)]
-    pub(crate) fn corners(&self) -> impl Iterator<Item = Vec3> {
-        self.vertices.iter().map(|v| v.at)
-    }
 }
 
 /// A face from its corners with their texels and brightnesses: all three are affine in the plane.

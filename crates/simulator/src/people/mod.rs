@@ -17,6 +17,8 @@ use crate::scene::{Face, Light};
 use gait::Gait;
 use mesh::{Cover, Mesh};
 use skeleton::Skeleton;
+#[cfg(test)]
+use stillpoint_geometry::Vec3;
 
 /// A person with or without a load.
 pub(crate) struct Person {
@@ -41,3 +43,16 @@ impl Person {
         }
     }
 }
+
+#[cfg(test)]
+impl Person {
+    /// All corners of body and load in the world.
+    fn corners(&self, t: f64) -> Vec<Vec3> {
+        let mut faces = Vec::new();
+        self.place(t, &Light::default(), &mut faces);
+        faces.into_iter().flat_map(|f| f.vertices).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests;

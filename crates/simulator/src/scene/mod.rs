@@ -6,7 +6,7 @@ mod build;
 mod furniture;
 mod rooms;
 
-pub(crate) use build::Builder;
+pub(crate) use build::{Builder, Place};
 
 use crate::people::{Cast, Person};
 use crate::texture::Texture;
@@ -78,12 +78,12 @@ pub(crate) struct Scene {
 impl Scene {
     /// The office with its desk, 6 x 5 m.
     pub(crate) fn office(seed: u64) -> Self {
-        rooms::office(seed)
+        rooms::office(seed, None)
     }
 
     /// The same office for people to walk in: without the second desk, with chairs where they sit down.
     pub(crate) fn office_with_people(seed: u64, cast: Cast) -> Self {
-        rooms::office_with_people(seed, cast)
+        rooms::office(seed, Some(cast))
     }
 
     /// Two rooms of 8 x 7 m, joined by two doors.

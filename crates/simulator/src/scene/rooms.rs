@@ -126,16 +126,8 @@ fn posters(b: &mut Builder, start: Vec3, along: Vec3, length: f64, first: usize)
     }
 }
 
-pub(super) fn office(seed: u64) -> Scene {
-    furnished(seed, None)
-}
-
-pub(super) fn office_with_people(seed: u64, cast: Cast) -> Scene {
-    furnished(seed, Some(cast))
-}
-
 /// The office; people need room, so that they have chairs instead of the second desk.
-fn furnished(seed: u64, cast: Option<Cast>) -> Scene {
+pub(super) fn office(seed: u64, cast: Option<Cast>) -> Scene {
     let b = &mut Builder::new(seed);
     b.lamp(-1.2, 0.0, 2.65, 1.0);
     b.lamp(1.4, 0.6, 2.65, 0.9);
@@ -152,13 +144,7 @@ fn furnished(seed: u64, cast: Option<Cast>) -> Scene {
     work_desk(b, &Place::new(0.0, -0.3, 0.0, 0.0));
     match cast {
         None => second_desk(b),
-        Some(cast) => {
-            for (k, [x, y, yaw]) in cast.seats().into_iter().enumerate() {
-                // A chair faces -y at yaw 0.
-                b.chair(&Place::new(x, y, 0.0, yaw + std::f64::consts::FRAC_PI_2), k);
-            }
-            cast.enter(b, seed);
-        }
+        Some(cast) => cast.enter(b, seed),
     }
     b.shelf(&Place::new(-1.7, 2.15, 0.0, 0.0), 1.2, 5, 0);
     b.shelf(&Place::new(1.9, 2.15, 0.0, 0.0), 1.4, 4, 1);

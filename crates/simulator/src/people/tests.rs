@@ -1,0 +1,225 @@
+//! Laws of bodies and of how they move.
+
+use super::skeleton::{SIDES, length};
+use super::*;
+use crate::path::Path;
+use crate::scene::{Builder, Scene};
+use proptest::prelude::*;
+use std::sync::OnceLock;
+use stillpoint_geometry::{Se3, Vec3};
+
+const CASTS: [Cast; 3] = [Cast::Walking, Cast::Sitting, Cast::Carrying];
+
+fn people(cast: Cast, seed: u64) -> Vec<Person> {
+    let b = &mut Builder::new(seed);
+    cast.enter(b, seed);
+    std::mem::take(&mut b.people)
+}
+
+/// The people of all casts with some seeds; built once, because their clothes take long to paint.
+fn everyone() -> &'static [Person] {
+    static EVERYONE: OnceLock<Vec<Person>> = OnceLock::new();
+    EVERYONE.get_or_init(|| {
+        let of = |cast| (0..4).flat_map(move |seed| people(cast, seed));
+        CASTS.into_iter().flat_map(of).collect()
+    })
+}
+
+fn skeleton(person: &Person, t: f64) -> Skeleton {
+    Skeleton::new(&person.gait.posture(t))
+}
+
+fn between(a: &Se3, b: &Se3) -> f64 {
+    (a.translation - b.translation).norm()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Bones neither stretch nor come apart, whatever the person does.
+    #[test]
+    fn bones_keep_their_lengths(t in -1.0..14.0_f64) {
+        for person in everyone() {
+            let (s, k) = (skeleton(person, t), person.gait.size);
+            let mut pairs = vec![(between(&s.hips, &s.chest), length::WAIST)];
+            pairs.push((between(&s.chest, &s.head), length::NECK));
+            for (side, sign) in SIDES.into_iter().enumerate() {
+                let ([upper, fore, hand], [thigh, shank, foot]) = (s.arms[side], s.legs[side]);
+                pairs.extend([
+                    (between(&upper, &fore), length::UPPER_ARM),
+                    (between(&fore, &hand), length::FOREARM),
+                    (between(&thigh, &shank), length::THIGH),
+                    (between(&shank, &foot), length::SHANK),
+                    (between(&s.hips, &thigh), length::HIP),
+                ]);
+                let shoulder = s.chest.inverse().transform(&upper.translation);
+                prop_assert!((shoulder.y - sign * k * length::SHOULDER).abs() < 1e-9);
+                // Knees bend one way only.
+                let axis = s.hips.rotation * Vec3::y();
+                let bend = (thigh.translation - shank.translation)
+                    .cross(&(shank.translation - foot.translation));
+                prop_assert!(bend.dot(&axis) > -1e-3, "a knee bends forward at {t}");
+            }
+            for (found, expected) in pairs {
+                prop_assert!((found - k * expected).abs() < 1e-9, "{found} for {expected} at {t}");
+            }
+        }
+    }
+
+    /// Nothing jumps: no point of a body is faster than a swinging foot, and no speed changes at once.
+    #[test]
+    fn bodies_move_smoothly(t in 0.0..10.0_f64) {
+        let h = 1e-3;
+        for person in everyone() {
+            let corners = [-h, 0.0, h].map(|d| person.corners(t + d));
+            for (i, at) in corners[1].iter().enumerate() {
+                let (back, forth) = (at - corners[0][i], corners[2][i] - at);
+                prop_assert!(forth.norm() / h < 5.5, "{} m/s at {t}", forth.norm() / h);
+                let change = (forth - back).norm() / (h * h);
+                prop_assert!(change < 45.0, "{change} m/s^2 at {t}");
+            }
+        }
+    }
+
+    /// A person always stands on a heel or a toe that rests, and no foot is under the floor.
+    #[test]
+    fn feet_stay_on_the_floor_and_do_not_slide(t in 0.0..10.0_f64) {
+        for person in everyone() {
+            let k = person.gait.size;
+            let soles = |t: f64| {
+                let legs = skeleton(person, t).legs;
+                legs.map(|[_, _, foot]| [length::TOE, -length::HEEL]
+                    .map(|x| foot.transform(&(Vec3::new(x, 0.0, -length::ANKLE) * k))))
+            };
+            let (now, next) = (soles(t), soles(t + 1e-3));
+            let mut resting = false;
+            for (a, b) in now.iter().flatten().zip(next.iter().flatten()) {
+                prop_assert!(a.z > -0.004, "{} m under the floor at {t}", a.z);
+                resting |= a.z < 0.004 && (b - a).norm() < 3e-5;
+            }
+            prop_assert!(resting, "both feet slide or fly at {t}: {now:?}");
+        }
+    }
+
+    #[test]
+    fn bodies_stay_in_the_room_and_out_of_the_desk(t in 0.0..12.0_f64) {
+        for person in everyone() {
+            for p in person.corners(t) {
+                prop_assert!(p.x.abs() < 2.95 && p.y.abs() < 2.45, "{p} at {t}");
+                prop_assert!((-0.02..2.0).contains(&p.z), "{p} at {t}");
+            }
+            // Trunk and legs keep out of the desk's top; hands may reach over it.
+            let s = skeleton(person, t);
+            let legs = s.legs.iter().flatten().map(|pose| pose.translation);
+            for p in legs.chain([s.hips.translation, s.chest.translation]) {
+                let inside = p.x.abs() < 1.0 && (-0.8..0.2).contains(&p.y);
+                prop_assert!(!inside || p.z < 0.7, "{p} in the desk at {t}");
+            }
+        }
+    }
+}
+
+#[test]
+fn people_do_not_walk_through_each_other_or_the_camera() {
+    let paths = [
+        Path::xyz(3).farther(0.7),
+        Path::rpy(3).farther(0.6),
+        Path::halfsphere(3).farther(1.1),
+        Path::still(3).farther(0.66),
+    ];
+    for cast in CASTS {
+        let people = people(cast, 3);
+        for k in 0..200 {
+            let t = 0.05 * f64::from(k);
+            let hips: Vec<Vec3> = people
+                .iter()
+                .map(|p| skeleton(p, t).hips.translation)
+                .collect();
+            for (i, a) in hips.iter().enumerate() {
+                for b in &hips[..i] {
+                    assert!((a - b).xy().norm() > 0.5, "{a} and {b} at {t}");
+                }
+                for path in &paths {
+                    let eye = path.world_from_camera(t).translation;
+                    let far = (a - eye).xy().norm();
+                    assert!(cast == Cast::Sitting || far > 0.38, "{far} m at {t}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_body_has_human_measures() {
+    for person in everyone().iter().filter(|p| p.load.is_none()) {
+        let (mut low, mut high) = (f64::MAX, f64::MIN);
+        for p in person.corners(0.0) {
+            (low, high) = (low.min(p.z), high.max(p.z));
+        }
+        let sits = person.gait.route.at(0.0).sitting > 0.5;
+        let expected = if sits { 1.2..1.5 } else { 1.62..1.86 };
+        assert!(expected.contains(&(high - low)), "{} m", high - low);
+    }
+}
+
+#[test]
+fn the_walking_scene_has_someone_who_walks_stops_and_sits_down() {
+    let people = people(Cast::Walking, 0);
+    let at = |f: &dyn Fn(&Person, f64) -> bool| {
+        people
+            .iter()
+            .any(|p| (0..100).any(|k| f(p, 0.1 * f64::from(k))))
+    };
+    assert!(at(&|p, t| p.gait.route.speed(t) > 0.75));
+    assert!(at(&|p, t| t > 2.0 && p.gait.route.speed(t) < 0.02));
+    assert!(at(&|p, t| p.gait.route.at(t).sitting < 0.01));
+    assert!(at(&|p, t| p.gait.route.at(t).sitting > 0.99));
+    assert!(people.iter().all(|p| p.gait.route.speed(0.5) < 1.5));
+}
+
+/// Hands hold what is carried: the wrists stay beside the box.
+#[test]
+fn a_carried_box_stays_in_its_carriers_hands() {
+    let people = people(Cast::Carrying, 0);
+    let person = &people[0];
+    for k in 0..100 {
+        let t = 0.1 * f64::from(k);
+        let pose = person.gait.load_pose(t).unwrap();
+        for [_, _, hand] in skeleton(person, t).arms {
+            let wrist = pose.inverse().transform(&hand.translation);
+            assert!(
+                wrist.norm() < 0.32,
+                "{} m from the box at {t}",
+                wrist.norm()
+            );
+        }
+    }
+    assert!(people[0].classes().eq(["person", "box"]));
+}
+
+/// Triangles close up: seen from anywhere a mesh's front faces and back faces have the same outline.
+#[test]
+fn faces_of_a_person_look_outward_and_close() {
+    let scene = Scene::office_with_people(0, Cast::Sitting);
+    let faces = scene.moving(3.0);
+    assert!(faces.len() > 1000);
+    let mut surfaces: std::collections::BTreeMap<u16, (Vec3, f64)> = Default::default();
+    for face in &faces {
+        let [a, b, c] = [face.vertices[0], face.vertices[1], face.vertices[2]];
+        let area = (b - a).cross(&(c - a)) * 0.5;
+        assert!(area.normalize().dot(&face.normal) > 0.999_999);
+        let sum = surfaces.entry(face.surface).or_default();
+        sum.0 += area;
+        // Six times the volume, by the divergence theorem: positive where faces look outward.
+        sum.1 += a.dot(&b.cross(&c));
+        for (k, axis) in face.axes.iter().enumerate() {
+            assert!(axis.iter().all(|v| v.is_finite()) && face.offsets[k].is_finite());
+            assert!(axis.dot(&face.normal).abs() < 1e-6 * axis.norm().max(1.0));
+        }
+        assert!(face.light.iter().all(|l| l.is_finite()));
+    }
+    for (surface, (area, volume)) in surfaces {
+        assert!(area.norm() < 1e-9, "surface {surface} is open");
+        assert!(volume > 1e-5, "surface {surface} is inside out");
+    }
+}
