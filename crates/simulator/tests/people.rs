@@ -315,24 +315,24 @@ fn frames_with_people_are_the_same_bits_on_every_machine() {
     });
     let expected = [
         [
-            0xfb7f_f276_102a_20cd,
-            0xe002_2230_3f38_7bfd,
-            0xd188_fd14_1c65_c41d,
+            0x389d_c022_def9_b346,
+            0x58df_fee9_8c4d_72c9,
+            0xe5c3_641d_f223_e42e,
         ],
         [
-            0x06a7_c393_8751_4bd1,
-            0x2bcb_b10d_0f95_bc3f,
-            0x7e23_4519_612e_5ff3,
+            0xdb26_3a04_1fc9_919a,
+            0x49de_86aa_3074_c0b3,
+            0x7ef5_59b8_3d69_dc34,
         ],
         [
-            0xc901_f7d0_a90f_7cfe,
-            0x5bc2_3c8a_9a8c_b993,
-            0x6e38_3013_4764_85dc,
+            0x2464_d335_d0f6_19b7,
+            0xed28_1e02_d308_ca9d,
+            0xb7bd_9122_4d51_ae9c,
         ],
         [
-            0x4799_5edc_3f93_cd2a,
-            0xae48_cd86_8a4c_7c5a,
-            0x15fe_ae79_bf83_ce97,
+            0x4931_813a_2478_0014,
+            0x9f21_01ca_1655_e7d1,
+            0xe835_28bf_528d_f961,
         ],
         [
             0x4924_53e8_716a_9d59,
@@ -340,9 +340,9 @@ fn frames_with_people_are_the_same_bits_on_every_machine() {
             0xd88e_fa6c_e68d_f480,
         ],
         [
-            0x48bc_4f53_e062_d982,
-            0xc05a_f4e1_ece7_62ff,
-            0xc0a8_d7b1_4552_6748,
+            0xc62f_2e98_a0a9_d0f4,
+            0xf729_9ae8_3b2c_9d6a,
+            0x21bc_0b5b_91f9_7a57,
         ],
     ];
     assert_eq!(sums, expected, "found {sums:#018x?}");

@@ -149,14 +149,14 @@ impl Gait {
     /// Height of the hip joints: nearly straight legs, no longer than they are, or the seat's.
     fn hip_height(&self, hips: &Vec3, doing: &Doing, ankles: &[Vec3; 2]) -> f64 {
         let k = self.size;
-        let most = k * (length::THIGH + length::SHANK) * 0.992;
-        let mut high = k * (length::THIGH + length::SHANK + length::ANKLE) - 0.02;
+        let most = k * (length::THIGH + length::SHANK) * 0.996;
+        let mut high = k * (length::THIGH + length::SHANK + length::ANKLE) - 0.01;
         let (c, s) = (libm::cos(doing.yaw), libm::sin(doing.yaw));
         for (side, ankle) in ankles.iter().enumerate() {
             let aside = SIDES[side] * k * length::HIP;
             let (dx, dy) = (hips.x - s * aside - ankle.x, hips.y + c * aside - ankle.y);
             let up = (most * most - dx * dx - dy * dy).max(0.09).sqrt();
-            high = smooth_min(high, ankle.z + up, 0.04);
+            high = smooth_min(high, ankle.z + up, 0.03);
         }
         high + (SEAT - high).min(0.0) * smooth(doing.sitting)
     }
