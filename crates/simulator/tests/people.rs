@@ -315,32 +315,32 @@ fn frames_with_people_are_the_same_bits_on_every_machine() {
     });
     let expected = [
         [
-            0x389d_c022_def9_b346,
+            0xf48c_e799_66b0_5554,
             0x58df_fee9_8c4d_72c9,
             0xe5c3_641d_f223_e42e,
         ],
         [
-            0xdb26_3a04_1fc9_919a,
+            0xf189_727c_25e3_61c0,
             0x49de_86aa_3074_c0b3,
             0x7ef5_59b8_3d69_dc34,
         ],
         [
-            0x2464_d335_d0f6_19b7,
+            0xd9b0_6c5b_ad92_7d48,
             0xed28_1e02_d308_ca9d,
             0xb7bd_9122_4d51_ae9c,
         ],
         [
-            0x4931_813a_2478_0014,
+            0x1dca_c0f2_4ace_0f56,
             0x9f21_01ca_1655_e7d1,
             0xe835_28bf_528d_f961,
         ],
         [
-            0x4924_53e8_716a_9d59,
+            0x4a27_1e6e_4fce_50aa,
             0x050a_f440_36b0_a2a8,
             0xd88e_fa6c_e68d_f480,
         ],
         [
-            0xc62f_2e98_a0a9_d0f4,
+            0x184e_3e2d_a502_00c3,
             0xf729_9ae8_3b2c_9d6a,
             0x21bc_0b5b_91f9_7a57,
         ],

@@ -2,7 +2,7 @@
 
 use super::canvas::{Canvas, Rgb};
 use super::patterns::{gray, random_shapes, vivid};
-use crate::random::Stream;
+use crate::random::{Purpose, Stream};
 
 /// Folds of cloth: dark strokes with light ones beside them.
 fn folds(c: &mut Canvas, rng: &mut Stream, count: usize, strength: f32) {
@@ -195,8 +195,9 @@ pub(super) fn chino(rng: &mut Stream) -> Canvas {
     c
 }
 
-/// The complexion of a variant's face and hands.
-fn complexion(rng: &mut Stream) -> Rgb {
+/// The complexion of a person's face and hands, from the seed that both have in common.
+fn complexion(seed: u64) -> Rgb {
+    let rng = &mut Stream::new(seed, Purpose::People, 1);
     [
         [214.0, 164.0, 136.0],
         [186.0, 132.0, 102.0],
@@ -205,8 +206,8 @@ fn complexion(rng: &mut Stream) -> Rgb {
 }
 
 /// Bare skin.
-pub(super) fn skin(rng: &mut Stream) -> Canvas {
-    let mut c = Canvas::new(128, 128, complexion(rng));
+pub(super) fn skin(rng: &mut Stream, seed: u64) -> Canvas {
+    let mut c = Canvas::new(128, 128, complexion(seed));
     c.grain(rng, [32, 32], 7.0);
     c.grain(rng, [8, 8], 4.0);
     c.grain(rng, [2, 2], 3.0);
@@ -214,8 +215,8 @@ pub(super) fn skin(rng: &mut Stream) -> Canvas {
 }
 
 /// A head from crown to chin, the face in the middle.
-pub(super) fn face(rng: &mut Stream) -> Canvas {
-    let tone = complexion(rng);
+pub(super) fn face(rng: &mut Stream, seed: u64) -> Canvas {
+    let tone = complexion(seed);
     let mut c = Canvas::new(256, 256, tone);
     let hair: Rgb = [[52.0, 36.0, 26.0], [36.0, 32.0, 32.0], [122.0, 84.0, 48.0]][rng.below(3)];
     // Hair from the crown to the forehead, at the sides to the ears, at the back to the neck.

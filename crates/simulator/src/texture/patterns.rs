@@ -117,8 +117,8 @@ impl Pattern {
             Self::Print => clothes::print(rng),
             Self::Denim => clothes::denim(rng),
             Self::Chino => clothes::chino(rng),
-            Self::Skin => clothes::skin(rng),
-            Self::Face => clothes::face(rng),
+            Self::Skin => clothes::skin(rng, seed),
+            Self::Face => clothes::face(rng, seed),
             Self::Shoe => clothes::shoe(rng),
             Self::Carton => surfaces::carton(rng),
         }
