@@ -11,7 +11,7 @@ use stillpoint_geometry::Vec2;
 
 /// What turns ideal images into recorded ones.
 pub(crate) struct Sensor {
-    normal: Normal,
+    pub(crate) normal: Normal,
     seed: u64,
     /// Share of light that reaches each pixel.
     vignette: Vec<f32>,

@@ -246,7 +246,8 @@ impl Simulator {
     /// What a detector that errs as `noise` says would find in a frame: persons only.
     #[must_use]
     pub fn detections(&self, index: usize, noise: &DetectionNoise) -> Vec<ScriptedDetection> {
-        truth::detections(&self.truth(index), noise, index, self.stamp(index))
+        let (truth, stamp) = (self.truth(index), self.stamp(index));
+        truth::detections(&truth, noise, &self.sensor.normal, index, stamp)
     }
 
     /// What the camera sees at a time, before the lens, with `factor`^2 samples per pixel.

@@ -128,10 +128,10 @@ pub(crate) fn truth(view: &View, classes: &[&'static str]) -> FrameTruth {
 pub(crate) fn detections(
     truth: &FrameTruth,
     noise: &DetectionNoise,
+    normal: &Normal,
     index: usize,
     stamp: f64,
 ) -> Vec<ScriptedDetection> {
-    let normal = Normal::new();
     let mut rows = Vec::new();
     let (w, h) = (truth.mask.width() as f64, truth.mask.height() as f64);
     for mover in &truth.boxes {
