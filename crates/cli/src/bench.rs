@@ -2,11 +2,12 @@
 
 use crate::args::BenchArgs;
 use crate::bench_runner::{Plan, Sequence, Spread, median};
+use crate::bench_source::Source;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::Machine;
 use crate::summary::{ScoreJson, StageTiming, Summary};
-use crate::{config, console, output, suite};
+use crate::{ablation, config, console, output, suite};
 use serde::Serialize;
 use std::path::PathBuf;
 use stillpoint::evaluation::Table;
@@ -38,29 +39,16 @@ struct SequenceFigures<'a> {
 /// `bench`.
 pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     // Mistakes in the configuration show here, once, instead of in every run.
-    config::resolve(&args.config)?;
+    let seed = config::resolve(&args.config)?.seed;
     config::simd()?;
     let interrupt = Interrupt::listen();
-    let plan = Plan {
-        runs: args.runs,
-        out: &args.out,
-        input: &args.input,
-        config: &args.config,
-    };
     if let Some(suite) = args.suite {
-        return suite::bench(suite, &args.paths, &plan, &interrupt);
+        return suite::bench(suite, &args.paths, &args.plan(), &interrupt);
     }
-    plan.prepare()?;
-    let mut sequences = Vec::new();
-    for (path, name) in args.paths.iter().zip(unique_names(&args.paths)) {
-        if interrupt.requested() {
-            break;
-        }
-        let sequence = plan.run(path, name, &interrupt)?;
-        if !sequence.runs.is_empty() {
-            sequences.push(sequence);
-        }
+    if args.ablation {
+        return ablation::bench(args, &interrupt);
     }
+    let sequences = sequences(args, seed, &interrupt)?;
     let machine = Machine::here();
     let command = command_line();
     let figures: Vec<SequenceFigures<'_>> = sequences.iter().map(figures).collect();
@@ -85,13 +73,48 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     })
 }
 
+/// Runs every path as often as asked for.
+fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<Sequence>, Failure> {
+    let sources: Result<Vec<Source>, Failure> = args.paths.iter().map(|p| Source::of(p)).collect();
+    let sources = sources?;
+    args.plan().prepare()?;
+    let mut sequences = Vec::new();
+    for (source, name) in sources.iter().zip(unique_names(&args.paths)) {
+        if interrupt.requested() {
+            break;
+        }
+        let prepared = source.prepare(&args.input, &args.out, seed)?;
+        let plan = Plan {
+            input: &prepared.input,
+            ..args.plan()
+        };
+        let sequence = plan.run(&prepared.path, name, interrupt)?;
+        if !sequence.runs.is_empty() {
+            sequences.push(sequence);
+        }
+    }
+    Ok(sequences)
+}
+
+impl BenchArgs {
+    /// How data sets are run, as the arguments say.
+    pub(crate) fn plan(&self) -> Plan<'_> {
+        Plan {
+            runs: self.runs,
+            out: &self.out,
+            input: &self.input,
+            config: &self.config,
+        }
+    }
+}
+
 /// What the user typed, for the report.
 pub(crate) fn command_line() -> String {
     std::env::args().collect::<Vec<_>>().join(" ")
 }
 
 /// The last parts of the paths, with a number where two are the same.
-fn unique_names(paths: &[PathBuf]) -> Vec<String> {
+pub(crate) fn unique_names(paths: &[PathBuf]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for path in paths {
         let full = path.canonicalize().unwrap_or_else(|_| path.clone());

@@ -93,13 +93,11 @@ impl Plan<'_> {
         let mut first_trajectory = None;
         let mut identical = true;
         for k in 1..=self.runs {
-            let out = self.out.join("runs").join(format!("{name}-{k}"));
             console::info(&format!("{name}: run {k} of {}", self.runs));
-            let summary = run_once(&self.arguments(), path, &out)?;
+            let (summary, trajectory) = self.once(path, &format!("{name}-{k}"))?;
             if interrupt.requested() {
                 break;
             }
-            let trajectory = std::fs::read(out.join("trajectory.txt")).unwrap_or_default();
             identical &= *first_trajectory.get_or_insert_with(|| trajectory.clone()) == trajectory;
             runs.push(summary);
         }
@@ -109,6 +107,15 @@ impl Plan<'_> {
             identical,
             runs,
         })
+    }
+
+    /// One run, whose result goes to `runs/` under a name: its figures and its final trajectory.
+    pub(crate) fn once(&self, path: &Path, name: &str) -> Result<(Summary, Vec<u8>), Failure> {
+        // Not every system takes the colon of a simulated scene in the name of a folder.
+        let out = self.out.join("runs").join(name.replace(':', "_"));
+        let summary = run_once(&self.arguments(), path, &out)?;
+        let trajectory = std::fs::read(out.join("trajectory.txt")).unwrap_or_default();
+        Ok((summary, trajectory))
     }
 
     /// The arguments that a run shares with the bench. Every field is named, so that one which is added cannot be forgotten.
@@ -130,7 +137,9 @@ impl Plan<'_> {
         if let Some(n) = max_frames {
             add("--max-frames", n.to_string().into());
         }
-        add("--detector", detector.into());
+        if let Some(detector) = detector {
+            add("--detector", detector.into());
+        }
         if let Some(file) = config {
             add("--config", file.into());
         }
@@ -147,11 +156,17 @@ impl Plan<'_> {
     }
 }
 
+/// This program, to be run in a process of its own.
+pub(crate) fn program() -> Result<Command, Failure> {
+    std::env::current_exe()
+        .map(Command::new)
+        .map_err(|e| Failure::input(format!("expected to find this program, found: {e}")))
+}
+
 /// One run in a process of its own.
 fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, Failure> {
-    let program = std::env::current_exe()
-        .map_err(|e| Failure::input(format!("expected to find this program, found: {e}")))?;
-    let output = Command::new(&program)
+    let mut command = program()?;
+    let output = command
         .args(["--quiet", "run"])
         .arg(path)
         .arg("--out")
@@ -159,12 +174,7 @@ fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, 
         .args(arguments)
         .stdin(Stdio::null())
         .output()
-        .map_err(|e| {
-            Failure::input(format!(
-                "{}: expected to run it, found: {e}",
-                program.display()
-            ))
-        })?;
+        .map_err(|e| Failure::input(format!("expected to run this program, found: {e}")))?;
     let said = String::from_utf8_lossy(&output.stderr);
     // 1 says that frames were lost: a figure of the report, not a failure of the bench.
     if !matches!(output.status.code(), Some(0 | 1)) {
@@ -203,7 +213,7 @@ mod tests {
             camera: Some("tum_fr3".into()),
             start: 5,
             max_frames: Some(7),
-            detector: "scripted:boxes.csv".into(),
+            detector: Some("scripted:boxes.csv".into()),
             strict: true,
         };
         let config = ConfigArgs {

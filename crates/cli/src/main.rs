@@ -3,9 +3,12 @@
 //! Answers: what the user asked for, which parts do it, and how it ended. Holds no method of its own. This is the only
 //! place that reads the clock and the environment; results never depend on either.
 
+mod ablation;
+mod ablation_report;
 mod args;
 mod bench;
 mod bench_runner;
+mod bench_source;
 mod config;
 mod config_docs;
 mod console;
@@ -16,6 +19,7 @@ mod failure;
 mod interrupt;
 mod machine;
 mod output;
+mod overlay;
 mod report;
 mod run;
 mod session;

@@ -2,11 +2,12 @@
 //! an old result.
 
 use crate::failure::Failure;
+use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-/// Every file that a result may hold. Those of an older result that a new one lacks are removed with it.
+/// Every file that a result may hold.
 const FILES: [&str; 9] = [
     "trajectory.txt",
     "trajectory_online.txt",
@@ -19,13 +20,17 @@ const FILES: [&str; 9] = [
     "timing.png",
 ];
 
-/// A result in the making. Files go into a hidden folder inside the result folder; [`ResultFolder::commit`] moves them.
+/// A result in the making, or another folder of files that replace those of an earlier run. Files go into a hidden folder inside the result folder; [`ResultFolder::commit`] moves them.
 /// Dropping it without that leaves the older result as it was.
 #[derive(Debug)]
 pub(crate) struct ResultFolder {
     out: PathBuf,
     aside: PathBuf,
-    names: Vec<String>,
+    /// The option that named the folder, for messages.
+    option: &'static str,
+    /// Which names a result may hold: those of an older result that a new one lacks are removed with it.
+    is_ours: fn(&str) -> bool,
+    names: BTreeSet<String>,
     /// The topmost folder that did not exist before.
     created: Option<PathBuf>,
 }
@@ -34,9 +39,18 @@ impl ResultFolder {
     /// Makes the folder where it does not exist, and tries to write into it, so that a run of an hour does not end with a
     /// folder that cannot be written.
     pub(crate) fn create(out: &Path) -> Result<Self, Failure> {
+        Self::create_of(out, "--out", |name| FILES.contains(&name))
+    }
+
+    /// The same for the folder that another option names, with files of other names.
+    pub(crate) fn create_of(
+        out: &Path,
+        option: &'static str,
+        is_ours: fn(&str) -> bool,
+    ) -> Result<Self, Failure> {
         if out.exists() && !out.is_dir() {
             return Err(Failure::input(format!(
-                "{}: expected a folder to write to, found a file; name another with --out",
+                "{}: expected a folder to write to, found a file; name another with {option}",
                 out.display()
             )));
         }
@@ -47,47 +61,56 @@ impl ResultFolder {
             .map(Path::to_owned);
         let folder = Self {
             out: out.to_owned(),
-            aside: out.join(format!(".unfinished-{}", std::process::id())),
-            names: Vec::new(),
+            // Two options may name the same folder.
+            aside: out.join(format!(".unfinished{option}-{}", std::process::id())),
+            option,
+            is_ours,
+            names: BTreeSet::new(),
             created,
         };
         let aside = &folder.aside;
         std::fs::create_dir_all(aside)
             .and_then(|()| std::fs::write(aside.join("probe"), b"probe"))
             .and_then(|()| std::fs::remove_file(aside.join("probe")))
-            .map_err(|e| Failure::write(out, &e))?;
+            .map_err(|e| Failure::write_of(out, option, &e))?;
         Ok(folder)
     }
 
     /// Writes a file aside.
     pub(crate) fn write(&mut self, name: &str, bytes: &[u8]) -> Result<(), Failure> {
-        debug_assert!(FILES.contains(&name), "{name} is not in the list of files");
-        let path = self.aside.join(name);
-        std::fs::File::create(&path)
-            .and_then(|mut file| {
-                file.write_all(bytes)?;
-                // A full disk may show only here.
-                file.sync_all()
-            })
-            .map_err(|e| Failure::write(&self.out.join(name), &e))?;
-        self.names.push(name.to_owned());
-        Ok(())
+        let mut file = self.begin(name)?;
+        file.write_all(bytes)
+            // A full disk may show only here.
+            .and_then(|()| file.sync_all())
+            .map_err(|e| self.failure(name, &e))
+    }
+
+    /// Begins a file aside, for what is written bit by bit.
+    pub(crate) fn begin(&mut self, name: &str) -> Result<File, Failure> {
+        debug_assert!((self.is_ours)(name), "{name} is none of the known files");
+        let file = File::create(self.aside.join(name)).map_err(|e| self.failure(name, &e))?;
+        self.names.insert(name.to_owned());
+        Ok(file)
     }
 
     /// Moves everything into place.
     pub(crate) fn commit(self) -> Result<(), Failure> {
         for name in &self.names {
-            let target = self.out.join(name);
-            std::fs::rename(self.aside.join(name), &target)
-                .map_err(|e| Failure::write(&target, &e))?;
+            std::fs::rename(self.aside.join(name), self.out.join(name))
+                .map_err(|e| self.failure(name, &e))?;
         }
-        for name in FILES {
-            if !self.names.iter().any(|n| n == name) {
-                // Most often there is none.
+        // What cannot be listed or removed does no harm.
+        let old = std::fs::read_dir(&self.out).into_iter().flatten().flatten();
+        for name in old.filter_map(|entry| entry.file_name().into_string().ok()) {
+            if (self.is_ours)(&name) && !self.names.contains(&name) {
                 let _ = std::fs::remove_file(self.out.join(name));
             }
         }
         Ok(())
+    }
+
+    fn failure(&self, name: &str, reason: &std::io::Error) -> Failure {
+        Failure::write_of(&self.out.join(name), self.option, reason)
     }
 }
 

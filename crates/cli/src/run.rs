@@ -6,6 +6,7 @@ use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
+use crate::overlay::OverlayFolder;
 use crate::session::{Driver, Outputs, Session};
 use crate::summary::{Accuracy, Input, ScoreJson, StageTiming, Summary};
 use crate::timing::Timing;
@@ -13,13 +14,13 @@ use crate::verdicts::VerdictFile;
 use crate::{config, detector, report};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{
-    CameraChoice, Dataset, FrameOptions, OpenOptions, ReadAhead, StampedPose, trajectory,
+    CameraChoice, Dataset, Entry, FrameOptions, OpenOptions, ReadAhead, StampedPose, trajectory,
 };
 use stillpoint::evaluation::plot::{
     Figure, Series, drift_figure, poses_figure, timing_figure, trajectory_figure,
 };
 use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
-use stillpoint::imaging::Simd;
+use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::slam::Config;
 
 /// `run`.
@@ -27,23 +28,17 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
     let config = config::resolve(&args.config)?;
     let simd = config::simd()?;
     let dataset = open(&args.path, &args.input)?;
-    let detector = detector::load(&args.input.detector, dataset.entries())?;
+    let detector = detector::load(args.input.detector(), dataset.entries())?;
     let truth = dataset.ground_truth()?;
     let options = FrameOptions {
         start: args.input.start,
         max_frames: args.input.max_frames.map(|n| n as usize),
-        keep_colour: detector::needs_colour(&args.input.detector),
+        keep_colour: args.overlay.is_some() || detector::needs_colour(args.input.detector()),
     };
     let frames = dataset.frames(&options)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
     let folder = ResultFolder::create(&out)?;
-    let mut outputs = Outputs {
-        verdicts: args
-            .verdicts
-            .as_deref()
-            .map(VerdictFile::create)
-            .transpose()?,
-    };
+    let mut outputs = outputs(args, &dataset, frames.remaining())?;
     let interrupt = Interrupt::listen();
     let driver = Driver {
         config: config.clone(),
@@ -54,7 +49,7 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         detector,
     };
     let session = driver.drive(&mut ReadAhead::new(frames), &mut outputs)?;
-    outputs.finish()?;
+    let written = outputs.finish()?;
     let input = Input {
         name: args.path.display().to_string(),
         layout: dataset.layout().to_string(),
@@ -67,7 +62,38 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         timing,
         truth: truth.as_deref(),
     };
-    finish(&setup, &session, folder, &out)
+    let status = finish(&setup, &session, folder, &out)?;
+    console::report(&written);
+    Ok(status)
+}
+
+/// What is written while frames go by. `frames` is their number where known.
+fn outputs(args: &RunArgs, dataset: &Dataset, frames: Option<usize>) -> Result<Outputs, Failure> {
+    let overlay = |folder: &PathBuf| {
+        let every = args.overlay_every as usize;
+        let frames = frames.unwrap_or(dataset.entries().len());
+        OverlayFolder::create(folder, every, frames, rate(dataset.entries()))
+    };
+    // Folders first: the file may lie in one of them.
+    let overlay = args.overlay.as_ref().map(overlay).transpose()?;
+    let verdicts = args.verdicts.as_deref().map(VerdictFile::create);
+    Ok(Outputs {
+        verdicts: verdicts.transpose()?,
+        overlay,
+    })
+}
+
+/// Frames per second; 30 where the stamps do not tell.
+fn rate(entries: &[Entry]) -> f64 {
+    let (Some(first), Some(last)) = (entries.first(), entries.last()) else {
+        return 30.0;
+    };
+    let rate = (entries.len() - 1) as f64 / (last.stamp - first.stamp);
+    if rate.is_finite() && rate > 0.0 {
+        rate
+    } else {
+        30.0
+    }
 }
 
 /// Opens the data set and says what was guessed.

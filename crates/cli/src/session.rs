@@ -6,6 +6,7 @@
 use crate::console::{self, Progress};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::overlay::OverlayFolder;
 use crate::summary::{DetectorJson, FeaturesJson, LostStretch};
 use crate::timing::Timing;
 use crate::verdicts::VerdictFile;
@@ -14,7 +15,7 @@ use std::time::Instant;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::{Detector, NoDetector};
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::{FrameId, FrameSource, Simd};
+use stillpoint::imaging::{FrameId, FrameSource, RgbdFrame, Simd};
 use stillpoint::map::MapView;
 use stillpoint::slam::{Config, Event, FrameReport, Outcome, System};
 
@@ -58,25 +59,47 @@ pub(crate) struct Driver<'a> {
 }
 
 /// What is written while frames go by.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Outputs {
     pub(crate) verdicts: Option<VerdictFile>,
+    pub(crate) overlay: Option<OverlayFolder>,
 }
 
 impl Outputs {
-    fn take(&mut self, events: &[Event]) -> Result<(), Failure> {
+    /// A copy of the next frame, if it will be drawn.
+    fn keep(&mut self, frame: &RgbdFrame) -> Option<RgbdFrame> {
+        let overlay = self.overlay.as_mut()?;
+        overlay.wants_next().then(|| frame.clone())
+    }
+
+    /// Writes what is to be written of a step. `kept` is what [`Outputs::keep`] gave before it.
+    fn take(&mut self, events: &[Event], kept: Option<&RgbdFrame>) -> Result<(), Failure> {
         for event in events {
-            if let (Event::Frame(report), Some(file)) = (event, &mut self.verdicts) {
+            let Event::Frame(report) = event else {
+                continue;
+            };
+            if let Some(file) = &mut self.verdicts {
                 let _span = tracing::info_span!("verdicts").entered();
                 file.add(report)?;
+            }
+            if let (Some(folder), Some(frame)) = (&mut self.overlay, kept) {
+                let _span = tracing::info_span!("overlay").entered();
+                folder.add(frame, report)?;
             }
         }
         Ok(())
     }
 
-    /// Puts everything where it belongs.
-    pub(crate) fn finish(self) -> Result<(), Failure> {
-        self.verdicts.map_or(Ok(()), VerdictFile::finish)
+    /// Puts everything where it belongs, and says where that is.
+    pub(crate) fn finish(self) -> Result<String, Failure> {
+        let mut said = String::new();
+        if let Some(file) = self.verdicts {
+            said += &file.finish()?;
+        }
+        if let Some(folder) = self.overlay {
+            said += &folder.finish()?;
+        }
+        Ok(said)
     }
 }
 
@@ -104,9 +127,12 @@ impl Driver<'_> {
             match next {
                 None => break,
                 Some(Ok(frame)) => {
+                    let kept = outputs.keep(&frame);
                     let events = tracing::info_span!("total").in_scope(|| system.step(frame));
                     tally.take(&events);
-                    outputs.take(&events).inspect_err(|_| progress.finish())?;
+                    outputs
+                        .take(&events, kept.as_ref())
+                        .inspect_err(|_| progress.finish())?;
                     self.timing.end_frame();
                 }
                 Some(Err(e)) if e.recoverable => {

@@ -4,20 +4,22 @@ use crate::args::SimulateArgs;
 use crate::console::{self, Progress};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
-use stillpoint::datasets::{ColourFormat, ReadAhead, Recorder};
-use stillpoint::imaging::FrameSource;
-use stillpoint::simulator::{Simulator, SimulatorConfig};
+use crate::output::write_file;
+use stillpoint::datasets::{ColourFormat, MoverRow, ReadAhead, Recorder};
+use stillpoint::detection::{BoundingBox, ClassId, Detection, ScriptRow, format_script};
+use stillpoint::imaging::{FrameSource, GrayImage};
+use stillpoint::simulator::{DetectionNoise, MoverBox, Simulator, SimulatorConfig};
 
 /// `simulate`.
 pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
-    let simulator = Simulator::new(&SimulatorConfig {
+    let config = SimulatorConfig {
         scene: args.scene.clone(),
         seed: args.seed,
         frames: args.frames.map(|n| n as usize),
         noise: !args.ideal,
         ..SimulatorConfig::default()
-    })
-    .map_err(Failure::input)?;
+    };
+    let simulator = Simulator::new(&config).map_err(Failure::input)?;
     let format = if args.jpeg {
         ColourFormat::Jpeg
     } else {
@@ -26,6 +28,9 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     let poses = simulator.ground_truth();
     let name = format!("simulated {}", args.scene);
     let mut recorder = Recorder::create(&args.out, simulator.camera(), &name, format)?;
+    // The other one goes to the thread that reads ahead.
+    let twin = Simulator::new(&config).map_err(Failure::input)?;
+    let mut movers = Movers::new(args);
     let interrupt = Interrupt::listen();
     let mut progress = Progress::new(Some(simulator.len()));
     let mut frames = ReadAhead::new(simulator.source().with_colour());
@@ -33,6 +38,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     while let Some(frame) = frames.next_frame() {
         let frame = frame.map_err(Failure::input)?;
         recorder.add(&frame, poses.get(written).map(|(_, p)| p))?;
+        movers.record(&twin, written, &mut recorder)?;
         written += 1;
         progress.show(written, "");
         if interrupt.requested() {
@@ -40,6 +46,10 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
         }
     }
     progress.finish();
+    if movers.seen {
+        let script = format_script(&movers.detections);
+        write_file(&args.out.join("detections.csv"), script.as_bytes())?;
+    }
     recorder.finish()?;
     if interrupt.requested() {
         console::line(&format!(
@@ -50,4 +60,80 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     }
     console::report(&format!("{written} frames in {}\n", args.out.display()));
     Ok(Status::Ok)
+}
+
+/// Masks, boxes and scripted detections of a scene in which something moves.
+struct Movers {
+    noise: DetectionNoise,
+    /// Something moved in some frame so far. Before that nothing is written: most scenes stand still.
+    seen: bool,
+    /// Frames before that.
+    still: Vec<usize>,
+    detections: Vec<ScriptRow>,
+}
+
+impl Movers {
+    fn new(args: &SimulateArgs) -> Self {
+        let noise = DetectionNoise {
+            seed: args.seed,
+            ..DetectionNoise::default()
+        };
+        let exact = DetectionNoise {
+            drop: 0.0,
+            jitter_px: 0.0,
+            ..noise
+        };
+        Self {
+            noise: if args.ideal { exact } else { noise },
+            seen: false,
+            still: Vec::new(),
+            detections: Vec::new(),
+        }
+    }
+
+    fn record(
+        &mut self,
+        simulator: &Simulator,
+        index: usize,
+        recorder: &mut Recorder,
+    ) -> Result<(), Failure> {
+        let truth = simulator.truth(index);
+        if truth.boxes.is_empty() && !self.seen {
+            self.still.push(index);
+            return Ok(());
+        }
+        self.seen = true;
+        let empty = GrayImage::new(truth.mask.width(), truth.mask.height());
+        for index in self.still.drain(..) {
+            recorder.add_movers(simulator.stamp(index), &empty, &[])?;
+        }
+        let rows: Vec<MoverRow> = truth.boxes.iter().map(mover_row).collect();
+        recorder.add_movers(simulator.stamp(index), &truth.mask, &rows)?;
+        for d in simulator.detections(index, &self.noise) {
+            let detection = Detection {
+                class: ClassId::from_name(d.class).unwrap_or(ClassId::PERSON),
+                score: d.score,
+                bounds: BoundingBox {
+                    x0: d.x0,
+                    y0: d.y0,
+                    x1: d.x1,
+                    y1: d.y1,
+                },
+            };
+            // Jitter may leave nothing of a box at the image's border, and a script may not hold such a box.
+            if detection.bounds.width() >= 1.0 && detection.bounds.height() >= 1.0 {
+                let stamp = d.stamp;
+                self.detections.push(ScriptRow { stamp, detection });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn mover_row(seen: &MoverBox) -> MoverRow {
+    MoverRow {
+        mover: seen.mover,
+        bounds: [seen.x0, seen.y0, seen.x1, seen.y1],
+        visible_px: seen.visible_px,
+    }
 }

@@ -114,7 +114,7 @@ pub(crate) fn bench(
         suite: suite.name(),
         machine: Machine::here(),
         command: command_line(),
-        detector: plan.input.detector.clone(),
+        detector: plan.input.detector().to_owned(),
         sequences: found.iter().map(|f| row(f, plan, interrupt)).collect(),
     };
     write(&report, plan.out)?;
@@ -163,7 +163,7 @@ fn row(found: &Found, plan: &Plan<'_>, interrupt: &Interrupt) -> Row {
 }
 
 /// `None` without runs.
-fn figures(sequence: &Sequence) -> Option<Figures> {
+pub(crate) fn figures(sequence: &Sequence) -> Option<Figures> {
     let runs = &sequence.runs;
     let first = runs.first()?;
     let scores: Vec<&ScoreJson> = runs

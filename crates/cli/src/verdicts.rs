@@ -3,7 +3,7 @@
 use crate::failure::Failure;
 use crate::output::StreamedFile;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use stillpoint::slam::FrameReport;
 
 /// The columns: colour stamp, s; raw pixel; `static` or `dynamic`; reasons joined by `+`.
@@ -11,19 +11,28 @@ const HEADER: &str = "timestamp,u,v,verdict,reasons";
 
 /// The table in the making, written row by row as frames go by.
 #[derive(Debug)]
-pub(crate) struct VerdictFile(StreamedFile);
+pub(crate) struct VerdictFile {
+    file: StreamedFile,
+    path: PathBuf,
+    rows: usize,
+}
 
 impl VerdictFile {
     pub(crate) fn create(path: &Path) -> Result<Self, Failure> {
         let mut file = StreamedFile::create(path, "--verdicts")?;
         file.write(|w| writeln!(w, "{HEADER}"))?;
-        Ok(Self(file))
+        Ok(Self {
+            file,
+            path: path.to_owned(),
+            rows: 0,
+        })
     }
 
     /// One row per keypoint of a frame, whatever became of its pose.
     pub(crate) fn add(&mut self, report: &FrameReport) -> Result<(), Failure> {
         let stamp = report.stamp;
-        self.0.write(|w| {
+        self.rows += report.verdicts.len();
+        self.file.write(|w| {
             report.verdicts.iter().try_for_each(|v| {
                 let [x, y] = v.pixel;
                 let verdict = if v.dynamic { "dynamic" } else { "static" };
@@ -32,8 +41,13 @@ impl VerdictFile {
         })
     }
 
-    /// Puts the table where it belongs.
-    pub(crate) fn finish(self) -> Result<(), Failure> {
-        self.0.finish()
+    /// Puts the table where it belongs. Returns what there is, for the report.
+    pub(crate) fn finish(self) -> Result<String, Failure> {
+        self.file.finish()?;
+        Ok(format!(
+            "{} verdicts in {}\n",
+            self.rows,
+            self.path.display()
+        ))
     }
 }

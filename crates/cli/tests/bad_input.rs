@@ -327,6 +327,91 @@ fn arguments() {
 }
 
 #[test]
+fn detectors_that_cannot_be_used() {
+    let case = Case::new();
+    let file = |name: &str, text: &str| {
+        let path = case.dir.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let script = |name: &str, text: &str| format!("scripted:{}", file(name, text));
+    let header = "timestamp,class,score,x0,y0,x1,y1";
+    for (detector, parts) in [
+        (
+            "/no/such/model.onnx".to_owned(),
+            &["/no/such/model.onnx", "check the path"][..],
+        ),
+        (file("bad.onnx", "no model"), &["bad.onnx", "ONNX model"]),
+        ("/no/such.csv".to_owned(), &["scripted:/no/such.csv?"]),
+        (
+            "scripted:/no/such.csv".to_owned(),
+            &["/no/such.csv", "script of detections"],
+        ),
+        (
+            script("a.csv", "0.0,person,0.9,10,10\n"),
+            &["a.csv:1", header, "5 in"],
+        ),
+        (
+            script("b.csv", &format!("{header}\n0.0,persn,0.9,10,10,90,90\n")),
+            &["b.csv:2", "such as \"person\""],
+        ),
+        // A script of another recording would be ignored in silence.
+        (
+            script("c.csv", "1305031102.175304,person,0.9,10,10,90,90\n"),
+            &[
+                "c.csv",
+                "none of its 1 rows",
+                "12 frames",
+                "belongs to this recording",
+            ],
+        ),
+    ] {
+        case.fails(&["--detector", &detector], parts);
+    }
+    // Nothing seen in any frame is possible, and worth a word.
+    let empty = script("empty.csv", header);
+    let output = case.run(&["--detector", &empty]);
+    check(&output, 0, &["warning: ", "empty.csv", "no detections"]);
+}
+
+#[test]
+fn verdicts_and_pictures_that_cannot_be_written() {
+    let case = Case::new();
+    let file = case.dir.path().join("file");
+    std::fs::write(&file, "mine").unwrap();
+    let below = file.join("below");
+    let below = below.to_str().unwrap();
+    case.fails(
+        &["--verdicts", below],
+        &["file/below", "another with --verdicts"],
+    );
+    case.fails(
+        &["--overlay", below],
+        &["file/below", "another with --overlay"],
+    );
+    let folder = case.room();
+    let folder = folder.to_str().unwrap();
+    case.fails(
+        &["--verdicts", folder],
+        &["room", "another with --verdicts"],
+    );
+    let file = file.to_str().unwrap();
+    case.fails(
+        &["--overlay", file],
+        &["found a file", "another with --overlay"],
+    );
+    check(&case.run(&["--overlay-every", "2"]), 2, &["--overlay"]);
+    check(
+        &case.run(&["--overlay", "x", "--overlay-every", "0"]),
+        2,
+        &["--overlay-every"],
+    );
+    if cfg!(target_os = "linux") {
+        case.fails(&["--verdicts", "/dev/full"], &["/dev/full", "free space"]);
+    }
+}
+
+#[test]
 fn simulate_does_not_write_into_a_full_folder() {
     let case = Case::new();
     let room = case.room();
@@ -432,6 +517,23 @@ fn full_disk() {
         .unwrap();
     check(&output, 2, &["expected to write", "free space"]);
     case.old_result_is_untouched();
+    // Verdicts are written while frames go by: what was there before stays, and nothing else is left.
+    let table = case.dir.path().join("tables/v.csv");
+    std::fs::create_dir(case.dir.path().join("tables")).unwrap();
+    std::fs::write(&table, "old").unwrap();
+    let output = std::process::Command::new("sh")
+        .arg("-c")
+        .arg("trap '' XFSZ; ulimit -f 300; exec \"$0\" run \"$1\" --out \"$2\" --verdicts \"$3\"")
+        .arg(env!("CARGO_BIN_EXE_stillpoint"))
+        .arg(case.room())
+        .arg(case.out())
+        .arg(&table)
+        .output()
+        .unwrap();
+    check(&output, 2, &["v.csv: expected to write", "free space"]);
+    case.old_result_is_untouched();
+    assert_eq!(std::fs::read_to_string(&table).unwrap(), "old");
+    assert_eq!(files(&case.dir.path().join("tables")), [table]);
 }
 
 #[test]

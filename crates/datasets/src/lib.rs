@@ -66,7 +66,7 @@ pub use decode::{read_colour, read_depth, read_gray};
 pub use error::{DatasetError, Result};
 pub use layout::Layout;
 pub use read_ahead::ReadAhead;
-pub use recorder::{ColourFormat, Recorder};
+pub use recorder::{ColourFormat, MoverRow, Recorder};
 pub use source::{DatasetSource, FrameOptions};
 pub use trajectory::StampedPose;
 pub use write::write_atomic;

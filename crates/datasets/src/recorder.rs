@@ -10,7 +10,7 @@ use image::{ExtendedColorType, ImageEncoder};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::RgbdFrame;
+use stillpoint_imaging::{GrayImage, RgbdFrame};
 
 /// How colour images are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -36,9 +36,23 @@ const DEPTH_SCALE: f64 = 5000.0;
 /// Quality of JPEG images, of 100.
 const JPEG_QUALITY: u8 = 95;
 
+/// The box around the visible part of something that moves: a row of `boxes.csv`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MoverRow {
+    /// Its number, from 1: that of its pixels in the mask.
+    pub mover: u32,
+    /// Left, upper, right and lower border, px; pixel (0, 0) reaches from -0.5 to 0.5.
+    pub bounds: [f64; 4],
+    /// Number of its pixels in the mask.
+    pub visible_px: usize,
+}
+
+/// Columns of `boxes.csv`.
+const BOXES_HEADER: &str = "timestamp,mover,x0,y0,x1,y1,visible_px\n";
+
 /// Records frames and poses into a folder: `rgb/*.png` (or `.jpg`), `depth/*.png` (16 bit, 5000 per metre), `rgb.txt`,
-/// `depth.txt`, `groundtruth.txt` (when there are poses) and `camera.toml`. The lists are written last, by
-/// [`Recorder::finish`]: a folder without them is unfinished.
+/// `depth.txt`, `groundtruth.txt` (when there are poses) and `camera.toml`; of what moves, where it is known, `mask/*.png` and
+/// `boxes.csv`. The lists are written last, by [`Recorder::finish`]: a folder without them is unfinished.
 #[derive(Debug)]
 pub struct Recorder {
     folder: PathBuf,
@@ -48,6 +62,8 @@ pub struct Recorder {
     depth_list: String,
     poses: Vec<StampedPose>,
     last_stamps: Option<(f64, f64)>,
+    /// Rows of `boxes.csv`; `None` before the first mask.
+    boxes: Option<String>,
 }
 
 impl Recorder {
@@ -93,6 +109,7 @@ impl Recorder {
             depth_list: "# depth maps\n# timestamp filename\n".to_owned(),
             poses: Vec::new(),
             last_stamps: None,
+            boxes: None,
         })
     }
 
@@ -147,6 +164,35 @@ impl Recorder {
         Ok(())
     }
 
+    /// Writes what moves in the frame of a colour stamp (s): the mask, 0 where nothing moves and else the mover's number, as
+    /// `mask/` and the stamp; and the boxes as rows of `boxes.csv`.
+    ///
+    /// # Errors
+    /// [`DatasetError::Image`] when the size is not the camera's, [`DatasetError::Write`].
+    pub fn add_movers(&mut self, stamp: f64, mask: &GrayImage, movers: &[MoverRow]) -> Result<()> {
+        if self.boxes.is_none() {
+            let path = self.folder.join("mask");
+            std::fs::create_dir_all(&path)
+                .map_err(|source| DatasetError::Write { path, source })?;
+        }
+        let name = format!("mask/{stamp:.6}.png");
+        let size = (mask.width() as u32, mask.height() as u32);
+        crate::probe::check_size(&self.folder.join(&name), "mask", &self.camera, size)?;
+        let kind = ExtendedColorType::L8;
+        self.write_image(&name, ColourFormat::Png, mask.data(), kind, size)?;
+        let rows = self.boxes.get_or_insert_with(|| BOXES_HEADER.to_owned());
+        for row in movers {
+            let [x0, y0, x1, y1] = row.bounds;
+            // Writing to a String cannot fail.
+            let _ = writeln!(
+                rows,
+                "{stamp:.6},{},{x0:.1},{y0:.1},{x1:.1},{y1:.1},{}",
+                row.mover, row.visible_px
+            );
+        }
+        Ok(())
+    }
+
     /// Replaces the ground truth, which else holds the poses given with the frames: a denser one, as motion capture
     /// gives it.
     pub fn set_ground_truth(&mut self, poses: Vec<StampedPose>) {
@@ -162,6 +208,9 @@ impl Recorder {
             trajectory::write(&self.folder.join("groundtruth.txt"), &self.poses)?;
         }
         let write = |name: &str, text: &str| write_atomic(&self.folder.join(name), text.as_bytes());
+        if let Some(boxes) = &self.boxes {
+            write("boxes.csv", boxes)?;
+        }
         write("camera.toml", &self.camera.to_toml())?;
         write("depth.txt", &self.depth_list)?;
         write("rgb.txt", &self.rgb_list)
@@ -221,5 +270,37 @@ fn depth_to_raw(z: f32) -> u16 {
         raw as u16
     } else {
         0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn masks_have_the_camera_s_size_and_boxes_are_listed() {
+        let dir = tempfile::tempdir().unwrap();
+        let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+        let mut r = Recorder::create(dir.path(), &camera, "toy", ColourFormat::Png).unwrap();
+        let e = r.add_movers(0.5, &GrayImage::new(64, 47), &[]).unwrap_err();
+        assert!(e.to_string().contains("mask/0.500000.png"), "{e}");
+        let mut mask = GrayImage::new(64, 48);
+        mask.data_mut()[64 + 3] = 2;
+        let row = MoverRow {
+            mover: 2,
+            bounds: [2.5, 0.5, 3.5, 1.5],
+            visible_px: 1,
+        };
+        r.add_movers(0.5, &mask, &[row]).unwrap();
+        r.add_movers(0.6, &GrayImage::new(64, 48), &[]).unwrap();
+        r.finish().unwrap();
+        let boxes = std::fs::read_to_string(dir.path().join("boxes.csv")).unwrap();
+        assert_eq!(
+            boxes,
+            format!("{BOXES_HEADER}0.500000,2,2.5,0.5,3.5,1.5,1\n")
+        );
+        let image = image::open(dir.path().join("mask/0.500000.png")).unwrap();
+        assert_eq!(image.into_luma8().as_raw(), mask.data());
+        assert!(dir.path().join("mask/0.600000.png").exists());
     }
 }
