@@ -48,7 +48,7 @@ fn overview(rows: &[Row]) -> String {
     for row in rows {
         let ours = Variant::ALL.map(|v| {
             let cell = row.variants.iter().find(|c| c.variant == v.label());
-            cell.map_or_else(absent, |c| short(c))
+            cell.map_or_else(absent, short)
         });
         table.row([row.name.clone()].into_iter().chain(ours));
         if let Some(p) = &row.published {

@@ -79,16 +79,23 @@ fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<S
     let sources = sources?;
     args.plan().prepare()?;
     let mut sequences = Vec::new();
-    for (source, name) in sources.iter().zip(unique_names(&args.paths)) {
+    let names = unique_names(&args.paths);
+    for ((source, path), name) in sources.iter().zip(&args.paths).zip(names) {
         if interrupt.requested() {
             break;
         }
-        let prepared = source.prepare(&args.input, &args.out, seed)?;
+        let prepared = match source.prepare(&args.input, &args.out, seed) {
+            // Ctrl-C reaches the simulation too.
+            Err(_) if interrupt.requested() => break,
+            prepared => prepared?,
+        };
         let plan = Plan {
             input: &prepared.input,
             ..args.plan()
         };
-        let sequence = plan.run(&prepared.path, name, interrupt)?;
+        let mut sequence = plan.run(&prepared.path, name, interrupt)?;
+        // A scene is known by its name: its folder is gone soon.
+        sequence.path = path.display().to_string();
         if !sequence.runs.is_empty() {
             sequences.push(sequence);
         }

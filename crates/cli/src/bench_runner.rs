@@ -10,6 +10,9 @@ use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+/// Stands for the data set's folder in the name of a detector.
+const PLACE: &str = "{}";
+
 /// All runs of one data set.
 #[derive(Debug, Serialize)]
 pub(crate) struct Sequence {
@@ -113,13 +116,13 @@ impl Plan<'_> {
     pub(crate) fn once(&self, path: &Path, name: &str) -> Result<(Summary, Vec<u8>), Failure> {
         // Not every system takes the colon of a simulated scene in the name of a folder.
         let out = self.out.join("runs").join(name.replace(':', "_"));
-        let summary = run_once(&self.arguments(), path, &out)?;
+        let summary = run_once(&self.arguments(path), path, &out)?;
         let trajectory = std::fs::read(out.join("trajectory.txt")).unwrap_or_default();
         Ok((summary, trajectory))
     }
 
     /// The arguments that a run shares with the bench. Every field is named, so that one which is added cannot be forgotten.
-    fn arguments(&self) -> Vec<OsString> {
+    fn arguments(&self, path: &Path) -> Vec<OsString> {
         let InputArgs {
             camera,
             start,
@@ -138,6 +141,7 @@ impl Plan<'_> {
             add("--max-frames", n.to_string().into());
         }
         if let Some(detector) = detector {
+            let detector = detector.replace(PLACE, &path.display().to_string());
             add("--detector", detector.into());
         }
         if let Some(file) = config {
@@ -213,7 +217,7 @@ mod tests {
             camera: Some("tum_fr3".into()),
             start: 5,
             max_frames: Some(7),
-            detector: Some("scripted:boxes.csv".into()),
+            detector: Some("scripted:{}/boxes.csv".into()),
             strict: true,
         };
         let config = ConfigArgs {
@@ -227,10 +231,10 @@ mod tests {
             input: &input,
             config: &config,
         };
-        let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:boxes.csv --config my.toml \
+        let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --config my.toml \
                         --set a.b=1 --set a.c=2 --seed 9 --strict";
         let found: Vec<String> = plan
-            .arguments()
+            .arguments(Path::new("a"))
             .iter()
             .map(|a| a.to_string_lossy().into_owned())
             .collect();

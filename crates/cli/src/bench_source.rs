@@ -10,8 +10,6 @@ use stillpoint::simulator::{DetectionNoise, Simulator, SimulatorConfig};
 
 /// Begins the name of a simulated scene among the paths.
 const PREFIX: &str = "sim:";
-/// Stands for the data set's folder in the name of a detector.
-const PLACE: &str = "{}";
 
 /// One of the paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,13 +60,9 @@ impl Source {
     ) -> Result<Prepared, Failure> {
         let scene = match self {
             Self::Folder(path) => {
-                let here = |d: &String| d.replace(PLACE, &path.display().to_string());
                 return Ok(Prepared {
                     path: path.clone(),
-                    input: InputArgs {
-                        detector: input.detector.as_ref().map(here),
-                        ..input.clone()
-                    },
+                    input: input.clone(),
                     own: false,
                     _temporary: None,
                 });
@@ -85,8 +79,7 @@ impl Source {
         let detector = if own {
             Some(format!("scripted:{}", script.display()))
         } else {
-            let folder = path.display().to_string();
-            input.detector.as_ref().map(|d| d.replace(PLACE, &folder))
+            input.detector.clone()
         };
         Ok(Prepared {
             input: InputArgs {
