@@ -222,9 +222,7 @@ fn verdict(summary: &Summary) -> Status {
     if missing > 0 {
         console::line(&format!("{missing} of {} frames have no pose", s.frames));
     }
-    // A detector that never answers is none, and a result without the detector that was asked for is no success.
-    let blind = d.failed_frames > 0 && d.frames == 0;
-    if missing > 0 || s.tracked < 2 || s.interrupted || blind {
+    if missing > 0 || s.tracked < 2 || s.interrupted || d.never_answered() {
         Status::Failed
     } else {
         Status::Ok

@@ -178,10 +178,7 @@ struct Tally {
     last_lost: Option<FrameId>,
     last_frame: Option<FrameId>,
     features: FeaturesJson,
-    /// Frames that the detector looked at, what it found, and frames it failed on.
-    looked: usize,
-    detections: usize,
-    failed: usize,
+    detector: DetectorJson,
 }
 
 impl Tally {
@@ -200,15 +197,15 @@ impl Tally {
                     self.features.rejudged_landmarks += u64::from(report.landmarks);
                 }
                 Event::Detected(detections) => {
-                    self.looked += 1;
-                    self.detections += detections.items.len();
+                    self.detector.frames += 1;
+                    self.detector.detections += detections.items.len();
                 }
                 Event::DetectorFailed(e) => {
                     // The others are most likely the same; the number of them is told at the end.
-                    if self.failed == 0 {
+                    if self.detector.failed_frames == 0 {
                         console::warn(&format!("the detector failed: {e}"));
                     }
-                    self.failed += 1;
+                    self.detector.failed_frames += 1;
                 }
             }
         }
@@ -264,11 +261,13 @@ impl Tally {
         let info = system
             .detector()
             .map_or_else(|| NoDetector.info(), Detector::info);
-        let mut detector = DetectorJson::new(&info);
-        detector.remark = system.detector().and_then(Detector::remark);
-        detector.frames = self.looked;
-        detector.detections = self.detections;
-        detector.failed_frames = self.failed;
+        let detector = DetectorJson {
+            remark: system.detector().and_then(Detector::remark),
+            frames: self.detector.frames,
+            detections: self.detector.detections,
+            failed_frames: self.detector.failed_frames,
+            ..DetectorJson::new(&info)
+        };
         Session {
             detector,
             features: self.features,
@@ -282,5 +281,44 @@ impl Tally {
             keyframes,
             view,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint::detection::{BoundingBox, ClassId, DetectError, Detection, Detections};
+    use stillpoint::map::KeyframeId;
+    use stillpoint::slam::RejudgeReport;
+
+    #[test]
+    fn what_the_detector_says_is_counted() {
+        let frame = FrameId(3);
+        let person = Detection {
+            class: ClassId::PERSON,
+            score: 0.5,
+            bounds: BoundingBox::default(),
+        };
+        let seen = |n: usize| {
+            Event::Detected(Detections {
+                frame,
+                stamp: 0.1,
+                items: vec![person; n],
+            })
+        };
+        let failed = Event::DetectorFailed(DetectError::NoColour { frame });
+        let rejudged = Event::Rejudged(RejudgeReport {
+            keyframe: KeyframeId(3),
+            map_version: 1,
+            landmarks: 7,
+        });
+        let mut tally = Tally::default();
+        tally.take(&[failed.clone(), failed]);
+        assert!(tally.detector.never_answered());
+        tally.take(&[seen(2), seen(0), rejudged.clone(), rejudged]);
+        let d = &tally.detector;
+        assert_eq!((d.frames, d.detections, d.failed_frames), (2, 2, 2));
+        assert!(!d.never_answered());
+        assert_eq!(tally.features.rejudged_landmarks, 14);
     }
 }

@@ -111,6 +111,11 @@ impl DetectorJson {
             ..Self::default()
         }
     }
+
+    /// Whether it failed on every frame: a result without the detector that was asked for is no success.
+    pub(crate) fn never_answered(&self) -> bool {
+        self.failed_frames > 0 && self.frames == 0
+    }
 }
 
 /// Sums over all frames.
