@@ -6,6 +6,7 @@
 mod cells;
 mod config;
 mod history;
+mod rigid;
 mod segments;
 mod semantic;
 mod surfaces;
@@ -19,6 +20,7 @@ pub use verdict::{FeatureVerdict, Reasons};
 use crate::config::Config;
 use cells::Cells;
 use history::{History, Snapshot};
+use rigid::Vote;
 use segments::LIMIT;
 use semantic::{MOVER, Mover};
 use std::sync::Arc;
@@ -43,6 +45,12 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) camera_from_depth: Se3,
     /// Features: raw pixels.
     pub(crate) features: &'a [[f32; 2]],
+    /// Their depths, m; 0 where there is none.
+    pub(crate) depths: &'a [f32],
+    /// Where they were in the frame before; empty when that is not known of any.
+    pub(crate) pairs: &'a [Option<FlowPair>],
+    /// The camera's motion back to the frame before.
+    pub(crate) last_from_now: Se3,
 }
 
 /// A feature of the present frame and where it was in the frame before.
@@ -77,6 +85,7 @@ pub(crate) struct StaticFilter {
     config: StaticFilterConfig,
     weights: MotionWeights,
     coast: f64,
+    camera: Camera,
     cells: Cells,
     objects: ObjectTracker,
     /// Detections not taken in yet: those of the present frame wait for its pose.
@@ -93,6 +102,7 @@ impl StaticFilter {
             config: config.static_filter.clone(),
             weights: config.motion_weights.clone(),
             coast: config.objects.coast_seconds,
+            camera: *camera,
             surfaces: Surfaces::new(&cells),
             cells,
             objects: ObjectTracker::new(config.objects.clone(), *camera),
@@ -133,8 +143,9 @@ impl StaticFilter {
             world_from_depth: input.world_from_camera * input.camera_from_depth,
             view: input.view,
         };
+        let votes = self.rigid_votes(input);
         self.surfaces
-            .update(&self.cells, &self.history, &now, &movers);
+            .update(&self.cells, &self.history, &now, &movers, &votes);
         self.measure_rigidity(stamp, &grid, &movers);
         let mut verdicts: Vec<FeatureVerdict> = input
             .features
@@ -198,6 +209,19 @@ impl StaticFilter {
             movers.iter().any(|m| m.strength > 0.0 && m.holds(u, v, z))
         };
         (0..data.len() as u32).filter(on_mover).collect()
+    }
+
+    /// What the flow of each feature says of the surface it lies on.
+    fn rigid_votes(&self, input: &FrameInput<'_>) -> Vec<Vote> {
+        if !self.config.geometry {
+            return Vec::new();
+        }
+        let distance = |(pair, z): (&Option<FlowPair>, &f32)| {
+            rigid::distance_px(&self.camera, pair.as_ref()?, *z, &input.last_from_now)
+        };
+        let distances: Vec<Option<f64>> =
+            input.pairs.iter().zip(input.depths).map(distance).collect();
+        rigid::votes(&self.cells, input.features, &distances)
     }
 
     /// Tells the objects which part of their surface stands still.

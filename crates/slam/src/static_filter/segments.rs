@@ -29,44 +29,44 @@ impl Links {
         Self(links)
     }
 
-    /// Spreads each cell's own evidence over the region it belongs to: solves
+    /// Spreads each cell's own value over the region it belongs to: solves
     /// `x_i = clamp(own_i + COUPLING * mean of joined neighbours x_j)` by symmetric Gauss-Seidel sweeps.
-    pub(super) fn spread(&self, cells: &Cells, own: &[f32], odds: &mut Vec<f32>) {
-        odds.clear();
-        odds.extend(own.iter().map(|v| v.clamp(-LIMIT, LIMIT)));
+    pub(super) fn spread(&self, cells: &Cells, own: &[f32], values: &mut Vec<f32>) {
+        values.clear();
+        values.extend(own.iter().map(|v| v.clamp(-LIMIT, LIMIT)));
         let n = own.len();
         for _ in 0..SWEEPS {
             for i in 0..n {
-                self.update(cells.width, i, own, odds);
+                self.update(cells.width, i, own, values);
             }
             for i in (0..n).rev() {
-                self.update(cells.width, i, own, odds);
+                self.update(cells.width, i, own, values);
             }
         }
     }
 
-    fn update(&self, w: usize, i: usize, own: &[f32], odds: &mut [f32]) {
+    fn update(&self, w: usize, i: usize, own: &[f32], values: &mut [f32]) {
         let (mut sum, mut count) = (0.0, 0.0);
         let links = &self.0;
         if links[i] & 1 != 0 {
-            sum += odds[i + 1];
+            sum += values[i + 1];
             count += 1.0;
         }
         if links[i] & 2 != 0 {
-            sum += odds[i + w];
+            sum += values[i + w];
             count += 1.0;
         }
         // The rightmost cell of a row is never joined to its right, so the previous index is a neighbour whenever it says so.
         if i > 0 && links[i - 1] & 1 != 0 {
-            sum += odds[i - 1];
+            sum += values[i - 1];
             count += 1.0;
         }
         if i >= w && links[i - w] & 2 != 0 {
-            sum += odds[i - w];
+            sum += values[i - w];
             count += 1.0;
         }
         if count > 0.0 {
-            odds[i] = (own[i] + COUPLING * sum / count).clamp(-LIMIT, LIMIT);
+            values[i] = (own[i] + COUPLING * sum / count).clamp(-LIMIT, LIMIT);
         }
     }
 }

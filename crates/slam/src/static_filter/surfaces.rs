@@ -3,6 +3,7 @@
 
 use super::cells::Cells;
 use super::history::History;
+use super::rigid::Vote;
 use super::segments::Links;
 use super::semantic::Mover;
 use super::visibility::{self, Earlier};
@@ -15,12 +16,27 @@ const AGES: [f64; 5] = [0.2, 0.4, 0.8, 1.6, 3.0];
 /// Share of a surface's log odds that it keeps from frame to frame.
 const KEEP: f32 = 0.85;
 
+/// Log odds of a surface whose features all move, by flow; at `NEUTRAL` of them it is even.
+const FLOW: f32 = 8.0;
+const NEUTRAL: f32 = 0.35;
+/// Votes, after spreading, that are worth half of what many are.
+const HALF_VOTES: f32 = 0.5;
+
+/// Log odds from which a surface is sure to move, or with a minus sign, not to.
+const SURE: f32 = 3.0;
+/// How long a thing that moved and stopped is suspected, s.
+const MEMORY: f64 = 6.0;
+/// Log odds of a thing that has just stopped.
+const SUSPECT: f32 = 1.5;
+
 /// Log odds of "moving" per cell.
 pub(super) struct Surfaces {
     /// After spreading: the answer.
     pub(super) odds: Vec<f32>,
-    /// Of free space alone, this frame: negative where the surface was seen to stand still.
+    /// Of free space and flow alone, this frame: negative where the surface was seen to stand still.
     pub(super) evidence: Vec<f32>,
+    /// When each cell's surface was last seen to move, s; forgotten when it turns out to have been there before.
+    pub(super) moved_at: Vec<Option<f64>>,
 }
 
 /// The frame whose surfaces are judged.
@@ -36,24 +52,68 @@ impl Surfaces {
         Self {
             odds: vec![0.0; cells.count()],
             evidence: vec![0.0; cells.count()],
+            moved_at: vec![None; cells.count()],
         }
     }
 
-    /// Judges the surfaces of a frame, given those of the frame before.
+    /// Judges the surfaces of a frame, given those of the frame before, the objects and what the flow of its features says.
     pub(super) fn update(
         &mut self,
         cells: &Cells,
         history: &History,
         now: &Now<'_>,
         movers: &[Mover],
+        votes: &[Vote],
     ) {
+        let links = Links::new(cells, now.grid.data());
         let mut own = self.carry(cells, history, now);
+        for (o, t) in own.iter_mut().zip(&self.moved_at) {
+            *o += t.map_or(0.0, |t| suspicion(now.stamp - t));
+        }
         self.weigh_free_space(cells, history, now);
+        self.weigh_flow(cells, &links, votes);
         for (o, e) in own.iter_mut().zip(&self.evidence) {
             *o += e;
         }
         add_movers(now.grid, movers, &mut own);
-        Links::new(cells, now.grid.data()).spread(cells, &own, &mut self.odds);
+        links.spread(cells, &own, &mut self.odds);
+        for (t, odds) in self.moved_at.iter_mut().zip(&self.odds) {
+            if *odds > SURE {
+                *t = Some(now.stamp);
+            } else if *odds < -SURE || t.is_some_and(|t| now.stamp - t > MEMORY) {
+                *t = None;
+            }
+        }
+    }
+
+    /// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
+    /// says that it moves, agreement of depths counts for nothing.
+    fn weigh_flow(&mut self, cells: &Cells, links: &Links, votes: &[Vote]) {
+        if votes.is_empty() {
+            return;
+        }
+        let (mut moving, mut all) = (vec![0.0; cells.count()], vec![0.0; cells.count()]);
+        for v in votes {
+            all[v.cell] += 1.0;
+            moving[v.cell] += f32::from(u8::from(v.moving));
+        }
+        let (mut near_moving, mut near_all) = (Vec::new(), Vec::new());
+        links.spread(cells, &moving, &mut near_moving);
+        links.spread(cells, &all, &mut near_all);
+        for (e, (m, n)) in self
+            .evidence
+            .iter_mut()
+            .zip(near_moving.iter().zip(&near_all))
+        {
+            if *n <= 0.0 {
+                continue;
+            }
+            let (share, trust) = (m / n, n / (n + HALF_VOTES));
+            if *e < 0.0 {
+                *e *= 1.0 - trust * share;
+            }
+            *e += FLOW * trust * (share - NEUTRAL);
+        }
     }
 
     fn weigh_free_space(&mut self, cells: &Cells, history: &History, now: &Now<'_>) {
@@ -62,15 +122,23 @@ impl Surfaces {
             let earlier = Earlier {
                 grid: &s.grid,
                 earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
+                stamp: s.stamp,
                 age: now.stamp - s.stamp,
             };
-            visibility::add_evidence(cells, now.grid, &earlier, &mut self.evidence);
+            visibility::add_evidence(
+                cells,
+                now.grid,
+                &earlier,
+                &self.moved_at,
+                &mut self.evidence,
+            );
         }
     }
 
     /// The log odds of the last frame, carried to this one's cells along the surfaces they belong to.
-    fn carry(&self, cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32> {
+    fn carry(&mut self, cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32> {
         let mut own = vec![0.0; cells.count()];
+        let moved_before = std::mem::replace(&mut self.moved_at, vec![None; cells.count()]);
         let Some(last) = history.last() else {
             return own;
         };
@@ -85,18 +153,33 @@ impl Surfaces {
             let Some(place) = cells.project(p) else {
                 continue;
             };
-            let (mut sum, mut count) = (0.0, 0.0);
+            let (mut sum, mut count, mut moved) = (0.0, 0.0, None);
             for near in cells.around(place, 1) {
                 if before[near] > 0.0 && (before[near] - p[2]).abs() < 0.05 + 0.01 * p[2] {
                     sum += self.odds[near];
                     count += 1.0;
+                    moved = later(moved, moved_before[near]);
                 }
             }
             if count > 0.0 {
+                self.moved_at[cell] = moved;
                 own[cell] = KEEP * sum / count;
             }
         }
         own
+    }
+}
+
+/// Log odds of "moving" of what moved `since` seconds ago and has stood still since: somebody who stops for a moment goes
+/// on without warning.
+fn suspicion(since: f64) -> f32 {
+    SUSPECT * (1.0 - since / MEMORY).max(0.0) as f32
+}
+
+fn later(a: Option<f64>, b: Option<f64>) -> Option<f64> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.max(b)),
+        (a, b) => a.or(b),
     }
 }
 

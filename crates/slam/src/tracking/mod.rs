@@ -22,7 +22,7 @@ use crate::config::Config;
 use crate::event::{FrameCounts, FrameReport, LostReason, Outcome};
 use crate::messages::{LandmarkStatistic, MapperMsg, NewKeyframe, Tracked};
 use crate::sensor::Timing;
-use crate::static_filter::{FrameInput, Judgement, Place, StaticFilter};
+use crate::static_filter::{FlowPair, FrameInput, Judgement, Place, StaticFilter};
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use frame::Observer;
 use local_map::{LocalMap, SearchArea};
@@ -176,15 +176,20 @@ impl Tracker {
         data: &KeyframeData,
         world_from_camera: &Se3,
         velocity: Option<&Vec6>,
+        pairs: &[Option<FlowPair>],
         notes: &mut Notes,
     ) {
         let features: Vec<[f32; 2]> = data.keypoints.iter().map(|k| [k.x, k.y]).collect();
+        let last = self.last.as_ref().map(|l| l.world_from_camera);
         notes.judgement = self.filter.judge(&FrameInput {
             frame,
             view: &self.view,
             world_from_camera: *world_from_camera,
             camera_from_depth: self.camera_from_depth(frame, velocity),
             features: &features,
+            depths: &data.depths,
+            pairs,
+            last_from_now: last.unwrap_or_default().inverse() * *world_from_camera,
         });
         let verdicts = &notes.judgement.verdicts;
         notes.counts.dynamic = verdicts.iter().filter(|v| v.dynamic).count() as u32;
@@ -200,7 +205,7 @@ impl Tracker {
     /// Begins a map with the first frame that has enough depth.
     fn initialise(&mut self, frame: &RgbdFrame, data: &KeyframeData, mut notes: Notes) -> Tracked {
         let pose = Se3::identity();
-        self.judge(frame, data, &pose, None, &mut notes);
+        self.judge(frame, data, &pose, None, &[], &mut notes);
         let timing = self.calibration.timing();
         let data = self
             .observer
@@ -266,7 +271,14 @@ impl Tracker {
         let (matches, pose) = self.match_last_frame(&data, reference, &predicted)?;
         notes.counts.frame_matches = matches.count as u32;
         let velocity = self.velocity_to(&pose, frame.stamp);
-        self.judge(frame, &data, &pose.inverse(), velocity.as_ref(), notes);
+        self.judge(
+            frame,
+            &data,
+            &pose.inverse(),
+            velocity.as_ref(),
+            &pairs,
+            notes,
+        );
         let data = self.observer.measure(
             frame,
             velocity.as_ref(),
