@@ -6,6 +6,7 @@
 mod axes;
 mod canvas;
 mod colour;
+mod comparison;
 mod font;
 mod legend;
 mod png;
@@ -14,6 +15,7 @@ mod timing;
 mod trajectory;
 
 pub use canvas::Figure;
+pub use comparison::{Compared, comparison_figure};
 pub use png::PlotError;
 pub use timing::{Series, timing_figure};
 pub use trajectory::{drift_figure, poses_figure, trajectory_figure};

@@ -10,15 +10,15 @@ use stillpoint_geometry::{Alignment, Se3, Vec3};
 
 /// Size of a title, px.
 pub(super) const TITLE: f64 = 18.0;
-const NAMES: [&str; 3] = ["x", "y", "z"];
+pub(super) const NAMES: [&str; 3] = ["x", "y", "z"];
 
 /// Millimetres, or metres when errors are that large: unit and factor.
-fn error_unit(max: f64) -> (&'static str, f64) {
+pub(super) fn error_unit(max: f64) -> (&'static str, f64) {
     if max < 2.0 { ("mm", 1e3) } else { ("m", 1.0) }
 }
 
 /// Runs of pairs without a gap in time: within them, lines are drawn.
-fn runs(pairs: &[PairError]) -> Vec<&[PairError]> {
+pub(super) fn runs(pairs: &[PairError]) -> Vec<&[PairError]> {
     let mut steps: Vec<f64> = pairs.windows(2).map(|w| w[1].stamp - w[0].stamp).collect();
     steps.sort_unstable_by(f64::total_cmp);
     let gap = 3.5 * steps.get(steps.len() / 2).copied().unwrap_or_default();
@@ -27,7 +27,7 @@ fn runs(pairs: &[PairError]) -> Vec<&[PairError]> {
 
 /// The two axes along which the ground truth extends most (the estimate, when the ground truth stands still), in their
 /// order.
-fn widest_axes(pairs: &[PairError]) -> (usize, usize) {
+pub(super) fn widest_axes(pairs: &[PairError]) -> (usize, usize) {
     let extents = |f: fn(&PairError) -> Vec3| {
         [0, 1, 2].map(|axis| {
             let values = || pairs.iter().map(|p| f(p)[axis]);
