@@ -5,11 +5,11 @@ use crate::output::ResultFolder;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
-use stillpoint::detection::{Motion, Object, ObjectState};
+use stillpoint::detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint::imaging::RgbdFrame;
 use stillpoint::slam::{FrameReport, Outcome, Reasons};
 use stillpoint::view::{
-    Animation, AnimationOptions, Colour, Keypoint, Mark, Overlay, OverlayBox, ViewError, draw,
+    Animation, AnimationOptions, Colour, Keypoint, Mark, Overlay, OverlayBox, Picture, ViewError, draw,
     write_png,
 };
 
@@ -27,6 +27,7 @@ pub(crate) struct OverlayFolder {
     every: usize,
     /// Frames that went by.
     seen: usize,
+    weights: MotionWeights,
     animation: Animation<BufWriter<File>>,
 }
 
@@ -37,6 +38,7 @@ impl OverlayFolder {
         every: usize,
         frames: usize,
         rate: f64,
+        weights: &MotionWeights,
     ) -> Result<Self, Failure> {
         let mut folder = ResultFolder::create_of(out, OPTION, is_ours)?;
         let pictures = frames.div_ceil(every) as f64;
@@ -53,6 +55,7 @@ impl OverlayFolder {
             folder,
             every,
             seen: 0,
+            weights: weights.clone(),
             animation,
         })
     }
@@ -65,29 +68,7 @@ impl OverlayFolder {
 
     /// Draws a frame.
     pub(crate) fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
-        let keypoints: Vec<Keypoint> = report
-            .verdicts
-            .iter()
-            .map(|v| {
-                let [x, y] = v.pixel;
-                let mark = if v.dynamic {
-                    Mark::Dynamic(colour_of(v.reasons))
-                } else {
-                    Mark::Static
-                };
-                (x, y, mark)
-            })
-            .collect();
-        let boxes: Vec<OverlayBox> = report.objects.iter().map(overlay_box).collect();
-        let picture = draw(
-            frame,
-            &Overlay {
-                keypoints: &keypoints,
-                boxes: &boxes,
-                cells: None,
-                caption: &caption(report),
-            },
-        );
+        let picture = picture(frame, report, &self.weights);
         let name = format!("{:06}.png", report.frame.0);
         let mut png = Vec::new();
         write_png(&picture, &mut png)
@@ -109,6 +90,36 @@ impl OverlayFolder {
             self.out.display()
         ))
     }
+}
+
+/// A frame with what the system said of it drawn over it. Boxes of what is likelier to move are drawn over the others.
+pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, weights: &MotionWeights) -> Picture {
+    let keypoints: Vec<Keypoint> = report
+        .verdicts
+        .iter()
+        .map(|v| {
+            let [x, y] = v.pixel;
+            let mark = if v.dynamic {
+                Mark::Dynamic(colour_of(v.reasons))
+            } else {
+                Mark::Static
+            };
+            (x, y, mark)
+        })
+        .collect();
+    let mut objects: Vec<&Object> = report.objects.iter().collect();
+    let weight = |object: &Object| weights.get(object.class);
+    objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
+    let boxes: Vec<OverlayBox> = objects.into_iter().map(overlay_box).collect();
+    draw(
+        frame,
+        &Overlay {
+            keypoints: &keypoints,
+            boxes: &boxes,
+            cells: None,
+            caption: &caption(report),
+        },
+    )
 }
 
 /// The files that a folder of pictures may hold: an older result's are removed.

@@ -38,7 +38,7 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
     let frames = dataset.frames(&options)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
     let folder = ResultFolder::create(&out)?;
-    let mut outputs = outputs(args, &dataset, frames.remaining())?;
+    let mut outputs = outputs(args, &config, &dataset, frames.remaining())?;
     let interrupt = Interrupt::listen();
     let driver = Driver {
         config: config.clone(),
@@ -68,11 +68,22 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
 }
 
 /// What is written while frames go by. `frames` is their number where known.
-fn outputs(args: &RunArgs, dataset: &Dataset, frames: Option<usize>) -> Result<Outputs, Failure> {
+fn outputs(
+    args: &RunArgs,
+    config: &Config,
+    dataset: &Dataset,
+    frames: Option<usize>,
+) -> Result<Outputs, Failure> {
     let overlay = |folder: &PathBuf| {
         let every = args.overlay_every as usize;
         let frames = frames.unwrap_or(dataset.entries().len());
-        OverlayFolder::create(folder, every, frames, rate(dataset.entries()))
+        OverlayFolder::create(
+            folder,
+            every,
+            frames,
+            rate(dataset.entries()),
+            &config.motion_weights,
+        )
     };
     // Folders first: the file may lie in one of them.
     let overlay = args.overlay.as_ref().map(overlay).transpose()?;
@@ -80,6 +91,7 @@ fn outputs(args: &RunArgs, dataset: &Dataset, frames: Option<usize>) -> Result<O
     Ok(Outputs {
         verdicts: verdicts.transpose()?,
         overlay,
+        shots: None,
     })
 }
 
@@ -133,12 +145,24 @@ pub(crate) struct Setup<'a> {
 }
 
 /// Scores a session, writes its result, prints the report, and says how it ended.
-pub(crate) fn finish(
+fn finish(
+    setup: &Setup<'_>,
+    session: &Session,
+    folder: ResultFolder,
+    out: &Path,
+) -> Result<Status, Failure> {
+    let (summary, _) = write(setup, session, folder)?;
+    console::report(&report::run_text(&summary));
+    console::report(&format!("result in {}\n", out.display()));
+    Ok(verdict(&summary))
+}
+
+/// Scores a session and writes its result. Returns the figures and the score of the final poses.
+pub(crate) fn write(
     setup: &Setup<'_>,
     session: &Session,
     mut folder: ResultFolder,
-    out: &Path,
-) -> Result<Status, Failure> {
+) -> Result<(Summary, Option<Score>), Failure> {
     let scores = setup.truth.and_then(|truth| scores(truth, session));
     let poses = |p: &[StampedPose]| trajectory::format(p).into_bytes();
     folder.write("trajectory.txt", &poses(&session.final_poses))?;
@@ -155,9 +179,7 @@ pub(crate) fn finish(
     let json = serde_json::to_string_pretty(&summary).map_err(Failure::input)?;
     folder.write("summary.json", format!("{json}\n").as_bytes())?;
     folder.commit()?;
-    console::report(&report::run_text(&summary));
-    console::report(&format!("result in {}\n", out.display()));
-    Ok(verdict(&summary))
+    Ok((summary, scores.map(|(final_score, _)| final_score)))
 }
 
 /// The plots of a result: the final poses, against the ground truth where there is any, and the times.
@@ -194,7 +216,7 @@ pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -
 }
 
 /// Says what went wrong, if anything did.
-fn verdict(summary: &Summary) -> Status {
+pub(crate) fn verdict(summary: &Summary) -> Status {
     let s = summary;
     if s.interrupted {
         console::line(&format!(
