@@ -14,6 +14,8 @@ pub(super) struct Snapshot {
     pub(super) frame: FrameId,
     pub(super) stamp: f64,
     pub(super) grid: Arc<CoarseDepth>,
+    /// Per cell, whether it was found to move.
+    pub(super) moving: Vec<bool>,
     /// The reference keyframe of its time, and poses relative to it, so that they follow every correction of the map.
     reference: KeyframeId,
     reference_from_camera: Se3,
@@ -58,6 +60,7 @@ impl History {
         frame: FrameId,
         stamp: f64,
         grid: Arc<CoarseDepth>,
+        moving: Vec<bool>,
         place: &Place,
     ) {
         // A clock that jumps back makes everything remembered worthless for comparison by age.
@@ -71,6 +74,7 @@ impl History {
             frame,
             stamp,
             grid,
+            moving,
             reference: place.reference,
             reference_from_camera: place.reference_from_camera,
             camera_from_depth: place.camera_from_depth,

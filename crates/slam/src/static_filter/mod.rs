@@ -170,7 +170,8 @@ impl StaticFilter {
     /// Keeps the frame just judged for later comparison, once its pose is known.
     pub(crate) fn remember(&mut self, place: &Place) {
         if let Some((frame, stamp, grid)) = self.present.take() {
-            self.history.push(frame, stamp, grid, place);
+            let moving = self.surfaces.odds.iter().map(|o| *o > THRESHOLD).collect();
+            self.history.push(frame, stamp, grid, moving, place);
         }
     }
 

@@ -121,6 +121,7 @@ impl Surfaces {
         for s in history.at_ages(now.stamp, &AGES) {
             let earlier = Earlier {
                 grid: &s.grid,
+                moving: &s.moving,
                 earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
                 stamp: s.stamp,
                 age: now.stamp - s.stamp,

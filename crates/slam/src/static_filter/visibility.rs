@@ -22,6 +22,8 @@ const MIN_VALID: u32 = 5;
 /// An earlier frame's depth, with its pose at the depth image's stamp.
 pub(super) struct Earlier<'a> {
     pub(super) grid: &'a CoarseDepth,
+    /// Per cell, whether it was found to move.
+    pub(super) moving: &'a [bool],
     pub(super) earlier_from_now: Se3,
     /// When it was taken, s.
     pub(super) stamp: f64,
@@ -71,7 +73,7 @@ pub(super) fn add_evidence(
         let Some(place) = cells.project(p).filter(|c| cells.has_neighbours(*c)) else {
             continue;
         };
-        match compare(before, cells.width, place, p[2]) {
+        match compare((before, earlier.moving), cells.width, place, p[2]) {
             Seen::Through => evidence[cell] += SEEN_THROUGH,
             // Of a thing that was seen to move, having stopped since says nothing: it may go on at any time.
             Seen::Same if moved_at[cell].is_some_and(|t| earlier.stamp > t - MARGIN) => {}
@@ -92,15 +94,22 @@ pub(super) enum Seen {
     Hidden,
 }
 
-/// Compares a depth with the 3x3 cells around its place.
-pub(super) fn compare(before: &[f32], width: usize, place: usize, z: f32) -> Seen {
+/// Compares a depth with the 3x3 cells around its place. A surface that was moving then and is at the same depth is not the
+/// same thing standing still: large things overlap with where they were.
+pub(super) fn compare(
+    (before, moving): (&[f32], &[bool]),
+    width: usize,
+    place: usize,
+    z: f32,
+) -> Seen {
     let tolerance = depth_tolerance(z);
     let (mut valid, mut farther, mut same) = (0, 0, false);
     for row in [place - width, place, place + width] {
-        for &there in &before[row - 1..=row + 1] {
+        for i in row - 1..=row + 1 {
+            let there = before[i];
             valid += u32::from(there > 0.0);
             farther += u32::from(there > z + tolerance);
-            same |= there > 0.0 && (there - z).abs() <= tolerance;
+            same |= there > 0.0 && (there - z).abs() <= tolerance && !moving[i];
         }
     }
     if same {
