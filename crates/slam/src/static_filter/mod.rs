@@ -170,7 +170,12 @@ impl StaticFilter {
     /// Keeps the frame just judged for later comparison, once its pose is known.
     pub(crate) fn remember(&mut self, place: &Place) {
         if let Some((frame, stamp, grid)) = self.present.take() {
-            let moving = self.surfaces.odds.iter().map(|o| *o > THRESHOLD).collect();
+            let moving = self
+                .surfaces
+                .motion
+                .iter()
+                .map(|o| *o > THRESHOLD)
+                .collect();
             self.history.push(frame, stamp, grid, moving, place);
         }
     }

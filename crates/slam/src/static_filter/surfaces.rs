@@ -33,6 +33,9 @@ const SUSPECT: f32 = 1.5;
 pub(super) struct Surfaces {
     /// After spreading: the answer.
     pub(super) odds: Vec<f32>,
+    /// The same without objects: what is remembered from frame to frame. A box on a surface that stands still leaves no
+    /// trace when it goes.
+    pub(super) motion: Vec<f32>,
     /// Of free space and flow alone, this frame: negative where the surface was seen to stand still.
     pub(super) evidence: Vec<f32>,
     /// When each cell's surface was last seen to move, s; forgotten when it turns out to have been there before.
@@ -51,6 +54,7 @@ impl Surfaces {
     pub(super) fn new(cells: &Cells) -> Self {
         Self {
             odds: vec![0.0; cells.count()],
+            motion: vec![0.0; cells.count()],
             evidence: vec![0.0; cells.count()],
             moved_at: vec![None; cells.count()],
         }
@@ -75,9 +79,10 @@ impl Surfaces {
         for (o, e) in own.iter_mut().zip(&self.evidence) {
             *o += e;
         }
+        links.spread(cells, &own, &mut self.motion);
         add_movers(now.grid, movers, &mut own);
         links.spread(cells, &own, &mut self.odds);
-        for (t, odds) in self.moved_at.iter_mut().zip(&self.odds) {
+        for (t, odds) in self.moved_at.iter_mut().zip(&self.motion) {
             if *odds > SURE {
                 *t = Some(now.stamp);
             } else if *odds < -SURE || t.is_some_and(|t| now.stamp - t > MEMORY) {
@@ -157,7 +162,7 @@ impl Surfaces {
             let (mut sum, mut count, mut moved) = (0.0, 0.0, None);
             for near in cells.around(place, 1) {
                 if before[near] > 0.0 && (before[near] - p[2]).abs() < 0.05 + 0.01 * p[2] {
-                    sum += self.odds[near];
+                    sum += self.motion[near];
                     count += 1.0;
                     moved = later(moved, moved_before[near]);
                 }

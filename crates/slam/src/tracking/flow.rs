@@ -22,6 +22,8 @@ const PRIOR_SIGMA_RAD: f64 = 0.02;
 const MAX_PAIRS: usize = 300;
 /// The motion is believed when pairs with this share of the weight agree on it.
 const MIN_WEIGHT_SHARE: f64 = 0.4;
+/// Features farther than this from where a static scene would have them are looked at again, px.
+const RECHECK_PX: f64 = 1.5;
 /// Depth taken for a feature that has none, m, where only a guess depends on it.
 const TYPICAL_DEPTH: f64 = 2.0;
 
@@ -50,6 +52,37 @@ impl Tracker {
         };
         let guesses: Vec<[f32; 2]> = (0..data.len()).map(guess).collect();
         self.observer.flow_to_previous(&guesses)
+    }
+
+    /// Looks again at features that seem to move, from where a static scene would have them: on a keyboard or a shirt one key or
+    /// check looks like the next. What is found there stands still.
+    pub(super) fn recheck_flow(
+        &mut self,
+        data: &KeyframeData,
+        pairs: &mut [Option<FlowPair>],
+        camera_from_world: &Se3,
+    ) {
+        let Some(last) = &self.last else { return };
+        let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
+        let mut again = Vec::new();
+        for (i, pair) in pairs.iter().enumerate() {
+            let Some((pair, z)) = pair.as_ref().zip(data.depth(i)) else {
+                continue;
+            };
+            let p = last_from_now.transform(&data.camera.backproject(pair.now, z));
+            if p.z <= 0.05 {
+                continue;
+            }
+            let expected = data.camera.project(&p);
+            if (pair.before - expected).norm() > RECHECK_PX {
+                again.push((i, data.camera.distort(expected)));
+            }
+        }
+        for ((i, expected), found) in again.iter().zip(self.observer.flow_again(&again)) {
+            if let Some(found) = found.filter(|f| (f.1 - expected).norm() < RECHECK_PX) {
+                pairs[*i] = Some(found.0);
+            }
+        }
     }
 
     /// The camera's motion since the last frame by a vote of the flow, as the pose it leads to. Features on surfaces that moved
@@ -115,26 +148,44 @@ impl Tracker {
 
 impl Observer {
     /// Finds the features of the last image in the one before.
-    pub(super) fn flow_to_previous(&mut self, guesses: &[[f32; 2]]) -> Vec<Option<FlowPair>> {
-        let _span = tracing::info_span!("flow").entered();
-        self.points.clear();
-        self.points
-            .extend(self.features.keypoints.iter().map(|k| [k.x, k.y]));
-        self.flow.track(
-            self.extractor.pyramid(),
-            self.extractor.previous_pyramid(),
-            &self.points,
-            Some(guesses),
-            &mut self.found,
-        );
-        let pair = |(found, now): (&Option<FlowMatch>, &Vec2)| {
-            let before_raw = found.as_ref()?.position;
-            Some(FlowPair {
-                before_raw,
-                before: self.camera.undistort(before_raw.map(f64::from).into()),
-                now: *now,
-            })
+    fn flow_to_previous(&mut self, guesses: &[[f32; 2]]) -> Vec<Option<FlowPair>> {
+        let points: Vec<[f32; 2]> = self.features.keypoints.iter().map(|k| [k.x, k.y]).collect();
+        let found = self.track_back(&points, guesses);
+        let pair = |(found, now): (Option<FlowMatch>, &Vec2)| Some(self.pair(&found?, now).0);
+        found.into_iter().zip(&self.undistorted).map(pair).collect()
+    }
+
+    /// The same for some features, from a raw pixel each; with what is found the raw pixel.
+    fn flow_again(&mut self, features: &[(usize, Vec2)]) -> Vec<Option<(FlowPair, Vec2)>> {
+        let raw = |f: &(usize, Vec2)| {
+            let k = &self.features.keypoints[f.0];
+            ([k.x, k.y], [f.1.x as f32, f.1.y as f32])
         };
-        self.found.iter().zip(&self.undistorted).map(pair).collect()
+        let (points, guesses): (Vec<_>, Vec<_>) = features.iter().map(raw).unzip();
+        let found = self.track_back(&points, &guesses);
+        let pair = |(found, f): (Option<FlowMatch>, &(usize, Vec2))| {
+            Some(self.pair(&found?, &self.undistorted[f.0]))
+        };
+        found.into_iter().zip(features).map(pair).collect()
+    }
+
+    fn track_back(&mut self, points: &[[f32; 2]], guesses: &[[f32; 2]]) -> Vec<Option<FlowMatch>> {
+        let _span = tracing::info_span!("flow").entered();
+        let mut found = Vec::with_capacity(points.len());
+        let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
+        self.flow
+            .track(now, before, points, Some(guesses), &mut found);
+        found
+    }
+
+    fn pair(&self, found: &FlowMatch, now: &Vec2) -> (FlowPair, Vec2) {
+        let before_raw = found.position;
+        let raw = Vec2::from(before_raw.map(f64::from));
+        let pair = FlowPair {
+            before_raw,
+            before: self.camera.undistort(raw),
+            now: *now,
+        };
+        (pair, raw)
     }
 }

@@ -3,9 +3,7 @@
 use crate::sensor::{DepthReader, SensorConfig, Timing};
 use crate::static_filter::FeatureVerdict;
 use std::sync::Arc;
-use stillpoint_features::{
-    FeatureGrid, Features, Flow, FlowConfig, FlowMatch, OrbConfig, OrbExtractor,
-};
+use stillpoint_features::{FeatureGrid, Features, Flow, FlowConfig, OrbConfig, OrbExtractor};
 use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_map::KeyframeData;
@@ -20,9 +18,6 @@ pub(super) struct Observer {
     pub(super) extractor: OrbExtractor,
     pub(super) features: Features,
     pub(super) flow: Flow,
-    /// Buffers of the flow.
-    pub(super) points: Vec<[f32; 2]>,
-    pub(super) found: Vec<Option<FlowMatch>>,
     /// Undistorted pixels of `features`, as exposed row by row.
     pub(super) undistorted: Vec<Vec2>,
     /// Standard deviation of a keypoint on each level, px.
@@ -44,8 +39,6 @@ impl Observer {
             extractor: OrbExtractor::new(orb, simd),
             features: Features::default(),
             flow: Flow::new(FlowConfig::default(), simd),
-            points: Vec::new(),
-            found: Vec::new(),
             undistorted: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),

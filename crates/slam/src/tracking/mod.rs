@@ -264,12 +264,13 @@ impl Tracker {
             return Err(LostReason::FewFeatures);
         }
         let (reference, predicted) = self.predict(frame.stamp);
-        let pairs = self.flow(&data, &predicted);
+        let mut pairs = self.flow(&data, &predicted);
         let predicted = self
             .pose_by_flow(frame, &data, &pairs, &predicted)
             .unwrap_or(predicted);
         let (matches, pose) = self.match_last_frame(&data, reference, &predicted)?;
         notes.counts.frame_matches = matches.count as u32;
+        self.recheck_flow(&data, &mut pairs, &pose);
         let velocity = self.velocity_to(&pose, frame.stamp);
         self.judge(
             frame,
