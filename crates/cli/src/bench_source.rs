@@ -3,10 +3,11 @@
 use crate::args::InputArgs;
 use crate::bench_runner::program;
 use crate::console;
+use crate::demo_detector::errors_in_words;
 use crate::failure::Failure;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
-use stillpoint::simulator::{DetectionNoise, Simulator, SimulatorConfig};
+use stillpoint::simulator::{Simulator, SimulatorConfig};
 
 /// Begins the name of a simulated scene among the paths.
 const PREFIX: &str = "sim:";
@@ -110,12 +111,7 @@ impl Prepared {
     /// What its runs detect objects with, in words.
     pub(crate) fn detector(&self) -> String {
         if self.own {
-            let noise = DetectionNoise::default();
-            format!(
-                "the simulator's own detections, {:.0} % of the people missed and borders off by {} px",
-                noise.drop * 100.0,
-                noise.jitter_px
-            )
+            errors_in_words()
         } else {
             self.input.detector().to_owned()
         }

@@ -9,8 +9,8 @@ use stillpoint::detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint::imaging::RgbdFrame;
 use stillpoint::slam::{FrameReport, Outcome, Reasons};
 use stillpoint::view::{
-    Animation, AnimationOptions, Colour, Keypoint, Mark, Overlay, OverlayBox, Picture, ViewError, draw,
-    write_png,
+    Animation, AnimationOptions, Colour, Keypoint, Mark, Overlay, OverlayBox, Picture, ViewError,
+    draw, write_png,
 };
 
 const OPTION: &str = "--overlay";

@@ -4,6 +4,7 @@
 //! frames come from or where results go.
 
 use crate::console::{self, Progress};
+use crate::demo_pictures::Shots;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::overlay::OverlayFolder;
@@ -62,14 +63,18 @@ pub(crate) struct Driver<'a> {
 #[derive(Default)]
 pub(crate) struct Outputs {
     pub(crate) verdicts: Option<VerdictFile>,
+    /// Pictures in a folder; not together with those for the demo.
     pub(crate) overlay: Option<OverlayFolder>,
+    /// Pictures for the demo.
+    pub(crate) shots: Option<Shots>,
 }
 
 impl Outputs {
     /// A copy of the next frame, if it will be drawn.
     fn keep(&mut self, frame: &RgbdFrame) -> Option<RgbdFrame> {
-        let overlay = self.overlay.as_mut()?;
-        overlay.wants_next().then(|| frame.clone())
+        let overlay = self.overlay.as_mut().is_some_and(OverlayFolder::wants_next);
+        let shots = self.shots.as_mut().is_some_and(Shots::wants_next);
+        (overlay || shots).then(|| frame.clone())
     }
 
     /// Writes what is to be written of a step. `kept` is what [`Outputs::keep`] gave before it.
@@ -85,6 +90,10 @@ impl Outputs {
             if let (Some(folder), Some(frame)) = (&mut self.overlay, kept) {
                 let _span = tracing::info_span!("overlay").entered();
                 folder.add(frame, report)?;
+            }
+            if let (Some(shots), Some(frame)) = (&mut self.shots, kept) {
+                let _span = tracing::info_span!("overlay").entered();
+                shots.add(frame, report);
             }
         }
         Ok(())

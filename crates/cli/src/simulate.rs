@@ -109,25 +109,37 @@ impl Movers {
         }
         let rows: Vec<MoverRow> = truth.boxes.iter().map(mover_row).collect();
         recorder.add_movers(simulator.stamp(index), &truth.mask, &rows)?;
-        for d in simulator.detections(index, &self.noise) {
-            let detection = Detection {
-                class: ClassId::from_name(d.class).unwrap_or(ClassId::PERSON),
-                score: d.score,
-                bounds: BoundingBox {
-                    x0: d.x0,
-                    y0: d.y0,
-                    x1: d.x1,
-                    y1: d.y1,
-                },
-            };
-            // Jitter may leave nothing of a box at the image's border, and a script may not hold such a box.
-            if detection.bounds.width() >= 1.0 && detection.bounds.height() >= 1.0 {
-                let stamp = d.stamp;
-                self.detections.push(ScriptRow { stamp, detection });
-            }
-        }
+        self.detections
+            .extend(script_rows(simulator, index, &self.noise));
         Ok(())
     }
+}
+
+/// What the simulator's own detector says of a frame.
+pub(crate) fn script_rows(
+    simulator: &Simulator,
+    index: usize,
+    noise: &DetectionNoise,
+) -> Vec<ScriptRow> {
+    let mut rows = Vec::new();
+    for d in simulator.detections(index, noise) {
+        let detection = Detection {
+            class: ClassId::from_name(d.class).unwrap_or(ClassId::PERSON),
+            score: d.score,
+            bounds: BoundingBox {
+                x0: d.x0,
+                y0: d.y0,
+                x1: d.x1,
+                y1: d.y1,
+            },
+        };
+        // Jitter may leave nothing of a box at the image's border, and a script may not hold such a box.
+        if detection.bounds.width() >= 1.0 && detection.bounds.height() >= 1.0 {
+            let stamp = d.stamp;
+            rows.push(ScriptRow { stamp, detection });
+        }
+    }
+    rows
 }
 
 fn mover_row(seen: &MoverBox) -> MoverRow {

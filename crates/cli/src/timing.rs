@@ -90,6 +90,16 @@ impl Timing {
         table.frames += 1;
     }
 
+    /// Forgets what was measured, for another pass of the same process.
+    pub(crate) fn restart(&self) {
+        let mut table = self.lock();
+        table.frames = 0;
+        for stage in &mut table.stages {
+            stage.frame_ns = None;
+            stage.samples.clear();
+        }
+    }
+
     /// Statistics per stage in ms, in the order in which the stages first ran.
     pub(crate) fn statistics(&self) -> Vec<(&'static str, Stats)> {
         let table = self.lock();

@@ -1,0 +1,128 @@
+//! `demo`: a simulated scene without and with the static filter, side by side.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{check, files, program, stdout};
+use serde_json::Value;
+use std::path::Path;
+use std::process::Output;
+
+fn demo(out: &Path, more: &[&str]) -> Output {
+    let mut command = program();
+    command.args(["demo", "--frames", "20", "--out"]).arg(out);
+    command.args(more).output().unwrap()
+}
+
+fn summary(out: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap()
+}
+
+/// The figures of a printed row: filter off, filter on.
+fn row<'a>(text: &'a str, name: &str) -> [&'a str; 2] {
+    let line = text.lines().find(|l| l.starts_with(name));
+    let line = line.unwrap_or_else(|| panic!("no row {name} in {text}"));
+    let cells: Vec<&str> = line[name.len()..].split("  ").map(str::trim).collect();
+    let cells: Vec<&str> = cells.into_iter().filter(|c| !c.is_empty()).collect();
+    cells.try_into().unwrap()
+}
+
+#[test]
+fn both_passes_are_told_and_written_side_by_side() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("demo");
+    let output = demo(&out, &[]);
+    let said = [
+        "simulating scene walking_xyz: 20 frames",
+        "30 % of the people missed",
+    ];
+    check(&output, 0, &said);
+    let text = stdout(&output);
+    assert!(text.contains("within its bound of 10 mm"), "{text}");
+    assert!(
+        text.contains("of the keypoints on what moves were rejected"),
+        "{text}"
+    );
+    assert_eq!(row(&text, "frames with a pose"), ["20 of 20", "20 of 20"]);
+
+    let (off, on) = (summary(&out.join("off")), summary(&out.join("on")));
+    let ate = |s: &Value| {
+        let rmse = s["accuracy"]["final"]["ate"]["rmse"].as_f64().unwrap();
+        format!("{:.1}", rmse * 1e3)
+    };
+    assert_eq!(row(&text, "ATE RMSE (mm)"), [ate(&off), ate(&on)]);
+    assert_eq!(off["features"]["dynamic"], 0);
+    assert!(on["features"]["dynamic"].as_u64().unwrap() > 0, "{on}");
+    assert!(on["detector"]["detections"].as_u64().unwrap() > 0, "{on}");
+    // The times are those of one pass each.
+    for s in [&off, &on] {
+        let stages = s["timing_ms"].as_array().unwrap();
+        let total = stages.iter().find(|s| s["stage"] == "total").unwrap();
+        assert_eq!(total["n"], 20);
+    }
+    for (pass, preset) in [("off", "off"), ("on", "default")] {
+        let config = std::fs::read_to_string(out.join(pass).join("config.toml")).unwrap();
+        assert!(
+            config.contains(&format!("preset = \"{preset}\"")),
+            "{config}"
+        );
+    }
+    for name in ["animation.png", "comparison.png", "side_by_side.png"] {
+        let image = image::open(out.join(name)).unwrap();
+        assert!(image.width() > 600, "{name}");
+    }
+    let names: Vec<String> = files(&out)
+        .iter()
+        .map(|p| p.file_name().unwrap().to_string_lossy().into_owned())
+        .collect();
+    let pictures = ["animation.png", "comparison.png", "comparison.svg"];
+    assert_eq!(names[..3], pictures);
+    assert_eq!(names[3..], ["off", "on", "side_by_side.png"]);
+}
+
+#[test]
+fn the_same_demo_gives_the_same_pictures_and_needs_no_detector() {
+    let dir = tempfile::tempdir().unwrap();
+    let pictures = |name: &str| {
+        let out = dir.path().join(name);
+        let output = demo(&out, &["--detector", "none", "--scene", "walking_rpy"]);
+        check(&output, 0, &["detections: none"]);
+        assert!(stdout(&output).contains("bound of 15 mm"));
+        assert_eq!(summary(&out.join("on"))["detector"]["kind"], "none");
+        [
+            "animation.png",
+            "side_by_side.png",
+            "comparison.svg",
+            "on/trajectory.txt",
+        ]
+        .map(|f| std::fs::read(out.join(f)).unwrap())
+    };
+    assert!(pictures("first") == pictures("second"));
+}
+
+#[test]
+fn a_run_that_exceeds_its_bound_fails() {
+    let dir = tempfile::tempdir().unwrap();
+    // No camera can be followed on so few keypoints.
+    let few = [
+        "--set",
+        "features.features=100",
+        "--set",
+        "tracking.min_inliers=100",
+    ];
+    let output = demo(&dir.path().join("demo"), &few);
+    check(
+        &output,
+        1,
+        &["has no score", "20 of 20 frames have no pose"],
+    );
+    let off = ["--set", "static_filter.preset=off"];
+    let output = demo(&dir.path().join("off"), &off);
+    check(&output, 2, &["compares the filter with none"]);
+    assert!(!dir.path().join("off").exists());
+    check(
+        &demo(dir.path(), &["--scene", "walking"]),
+        2,
+        &["did you mean"],
+    );
+}
