@@ -5,7 +5,10 @@
 
 mod cells;
 mod config;
+mod depth;
+mod epipolar;
 mod history;
+mod paper;
 mod rigid;
 mod segments;
 mod semantic;
@@ -86,6 +89,7 @@ pub(crate) struct StaticFilter {
     weights: MotionWeights,
     coast: f64,
     camera: Camera,
+    seed: u64,
     cells: Cells,
     objects: ObjectTracker,
     /// Detections not taken in yet: those of the present frame wait for its pose.
@@ -103,6 +107,7 @@ impl StaticFilter {
             weights: config.motion_weights.clone(),
             coast: config.objects.coast_seconds,
             camera: *camera,
+            seed: config.seed,
             surfaces: Surfaces::new(&cells),
             cells,
             objects: ObjectTracker::new(config.objects.clone(), *camera),
@@ -110,6 +115,11 @@ impl StaticFilter {
             history: History::default(),
             present: None,
         }
+    }
+
+    /// Whether the filter makes use of flow.
+    pub(crate) fn wants_flow(&self) -> bool {
+        self.config.preset != Preset::Off && self.config.geometry
     }
 
     /// Takes detections of the frame to come or of an earlier one.
@@ -137,21 +147,10 @@ impl StaticFilter {
         }
         let objects = self.objects.predict(stamp, &input.world_from_camera);
         let movers = semantic::movers(&objects, &self.weights, stamp, self.coast);
-        let now = Now {
-            stamp,
-            grid: &grid,
-            world_from_depth: input.world_from_camera * input.camera_from_depth,
-            view: input.view,
+        let mut verdicts = match self.config.preset {
+            Preset::Paper => paper::judge(&self.config, input, &self.camera, &movers, self.seed),
+            Preset::Default | Preset::Off => self.judge_surfaces(input, &grid, &movers),
         };
-        let votes = self.rigid_votes(input);
-        self.surfaces
-            .update(&self.cells, &self.history, &now, &movers, &votes);
-        self.measure_rigidity(stamp, &grid, &movers);
-        let mut verdicts: Vec<FeatureVerdict> = input
-            .features
-            .iter()
-            .map(|pixel| self.judge_feature(*pixel, &input.frame.depth, grid.data(), &movers))
-            .collect();
         let released = verdict::release_when_starving(&mut verdicts, self.config.min_features);
         self.present = Some((input.frame.id, stamp, grid));
         Judgement {
@@ -159,6 +158,29 @@ impl StaticFilter {
             objects: objects.into(),
             released,
         }
+    }
+
+    /// Preset `default`: each feature moves with the surface that it lies on.
+    fn judge_surfaces(
+        &mut self,
+        input: &FrameInput<'_>,
+        grid: &CoarseDepth,
+        movers: &[Mover],
+    ) -> Vec<FeatureVerdict> {
+        let stamp = input.frame.stamp;
+        let now = Now {
+            stamp,
+            grid,
+            world_from_depth: input.world_from_camera * input.camera_from_depth,
+            view: input.view,
+        };
+        let votes = self.rigid_votes(input);
+        self.surfaces
+            .update(&self.cells, &self.history, &now, movers, &votes);
+        self.measure_rigidity(stamp, grid, movers);
+        let judge =
+            |pixel: &[f32; 2]| self.judge_feature(*pixel, &input.frame.depth, grid.data(), movers);
+        input.features.iter().map(judge).collect()
     }
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.

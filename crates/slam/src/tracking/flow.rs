@@ -1,7 +1,7 @@
 //! Flow: where each feature was in the frame before, and how the camera moved since.
 
-use super::Tracker;
 use super::frame::Observer;
+use super::{LastFrame, Tracker};
 use crate::sensor::DepthReader;
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
@@ -35,7 +35,8 @@ impl Tracker {
         data: &KeyframeData,
         camera_from_world: &Se3,
     ) -> Vec<Option<FlowPair>> {
-        let Some(last) = self.last.as_ref().filter(|_| self.lost_since.is_none()) else {
+        let known = |_: &&LastFrame| self.lost_since.is_none() && self.filter.wants_flow();
+        let Some(last) = self.last.as_ref().filter(known) else {
             return Vec::new();
         };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
@@ -95,7 +96,7 @@ impl Tracker {
         predicted: &Se3,
     ) -> Option<Se3> {
         let _span = tracing::info_span!("motion").entered();
-        let last = self.last.as_ref()?;
+        let last = self.last.as_ref().filter(|_| !pairs.is_empty())?;
         let previous = self.previous.as_ref()?;
         let reader = DepthReader::new(
             &self.config.sensor,

@@ -1,0 +1,110 @@
+//! D: which depth separates the object in a box from the background behind it, as published.
+
+use stillpoint_estimation::{Rng, ransac_iterations};
+
+/// Probability of drawing the best pair at least once.
+const CONFIDENCE: f64 = 0.99;
+const ITERATIONS: (usize, usize) = (10, 200);
+/// Depths have two modes when the means of both sides of the best split are this many standard deviations apart. A normal
+/// distribution cut in the middle gives 2.6, a uniform one 3.5.
+const MODES_APART: f64 = 4.0;
+
+/// The depth (m) beyond which features in a box are background; `None` when there is no background among them: too few
+/// depths, or a single mode.
+///
+/// Algorithm 1 of the published method: draw two features; each other one whose depth exceeds the mean of the three supports
+/// them; the mean depth of the supporters is their threshold. Of all draws that with most supporters wins, of equal ones the
+/// deeper.
+pub(super) fn threshold(depths: &[f64], mut rng: Rng) -> Option<f64> {
+    if depths.len() < 4 || !has_two_modes(depths) {
+        return None;
+    }
+    let mut best = (0_usize, 0.0_f64);
+    let (mut drawn, mut needed) = (0, ITERATIONS.1);
+    while drawn < needed {
+        drawn += 1;
+        let [i, j] = rng.distinct::<2>(depths.len())?;
+        let pair = depths[i] + depths[j];
+        let (mut count, mut sum) = (0_usize, 0.0);
+        for (k, z) in depths.iter().enumerate() {
+            if k != i && k != j && *z > (pair + z) / 3.0 {
+                count += 1;
+                sum += z;
+            }
+        }
+        let mean = if count > 0 { sum / count as f64 } else { 0.0 };
+        if (count, mean) > best {
+            best = (count, mean);
+            let share = count as f64 / depths.len() as f64;
+            needed = ransac_iterations(CONFIDENCE, share, 2, ITERATIONS);
+        }
+    }
+    (best.0 > 0).then_some(best.1)
+}
+
+/// Whether depths fall into two groups (Ashman's D at Otsu's split).
+fn has_two_modes(depths: &[f64]) -> bool {
+    let mut sorted = depths.to_vec();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let n = sorted.len();
+    // A group of one in ten is the least that is called one.
+    let least = (n / 10).max(2);
+    let total: f64 = sorted.iter().sum();
+    let squares: f64 = sorted.iter().map(|z| z * z).sum();
+    let (mut sum, mut square) = (0.0, 0.0);
+    let mut best = (f64::NEG_INFINITY, 0.0);
+    for (i, z) in sorted.iter().enumerate() {
+        sum += z;
+        square += z * z;
+        let (a, b) = ((i + 1) as f64, (n - i - 1) as f64);
+        if i + 1 < least || n - i - 1 < least {
+            continue;
+        }
+        let (near, far) = (sum / a, (total - sum) / b);
+        let between = a * b * (far - near) * (far - near);
+        if between > best.0 {
+            let within =
+                (square / a - near * near).max(0.0) + ((squares - square) / b - far * far).max(0.0);
+            let apart = (far - near) / (0.5 * within).sqrt().max(1e-3);
+            best = (between, apart);
+        }
+    }
+    best.1 > MODES_APART
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_estimation::{Purpose, rng};
+
+    fn stream(seed: u64) -> Rng {
+        rng(seed, 0, Purpose::DEPTH)
+    }
+
+    #[test]
+    fn the_wall_is_beyond_and_the_person_before_the_threshold() {
+        let person = (0..30).map(|i| 1.5 + 0.005 * f64::from(i % 7));
+        let wall = (0..20).map(|i| 3.5 + 0.01 * f64::from(i % 5));
+        let depths: Vec<f64> = person.chain(wall).collect();
+        for seed in 0..50 {
+            let t = threshold(&depths, stream(seed)).unwrap();
+            assert!(t > 1.6 && t < 3.6, "{t}");
+        }
+    }
+
+    #[test]
+    fn one_mode_is_not_split() {
+        let slope: Vec<f64> = (0..60).map(|i| 2.0 + 0.01 * f64::from(i)).collect();
+        assert_eq!(threshold(&slope, stream(0)), None);
+        assert_eq!(threshold(&[1.0, 2.0, 3.0], stream(0)), None);
+    }
+
+    #[test]
+    fn more_supporters_win_and_then_the_deeper_mean() {
+        // With every pair drawn, the two nearest features have the most supporters.
+        let depths = [1.0, 1.01, 1.02, 1.03, 1.04, 3.0, 3.01, 3.02, 3.03, 3.04];
+        let t = threshold(&depths, stream(3)).unwrap();
+        let expected: f64 = depths[2..].iter().sum::<f64>() / 8.0;
+        assert!((t - expected).abs() < 1e-12, "{t} {expected}");
+    }
+}

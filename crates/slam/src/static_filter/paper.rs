@@ -1,0 +1,136 @@
+//! Preset `paper`: objects, epipolar constraint and depth fused as published (Algorithm 2).
+
+use super::semantic::{MOVER, Mover};
+use super::verdict::{FeatureVerdict, Reasons};
+use super::{FrameInput, StaticFilterConfig, depth, epipolar};
+use stillpoint_estimation::{Purpose, rng};
+use stillpoint_geometry::Camera;
+
+/// Distance from the epipolar line up to which a feature is static, px.
+const EPSILON_PX: f64 = 1.0;
+/// Boxes of classes of at least this weight are split by depth.
+const SPLIT_WEIGHT: f64 = 3.0;
+/// Depth streams are numbered by frame and box: more boxes than this share them.
+const MAX_BOXES: u64 = 1 << 16;
+
+/// A box with what its depths say.
+struct SplitBox<'a> {
+    mover: &'a Mover,
+    /// Features deeper than this are background, m.
+    background_beyond: Option<f64>,
+}
+
+/// Judges each feature by itself.
+pub(super) fn judge(
+    config: &StaticFilterConfig,
+    input: &FrameInput<'_>,
+    camera: &Camera,
+    movers: &[Mover],
+    seed: u64,
+) -> Vec<FeatureVerdict> {
+    let movers = if config.objects { movers } else { &[] };
+    let distances = if config.geometry {
+        epipolar::distances(input, camera, movers, seed)
+    } else {
+        vec![None; input.features.len()]
+    };
+    let boxes: Vec<SplitBox<'_>> = movers
+        .iter()
+        .map(|mover| SplitBox {
+            mover,
+            background_beyond: split(config, input, mover, seed),
+        })
+        .collect();
+    input
+        .features
+        .iter()
+        .zip(input.depths)
+        .zip(&distances)
+        .map(|((pixel, z), d)| decide(config, *pixel, *z, *d, &boxes))
+        .collect()
+}
+
+/// The depth that separates background from object in a box; `None` when the box is not split.
+fn split(
+    config: &StaticFilterConfig,
+    input: &FrameInput<'_>,
+    mover: &Mover,
+    seed: u64,
+) -> Option<f64> {
+    if !config.depth || mover.weight < SPLIT_WEIGHT {
+        return None;
+    }
+    let inside = |(pixel, z): (&[f32; 2], &f32)| {
+        let held = *z > 0.0
+            && mover
+                .bounds
+                .contains(f64::from(pixel[0]), f64::from(pixel[1]));
+        held.then(|| f64::from(*z))
+    };
+    let depths: Vec<f64> = input
+        .features
+        .iter()
+        .zip(input.depths)
+        .filter_map(inside)
+        .collect();
+    let stream = u64::from(input.frame.id.0) * MAX_BOXES + u64::from(mover.id.0) % MAX_BOXES;
+    depth::threshold(&depths, rng(seed, stream, Purpose::DEPTH))
+}
+
+fn decide(
+    config: &StaticFilterConfig,
+    pixel: [f32; 2],
+    z: f32,
+    distance: Option<f64>,
+    boxes: &[SplitBox<'_>],
+) -> FeatureVerdict {
+    let [u, v] = pixel.map(f64::from);
+    let is_background = |b: &SplitBox<'_>| b.background_beyond.is_some_and(|t| f64::from(z) > t);
+    let holding = boxes.iter().filter(|b| b.mover.bounds.contains(u, v));
+    // Of overlapping boxes the heaviest whose object the feature may lie on, else the heaviest.
+    let chosen = holding.max_by(|a, b| {
+        let rank = |x: &SplitBox<'_>| (!is_background(x), x.mover.weight);
+        rank(a)
+            .partial_cmp(&rank(b))
+            .unwrap_or(std::cmp::Ordering::Equal)
+    });
+    let mut reasons = Reasons::default();
+    let Some(b) = chosen else {
+        let dynamic = distance.is_some_and(|d| d >= EPSILON_PX);
+        if dynamic {
+            reasons |= Reasons::EPIPOLAR;
+        }
+        return FeatureVerdict {
+            pixel,
+            dynamic,
+            reasons,
+            risk: distance.unwrap_or(0.0).min(4.0) as f32,
+        };
+    };
+    let weight = b.mover.weight;
+    let background = is_background(b);
+    let off_line = distance.is_some_and(|d| weight * d >= EPSILON_PX);
+    let split = config.depth && weight >= SPLIT_WEIGHT;
+    let by_depth = split && !background;
+    // Without depth and without a pair the class alone is left to decide.
+    let by_class = !split && distance.is_none() && weight >= MOVER;
+    let dynamic = off_line || by_depth || by_class;
+    for (given, reason) in [
+        (off_line, Reasons::EPIPOLAR),
+        (by_depth || (split && background), Reasons::DEPTH),
+        (dynamic, Reasons::OBJECT),
+    ] {
+        if given {
+            reasons |= reason;
+        }
+    }
+    FeatureVerdict {
+        pixel,
+        dynamic,
+        reasons,
+        // Released in this order: low weights, background, near the line.
+        risk: (10.0 * weight
+            + if background { 0.0 } else { 5.0 }
+            + distance.unwrap_or(0.0).min(4.0)) as f32,
+    }
+}
