@@ -75,8 +75,9 @@ pub(crate) fn demo(args: &DemoArgs, timing: &Timing) -> Result<Status, Failure> 
     stage.draw(folder, (&off, &off_shots), (&on, &on_shots))?;
     console::report(&text);
     console::report(&format!(
-        "\nresults in off and on of {}; pictures of both beside them: side_by_side.png, animation.png (APNG), comparison.svg\n",
-        args.out.display()
+        "\nresults in {} and {}; pictures of both beside them: side_by_side.png, animation.png (APNG), comparison.svg\n",
+        args.out.join("off").display(),
+        args.out.join("on").display()
     ));
     let status = verdict(&on.summary);
     let bound = BOUND[usize::from(args.detector == DemoDetector::None)];

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use stillpoint::detection::MotionWeights;
 use stillpoint::imaging::{FrameId, RgbdFrame};
 use stillpoint::simulator::Simulator;
-use stillpoint::slam::{FeatureVerdict, FrameReport};
+use stillpoint::slam::{FeatureVerdict, FrameReport, Reasons};
 use stillpoint::view::{Animation, AnimationOptions, Picture, side_by_side, write_png};
 
 /// Pictures of a pass, at most: some 40 MB.
@@ -72,11 +72,13 @@ impl Shots {
                 let [x, y] = v.pixel.map(|c| c.round().max(0.0) as usize);
                 let inside = x < mask.width() && y < mask.height();
                 if inside && mask.data()[y * mask.width() + x] > 0 {
-                    hits.moving += 1;
-                    hits.moving_rejected += usize::from(v.dynamic);
+                    hits.people += 1;
+                    hits.people_rejected += usize::from(v.dynamic);
+                    let parked = !v.dynamic && v.reasons.has(Reasons::PARKED);
+                    hits.people_parked += usize::from(parked);
                 } else {
-                    hits.still += 1;
-                    hits.still_rejected += usize::from(v.dynamic);
+                    hits.others += 1;
+                    hits.others_rejected += usize::from(v.dynamic);
                 }
             }
         }
@@ -84,13 +86,15 @@ impl Shots {
     }
 }
 
-/// Keypoints on what moves and on what does not, by the simulator's masks.
+/// Keypoints on people and what they carry, whether these move at the time or not, and all others, by the simulator's masks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Hits {
-    pub(crate) moving: usize,
-    pub(crate) moving_rejected: usize,
-    pub(crate) still: usize,
-    pub(crate) still_rejected: usize,
+    pub(crate) people: usize,
+    pub(crate) people_rejected: usize,
+    /// Kept because they were seen to stand still.
+    pub(crate) people_parked: usize,
+    pub(crate) others: usize,
+    pub(crate) others_rejected: usize,
 }
 
 /// Both passes beside each other: a still, as PNG, of the frame in which most was rejected, and an animation, as APNG.

@@ -63,17 +63,19 @@ pub(crate) fn text(off: &Pass, on: &Pass, hits: &Hits) -> String {
 /// The filter against the simulator's masks.
 fn truth_text(hits: &Hits) -> String {
     let percent = |part: usize, of: usize| 100.0 * part as f64 / of.max(1) as f64;
-    let kept = percent(hits.still - hits.still_rejected, hits.still);
-    if hits.moving == 0 {
+    let kept = percent(hits.others - hits.others_rejected, hits.others);
+    if hits.people == 0 {
         return format!(
-            "\nwith the filter on, {kept:.1} % of the keypoints were kept; nothing moves\n"
+            "\nwith the filter on, {kept:.1} % of the keypoints were kept; nobody is there\n"
         );
     }
     format!(
-        "\nwith the filter on, {:.1} % of the keypoints on what moves were rejected, and {kept:.1} % of the others kept\n\
-         (by the simulator's masks, in the frames of the animation; {:.0} % of the keypoints were on what moves)\n",
-        percent(hits.moving_rejected, hits.moving),
-        percent(hits.moving, hits.moving + hits.still),
+        "\nwith the filter on, of the keypoints on people {:.1} % were rejected and {:.1} % used because the person stood\n\
+         still; of all others {kept:.1} % were kept (by the simulator's masks, in the frames of the animation; {:.0} % of the\n\
+         keypoints were on people)\n",
+        percent(hits.people_rejected, hits.people),
+        percent(hits.people_parked, hits.people),
+        percent(hits.people, hits.people + hits.others),
     )
 }
 
@@ -102,23 +104,25 @@ mod tests {
     #[test]
     fn the_filter_is_told_against_the_truth() {
         let hits = Hits {
-            moving: 200,
-            moving_rejected: 190,
-            still: 800,
-            still_rejected: 8,
+            people: 200,
+            people_rejected: 150,
+            people_parked: 40,
+            others: 800,
+            others_rejected: 8,
         };
         let text = truth_text(&hits);
         for part in [
-            "95.0 % of the keypoints on what moves",
-            "99.0 % of the others",
-            "20 %",
+            "75.0 % were rejected",
+            "20.0 % used",
+            "99.0 % were kept",
+            "20 % of the",
         ] {
             assert!(text.contains(part), "{text}");
         }
         let text = truth_text(&Hits {
-            still: 10,
+            others: 10,
             ..Hits::default()
         });
-        assert!(text.contains("nothing moves"), "{text}");
+        assert!(text.contains("nobody is there"), "{text}");
     }
 }
