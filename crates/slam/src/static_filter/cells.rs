@@ -133,3 +133,115 @@ pub(super) fn depth_tolerance(z: f32) -> f32 {
 pub(super) fn coarse(depth: &stillpoint_imaging::DepthImage) -> CoarseDepth {
     CoarseDepth::new(depth, CELL_PX)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::{BrownConrady, Vec3};
+
+    /// The strongly bent lens of a Kinect's colour camera.
+    fn bent() -> Camera {
+        Camera {
+            distortion: BrownConrady {
+                k1: 0.2624,
+                k2: -0.9531,
+                p1: -0.0054,
+                p2: 0.0026,
+                k3: 1.1633,
+            },
+            ..Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3])
+        }
+    }
+
+    fn straight() -> Camera {
+        Camera::pinhole(640, 480, [535.0, 535.0, 319.5, 239.5])
+    }
+
+    /// How far a raw pixel lies outside a cell, px.
+    fn outside(cells: &Cells, cell: usize, raw: Vec2) -> f64 {
+        let corner = |i: usize| (i * CELL_PX) as f64 - 0.5;
+        let off = |v: f64, i: usize| (corner(i) - v).max(v - corner(i + 1)).max(0.0);
+        let (x, y) = (cell % cells.width, cell / cells.width);
+        off(raw.x, x).max(off(raw.y, y))
+    }
+
+    #[test]
+    fn the_table_agrees_with_the_camera_and_its_lens() {
+        for camera in [straight(), bent()] {
+            let cells = Cells::new(&camera);
+            let mut seen = 0;
+            for (i, j, k) in (0..90).flat_map(|i| (0..70).flat_map(move |j| [(i, j, 1), (i, j, 4)]))
+            {
+                let z = f64::from(k);
+                let ray = [f64::from(i) / 45.0 - 1.0, f64::from(j) / 35.0 - 1.0];
+                let p = Vec3::new(0.62 * ray[0] * z, 0.5 * ray[1] * z, z);
+                let raw = camera.project_distorted(&p);
+                let found = cells.project([p.x, p.y, p.z].map(|v| v as f32));
+                // Half a step of the table both ways, stretched by the lens.
+                if let Some(cell) = found {
+                    assert!(outside(&cells, cell, raw) < 3.0, "{raw:?} in cell {cell}");
+                    seen += 1;
+                }
+                let (u, v) = (raw.x.min(639.0 - raw.x), raw.y.min(479.0 - raw.y));
+                let back = (camera.undistort(raw) - camera.project(&p)).norm() < 0.1;
+                assert!(found.is_some() || u.min(v) < 4.0 || !back, "{raw:?} lost");
+                assert!(found.is_none() || u.min(v) > -4.0, "{raw:?} is outside");
+            }
+            assert!(seen > 5000, "{seen}");
+        }
+    }
+
+    #[test]
+    fn the_lens_matters_to_the_table() {
+        // The same test would pass without a lens model if the lens did nothing.
+        let (bent, straight) = (bent(), bent().rectified());
+        let p = Vec3::new(-0.55, -0.42, 1.0);
+        let gap = (bent.project_distorted(&p) - straight.project(&p)).norm();
+        assert!(gap > 8.0, "{gap} px");
+    }
+
+    #[test]
+    fn a_cell_sees_itself_along_its_ray() {
+        for camera in [straight(), bent()] {
+            let cells = Cells::new(&camera);
+            assert_eq!(cells.rays().len(), cells.count());
+            for (cell, [x, y]) in cells.rays().iter().enumerate() {
+                for z in [0.4, 1.0, 5.0] {
+                    assert_eq!(cells.project([x * z, y * z, z]), Some(cell));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_behind_or_beside_the_camera_has_no_cell() {
+        let cells = Cells::new(&bent());
+        for p in [[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.1, 0.0, 0.04]] {
+            assert_eq!(cells.project(p), None);
+        }
+        for x in [-50.0, -3.0, -1.5, 1.5, 3.0, 50.0] {
+            assert_eq!(cells.project([x, 0.0, 1.0]), None);
+            assert_eq!(cells.project([0.0, x, 1.0]), None);
+        }
+        for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            assert_eq!(cells.project([bad, 0.0, 1.0]), None);
+            assert_eq!(cells.project([0.0, 0.0, bad]).filter(|_| bad.is_nan()), None);
+        }
+    }
+
+    #[test]
+    fn pixels_fall_into_cells_and_remainders_into_the_last() {
+        let cells = Cells::new(&Camera::pinhole(44, 29, [40.0, 40.0, 21.5, 14.0]));
+        assert_eq!((cells.width, cells.height), (5, 3));
+        assert_eq!(cells.at(-0.5, -0.5), 0);
+        assert_eq!((cells.at(7.4, 0.0), cells.at(7.6, 0.0)), (0, 1));
+        assert_eq!(cells.at(0.0, 7.6), 5);
+        assert_eq!(cells.at(43.0, 28.0), 14);
+        let neighbours: Vec<usize> = cells.around(0, 1).collect();
+        assert_eq!(neighbours, [0, 1, 5, 6]);
+        assert_eq!(cells.around(7, 1).count(), 9);
+        assert_eq!(cells.around(7, 2).count(), 15);
+        let inner: Vec<usize> = (0..15).filter(|c| cells.has_neighbours(*c)).collect();
+        assert_eq!(inner, [6, 7, 8]);
+    }
+}

@@ -70,3 +70,132 @@ impl Links {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::Camera;
+
+    const W: usize = 24;
+    const H: usize = 18;
+
+    fn cells() -> Cells {
+        let (w, h) = (8 * W as u32, 8 * H as u32);
+        Cells::new(&Camera::pinhole(w, h, [160.0, 160.0, 95.5, 71.5]))
+    }
+
+    fn image(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {
+        (0..W * H).map(|i| depth(i % W, i / W)).collect()
+    }
+
+    fn spread(depth: &[f32], own: &[f32]) -> Vec<f32> {
+        let cells = cells();
+        let mut values = Vec::new();
+        Links::new(&cells, depth).spread(&cells, own, &mut values);
+        values
+    }
+
+    /// Numbers from -1 to 1, the same in every run.
+    fn noise(seed: u64) -> impl Fn(usize) -> f32 {
+        move |i| {
+            let mut x = (i as u64 + 1) * 0x9E37_79B9_7F4A_7C15 ^ seed.wrapping_mul(0xD1B5_4A32);
+            x = (x ^ (x >> 29)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            (x >> 40) as f32 / (1 << 23) as f32 - 1.0
+        }
+    }
+
+    /// A person of 6 x 12 cells at 1.5 m before a wall at 3 m.
+    fn person(x: usize, y: usize) -> bool {
+        (8..14).contains(&x) && (4..16).contains(&y)
+    }
+
+    fn room() -> Vec<f32> {
+        image(|x, y| if person(x, y) { 1.5 } else { 3.0 })
+    }
+
+    #[test]
+    fn nothing_leaks_across_a_step_in_depth() {
+        let values = spread(&room(), &image(|x, y| f32::from(u8::from(person(x, y)))));
+        for (i, v) in values.iter().enumerate() {
+            if person(i % W, i / W) {
+                assert!(*v > 1.0, "cell {i}: {v}");
+            } else {
+                assert!(v.abs() < f32::EPSILON, "cell {i}: {v}");
+            }
+        }
+        // The same values on one wall do leak: it is the step that stops them.
+        let flat = spread(
+            &image(|_, _| 1.5),
+            &image(|x, y| f32::from(u8::from(person(x, y)))),
+        );
+        assert!(flat.iter().all(|v| *v > 0.0));
+    }
+
+    #[test]
+    fn slopes_belong_together_and_holes_to_nothing() {
+        // A floor from 1 m to 4 m: each row is 5 % or more farther than the last at the far end, 15 cm, so it falls apart;
+        // a table that recedes 2 % per cell does not.
+        let table = image(|_, y| 1.0 + 0.02 * y as f32);
+        let own = image(|x, y| f32::from(u8::from(x == 0 && y == 0)) * 8.0);
+        assert!(spread(&table, &own)[(H - 1) * W] > 0.0);
+        let holes = image(|x, _| if x == 3 { 0.0 } else { 2.0 });
+        let values = spread(&holes, &image(|x, _| if x <= 3 { 1.0 } else { 0.0 }));
+        for (i, v) in values.iter().enumerate() {
+            match i % W {
+                0..3 => assert!(*v > 1.0),
+                3 => assert!((v - 1.0).abs() < f32::EPSILON),
+                _ => assert!(v.abs() < f32::EPSILON),
+            }
+        }
+    }
+
+    #[test]
+    fn the_end_of_a_row_is_no_neighbour_of_the_next() {
+        let depth = image(|x, y| match (x, y) {
+            (x, 0) if x == W - 1 => 1.0,
+            (0, 1) => 1.0,
+            _ => 0.0,
+        });
+        let values = spread(&depth, &image(|_, y| if y == 0 { 2.0 } else { 0.0 }));
+        assert!((values[W - 1] - 2.0).abs() < f32::EPSILON);
+        assert!(values[W].abs() < f32::EPSILON);
+    }
+
+    #[test]
+    fn a_region_takes_over_the_sign_of_its_evidence() {
+        // One cell in seven knows something, and a few of these are wrong.
+        let own = image(|x, y| match (person(x, y), (y * W + x) % 7, x * y % 11) {
+            (true, 0, 5) => -2.0,
+            (true, 0, _) => 2.0,
+            _ => 0.0,
+        });
+        let moving = spread(&room(), &own);
+        let still: Vec<f32> = own.iter().map(|v| -v).collect();
+        let still = spread(&room(), &still);
+        for i in 0..W * H {
+            if person(i % W, i / W) {
+                assert!(moving[i] > 0.0 && still[i] < 0.0, "cell {i}: {}", moving[i]);
+            }
+            assert!((moving[i] + still[i]).abs() < f32::EPSILON);
+        }
+    }
+
+    #[test]
+    fn values_stay_within_the_limit_and_never_fall_when_evidence_rises() {
+        for seed in 0..20 {
+            let (d, e, f) = (noise(seed), noise(seed + 100), noise(seed + 200));
+            let depth = image(|x, y| {
+                // Patches of some cells, with holes.
+                let step = d((y / 4) * W + x / 5);
+                if d(y * W + x) > 0.9 { 0.0 } else { 2.0 + step }
+            });
+            let own = image(|x, y| 30.0 * e(y * W + x));
+            let more = image(|x, y| own[y * W + x] + 5.0 * f(y * W + x).max(0.0));
+            let (low, high) = (spread(&depth, &own), spread(&depth, &more));
+            for (low, high) in low.iter().zip(&high) {
+                assert!(low.abs() <= LIMIT && high.abs() <= LIMIT);
+                assert!(low <= high);
+            }
+        }
+    }
+}

@@ -120,3 +120,163 @@ pub(super) fn compare(
         Seen::Hidden
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::{Camera, UnitQuaternion, Vec3};
+    use stillpoint_imaging::DepthImage;
+
+    const W: usize = 5;
+    const PLACE: usize = 2 * W + 2;
+
+    /// What the 3x3 cells around the place say, with a surface at 2 m now.
+    fn seen(around: [f32; 9], moving: [bool; 9]) -> Seen {
+        let (mut before, mut label) = ([9.0; 25], [false; 25]);
+        for i in 0..9 {
+            let cell = (i / 3 + 1) * W + i % 3 + 1;
+            (before[cell], label[cell]) = (around[i], moving[i]);
+        }
+        compare((&before, &label), W, PLACE, 2.0)
+    }
+
+    fn with(value: f32, rest: f32, count: usize) -> [f32; 9] {
+        std::array::from_fn(|i| if i < count { value } else { rest })
+    }
+
+    const STILL: [bool; 9] = [false; 9];
+
+    #[test]
+    fn an_empty_place_a_surface_and_a_hidden_place_are_told_apart() {
+        assert_eq!(seen([3.0; 9], STILL), Seen::Through);
+        assert_eq!(seen([2.0; 9], STILL), Seen::Same);
+        assert_eq!(seen([1.0; 9], STILL), Seen::Hidden);
+        // One cell of the surface is enough: edges move by a cell.
+        assert_eq!(seen(with(2.0, 3.0, 1), STILL), Seen::Same);
+        assert_eq!(seen(with(2.0, 1.0, 1), STILL), Seen::Same);
+        // Something in front may have hidden it, however little of it there is.
+        assert_eq!(seen(with(1.0, 3.0, 1), STILL), Seen::Hidden);
+    }
+
+    #[test]
+    fn depths_agree_within_the_tolerance_only() {
+        let tolerance = depth_tolerance(2.0);
+        assert!((0.04..0.12).contains(&tolerance));
+        for sign in [-1.0, 1.0] {
+            assert_eq!(seen([2.0 + sign * 0.9 * tolerance; 9], STILL), Seen::Same);
+            assert_ne!(seen([2.0 + sign * 1.1 * tolerance; 9], STILL), Seen::Same);
+        }
+    }
+
+    #[test]
+    fn holes_say_nothing() {
+        assert_eq!(seen([0.0; 9], STILL), Seen::Hidden);
+        assert_eq!(seen(with(3.0, 0.0, 4), STILL), Seen::Hidden);
+        assert_eq!(seen(with(3.0, 0.0, 5), STILL), Seen::Through);
+        assert_eq!(seen(with(2.0, 0.0, 1), STILL), Seen::Same);
+    }
+
+    #[test]
+    fn what_moved_then_does_not_confirm_what_is_there_now() {
+        assert_eq!(seen([2.0; 9], [true; 9]), Seen::Hidden);
+        let half = std::array::from_fn(|i| i < 4);
+        assert_eq!(seen([2.0; 9], half), Seen::Same);
+        // Nor does it prove that the place was empty.
+        assert_eq!(seen(with(2.0, 3.0, 1), [true; 9]), Seen::Hidden);
+        // What was farther was seen through to, moving or not.
+        assert_eq!(seen([3.0; 9], [true; 9]), Seen::Through);
+    }
+
+    #[test]
+    fn motions_agree_with_rigid_transforms() {
+        let turn = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
+        let pose = Se3::new(turn, Vec3::new(0.2, -0.1, 0.4));
+        let p = Motion::new(&pose).apply([0.3, -0.2], 2.5);
+        let exact = pose.transform(&Vec3::new(0.75, -0.5, 2.5));
+        for i in 0..3 {
+            assert!((f64::from(p[i]) - exact[i]).abs() < 1e-5);
+        }
+    }
+
+    /// A wall at `wall` m, and a person at 1.5 m where `person` says so.
+    fn scene(wall: f32, person: impl Fn(usize) -> bool) -> CoarseDepth {
+        let data = (0..320 * 240).map(|i| if person(i % 320) { 1.5 } else { wall });
+        let image = DepthImage::from_vec(320, 240, data.collect()).unwrap();
+        CoarseDepth::new(&image, super::super::cells::CELL_PX)
+    }
+
+    fn evidence(
+        now: &CoarseDepth,
+        before: &CoarseDepth,
+        back: f64,
+        age: f64,
+        moved: Option<f64>,
+    ) -> Vec<f32> {
+        let cells = Cells::new(&Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5]));
+        let mut evidence = vec![0.0; cells.count()];
+        let earlier = Earlier {
+            grid: before,
+            moving: &vec![false; cells.count()],
+            earlier_from_now: Se3::new(UnitQuaternion::identity(), Vec3::new(0.0, 0.0, back)),
+            stamp: 10.0 - age,
+            age,
+        };
+        let moved = vec![moved; cells.count()];
+        add_evidence(&cells, now, &earlier, &moved, &mut evidence);
+        evidence
+    }
+
+    #[test]
+    fn a_person_who_came_moves_and_the_wall_stands_still() {
+        let person = |x: usize| (128..192).contains(&x);
+        let (now, before) = (scene(3.0, person), scene(3.0, |_| false));
+        let evidence = evidence(&now, &before, 0.0, 1.0, None);
+        let (mut came, mut still) = (0, 0);
+        for (i, e) in evidence.iter().enumerate() {
+            let (x, y) = (i % 40, i / 40);
+            if !(1..39).contains(&x) || !(1..29).contains(&y) {
+                assert!(e.abs() < f32::EPSILON, "nothing is known at the border");
+            } else if (16..24).contains(&x) {
+                assert!(*e >= SEEN_THROUGH);
+                came += 1;
+            } else {
+                assert!(*e < 0.0);
+                still += 1;
+            }
+        }
+        assert!(came > 200 && still > 500);
+    }
+
+    #[test]
+    fn who_left_shows_what_he_hid() {
+        let person = |x: usize| (128..192).contains(&x);
+        let evidence = evidence(&scene(3.0, |_| false), &scene(3.0, person), 0.0, 1.0, None);
+        // The wall behind him is not new: nobody knows what was there.
+        let middle = 15 * 40 + 20;
+        assert!(evidence[middle].abs() < f32::EPSILON);
+    }
+
+    #[test]
+    fn the_cameras_motion_is_taken_out() {
+        // The wall is 30 cm nearer because the camera went there.
+        let (now, before) = (scene(2.7, |_| false), scene(3.0, |_| false));
+        let middle = 15 * 40 + 20;
+        assert!(evidence(&now, &before, 0.3, 1.0, None)[middle] < 0.0);
+        // Control: the same images from one place are a wall that came nearer.
+        assert!(evidence(&now, &before, 0.0, 1.0, None)[middle] > 0.0);
+    }
+
+    #[test]
+    fn agreement_counts_with_age_and_not_for_what_moved_since() {
+        let wall = scene(3.0, |_| false);
+        let middle = 15 * 40 + 20;
+        let at = |age, moved| evidence(&wall, &wall, 0.0, age, moved)[middle];
+        assert!(at(0.2, None) > at(0.4, None));
+        assert!((at(3.0, None) + MATCH_LIMIT).abs() < f32::EPSILON);
+        // Seen to move before or a little after the earlier frame: its standing there since is no evidence.
+        assert!(at(0.2, Some(9.0)).abs() < f32::EPSILON);
+        assert!(at(0.2, Some(10.0)).abs() < f32::EPSILON);
+        // A frame from long before it moved shows that it was there.
+        assert!(at(3.0, Some(9.0)) < 0.0);
+    }
+}

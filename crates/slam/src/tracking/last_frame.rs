@@ -3,8 +3,16 @@
 use super::matching::{self, Candidate, Matches};
 use super::{LastFrame, Tracker, pose};
 use crate::event::LostReason;
+use stillpoint_estimation::{
+    Intrinsics, MotionOptions, MotionPair, Purpose, find_camera_motion, rng,
+};
 use stillpoint_geometry::Se3;
-use stillpoint_map::{KeyframeData, KeyframeId};
+use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
+
+/// Keyframes to try when the last frame does not match: so many that share most with the reference keyframe ...
+const COVISIBLE: usize = 8;
+/// ... and so many of the newest.
+const NEWEST: usize = 4;
 
 impl Tracker {
     /// Matches to the last frame around the prediction, else wider, else to the reference keyframe by descriptor alone.
@@ -43,34 +51,91 @@ impl Tracker {
                 }
             }
         }
-        let _span = tracing::info_span!("match").entered();
-        let keyframe = self
-            .view
-            .keyframe(reference)
-            .ok_or(LostReason::FewMatches)?;
-        let candidates: Vec<Candidate> = keyframe
-            .matches
-            .iter()
-            .enumerate()
-            .filter_map(|(i, id)| {
-                let landmark = (*id)?;
-                Some(Candidate {
-                    landmark: Some(landmark),
-                    position: self.view.landmark_position(landmark)?,
-                    feature: i as u32,
+        self.match_keyframes(data, reference)
+            .ok_or(LostReason::FewMatches)
+    }
+
+    /// Matches to the keyframes where the camera may be, by descriptor alone: the reference keyframe, those that share most
+    /// with it, and the newest. The first that gives a pose is taken.
+    fn match_keyframes(
+        &self,
+        data: &KeyframeData,
+        reference: KeyframeId,
+    ) -> Option<(Matches, Se3)> {
+        let mut ids = vec![reference];
+        if let Some(k) = self.view.keyframe(reference) {
+            ids.extend(k.covisible.iter().take(COVISIBLE).map(|c| c.0));
+        }
+        let newest: Vec<KeyframeId> = self.view.keyframes().map(|k| k.id).collect();
+        ids.extend(newest.iter().rev().take(NEWEST));
+        let mut tried: Vec<KeyframeId> = Vec::new();
+        for id in ids {
+            if tried.contains(&id) {
+                continue;
+            }
+            tried.push(id);
+            let found = self
+                .view
+                .keyframe(id)
+                .and_then(|k| self.match_keyframe(data, k));
+            if found.is_some() {
+                return found;
+            }
+        }
+        None
+    }
+
+    /// Matches to one keyframe by descriptor, finds the pose by RANSAC, and refines it.
+    fn match_keyframe(&self, data: &KeyframeData, keyframe: &Keyframe) -> Option<(Matches, Se3)> {
+        let min_inliers = self.config.tracking.min_inliers.min(20);
+        let (matches, votes) = {
+            let _span = tracing::info_span!("match").entered();
+            let candidates: Vec<Candidate> = keyframe
+                .matches
+                .iter()
+                .enumerate()
+                .filter_map(|(i, id)| {
+                    let landmark = (*id)?;
+                    Some(Candidate {
+                        landmark: Some(landmark),
+                        position: self.view.landmark_position(landmark)?,
+                        feature: i as u32,
+                    })
                 })
-            })
-            .collect();
-        let matches = matching::match_by_descriptor(data, &keyframe.data, &candidates);
+                .collect();
+            let matches = matching::match_by_descriptor(data, &keyframe.data, &candidates);
+            let camera_from_world = keyframe.world_from_camera.inverse();
+            let votes: Vec<MotionPair> = matches
+                .targets
+                .iter()
+                .enumerate()
+                .filter_map(|(i, target)| {
+                    Some(MotionPair {
+                        point: camera_from_world.transform(&(*target)?.position),
+                        measurement: pose::measurement(data, i),
+                        weight: 1.0,
+                    })
+                })
+                .collect();
+            (matches, votes)
+        };
         if matches.count < min_inliers {
-            return Err(LostReason::FewMatches);
+            return None;
         }
-        let start = last.world_from_camera.inverse();
+        let motion = find_camera_motion(
+            &Intrinsics::from(&data.camera),
+            &votes,
+            None,
+            &MotionOptions::default(),
+            rng(
+                self.config.seed,
+                u64::from(keyframe.id.0),
+                Purpose::RELOCALISATION,
+            ),
+        )?;
+        let start = motion.b_from_a * keyframe.world_from_camera.inverse();
         let (matches, pose) = pose::solve(data, &start, matches);
-        if matches.count < min_inliers {
-            return Err(LostReason::FewInliers);
-        }
-        Ok((matches, pose))
+        (matches.count >= min_inliers).then_some((matches, pose))
     }
 
     /// The points that the last frame saw: landmarks, and where there is none the point behind its depth. The latter
