@@ -133,7 +133,7 @@ fn notes(row: &Row) -> String {
         text += &format!("- {}: {}\n", row.name, note.join(" "));
     };
     add(&format!("detector: {}", row.detector));
-    if row.error.is_none() && row.variants.iter().all(|c| c.variant != Variant::O.label()) {
+    if row.error.is_none() && row.detector == "none" {
         add("without a detector O, O+G and O+G+D are the same as none and G, and were left out");
     }
     if row.published.is_some() && row.name.starts_with("sim:") {
@@ -141,24 +141,30 @@ fn notes(row: &Row) -> String {
             "the published figures are about the recording of that name, which the simulated scene is modelled on",
         );
     }
-    for error in row.error.iter() {
-        add(error);
+    if let Some(e) = &row.error {
+        add(e);
+    }
+    let same = |c: &&Cell| c.runs.len() > 1 && c.figures.as_ref().is_some_and(|f| f.identical);
+    let same: Vec<&str> = row
+        .variants
+        .iter()
+        .filter(same)
+        .map(|c| c.variant)
+        .collect();
+    if !same.is_empty() {
+        add(&format!("the seed changes nothing for {}", same.join(", ")));
+    }
+    let drift = |c: &Cell| {
+        c.figures
+            .as_ref()
+            .is_some_and(|f| f.ate.is_none() && f.drift.is_some())
+    };
+    if row.variants.iter().any(drift) {
+        add("the camera stands still in the ground truth; the error is the drift");
     }
     for cell in &row.variants {
-        let label = cell.variant;
         if let Some(e) = &cell.error {
-            add(&format!("{label}: {e}"));
-        }
-        let Some(f) = &cell.figures else {
-            continue;
-        };
-        if f.identical && cell.runs.len() > 1 {
-            add(&format!("{label}: the seed changes nothing"));
-        }
-        if f.ate.is_none() && f.drift.is_some() {
-            add(&format!(
-                "{label}: the camera stands still in the ground truth; the error is the drift"
-            ));
+            add(&format!("{}: {e}", cell.variant));
         }
     }
     text

@@ -100,7 +100,11 @@ fn a_simulated_scene_is_run_with_six_configurations() {
     // The configurations reach the runs.
     let rejected = |k: usize| row["variants"][k]["rejected"].as_f64().unwrap();
     assert_eq!(rejected(0), 0.0);
-    assert!(rejected(5) > 0.0, "the default filter rejected nothing");
+    for k in [1, 3, 4, 5] {
+        assert!(rejected(k) > 0.0, "configuration {k} rejected nothing");
+    }
+    assert!(rejected(1) > rejected(2), "boxes reject more than lines");
+    assert!(text.contains("the seed changes nothing for none"), "{text}");
     let config =
         std::fs::read_to_string(out.join("runs/sim_walking_xyz-O+G-2/config.toml")).unwrap();
     for line in [
@@ -178,4 +182,31 @@ fn what_cannot_be_used_is_said_before_anything_runs() {
         &["static_filter.preset"],
     );
     assert!(!out.exists());
+}
+
+/// Scenes are for every bench.
+#[test]
+fn a_bench_runs_simulated_scenes_too() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    let output = program()
+        .args(["bench", "sim:xyz", "sim:walking_static", "--runs", "1"])
+        .args(["--max-frames", "4", "--out"])
+        .arg(&out)
+        .output()
+        .unwrap();
+    check(&output, 0, &["sim:walking_static: run 1 of 1"]);
+    let report = std::fs::read(out.join("bench.json")).unwrap();
+    let report: Value = serde_json::from_slice(&report).unwrap();
+    for (k, scene, detector) in [
+        (0, "sim:xyz", "none"),
+        (1, "sim:walking_static", "scripted"),
+    ] {
+        let sequence = &report["sequences"][k];
+        assert_eq!(
+            (&sequence["name"], &sequence["path"]),
+            (&scene.into(), &scene.into())
+        );
+        assert_eq!(sequence["runs"][0]["detector"]["kind"], detector);
+    }
 }
