@@ -225,7 +225,10 @@ mod tests {
         }
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
             assert_eq!(cells.project([bad, 0.0, 1.0]), None);
-            assert_eq!(cells.project([0.0, 0.0, bad]).filter(|_| bad.is_nan()), None);
+            assert_eq!(
+                cells.project([0.0, 0.0, bad]).filter(|_| bad.is_nan()),
+                None
+            );
         }
     }
 

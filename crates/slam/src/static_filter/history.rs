@@ -107,3 +107,122 @@ impl History {
         indices.into_iter().map(|i| &self.0[i]).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_features::FeatureGrid;
+    use stillpoint_geometry::nalgebra::UnitQuaternion;
+    use stillpoint_geometry::{Camera, Vec3};
+    use stillpoint_map::{KeyframeData, Map};
+
+    fn shift(x: f64) -> Se3 {
+        Se3::new(UnitQuaternion::identity(), Vec3::new(x, 0.0, 0.0))
+    }
+
+    fn push(history: &mut History, frame: u32, stamp: f64) {
+        let place = Place {
+            reference: KeyframeId(0),
+            reference_from_camera: shift(0.1),
+            world_from_camera: shift(0.5),
+            camera_from_depth: shift(0.01),
+        };
+        let grid = Arc::new(CoarseDepth::default());
+        history.push(FrameId(frame), stamp, grid, Vec::new(), &place);
+    }
+
+    /// Frames at 30 Hz from 0 s on.
+    fn filled(frames: u32) -> History {
+        let mut history = History::default();
+        for i in 0..frames {
+            push(&mut history, i, f64::from(i) / 30.0);
+        }
+        history
+    }
+
+    fn stamps(history: &History, now: f64, ages: &[f64]) -> Vec<f64> {
+        let found = history.at_ages(now, ages);
+        found.iter().map(|s| s.stamp).collect()
+    }
+
+    #[test]
+    fn frames_are_the_newest_of_at_least_their_age() {
+        let history = filled(90);
+        let now = 3.0;
+        let ages = [0.2, 0.4, 0.8, 1.6, 2.9];
+        let found = stamps(&history, now, &ages);
+        assert_eq!(found.len(), ages.len());
+        for (stamp, age) in found.iter().zip(ages) {
+            assert!(*stamp <= now - age && now - age - stamp < 1.0 / 30.0 + 1e-9);
+        }
+        // Nothing is old enough, or one frame stands for several ages.
+        assert!(stamps(&history, now, &[3.1]).is_empty());
+        assert_eq!(stamps(&history, now, &[2.99, 2.995]), [0.0]);
+        assert!(stamps(&History::default(), now, &ages).is_empty());
+    }
+
+    #[test]
+    fn what_is_older_than_the_span_is_forgotten() {
+        let mut history = filled(300);
+        let oldest = history.0.front().unwrap().stamp;
+        let newest = history.last().unwrap().stamp;
+        assert!(newest - oldest <= SPAN && newest - oldest > SPAN - 0.05);
+        // After a long gap nothing else is left.
+        push(&mut history, 300, newest + 10.0);
+        assert_eq!(history.0.len(), 1);
+    }
+
+    #[test]
+    fn a_clock_that_jumps_back_empties_it() {
+        let mut history = filled(30);
+        push(&mut history, 30, 0.5);
+        assert_eq!(history.0.len(), 1);
+        assert_eq!(history.last().unwrap().frame, FrameId(30));
+        // The same stamp again does, too: an age of zero compares a frame with itself.
+        push(&mut history, 31, 0.5);
+        assert_eq!(history.0.len(), 1);
+        push(&mut history, 32, 0.6);
+        assert_eq!(history.0.len(), 2);
+    }
+
+    #[test]
+    fn frames_are_found_by_their_number() {
+        let mut history = History::default();
+        // Not every frame was tracked.
+        for i in [3, 4, 8, 9, 20] {
+            push(&mut history, i, f64::from(i) / 30.0);
+        }
+        for i in 0..25 {
+            let found = history.get(FrameId(i)).map(|s| s.frame);
+            let known = [3, 4, 8, 9, 20].contains(&i);
+            assert_eq!(found, known.then_some(FrameId(i)));
+        }
+    }
+
+    #[test]
+    fn poses_follow_their_keyframe_through_corrections() {
+        let history = filled(1);
+        let snapshot = history.last().unwrap();
+        let mut map = Map::new(8, 1.2);
+        let x = |pose: Se3| pose.translation.x;
+        // No view has the keyframe yet.
+        assert!((x(snapshot.world_from_camera(map.view())) - 0.5).abs() < 1e-12);
+        let data = KeyframeData {
+            stamp: 0.0,
+            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: Vec::new(),
+            depth_sigmas: Vec::new(),
+            descriptors: Vec::new(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
+        };
+        map.insert_keyframe(KeyframeId(0), Arc::new(data), shift(1.0), None);
+        assert!((x(snapshot.world_from_camera(map.view())) - 1.1).abs() < 1e-12);
+        map.set_pose(KeyframeId(0), shift(2.0));
+        assert!((x(snapshot.world_from_camera(map.view())) - 2.1).abs() < 1e-12);
+        assert!((x(snapshot.world_from_depth(map.view())) - 2.11).abs() < 1e-12);
+    }
+}

@@ -68,3 +68,121 @@ fn typical(distances: &[Option<f64>]) -> f64 {
     let at = known.len() * 3 / 10;
     *known.select_nth_unstable_by(at, f64::total_cmp).1
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::nalgebra::UnitQuaternion;
+    use stillpoint_geometry::{BrownConrady, Vec3};
+
+    fn camera() -> Camera {
+        Camera {
+            distortion: BrownConrady {
+                k1: 0.2,
+                k2: -0.4,
+                ..BrownConrady::default()
+            },
+            ..Camera::pinhole(640, 480, [520.0, 520.0, 319.5, 239.5])
+        }
+    }
+
+    /// Judges features with these distances (px), all in one row.
+    fn judge(distances: &[Option<f64>]) -> Vec<Vote> {
+        let pixels: Vec<[f32; 2]> = (0..distances.len())
+            .map(|i| [(i % 640) as f32, 100.0])
+            .collect();
+        votes(&Cells::new(&camera()), &pixels, distances)
+    }
+
+    /// `count` features at each distance.
+    fn at(groups: &[(usize, f64)]) -> Vec<Option<f64>> {
+        let each = groups.iter().map(|(n, d)| vec![Some(*d); *n]);
+        each.flatten().collect()
+    }
+
+    fn moving(votes: &[Vote]) -> usize {
+        votes.iter().filter(|v| v.moving).count()
+    }
+
+    #[test]
+    fn what_stands_still_stays_where_it_is_expected() {
+        let turn = UnitQuaternion::from_euler_angles(0.01, -0.02, 0.015);
+        let last_from_now = Se3::new(turn, Vec3::new(0.03, -0.02, 0.01));
+        let camera = camera();
+        for (x, y, z) in [(0.3, 0.2, 1.0), (-0.8, 0.4, 2.0), (1.0, -0.7, 4.0)] {
+            let p = Vec3::new(x, y, z);
+            let before = last_from_now.transform(&p);
+            let pair = |before: Vec3| FlowPair {
+                before_raw: [0.0; 2],
+                before: camera.project(&before),
+                now: camera.project(&p),
+            };
+            let still = distance_px(&camera, &pair(before), z as f32, &last_from_now);
+            assert!(still.unwrap() < 1e-3);
+            // It went 5 cm to the side.
+            let aside = before + Vec3::new(0.05, 0.0, 0.0);
+            let moved = distance_px(&camera, &pair(aside), z as f32, &last_from_now);
+            let expected = camera.fx * 0.05 / before.z;
+            assert!((moved.unwrap() - expected).abs() < 1e-3);
+        }
+    }
+
+    #[test]
+    fn without_depth_there_is_no_distance() {
+        let pair = FlowPair {
+            before_raw: [0.0; 2],
+            before: Vec2::new(1.0, 1.0),
+            now: Vec2::new(1.0, 1.0),
+        };
+        let distance = |z, pose| distance_px(&camera(), &pair, z, &pose);
+        assert_eq!(distance(0.0, Se3::identity()), None);
+        assert!(distance(1.0, Se3::identity()).is_some());
+        // Nor is there one behind the camera.
+        let back = Se3::new(UnitQuaternion::identity(), Vec3::new(0.0, 0.0, -2.0));
+        assert_eq!(distance(1.0, back), None);
+    }
+
+    #[test]
+    fn clear_features_vote_and_others_do_not() {
+        let votes = judge(&at(&[(60, 0.2), (20, 1.6), (20, 9.0)]));
+        assert_eq!((votes.len(), moving(&votes)), (80, 20));
+        // Features without flow do not count at all.
+        let mut distances = at(&[(60, 0.2), (20, 9.0)]);
+        distances.extend([None; 300]);
+        let votes = judge(&distances);
+        assert_eq!((votes.len(), moving(&votes)), (80, 20));
+        assert!(judge(&[]).is_empty());
+        assert!(judge(&[None; 10]).is_empty());
+    }
+
+    #[test]
+    fn a_vote_belongs_to_the_cell_of_its_feature() {
+        let cells = Cells::new(&camera());
+        let pixels = [[4.0, 4.0], [100.0, 50.0], [630.0, 470.0], [300.0, 10.0]];
+        let votes = votes(&cells, &pixels, &[Some(0.1), Some(0.1), Some(8.0), None]);
+        let expected = pixels.map(|[u, v]| cells.at(u, v));
+        assert_eq!(votes.len(), 3);
+        for (vote, cell) in votes.iter().zip(expected) {
+            assert_eq!(vote.cell, cell);
+        }
+        assert!(votes[2].moving);
+    }
+
+    #[test]
+    fn what_moves_is_measured_against_what_is_typical() {
+        // With a good pose, 3 px are a motion.
+        assert_eq!(moving(&judge(&at(&[(70, 0.2), (30, 3.0)]))), 30);
+        // When the whole image is off by a pixel, they are not, and 6 px still are.
+        assert_eq!(moving(&judge(&at(&[(70, 1.0), (30, 3.0)]))), 0);
+        assert_eq!(moving(&judge(&at(&[(70, 1.0), (30, 6.0)]))), 30);
+        // People may be more than half of it.
+        assert_eq!(moving(&judge(&at(&[(40, 0.2), (60, 12.0)]))), 60);
+    }
+
+    #[test]
+    fn with_the_camera_in_doubt_nothing_is_called_moving() {
+        // Nothing fits: the pose is wrong, not the world.
+        assert_eq!(moving(&judge(&at(&[(100, 40.0)]))), 0);
+        assert_eq!(moving(&judge(&at(&[(10, 0.2), (90, 40.0)]))), 0);
+    }
+}

@@ -72,3 +72,144 @@ pub(super) fn movers(
     let visible = objects.iter().filter(|o| o.bounds.area() > 0.0);
     visible.map(mover).filter(|m| m.weight > 0.0).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_detection::ClassId;
+
+    const BOX: BoundingBox = BoundingBox {
+        x0: 100.0,
+        y0: 50.0,
+        x1: 200.0,
+        y1: 350.0,
+    };
+
+    fn object(class: &str) -> Object {
+        Object {
+            id: ObjectId(3),
+            class: ClassId::from_name(class).unwrap(),
+            score: 0.8,
+            state: ObjectState::Confirmed,
+            bounds: BOX,
+            bounds_sigma: [4.0; 2],
+            depth_range: Some([1.2, 1.8]),
+            position: None,
+            velocity: None,
+            covariance: None,
+            size: None,
+            last_seen: 10.0,
+            motion: Motion::Unknown,
+        }
+    }
+
+    fn one(object: Object, stamp: f64) -> Option<Mover> {
+        movers(&[object], &MotionWeights::default(), stamp, 1.0).pop()
+    }
+
+    fn strength(object: Object, stamp: f64) -> f32 {
+        one(object, stamp).unwrap().strength
+    }
+
+    #[test]
+    fn odds_are_highest_in_the_middle_and_none_outside() {
+        let person = one(object("person"), 10.0).unwrap();
+        let [x, y] = BOX.centre();
+        let middle = person.odds(x, y, 1.5);
+        assert!((middle - SEEN).abs() < 1e-6);
+        let mut last = middle;
+        for step in 1..=10 {
+            let s = f64::from(step) / 10.0;
+            let odds = person.odds(x + 49.9 * s, y + 149.9 * s, 1.5);
+            assert!(odds < last && odds >= 0.0);
+            last = odds;
+        }
+        // People are longer than wide: head and feet count for more than what is beside them.
+        assert!(person.odds(x, y + 100.0, 1.5) > person.odds(x + 100.0 / 3.0, y, 1.5));
+        for (u, v) in [(99.0, y), (201.0, y), (x, 49.0), (x, 351.0)] {
+            assert!(!person.holds(u, v, 1.5));
+            assert!(person.odds(u, v, 1.5).abs() < f32::EPSILON);
+        }
+    }
+
+    #[test]
+    fn an_object_holds_its_own_depths() {
+        let mut person = one(object("person"), 10.0).unwrap();
+        let [x, y] = BOX.centre();
+        for (z, held) in [(1.1, false), (1.25, true), (1.75, true), (1.9, false)] {
+            assert_eq!(person.holds(x, y, z), held);
+            assert_eq!(person.odds(x, y, z) > 0.0, held);
+        }
+        // Where one of the two depths is unknown the box decides.
+        assert!(person.holds(x, y, 0.0));
+        person.range = None;
+        assert!(person.holds(x, y, 7.0));
+    }
+
+    #[test]
+    fn people_count_unless_they_are_parked() {
+        assert!(strength(object("person"), 10.0) > 0.0);
+        let state = ObjectState::Tentative;
+        let tentative = Object {
+            state,
+            ..object("person")
+        };
+        assert!(strength(tentative, 10.0) > 0.0);
+        let motion = Motion::Parked;
+        let parked = one(
+            Object {
+                motion,
+                ..object("person")
+            },
+            10.0,
+        )
+        .unwrap();
+        let [x, y] = BOX.centre();
+        assert!(parked.odds(x, y, 1.5).abs() < f32::EPSILON);
+        // It is still known to be there: its features make no landmarks.
+        assert!(parked.holds(x, y, 1.5) && parked.weight >= MOVER);
+    }
+
+    #[test]
+    fn chairs_count_when_they_were_measured_to_move_and_toilets_never() {
+        assert!(strength(object("chair"), 10.0).abs() < f32::EPSILON);
+        let motion = Motion::Moving;
+        let pushed = Object {
+            motion,
+            ..object("chair")
+        };
+        assert!(strength(pushed, 10.0) > 0.0);
+        let toilet = Object {
+            motion,
+            ..object("toilet")
+        };
+        assert!(one(toilet, 10.0).is_none());
+    }
+
+    #[test]
+    fn confidence_fades_while_coasting_and_only_then() {
+        let coasting = Object {
+            state: ObjectState::Coasting,
+            ..object("person")
+        };
+        let mut last = strength(coasting.clone(), 10.0);
+        assert!((last - SEEN).abs() < 1e-6);
+        for step in 1..=4 {
+            let next = strength(coasting.clone(), 10.0 + 0.25 * f64::from(step));
+            assert!(next < last);
+            last = next;
+        }
+        assert!((last - COASTED).abs() < 1e-6);
+        assert!((strength(coasting, 99.0) - COASTED).abs() < 1e-6);
+        assert!((strength(object("person"), 10.9) - SEEN).abs() < 1e-6);
+    }
+
+    #[test]
+    fn what_is_outside_the_image_is_left_out() {
+        let gone = Object {
+            bounds: BoundingBox { x1: BOX.x0, ..BOX },
+            ..object("person")
+        };
+        assert!(one(gone, 10.0).is_none());
+    }
+}

@@ -124,7 +124,8 @@ pub(super) fn compare(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_geometry::{Camera, UnitQuaternion, Vec3};
+    use stillpoint_geometry::nalgebra::UnitQuaternion;
+    use stillpoint_geometry::{Camera, Vec3};
     use stillpoint_imaging::DepthImage;
 
     const W: usize = 5;
