@@ -9,7 +9,7 @@ use std::io::Write;
 use std::sync::Arc;
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
-use stillpoint::slam::{Config, Mapper, MapperMsg, Outcome, Tracker};
+use stillpoint::slam::{Config, Mapper, MapperMsg, MapperReport, Outcome, Tracker};
 
 /// Frames that pass before the tracker sees what the mapper made of a keyframe.
 const DELAY: usize = 5;
@@ -39,11 +39,13 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         if let Some(keyframe) = tracked.keyframe {
             let reply = mapper.step(MapperMsg::Keyframe(Box::new(keyframe)));
-            writeln!(
-                out,
-                "frame {i} is a keyframe: map version {}, {} landmarks, {} observations refined",
-                reply.report.map_version, reply.report.landmarks, reply.report.bundle.observations
-            )?;
+            if let MapperReport::Mapped(report) = &reply.report {
+                writeln!(
+                    out,
+                    "frame {i} is a keyframe: map version {}, {} landmarks, {} observations refined",
+                    report.map_version, report.landmarks, report.bundle.observations
+                )?;
+            }
             // Before the first view there is nothing to track against, so that one is waited for.
             let due = if i == 0 { 1 } else { i + 1 + DELAY };
             replies.push_back((due, reply.view));

@@ -36,6 +36,9 @@ pub struct Landmark {
     pub visible: u32,
     /// Frames in which it was found.
     pub found: u32,
+    /// How likely it is to stand still, in log odds: grows with every frame in which it was found, falls with every one in
+    /// which the camera saw through its place.
+    pub static_odds: f32,
 }
 
 /// What a landmark id stands for.

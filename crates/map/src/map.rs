@@ -140,6 +140,7 @@ impl Map {
             observers: 0,
             depth_observers: 0,
             created_at: keyframe,
+            static_odds: 0.0,
             visible: 1,
             found: 1,
         };

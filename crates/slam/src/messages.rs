@@ -40,6 +40,8 @@ pub struct LandmarkStatistic {
     pub visible: u32,
     /// Frames in which it was matched as an inlier.
     pub found: u32,
+    /// Frames in which the camera saw through its place.
+    pub gone: u32,
 }
 
 /// What the mapper reads.

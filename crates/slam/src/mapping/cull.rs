@@ -1,9 +1,43 @@
 //! What the map does without: landmarks that did not prove themselves, keyframes that add nothing.
 
 use super::Mapper;
+use crate::messages::LandmarkStatistic;
 use stillpoint_map::KeyframeId;
 
+/// Log odds that one frame adds to a landmark's being static when it was found where it should be. Little: things that
+/// moved and stopped are found as well.
+const FOUND: f32 = 0.3;
+/// Log odds that one frame takes when the camera saw through its place. The place is known to some pixels, and thin things
+/// have holes in depth: no single frame is proof.
+const GONE: f32 = 1.0;
+/// Years of evidence must be overturned within ten frames.
+const MAX_ODDS: f32 = 6.0;
+/// A landmark less likely to be static than this leaves the map: 1 in 20.
+const MIN_ODDS: f32 = -3.0;
+
+/// Bayes' rule in log odds for what was seen of a landmark since the last keyframe.
+pub(super) fn static_odds(before: f32, seen: &LandmarkStatistic) -> f32 {
+    let after = before + FOUND * seen.found as f32 - GONE * seen.gone as f32;
+    after.clamp(2.0 * MIN_ODDS, MAX_ODDS)
+}
+
 impl Mapper {
+    /// Takes out landmarks that have stopped being static.
+    pub(super) fn cull_moved(&mut self, seen: &[LandmarkStatistic]) -> u32 {
+        let mut culled = 0;
+        for s in seen.iter().filter(|s| s.gone > 0) {
+            let Some(id) = self.map.view().resolve_landmark(s.id) else {
+                continue;
+            };
+            let moved = |id| Some(self.map.view().landmark(id)?.static_odds < MIN_ODDS);
+            if moved(id) == Some(true) {
+                self.map.cull_landmark(id);
+                culled += 1;
+            }
+        }
+        culled
+    }
+
     /// Culls young landmarks that are rarely found, or that no second keyframe confirmed in time. Landmarks older than
     /// three keyframes have proved themselves.
     pub(super) fn cull_landmarks(&mut self, now: KeyframeId) -> u32 {

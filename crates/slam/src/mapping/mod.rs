@@ -116,7 +116,7 @@ impl Mapper {
             bundle: Default::default(),
         };
         self.insert(keyframe);
-        report.culled_landmarks = self.cull_landmarks(id);
+        report.culled_landmarks = self.cull_moved(&keyframe.statistics) + self.cull_landmarks(id);
         report.created_from_depth = self.create_from_depth(id);
         report.triangulated = self.triangulate(id);
         report.fused = self.fuse(id);
@@ -168,6 +168,7 @@ impl Mapper {
             if let Some(l) = id.and_then(|id| self.map.landmark_mut(id)) {
                 l.visible += s.visible;
                 l.found += s.found;
+                l.static_odds = cull::static_odds(l.static_odds, s);
             }
         }
         let view = self.map.view();

@@ -346,7 +346,7 @@ mod tests {
         for (a, b) in motion.iter().zip(&world.surfaces.motion) {
             assert!((a - b).abs() < 0.5);
         }
-        // Nobody knows a new scene: there the box decides, for the person in it alone.
+        // Of a new scene nothing is known: the box decides, for the person in it alone.
         let mut world = World::new();
         world.step(Some(12), &[mover(2.5)], &[]);
         let (person, wall) = world.moving(12);
@@ -396,12 +396,5 @@ mod tests {
             world.step(None, &[], &votes);
         }
         assert!(world.moving(12).1.abs() < f64::EPSILON);
-    }
-
-    #[test]
-    fn suspicion_fades() {
-        assert!((suspicion(0.0) - SUSPECT).abs() < f32::EPSILON);
-        assert!(suspicion(1.0) > suspicion(3.0) && suspicion(3.0) > 0.0);
-        assert!(suspicion(MEMORY + 1.0).abs() < f32::EPSILON);
     }
 }

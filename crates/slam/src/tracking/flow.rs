@@ -1,9 +1,10 @@
 //! Flow: where each feature was in the frame before, and how the camera moved since.
 
 use super::frame::Observer;
-use super::{LastFrame, Tracker};
+use super::matching::Matches;
+use super::{LastFrame, Tracker, pose};
 use crate::sensor::DepthReader;
-use crate::static_filter::FlowPair;
+use crate::static_filter::{FeatureVerdict, FlowPair};
 use stillpoint_estimation::{
     Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
     rng,
@@ -84,6 +85,38 @@ impl Tracker {
                 pairs[*i] = Some(found.0);
             }
         }
+    }
+
+    /// Bridges a frame in which too few landmarks are found, in motion blur or among people, with what flow found of the last
+    /// frame's surfaces. It drifts, so it is not used where the map holds. `data` and `matches` are without the dynamic
+    /// features, `pairs` and `verdicts` are of all.
+    pub(super) fn bridge(
+        &self,
+        data: &KeyframeData,
+        pairs: &[Option<FlowPair>],
+        verdicts: &[FeatureVerdict],
+        mut matches: Matches,
+        start: &Se3,
+    ) -> (Matches, Se3) {
+        let (Some(last), Some(previous)) = (&self.last, &self.previous) else {
+            return (matches, *start);
+        };
+        let sensor = &self.config.sensor;
+        let reader = DepthReader::new(sensor, &data.camera, &previous.depth, None, 0.0);
+        let kept = pairs.iter().zip(verdicts).filter(|(_, v)| !v.dynamic);
+        for (i, (pair, _)) in kept.enumerate() {
+            let Some(pair) = pair.filter(|_| matches.targets[i].is_none()) else {
+                continue;
+            };
+            let raw = pair.before_raw.map(f64::from).into();
+            if let Some(reading) = reader.read(raw, pair.before)
+                && reading.z < sensor.close_depth
+            {
+                let seen = data.camera.backproject(pair.before, reading.z);
+                matches.assign_point(i as u32, last.world_from_camera.transform(&seen));
+            }
+        }
+        pose::solve(data, start, matches)
     }
 
     /// The camera's motion since the last frame by a vote of the flow, as the pose it leads to. Features on surfaces that moved

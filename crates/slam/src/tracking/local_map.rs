@@ -1,6 +1,7 @@
 //! The part of the map that the frame is expected to see.
 
 use super::matching::{Expected, Matches, in_bounds, match_expected};
+use super::sight::Sight;
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Se3, Vec3};
@@ -142,14 +143,16 @@ impl LocalMap {
         self.keyframes = keyframes;
     }
 
-    /// Searches the local landmarks that have no match yet around their projections; notes all that are visible.
+    /// Searches the local landmarks that have no match yet around their projections; notes what is seen of all that are in
+    /// the field of view, by the depth image where they do not match.
     pub(super) fn search(
         &mut self,
         data: &KeyframeData,
         camera_from_world: &Se3,
         area: &SearchArea<'_>,
         matches: &mut Matches,
-        mut visible: impl FnMut(LandmarkId),
+        sight: impl Fn(&Vec3) -> Sight,
+        mut seen: impl FnMut(LandmarkId, Sight),
     ) -> LocalSearch {
         let SearchArea {
             bounds,
@@ -160,7 +163,7 @@ impl LocalMap {
         for target in matches.targets.iter().flatten() {
             if let Some(id) = target.landmark {
                 self.marks[id.index()] = self.round;
-                visible(id);
+                seen(id, Sight::Open);
             }
         }
         let mut result = LocalSearch::default();
@@ -191,11 +194,11 @@ impl LocalMap {
             if distance < min || distance > max || cosine < MIN_VIEW_COSINE {
                 continue;
             }
-            result.visible += 1;
             if self.marks[e.id.index()] == self.round {
+                result.visible += 1;
                 continue;
             }
-            visible(e.id);
+            result.visible += 1;
             let ratio = f64::from(e.range.max_distance) / distance;
             let level = libm::ceil(libm::log(ratio) / log_scale - 1e-3)
                 .clamp(0.0, (level_sigmas.len() - 1) as f64) as u8;
@@ -207,7 +210,8 @@ impl LocalMap {
                 level,
                 radius_px: radius_px * if cosine > 0.998 { 2.5 } else { 4.0 },
             };
-            match_expected(data, &expected, level_sigmas, matches);
+            let found = match_expected(data, &expected, level_sigmas, matches);
+            seen(e.id, if found { Sight::Open } else { sight(&p) });
         }
         result
     }

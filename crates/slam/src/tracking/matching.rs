@@ -51,6 +51,22 @@ impl Matches {
         }
     }
 
+    /// How many features see a landmark.
+    pub(super) fn landmarks(&self) -> usize {
+        let sees = |t: &&Target| t.landmark.is_some();
+        self.targets.iter().flatten().filter(sees).count()
+    }
+
+    /// Assigns a temporary point to a feature that has no match.
+    pub(super) fn assign_point(&mut self, feature: u32, position: Vec3) {
+        let target = Target {
+            landmark: None,
+            position,
+            distance: u32::MAX,
+        };
+        self.assign(feature, target);
+    }
+
     /// The matches of a selection of the features, numbered anew: those whose verdict is not dynamic.
     pub(super) fn without_dynamic(self, verdicts: &[FeatureVerdict]) -> Self {
         let kept = self.targets.into_iter().zip(verdicts);

@@ -12,6 +12,7 @@ pub(crate) mod matching;
 mod motion;
 mod pose;
 mod self_calibration;
+mod sight;
 
 pub(crate) use pose::measurement;
 
@@ -22,17 +23,20 @@ use crate::config::Config;
 use crate::event::{FrameCounts, FrameReport, LostReason, Outcome};
 use crate::messages::{LandmarkStatistic, MapperMsg, NewKeyframe, Tracked};
 use crate::sensor::Timing;
-use crate::static_filter::{FlowPair, FrameInput, Judgement, Place, StaticFilter};
+use crate::static_filter::{
+    FeatureVerdict, FlowPair, FrameInput, Judgement, Place, Preset, StaticFilter,
+};
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use frame::Observer;
 use local_map::{LocalMap, SearchArea};
 use matching::Matches;
 use motion::Motion;
 use self_calibration::SelfCalibration;
+use sight::{DepthSight, Sight};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
-use stillpoint_geometry::{Camera, Se3, Vec6};
+use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
 
@@ -158,6 +162,12 @@ impl Tracker {
         let data = self
             .observer
             .measure(frame, velocity, self.calibration.timing(), None);
+        // What is said of a frame that gives no pose: nothing against any feature.
+        let kept = data
+            .keypoints
+            .iter()
+            .map(|k| FeatureVerdict::kept([k.x, k.y]));
+        notes.judgement.verdicts = kept.collect();
         notes.counts.keypoints = data.len() as u32;
         notes.counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
         if self.last.is_none() {
@@ -265,10 +275,10 @@ impl Tracker {
         }
         let (reference, predicted) = self.predict(frame.stamp);
         let mut pairs = self.flow(&data, &predicted);
-        let predicted = self
-            .pose_by_flow(frame, &data, &pairs, &predicted)
-            .unwrap_or(predicted);
-        let (matches, pose) = self.match_last_frame(&data, reference, &predicted)?;
+        let by_flow = self.pose_by_flow(frame, &data, &pairs, &predicted);
+        let (matches, pose) = self
+            .match_last_frame(&data, reference, &by_flow.unwrap_or(predicted))
+            .or_else(|lost| Ok((Matches::new(data.len()), by_flow.ok_or(lost)?)))?;
         notes.counts.frame_matches = matches.count as u32;
         self.recheck_flow(&data, &mut pairs, &pose);
         let velocity = self.velocity_to(&pose, frame.stamp);
@@ -289,22 +299,30 @@ impl Tracker {
         let matches = matches.without_dynamic(&notes.judgement.verdicts);
         let counts = &mut notes.counts;
         let (reference, found, pose) =
-            self.match_local_map(&data, reference, matches, &pose, counts);
+            self.match_local_map(frame, &data, reference, matches, &pose, counts);
         if let Some(v) = velocity.filter(|_| self.config.sensor.self_calibrate) {
             self.calibration
                 .learn(&self.observer, &data, &found, &pose, &v);
         }
+        let established = found.landmarks();
+        let starved = established < self.config.tracking.min_inliers;
+        let (found, pose) = match by_flow.filter(|_| starved) {
+            Some(start) => self.bridge(&data, &pairs, &notes.judgement.verdicts, found, &start),
+            None => (found, pose),
+        };
+        // Until the first view of the map arrives, and while flow bridges a gap, the last frame's own points are what there
+        // is to track.
+        let bridged = starved && by_flow.is_some();
+        let inliers = if bridged || self.view.keyframe_count() == 0 {
+            found.count
+        } else {
+            established
+        };
         let matches: Vec<Option<LandmarkId>> = found
             .targets
             .iter()
             .map(|t| t.and_then(|t| t.landmark))
             .collect();
-        // Until the first view of the map arrives, the last frame's own points are all there is to track.
-        let inliers = if self.view.keyframe_count() == 0 {
-            found.count
-        } else {
-            matches.iter().flatten().count()
-        };
         counts.inliers = inliers as u32;
         if inliers < self.config.tracking.min_inliers {
             return Err(LostReason::FewInliers);
@@ -349,6 +367,7 @@ impl Tracker {
     /// landmark of each inlier, and the pose.
     fn match_local_map(
         &mut self,
+        frame: &RgbdFrame,
         data: &KeyframeData,
         reference: KeyframeId,
         mut matches: Matches,
@@ -363,10 +382,21 @@ impl Tracker {
             level_sigmas: self.observer.level_sigmas(),
             radius_px: self.config.tracking.local_radius as f32,
         };
+        let sight = DepthSight {
+            camera: &data.camera,
+            image: &frame.depth,
+        };
+        let use_sight = self.config.static_filter.preset != Preset::Off;
+        let look = |p: &Vec3| if use_sight { sight.of(p) } else { Sight::Open };
         let search = self
             .local_map
-            .search(data, pose, &area, &mut matches, |id| {
-                statistic(statistics, id).visible += 1;
+            .search(data, pose, &area, &mut matches, look, |id, sight| {
+                let s = statistic(statistics, id);
+                match sight {
+                    Sight::Open => s.visible += 1,
+                    Sight::Hidden => {}
+                    Sight::Through => s.gone += 1,
+                }
             });
         drop(span);
         counts.local_visible = search.visible;
@@ -529,5 +559,6 @@ fn statistic(
         id,
         visible: 0,
         found: 0,
+        gone: 0,
     })
 }

@@ -1,0 +1,89 @@
+//! What the depth image says of a place where a point is expected: is it there, hidden, or gone?
+
+use stillpoint_geometry::{Camera, Vec3};
+use stillpoint_imaging::DepthImage;
+
+/// What is seen where a point is expected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Sight {
+    /// Nothing speaks against the point: a surface at its depth, an edge, or no depth.
+    Open,
+    /// Something stands in front of it.
+    Hidden,
+    /// The camera sees through its place: the point has gone.
+    Through,
+}
+
+/// Spacing of the 3x3 pixels looked at, px: the expected place may be wrong by as much.
+const STEP: i32 = 3;
+/// Of the nine, this many must have depth for a judgement.
+const MIN_VALID: u32 = 7;
+
+/// Looks at one depth image.
+pub(super) struct DepthSight<'a> {
+    pub(super) camera: &'a Camera,
+    pub(super) image: &'a DepthImage,
+}
+
+impl DepthSight<'_> {
+    /// What is seen in place of a point in camera coordinates (m).
+    pub(super) fn of(&self, p: &Vec3) -> Sight {
+        let raw = self.camera.project_distorted(p);
+        let (u, v) = (libm::round(raw.x) as i32, libm::round(raw.y) as i32);
+        let (width, height) = (self.image.width() as i32, self.image.height() as i32);
+        if u < STEP || v < STEP || u + STEP >= width || v + STEP >= height {
+            return Sight::Open;
+        }
+        let z = p.z as f32;
+        let tolerance = 0.05 + 0.02 * z + 4.0 * (0.0012 + 0.0019 * (z - 0.4) * (z - 0.4));
+        let (mut valid, mut farther, mut nearer) = (0, 0, 0);
+        for y in [v - STEP, v, v + STEP] {
+            for x in [u - STEP, u, u + STEP] {
+                let there = self.image.at(x as usize, y as usize);
+                valid += u32::from(there > 0.0);
+                farther += u32::from(there > z + tolerance);
+                nearer += u32::from(there > 0.0 && there < z - tolerance);
+            }
+        }
+        if valid < MIN_VALID {
+            Sight::Open
+        } else if farther == valid {
+            Sight::Through
+        } else if nearer == valid {
+            Sight::Hidden
+        } else {
+            Sight::Open
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sight(z_there: impl Fn(usize, usize) -> f32) -> Sight {
+        let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+        let data = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
+        let data = data.map(|(x, y)| z_there(x, y)).collect();
+        let image = DepthImage::from_vec(64, 48, data).unwrap();
+        DepthSight {
+            camera: &camera,
+            image: &image,
+        }
+        .of(&Vec3::new(0.0, 0.0, 2.0))
+    }
+
+    #[test]
+    fn tells_present_hidden_and_gone_apart() {
+        assert_eq!(sight(|_, _| 2.05), Sight::Open);
+        assert_eq!(sight(|_, _| 1.0), Sight::Hidden);
+        assert_eq!(sight(|_, _| 3.0), Sight::Through);
+    }
+
+    #[test]
+    fn does_not_judge_edges_and_holes() {
+        assert_eq!(sight(|x, _| if x < 32 { 1.0 } else { 3.0 }), Sight::Open);
+        assert_eq!(sight(|x, _| if x < 32 { 2.0 } else { 3.0 }), Sight::Open);
+        assert_eq!(sight(|_, y| if y < 23 { 0.0 } else { 3.0 }), Sight::Open);
+    }
+}
