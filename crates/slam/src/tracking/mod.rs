@@ -393,8 +393,9 @@ impl Tracker {
             .search(data, pose, &area, &mut matches, look, |id, sight| {
                 let s = statistic(statistics, id);
                 match sight {
-                    Sight::Open => s.visible += 1,
-                    Sight::Hidden => {}
+                    // Of the landmarks that look hidden most are wrong, at the edge of something near: they must prove
+                    // themselves like all others.
+                    Sight::Open | Sight::Hidden => s.visible += 1,
                     Sight::Through => s.gone += 1,
                 }
             });
