@@ -1,0 +1,86 @@
+//! Detections that come late: carried forward to the present, and back to the keyframe that they are about.
+
+use crate::world::{Recording, Run, shows_mover, with};
+use stillpoint_map::KeyframeId;
+use stillpoint_slam::{Config, Preset, Reasons};
+
+fn late(frames: u32) -> Config {
+    let mut config = with(Preset::Default);
+    config.schedule.detector = frames;
+    config
+}
+
+/// Of the keypoints on people that were rejected, the share that was found on an object.
+fn named(recording: &Recording, run: &Run) -> f64 {
+    let (mut dynamic, mut named) = (0_usize, 0_usize);
+    for (mask, report) in recording.masks.iter().zip(&run.reports) {
+        let on_people = |v: &&_| shows_mover(mask, v);
+        for v in report.verdicts.iter().filter(on_people) {
+            dynamic += usize::from(v.dynamic);
+            named += usize::from(v.dynamic && v.reasons.has(Reasons::OBJECT));
+        }
+    }
+    named as f64 / dynamic.max(1) as f64
+}
+
+#[test]
+fn late_detections_are_carried_forward() {
+    // People walk in, cross close in front of the camera and fill half of the image.
+    let recording = Recording::simulated("walking_xyz", 20..110, 0.3);
+    for (delay, least) in [(1, 0.88), (3, 0.8), (10, 0.45)] {
+        let run = recording.run_detected(late(delay));
+        let (error, named) = (recording.ate_mm(&run), named(&recording, &run));
+        println!("{delay} frames late: {error:.2} mm, {named:.3} on objects");
+        assert_eq!(run.lost(), 0, "{delay} frames late");
+        assert!(error < 10.0, "{delay} frames late: {error} mm");
+        assert!(named > least, "{delay} frames late: {named} on objects");
+    }
+    // Control: without the filter the same frames fail, and nobody names objects that no detector saw.
+    let off = recording.ate_mm(&recording.run(with(Preset::Off)));
+    assert!(off > 15.0, "off: {off} mm");
+    let alone = recording.run(with(Preset::Default));
+    assert!(named(&recording, &alone).abs() < f64::EPSILON);
+}
+
+/// How many landmarks keyframe 0 observes on people, and elsewhere.
+fn landmarks_of_first(recording: &Recording, run: &Run) -> (usize, usize) {
+    let view = run.system.view();
+    let keyframe = view.keyframe(KeyframeId(0)).unwrap();
+    let matched = keyframe.matches.iter().zip(run.reports[0].verdicts.iter());
+    let (mut people, mut rest) = (0, 0);
+    for (_, verdict) in matched.filter(|(landmark, _)| landmark.is_some()) {
+        if shows_mover(&recording.masks[0], verdict) {
+            people += 1;
+        } else {
+            rest += 1;
+        }
+    }
+    (people, rest)
+}
+
+#[test]
+fn the_first_keyframe_is_judged_again() {
+    // Somebody is in the view from the first frame on: nothing but a detector can know then. None is missed.
+    let recording = Recording::simulated("walking_static", 78..84, 0.0);
+    let without = recording.run(with(Preset::Default));
+    let (before, _) = landmarks_of_first(&recording, &without);
+    assert!(before > 50, "{before} landmarks on people");
+    assert!(without.rejudged.is_empty());
+
+    let run = recording.run_detected(late(3));
+    let first = run.rejudged.iter().find(|r| r.keyframe == KeyframeId(0));
+    let removed = first.map_or(0, |r| r.landmarks);
+    let (people, rest) = landmarks_of_first(&recording, &run);
+    println!("{before} landmarks on people, {removed} removed, {people} left, {rest} elsewhere");
+    assert!(removed as usize > before / 2);
+    assert!(people < before / 4, "{people} of {before} are left");
+    assert!(rest > 100);
+    assert_eq!(run.lost(), 0);
+
+    // Detections in time leave nothing to judge again.
+    let run = recording.run_detected(late(0));
+    assert!(run.rejudged.is_empty());
+    let (people, _) = landmarks_of_first(&recording, &run);
+    println!("{people} of {before} with detections in time");
+    assert!(people < before / 2, "{people} of {before}");
+}

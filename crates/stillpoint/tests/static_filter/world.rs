@@ -1,0 +1,248 @@
+//! Recordings with moving people, and what becomes of them in the system.
+
+use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
+use stillpoint_detection::{BoundingBox, ClassId, Detection, ScriptRow, ScriptedDetector};
+use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, Simd};
+use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
+use stillpoint_slam::{
+    Config, Event, FeatureVerdict, FrameReport, Outcome, Preset, RejudgeReport, System,
+};
+
+/// A recording whose frames are rendered once, for several runs over them.
+pub(crate) struct Recording {
+    pub(crate) camera: Camera,
+    pub(crate) frames: Vec<RgbdFrame>,
+    pub(crate) truth: Vec<TimedPose>,
+    /// What each pixel of a frame shows: 0 for what stands still. Empty where there are no masks.
+    pub(crate) masks: Vec<GrayImage>,
+    /// What the detector says of it; empty where there is none.
+    pub(crate) script: Vec<ScriptRow>,
+}
+
+/// What the system said of a recording.
+pub(crate) struct Run {
+    pub(crate) system: System,
+    pub(crate) reports: Vec<FrameReport>,
+    pub(crate) rejudged: Vec<RejudgeReport>,
+}
+
+/// Of all keypoints.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Shares {
+    /// Of those on what moves, the share that was rejected.
+    pub(crate) recall: f64,
+    /// Of those on what stands still, the share that was kept.
+    pub(crate) kept: f64,
+    /// How many were on what moves.
+    pub(crate) moving: usize,
+}
+
+impl Recording {
+    /// The frames `range` of a simulated scene, and a detector that misses a share `drop` of all people.
+    pub(crate) fn simulated(scene: &str, range: std::ops::Range<usize>, drop: f64) -> Self {
+        let camera = SimulatorConfig::default().camera;
+        Self::with_camera(scene, range, drop, camera)
+    }
+
+    /// The same with another camera.
+    pub(crate) fn with_camera(
+        scene: &str,
+        range: std::ops::Range<usize>,
+        drop: f64,
+        camera: Camera,
+    ) -> Self {
+        let simulator = Simulator::new(&SimulatorConfig {
+            scene: scene.into(),
+            frames: Some(range.end),
+            camera,
+            ..SimulatorConfig::default()
+        })
+        .unwrap();
+        let noise = DetectionNoise {
+            drop,
+            ..DetectionNoise::default()
+        };
+        let rows = range
+            .clone()
+            .flat_map(|i| simulator.detections(i, &noise))
+            .map(|d| ScriptRow {
+                stamp: d.stamp,
+                detection: Detection {
+                    class: ClassId::from_name(d.class).unwrap(),
+                    score: d.score,
+                    bounds: BoundingBox {
+                        x0: d.x0,
+                        y0: d.y0,
+                        x1: d.x1,
+                        y1: d.y1,
+                    },
+                },
+            });
+        // Whatever part of the scene it is, to the system it is the first.
+        let frame = |i| RgbdFrame {
+            id: FrameId((i - range.start) as u32),
+            ..simulator.frame(i)
+        };
+        let truth = simulator.ground_truth().into_iter();
+        Self {
+            camera: *simulator.camera(),
+            script: rows.collect(),
+            frames: range.clone().map(frame).collect(),
+            masks: range.clone().map(|i| simulator.truth(i).mask).collect(),
+            truth: truth
+                .skip(range.start)
+                .map(|(stamp, world_from_camera)| TimedPose {
+                    stamp,
+                    world_from_camera,
+                })
+                .collect(),
+        }
+    }
+
+    /// Where a data set is, if it is there.
+    pub(crate) fn folder(name: &str) -> std::path::PathBuf {
+        let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
+            || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
+            std::path::PathBuf::from,
+        );
+        data.join(name)
+    }
+
+    /// A data set on disk; `None`, with a printed line, where it is not.
+    pub(crate) fn real(name: &str) -> Option<Self> {
+        let path = Self::folder(name);
+        if !path.is_dir() {
+            println!("skipped: no data set {}", path.display());
+            return None;
+        }
+        let dataset = Dataset::open(&path, &OpenOptions::default()).unwrap();
+        let mut source = ReadAhead::new(dataset.frames(&FrameOptions::default()).unwrap());
+        let mut frames = Vec::new();
+        while let Some(frame) = source.next_frame() {
+            frames.push(frame.unwrap());
+        }
+        Some(Self {
+            camera: dataset.camera().camera,
+            truth: dataset
+                .ground_truth()
+                .unwrap()
+                .unwrap()
+                .into_iter()
+                .map(|p| TimedPose {
+                    stamp: p.stamp,
+                    world_from_camera: p.world_from_camera,
+                })
+                .collect(),
+            frames,
+            masks: Vec::new(),
+            script: Vec::new(),
+        })
+    }
+
+    /// Per frame, the share of the image that shows what moves.
+    pub(crate) fn covers(&self) -> impl Iterator<Item = f64> {
+        let share = |mask: &GrayImage| {
+            let moving = mask.data().iter().filter(|v| **v > 0).count();
+            moving as f64 / mask.data().len() as f64
+        };
+        self.masks.iter().map(share)
+    }
+
+    /// The detector that plays the script.
+    pub(crate) fn detector(&self) -> ScriptedDetector {
+        ScriptedDetector::new("the simulator's", self.script.clone()).unwrap()
+    }
+
+    /// Runs the system without a detector.
+    pub(crate) fn run(&self, config: Config) -> Run {
+        self.drive(System::new(config, self.camera, Simd::detect()).unwrap())
+    }
+
+    /// Runs the system with the script.
+    pub(crate) fn run_detected(&self, config: Config) -> Run {
+        let system = System::new(config, self.camera, Simd::detect()).unwrap();
+        self.drive(system.with_detector(Box::new(self.detector())))
+    }
+
+    /// Runs a system to the end.
+    pub(crate) fn drive(&self, mut system: System) -> Run {
+        let (mut reports, mut rejudged) = (Vec::new(), Vec::new());
+        for frame in &self.frames {
+            for event in system.step(frame.clone()) {
+                match event {
+                    Event::Frame(report) => reports.push(report),
+                    Event::Rejudged(report) => rejudged.push(report),
+                    _ => {}
+                }
+            }
+        }
+        system.finish();
+        Run {
+            system,
+            reports,
+            rejudged,
+        }
+    }
+
+    /// ATE RMSE of a run, mm.
+    pub(crate) fn ate_mm(&self, run: &Run) -> f64 {
+        let score = evaluate(&self.truth, &run.poses(), &EvalOptions::default()).unwrap();
+        score.ate.statistics.rmse * 1e3
+    }
+
+    /// How well the verdicts agree with the masks.
+    pub(crate) fn shares(&self, run: &Run) -> Shares {
+        let (mut caught, mut moving, mut kept, mut still) = (0_usize, 0_usize, 0_usize, 0_usize);
+        for (mask, report) in self.masks.iter().zip(&run.reports) {
+            for verdict in report.verdicts.iter() {
+                if shows_mover(mask, verdict) {
+                    moving += 1;
+                    caught += usize::from(verdict.dynamic);
+                } else {
+                    still += 1;
+                    kept += usize::from(!verdict.dynamic);
+                }
+            }
+        }
+        Shares {
+            recall: caught as f64 / moving.max(1) as f64,
+            kept: kept as f64 / still.max(1) as f64,
+            moving,
+        }
+    }
+}
+
+impl Run {
+    /// The trajectory as the map's last version has it.
+    pub(crate) fn poses(&self) -> Vec<TimedPose> {
+        let view = self.system.view();
+        let poses = self.system.trajectory().resolve(&view);
+        poses
+            .map(|(entry, world_from_camera)| TimedPose {
+                stamp: entry.stamp,
+                world_from_camera,
+            })
+            .collect()
+    }
+
+    /// How many frames have no pose of their own.
+    pub(crate) fn lost(&self) -> usize {
+        let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+        self.reports.iter().filter(lost).count()
+    }
+}
+
+/// Whether the pixel of a keypoint shows something that moves.
+pub(crate) fn shows_mover(mask: &GrayImage, verdict: &FeatureVerdict) -> bool {
+    let [u, v] = verdict.pixel.map(|x| x.round() as usize);
+    u < mask.width() && v < mask.height() && mask.at(u, v) > 0
+}
+
+/// The default configuration with a preset of the filter.
+pub(crate) fn with(preset: Preset) -> Config {
+    let mut config = Config::default();
+    config.static_filter.preset = preset;
+    config
+}
