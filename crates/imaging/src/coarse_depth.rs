@@ -2,10 +2,13 @@
 
 use crate::DepthImage;
 
+/// Samples that differ by at most this share of their depth are of one surface.
+const ONE_SURFACE: f32 = 0.03;
+
 /// One depth per square cell of the image; 0 where most of the cell has none.
 ///
-/// A cell's depth is the median of the valid ones among 16 samples: at an edge it is the depth of one side, never a mean
-/// of the two.
+/// A cell's depth is the mean of the valid ones among 16 samples when they are of one surface, else their median: at an
+/// edge it is the depth of one side, never a mean of the two.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CoarseDepth {
     cell: usize,
@@ -28,24 +31,7 @@ impl CoarseDepth {
                 &depth.data()[start..start + depth.width()]
             });
             for x in 0..width {
-                let mut found = [f32::MAX; 16];
-                let mut count = 0;
-                for row in rows {
-                    for o in offsets {
-                        let z = row[x * cell + o];
-                        if z > 0.0 && z.is_finite() {
-                            found[count] = z;
-                            count += 1;
-                        }
-                    }
-                }
-                data.push(if count >= 4 {
-                    *found[..count]
-                        .select_nth_unstable_by(count / 2, f32::total_cmp)
-                        .1
-                } else {
-                    0.0
-                });
+                data.push(cell_depth(&rows, x * cell, offsets));
             }
         }
         Self {
@@ -104,6 +90,37 @@ impl CoarseDepth {
         let size = self.cell as f64;
         [x, y].map(|i| (i as f64 + 0.5) * size - 0.5)
     }
+}
+
+/// The depth of one cell from four of its rows, at `offsets` from column `x`.
+fn cell_depth(rows: &[&[f32]; 4], x: usize, offsets: [usize; 4]) -> f32 {
+    let (mut near, mut far, mut sum, mut count) = (f32::MAX, 0.0_f32, 0.0_f32, 0_u32);
+    for row in rows {
+        for o in offsets {
+            let z = row[x + o];
+            if z > 0.0 && z < f32::INFINITY {
+                near = near.min(z);
+                far = far.max(z);
+                sum += z;
+                count += 1;
+            }
+        }
+    }
+    if count < 4 {
+        return 0.0;
+    }
+    if far - near <= ONE_SURFACE * near {
+        return sum / count as f32;
+    }
+    let mut found = [f32::MAX; 16];
+    let samples = rows.iter().flat_map(|row| offsets.map(|o| row[x + o]));
+    let valid = samples.filter(|z| *z > 0.0 && *z < f32::INFINITY);
+    for (slot, z) in found.iter_mut().zip(valid) {
+        *slot = z;
+    }
+    let count = count as usize;
+    let (_, median, _) = found[..count].select_nth_unstable_by(count / 2, f32::total_cmp);
+    *median
 }
 
 #[cfg(test)]

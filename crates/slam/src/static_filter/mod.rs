@@ -256,8 +256,9 @@ impl StaticFilter {
     fn measure_rigidity(&mut self, stamp: f64, grid: &CoarseDepth, movers: &[Mover]) {
         for m in movers {
             let (mut agreeing, mut tested) = (0, 0);
-            for (i, &z) in grid.data().iter().enumerate() {
+            for i in m.cells(grid) {
                 let [u, v] = grid.centre(i % grid.width(), i / grid.width());
+                let z = grid.data()[i];
                 let evidence = self.surfaces.evidence[i];
                 if z > 0.0 && m.holds(u, v, z) && (evidence > 0.0 || evidence <= STANDS_STILL) {
                     tested += 1;

@@ -9,7 +9,16 @@ const COUPLING: f32 = 0.9;
 /// Rounds of sweeping there and back: enough to cross a person.
 const SWEEPS: usize = 3;
 
-/// Which neighbours each cell is joined to: bit 0 right, bit 1 below.
+/// Share of the neighbours' sum that is taken over, by the number of joined neighbours.
+const SHARES: [f32; 5] = [
+    0.0,
+    COUPLING,
+    COUPLING / 2.0,
+    COUPLING / 3.0,
+    COUPLING / 4.0,
+];
+
+/// Which neighbours each cell is joined to: bit 0 right, 1 below, 2 left, 3 above.
 pub(super) struct Links(Vec<u8>);
 
 impl Links {
@@ -21,9 +30,14 @@ impl Links {
         for y in 0..h {
             for x in 0..w {
                 let i = y * w + x;
-                let right = x + 1 < w && joined(depth[i], depth[i + 1]);
-                let below = y + 1 < h && joined(depth[i], depth[i + w]);
-                links[i] = u8::from(right) | u8::from(below) << 1;
+                if x + 1 < w && joined(depth[i], depth[i + 1]) {
+                    links[i] |= 1;
+                    links[i + 1] |= 4;
+                }
+                if y + 1 < h && joined(depth[i], depth[i + w]) {
+                    links[i] |= 2;
+                    links[i + w] |= 8;
+                }
             }
         }
         Self(links)
@@ -34,39 +48,62 @@ impl Links {
     pub(super) fn spread(&self, cells: &Cells, own: &[f32], values: &mut Vec<f32>) {
         values.clear();
         values.extend(own.iter().map(|v| v.clamp(-LIMIT, LIMIT)));
-        let n = own.len();
+        self.sweep(
+            cells.width,
+            own.as_chunks::<1>().0,
+            values.as_chunks_mut::<1>().0,
+        );
+    }
+
+    /// The same for two values per cell at once.
+    pub(super) fn spread_pairs(&self, cells: &Cells, own: &[[f32; 2]]) -> Vec<[f32; 2]> {
+        let mut values: Vec<[f32; 2]> = own
+            .iter()
+            .map(|v| v.map(|v| v.clamp(-LIMIT, LIMIT)))
+            .collect();
+        self.sweep(cells.width, own, &mut values);
+        values
+    }
+
+    fn sweep<const N: usize>(&self, w: usize, own: &[[f32; N]], values: &mut [[f32; N]]) {
         for _ in 0..SWEEPS {
-            for i in 0..n {
-                self.update(cells.width, i, own, values);
+            for i in 0..own.len() {
+                self.update(w, i, own, values);
             }
-            for i in (0..n).rev() {
-                self.update(cells.width, i, own, values);
+            for i in (0..own.len()).rev() {
+                self.update(w, i, own, values);
             }
         }
     }
 
-    fn update(&self, w: usize, i: usize, own: &[f32], values: &mut [f32]) {
-        let (mut sum, mut count) = (0.0, 0.0);
-        let links = &self.0;
-        if links[i] & 1 != 0 {
-            sum += values[i + 1];
-            count += 1.0;
+    fn update<const N: usize>(
+        &self,
+        w: usize,
+        i: usize,
+        own: &[[f32; N]],
+        values: &mut [[f32; N]],
+    ) {
+        let links = self.0[i];
+        if links == 0 {
+            return;
         }
-        if links[i] & 2 != 0 {
-            sum += values[i + w];
-            count += 1.0;
+        let mut sum = [0.0; N];
+        let mut add = |from: &[f32; N]| sum.iter_mut().zip(from).for_each(|(s, v)| *s += v);
+        if links & 1 != 0 {
+            add(&values[i + 1]);
         }
-        // The rightmost cell of a row is never joined to its right, so the previous index is a neighbour whenever it says so.
-        if i > 0 && links[i - 1] & 1 != 0 {
-            sum += values[i - 1];
-            count += 1.0;
+        if links & 2 != 0 {
+            add(&values[i + w]);
         }
-        if i >= w && links[i - w] & 2 != 0 {
-            sum += values[i - w];
-            count += 1.0;
+        if links & 4 != 0 {
+            add(&values[i - 1]);
         }
-        if count > 0.0 {
-            values[i] = (own[i] + COUPLING * sum / count).clamp(-LIMIT, LIMIT);
+        if links & 8 != 0 {
+            add(&values[i - w]);
+        }
+        let share = SHARES[links.count_ones() as usize];
+        for (k, sum) in sum.into_iter().enumerate() {
+            values[i][k] = (own[i][k] + share * sum).clamp(-LIMIT, LIMIT);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! O: objects of classes that move, as regions of the image with a range of depth.
 
 use stillpoint_detection::{BoundingBox, Motion, MotionWeights, Object, ObjectId, ObjectState};
+use stillpoint_imaging::CoarseDepth;
 
 /// Classes of at least this weight move by themselves; lighter things count when they were measured to move.
 pub(super) const MOVER: f64 = 4.0;
@@ -27,6 +28,20 @@ impl Mover {
     pub(super) fn holds(&self, u: f64, v: f64, z: f32) -> bool {
         self.bounds.contains(u, v)
             && (z <= 0.0 || self.range.is_none_or(|[near, far]| near <= z && z <= far))
+    }
+
+    /// The cells that the box reaches into.
+    pub(super) fn cells(&self, grid: &CoarseDepth) -> impl Iterator<Item = usize> {
+        let (size, b) = (grid.cell() as f64, &self.bounds);
+        let range = |from: f64, to: f64, count: usize| {
+            let first = ((from / size).max(0.0) as usize).min(count);
+            let last = ((to / size).max(0.0) as usize + 1).min(count);
+            first..last
+        };
+        let columns = range(b.x0, b.x1, grid.width());
+        let width = grid.width();
+        range(b.y0, b.y1, grid.height())
+            .flat_map(move |y| columns.clone().map(move |x| y * width + x))
     }
 
     /// Log odds of "moving" that the object lends to a surface at a raw pixel and depth `z` (m): most in the middle of the

@@ -97,19 +97,14 @@ impl Surfaces {
         if votes.is_empty() {
             return;
         }
-        let (mut moving, mut all) = (vec![0.0; cells.count()], vec![0.0; cells.count()]);
+        // Per cell: votes for moving, and all votes.
+        let mut own = vec![[0.0; 2]; cells.count()];
         for v in votes {
-            all[v.cell] += 1.0;
-            moving[v.cell] += f32::from(u8::from(v.moving));
+            own[v.cell][0] += f32::from(u8::from(v.moving));
+            own[v.cell][1] += 1.0;
         }
-        let (mut near_moving, mut near_all) = (Vec::new(), Vec::new());
-        links.spread(cells, &moving, &mut near_moving);
-        links.spread(cells, &all, &mut near_all);
-        for (e, (m, n)) in self
-            .evidence
-            .iter_mut()
-            .zip(near_moving.iter().zip(&near_all))
-        {
+        let near = links.spread_pairs(cells, &own);
+        for (e, [m, n]) in self.evidence.iter_mut().zip(&near) {
             if *n <= 0.0 {
                 continue;
             }
@@ -191,11 +186,18 @@ fn later(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 
 /// Adds to each cell the log odds of the strongest object that holds it.
 fn add_movers(grid: &CoarseDepth, movers: &[Mover], own: &mut [f32]) {
-    for (i, (own, &z)) in own.iter_mut().zip(grid.data()).enumerate() {
-        let [u, v] = grid.centre(i % grid.width(), i / grid.width());
-        if z > 0.0 {
-            *own += movers.iter().map(|m| m.odds(u, v, z)).fold(0.0, f32::max);
+    let mut strongest = vec![0.0_f32; own.len()];
+    for m in movers.iter().filter(|m| m.strength > 0.0) {
+        for i in m.cells(grid) {
+            let [u, v] = grid.centre(i % grid.width(), i / grid.width());
+            let z = grid.data()[i];
+            if z > 0.0 {
+                strongest[i] = strongest[i].max(m.odds(u, v, z));
+            }
         }
+    }
+    for (own, odds) in own.iter_mut().zip(&strongest) {
+        *own += odds;
     }
 }
 

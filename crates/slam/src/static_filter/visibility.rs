@@ -103,6 +103,10 @@ pub(super) fn compare(
     z: f32,
 ) -> Seen {
     let tolerance = depth_tolerance(z);
+    // What is seen most by far, first.
+    if before[place] > 0.0 && (before[place] - z).abs() <= tolerance && !moving[place] {
+        return Seen::Same;
+    }
     let (mut valid, mut farther, mut same) = (0, 0, false);
     for row in [place - width, place, place + width] {
         for i in row - 1..=row + 1 {
