@@ -101,10 +101,14 @@ mod tests {
 
     #[test]
     fn more_supporters_win_and_then_the_deeper_mean() {
-        // With every pair drawn, the two nearest features have the most supporters.
+        // The two nearest features have the most supporters: all others. Fewer supporters are deeper ones, so a draw that
+        // misses the optimum ends deeper.
         let depths = [1.0, 1.01, 1.02, 1.03, 1.04, 3.0, 3.01, 3.02, 3.03, 3.04];
-        let t = threshold(&depths, stream(3)).unwrap();
-        let expected: f64 = depths[2..].iter().sum::<f64>() / 8.0;
-        assert!((t - expected).abs() < 1e-12, "{t} {expected}");
+        let best: f64 = depths[2..].iter().sum::<f64>() / 8.0;
+        let found: Vec<f64> = (0..300)
+            .map(|s| threshold(&depths, stream(s)).unwrap())
+            .collect();
+        assert!(found.iter().all(|t| *t > best - 1e-12));
+        assert!(found.iter().any(|t| (t - best).abs() < 1e-12));
     }
 }

@@ -11,8 +11,8 @@ const MOVING_PX: f64 = 2.0;
 const STATIC_PX: f64 = 1.2;
 /// A moving feature is this much farther than what is typical of the frame: the pose before the filter may be off by pixels.
 const EXCESS: f64 = 4.0;
-/// With fewer static votes than this share, the camera's motion is in doubt rather than the scene.
-const MIN_STATIC_SHARE: f64 = 0.15;
+/// Where even the nearest features are farther than this, the camera's motion is in doubt rather than the scene, px.
+const MAX_TYPICAL_PX: f64 = 5.0;
 
 /// What one feature says of the surface it lies on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,7 +42,11 @@ pub(super) fn distance_px(
 /// The votes of all features that are clear, none when the camera's own motion is in doubt. `distances` belong to
 /// `pixels` (raw px).
 pub(super) fn votes(cells: &Cells, pixels: &[[f32; 2]], distances: &[Option<f64>]) -> Vec<Vote> {
-    let scale = EXCESS * typical(distances);
+    let typical = typical(distances);
+    if typical > MAX_TYPICAL_PX {
+        return Vec::new();
+    }
+    let scale = EXCESS * typical;
     let (moving, still) = (MOVING_PX.max(scale), STATIC_PX.max(0.5 * scale));
     let vote = |(p, d): (&[f32; 2], &Option<f64>)| {
         let d = (*d)?;
@@ -51,12 +55,7 @@ pub(super) fn votes(cells: &Cells, pixels: &[[f32; 2]], distances: &[Option<f64>
             moving: d > moving,
         })
     };
-    let votes: Vec<Vote> = pixels.iter().zip(distances).filter_map(vote).collect();
-    let still = votes.iter().filter(|v| !v.moving).count();
-    if (still as f64) < MIN_STATIC_SHARE * votes.len() as f64 {
-        return Vec::new();
-    }
-    votes
+    pixels.iter().zip(distances).filter_map(vote).collect()
 }
 
 /// The distance that three in ten features stay within, px: that of static ones, even when people are half of the image.

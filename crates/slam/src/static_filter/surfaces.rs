@@ -75,42 +75,59 @@ impl Surfaces {
             *o += t.map_or(0.0, |t| suspicion(now.stamp - t));
         }
         self.weigh_free_space(cells, history, now);
-        self.weigh_flow(cells, &links, votes);
+        self.weigh_flow(cells, &links, votes, &mut own);
         for (o, e) in own.iter_mut().zip(&self.evidence) {
             *o += e;
         }
-        links.spread(cells, &own, &mut self.motion);
+        let pairs: Vec<[f32; 2]> = own
+            .iter()
+            .zip(&self.evidence)
+            .map(|(o, e)| [*o, *e])
+            .collect();
+        let spread = links.spread_pairs(cells, &pairs);
+        self.motion.clear();
+        self.motion.extend(spread.iter().map(|s| s[0]));
         add_movers(now.grid, movers, &mut own);
         links.spread(cells, &own, &mut self.odds);
-        for (t, odds) in self.moved_at.iter_mut().zip(&self.motion) {
-            if *odds > SURE {
+        let remembered = self.moved_at.iter_mut().zip(&mut self.motion);
+        for ((t, motion), [odds, fresh]) in remembered.zip(&spread) {
+            if *odds > SURE && *fresh > 0.0 {
                 *t = Some(now.stamp);
-            } else if *odds < -SURE || t.is_some_and(|t| now.stamp - t > MEMORY) {
+            } else if *odds < -SURE {
                 *t = None;
+            } else if t.is_some_and(|t| now.stamp - t > MEMORY) {
+                // What has stood for so long begins anew; else it would be taken to move for having been.
+                *t = None;
+                *motion = 0.0;
             }
         }
     }
 
     /// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
-    /// says that it moves, agreement of depths counts for nothing.
-    fn weigh_flow(&mut self, cells: &Cells, links: &Links, votes: &[Vote]) {
+    /// says that it moves, agreement of depths counts for nothing, now
+    /// and in the past (`own`).
+    fn weigh_flow(&mut self, cells: &Cells, links: &Links, votes: &[Vote], own: &mut [f32]) {
         if votes.is_empty() {
             return;
         }
         // Per cell: votes for moving, and all votes.
-        let mut own = vec![[0.0; 2]; cells.count()];
+        let mut counts = vec![[0.0; 2]; cells.count()];
         for v in votes {
-            own[v.cell][0] += f32::from(u8::from(v.moving));
-            own[v.cell][1] += 1.0;
+            counts[v.cell][0] += f32::from(u8::from(v.moving));
+            counts[v.cell][1] += 1.0;
         }
-        let near = links.spread_pairs(cells, &own);
-        for (e, [m, n]) in self.evidence.iter_mut().zip(&near) {
+        let near = links.spread_pairs(cells, &counts);
+        let so_far = self.evidence.iter_mut().zip(own);
+        for ((e, past), [m, n]) in so_far.zip(&near) {
             if *n <= 0.0 {
                 continue;
             }
             let (share, trust) = (m / n, n / (n + HALF_VOTES));
             if *e < 0.0 {
                 *e *= 1.0 - trust * share;
+            }
+            if *past < 0.0 {
+                *past *= 1.0 - trust * ((share - NEUTRAL) / (1.0 - NEUTRAL)).max(0.0);
             }
             *e += FLOW * trust * (share - NEUTRAL);
         }
@@ -123,16 +140,9 @@ impl Surfaces {
                 grid: &s.grid,
                 moving: &s.moving,
                 earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
-                stamp: s.stamp,
                 age: now.stamp - s.stamp,
             };
-            visibility::add_evidence(
-                cells,
-                now.grid,
-                &earlier,
-                &self.moved_at,
-                &mut self.evidence,
-            );
+            visibility::add_evidence(cells, now.grid, &earlier, &mut self.evidence);
         }
     }
 

@@ -14,8 +14,6 @@ const SEEN_THROUGH: f32 = 4.0;
 /// Agreement with a frame `age` seconds earlier counts this much per second, up to `MATCH_LIMIT`.
 const MATCH_PER_SECOND: f32 = 4.5;
 const MATCH_LIMIT: f32 = 2.0;
-/// What moves was moving a little before it was found to, s.
-const MARGIN: f64 = 0.3;
 /// Of the neighbours of the place in the earlier frame, this many must have depth to call it empty.
 const MIN_VALID: u32 = 5;
 
@@ -25,8 +23,6 @@ pub(super) struct Earlier<'a> {
     /// Per cell, whether it was found to move.
     pub(super) moving: &'a [bool],
     pub(super) earlier_from_now: Se3,
-    /// When it was taken, s.
-    pub(super) stamp: f64,
     /// Seconds ago.
     pub(super) age: f64,
 }
@@ -58,7 +54,6 @@ pub(super) fn add_evidence(
     cells: &Cells,
     now: &CoarseDepth,
     earlier: &Earlier<'_>,
-    moved_at: &[Option<f64>],
     evidence: &mut [f32],
 ) {
     let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
@@ -75,8 +70,6 @@ pub(super) fn add_evidence(
         };
         match compare((before, earlier.moving), cells.width, place, p[2]) {
             Seen::Through => evidence[cell] += SEEN_THROUGH,
-            // Of a thing that was seen to move, having stopped since says nothing: it may go on at any time.
-            Seen::Same if moved_at[cell].is_some_and(|t| earlier.stamp > t - MARGIN) => {}
             Seen::Same => evidence[cell] -= weight,
             Seen::Hidden => {}
         }
