@@ -151,6 +151,24 @@ mod tests {
     }
 
     #[test]
+    fn pairs_spread_like_single_values() {
+        let cells = cells();
+        let links = Links::new(&cells, &room());
+        let (a, b) = (noise(1), noise(2));
+        let own: Vec<[f32; 2]> = (0..cells.count()).map(|i| [a(i), b(i)]).collect();
+        let both = links.spread_pairs(&cells, &own);
+        for k in 0..2 {
+            let (single, mut spread) = (own.iter().map(|v| v[k]).collect::<Vec<_>>(), Vec::new());
+            links.spread(&cells, &single, &mut spread);
+            assert!(
+                both.iter()
+                    .zip(&spread)
+                    .all(|(p, s)| p[k].to_bits() == s.to_bits())
+            );
+        }
+    }
+
+    #[test]
     fn nothing_leaks_across_a_step_in_depth() {
         let values = spread(&room(), &image(|x, y| f32::from(u8::from(person(x, y)))));
         for (i, v) in values.iter().enumerate() {

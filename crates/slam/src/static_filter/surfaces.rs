@@ -335,6 +335,11 @@ mod tests {
             let (person, wall) = world.moving(12);
             assert!(person > 0.95 && wall < 0.05, "frame {i}: {person} {wall}");
         }
+        // But not for ever: the free space that he took and the memory both run out.
+        for _ in 0..300 {
+            world.step(Some(12), &[], &[]);
+        }
+        assert_eq!(world.moving(12), (0.0, 0.0));
         // Control: who has stood there from the start is not.
         let mut world = World::new();
         for _ in 0..100 {
@@ -392,6 +397,27 @@ mod tests {
             "{person} {wall}"
         );
         assert_eq!(control.moving(12), (0.0, 0.0));
+    }
+
+    #[test]
+    fn who_goes_on_after_standing_for_long_moves_at_once() {
+        let mut world = World::new();
+        for _ in 0..150 {
+            world.step(Some(12), &[], &[]);
+        }
+        assert!(world.surfaces.odds[15 * 40 + 16] < 0.0);
+        // He turns on the spot: depths stay as they are, and only flow tells.
+        let votes: Vec<Vote> = (0..world.cells.count())
+            .map(|cell| Vote {
+                cell,
+                moving: person(cell, 12),
+            })
+            .collect();
+        for _ in 0..5 {
+            world.step(Some(12), &[], &votes);
+        }
+        let (person, wall) = world.moving(12);
+        assert!(person > 0.9 && wall < 0.01, "{person} {wall}");
     }
 
     #[test]
