@@ -82,6 +82,12 @@ impl Map {
             })?;
             for (feature, landmark) in k.matches.iter().enumerate() {
                 let Some(landmark) = landmark else { continue };
+                ensure(k.data.mappable[feature], || {
+                    format!(
+                        "feature {feature} of keyframe {} may observe {landmark}",
+                        k.id
+                    )
+                })?;
                 let known = self
                     .observations
                     .get(landmark.index())

@@ -6,7 +6,7 @@ use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
 
 /// What a frame saw. Never changes after extraction, so frames, keyframes and views share it.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct KeyframeData {
     /// Stamp of the colour image, s.
     pub stamp: f64,
@@ -24,7 +24,8 @@ pub struct KeyframeData {
     pub depth_sigmas: Vec<f32>,
     /// Their descriptors.
     pub descriptors: Vec<Descriptor>,
-    /// Whether each feature may observe or become a landmark; false on objects that stand still only for now.
+    /// Whether each feature may observe or become a landmark: not on objects that stand still only for now, nor where it was
+    /// found later that it moves ([`crate::Map::disown`]).
     pub mappable: Vec<bool>,
     /// Buckets over `positions`.
     pub grid: FeatureGrid,

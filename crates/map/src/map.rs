@@ -122,11 +122,11 @@ impl Map {
         }
     }
 
-    /// Makes a landmark with its first observation; none when that feature observes one already.
+    /// Makes a landmark with its first observation; none when that feature observes one already or may not.
     pub fn insert_landmark(&mut self, new: &NewLandmark) -> Option<LandmarkId> {
         let (keyframe, feature) = new.observation;
         let k = self.view.keyframe(keyframe)?;
-        if k.matches.get(feature as usize)?.is_some() {
+        if k.matches.get(feature as usize)?.is_some() || !k.data.mappable[feature as usize] {
             return None;
         }
         let id = LandmarkId(self.view.landmarks.len() as u32);
@@ -162,7 +162,7 @@ impl Map {
     }
 
     /// Adds an observation. Returns false, and changes nothing, when the landmark or keyframe is not live, the feature
-    /// observes another landmark, or the keyframe observes this one already.
+    /// observes another landmark or may observe none, or the keyframe observes this one already.
     pub fn add_observation(&mut self, id: LandmarkId, keyframe: KeyframeId, feature: u32) -> bool {
         if self.view.landmark(id).is_none() {
             return false;
@@ -176,6 +176,9 @@ impl Map {
         let Some(slot @ None) = k.matches.get_mut(feature as usize) else {
             return false;
         };
+        if !k.data.mappable[feature as usize] {
+            return false;
+        }
         *slot = Some(id);
         let has_depth = k.data.depths[feature as usize] > 0.0;
         self.observations[id.index()].insert(at, (keyframe, feature));
@@ -184,6 +187,38 @@ impl Map {
             l.depth_observers += u32::from(has_depth);
         }
         true
+    }
+
+    /// Takes features out of mapping for good, as they turned out to lie on something that moves: landmarks that they made
+    /// are culled, other landmarks lose the observation. Returns how many landmarks were culled.
+    pub fn disown(&mut self, keyframe: KeyframeId, features: &[u32]) -> u32 {
+        let Some(k) = self.keyframe_mut(keyframe) else {
+            return 0;
+        };
+        // The data is shared with views that are out already: they keep theirs.
+        let mut data = KeyframeData::clone(&k.data);
+        let mut seen = Vec::new();
+        for feature in features {
+            if let Some(may) = data.mappable.get_mut(*feature as usize) {
+                *may = false;
+                seen.extend(k.matches[*feature as usize]);
+            }
+        }
+        k.data = Arc::new(data);
+        let mut culled = 0;
+        for landmark in seen {
+            if self
+                .view
+                .landmark(landmark)
+                .is_some_and(|l| l.created_at == keyframe)
+            {
+                self.cull_landmark(landmark);
+                culled += 1;
+            } else {
+                self.remove_observation(landmark, keyframe);
+            }
+        }
+        culled
     }
 
     /// Removes an observation. A landmark without observations is culled; one that loses its anchor gets another.

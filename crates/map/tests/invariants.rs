@@ -211,3 +211,34 @@ fn landmarks_move_with_their_anchor() {
     let moved = map.view().landmark_position(id).unwrap();
     assert!((moved - correction.transform(&position)).norm() < 1e-12);
 }
+
+#[test]
+fn disowned_features_leave_the_map_for_good() {
+    let mut map = Map::new(8, 1.2);
+    for k in 0..2 {
+        map.insert_keyframe(KeyframeId(k), data(k), pose(k), None);
+    }
+    let landmark = |map: &mut Map, k: u32, f: u32| {
+        map.insert_landmark(&NewLandmark {
+            position: Vec3::new(0.0, 0.0, 2.0),
+            observation: (KeyframeId(k), f),
+        })
+    };
+    let made_here = landmark(&mut map, 1, 0).unwrap();
+    let made_before = landmark(&mut map, 0, 1).unwrap();
+    assert!(map.add_observation(made_before, KeyframeId(1), 1));
+    let published = map.publish();
+
+    assert_eq!(map.disown(KeyframeId(1), &[0, 1, 2]), 1);
+    map.check().unwrap();
+    assert!(map.view().landmark(made_here).is_none());
+    assert_eq!(map.observations(made_before), &[(KeyframeId(0), 1)]);
+    // Not again, by whatever way: neither as a new landmark nor by fusing with an old one.
+    assert!(landmark(&mut map, 1, 0).is_none());
+    assert!(!map.add_observation(made_before, KeyframeId(1), 2));
+    assert!(map.add_observation(made_before, KeyframeId(1), 3));
+    // What was published stays as it was.
+    let before = published.keyframe(KeyframeId(1)).unwrap();
+    assert_eq!(before.matches[0], Some(made_here));
+    assert!(before.data.mappable.iter().all(|m| *m));
+}

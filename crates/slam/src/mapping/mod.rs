@@ -135,22 +135,7 @@ impl Mapper {
 
     /// Takes out the landmarks that features of a keyframe made, and the observations that they added to others.
     fn rejudge(&mut self, id: KeyframeId, features: &[u32]) -> MapperOut {
-        let mut landmarks = 0;
-        for feature in features {
-            let view = self.map.view();
-            let seen = view.keyframe(id).and_then(|k| k.matches[*feature as usize]);
-            let Some((landmark, made_here)) =
-                seen.and_then(|l| Some((l, view.landmark(l)?.created_at == id)))
-            else {
-                continue;
-            };
-            if made_here {
-                self.map.cull_landmark(landmark);
-                landmarks += 1;
-            } else {
-                self.map.remove_observation(landmark, id);
-            }
-        }
+        let landmarks = self.map.disown(id, features);
         let view = self.map.publish();
         let report = MapperReport::Rejudged(RejudgeReport {
             keyframe: id,

@@ -234,7 +234,7 @@ impl StaticFilter {
         let on_mover = |i: &u32| {
             let (k, z) = (&data.keypoints[*i as usize], data.depths[*i as usize]);
             let (u, v) = (f64::from(k.x), f64::from(k.y));
-            movers.iter().any(|m| m.strength > 0.0 && m.holds(u, v, z))
+            movers.iter().any(|m| m.odds(u, v, z) > THRESHOLD)
         };
         (0..data.len() as u32).filter(on_mover).collect()
     }

@@ -104,8 +104,7 @@ impl Surfaces {
     }
 
     /// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
-    /// says that it moves, agreement of depths counts for nothing, now
-    /// and in the past (`own`).
+    /// says that it moves, agreement of depths counts for nothing, now and in the past (`own`).
     fn weigh_flow(&mut self, cells: &Cells, links: &Links, votes: &[Vote], own: &mut [f32]) {
         if votes.is_empty() {
             return;
