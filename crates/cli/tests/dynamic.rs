@@ -194,7 +194,6 @@ fn verdicts_need_no_detector() {
 }
 
 #[test]
-#[ignore = "the tracker's reports on frames that match nothing hold no verdicts yet"]
 fn verdicts_need_no_pose() {
     let dir = tempfile::tempdir().unwrap();
     let (other, out) = (dir.path().join("other"), dir.path().join("out"));
