@@ -9,8 +9,8 @@ use stillpoint::detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint::imaging::RgbdFrame;
 use stillpoint::slam::{FrameReport, Outcome, Reasons};
 use stillpoint::view::{
-    Animation, AnimationOptions, Colour, Keypoint, Mark, Overlay, OverlayBox, Picture, ViewError,
-    draw, write_png,
+    Animation, AnimationOptions, CellLabels, Colour, Keypoint, Mark, Overlay, OverlayBox, Picture,
+    ViewError, draw, write_png,
 };
 
 const OPTION: &str = "--overlay";
@@ -111,12 +111,18 @@ pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, weights: &MotionW
     let weight = |object: &Object| weights.get(object.class);
     objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
     let boxes: Vec<OverlayBox> = objects.into_iter().map(overlay_box).collect();
+    let segments = &report.segments;
     draw(
         frame,
         &Overlay {
             keypoints: &keypoints,
             boxes: &boxes,
-            cells: None,
+            cells: (!segments.labels.is_empty()).then_some(CellLabels {
+                cell: segments.cell_px,
+                width: segments.width,
+                height: segments.height,
+                labels: &segments.labels,
+            }),
             caption: &caption(report),
         },
     )

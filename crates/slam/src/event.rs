@@ -1,6 +1,6 @@
 //! What the system says about each frame. Events are values: tests, reports and viewers read the same ones.
 
-use crate::static_filter::FeatureVerdict;
+use crate::static_filter::{FeatureVerdict, Segments};
 use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections, Object};
 use stillpoint_geometry::Se3;
@@ -75,6 +75,8 @@ pub struct FrameReport {
     pub world_from_camera: Option<Se3>,
     /// What the static filter said of each keypoint, and was used for this frame's pose; in the order of extraction.
     pub verdicts: Arc<[FeatureVerdict]>,
+    /// The regions that move.
+    pub segments: Segments,
     /// The objects as they were expected in this frame.
     pub objects: Arc<[Object]>,
     /// Counts of each step.

@@ -21,7 +21,7 @@ pub use event::{
 pub use mapping::{Mapper, MappingConfig};
 pub use messages::{LandmarkStatistic, MapperMsg, MapperOut, MapperReport, NewKeyframe, Tracked};
 pub use sensor::{SensorConfig, Timing};
-pub use static_filter::{FeatureVerdict, Preset, Reasons, StaticFilterConfig};
+pub use static_filter::{FeatureVerdict, Preset, Reasons, Segments, StaticFilterConfig};
 pub use stillpoint_imaging::Simd;
 pub use system::System;
 pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};

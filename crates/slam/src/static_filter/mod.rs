@@ -31,10 +31,8 @@ use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
 use stillpoint_geometry::{Camera, Se3, Vec2};
 use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, MapView};
-use surfaces::{Now, Surfaces};
+use surfaces::{MOVES, Now, Surfaces};
 
-/// Log odds above which a surface moves.
-const THRESHOLD: f32 = 1.0;
 /// Surfaces of an object that were seen to stand still have at most these log odds from free space.
 const STANDS_STILL: f32 = -1.5;
 
@@ -67,11 +65,25 @@ pub(crate) struct FlowPair {
     pub(crate) now: Vec2,
 }
 
+/// The depth-connected regions of a frame that move, by square cells of the raw image.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Segments {
+    /// Side of a cell, px: cell (i, j) covers the pixels from `(i * cell_px, j * cell_px)`.
+    pub cell_px: usize,
+    /// Columns.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// Number of the region of each cell, row by row, from 1; 0 for what stands still. Empty where the filter knows no regions.
+    pub labels: Arc<[u16]>,
+}
+
 /// What the filter says of a frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Judgement {
     pub(crate) verdicts: Arc<[FeatureVerdict]>,
     pub(crate) objects: Arc<[Object]>,
+    pub(crate) segments: Segments,
     /// Features that the starvation guard released.
     pub(crate) released: u32,
 }
@@ -156,7 +168,20 @@ impl StaticFilter {
         Judgement {
             verdicts: verdicts.into(),
             objects: objects.into(),
+            segments: self.segments(),
             released,
+        }
+    }
+
+    fn segments(&self) -> Segments {
+        if self.config.preset != Preset::Default {
+            return Segments::default();
+        }
+        Segments {
+            cell_px: cells::CELL_PX,
+            width: self.cells.width,
+            height: self.cells.height,
+            labels: self.surfaces.regions.as_slice().into(),
         }
     }
 
@@ -192,12 +217,7 @@ impl StaticFilter {
     /// Keeps the frame just judged for later comparison, once its pose is known.
     pub(crate) fn remember(&mut self, place: &Place) {
         if let Some((frame, stamp, grid)) = self.present.take() {
-            let moving = self
-                .surfaces
-                .motion
-                .iter()
-                .map(|o| *o > THRESHOLD)
-                .collect();
+            let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
             self.history.push(frame, stamp, grid, moving, place);
         }
     }
@@ -234,7 +254,7 @@ impl StaticFilter {
         let on_mover = |i: &u32| {
             let (k, z) = (&data.keypoints[*i as usize], data.depths[*i as usize]);
             let (u, v) = (f64::from(k.x), f64::from(k.y));
-            movers.iter().any(|m| m.odds(u, v, z) > THRESHOLD)
+            movers.iter().any(|m| m.odds(u, v, z) > MOVES)
         };
         (0..data.len() as u32).filter(on_mover).collect()
     }
@@ -288,7 +308,7 @@ impl StaticFilter {
         let (odds, evidence) = cell.map_or((0.0, 0.0), |c| {
             (self.surfaces.odds[c], self.surfaces.evidence[c])
         });
-        let dynamic = odds > THRESHOLD;
+        let dynamic = odds > MOVES;
         let mut reasons = Reasons::default();
         if let Some(m) = movers
             .iter()

@@ -65,6 +65,37 @@ impl Links {
         values
     }
 
+    /// Numbers the connected regions of chosen cells from 1, in the order of their first cells; 0 for all others.
+    pub(super) fn regions(&self, cells: &Cells, chosen: impl Fn(usize) -> bool) -> Vec<u16> {
+        let w = cells.width;
+        let mut labels = vec![0; self.0.len()];
+        let (mut next, mut open) = (0_u16, Vec::new());
+        for start in 0..labels.len() {
+            if labels[start] != 0 || !chosen(start) {
+                continue;
+            }
+            next = next.saturating_add(1);
+            labels[start] = next;
+            open.push(start);
+            while let Some(i) = open.pop() {
+                let joined = |bit: u8| self.0[i] & bit != 0;
+                let neighbours = [
+                    joined(1).then_some(i + 1),
+                    joined(2).then_some(i + w),
+                    joined(4).then(|| i - 1),
+                    joined(8).then(|| i - w),
+                ];
+                for j in neighbours.into_iter().flatten() {
+                    if labels[j] == 0 && chosen(j) {
+                        labels[j] = next;
+                        open.push(j);
+                    }
+                }
+            }
+        }
+        labels
+    }
+
     fn sweep<const N: usize>(&self, w: usize, own: &[[f32; N]], values: &mut [[f32; N]]) {
         for _ in 0..SWEEPS {
             for i in 0..own.len() {
@@ -148,6 +179,24 @@ mod tests {
 
     fn room() -> Vec<f32> {
         image(|x, y| if person(x, y) { 1.5 } else { 3.0 })
+    }
+
+    #[test]
+    fn regions_are_joined_cells_that_were_chosen() {
+        let (cells, depth) = (cells(), room());
+        let links = Links::new(&cells, &depth);
+        let near = depth.iter().copied().fold(f32::INFINITY, f32::min);
+        let of_person = |i: usize| depth[i] < near + 0.1;
+        let labels = links.regions(&cells, of_person);
+        for (i, label) in labels.iter().enumerate() {
+            assert_eq!(*label != 0, of_person(i));
+        }
+        assert!(links.regions(&cells, |_| false).iter().all(|l| *l == 0));
+        // Everything chosen: a step in depth still separates.
+        let all = links.regions(&cells, |_| true);
+        let first = (0..all.len()).find(|i| of_person(*i)).unwrap();
+        let wall = (0..all.len()).find(|i| !of_person(*i)).unwrap();
+        assert_ne!(all[first], all[wall]);
     }
 
     #[test]

@@ -22,6 +22,8 @@ const NEUTRAL: f32 = 0.35;
 /// Votes, after spreading, that are worth half of what many are.
 const HALF_VOTES: f32 = 0.5;
 
+/// Log odds above which a surface moves.
+pub(super) const MOVES: f32 = 1.0;
 /// Log odds from which a surface is sure to move, or with a minus sign, not to.
 const SURE: f32 = 3.0;
 /// How long a thing that moved and stopped is suspected, s.
@@ -38,6 +40,8 @@ pub(super) struct Surfaces {
     pub(super) motion: Vec<f32>,
     /// Of free space and flow alone, this frame: negative where the surface was seen to stand still.
     pub(super) evidence: Vec<f32>,
+    /// Number of the moving region that each cell belongs to; 0 for what stands still.
+    pub(super) regions: Vec<u16>,
     /// When each cell's surface was last seen to move, s; forgotten when it turns out to have been there before.
     pub(super) moved_at: Vec<Option<f64>>,
 }
@@ -56,6 +60,7 @@ impl Surfaces {
             odds: vec![0.0; cells.count()],
             motion: vec![0.0; cells.count()],
             evidence: vec![0.0; cells.count()],
+            regions: vec![0; cells.count()],
             moved_at: vec![None; cells.count()],
         }
     }
@@ -89,6 +94,8 @@ impl Surfaces {
         self.motion.extend(spread.iter().map(|s| s[0]));
         add_movers(now.grid, movers, &mut own);
         links.spread(cells, &own, &mut self.odds);
+        let odds = &self.odds;
+        self.regions = links.regions(cells, |i| odds[i] > MOVES);
         let remembered = self.moved_at.iter_mut().zip(&mut self.motion);
         for ((t, motion), [odds, fresh]) in remembered.zip(&spread) {
             if *odds > SURE && *fresh > 0.0 {
@@ -219,8 +226,6 @@ mod tests {
     use stillpoint_geometry::Camera;
     use stillpoint_imaging::{DepthImage, FrameId};
     use stillpoint_map::KeyframeId;
-
-    const MOVES: f32 = 1.0;
 
     /// A camera that stands still before a wall at 3 m, with a person of 8 x 20 cells at 1.5 m in front of it.
     struct World {

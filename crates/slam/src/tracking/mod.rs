@@ -545,6 +545,7 @@ impl Tracker {
             world_from_camera,
             verdicts: notes.judgement.verdicts,
             objects: notes.judgement.objects,
+            segments: notes.judgement.segments,
             counts: notes.counts,
             is_keyframe,
             map_version: self.view.version(),
