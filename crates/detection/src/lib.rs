@@ -12,12 +12,13 @@ mod objects;
 mod onnx;
 mod scripted;
 mod weights;
+pub mod wire;
 
 pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
 pub use objects::{Motion, Object, ObjectId, ObjectState, ObjectTracker, ObjectsConfig};
 #[cfg(feature = "onnx")]
-pub use onnx::{ModelError, OnnxDetector, OnnxOptions};
+pub use onnx::{Dimension, Interface, ModelError, OnnxDetector, OnnxOptions, Port};
 pub use scripted::{
     SCRIPT_HEADER, ScriptError, ScriptRow, ScriptUse, ScriptedDetector, format_script, parse_script,
 };

@@ -36,6 +36,9 @@ pub use stillpoint_geometry as geometry;
 pub use stillpoint_imaging as imaging;
 /// Keyframes, landmarks, views.
 pub use stillpoint_map as map;
+/// Models that are downloaded, and checkpoints turned into ONNX.
+#[cfg(feature = "models")]
+pub use stillpoint_models as models;
 /// Rendered rooms with exact ground truth.
 pub use stillpoint_simulator as simulator;
 /// The system itself.

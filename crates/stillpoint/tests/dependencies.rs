@@ -25,6 +25,8 @@ const NORMAL: &[(&str, &[&str])] = &[
         ],
     ),
     ("detection", &["geometry", "imaging"]),
+    // How a model is read is said beside it in the cache.
+    ("models", &["detection"]),
     // A subscriber: of the system it reads events only.
     ("view", &["geometry", "imaging", "detection", "slam"]),
     ("datasets", &["geometry", "imaging"]),
@@ -40,6 +42,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "estimation",
             "map",
             "detection",
+            "models",
             "slam",
             "view",
             "datasets",
@@ -73,6 +76,7 @@ const CORE: &[&str] = &[
     "slam",
 ];
 const OUTSIDE: &[&str] = &[
+    "models",
     "datasets",
     "simulator",
     "evaluation",

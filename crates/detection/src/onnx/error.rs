@@ -1,7 +1,5 @@
 //! What can be wrong with a model, said so that the user can mend it.
 
-use super::network::RUNTIME;
-
 /// What the YOLOX head needs.
 const EXPECTED: &str = "a YOLOX model: one input of [1, 3, H, W] with H and W fixed multiples of 32 up to 4096, one output of [1, H W (1/64 + 1/256 + 1/1024), 85] with raw boxes";
 
@@ -11,7 +9,7 @@ const EXPECTED: &str = "a YOLOX model: one input of [1, 3, H, W] with H and W fi
 pub enum ModelError {
     /// The bytes are no model, or one with operators that the runtime does not have.
     #[error(
-        "{name}: expected an ONNX model that {RUNTIME} can load, found: {reason}; check the file, or export the model anew"
+        "{name}: expected an ONNX model that the runtime can load, found: {reason}; check the file, or export the model anew"
     )]
     Load {
         /// Name of the model.

@@ -5,16 +5,19 @@
 
 mod container;
 mod error;
+mod interface;
 mod letterbox;
 mod network;
+mod runtime;
 mod yolox;
 
 use crate::detector::{DetectError, Detector, DetectorInfo, DetectorKind};
 use crate::hash::sha256_hex;
 use crate::{BoundingBox, Detection, Detections};
 pub use error::ModelError;
+pub use interface::{Dimension, Interface, Port};
 use letterbox::Letterbox;
-use network::{Network, RUNTIME};
+use network::Network;
 use serde::{Deserialize, Serialize};
 use stillpoint_imaging::{ColourImage, FrameId, RgbdFrame};
 
@@ -145,7 +148,7 @@ impl Detector for OnnxDetector {
             kind: DetectorKind::Onnx,
             name: self.name.clone(),
             sha256: Some(self.sha256.clone()),
-            runtime: Some(RUNTIME.to_owned()),
+            runtime: Some(self.network.runtime().to_owned()),
         }
     }
 }

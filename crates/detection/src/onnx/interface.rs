@@ -1,0 +1,175 @@
+//! What a model takes and gives, read from its file without any runtime.
+
+use crate::wire::{WireError, fields};
+use std::collections::BTreeSet;
+use std::fmt;
+
+/// Inputs and outputs of a model.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Interface {
+    /// What it takes, without what the file itself holds (weights).
+    pub inputs: Vec<Port>,
+    /// What it gives.
+    pub outputs: Vec<Port>,
+}
+
+/// One input or output.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Port {
+    /// Its name in the graph.
+    pub name: String,
+    /// Sizes of its dimensions; `None` where the file says none.
+    pub shape: Option<Vec<Dimension>>,
+}
+
+/// Size of a dimension.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Dimension {
+    /// A number.
+    Fixed(u64),
+    /// Whatever comes in; the name it has in the graph, which may be empty.
+    Free(String),
+}
+
+impl Interface {
+    /// Of an ONNX file: its graph's fields 11 and 12, less the inputs that are among its weights (field 5).
+    ///
+    /// # Errors
+    /// Damaged fields on the way there.
+    pub fn read(model: &[u8]) -> Result<Self, WireError> {
+        let mut interface = Self::default();
+        let mut weights = BTreeSet::new();
+        for field in fields(model) {
+            let field = field?;
+            let (7, Some(graph)) = (field.number, field.value.bytes()) else {
+                continue;
+            };
+            for field in fields(graph) {
+                let field = field?;
+                let Some(bytes) = field.value.bytes() else {
+                    continue;
+                };
+                match field.number {
+                    5 => weights.extend(text_of(bytes, 8)?),
+                    11 => interface.inputs.push(Port::read(bytes)?),
+                    12 => interface.outputs.push(Port::read(bytes)?),
+                    _ => {}
+                }
+            }
+        }
+        interface.inputs.retain(|p| !weights.contains(&p.name));
+        Ok(interface)
+    }
+}
+
+impl Port {
+    /// `ValueInfoProto`: name 1, type 2 { tensor 1 { shape 2 { dimensions 1 { value 1 or name 2 } } } }.
+    fn read(message: &[u8]) -> Result<Self, WireError> {
+        let shape = match inner(message, &[2, 1, 2])? {
+            None => None,
+            Some(shape) => {
+                let mut sizes = Vec::new();
+                for dimension in fields(shape) {
+                    let dimension = dimension?;
+                    if let (1, Some(bytes)) = (dimension.number, dimension.value.bytes()) {
+                        sizes.push(Dimension::read(bytes)?);
+                    }
+                }
+                Some(sizes)
+            }
+        };
+        Ok(Self {
+            name: text_of(message, 1)?.unwrap_or_default(),
+            shape,
+        })
+    }
+}
+
+impl Dimension {
+    fn read(message: &[u8]) -> Result<Self, WireError> {
+        let mut found = Self::Free(String::new());
+        for field in fields(message) {
+            let field = field?;
+            match (field.number, field.value.integer(), field.value.text()) {
+                (1, Some(size), _) => found = Self::Fixed(size),
+                (2, _, Some(name)) => found = Self::Free(name.to_owned()),
+                _ => {}
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// The last text with this number in a message.
+fn text_of(message: &[u8], number: u64) -> Result<Option<String>, WireError> {
+    let mut found = None;
+    for field in fields(message) {
+        let field = field?;
+        if let (true, Some(text)) = (field.number == number, field.value.text()) {
+            found = Some(text.to_owned());
+        }
+    }
+    Ok(found)
+}
+
+/// The message at the end of a path of field numbers.
+fn inner<'a>(mut message: &'a [u8], path: &[u64]) -> Result<Option<&'a [u8]>, WireError> {
+    for &number in path {
+        let mut next = None;
+        for field in fields(message) {
+            let field = field?;
+            if let (true, Some(bytes)) = (field.number == number, field.value.bytes()) {
+                next = Some(bytes);
+            }
+        }
+        match next {
+            Some(bytes) => message = bytes,
+            None => return Ok(None),
+        }
+    }
+    Ok(Some(message))
+}
+
+impl fmt::Display for Interface {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |ports: &[Port]| match ports {
+            [] => "none".to_owned(),
+            _ => {
+                let parts: Vec<String> = ports.iter().map(Port::to_string).collect();
+                parts.join(", ")
+            }
+        };
+        write!(
+            f,
+            "inputs: {}; outputs: {}",
+            list(&self.inputs),
+            list(&self.outputs)
+        )
+    }
+}
+
+impl fmt::Display for Port {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = match self.name.as_str() {
+            "" => "(without a name)",
+            name => name,
+        };
+        match &self.shape {
+            None => write!(f, "{name} of unknown shape"),
+            Some(shape) => {
+                let sizes: Vec<String> = shape.iter().map(Dimension::to_string).collect();
+                write!(f, "{name} [{}]", sizes.join(", "))
+            }
+        }
+    }
+}
+
+impl fmt::Display for Dimension {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed(size) => write!(f, "{size}"),
+            Self::Free(name) if name.is_empty() => f.write_str("?"),
+            Self::Free(name) => f.write_str(name),
+        }
+    }
+}

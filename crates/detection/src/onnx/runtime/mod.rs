@@ -1,0 +1,44 @@
+//! What runs a network. A runtime takes a model's bytes and the planes of an image, and gives the outputs' numbers; what they
+//! mean is the heads' business.
+
+mod rten;
+
+/// Numbers in rows, planes and so on: `shape`'s last dimension runs fastest.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Tensor {
+    pub(super) shape: Vec<usize>,
+    pub(super) data: Vec<f32>,
+}
+
+/// A loaded model that is ready to run.
+pub(super) trait Session: Send {
+    /// All outputs in the model's order for an input of 1 x 3 x `height` x `width` numbers; outputs of integers as floats.
+    ///
+    /// # Errors
+    /// What the runtime said, on one line.
+    fn run(&mut self, planes: &[f32], width: usize, height: usize) -> Result<Vec<Tensor>, String>;
+
+    /// The runtime with its version, e.g. `rten 0.24.0`.
+    fn runtime(&self) -> &str;
+}
+
+/// Loads a model whose image goes into `input`, for this many threads.
+///
+/// # Errors
+/// What the runtime said, on one line.
+pub(super) fn load(
+    bytes: Vec<u8>,
+    input: &str,
+    threads: usize,
+) -> Result<Box<dyn Session>, String> {
+    Ok(Box::new(rten::RtenSession::load(bytes, input, threads)?))
+}
+
+/// A reason as part of a one-line message.
+fn one_line(reason: &dyn std::fmt::Display) -> String {
+    reason
+        .to_string()
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
