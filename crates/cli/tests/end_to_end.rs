@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::{check, files, program, simulate, stdout};
+use common::{check, files, isolated, program, simulate, stdout};
 #[cfg(unix)]
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -63,12 +63,12 @@ fn the_same_command_gives_the_same_bytes() {
     let summary = std::fs::read_to_string(dir.path().join("scalar/summary.json")).unwrap();
     assert!(summary.contains("\"simd\": \"scalar\""), "{summary}");
 
-    let mut pinned = Command::new("taskset");
     let works = Command::new("taskset").args(["-c", "0", "true"]).status();
     if !works.is_ok_and(|s| s.success()) {
         println!("skipped: there is no taskset here to pin a run to one core");
         return;
     }
+    let mut pinned = isolated(Command::new("taskset"));
     pinned.args(["-c", "0", env!("CARGO_BIN_EXE_stillpoint")]);
     let pinned = trajectories(pinned, &dir.path().join("pinned"));
     assert!(first == pinned, "a run pinned to one core differs");

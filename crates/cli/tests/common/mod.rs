@@ -1,13 +1,35 @@
 //! Runs the program as users do, on small simulated data sets.
 #![allow(clippy::unwrap_used, clippy::expect_used, dead_code, unreachable_pub)]
 
+pub mod case;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// The program, with nothing inherited that changes what it does.
+/// A cache in which there is never a model.
+pub const EMPTY_CACHE: &str = concat!(env!("CARGO_TARGET_TMPDIR"), "/no-models");
+
+/// The program, [`isolated`].
 pub fn program() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_stillpoint"));
-    command.env_remove("STILLPOINT_SIMD");
+    isolated(Command::new(env!("CARGO_BIN_EXE_stillpoint")))
+}
+
+/// The program as a shell runs it, as `$0` with `args` from `$1` on.
+pub fn shell<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(
+    script: &str,
+    args: I,
+) -> Output {
+    let mut command = Command::new("sh");
+    command.arg("-c").arg(script);
+    command.arg(env!("CARGO_BIN_EXE_stillpoint")).args(args);
+    isolated(command).output().expect("sh starts")
+}
+
+/// A command with nothing inherited that changes what the program does: above all not the models that the user has pulled.
+pub fn isolated(mut command: Command) -> Command {
+    command
+        .env_remove("STILLPOINT_SIMD")
+        .env("STILLPOINT_CACHE", EMPTY_CACHE);
     command
 }
 

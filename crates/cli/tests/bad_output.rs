@@ -1,0 +1,112 @@
+//! Output that cannot be written ends with a message and exit code 2, and leaves what was there before.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::case::Case;
+use common::{check, files, program, shell};
+use std::path::Path;
+
+#[test]
+fn verdicts_and_pictures_that_cannot_be_written() {
+    let case = Case::new();
+    let file = case.dir.path().join("file");
+    std::fs::write(&file, "mine").unwrap();
+    let below = file.join("below");
+    let below = below.to_str().unwrap();
+    case.fails(
+        &["--verdicts", below],
+        &["file/below", "another with --verdicts"],
+    );
+    case.fails(
+        &["--overlay", below],
+        &["file/below", "another with --overlay"],
+    );
+    let folder = case.room();
+    let folder = folder.to_str().unwrap();
+    case.fails(
+        &["--verdicts", folder],
+        &["room", "another with --verdicts"],
+    );
+    let file = file.to_str().unwrap();
+    case.fails(
+        &["--overlay", file],
+        &["found a file", "another with --overlay"],
+    );
+    check(&case.run(&["--overlay-every", "2"]), 2, &["--overlay"]);
+    check(
+        &case.run(&["--overlay", "x", "--overlay-every", "0"]),
+        2,
+        &["--overlay-every"],
+    );
+    if cfg!(target_os = "linux") {
+        case.fails(&["--verdicts", "/dev/full"], &["/dev/full", "free space"]);
+    }
+}
+
+#[test]
+fn output_that_cannot_be_written() {
+    let case = Case::new();
+    let file = case.dir.path().join("file");
+    std::fs::write(&file, "mine").unwrap();
+    let run = |out: &Path| {
+        program()
+            .arg("run")
+            .arg(case.room())
+            .arg("--out")
+            .arg(out)
+            .output()
+            .unwrap()
+    };
+    check(&run(&file), 2, &["expected a folder", "found a file"]);
+    check(
+        &run(&file.join("below")),
+        2,
+        &["expected to write", "file/below"],
+    );
+    if cfg!(target_os = "linux") {
+        // Not even the superuser can write here.
+        check(
+            &run(Path::new("/proc/stillpoint")),
+            2,
+            &["expected to write", "/proc/stillpoint"],
+        );
+    }
+    assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
+}
+
+/// A limit on file sizes acts as a full disk does: writing fails half-way.
+#[test]
+#[cfg(unix)]
+fn full_disk() {
+    let case = Case::new();
+    let output = shell(
+        "trap '' XFSZ; ulimit -f 1; exec \"$0\" run \"$1\" --out \"$2\"",
+        [case.room(), case.out()],
+    );
+    check(&output, 2, &["expected to write", "free space"]);
+    case.old_result_is_untouched();
+    // Verdicts are written while frames go by: what was there before stays, and nothing else is left.
+    let table = case.dir.path().join("tables/v.csv");
+    std::fs::create_dir(case.dir.path().join("tables")).unwrap();
+    std::fs::write(&table, "old").unwrap();
+    let output = shell(
+        "trap '' XFSZ; ulimit -f 300; exec \"$0\" run \"$1\" --out \"$2\" --verdicts \"$3\"",
+        [case.room(), case.out(), table.clone()],
+    );
+    check(&output, 2, &["v.csv: expected to write", "free space"]);
+    case.old_result_is_untouched();
+    assert_eq!(std::fs::read_to_string(&table).unwrap(), "old");
+    assert_eq!(files(&case.dir.path().join("tables")), [table]);
+}
+
+/// A reader that leaves early is no reason to panic.
+#[test]
+#[cfg(unix)]
+fn closed_pipe() {
+    let output = shell(
+        "{ \"$0\" config print; echo \"exit $?\" >&2; } | true",
+        [""; 0],
+    );
+    check(&output, 0, &["exit 0"]);
+}
