@@ -18,7 +18,9 @@ pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
 pub use objects::{Motion, Object, ObjectId, ObjectState, ObjectTracker, ObjectsConfig};
 #[cfg(feature = "onnx")]
-pub use onnx::{Dimension, Interface, ModelError, OnnxDetector, OnnxOptions, Port};
+pub use onnx::{Dimension, Interface, ModelError, OnnxDetector, OnnxOptions, Port, Runtime};
+#[cfg(feature = "onnxruntime")]
+pub use onnx::{OnnxRuntime, RuntimeError};
 pub use scripted::{
     SCRIPT_HEADER, ScriptError, ScriptRow, ScriptUse, ScriptedDetector, format_script, parse_script,
 };

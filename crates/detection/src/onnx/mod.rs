@@ -18,6 +18,9 @@ pub use error::ModelError;
 pub use interface::{Dimension, Interface, Port};
 use letterbox::Letterbox;
 use network::Network;
+pub use runtime::Runtime;
+#[cfg(feature = "onnxruntime")]
+pub use runtime::{OnnxRuntime, RuntimeError};
 use serde::{Deserialize, Serialize};
 use stillpoint_imaging::{ColourImage, FrameId, RgbdFrame};
 

@@ -62,7 +62,8 @@ impl Network {
         if (batch, channels) != (1, 3) || !yolox::fits(width, height) {
             return Err(refuse(sides));
         }
-        let session = runtime::load(bytes, &input.name, threads).map_err(unreadable)?;
+        let session = runtime::load(bytes, &input.name, threads, &runtime::Runtime::default())
+            .map_err(unreadable)?;
         let mut network = Self {
             session,
             width,

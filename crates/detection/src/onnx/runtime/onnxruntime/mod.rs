@@ -1,0 +1,76 @@
+//! ONNX Runtime: its shared library is loaded at run time, so that nothing of it is needed to build or to start.
+//!
+//! Answers: whether a file is a library that can be used, and runs networks on it. Does not look for one: that takes the
+//! environment and folders, which the core does not read.
+
+mod error;
+mod library;
+mod session;
+
+pub use error::RuntimeError;
+pub(super) use session::OnnxRuntimeSession;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+/// The library of this process.
+static LOADED: OnceLock<OnnxRuntime> = OnceLock::new();
+
+/// The shared library of ONNX Runtime, loaded and found to be usable.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct OnnxRuntime {
+    library: PathBuf,
+    version: String,
+}
+
+impl OnnxRuntime {
+    /// Oldest version that can be used.
+    pub const OLDEST: &'static str = library::OLDEST;
+
+    /// Loads a library by its file, e.g. `libonnxruntime.so.1.31.1`. The code in it runs in this process: load none that you
+    /// do not trust.
+    ///
+    /// A process has room for one library, and keeps it until it ends. Once one is loaded, the same file gives it again, and
+    /// another one is refused. A file that is refused for another reason leaves the room to the next.
+    ///
+    /// # Errors
+    /// [`RuntimeError`] if there is no such file, it is no library of ONNX Runtime for this kind of machine or is too old,
+    /// or another one is loaded already.
+    pub fn load(library: &Path) -> Result<Self, RuntimeError> {
+        let missing = |_| RuntimeError::Missing {
+            library: library.to_owned(),
+        };
+        // With links resolved, so that one file under two names is one library.
+        let library = library.canonicalize().map_err(missing)?;
+        if let Some(loaded) = LOADED.get() {
+            return loaded.same_as(&library);
+        }
+        let found = library::check(&library)?;
+        // Two threads may come here at once: `ort` takes the first, and refuses the other unless it brings the same library.
+        found.hand_over(&library)?;
+        let loaded = LOADED.get_or_init(|| Self {
+            library,
+            version: found.version().to_owned(),
+        });
+        Ok(loaded.clone())
+    }
+
+    /// As the library says, e.g. `1.31.1`.
+    pub fn version(&self) -> &str {
+        &self.version
+    }
+
+    /// Its file, links resolved.
+    pub fn library(&self) -> &Path {
+        &self.library
+    }
+
+    fn same_as(&self, library: &Path) -> Result<Self, RuntimeError> {
+        if self.library == library {
+            return Ok(self.clone());
+        }
+        Err(RuntimeError::Taken {
+            library: library.to_owned(),
+            loaded: Some(self.library.clone()),
+        })
+    }
+}
