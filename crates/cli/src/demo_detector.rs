@@ -36,12 +36,7 @@ impl Detector for SimulatedDetector {
     }
 
     fn info(&self) -> DetectorInfo {
-        DetectorInfo {
-            kind: DetectorKind::Scripted,
-            name: "simulator".to_owned(),
-            sha256: None,
-            runtime: None,
-        }
+        DetectorInfo::new(DetectorKind::Scripted, "simulator")
     }
 }
 

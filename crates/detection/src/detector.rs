@@ -59,6 +59,28 @@ pub struct DetectorInfo {
     pub sha256: Option<String>,
     /// What runs the network, with its version.
     pub runtime: Option<String>,
+    /// How the network's outputs are read.
+    pub head: Option<String>,
+    /// Width and height of the network's input for the last image, px.
+    pub input: Option<(usize, usize)>,
+    /// Threads of the network.
+    pub threads: Option<usize>,
+}
+
+impl DetectorInfo {
+    /// Of this sort and name; the rest is not known or not there.
+    #[must_use]
+    pub fn new(kind: DetectorKind, name: &str) -> Self {
+        Self {
+            kind,
+            name: name.to_owned(),
+            sha256: None,
+            runtime: None,
+            head: None,
+            input: None,
+            threads: None,
+        }
+    }
 }
 
 /// A detector could not look at a frame.
@@ -98,7 +120,7 @@ pub enum DetectError {
     },
     /// The network answered something else than it did when it was loaded.
     #[error(
-        "frame {frame}: expected {expected}, found {found}; use a model whose input has a fixed size"
+        "frame {frame}: expected {expected}, found {found}; run the network at the model's own input size"
     )]
     Output {
         /// The frame.
@@ -124,11 +146,6 @@ impl Detector for NoDetector {
     }
 
     fn info(&self) -> DetectorInfo {
-        DetectorInfo {
-            kind: DetectorKind::None,
-            name: String::new(),
-            sha256: None,
-            runtime: None,
-        }
+        DetectorInfo::new(DetectorKind::None, "")
     }
 }

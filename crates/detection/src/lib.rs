@@ -18,7 +18,10 @@ pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
 pub use objects::{Motion, Object, ObjectId, ObjectState, ObjectTracker, ObjectsConfig};
 #[cfg(feature = "onnx")]
-pub use onnx::{Dimension, Interface, ModelError, OnnxDetector, OnnxOptions, Port, Runtime};
+pub use onnx::{
+    CardError, CardInput, CardOutput, Classes, ColourOrder, Column, Dimension, Head, InputSize,
+    Interface, ModelCard, ModelError, OnnxDetector, OnnxOptions, Port, Resize, Runtime,
+};
 #[cfg(feature = "onnxruntime")]
 pub use onnx::{OnnxRuntime, RuntimeError};
 pub use scripted::{

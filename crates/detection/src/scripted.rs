@@ -140,10 +140,8 @@ impl Detector for ScriptedDetector {
 
     fn info(&self) -> DetectorInfo {
         DetectorInfo {
-            kind: DetectorKind::Scripted,
-            name: self.name.clone(),
             sha256: Some(self.sha256.clone()),
-            runtime: None,
+            ..DetectorInfo::new(DetectorKind::Scripted, &self.name)
         }
     }
 

@@ -95,6 +95,31 @@ pub fn fields(message: &[u8]) -> impl Iterator<Item = Result<Field<'_>, WireErro
     })
 }
 
+/// The last text with this number in a message.
+///
+/// # Errors
+/// Damaged fields on the way there.
+pub fn text(message: &[u8], number: u64) -> Result<Option<&str>, WireError> {
+    let mut found = None;
+    for field in fields(message) {
+        let field = field?;
+        if let (true, Some(text)) = (field.number == number, field.value.text()) {
+            found = Some(text);
+        }
+    }
+    Ok(found)
+}
+
+/// Packed integers; `None` when the last one is cut.
+#[must_use]
+pub fn varints(packed: &[u8]) -> Option<Vec<u64>> {
+    let (mut rest, mut values) = (packed, Vec::new());
+    while !rest.is_empty() {
+        values.push(varint(&mut rest)?);
+    }
+    Some(values)
+}
+
 /// Takes a field off the front.
 fn take<'a>(rest: &mut &'a [u8], at: usize, cut: WireError) -> Result<(u64, Value<'a>), WireError> {
     let tag = varint(rest).ok_or(cut)?;
@@ -227,6 +252,15 @@ mod tests {
         assert_eq!(inner.unwrap().value.integer(), Some(u64::MAX));
         let copy = read.iter().fold(Message::new(), Message::raw);
         assert_eq!(copy.into_bytes(), bytes);
+        assert_eq!(text(&bytes, 2), Ok(Some("text")));
+        assert_eq!(text(&bytes, 1), Ok(None));
+    }
+
+    #[test]
+    fn packed_integers_are_read() {
+        assert_eq!(varints(&[1, 0xac, 2, 0]), Some(vec![1, 300, 0]));
+        assert_eq!(varints(&[]), Some(vec![]));
+        assert_eq!(varints(&[1, 0xac]), None);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What a model takes and gives, read from its file without any runtime.
 
-use crate::wire::{WireError, fields};
+use crate::wire::{WireError, fields, text};
 use std::collections::BTreeSet;
 use std::fmt;
 
@@ -50,15 +50,50 @@ impl Interface {
                     continue;
                 };
                 match field.number {
-                    5 => weights.extend(text_of(bytes, 8)?),
+                    5 => weights.extend(text(bytes, 8)?),
                     11 => interface.inputs.push(Port::read(bytes)?),
                     12 => interface.outputs.push(Port::read(bytes)?),
                     _ => {}
                 }
             }
         }
-        interface.inputs.retain(|p| !weights.contains(&p.name));
+        interface
+            .inputs
+            .retain(|p| !weights.contains(p.name.as_str()));
         Ok(interface)
+    }
+}
+
+impl Interface {
+    /// As lines of a message: the first ones, since models that are something else may have hundreds.
+    pub(super) fn listing(&self) -> String {
+        const SHOWN: usize = 12;
+        let inputs = self.inputs.iter().map(|port| ("input ", port));
+        let outputs = self.outputs.iter().map(|port| ("output", port));
+        // Outputs tell more, and many inputs must not hide them.
+        let for_inputs = SHOWN - self.outputs.len().min(SHOWN / 2);
+        let mut lines: Vec<String> = inputs
+            .take(for_inputs)
+            .chain(outputs.take(SHOWN - self.inputs.len().min(for_inputs)))
+            .map(|(sort, port)| format!("  {sort}  {port}"))
+            .collect();
+        let more = self.inputs.len() + self.outputs.len() - lines.len();
+        if more > 0 {
+            lines.push(format!("  and {more} more"));
+        }
+        if lines.is_empty() {
+            lines.push("  neither inputs nor outputs".to_owned());
+        }
+        lines.join("\n")
+    }
+
+    /// With the shapes that outputs turned out to have.
+    pub(super) fn with_outputs(&self, shapes: impl Iterator<Item = Vec<usize>>) -> Self {
+        let mut known = self.clone();
+        for (port, shape) in known.outputs.iter_mut().zip(shapes) {
+            port.shape = Some(shape.iter().map(|&s| Dimension::Fixed(s as u64)).collect());
+        }
+        known
     }
 }
 
@@ -79,7 +114,7 @@ impl Port {
             }
         };
         Ok(Self {
-            name: text_of(message, 1)?.unwrap_or_default(),
+            name: text(message, 1)?.unwrap_or_default().to_owned(),
             shape,
         })
     }
@@ -98,18 +133,6 @@ impl Dimension {
         }
         Ok(found)
     }
-}
-
-/// The last text with this number in a message.
-fn text_of(message: &[u8], number: u64) -> Result<Option<String>, WireError> {
-    let mut found = None;
-    for field in fields(message) {
-        let field = field?;
-        if let (true, Some(text)) = (field.number == number, field.value.text()) {
-            found = Some(text.to_owned());
-        }
-    }
-    Ok(found)
 }
 
 /// The message at the end of a path of field numbers.

@@ -1,27 +1,39 @@
-//! Networks in the ONNX format, run by `rten`, which is pure Rust and needs no library of the system.
+//! Networks in the ONNX format. A model card says what a network's numbers mean; the known models have theirs built in.
 //!
-//! On one machine the same bytes, image and options give the same boxes in every run, whatever else the machine does. Its
-//! kernels are chosen by the CPU's features, so other CPUs may differ in the last digits of a score.
+//! On one machine the same bytes, image and options give the same boxes in every run, whatever else the machine does. A
+//! runtime's kernels are chosen by the CPU's features, so other CPUs may differ in the last digits of a score.
 
+mod card;
 mod container;
 mod error;
+mod graph;
+mod heads;
 mod interface;
+mod known;
 mod letterbox;
+mod loading;
 mod network;
 mod runtime;
-mod yolox;
+mod size;
 
 use crate::detector::{DetectError, Detector, DetectorInfo, DetectorKind};
 use crate::hash::sha256_hex;
 use crate::{BoundingBox, Detection, Detections};
+pub use card::{
+    CardError, CardInput, CardOutput, Classes, ColourOrder, Column, Head, ModelCard, Resize,
+};
 pub use error::ModelError;
+use heads::{Candidate, Mismatch};
 pub use interface::{Dimension, Interface, Port};
-use letterbox::Letterbox;
+use letterbox::{Letterbox, Placement};
+use loading::{Failure, Loaded, look};
 use network::Network;
 pub use runtime::Runtime;
 #[cfg(feature = "onnxruntime")]
 pub use runtime::{OnnxRuntime, RuntimeError};
 use serde::{Deserialize, Serialize};
+pub use size::InputSize;
+use size::{Size, fitted};
 use stillpoint_imaging::{ColourImage, FrameId, RgbdFrame};
 
 /// How a network is run and its output is read.
@@ -32,9 +44,12 @@ pub struct OnnxOptions {
     /// it misses is bridged by tracks.
     pub score_threshold: f32,
     /// Intersection over union above which the weaker of two boxes of a class is dropped. Range: 0 to 1. 0.45: YOLOX's own.
+    /// Networks that suppress overlaps themselves are left as they are.
     pub iou_threshold: f32,
     /// Threads of the network. Range: 1 to 64. 1: the other cores belong to tracking and mapping.
     pub threads: usize,
+    /// Size of the input. Fit: padding a 4:3 image to a square costs a quarter of the work.
+    pub input: InputSize,
 }
 
 impl Default for OnnxOptions {
@@ -43,44 +58,94 @@ impl Default for OnnxOptions {
             score_threshold: 0.25,
             iou_threshold: 0.45,
             threads: 1,
+            input: InputSize::default(),
         }
     }
 }
 
-/// A network that finds COCO's classes: YOLOX of any size.
+/// A network that finds things of COCO's classes.
 pub struct OnnxDetector {
     name: String,
     sha256: String,
     options: OnnxOptions,
+    card: ModelCard,
     network: Network,
     letterbox: Letterbox,
+    /// The model's own size of the input.
+    own: Size,
+    /// Of the last input.
+    size: Size,
+    /// Why the network runs at its own size, though another would fit the images better.
+    rigid: Option<String>,
 }
 
 impl OnnxDetector {
-    /// From the bytes of a model file. `name` is what errors and summaries call it. The model is run once on a grey image,
-    /// so that one that does not fit is refused here and not at the first frame.
+    /// From the bytes of a known model's file, in `rten`. `name` is what errors and summaries call it. The model is run once on
+    /// an image without anything in it, so that one that does not fit is refused here and not at the first frame.
     ///
     /// # Errors
-    /// [`ModelError`] for options out of range, and for models that do not load, do not run or are not YOLOX.
+    /// [`ModelError`] for options out of range, and for models that do not load, do not run or are not known.
     pub fn from_bytes(
         bytes: Vec<u8>,
         name: &str,
         options: &OnnxOptions,
     ) -> Result<Self, ModelError> {
+        Self::with_card(bytes, name, None, &Runtime::default(), options)
+    }
+
+    /// From the bytes of a model's file, with its card if it has one, in a runtime. See [`Self::from_bytes`].
+    ///
+    /// # Errors
+    /// [`ModelError`] for options out of range, and for models that do not load, do not run, are not what the card says, or are
+    /// not known and have no card.
+    pub fn with_card(
+        bytes: Vec<u8>,
+        name: &str,
+        card: Option<&ModelCard>,
+        runtime: &Runtime,
+        options: &OnnxOptions,
+    ) -> Result<Self, ModelError> {
         check_options(options)?;
         let sha256 = sha256_hex(&bytes);
-        let network = Network::load(bytes, name, options.threads)?;
-        let letterbox = Letterbox::new(network.width, network.height);
+        let Loaded {
+            network,
+            card,
+            own,
+            size,
+        } = loading::load(bytes, name, card, runtime, options)?;
         Ok(Self {
             name: name.to_owned(),
             sha256,
             options: *options,
+            card,
             network,
-            letterbox,
+            letterbox: Letterbox::default(),
+            own,
+            size,
+            rigid: None,
         })
     }
 
-    /// The boxes in one colour image, in raw pixels and within the image, best score first. `frame` is named in errors.
+    /// What the network's numbers mean: the card that was given, or the built-in one that was recognised.
+    #[must_use]
+    pub fn card(&self) -> &ModelCard {
+        &self.card
+    }
+
+    /// What the model takes and gives, as its file says.
+    #[must_use]
+    pub fn interface(&self) -> &Interface {
+        self.network.interface()
+    }
+
+    /// Width and height of the network's input for the last image, px; before the first one, what it was tried at.
+    #[must_use]
+    pub fn input_size(&self) -> (usize, usize) {
+        (self.size.width, self.size.height)
+    }
+
+    /// The boxes in one colour image, in raw pixels and within the image, best score first. `frame` is named in errors. The
+    /// first image of another aspect takes longer, since the network is made ready for it.
     ///
     /// # Errors
     /// [`DetectError::ImageSize`] for an image without pixels, and failures of the network.
@@ -97,31 +162,83 @@ impl OnnxDetector {
                 found: (width, height),
             });
         }
-        let input = self.letterbox.fill(image);
-        let output = self.network.run(input).map_err(|e| e.at(frame))?;
-        let (input_width, input_height) = (self.network.width, self.network.height);
-        let boxes = yolox::decode(
-            &output,
-            input_width,
-            input_height,
-            self.options.score_threshold,
-        );
-        let mut boxes = yolox::suppress(boxes, &self.options);
-        let (scale_x, scale_y) = self.letterbox.scale();
-        // The network measures from the corner of the first pixel, which is half a pixel before its centre.
-        for found in &mut boxes {
-            let BoundingBox { x0, y0, x1, y1 } = found.bounds;
-            found.bounds = BoundingBox {
-                x0: x0 * scale_x - 0.5,
-                y0: y0 * scale_y - 0.5,
-                x1: x1 * scale_x - 0.5,
-                y1: y1 * scale_y - 0.5,
+        let size = self.size_for(width, height);
+        let boxes = match self.look(image, size) {
+            Err(failure) if size != self.own && self.options.input == InputSize::Fit => {
+                self.network.forget(size);
+                self.rigid = Some(format!("at {size} px it gave: {failure}"));
+                self.look(image, self.own)
             }
-            .clipped(width, height);
+            result => result,
+        };
+        boxes.map_err(|failure| match failure {
+            Failure::Runtime(reason) => DetectError::Runtime { frame, reason },
+            Failure::Output(Mismatch { expected, found }) => DetectError::Output {
+                frame,
+                expected,
+                found,
+            },
+        })
+    }
+
+    /// The size of the input for an image.
+    fn size_for(&self, width: usize, height: usize) -> Size {
+        // Nothing in the output of a network that decodes its boxes itself says whether they are right for another size.
+        let baked = self.card.head == Head::EndToEnd && self.network.own.is_some();
+        match self.options.input {
+            InputSize::Fixed { width, height } => Size { width, height },
+            InputSize::Fit if self.rigid.is_none() && !baked => {
+                fitted(self.own, width, height, self.card.alignment())
+            }
+            InputSize::Fit | InputSize::Model => self.own,
         }
-        // A box may lie in the padding altogether.
-        boxes.retain(|d| d.bounds.area() > 0.0);
-        Ok(boxes)
+    }
+
+    /// Looks at an image with an input of this size.
+    fn look(&mut self, image: &ColourImage, size: Size) -> Result<Vec<Detection>, Failure> {
+        self.size = size;
+        let planes = {
+            let _span = tracing::info_span!("letterbox").entered();
+            self.letterbox.fill(image, &self.card.input, size)
+        };
+        let threshold = self.options.score_threshold;
+        let boxes = look(&mut self.network, &self.card, planes, size, threshold)?;
+        let boxes = if self.card.head == Head::EndToEnd {
+            heads::sorted(boxes)
+        } else {
+            heads::suppress(boxes, self.options.iou_threshold)
+        };
+        let placement = self.letterbox.placement();
+        let found = boxes
+            .iter()
+            .filter_map(|b| self.detection(b, placement, image));
+        Ok(found.collect())
+    }
+
+    /// A box in the image; `None` for classes that are left out and for what lies in the padding altogether.
+    fn detection(
+        &self,
+        found: &Candidate,
+        Placement { offset, scale }: Placement,
+        image: &ColourImage,
+    ) -> Option<Detection> {
+        let class = self.card.class(found.class)?;
+        // The network measures from the corner of the first pixel, which is half a pixel before its centre.
+        let x = |x: f64| (x - offset[0] as f64) * scale[0] - 0.5;
+        let y = |y: f64| (y - offset[1] as f64) * scale[1] - 0.5;
+        let BoundingBox { x0, y0, x1, y1 } = found.bounds;
+        let bounds = BoundingBox {
+            x0: x(x0),
+            y0: y(y0),
+            x1: x(x1),
+            y1: y(y1),
+        }
+        .clipped(image.width(), image.height());
+        (bounds.area() > 0.0).then_some(Detection {
+            class,
+            score: found.score,
+            bounds,
+        })
     }
 }
 
@@ -148,11 +265,21 @@ impl Detector for OnnxDetector {
 
     fn info(&self) -> DetectorInfo {
         DetectorInfo {
-            kind: DetectorKind::Onnx,
-            name: self.name.clone(),
             sha256: Some(self.sha256.clone()),
-            runtime: Some(self.network.runtime().to_owned()),
+            runtime: self.network.runtime().map(str::to_owned),
+            head: Some(self.card.head.name().to_owned()),
+            input: Some(self.input_size()),
+            threads: Some(self.options.threads),
+            ..DetectorInfo::new(DetectorKind::Onnx, &self.name)
         }
+    }
+
+    fn remark(&self) -> Option<String> {
+        let reason = self.rigid.as_ref()?;
+        Some(format!(
+            "{}: the network is run at its own {} px, with padding, since its graph allows no other size ({reason})",
+            self.name, self.own
+        ))
     }
 }
 
@@ -178,6 +305,7 @@ fn check_options(options: &OnnxOptions) -> Result<(), ModelError> {
         score_threshold,
         iou_threshold,
         threads,
+        input: _,
     } = *options;
     if !(score_threshold > 0.0 && score_threshold <= 1.0) {
         return refuse(

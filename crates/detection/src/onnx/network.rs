@@ -1,104 +1,124 @@
-//! A model that is loaded and ready to run.
+//! A model that is loaded and ready to run, at any input size that its graph allows.
 
+use super::card::CardInput;
 use super::error::ModelError;
-use super::interface::{Dimension, Interface};
-use super::runtime::{self, Session};
-use super::{container, yolox};
-use crate::detector::DetectError;
-use stillpoint_imaging::FrameId;
+use super::interface::Interface;
+use super::known::image_of;
+use super::letterbox::plain;
+use super::runtime::{self, Runtime, Session, Tensor};
+use super::size::Size;
+use super::{container, graph};
 
-/// The loaded model with what it takes to run it.
+/// Sizes at which a network is kept ready. Pictures of a folder often have two, upright and lying; each holds all weights.
+const KEPT: usize = 2;
+
+/// The model's file with what it takes to run it.
 pub(super) struct Network {
-    session: Box<dyn Session>,
-    /// Of the input, px.
-    pub(super) width: usize,
-    pub(super) height: usize,
-}
-
-/// The network did not answer as it should.
-pub(super) enum Failure {
-    Runtime(String),
-    Output { expected: String, found: String },
-}
-
-impl Failure {
-    pub(super) fn at(self, frame: FrameId) -> DetectError {
-        match self {
-            Self::Runtime(reason) => DetectError::Runtime { frame, reason },
-            Self::Output { expected, found } => DetectError::Output {
-                frame,
-                expected,
-                found,
-            },
-        }
-    }
+    model: Vec<u8>,
+    interface: Interface,
+    /// Name of the input that takes the image.
+    input: String,
+    /// Of the input, if the file says it.
+    pub(super) own: Option<Size>,
+    runtime: Runtime,
+    threads: usize,
+    /// The last used one first.
+    sessions: Vec<(Size, Box<dyn Session>)>,
 }
 
 impl Network {
-    /// Loads a model and runs it once, so that one that does not fit is refused.
-    pub(super) fn load(bytes: Vec<u8>, name: &str, threads: usize) -> Result<Self, ModelError> {
+    /// Reads what a model takes. It is loaded by the first run.
+    ///
+    /// # Errors
+    /// [`ModelError`] for bytes that are no model and for models that do not take one image.
+    pub(super) fn open(
+        model: Vec<u8>,
+        name: &str,
+        threads: usize,
+        runtime: &Runtime,
+    ) -> Result<Self, ModelError> {
         let unreadable = |reason: String| ModelError::Load {
             name: name.to_owned(),
             reason,
         };
-        container::check(&bytes).map_err(unreadable)?;
-        let interface = Interface::read(&bytes).map_err(|e| unreadable(e.to_string()))?;
-        let refuse = |found: String| ModelError::Interface {
-            name: name.to_owned(),
-            found,
+        container::check(&model).map_err(unreadable)?;
+        let interface = Interface::read(&model).map_err(|e| unreadable(e.to_string()))?;
+        let image = match &interface.inputs[..] {
+            [input] => image_of(input).map(|size| (input.name.clone(), size)),
+            _ => None,
         };
-        let sides = interface.to_string();
-        let ([input], [_]) = (&interface.inputs[..], &interface.outputs[..]) else {
-            return Err(refuse(sides));
+        let Some((input, own)) = image else {
+            return Err(ModelError::interface(name, &interface));
         };
-        let fixed = |d: &Dimension| match d {
-            Dimension::Fixed(size) => usize::try_from(*size).unwrap_or(0),
-            Dimension::Free(_) => 0,
-        };
-        let shape: Vec<usize> = input.shape.iter().flatten().map(fixed).collect();
-        let &[batch, channels, height, width] = &shape[..] else {
-            return Err(refuse(sides));
-        };
-        if (batch, channels) != (1, 3) || !yolox::fits(width, height) {
-            return Err(refuse(sides));
+        Ok(Self {
+            model,
+            interface,
+            input,
+            own,
+            runtime: runtime.clone(),
+            threads,
+            sessions: Vec::new(),
+        })
+    }
+
+    /// Whether it is ready to run at this size.
+    pub(super) fn is_ready(&self, size: Size) -> bool {
+        self.sessions.iter().any(|(s, _)| *s == size)
+    }
+
+    /// Makes it ready to run at this size, which may take as long as ten runs.
+    ///
+    /// # Errors
+    /// What the runtime said, on one line.
+    pub(super) fn prepare(&mut self, size: Size) -> Result<(), String> {
+        if let Some(place) = self.sessions.iter().position(|(s, _)| *s == size) {
+            self.sessions[..=place].rotate_right(1);
+            return Ok(());
         }
-        let session = runtime::load(bytes, &input.name, threads, &runtime::Runtime::default())
-            .map_err(unreadable)?;
-        let mut network = Self {
-            session,
-            width,
-            height,
-        };
-        let grey = vec![114.0; 3 * width * height];
-        match network.run(&grey) {
-            Ok(output) if yolox::is_decoded(&output) => Err(refuse("boxes in pixels".to_owned())),
-            Ok(_) => Ok(network),
-            Err(Failure::Output { .. }) => Err(refuse(sides)),
-            Err(Failure::Runtime(reason)) => Err(ModelError::Run {
-                name: name.to_owned(),
-                reason,
-            }),
+        let model =
+            graph::resized(&self.model, &self.input, self.own, size).map_err(|e| e.to_string())?;
+        let session = runtime::load(model, &self.input, self.threads, &self.runtime)?;
+        self.sessions.insert(0, (size, session));
+        self.sessions.truncate(KEPT);
+        Ok(())
+    }
+
+    /// Gives up being ready at this size.
+    pub(super) fn forget(&mut self, size: Size) {
+        self.sessions.retain(|(s, _)| *s != size);
+    }
+
+    /// Runs it on the three planes of an input of this size.
+    ///
+    /// # Errors
+    /// What the runtime said, on one line.
+    pub(super) fn run(&mut self, planes: &[f32], size: Size) -> Result<Vec<Tensor>, String> {
+        self.prepare(size)?;
+        match self.sessions.first_mut() {
+            Some((_, session)) => session.run(planes, size.width, size.height),
+            None => Err("no session".to_owned()),
         }
     }
 
-    /// Runs the network on planes of 3 x height x width; the output's rows one after another.
-    pub(super) fn run(&mut self, planes: &[f32]) -> Result<Vec<f32>, Failure> {
-        let mut outputs = self
-            .session
-            .run(planes, self.width, self.height)
-            .map_err(Failure::Runtime)?;
-        let expected = [1, yolox::rows(self.width, self.height), yolox::COLUMNS];
-        match &mut outputs[..] {
-            [output] if output.shape == expected => Ok(std::mem::take(&mut output.data)),
-            other => Err(Failure::Output {
-                expected: format!("an output of {expected:?}"),
-                found: format!("{:?}", other.iter().map(|t| &t.shape).collect::<Vec<_>>()),
-            }),
-        }
+    /// Runs it on an image without anything in it.
+    ///
+    /// # Errors
+    /// What the runtime said, on one line.
+    pub(super) fn run_plain(
+        &mut self,
+        card: &CardInput,
+        size: Size,
+    ) -> Result<Vec<Tensor>, String> {
+        self.run(&plain(card, size), size)
+    }
+
+    /// What it takes and gives, as its file says.
+    pub(super) fn interface(&self) -> &Interface {
+        &self.interface
     }
 
     /// The runtime with its version.
-    pub(super) fn runtime(&self) -> &str {
-        self.session.runtime()
+    pub(super) fn runtime(&self) -> Option<&str> {
+        self.sessions.first().map(|(_, session)| session.runtime())
     }
 }

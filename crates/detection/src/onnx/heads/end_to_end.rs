@@ -1,0 +1,83 @@
+//! Networks that suppress overlaps themselves and give the boxes that are left: a table whose columns the card names, or the
+//! four outputs that exporters for TensorRT write (count, boxes, scores, classes).
+
+use super::super::card::Column;
+use super::{Candidate, Mismatch, Reading, Tensor, shapes};
+use crate::BoundingBox;
+
+/// The boxes whose score reaches the threshold.
+pub(super) fn decode(
+    reading: &Reading<'_>,
+    outputs: &[Tensor],
+) -> Result<Vec<Candidate>, Mismatch> {
+    let classes = reading.card.class_count();
+    let take = |[x0, y0, x1, y1]: [f32; 4], score: f32, class: f32| {
+        let bounds = BoundingBox {
+            x0: f64::from(x0),
+            y0: f64::from(y0),
+            x1: f64::from(x1),
+            y1: f64::from(y1),
+        };
+        // No NaN is in the range.
+        let known = (-0.5..classes as f32 - 0.5).contains(&class) && score >= reading.threshold;
+        // Filled-up rows have a class of -1 or no area.
+        known.then(|| Candidate::new((class + 0.5) as usize, score, bounds))?
+    };
+    let columns = &reading.card.output.columns;
+    match outputs {
+        [table] if columns.len() >= 6 && is_table(table, columns.len()) => {
+            let place = |column| columns.iter().position(|&c| c == column).unwrap_or(0);
+            let sides = [Column::X0, Column::Y0, Column::X1, Column::Y1].map(place);
+            let (score, class) = (place(Column::Score), place(Column::Class));
+            let batch = columns.iter().position(|&c| c == Column::Batch);
+            let rows = table.data.chunks_exact(columns.len());
+            let first = rows.filter(|row| batch.is_none_or(|b| row[b] == 0.0));
+            let found = first.filter_map(|row| take(sides.map(|i| row[i]), row[score], row[class]));
+            Ok(found.collect())
+        }
+        [count, boxes, scores, numbers] => {
+            let Some(rows) = four(count, boxes, scores, numbers) else {
+                return Err(mismatch(reading, outputs));
+            };
+            let (sides, _) = boxes.data.as_chunks::<4>();
+            let rows = sides.iter().zip(&scores.data).zip(&numbers.data).take(rows);
+            Ok(rows
+                .filter_map(|((&sides, &score), &class)| take(sides, score, class))
+                .collect())
+        }
+        _ => Err(mismatch(reading, outputs)),
+    }
+}
+
+/// Whether an output is [boxes, columns] or [1, boxes, columns].
+fn is_table(output: &Tensor, columns: usize) -> bool {
+    let rows = match output.shape[..] {
+        [rows, found] | [1, rows, found] if found == columns => rows,
+        _ => return false,
+    };
+    output.data.len() == rows * columns
+}
+
+/// Number of boxes of four outputs [1, 1], [1, n, 4], [1, n] and [1, n].
+fn four(count: &Tensor, boxes: &Tensor, scores: &Tensor, numbers: &Tensor) -> Option<usize> {
+    let &[1, most, 4] = &boxes.shape[..] else {
+        return None;
+    };
+    let whole = |t: &Tensor, expected: usize| {
+        t.data.len() == expected && t.shape.iter().product::<usize>() == expected
+    };
+    let fits =
+        whole(count, 1) && whole(boxes, 4 * most) && whole(scores, most) && whole(numbers, most);
+    // A count that is no number or negative becomes zero.
+    fits.then(|| (count.data[0] as usize).min(most))
+}
+
+fn mismatch(reading: &Reading<'_>, outputs: &[Tensor]) -> Mismatch {
+    let columns = reading.card.output.columns.len();
+    Mismatch {
+        expected: format!(
+            "one output [boxes, {columns}] or [1, boxes, {columns}] with the card's columns, or four: count [1, 1], boxes [1, n, 4], scores [1, n], classes [1, n]"
+        ),
+        found: shapes(outputs),
+    }
+}

@@ -1,0 +1,164 @@
+//! Heads: what a network's outputs mean. Each tells whether outputs are its own, and reads boxes from them.
+
+mod anchors;
+mod distribution;
+mod end_to_end;
+mod gate;
+mod rows;
+mod suppress;
+
+use super::card::{Head, ModelCard};
+use super::runtime::Tensor;
+use super::size::Size;
+use crate::BoundingBox;
+pub(super) use rows::boxes_lie_in_their_cells;
+pub(super) use suppress::{sorted, suppress};
+
+/// A box that the network sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Candidate {
+    /// Number of the class among the network's own.
+    pub(super) class: usize,
+    pub(super) score: f32,
+    /// In px of the input from its upper left corner.
+    pub(super) bounds: BoundingBox,
+}
+
+impl Candidate {
+    /// `None` for a box that has no area or holds something that is no number.
+    fn new(class: usize, score: f32, bounds: BoundingBox) -> Option<Self> {
+        // Neither comparison holds for a NaN.
+        let sane = bounds.x0 < bounds.x1 && bounds.y0 < bounds.y1 && bounds.area().is_finite();
+        (sane && score.is_finite()).then_some(Self {
+            class,
+            score: score.min(1.0),
+            bounds,
+        })
+    }
+
+    /// From a centre and half of the size.
+    fn around(class: usize, score: f32, centre: [f64; 2], half: [f64; 2]) -> Option<Self> {
+        let bounds = BoundingBox {
+            x0: centre[0] - half[0],
+            y0: centre[1] - half[1],
+            x1: centre[0] + half[0],
+            y1: centre[1] + half[1],
+        };
+        Self::new(class, score, bounds)
+    }
+}
+
+/// Outputs that are not what the head reads.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Mismatch {
+    pub(super) expected: String,
+    pub(super) found: String,
+}
+
+/// What a head has to know to read outputs.
+#[derive(Clone, Copy)]
+pub(super) struct Reading<'a> {
+    pub(super) card: &'a ModelCard,
+    /// Of the input.
+    pub(super) size: Size,
+    /// Least score of a box.
+    pub(super) threshold: f32,
+}
+
+impl Reading<'_> {
+    /// The boxes whose score reaches the threshold, in the outputs' order, and not yet suppressed.
+    ///
+    /// # Errors
+    /// [`Mismatch`] for outputs of other shapes than the head's.
+    pub(super) fn decode(&self, outputs: &[Tensor]) -> Result<Vec<Candidate>, Mismatch> {
+        match self.card.head {
+            Head::Yolox => rows::decode_raw(self, outputs),
+            Head::YoloGrid => rows::decode_grid(self, outputs),
+            Head::YoloAnchors => anchors::decode(self, outputs),
+            Head::Distribution => distribution::decode(self, outputs),
+            Head::EndToEnd => end_to_end::decode(self, outputs),
+        }
+    }
+
+    /// Lowest and highest of all the values that the card says are scores; `None` where there are none, as in a head that
+    /// suppresses by itself. The outputs have been decoded before.
+    pub(super) fn score_range(&self, outputs: &[Tensor]) -> Option<(f32, f32)> {
+        let classes = self.card.class_count();
+        let mut range = (f32::INFINITY, f32::NEG_INFINITY);
+        let mut take = |value: f32| range = (range.0.min(value), range.1.max(value));
+        match self.card.head {
+            Head::Yolox | Head::YoloGrid => rows::scores(classes, outputs).for_each(&mut take),
+            Head::YoloAnchors => anchors::each_score(self, outputs, &mut take),
+            Head::Distribution => distribution::each_score(self, outputs, &mut take),
+            Head::EndToEnd => return None,
+        }
+        (range.0 <= range.1).then_some(range)
+    }
+
+    /// The maps of cells, from fine to coarse. Where cells do not go into the input a border of it has some as well.
+    fn levels(&self) -> impl Iterator<Item = Level> {
+        let Size { width, height } = self.size;
+        self.card.output.strides.iter().map(move |&stride| Level {
+            stride,
+            columns: width.div_ceil(stride),
+            rows: height.div_ceil(stride),
+        })
+    }
+
+    /// Number of cells of all maps.
+    fn cells(&self) -> usize {
+        self.levels().map(|l| l.cells()).sum()
+    }
+}
+
+/// A map of cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Level {
+    /// Size of a cell, px.
+    stride: usize,
+    columns: usize,
+    rows: usize,
+}
+
+impl Level {
+    fn cells(self) -> usize {
+        self.columns * self.rows
+    }
+}
+
+/// What a head reads, in a line that says which outputs it expects.
+pub(super) fn expectation(head: Head) -> &'static str {
+    match head {
+        Head::Yolox => {
+            "one output [1, cells, 5 + classes]: x, y, width, height as offsets and logarithms, objectness, classes"
+        }
+        Head::YoloAnchors => {
+            "a map per stride, [1, anchors (5 + classes), H / stride, W / stride] or [1, anchors, H / stride, W / stride, 5 + classes]"
+        }
+        Head::YoloGrid => {
+            "one output [1, anchors x cells, 5 + classes]: x, y, width, height in px, objectness, classes"
+        }
+        Head::Distribution => {
+            "per stride scores [1, cells, classes] and sides [1, cells, 4 bins], or one output [1, cells, classes + 4 bins]"
+        }
+        Head::EndToEnd => {
+            "one output [boxes, 7] or [1, boxes, 6], whose columns the card names, or four: count, boxes, scores, classes"
+        }
+    }
+}
+
+/// Shapes of outputs for a message.
+fn shapes(outputs: &[Tensor]) -> String {
+    const SHOWN: usize = 8;
+    let shown: Vec<String> = outputs
+        .iter()
+        .take(SHOWN)
+        .map(|t| format!("{:?}", t.shape))
+        .collect();
+    let more = outputs.len().saturating_sub(SHOWN);
+    match (shown.is_empty(), more) {
+        (true, _) => "no output".to_owned(),
+        (_, 0) => shown.join(", "),
+        _ => format!("{} and {more} more", shown.join(", ")),
+    }
+}

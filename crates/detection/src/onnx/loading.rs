@@ -1,0 +1,303 @@
+//! From a model's bytes to a network whose outputs are understood: it is run once on an image without anything in it, so that
+//! one that does not fit its card is refused here and not at the first frame.
+
+use super::card::{Head, ModelCard, fits};
+use super::error::ModelError;
+use super::heads::{Candidate, Mismatch, Reading, boxes_lie_in_their_cells};
+use super::known::{adapted, recognise};
+use super::network::Network;
+use super::runtime::{Runtime, Tensor};
+use super::size::Size;
+use super::{InputSize, OnnxOptions};
+
+/// Size of the input of a model that leaves it free, where its card says none: what most detectors are trained at.
+const USUAL: Size = Size {
+    width: 640,
+    height: 640,
+};
+
+/// A network with what its numbers mean.
+pub(super) struct Loaded {
+    pub(super) network: Network,
+    pub(super) card: ModelCard,
+    /// The model's own size, or the card's.
+    pub(super) own: Size,
+    /// The size at which it was tried.
+    pub(super) size: Size,
+}
+
+/// The network did not answer as it should.
+pub(super) enum Failure {
+    Runtime(String),
+    Output(Mismatch),
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Runtime(reason) => f.write_str(reason),
+            Self::Output(Mismatch { expected, found }) => {
+                write!(f, "{found} instead of {expected}")
+            }
+        }
+    }
+}
+
+/// Loads a model. Without a card it has to be a known one.
+pub(super) fn load(
+    bytes: Vec<u8>,
+    name: &str,
+    card: Option<&ModelCard>,
+    runtime: &Runtime,
+    options: &OnnxOptions,
+) -> Result<Loaded, ModelError> {
+    if let Some([problem, ..]) = card.map(ModelCard::problems).as_deref() {
+        return Err(refused(
+            name,
+            "card",
+            "values that make sense",
+            problem.clone(),
+            MEND,
+        ));
+    }
+    let mut network = Network::open(bytes, name, options.threads, runtime)?;
+    let own = own_size(&network, name, card)?;
+    let known = match card {
+        Some(card) => card.clone(),
+        None => identify(&mut network, name, own)?,
+    };
+    let size = first_size(name, &known, own, network.own.is_some(), options.input)?;
+    let wrong_size = |reason: String| ModelError::Size {
+        name: name.to_owned(),
+        asked: size.to_string(),
+        reason,
+        other: format!("{own} px"),
+    };
+    if network.own.is_none_or(|own| own == size) {
+        start(&mut network, name, size)?;
+    } else {
+        network.prepare(size).map_err(wrong_size)?;
+    }
+    let outputs = network.run_plain(&known.input, size);
+    let outputs = match outputs {
+        Ok(outputs) => outputs,
+        Err(reason) if size != own => return Err(wrong_size(reason)),
+        Err(reason) => return Err(not_running(name, size, reason)),
+    };
+    if size != own && known.head == Head::YoloGrid {
+        in_cells(&known, size, &outputs).map_err(|e| wrong_size(e.to_string()))?;
+    }
+    let card = match (read(&known, size, &outputs, 1.0), card) {
+        (Ok(_), None) => adapted(&known, size, &outputs),
+        (Ok(_), Some(card)) => agreed(name, card, size, &outputs)?,
+        (Err(mismatch), _) if size != own => {
+            return Err(wrong_size(Failure::Output(mismatch).to_string()));
+        }
+        (Err(_), None) => return Err(unknown(name, &network, &outputs)),
+        (Err(Mismatch { expected, found }), Some(_)) => {
+            let advice = "name the head, the classes and the strides that the model has";
+            let expected = format!("{} with {expected}", known.head);
+            return Err(refused(name, "head", &expected, found, advice));
+        }
+    };
+    Ok(Loaded {
+        network,
+        card,
+        own,
+        size,
+    })
+}
+
+/// What to do with a card that is not right.
+const MEND: &str = "mend the card beside the model";
+
+/// The size that an image gets if nothing else is asked for.
+fn own_size(network: &Network, name: &str, card: Option<&ModelCard>) -> Result<Size, ModelError> {
+    let told = card.and_then(|c| c.input.size);
+    let told = told.map(|[width, height]| Size { width, height });
+    match (network.own, told) {
+        (Some(own), Some(told)) if own != told => {
+            let advice = "leave it out of the card, since the model says it";
+            Err(refused(
+                name,
+                "input.size",
+                &told.to_string(),
+                own.to_string(),
+                advice,
+            ))
+        }
+        (Some(own), _) => Ok(own),
+        (None, told) => Ok(told.unwrap_or(USUAL)),
+    }
+}
+
+/// The built-in card of a known model, told by what its file says or else by what comes out of it.
+fn identify(network: &mut Network, name: &str, own: Size) -> Result<ModelCard, ModelError> {
+    if let Some(card) = ModelCard::known(network.interface()) {
+        return Ok(card);
+    }
+    start(network, name, own)?;
+    let input = ModelCard::new(Head::YoloAnchors).input;
+    let outputs = network
+        .run_plain(&input, own)
+        .map_err(|reason| not_running(name, own, reason))?;
+    recognise(own, &outputs).ok_or_else(|| unknown(name, network, &outputs))
+}
+
+/// The size at which the network is tried.
+fn first_size(
+    name: &str,
+    card: &ModelCard,
+    own: Size,
+    in_graph: bool,
+    input: InputSize,
+) -> Result<Size, ModelError> {
+    let alignment = card.alignment();
+    let whole = |size: Size| fits(size.width, alignment) && fits(size.height, alignment);
+    let size = match input {
+        InputSize::Fixed { width, height } => Size { width, height },
+        InputSize::Model | InputSize::Fit => own,
+    };
+    let baked = card.head == Head::EndToEnd && in_graph;
+    if size == own && (baked || whole(own)) {
+        return Ok(size);
+    }
+    let reason = if baked {
+        format!("one that is made for {own} px and decodes its boxes itself")
+    } else if whole(size) {
+        return Ok(size);
+    } else {
+        format!("a head whose sides are multiples of {alignment} up to 4096 px")
+    };
+    Err(ModelError::Size {
+        name: name.to_owned(),
+        asked: size.to_string(),
+        reason,
+        other: if baked {
+            own.to_string()
+        } else {
+            "such a size".to_owned()
+        },
+    })
+}
+
+/// Loads the network at its own size.
+fn start(network: &mut Network, name: &str, size: Size) -> Result<(), ModelError> {
+    network.prepare(size).map_err(|reason| ModelError::Load {
+        name: name.to_owned(),
+        reason,
+    })
+}
+
+/// The given card, if the numbers look as it says.
+fn agreed(
+    name: &str,
+    card: &ModelCard,
+    size: Size,
+    outputs: &[Tensor],
+) -> Result<ModelCard, ModelError> {
+    let seen = adapted(card, size, outputs);
+    if seen.head != card.head {
+        let expected = format!("{} with what that head gives", card.head);
+        let found = match seen.head {
+            Head::YoloGrid => "boxes in px, as yolo-grid has them",
+            _ => "offsets in cells, as yolox has them",
+        };
+        return Err(refused(name, "head", &expected, found.to_owned(), MEND));
+    }
+    if seen.output.sigmoid != card.output.sigmoid {
+        let reading = Reading {
+            card,
+            size,
+            threshold: 1.0,
+        };
+        let (lowest, highest) = reading.score_range(outputs).unwrap_or_default();
+        let expected = if card.output.sigmoid {
+            "true, for scores from 0 to 1"
+        } else {
+            "false, for scores that have not been through the sigmoid"
+        };
+        let found = format!("scores from {lowest:.3} to {highest:.3}");
+        return Err(refused(name, "output.sigmoid", expected, found, MEND));
+    }
+    Ok(card.clone())
+}
+
+/// Runs the network on an input and reads the boxes whose score reaches the threshold.
+pub(super) fn look(
+    network: &mut Network,
+    card: &ModelCard,
+    planes: &[f32],
+    size: Size,
+    threshold: f32,
+) -> Result<Vec<Candidate>, Failure> {
+    let fresh = !network.is_ready(size);
+    let outputs = {
+        let _span = tracing::info_span!("network").entered();
+        network.run(planes, size).map_err(Failure::Runtime)?
+    };
+    let _span = tracing::info_span!("decode").entered();
+    // The coordinates of cells may be part of the graph.
+    if fresh && card.head == Head::YoloGrid {
+        in_cells(card, size, &outputs)?;
+    }
+    read(card, size, &outputs, threshold).map_err(Failure::Output)
+}
+
+fn in_cells(card: &ModelCard, size: Size, outputs: &[Tensor]) -> Result<(), Failure> {
+    let reading = Reading {
+        card,
+        size,
+        threshold: 1.0,
+    };
+    if boxes_lie_in_their_cells(&reading, outputs) {
+        return Ok(());
+    }
+    Err(Failure::Output(Mismatch {
+        expected: format!("boxes near the cells of an input of {size} px"),
+        found: "boxes in other places".to_owned(),
+    }))
+}
+
+fn read(
+    card: &ModelCard,
+    size: Size,
+    outputs: &[Tensor],
+    threshold: f32,
+) -> Result<Vec<Candidate>, Mismatch> {
+    let reading = Reading {
+        card,
+        size,
+        threshold,
+    };
+    reading.decode(outputs)
+}
+
+fn unknown(name: &str, network: &Network, outputs: &[Tensor]) -> ModelError {
+    let shapes = outputs.iter().map(|t| t.shape.clone());
+    ModelError::interface(name, &network.interface().with_outputs(shapes))
+}
+
+fn not_running(name: &str, size: Size, reason: String) -> ModelError {
+    ModelError::Run {
+        name: name.to_owned(),
+        size: size.to_string(),
+        reason,
+    }
+}
+
+fn refused(
+    name: &str,
+    key: &'static str,
+    expected: &str,
+    found: String,
+    advice: &'static str,
+) -> ModelError {
+    ModelError::Card {
+        name: name.to_owned(),
+        key,
+        expected: expected.to_owned(),
+        found,
+        advice,
+    }
+}
