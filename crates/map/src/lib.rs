@@ -10,6 +10,7 @@ mod ids;
 mod keyframe;
 mod landmark;
 mod map;
+mod observations;
 mod view;
 
 pub use check::Violation;
@@ -17,5 +18,6 @@ pub use chunked::Chunked;
 pub use ids::{KeyframeId, LandmarkId};
 pub use keyframe::{Keyframe, KeyframeData, KeyframeSlot};
 pub use landmark::{Landmark, LandmarkSlot, ScaleRange};
-pub use map::{Map, NewLandmark};
+pub use map::Map;
+pub use observations::NewLandmark;
 pub use view::MapView;

@@ -1,8 +1,9 @@
 //! Flow: where each feature was in the frame before, and how the camera moved since.
 
+use super::ego_motion::EgoMotion;
 use super::frame::Observer;
 use super::matching::Matches;
-use super::{LastFrame, Tracker, pose};
+use super::{Fix, LastFrame, Tracker, pose};
 use crate::sensor::DepthReader;
 use crate::static_filter::{FeatureVerdict, FlowPair};
 use stillpoint_estimation::{
@@ -88,18 +89,38 @@ impl Tracker {
     }
 
     /// Bridges a frame in which too few landmarks are found, in motion blur or among people, with what flow found of the last
-    /// frame's surfaces. It drifts, so it is not used where the map holds. `data` and `matches` are without the dynamic
-    /// features, `pairs` and `verdicts` are of all.
-    pub(super) fn bridge(
+    /// frame's surfaces. It drifts, so it is not used where the map holds. `data` and `fix` are without the dynamic features,
+    /// `motion` and `verdicts` are of all.
+    pub(super) fn bridge_when_starved(
+        &self,
+        data: &KeyframeData,
+        motion: &EgoMotion,
+        verdicts: &[FeatureVerdict],
+        fix: Fix,
+    ) -> Fix {
+        let starved = fix.matches.landmarks() < self.config.tracking.min_inliers;
+        let Some(start) = motion.by_flow.filter(|_| starved) else {
+            return fix;
+        };
+        let matches = self.add_flow_points(data, &motion.pairs, verdicts, fix.matches);
+        let (matches, pose) = pose::solve(data, &start, matches);
+        Fix {
+            camera_from_world: pose,
+            inliers: matches.count,
+            matches,
+        }
+    }
+
+    /// Gives features without a match the point where flow found them on a surface of the last frame.
+    fn add_flow_points(
         &self,
         data: &KeyframeData,
         pairs: &[Option<FlowPair>],
         verdicts: &[FeatureVerdict],
         mut matches: Matches,
-        start: &Se3,
-    ) -> (Matches, Se3) {
+    ) -> Matches {
         let (Some(last), Some(previous)) = (&self.last, &self.previous) else {
-            return (matches, *start);
+            return matches;
         };
         let sensor = &self.config.sensor;
         let reader = DepthReader::new(sensor, &data.camera, &previous.depth, None, 0.0);
@@ -116,7 +137,7 @@ impl Tracker {
                 matches.assign_point(i as u32, last.world_from_camera.transform(&seen));
             }
         }
-        pose::solve(data, start, matches)
+        matches
     }
 
     /// The camera's motion since the last frame by a vote of the flow, as the pose it leads to. Features on surfaces that moved

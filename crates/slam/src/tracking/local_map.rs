@@ -1,10 +1,15 @@
 //! The part of the map that the frame is expected to see.
 
+use super::Tracker;
+use super::ego_motion::EgoMotion;
 use super::matching::{Expected, Matches, in_bounds, match_expected};
-use super::sight::Sight;
+use super::sight::{DepthSight, Sight};
+use crate::event::FrameCounts;
+use crate::static_filter::Preset;
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
-use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_geometry::{Camera, Mat3, Se3, Vec3};
+use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, ScaleRange};
 
 /// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame.
@@ -48,6 +53,42 @@ pub(super) struct SearchArea<'a> {
 pub(super) struct LocalSearch {
     /// Landmarks in the field of view.
     pub(super) visible: u32,
+}
+
+impl Tracker {
+    /// Matches to the local map what does not match yet. Returns the new reference keyframe and all matches.
+    pub(super) fn match_map(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        reference: KeyframeId,
+        motion: &EgoMotion,
+        mut matches: Matches,
+        counts: &mut FrameCounts,
+    ) -> (KeyframeId, Matches) {
+        let _span = tracing::info_span!("match").entered();
+        let reference = self.local_map.update(&self.view, reference, &matches);
+        let area = SearchArea {
+            bounds: self.observer.bounds(),
+            level_sigmas: self.observer.level_sigmas(),
+            radius_px: self.config.tracking.local_radius as f32,
+        };
+        let sight = DepthSight {
+            camera: &data.camera,
+            image: &frame.depth,
+        };
+        let use_sight = self.config.static_filter.preset != Preset::Off;
+        let look = |p: &Vec3| if use_sight { sight.of(p) } else { Sight::Open };
+        let pose = &motion.camera_from_world;
+        let search = self
+            .local_map
+            .search(data, pose, &area, &mut matches, look, |id, sight| {
+                self.statistics.expected(id, sight);
+            });
+        counts.local_visible = search.visible;
+        counts.map_matches = matches.count as u32;
+        (reference, matches)
+    }
 }
 
 impl LocalMap {
@@ -166,53 +207,100 @@ impl LocalMap {
                 seen(id, Sight::Open);
             }
         }
-        let mut result = LocalSearch::default();
-        let (r, t) = (
-            camera_from_world.rotation_matrix(),
-            camera_from_world.translation,
-        );
-        let centre = camera_from_world.inverse().translation;
+        let viewpoint = Viewpoint::new(camera_from_world, &data.camera, bounds);
         let scale = f64::from(level_sigmas.get(1).copied().unwrap_or(1.2));
         let log_scale = libm::log(scale.max(1.01));
+        let mut result = LocalSearch::default();
         for e in &self.entries {
-            let p = r * e.position + t;
-            if p.z <= 0.05 {
+            let Some(visible) = viewpoint.see(e) else {
                 continue;
-            }
-            let px = data.camera.project(&p);
-            let pixel = [px.x as f32, px.y as f32];
-            if !in_bounds(pixel, bounds) {
-                continue;
-            }
-            let ray = e.position - centre;
-            let distance = ray.norm();
-            let (min, max) = (
-                0.8 * f64::from(e.range.min_distance),
-                1.2 * f64::from(e.range.max_distance),
-            );
-            let cosine = ray.dot(&e.direction) / distance;
-            if distance < min || distance > max || cosine < MIN_VIEW_COSINE {
-                continue;
-            }
-            if self.marks[e.id.index()] == self.round {
-                result.visible += 1;
-                continue;
-            }
+            };
             result.visible += 1;
-            let ratio = f64::from(e.range.max_distance) / distance;
+            if self.marks[e.id.index()] == self.round {
+                continue;
+            }
+            let ratio = f64::from(e.range.max_distance) / visible.distance;
             let level = libm::ceil(libm::log(ratio) / log_scale - 1e-3)
                 .clamp(0.0, (level_sigmas.len() - 1) as f64) as u8;
+            let frontal = visible.cosine > 0.998;
             let expected = Expected {
                 landmark: e.id,
                 position: e.position,
                 descriptor: &e.descriptor,
-                pixel,
+                pixel: visible.pixel,
                 level,
-                radius_px: radius_px * if cosine > 0.998 { 2.5 } else { 4.0 },
+                radius_px: radius_px * if frontal { 2.5 } else { 4.0 },
             };
             let found = match_expected(data, &expected, level_sigmas, matches);
-            seen(e.id, if found { Sight::Open } else { sight(&p) });
+            let sight = if found {
+                Sight::Open
+            } else {
+                sight(&visible.point)
+            };
+            seen(e.id, sight);
         }
         result
+    }
+}
+
+/// From where landmarks are looked at.
+struct Viewpoint<'a> {
+    rotation: Mat3,
+    translation: Vec3,
+    centre: Vec3,
+    camera: &'a Camera,
+    bounds: [f32; 4],
+}
+
+/// A landmark in the field of view.
+struct Visible {
+    /// In camera coordinates, m.
+    point: Vec3,
+    /// Undistorted px.
+    pixel: [f32; 2],
+    /// From the camera, m.
+    distance: f64,
+    /// Cosine of the angle to its mean viewing direction.
+    cosine: f64,
+}
+
+impl<'a> Viewpoint<'a> {
+    fn new(camera_from_world: &Se3, camera: &'a Camera, bounds: [f32; 4]) -> Self {
+        Self {
+            rotation: camera_from_world.rotation_matrix(),
+            translation: camera_from_world.translation,
+            centre: camera_from_world.inverse().translation,
+            camera,
+            bounds,
+        }
+    }
+
+    /// How a landmark looks from here; none when it is out of the image, or too near, far or oblique to be recognised.
+    fn see(&self, e: &Entry) -> Option<Visible> {
+        let point = self.rotation * e.position + self.translation;
+        if point.z <= 0.05 {
+            return None;
+        }
+        let px = self.camera.project(&point);
+        let pixel = [px.x as f32, px.y as f32];
+        if !in_bounds(pixel, self.bounds) {
+            return None;
+        }
+        let ray = e.position - self.centre;
+        let distance = ray.norm();
+        let (min, max) = (
+            0.8 * f64::from(e.range.min_distance),
+            1.2 * f64::from(e.range.max_distance),
+        );
+        let cosine = ray.dot(&e.direction) / distance;
+        if distance < min || distance > max || cosine < MIN_VIEW_COSINE {
+            return None;
+        }
+        Some(Visible {
+            point,
+            pixel,
+            distance,
+            cosine,
+        })
     }
 }

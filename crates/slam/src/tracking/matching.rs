@@ -68,9 +68,9 @@ impl Matches {
     }
 
     /// The matches of a selection of the features, numbered anew: those whose verdict is not dynamic.
-    pub(super) fn without_dynamic(self, verdicts: &[FeatureVerdict]) -> Self {
-        let kept = self.targets.into_iter().zip(verdicts);
-        let targets: Vec<_> = kept.filter(|(_, v)| !v.dynamic).map(|(t, _)| t).collect();
+    pub(super) fn without_dynamic(&self, verdicts: &[FeatureVerdict]) -> Self {
+        let kept = self.targets.iter().zip(verdicts);
+        let targets: Vec<_> = kept.filter(|(_, v)| !v.dynamic).map(|(t, _)| *t).collect();
         Self {
             count: targets.iter().flatten().count(),
             targets,

@@ -1,0 +1,222 @@
+//! A wall and a person of cells, frame by frame.
+
+use super::super::history::Place;
+use super::*;
+use std::sync::Arc;
+use stillpoint_detection::{BoundingBox, ObjectId};
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::{DepthImage, FrameId};
+use stillpoint_map::KeyframeId;
+
+/// A camera that stands still before a wall at 3 m, with a person of 8 x 20 cells at 1.5 m in front of it.
+struct World {
+    cells: Cells,
+    history: History,
+    surfaces: Surfaces,
+    frame: u32,
+}
+
+fn person(cell: usize, column: usize) -> bool {
+    (column..column + 8).contains(&(cell % 40)) && (5..25).contains(&(cell / 40))
+}
+
+impl World {
+    fn new() -> Self {
+        let cells = Cells::new(&Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5]));
+        Self {
+            surfaces: Surfaces::new(&cells),
+            cells,
+            history: History::default(),
+            frame: 0,
+        }
+    }
+
+    /// The next frame at 30 Hz, with the person's left edge in a column of cells.
+    fn step(&mut self, column: Option<usize>, movers: &[Mover], votes: &[Vote]) {
+        let depth = |i: usize| {
+            let cell = i / 320 / 8 * 40 + i % 320 / 8;
+            let there = column.is_some_and(|c| person(cell, c));
+            if there { 1.5 } else { 3.0 }
+        };
+        let image = DepthImage::from_vec(320, 240, (0..320 * 240).map(depth).collect());
+        let grid = Arc::new(super::super::cells::coarse(&image.unwrap()));
+        let stamp = f64::from(self.frame) / 30.0;
+        let now = Now {
+            stamp,
+            grid: &grid,
+            world_from_depth: Se3::identity(),
+            view: &MapView::default(),
+        };
+        self.surfaces
+            .update(&self.cells, &self.history, &now, movers, votes);
+        let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
+        let place = Place {
+            reference: KeyframeId(0),
+            reference_from_camera: Se3::identity(),
+            world_from_camera: Se3::identity(),
+            camera_from_depth: Se3::identity(),
+        };
+        let frame = FrameId(self.frame);
+        self.history
+            .push(frame, stamp, Arc::clone(&grid), moving, &place);
+        self.frame += 1;
+    }
+
+    /// Share of the cells that move, of the person and of the wall.
+    fn moving(&self, column: usize) -> (f64, f64) {
+        let share = |of_person: bool| {
+            let cells: Vec<usize> = (0..self.cells.count())
+                .filter(|c| person(*c, column) == of_person)
+                .collect();
+            let moving = cells.iter().filter(|c| self.surfaces.odds[**c] > MOVES);
+            moving.count() as f64 / cells.len() as f64
+        };
+        (share(true), share(false))
+    }
+}
+
+fn mover(strength: f32) -> Mover {
+    Mover {
+        id: ObjectId(0),
+        bounds: BoundingBox {
+            x0: 95.5,
+            y0: 39.5,
+            x1: 159.5,
+            y1: 199.5,
+        },
+        range: Some([1.2, 1.8]),
+        weight: 5.0,
+        strength,
+    }
+}
+
+#[test]
+fn who_walks_in_moves_and_the_wall_does_not() {
+    let mut world = World::new();
+    for _ in 0..30 {
+        world.step(None, &[], &[]);
+    }
+    assert!(world.moving(12).1.abs() < f64::EPSILON);
+    for i in 0..10 {
+        world.step(Some(8 + i / 2), &[], &[]);
+    }
+    let (person, wall) = world.moving(12);
+    assert!(person > 0.95, "{person}");
+    assert!(wall < 0.01, "{wall}");
+    // The very first frame knows nothing, and says so.
+    let mut blank = World::new();
+    blank.step(Some(12), &[], &[]);
+    assert_eq!(blank.moving(12), (0.0, 0.0));
+}
+
+#[test]
+fn who_stops_is_suspected_for_seconds() {
+    let mut world = World::new();
+    for i in 0..40 {
+        world.step((i >= 30).then(|| 2 + (i - 30) % 10), &[], &[]);
+    }
+    for i in 0..60 {
+        world.step(Some(12), &[], &[]);
+        let (person, wall) = world.moving(12);
+        assert!(person > 0.95 && wall < 0.05, "frame {i}: {person} {wall}");
+    }
+    // But not for ever: the free space that he took and the memory both run out.
+    for _ in 0..300 {
+        world.step(Some(12), &[], &[]);
+    }
+    assert_eq!(world.moving(12), (0.0, 0.0));
+    // Control: who has stood there from the start is not.
+    let mut world = World::new();
+    for _ in 0..100 {
+        world.step(Some(12), &[], &[]);
+    }
+    assert_eq!(world.moving(12), (0.0, 0.0));
+}
+
+#[test]
+fn objects_count_for_now_and_leave_no_trace() {
+    let mut world = World::new();
+    for _ in 0..60 {
+        world.step(Some(12), &[], &[]);
+    }
+    // What has stood still for two seconds is not moved by a box.
+    assert!(world.moving(12).0.abs() < f64::EPSILON);
+    let motion = world.surfaces.motion.clone();
+    world.step(Some(12), &[mover(2.5)], &[]);
+    assert!(world.moving(12).0 < 0.05);
+    world.step(Some(12), &[], &[]);
+    for (a, b) in motion.iter().zip(&world.surfaces.motion) {
+        assert!((a - b).abs() < 0.5);
+    }
+    // Of a new scene nothing is known: the box decides, for the person in it alone.
+    let mut world = World::new();
+    world.step(Some(12), &[mover(2.5)], &[]);
+    let (person, wall) = world.moving(12);
+    assert!(person > 0.9 && wall.abs() < f64::EPSILON, "{person} {wall}");
+    assert!(world.surfaces.motion.iter().all(|m| m.abs() < f32::EPSILON));
+    // Two boxes are no more than the stronger of them.
+    let odds = world.surfaces.odds.clone();
+    let mut twice = World::new();
+    twice.step(Some(12), &[mover(2.5), mover(1.0)], &[]);
+    assert_eq!(twice.surfaces.odds, odds);
+}
+
+#[test]
+fn flow_overrules_depths_that_agree() {
+    // A smooth body that slides along itself: its depths are those of before.
+    let sliding: Vec<Vote> = (0..1200)
+        .filter(|c| c % 3 == 0)
+        .map(|cell| Vote {
+            cell,
+            moving: person(cell, 12),
+        })
+        .collect();
+    let (mut world, mut control) = (World::new(), World::new());
+    for _ in 0..30 {
+        world.step(Some(12), &[], &sliding);
+        control.step(Some(12), &[], &[]);
+    }
+    let (person, wall) = world.moving(12);
+    assert!(
+        person > 0.95 && wall.abs() < f64::EPSILON,
+        "{person} {wall}"
+    );
+    assert_eq!(control.moving(12), (0.0, 0.0));
+}
+
+#[test]
+fn who_goes_on_after_standing_for_long_moves_at_once() {
+    let mut world = World::new();
+    for _ in 0..150 {
+        world.step(Some(12), &[], &[]);
+    }
+    assert!(world.surfaces.odds[15 * 40 + 16] < 0.0);
+    // He turns on the spot: depths stay as they are, and only flow tells.
+    let votes: Vec<Vote> = (0..world.cells.count())
+        .map(|cell| Vote {
+            cell,
+            moving: person(cell, 12),
+        })
+        .collect();
+    for _ in 0..5 {
+        world.step(Some(12), &[], &votes);
+    }
+    let (person, wall) = world.moving(12);
+    assert!(person > 0.9 && wall < 0.01, "{person} {wall}");
+}
+
+#[test]
+fn a_few_wrong_votes_do_not_move_a_wall() {
+    let votes: Vec<Vote> = (0..1200)
+        .filter(|c| c % 3 == 0)
+        .map(|cell| Vote {
+            cell,
+            moving: cell % 15 == 0,
+        })
+        .collect();
+    let mut world = World::new();
+    for _ in 0..10 {
+        world.step(None, &[], &votes);
+    }
+    assert!(world.moving(12).1.abs() < f64::EPSILON);
+}

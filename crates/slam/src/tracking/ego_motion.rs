@@ -1,0 +1,95 @@
+//! How the camera moved, before anything is known of what else does.
+
+use super::matching::Matches;
+use super::{Notes, Tracker, motion};
+use crate::event::LostReason;
+use crate::static_filter::FlowPair;
+use stillpoint_geometry::{Se3, Vec6};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::{KeyframeData, KeyframeId};
+
+/// The camera's motion since the last frame, and what it was found from.
+pub(super) struct EgoMotion {
+    /// The first pose.
+    pub(super) camera_from_world: Se3,
+    /// The velocity that it amounts to, twist per second; none when the last frame has no pose.
+    pub(super) velocity: Option<Vec6>,
+    /// What the features see of the last frame, or of the map where that failed.
+    pub(super) matches: Matches,
+    /// Where each feature was in the frame before; empty where flow is not known of any.
+    pub(super) pairs: Vec<Option<FlowPair>>,
+    /// `camera_from_world` by a vote of the flow alone.
+    pub(super) by_flow: Option<Se3>,
+}
+
+impl EgoMotion {
+    /// What is known of the first frame of a map: that the camera is where the map begins.
+    pub(super) fn unknown() -> Self {
+        Self {
+            camera_from_world: Se3::identity(),
+            velocity: None,
+            matches: Matches::new(0),
+            pairs: Vec::new(),
+            by_flow: None,
+        }
+    }
+}
+
+impl Tracker {
+    /// Expresses the last pose in the present view, then predicts. Returns the reference keyframe and
+    /// `camera_from_world`.
+    pub(super) fn predict(&mut self, stamp: f64) -> (KeyframeId, Se3) {
+        let Some(last) = &mut self.last else {
+            return (KeyframeId(0), Se3::identity());
+        };
+        if let Some(w) = self.view.world_from_keyframe(last.reference) {
+            last.world_from_camera = w * last.reference_from_camera;
+        }
+        let reference = self
+            .view
+            .resolve_keyframe(last.reference)
+            .unwrap_or(last.reference);
+        let last_from_world = last.world_from_camera.inverse();
+        let predicted = self.motion.predict(&last_from_world, stamp - last.stamp);
+        (reference, predicted)
+    }
+
+    /// Finds the camera's motion by flow and by matches to the last frame, from the prediction `predicted`
+    /// (`camera_from_world`).
+    pub(super) fn estimate_motion(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        reference: KeyframeId,
+        predicted: &Se3,
+        notes: &mut Notes,
+    ) -> Result<EgoMotion, LostReason> {
+        if data.len() < self.config.tracking.min_inliers {
+            return Err(LostReason::FewFeatures);
+        }
+        let mut pairs = self.flow(data, predicted);
+        let by_flow = self.pose_by_flow(frame, data, &pairs, predicted);
+        let (matches, pose) = self
+            .match_last_frame(data, reference, &by_flow.unwrap_or(*predicted))
+            .or_else(|lost| Ok((Matches::new(data.len()), by_flow.ok_or(lost)?)))?;
+        notes.counts.frame_matches = matches.count as u32;
+        self.recheck_flow(data, &mut pairs, &pose);
+        Ok(EgoMotion {
+            camera_from_world: pose,
+            velocity: self.velocity_to(&pose, frame.stamp),
+            matches,
+            pairs,
+            by_flow,
+        })
+    }
+
+    /// The velocity that a pose of this frame amounts to.
+    fn velocity_to(&self, camera_from_world: &Se3, stamp: f64) -> Option<Vec6> {
+        let last = self.last.as_ref().filter(|_| self.lost_since.is_none())?;
+        motion::velocity(
+            &last.world_from_camera.inverse(),
+            camera_from_world,
+            stamp - last.stamp,
+        )
+    }
+}

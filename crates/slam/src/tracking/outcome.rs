@@ -1,0 +1,221 @@
+//! What becomes of a frame: it begins a map, its pose is taken, or it is lost.
+
+use super::ego_motion::EgoMotion;
+use super::{LastFrame, Notes, Solution, Tracker};
+use crate::event::{FrameReport, LostReason, Outcome};
+use crate::messages::{NewKeyframe, Tracked};
+use crate::static_filter::Place;
+use crate::trajectory::TrajectoryEntry;
+use std::sync::Arc;
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId};
+
+impl Tracker {
+    /// Begins a map with the first frame that has enough depth.
+    pub(super) fn initialise(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        mut notes: Notes,
+    ) -> Tracked {
+        let pose = Se3::identity();
+        self.judge(frame, data, &EgoMotion::unknown(), &mut notes);
+        let timing = self.calibration.timing();
+        let data = self
+            .observer
+            .measure(frame, None, timing, Some(&notes.judgement.verdicts));
+        let counts = &notes.counts;
+        if (counts.with_depth as usize) < self.config.tracking.min_initial_points {
+            let few = (counts.keypoints as usize) < self.config.tracking.min_initial_points;
+            let reason = if few {
+                LostReason::FewFeatures
+            } else {
+                LostReason::FewDepths
+            };
+            return self.lose(frame, notes, reason);
+        }
+        let inliers = counts.with_depth;
+        let id = KeyframeId(frame.id.0);
+        let matches = vec![None; data.len()];
+        self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
+        self.filter.remember(&Place {
+            reference: id,
+            reference_from_camera: Se3::identity(),
+            world_from_camera: pose,
+            camera_from_depth: Se3::identity(),
+        });
+        self.last_keyframe = Some(frame.id);
+        self.lost_since = None;
+        self.trajectory.push(TrajectoryEntry {
+            frame: frame.id,
+            stamp: frame.stamp,
+            reference: id,
+            reference_from_camera: Se3::identity(),
+            online_world_from_camera: pose,
+            inliers,
+        });
+        Tracked {
+            report: self.report(frame, Outcome::Initialised, Some(pose), notes, true),
+            keyframe: Some(NewKeyframe {
+                id,
+                data,
+                reference: None,
+                reference_from_camera: pose,
+                matches,
+                statistics: Vec::new(),
+            }),
+        }
+    }
+
+    /// Takes a pose: motion model, trajectory, keyframe decision.
+    pub(super) fn accept(
+        &mut self,
+        frame: &RgbdFrame,
+        notes: Notes,
+        solution: Solution,
+    ) -> Tracked {
+        let counts = &notes.counts;
+        let Solution {
+            data,
+            camera_from_world,
+            reference,
+            matches,
+        } = solution;
+        let world_from_camera = camera_from_world.inverse();
+        match &self.last {
+            Some(last) if self.lost_since.is_none() => self.motion.learn(
+                &last.world_from_camera.inverse(),
+                &camera_from_world,
+                frame.stamp - last.stamp,
+            ),
+            _ => self.motion.forget(),
+        }
+        self.lost_since = None;
+        let world_from_reference = self.view.world_from_keyframe(reference).unwrap_or_default();
+        let reference_from_camera = world_from_reference.inverse() * world_from_camera;
+        self.trajectory.push(TrajectoryEntry {
+            frame: frame.id,
+            stamp: frame.stamp,
+            reference,
+            reference_from_camera,
+            online_world_from_camera: world_from_camera,
+            inliers: counts.inliers,
+        });
+        self.filter.remember(&Place {
+            reference,
+            reference_from_camera,
+            world_from_camera,
+            camera_from_depth: self.camera_from_depth(frame, self.motion.velocity()),
+        });
+        let keyframe = self.make_keyframe(frame, &data, reference, reference_from_camera, &matches);
+        self.remember(
+            frame,
+            &data,
+            matches,
+            reference,
+            reference_from_camera,
+            world_from_camera,
+        );
+        let outcome = Outcome::Tracked;
+        Tracked {
+            report: self.report(
+                frame,
+                outcome,
+                Some(world_from_camera),
+                notes,
+                keyframe.is_some(),
+            ),
+            keyframe,
+        }
+    }
+
+    /// The frame as a new keyframe, when one is due.
+    fn make_keyframe(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &Arc<KeyframeData>,
+        reference: KeyframeId,
+        reference_from_camera: Se3,
+        matches: &[Option<LandmarkId>],
+    ) -> Option<NewKeyframe> {
+        let _span = tracing::info_span!("keyframe").entered();
+        let gap = self
+            .last_keyframe
+            .map_or(u32::MAX, |id| frame.id.0.saturating_sub(id.0));
+        let config = &self.config.keyframes;
+        let due = gap >= config.min_gap
+            && config.is_due(
+                &self.view,
+                self.view.keyframe(reference)?,
+                data,
+                matches,
+                self.config.sensor.close_depth,
+            );
+        if !due {
+            return None;
+        }
+        self.last_keyframe = Some(frame.id);
+        Some(NewKeyframe {
+            id: KeyframeId(frame.id.0),
+            data: Arc::clone(data),
+            reference: Some(reference),
+            reference_from_camera,
+            matches: matches.to_vec(),
+            statistics: self.statistics.take(),
+        })
+    }
+
+    /// Keeps the frame as the last one with a pose.
+    fn remember(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &Arc<KeyframeData>,
+        matches: Vec<Option<LandmarkId>>,
+        reference: KeyframeId,
+        reference_from_camera: Se3,
+        world_from_camera: Se3,
+    ) {
+        self.last = Some(LastFrame {
+            stamp: frame.stamp,
+            data: Arc::clone(data),
+            matches,
+            reference,
+            reference_from_camera,
+            world_from_camera,
+        });
+    }
+
+    /// Notes that the frame gave no pose.
+    pub(super) fn lose(&mut self, frame: &RgbdFrame, notes: Notes, reason: LostReason) -> Tracked {
+        self.motion.forget();
+        let since = *self.lost_since.get_or_insert(frame.id);
+        let outcome = Outcome::Lost { since, reason };
+        Tracked {
+            report: self.report(frame, outcome, None, notes, false),
+            keyframe: None,
+        }
+    }
+
+    fn report(
+        &self,
+        frame: &RgbdFrame,
+        outcome: Outcome,
+        world_from_camera: Option<Se3>,
+        notes: Notes,
+        is_keyframe: bool,
+    ) -> FrameReport {
+        FrameReport {
+            frame: frame.id,
+            stamp: frame.stamp,
+            outcome,
+            world_from_camera,
+            verdicts: notes.judgement.verdicts,
+            objects: notes.judgement.objects,
+            segments: notes.judgement.segments,
+            counts: notes.counts,
+            is_keyframe,
+            map_version: self.view.version(),
+        }
+    }
+}
