@@ -1,0 +1,121 @@
+//! The models that are known by name: where their makers publish them, and how a download is told from a forgery.
+
+use std::fmt;
+
+/// What the published file is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A network in the ONNX format: kept as it is.
+    Onnx,
+    /// A checkpoint of PyTorch: turned into ONNX, and not kept.
+    Checkpoint,
+}
+
+/// A model that its maker publishes. Other programs may make their own and hand them to [`pull`](crate::pull()).
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KnownModel {
+    /// The name in the cache, as in `models pull NAME` and `--detector NAME`.
+    pub name: &'static str,
+    /// The name of the published file.
+    pub file: &'static str,
+    /// Where it is published.
+    pub url: &'static str,
+    /// Size of the published file, bytes, where it is known.
+    pub bytes: Option<u64>,
+    /// SHA-256 of the published file, 64 lower-case hexadecimal digits, where it is known.
+    pub sha256: Option<&'static str>,
+    /// Licence of the weights.
+    pub licence: &'static str,
+    /// What the published file is.
+    pub form: Form,
+    /// One line for a listing.
+    pub about: &'static str,
+}
+
+impl fmt::Display for KnownModel {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// Where all known models are published: what a mirror replaces.
+pub(crate) const UPSTREAM: &str = "https://github.com";
+
+/// From the most accurate to the fastest: the order in which [`Cache::preferred`](crate::Cache::preferred) looks.
+static KNOWN: [KnownModel; 3] = [
+    KnownModel {
+        name: "yolov7-tiny",
+        file: "yolov7-tiny.pt",
+        url: "https://github.com/WongKinYiu/yolov7/releases/download/v0.1/yolov7-tiny.pt",
+        bytes: None,
+        sha256: None,
+        licence: "GPL-3.0",
+        form: Form::Checkpoint,
+        about: "YOLOv7-tiny, the reference network of the method: 6.2 M parameters, 640x640",
+    },
+    KnownModel {
+        name: "yolox-tiny",
+        file: "yolox_tiny.onnx",
+        url: "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_tiny.onnx",
+        bytes: Some(20_219_662),
+        sha256: Some("427cc366d34e27ff7a03e2899b5e3671425c262ea2291f88bb942bc1cc70b0f7"),
+        licence: "Apache-2.0",
+        form: Form::Onnx,
+        about: "YOLOX-tiny: 5.1 M parameters, 416x416",
+    },
+    KnownModel {
+        name: "yolox-nano",
+        file: "yolox_nano.onnx",
+        url: "https://github.com/Megvii-BaseDetection/YOLOX/releases/download/0.1.1rc0/yolox_nano.onnx",
+        bytes: Some(3_659_407),
+        sha256: Some("c789161ed43c8269fcd4e67c67eeeb4e80c622da2eb296a20bc6007bd18a0b7d"),
+        licence: "Apache-2.0",
+        form: Form::Onnx,
+        about: "YOLOX-nano, the smallest and fastest: 0.9 M parameters, 416x416",
+    },
+];
+
+/// All known models, from the most accurate to the fastest.
+#[must_use]
+pub fn known_models() -> &'static [KnownModel] {
+    &KNOWN
+}
+
+/// The known model of this name.
+#[must_use]
+pub fn known(name: &str) -> Option<&'static KnownModel> {
+    KNOWN.iter().find(|model| model.name == name)
+}
+
+/// The known model whose published file has this checksum (64 lower-case hexadecimal digits).
+#[must_use]
+pub fn known_by_sha256(sha256: &str) -> Option<&'static KnownModel> {
+    KNOWN.iter().find(|model| model.sha256 == Some(sha256))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_are_sound() {
+        for model in known_models() {
+            assert_eq!(known(model.name), Some(model), "names are unique");
+            crate::check_name(model.name).unwrap();
+            assert!(model.url.starts_with(UPSTREAM), "{}", model.url);
+            assert!(model.url.ends_with(model.file), "{}", model.url);
+            let suffix = match model.form {
+                Form::Onnx => ".onnx",
+                Form::Checkpoint => ".pt",
+            };
+            assert!(model.file.ends_with(suffix));
+            if let Some(sha256) = model.sha256 {
+                assert_eq!(sha256.len(), 64);
+                assert!(sha256.chars().all(|c| matches!(c, '0'..='9' | 'a'..='f')));
+                assert_eq!(known_by_sha256(sha256), Some(model));
+            }
+        }
+        assert_eq!(known("yolox-huge"), None);
+        assert_eq!(known_by_sha256(""), None);
+    }
+}

@@ -1,0 +1,322 @@
+//! One request: redirects followed by our own rules, and what the answer says about the file.
+
+use super::error::{ByHand, PullError};
+use super::{PullOptions, REDIRECTS};
+use crate::record::one_line;
+use std::io::Read;
+use ureq::http::{HeaderMap, header};
+
+/// What to ask for.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Range {
+    /// The first byte wanted; 0 asks for the whole file.
+    pub(super) start: u64,
+    /// The rest is wanted only if the file is still the one with this ETag or date.
+    pub(super) validator: Option<String>,
+}
+
+/// What the server is about to send.
+pub(super) struct Answer {
+    /// HTTP status: 200, 206 or 416.
+    pub(super) status: u16,
+    /// The address after all redirects, without its query, which may hold a signature.
+    pub(super) url: String,
+    /// The first byte that comes, and the size of the whole file, as the server says.
+    pub(super) start: Option<u64>,
+    pub(super) total: Option<u64>,
+    /// Strong ETag, else date: what tells whether the file is still the same.
+    pub(super) validator: Option<String>,
+    /// Whether it says that a web page comes.
+    pub(super) is_page: bool,
+    /// The bytes.
+    pub(super) body: Box<dyn Read>,
+}
+
+/// Asks for a file. Statuses other than 200, 206 and 416 are errors.
+pub(super) fn request(
+    url: &str,
+    range: &Range,
+    options: &PullOptions,
+    by_hand: &ByHand,
+) -> Result<Answer, PullError> {
+    let mut at = url.to_owned();
+    for _ in 0..=REDIRECTS {
+        let response = send(&at, range, options).map_err(|e| PullError::Unreachable {
+            url: shown(&at),
+            reason: reason_of(&e),
+            by_hand: Box::new(by_hand.clone()),
+        })?;
+        let status = response.status().as_u16();
+        let headers = response.headers();
+        match status {
+            301 | 302 | 303 | 307 | 308 => {
+                let refused = |found: String| PullError::Redirect {
+                    url: shown(url),
+                    found,
+                    by_hand: Box::new(by_hand.clone()),
+                };
+                let location = text(headers, header::LOCATION)
+                    .ok_or_else(|| refused(format!("status {status} without an address")))?;
+                // The body of a redirect is not read: dropping the response closes the connection.
+                at = follow(&at, &location).map_err(refused)?;
+            }
+            200 | 206 | 416 => return Ok(answer(status, &at, response)),
+            _ => {
+                return Err(PullError::Status {
+                    url: shown(&at),
+                    status,
+                    by_hand: Box::new(by_hand.clone()),
+                });
+            }
+        }
+    }
+    Err(PullError::Redirect {
+        url: shown(url),
+        found: format!("more than {REDIRECTS}"),
+        by_hand: Box::new(by_hand.clone()),
+    })
+}
+
+fn send(
+    url: &str,
+    range: &Range,
+    options: &PullOptions,
+) -> Result<ureq::http::Response<ureq::Body>, ureq::Error> {
+    let mut config = ureq::Agent::config_builder()
+        .http_status_as_error(false)
+        .max_redirects(0)
+        .accept_encoding("identity")
+        .user_agent(concat!("stillpoint/", env!("CARGO_PKG_VERSION")))
+        .timeout_resolve(Some(options.connect_timeout))
+        .timeout_connect(Some(options.connect_timeout))
+        .timeout_send_request(Some(options.stall_timeout))
+        .timeout_recv_response(Some(options.stall_timeout))
+        // A limit for each wait, none for the whole: a slow line may take an hour.
+        .timeout_per_read(Some(options.stall_timeout));
+    if is_loopback(url) {
+        // A proxy would look for the file on its own machine.
+        config = config.proxy(None);
+    }
+    let mut request = config.build().new_agent().get(url);
+    if range.start > 0 {
+        request = request.header(header::RANGE, format!("bytes={}-", range.start));
+        if let Some(validator) = &range.validator {
+            request = request.header(header::IF_RANGE, validator);
+        }
+    }
+    request.call()
+}
+
+fn answer(status: u16, url: &str, response: ureq::http::Response<ureq::Body>) -> Answer {
+    let headers = response.headers();
+    let (start, total) = match status {
+        206 | 416 => {
+            text(headers, header::CONTENT_RANGE).map_or((None, None), |value| content_range(&value))
+        }
+        _ => {
+            let length = text(headers, header::CONTENT_LENGTH).and_then(|v| v.parse().ok());
+            (Some(0), length)
+        }
+    };
+    let strong = text(headers, header::ETAG).filter(|tag| tag.starts_with('"'));
+    let is_page = text(headers, header::CONTENT_TYPE)
+        .is_some_and(|kind| kind.to_ascii_lowercase().starts_with("text/html"));
+    Answer {
+        status,
+        url: shown(url),
+        start,
+        total,
+        validator: strong.or_else(|| text(headers, header::LAST_MODIFIED)),
+        is_page,
+        body: Box::new(response.into_body().into_reader()),
+    }
+}
+
+/// Start and total of `bytes START-END/TOTAL` (RFC 9110, section 14.4); the total may be `*`.
+fn content_range(value: &str) -> (Option<u64>, Option<u64>) {
+    let parts = value
+        .trim()
+        .strip_prefix("bytes ")
+        .and_then(|v| v.split_once('/'));
+    let Some((range, total)) = parts else {
+        return (None, None);
+    };
+    let start = range.split_once('-').and_then(|(s, _)| s.parse().ok());
+    (start, total.parse().ok())
+}
+
+fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<String> {
+    let value = headers.get(name)?.to_str().ok()?;
+    Some(value.trim().to_owned())
+}
+
+/// The address that a redirect names, absolute or relative (RFC 3986, section 5, without dot segments); what was found if we do not
+/// go there. From https to http is refused: anyone on the way could then put another file in.
+fn follow(base: &str, location: &str) -> Result<String, String> {
+    let (scheme, rest) = base
+        .split_once("://")
+        .ok_or_else(|| format!("an address without a scheme ({})", shown(base)))?;
+    let host_end = rest.find(['/', '?', '#']).unwrap_or(rest.len());
+    let host = &rest[..host_end];
+    let path_end = rest.find(['?', '#']).unwrap_or(rest.len());
+    let location = location.split('#').next().unwrap_or_default();
+    let target = if location.is_empty() {
+        return Err("a redirect to no address".to_owned());
+    } else if has_scheme(location) {
+        location.to_owned()
+    } else if let Some(other) = location.strip_prefix("//") {
+        format!("{scheme}://{other}")
+    } else if location.starts_with('/') {
+        format!("{scheme}://{host}{location}")
+    } else if location.starts_with('?') {
+        format!("{scheme}://{}{location}", &rest[..path_end])
+    } else {
+        let folder = rest[..path_end]
+            .rfind('/')
+            .map_or(format!("{host}/"), |slash| rest[..=slash].to_owned());
+        format!("{scheme}://{folder}{location}")
+    };
+    let to = target
+        .split_once("://")
+        .map(|(s, _)| s.to_ascii_lowercase());
+    match (scheme.to_ascii_lowercase().as_str(), to.as_deref()) {
+        (_, Some("https")) | ("http", Some("http")) => Ok(target),
+        (_, Some("http")) => Err(format!("one to {}, without encryption", shown(&target))),
+        _ => Err(format!("one to {}", shown(&target))),
+    }
+}
+
+/// Whether the text begins with a scheme and a colon (RFC 3986, section 3.1).
+fn has_scheme(location: &str) -> bool {
+    location.split_once(':').is_some_and(|(scheme, _)| {
+        scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+            && scheme
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || matches!(c, '+' | '-' | '.'))
+    })
+}
+
+fn is_loopback(url: &str) -> bool {
+    let host = url.split_once("://").map_or("", |(_, rest)| rest);
+    let host = host.split(['/', '?', '#']).next().unwrap_or_default();
+    let host = host.rsplit_once('@').map_or(host, |(_, h)| h);
+    let host = match host.strip_prefix('[') {
+        Some(six) => six.split(']').next().unwrap_or_default(),
+        None => host.split(':').next().unwrap_or_default(),
+    };
+    host.eq_ignore_ascii_case("localhost")
+        || host
+            .parse::<std::net::IpAddr>()
+            .is_ok_and(|address| address.is_loopback())
+}
+
+/// An address for a message: without its query, which may be long and hold a signature, and without a password.
+fn shown(url: &str) -> String {
+    const LONGEST: usize = 300;
+    let url = url.split(['?', '#']).next().unwrap_or_default();
+    let url = match url.split_once("://") {
+        Some((scheme, rest)) => {
+            let end = rest.find('/').unwrap_or(rest.len());
+            let host = rest[..end].rfind('@').map_or(0, |at| at + 1);
+            format!("{scheme}://{}", &rest[host..])
+        }
+        None => url.to_owned(),
+    };
+    url.chars()
+        .take(LONGEST)
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect()
+}
+
+/// Why no answer came, on one line.
+pub(super) fn reason_of(error: &ureq::Error) -> String {
+    match error {
+        ureq::Error::HostNotFound => "no such host (or no network)".to_owned(),
+        ureq::Error::Timeout(_) => "none in time".to_owned(),
+        ureq::Error::Io(e) => one_line(&e.to_string()),
+        ureq::Error::Rustls(e) => {
+            format!("no trustworthy encryption ({})", one_line(&e.to_string()))
+        }
+        other => one_line(&other.to_string()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn redirects_resolve() {
+        for (base, location, target) in [
+            ("https://a/b/c?d", "https://x/y", "https://x/y"),
+            ("http://a/b/c", "https://x/y?z=1#f", "https://x/y?z=1"),
+            ("http://a:8/b/c", "http://x", "http://x"),
+            ("https://a:8/b/c?d", "/e", "https://a:8/e"),
+            ("https://a/b/c?d=/", "e/f", "https://a/b/e/f"),
+            ("https://a", "e", "https://a/e"),
+            ("https://a?x", "/e", "https://a/e"),
+            ("https://a/b?x", "?y", "https://a/b?y"),
+            ("https://a/b", "//x/y", "https://x/y"),
+            ("https://a/b", "/c?at=12:30", "https://a/c?at=12:30"),
+        ] {
+            assert_eq!(follow(base, location).unwrap(), target, "{base} {location}");
+        }
+        for (base, location) in [
+            ("https://a/b", "http://a/b"),
+            ("https://a/b", "HTTP://a/b"),
+            ("http://a/b", "file:///etc/passwd"),
+            ("http://a/b", "ftp://a/b"),
+            ("http://a/b", "javascript:1"),
+            ("http://a/b", ""),
+            ("http://a/b", "#top"),
+        ] {
+            assert!(follow(base, location).is_err(), "{base} {location}");
+        }
+    }
+
+    #[test]
+    fn ranges_read() {
+        assert_eq!(content_range("bytes 5-9/10"), (Some(5), Some(10)));
+        assert_eq!(content_range("bytes 5-9/*"), (Some(5), None));
+        assert_eq!(content_range("bytes */10"), (None, Some(10)));
+        for bad in [
+            "",
+            "5-9/10",
+            "bytes 5",
+            "bytes -/",
+            "bytes a-b/c",
+            "bytes 99999999999999999999-1/2",
+        ] {
+            assert_eq!(content_range(bad).0, None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn loopback_goes_past_proxies() {
+        for url in [
+            "http://127.0.0.1:80/x",
+            "http://localhost/",
+            "http://[::1]:8/",
+            "http://a@127.1.2.3",
+        ] {
+            assert!(is_loopback(url), "{url}");
+        }
+        for url in [
+            "https://github.com/127.0.0.1",
+            "http://localhost.example",
+            "x",
+            "http://127.0.0.1@example.com/",
+        ] {
+            assert!(!is_loopback(url), "{url}");
+        }
+    }
+
+    #[test]
+    fn addresses_are_shown_without_secrets() {
+        assert_eq!(
+            shown("https://ada:secret@host/file?sig=secret#x"),
+            "https://host/file"
+        );
+        assert_eq!(shown("https://host/a@b"), "https://host/a@b");
+    }
+}
