@@ -7,6 +7,7 @@
 
 use super::super::one_line;
 use super::error::RuntimeError;
+use super::whole;
 use libloading::Library;
 use ort::sys::{ORT_API_VERSION, OrtApi, OrtApiBase};
 use std::ffi::CStr;
@@ -37,11 +38,13 @@ pub(super) fn check(file: &Path) -> Result<Usable, RuntimeError> {
     if !file.is_file() {
         return Err(RuntimeError::Missing { library: library() });
     }
-    // SAFETY: runs the library's initialisers, which are trusted as its other code is: the caller chose the file.
-    let opened = unsafe { Library::new(file) }.map_err(|e| RuntimeError::Unloadable {
+    let unloadable = |reason| RuntimeError::Unloadable {
         library: library(),
-        reason: one_line(&reason(&e)),
-    })?;
+        reason,
+    };
+    whole::check(file).map_err(unloadable)?;
+    // SAFETY: runs the library's initialisers, which are trusted as its other code is: the caller chose the file.
+    let opened = unsafe { Library::new(file) }.map_err(|e| unloadable(reason(&e, file)))?;
     let opened = std::mem::ManuallyDrop::new(opened);
     let foreign = |reason: &str| RuntimeError::Foreign {
         library: library(),
@@ -108,10 +111,12 @@ fn minor(version: &str) -> Option<u32> {
     version.split('.').nth(1)?.parse().ok()
 }
 
-/// What the system said, which is under what libloading says.
-fn reason(error: &libloading::Error) -> String {
-    match std::error::Error::source(error) {
-        Some(source) => source.to_string(),
-        None => error.to_string(),
-    }
+/// What the system said, which is under what libloading says; without the file's name, which messages begin with.
+fn reason(error: &libloading::Error, file: &Path) -> String {
+    let said = match std::error::Error::source(error) {
+        Some(source) => one_line(&source),
+        None => one_line(error),
+    };
+    let name = format!("{}: ", file.display());
+    said.strip_prefix(&name).unwrap_or(&said).to_owned()
 }

@@ -6,6 +6,7 @@
 mod error;
 mod library;
 mod session;
+mod whole;
 
 pub use error::RuntimeError;
 pub(super) use session::OnnxRuntimeSession;
