@@ -98,6 +98,8 @@ pub(crate) struct Row {
     pub(crate) path: String,
     /// What objects were detected with.
     pub(crate) detector: String,
+    /// Nothing looked at the frames.
+    pub(crate) blind: bool,
     /// Why nothing could be run.
     pub(crate) error: Option<String>,
     pub(crate) variants: Vec<Cell>,
@@ -142,7 +144,8 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
         let mut row = row(args, name, path);
         match source.prepare(&args.input, &args.out, seeds[0]) {
             Ok(prepared) => {
-                row.detector = prepared.detector();
+                row.detector.clone_from(&prepared.words);
+                row.blind = prepared.blind;
                 row.variants = variants(args, (&row.name, &prepared), &seeds, interrupt);
             }
             // Ctrl-C reaches the simulation too.
@@ -181,7 +184,8 @@ fn row(args: &BenchArgs, name: String, path: &Path) -> Row {
         published: published_ablation(&name),
         name,
         path: path.display().to_string(),
-        detector: args.input.detector().to_owned(),
+        detector: args.input.detector.detector.clone().unwrap_or_default(),
+        blind: false,
         error: None,
         variants: Vec::new(),
     }
@@ -194,13 +198,12 @@ fn variants(
     seeds: &[u64],
     interrupt: &Interrupt,
 ) -> Vec<Cell> {
-    let blind = prepared.input.detector() == "none";
     let mut cells = Vec::new();
     for variant in Variant::ALL {
         if interrupt.requested() {
             break;
         }
-        if !(blind && variant.needs_detector()) {
+        if !(prepared.blind && variant.needs_detector()) {
             cells.push(cell(args, (name, prepared), (variant, seeds), interrupt));
         }
     }
@@ -218,6 +221,7 @@ fn cell(
     let mut sequence = Sequence {
         name: name.to_owned(),
         path: prepared.path.display().to_string(),
+        detector: prepared.words.clone(),
         identical: true,
         runs: Vec::new(),
     };
@@ -363,6 +367,7 @@ mod tests {
             name: "room".into(),
             path: "room".into(),
             detector: "none".into(),
+            blind: true,
             error: None,
             variants: vec![cell],
             published: None,

@@ -133,7 +133,7 @@ fn notes(row: &Row) -> String {
         text += &format!("- {}: {}\n", row.name, note.join(" "));
     };
     add(&format!("detector: {}", row.detector));
-    if row.error.is_none() && row.detector == "none" {
+    if row.error.is_none() && row.blind {
         add("without a detector O, O+G and O+G+D are the same as none and G, and were left out");
     }
     if row.published.is_some() && row.name.starts_with("sim:") {

@@ -1,5 +1,6 @@
 //! The command line, as clap reads it. Every command's help ends with examples.
 
+use crate::args_models::{DetectArgs, DetectorArgs, ModelsCommand};
 use crate::suite_catalogue::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -45,6 +46,9 @@ pub(crate) enum Command {
     Eval(EvalArgs),
     Simulate(SimulateArgs),
     Bench(BenchArgs),
+    Detect(DetectArgs),
+    #[command(subcommand)]
+    Models(ModelsCommand),
     /// Show the configuration.
     #[command(
         subcommand,
@@ -102,18 +106,23 @@ pub(crate) struct InputArgs {
     /// Read at most this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
     pub(crate) max_frames: Option<u64>,
-    /// Object detector: none, scripted:FILE.csv (timestamp,class,score,x0,y0,x1,y1), or a YOLOX model as FILE.onnx.
-    #[arg(long, value_name = "none|scripted:FILE.csv|FILE.onnx")]
-    pub(crate) detector: Option<String>,
+    #[command(flatten)]
+    pub(crate) detector: DetectorArgs,
     /// End with an error at the first unreadable frame instead of skipping it.
     #[arg(long)]
     pub(crate) strict: bool,
 }
 
 impl InputArgs {
-    /// The detector's name.
-    pub(crate) fn detector(&self) -> &str {
-        self.detector.as_deref().unwrap_or("none")
+    /// The same with another detector.
+    pub(crate) fn with_detector(&self, argument: String) -> Self {
+        Self {
+            detector: DetectorArgs {
+                detector: Some(argument),
+                ..self.detector.clone()
+            },
+            ..self.clone()
+        }
     }
 }
 

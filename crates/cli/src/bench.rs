@@ -96,6 +96,7 @@ fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<S
         let mut sequence = plan.run(&prepared.path, name, interrupt)?;
         // A scene is known by its name: its folder is gone soon.
         sequence.path = path.display().to_string();
+        sequence.detector.clone_from(&prepared.words);
         if !sequence.runs.is_empty() {
             sequences.push(sequence);
         }
@@ -236,6 +237,13 @@ fn markdown(figures: &[SequenceFigures<'_>], machine: &Machine, command: &str) -
         ]);
     }
     text += &table.to_markdown();
+    text.push('\n');
+    for f in figures {
+        text += &format!("- {}: detector {}", f.sequence.name, f.sequence.detector);
+        let network = f.sequence.runs.first().and_then(|r| r.detector.network());
+        text += &network.map_or_else(String::new, |n| format!("; {n}"));
+        text.push('\n');
+    }
     text += "\nMilliseconds per frame in which the stage ran; median over the runs of each statistic. `frame` is tracking (grey image in, pose out), `map` mapping, `total` both, `wait` what the images were waited for.\n\n";
     let mut table = Table::new(["sequence", "stage", "n", "median", "p95", "p99", "max"])
         .align(1, stillpoint::evaluation::Align::Left);

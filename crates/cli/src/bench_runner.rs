@@ -1,6 +1,7 @@
 //! One data set several times, each run in a fresh process, so that memory and timing are honest.
 
 use crate::args::{ConfigArgs, InputArgs};
+use crate::args_models::DetectorArgs;
 use crate::console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -18,6 +19,8 @@ const PLACE: &str = "{}";
 pub(crate) struct Sequence {
     pub(crate) name: String,
     pub(crate) path: String,
+    /// What objects were detected with, in words.
+    pub(crate) detector: String,
     /// True when all runs gave the same trajectory, byte for byte.
     pub(crate) identical: bool,
     pub(crate) runs: Vec<Summary>,
@@ -107,6 +110,7 @@ impl Plan<'_> {
         Ok(Sequence {
             name,
             path: path.display().to_string(),
+            detector: self.input.detector.detector.clone().unwrap_or_default(),
             identical,
             runs,
         })
@@ -127,7 +131,12 @@ impl Plan<'_> {
             camera,
             start,
             max_frames,
-            detector,
+            detector:
+                DetectorArgs {
+                    detector,
+                    runtime,
+                    detector_threads,
+                },
             strict,
         } = self.input;
         let ConfigArgs { config, set, seed } = self.config;
@@ -144,6 +153,8 @@ impl Plan<'_> {
             let detector = detector.replace(PLACE, &path.display().to_string());
             add("--detector", detector.into());
         }
+        add("--runtime", runtime.name().into());
+        add("--detector-threads", detector_threads.to_string().into());
         if let Some(file) = config {
             add("--config", file.into());
         }
@@ -202,6 +213,7 @@ fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::args_models::RuntimeChoice;
 
     #[test]
     fn median_and_worst() {
@@ -217,7 +229,11 @@ mod tests {
             camera: Some("tum_fr3".into()),
             start: 5,
             max_frames: Some(7),
-            detector: Some("scripted:{}/boxes.csv".into()),
+            detector: DetectorArgs {
+                detector: Some("scripted:{}/boxes.csv".into()),
+                runtime: RuntimeChoice::Rten,
+                detector_threads: 2,
+            },
             strict: true,
         };
         let config = ConfigArgs {
@@ -231,7 +247,8 @@ mod tests {
             input: &input,
             config: &config,
         };
-        let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --config my.toml \
+        let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
+                        --detector-threads 2 --config my.toml \
                         --set a.b=1 --set a.c=2 --seed 9 --strict";
         let found: Vec<String> = plan
             .arguments(Path::new("a"))

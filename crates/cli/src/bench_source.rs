@@ -2,9 +2,9 @@
 
 use crate::args::InputArgs;
 use crate::bench_runner::program;
-use crate::console;
 use crate::demo_detector::errors_in_words;
 use crate::failure::Failure;
+use crate::{console, detector};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
@@ -49,10 +49,11 @@ impl Source {
     }
 
     /// Makes it a folder that can be run. A scene is simulated with `seed`, below `out`; unless told otherwise, its runs
-    /// get the simulator's own detections.
+    /// get the simulator's own detections. Which detector a folder's runs get when nothing is said is settled here, so that
+    /// all runs get the same.
     ///
     /// # Errors
-    /// A simulation that could not be written.
+    /// A name of no detector, a simulation that could not be written.
     pub(crate) fn prepare(
         &self,
         input: &InputArgs,
@@ -61,12 +62,7 @@ impl Source {
     ) -> Result<Prepared, Failure> {
         let scene = match self {
             Self::Folder(path) => {
-                return Ok(Prepared {
-                    path: path.clone(),
-                    input: input.clone(),
-                    own: false,
-                    _temporary: None,
-                });
+                return Prepared::of(path.clone(), input);
             }
             Self::Scene(scene) => scene,
         };
@@ -76,23 +72,19 @@ impl Source {
         simulate(scene, &path, frames, seed)?;
         let script = path.join("detections.csv");
         // There is none where nobody is seen.
-        let own = script.is_file() && input.detector.is_none();
-        let detector = if own {
-            Some(format!("scripted:{}", script.display()))
-        } else {
-            input.detector.clone()
-        };
-        Ok(Prepared {
-            input: InputArgs {
-                // The folder says which camera it was.
-                camera: None,
-                detector,
-                ..input.clone()
-            },
-            own,
-            path,
-            _temporary: Some(temporary),
-        })
+        let own = script.is_file() && input.detector.detector.is_none();
+        let mut input = input.clone();
+        // The folder says which camera it was.
+        input.camera = None;
+        if own {
+            input = input.with_detector(format!("scripted:{}", script.display()));
+        }
+        let mut prepared = Prepared::of(path, &input)?;
+        if own {
+            prepared.words = errors_in_words();
+        }
+        prepared._temporary = Some(temporary);
+        Ok(prepared)
     }
 }
 
@@ -101,20 +93,25 @@ impl Source {
 pub(crate) struct Prepared {
     pub(crate) path: PathBuf,
     pub(crate) input: InputArgs,
-    /// The detections are the simulator's.
-    own: bool,
+    /// Nothing looks at the frames.
+    pub(crate) blind: bool,
+    /// What its runs detect objects with, in words.
+    pub(crate) words: String,
     /// Removed with this.
     _temporary: Option<Temporary>,
 }
 
 impl Prepared {
-    /// What its runs detect objects with, in words.
-    pub(crate) fn detector(&self) -> String {
-        if self.own {
-            errors_in_words()
-        } else {
-            self.input.detector().to_owned()
-        }
+    fn of(path: PathBuf, input: &InputArgs) -> Result<Self, Failure> {
+        let settled = detector::settle(&input.detector)?;
+        settled.announce();
+        Ok(Self {
+            path,
+            blind: settled.is_none(),
+            words: settled.words(),
+            input: input.with_detector(settled.argument),
+            _temporary: None,
+        })
     }
 }
 

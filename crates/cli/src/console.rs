@@ -73,9 +73,49 @@ fn write_over(text: &str, end_line: bool) {
     *shown = if end_line { 0 } else { text.chars().count() };
 }
 
+/// What is counted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Unit {
+    Frames,
+    Images,
+    /// Told in megabytes.
+    Bytes,
+}
+
+impl Unit {
+    /// A count without its unit.
+    fn number(self, n: usize) -> String {
+        match self {
+            Self::Bytes => format!("{:.1}", n as f64 * 1e-6),
+            _ => n.to_string(),
+        }
+    }
+
+    /// What stands behind counts.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Frames => "frames",
+            Self::Images => "images",
+            Self::Bytes => "MB",
+        }
+    }
+
+    /// A rate, from one per second.
+    fn rate(self, rate: f64) -> String {
+        match self {
+            Self::Frames => format!("{rate:.0} fps"),
+            Self::Images => format!("{rate:.1} per s"),
+            Self::Bytes => format!("{:.1} MB/s", rate * 1e-6),
+        }
+    }
+}
+
 /// A bar on terminals; a line every ten seconds elsewhere; nothing with `-q`.
 pub(crate) struct Progress {
+    unit: Unit,
     total: Option<usize>,
+    /// What was there before.
+    before: usize,
     terminal: bool,
     start: Instant,
     last: Instant,
@@ -89,9 +129,16 @@ const REPEAT: Duration = Duration::from_secs(10);
 impl Progress {
     /// Begins. `total` is the number of frames, where known.
     pub(crate) fn new(total: Option<usize>) -> Self {
+        Self::of(Unit::Frames, total, 0)
+    }
+
+    /// Begins to count something. `before` is how much of it was there already.
+    pub(crate) fn of(unit: Unit, total: Option<usize>, before: usize) -> Self {
         let now = Instant::now();
         Self {
+            unit,
             total,
+            before,
             terminal: std::io::stderr().is_terminal(),
             start: now,
             last: now,
@@ -105,7 +152,7 @@ impl Progress {
             return;
         }
         self.last = Instant::now();
-        let text = progress_text(done, self.total, self.start.elapsed(), note, self.terminal);
+        let text = self.text(done, self.start.elapsed(), note);
         write_over(&text, !self.terminal);
     }
 
@@ -115,32 +162,33 @@ impl Progress {
             write_over("", false);
         }
     }
-}
 
-fn progress_text(
-    done: usize,
-    total: Option<usize>,
-    elapsed: Duration,
-    note: &str,
-    bar: bool,
-) -> String {
-    const WIDTH: usize = 30;
-    let rate = done as f64 / elapsed.as_secs_f64().max(1e-3);
-    let Some(total) = total else {
-        return format!("{done} frames, {rate:.0} fps{note}");
-    };
-    let total = total.max(1);
-    let left = total.saturating_sub(done) as f64 / rate.max(1e-3);
-    let counts = format!("{done}/{total} frames, {rate:.0} fps, {left:.0} s left{note}");
-    if bar {
-        let full = (WIDTH * done / total).min(WIDTH);
-        format!(
-            "[{}{}] {counts}",
-            "=".repeat(full),
-            " ".repeat(WIDTH - full)
-        )
-    } else {
-        counts
+    fn text(&self, done: usize, elapsed: Duration, note: &str) -> String {
+        const WIDTH: usize = 30;
+        let (unit, name) = (self.unit, self.unit.name());
+        let rate = done.saturating_sub(self.before) as f64 / elapsed.as_secs_f64().max(1e-3);
+        let (count, speed) = (unit.number(done), unit.rate(rate));
+        let Some(total) = self.total else {
+            return format!("{count} {name}, {speed}{note}");
+        };
+        let total = total.max(1);
+        let left = total.saturating_sub(done) as f64 / rate.max(1e-3);
+        let counts = format!(
+            "{count}/{} {name}, {speed}, {left:.0} s left{note}",
+            unit.number(total)
+        );
+        if self.terminal {
+            // As floats: the product of two counts of bytes may be too large for an integer.
+            let full = (WIDTH as f64 * (done as f64 / total as f64)) as usize;
+            let full = full.min(WIDTH);
+            format!(
+                "[{}{}] {counts}",
+                "=".repeat(full),
+                " ".repeat(WIDTH - full)
+            )
+        } else {
+            counts
+        }
     }
 }
 
@@ -150,8 +198,13 @@ mod tests {
 
     #[test]
     fn progress_says_where_it_is() {
-        let t =
-            |done, total, bar| progress_text(done, total, Duration::from_secs(2), ", 1 lost", bar);
+        let t = |done, total, terminal| {
+            let progress = Progress {
+                terminal,
+                ..Progress::new(total)
+            };
+            progress.text(done, Duration::from_secs(2), ", 1 lost")
+        };
         assert_eq!(
             t(60, Some(120), false),
             "60/120 frames, 30 fps, 2 s left, 1 lost"
@@ -163,5 +216,17 @@ mod tests {
         )));
         assert!(t(200, Some(120), true).contains(&"=".repeat(30)));
         assert_eq!(t(4, None, true), "4 frames, 2 fps, 1 lost");
+    }
+
+    #[test]
+    fn a_download_that_goes_on_is_no_faster_for_it() {
+        let progress = Progress {
+            terminal: false,
+            ..Progress::of(Unit::Bytes, Some(20_000_000), 10_000_000)
+        };
+        assert_eq!(
+            progress.text(12_000_000, Duration::from_secs(2), ""),
+            "12.0/20.0 MB, 1.0 MB/s, 8 s left"
+        );
     }
 }

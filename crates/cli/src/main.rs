@@ -6,9 +6,11 @@
 mod ablation;
 mod ablation_report;
 mod args;
+mod args_models;
 mod bench;
 mod bench_runner;
 mod bench_source;
+mod cache;
 mod config;
 mod config_docs;
 mod console;
@@ -16,15 +18,24 @@ mod demo;
 mod demo_detector;
 mod demo_pictures;
 mod demo_report;
+mod detect;
+mod detect_images;
+mod detect_output;
 mod detector;
 mod eval;
 mod failure;
 mod interrupt;
 mod machine;
+mod models;
+mod models_check;
+mod models_import;
+mod models_pull;
+mod network;
 mod output;
 mod overlay;
 mod report;
 mod run;
+mod runtime;
 mod session;
 mod simulate;
 mod spelling;
@@ -68,6 +79,8 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Command::Eval(a) => eval::eval(a),
         Command::Simulate(a) => simulate::simulate(a),
         Command::Bench(a) => bench::bench(a),
+        Command::Detect(a) => detect::detect(a, timing),
+        Command::Models(a) => models::models(a),
         Command::Config(ConfigCommand::Print(a)) => config::print(a),
     }
 }

@@ -47,8 +47,10 @@ fn filter_text(summary: &Summary) -> String {
             d.name, d.detections, d.frames
         ),
     };
+    let network = d.network();
+    let network = network.map_or_else(String::new, |n| format!("network: {n}\n"));
     let mut text = format!(
-        "detector: {detector}; {:.1} % of {:.0} keypoints per frame move",
+        "{network}detector: {detector}; {:.1} % of {:.0} keypoints per frame move",
         f.dynamic_share * 100.0,
         f.keypoints as f64 / summary.frames.max(1) as f64
     );

@@ -28,12 +28,14 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
     let config = config::resolve(&args.config)?;
     let simd = config::simd()?;
     let dataset = open(&args.path, &args.input)?;
-    let detector = detector::load(args.input.detector(), dataset.entries())?;
+    let settled = detector::settle(&args.input.detector)?;
+    settled.announce();
+    let loaded = detector::load(&settled, &args.input.detector, dataset.entries())?;
     let truth = dataset.ground_truth()?;
     let options = FrameOptions {
         start: args.input.start,
         max_frames: args.input.max_frames.map(|n| n as usize),
-        keep_colour: args.overlay.is_some() || detector::needs_colour(args.input.detector()),
+        keep_colour: args.overlay.is_some() || settled.needs_colour(),
     };
     let frames = dataset.frames(&options)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
@@ -46,9 +48,10 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         simd,
         timing,
         interrupt: &interrupt,
-        detector,
+        detector: loaded.detector,
     };
-    let session = driver.drive(&mut ReadAhead::new(frames), &mut outputs)?;
+    let mut session = driver.drive(&mut ReadAhead::new(frames), &mut outputs)?;
+    session.detector.library = loaded.library;
     let written = outputs.finish()?;
     let input = Input {
         name: args.path.display().to_string(),

@@ -9,6 +9,16 @@ pub(crate) fn nearest<'a>(path: &str, names: &[&'a str]) -> Option<&'a str> {
     })
 }
 
+/// The name that takes the fewest edits, if they are at most `share` of its letters.
+pub(crate) fn near<'a>(text: &str, names: &[&'a str], share: f64) -> Option<&'a str> {
+    let closest = names
+        .iter()
+        .copied()
+        .min_by_key(|name| distance(text, name))?;
+    let edits = distance(text, closest) as f64;
+    (edits <= share * closest.chars().count() as f64).then_some(closest)
+}
+
 /// Levenshtein distance.
 fn distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();

@@ -8,7 +8,7 @@ use crate::machine::Machine;
 use crate::suite_catalogue::{Published, Suite};
 use crate::suite_find::{Found, find};
 use crate::summary::{ScoreJson, StatisticsJson, Summary};
-use crate::{console, output, suite_report};
+use crate::{console, detector, output, suite_report};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -103,6 +103,14 @@ pub(crate) fn bench(
     interrupt: &Interrupt,
 ) -> Result<Status, Failure> {
     let found = find(suite, folders)?;
+    // Settled once, so that all runs get the same.
+    let settled = detector::settle(&plan.input.detector)?;
+    settled.announce();
+    let input = plan.input.with_detector(settled.argument.clone());
+    let plan = &Plan {
+        input: &input,
+        ..*plan
+    };
     plan.prepare()?;
     let here = found.iter().filter(|f| f.path.is_some()).count();
     console::info(&format!(
@@ -114,7 +122,7 @@ pub(crate) fn bench(
         suite: suite.name(),
         machine: Machine::here(),
         command: command_line(),
-        detector: plan.input.detector().to_owned(),
+        detector: settled.words(),
         sequences: found.iter().map(|f| row(f, plan, interrupt)).collect(),
     };
     write(&report, plan.out)?;

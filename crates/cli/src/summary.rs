@@ -85,6 +85,18 @@ pub(crate) struct DetectorJson {
     /// What ran the model, with its version.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) runtime: Option<String>,
+    /// How the model's outputs were read.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) head: Option<String>,
+    /// Width and height of the model's input, px.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) input_px: Option<(usize, usize)>,
+    /// Threads of the model.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) threads: Option<usize>,
+    /// The library that ran it, where that is not built in.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) library: Option<String>,
     /// Frames it answered for.
     pub(crate) frames: usize,
     /// Detections in them.
@@ -108,8 +120,29 @@ impl DetectorJson {
             name: info.name.clone(),
             sha256: info.sha256.clone(),
             runtime: info.runtime.clone(),
+            head: info.head.clone(),
+            input_px: info.input,
+            threads: info.threads,
             ..Self::default()
         }
+    }
+
+    /// What ran and how, of a network.
+    pub(crate) fn network(&self) -> Option<String> {
+        let runtime = self.runtime.as_ref()?;
+        let mut parts = Vec::new();
+        parts.extend(self.head.as_ref().map(|head| format!("head {head}")));
+        parts.extend(self.input_px.map(|(w, h)| format!("input {w}x{h} px")));
+        parts.push(match &self.library {
+            Some(library) => format!("{runtime} ({library})"),
+            None => runtime.clone(),
+        });
+        parts.extend(self.threads.map(|n| match n {
+            1 => "1 thread".to_owned(),
+            n => format!("{n} threads"),
+        }));
+        parts.extend(self.sha256.as_ref().map(|sum| format!("SHA-256 {sum}")));
+        Some(parts.join(", "))
     }
 
     /// Whether it failed on every frame: a result without the detector that was asked for is no success.

@@ -27,10 +27,16 @@ fn golden(name: &str, args: &[&str]) {
 #[test]
 fn help_of_every_command() {
     golden("help.txt", &["--help"]);
-    for command in ["demo", "run", "eval", "simulate", "bench", "config"] {
+    for command in [
+        "demo", "run", "eval", "simulate", "bench", "detect", "models", "config",
+    ] {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
+    for command in ["list", "pull", "import", "check"] {
+        let name = format!("help_models_{command}.txt");
+        golden(&name, &["models", command, "--help"]);
+    }
 }
 
 #[test]
@@ -42,6 +48,12 @@ fn every_help_has_examples() {
         &["eval", "--help"],
         &["simulate", "--help"],
         &["bench", "--help"],
+        &["detect", "--help"],
+        &["models", "--help"],
+        &["models", "list", "--help"],
+        &["models", "pull", "--help"],
+        &["models", "import", "--help"],
+        &["models", "check", "--help"],
         &["config", "--help"],
         &["config", "print", "--help"],
     ] {

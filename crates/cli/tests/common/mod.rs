@@ -2,6 +2,9 @@
 #![allow(clippy::unwrap_used, clippy::expect_used, dead_code, unreachable_pub)]
 
 pub mod case;
+pub mod model_cache;
+pub mod server;
+pub mod tiny_model;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -1,0 +1,144 @@
+//! `detect --out`: the table of detections, and pictures with boxes.
+
+use crate::failure::Failure;
+use crate::output::ResultFolder;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use stillpoint::detection::{Detection, ScriptRow, format_script};
+use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
+use stillpoint::view::{Colour, Overlay, OverlayBox, Picture, draw, write_png};
+
+const OPTION: &str = "--out";
+const TABLE: &str = "detections.csv";
+/// Begins the names of pictures, so that those of an older result can be told from the user's own.
+const PREFIX: &str = "boxes_";
+
+/// The folder in the making.
+pub(crate) struct DetectFolder {
+    out: PathBuf,
+    folder: ResultFolder,
+    names: BTreeSet<String>,
+}
+
+impl DetectFolder {
+    /// Begins a folder. `input` is what is looked at: its folder is refused, since the next run would look at the pictures of
+    /// this one.
+    pub(crate) fn create(out: &Path, input: &Path) -> Result<Self, Failure> {
+        let same = |a: &Path, b: &Path| {
+            let [a, b] = [a, b].map(|p| p.canonicalize().ok());
+            a.is_some() && a == b
+        };
+        if same(out, input) {
+            return Err(Failure::input(format!(
+                "{}: expected another folder than that of the images, found the same; name another with {OPTION}",
+                out.display()
+            )));
+        }
+        Ok(Self {
+            out: out.to_owned(),
+            folder: ResultFolder::create_of(out, OPTION, is_ours)?,
+            names: BTreeSet::new(),
+        })
+    }
+
+    /// Draws an image with what was found in it. `name` is that of its file.
+    pub(crate) fn add(
+        &mut self,
+        name: &str,
+        image: ColourImage,
+        found: &[Detection],
+    ) -> Result<(), Failure> {
+        let mut png = Vec::new();
+        let name = self.name(name);
+        write_png(&picture(image, found), &mut png).map_err(|e| {
+            Failure::input(format!(
+                "{}: {e}; leave {OPTION} out",
+                self.out.join(&name).display()
+            ))
+        })?;
+        self.folder.write(&name, &png)
+    }
+
+    /// The name of an image's picture: two images may differ in their endings only.
+    fn name(&mut self, image: &str) -> String {
+        let stem = Path::new(image).file_stem().unwrap_or(image.as_ref());
+        let stem = stem.to_string_lossy();
+        let stem = if self.names.contains(stem.as_ref()) {
+            image.into()
+        } else {
+            stem
+        };
+        self.names.insert(stem.to_string());
+        format!("{PREFIX}{stem}.png")
+    }
+
+    /// Writes the table and puts everything where it belongs. Returns what there is, for the report.
+    pub(crate) fn finish(mut self, rows: &[ScriptRow]) -> Result<String, Failure> {
+        self.folder.write(TABLE, format_script(rows).as_bytes())?;
+        self.folder.commit()?;
+        Ok(format!(
+            "{TABLE} and {} pictures in {}\n",
+            self.names.len(),
+            self.out.display()
+        ))
+    }
+}
+
+/// The files that a result may hold: an older result's are removed.
+fn is_ours(name: &str) -> bool {
+    name == TABLE || (name.starts_with(PREFIX) && name.ends_with(".png"))
+}
+
+fn picture(image: ColourImage, found: &[Detection]) -> Picture {
+    let boxes: Vec<OverlayBox> = found
+        .iter()
+        // The surest is drawn last, over the others.
+        .rev()
+        .map(|d| OverlayBox {
+            bounds: d.bounds,
+            label: format!("{} {:.2}", d.class, d.score),
+            colour: Colour::of_number(u32::from(d.class.0)),
+            coasting: false,
+        })
+        .collect();
+    let frame = RgbdFrame {
+        id: FrameId(0),
+        stamp: 0.0,
+        depth_stamp: 0.0,
+        gray: GrayImage::new(0, 0),
+        colour: Some(Arc::new(image)),
+        depth: DepthImage::default(),
+    };
+    draw(
+        &frame,
+        &Overlay {
+            boxes: &boxes,
+            ..Overlay::default()
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_have_names_of_their_own() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path().join("out");
+        let mut folder = DetectFolder::create(&out, dir.path()).unwrap();
+        let names = ["a.png", "a.jpg", "b.c.png"].map(|n| folder.name(n));
+        assert_eq!(names, ["boxes_a.png", "boxes_a.jpg.png", "boxes_b.c.png"]);
+        assert!(names.iter().all(|n| is_ours(n)));
+        assert!(!is_ours("a.png") && !is_ours("boxes.csv"));
+    }
+
+    #[test]
+    fn the_folder_of_the_images_is_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let roundabout = dir.path().join(".");
+        let e = DetectFolder::create(&roundabout, dir.path()).err().unwrap();
+        assert!(e.to_string().contains("found the same"), "{e}");
+    }
+}

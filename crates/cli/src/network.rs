@@ -1,0 +1,197 @@
+//! Models: from what the user names to a network that runs.
+
+use crate::args_models::{NetworkArgs, RuntimeChoice};
+use crate::failure::Failure;
+use crate::{cache, console, runtime};
+use std::path::{Path, PathBuf};
+use stillpoint::detection::{ModelCard, OnnxDetector, OnnxOptions};
+use stillpoint::models::CachedModel;
+
+/// A model, not yet read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ModelFile {
+    /// As the user knows it: the file, or the name in the cache.
+    pub(crate) name: String,
+    place: Place,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum Place {
+    File {
+        onnx: PathBuf,
+        card: Option<PathBuf>,
+    },
+    Cache(Box<CachedModel>),
+}
+
+/// A model's bytes, and its card where it has one, with the card's name.
+pub(crate) struct Content {
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) card: Option<(String, String)>,
+}
+
+impl ModelFile {
+    /// A file, with the card beside it if there is one.
+    pub(crate) fn of_file(file: &str) -> Self {
+        let card = Path::new(file).with_extension("toml");
+        Self {
+            name: file.to_owned(),
+            place: Place::File {
+                onnx: file.into(),
+                card: card.is_file().then_some(card),
+            },
+        }
+    }
+
+    /// A model of the cache.
+    pub(crate) fn of_cache(model: CachedModel) -> Self {
+        Self {
+            name: model.name.clone(),
+            place: Place::Cache(Box::new(model)),
+        }
+    }
+
+    /// What `argument` of `option` names: a file, or a model of the cache.
+    ///
+    /// # Errors
+    /// A name that no model has.
+    pub(crate) fn named(argument: &str, option: &str) -> Result<Self, Failure> {
+        if is_onnx(argument) {
+            return Ok(Self::of_file(argument));
+        }
+        cache::model(argument, option)
+    }
+
+    /// Its card, where it has one.
+    pub(crate) fn card(&self) -> Option<&Path> {
+        match &self.place {
+            Place::File { card, .. } => card.as_deref(),
+            Place::Cache(model) => model.card.as_deref(),
+        }
+    }
+
+    /// Size of the network's file.
+    ///
+    /// # Errors
+    /// A file that is not there any more.
+    pub(crate) fn bytes(&self) -> Result<u64, Failure> {
+        match &self.place {
+            Place::File { onnx, .. } => match std::fs::metadata(onnx) {
+                Ok(metadata) => Ok(metadata.len()),
+                Err(e) => Err(Failure::input(format!(
+                    "{}: expected to read it, found: {e}",
+                    onnx.display()
+                ))),
+            },
+            Place::Cache(model) => Ok(model.bytes),
+        }
+    }
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// What is wrong, with the file's name.
+    pub(crate) fn read(&self) -> Result<Content, String> {
+        let unreadable = |path: &Path, what: &str, e: &std::io::Error| {
+            let path = path.display();
+            format!("{path}: expected {what}, found: {e}; check the path")
+        };
+        let (bytes, text) = match &self.place {
+            Place::File { onnx, card } => {
+                let bytes = std::fs::read(onnx)
+                    .map_err(|e| unreadable(onnx, "the model of a detector", &e))?;
+                let text = card.as_ref().map(|card| {
+                    std::fs::read_to_string(card)
+                        .map_err(|e| unreadable(card, "the card of a model", &e))
+                });
+                (bytes, text.transpose()?)
+            }
+            Place::Cache(model) => (
+                model.read().map_err(|e| e.to_string())?,
+                model.card_text().map_err(|e| e.to_string())?,
+            ),
+        };
+        let name = self.card().map(|path| path.display().to_string());
+        Ok(Content {
+            bytes,
+            card: name.zip(text),
+        })
+    }
+}
+
+/// Whether a name is that of an ONNX file.
+pub(crate) fn is_onnx(name: &str) -> bool {
+    let extension = Path::new(name).extension();
+    extension.is_some_and(|e| e.eq_ignore_ascii_case("onnx"))
+}
+
+/// How a network is run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Running {
+    pub(crate) runtime: RuntimeChoice,
+    pub(crate) options: OnnxOptions,
+}
+
+impl Running {
+    pub(crate) fn new(runtime: RuntimeChoice, threads: u8) -> Self {
+        Self {
+            runtime,
+            options: OnnxOptions {
+                threads: threads.into(),
+                ..OnnxOptions::default()
+            },
+        }
+    }
+}
+
+impl From<NetworkArgs> for Running {
+    fn from(args: NetworkArgs) -> Self {
+        Self::new(args.runtime, args.threads)
+    }
+}
+
+/// A network that runs.
+pub(crate) struct Network {
+    pub(crate) detector: OnnxDetector,
+    /// The library that runs it, where it is not built in.
+    pub(crate) library: Option<String>,
+}
+
+/// Loads a model. `option` named it, for messages.
+///
+/// # Errors
+/// Files that cannot be read, a card that cannot be used, a model that does not load or run, a runtime that is not there.
+pub(crate) fn open(model: &ModelFile, how: &Running, option: &str) -> Result<Network, Failure> {
+    let content = model
+        .read()
+        .map_err(|e| Failure::input(format!("{option} {e}")))?;
+    load(&model.name, &content, how, option)
+}
+
+/// Loads a model that was read; `name` is what it is called. See [`open`].
+///
+/// # Errors
+/// A card that cannot be used, a model that does not load or run, a runtime that is not there.
+pub(crate) fn load(
+    name: &str,
+    content: &Content,
+    how: &Running,
+    option: &str,
+) -> Result<Network, Failure> {
+    let wrong = |e: &dyn std::fmt::Display| Failure::input(format!("{option} {e}"));
+    let card = content.card.as_ref();
+    let card = card.map(|(name, text)| ModelCard::parse(name, text));
+    let card = card.transpose().map_err(|e| wrong(&e))?;
+    let chosen = runtime::choose(how.runtime)?;
+    if let Some(warning) = &chosen.warning {
+        console::warn(warning);
+    }
+    let bytes = content.bytes.clone();
+    let detector =
+        OnnxDetector::with_card(bytes, name, card.as_ref(), &chosen.runtime, &how.options)
+            .map_err(|e| wrong(&e))?;
+    Ok(Network {
+        detector,
+        library: runtime::library(&chosen.runtime),
+    })
+}

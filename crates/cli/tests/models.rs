@@ -1,0 +1,277 @@
+//! `models list|import|check` as users run them, with a cache of each test's own.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::model_cache::{Cache, checkpoint};
+use common::{check, simulate, stderr, stdout, tiny_model};
+use std::path::Path;
+
+#[test]
+fn an_empty_cache_is_listed() {
+    let cache = Cache::new();
+    let output = cache.run(&["models", "list"]);
+    check(&output, 0, &[]);
+    let text = stdout(&output);
+    for part in [
+        "yolov7-tiny",
+        "GPL-3.0",
+        "yolox-nano",
+        "3.7 MB",
+        "Apache-2.0",
+        "no models",
+        "without --detector: none",
+        "rten (built in)",
+        cache.dir.path().to_str().unwrap(),
+    ] {
+        assert!(text.contains(part), "{text:?} lacks {part:?}");
+    }
+}
+
+#[test]
+fn an_imported_model_is_used_by_its_name() {
+    let cache = Cache::new();
+    check(&cache.import("office"), 0, &["head yolox, 80 classes"]);
+    let listed = stdout(&cache.run(&["models", "list"]));
+    assert!(listed.contains("office"), "{listed}");
+    assert!(listed.contains("without --detector: office"), "{listed}");
+
+    let checked = cache.run(&["models", "check", "office", "--runtime", "rten"]);
+    check(&checked, 0, &[]);
+    let text = stdout(&checked);
+    for part in [
+        "[1, 3, 64, 64]",
+        "[1, 84, 85]",
+        "yolox",
+        "80: person, bicycle",
+        "rten ",
+        "ms on a grey image",
+        "[input]",
+    ] {
+        assert!(text.contains(part), "{text:?} lacks {part:?}");
+    }
+
+    // Bytes that changed since are refused.
+    std::fs::write(cache.file("office.onnx"), b"other").unwrap();
+    let output = cache.run(&["models", "check", "office"]);
+    check(
+        &output,
+        2,
+        &["office.onnx", "expected the model that was installed"],
+    );
+    let listed = stdout(&cache.run(&["models", "list"]));
+    assert!(listed.contains("damaged: office"), "{listed}");
+}
+
+#[test]
+fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
+    let cache = Cache::new();
+    check(&cache.import("office"), 0, &[]);
+    let dir = tempfile::tempdir().unwrap();
+    let (room, out) = (dir.path().join("room"), dir.path().join("out"));
+    simulate(&room, "xyz", 3);
+    let run = |more: &[&str]| {
+        let mut command = cache.program();
+        command.arg("run").arg(&room).arg("--out").arg(&out);
+        command.args(["--runtime", "rten"]).args(more);
+        command.output().unwrap()
+    };
+    let told = || -> serde_json::Value {
+        let text = std::fs::read(out.join("summary.json")).unwrap();
+        serde_json::from_slice::<serde_json::Value>(&text).unwrap()["detector"].clone()
+    };
+    let output = run(&[]);
+    check(&output, 0, &["detector: office (it is in the cache"]);
+    assert!(
+        stdout(&output).contains("network: head yolox, input 64x64 px, rten "),
+        "{}",
+        stdout(&output)
+    );
+    assert_eq!(told()["name"], "office");
+    assert_eq!(told()["frames"], 3);
+    let output = run(&["--detector", "none"]);
+    check(&output, 0, &[]);
+    assert!(
+        !stderr(&output).contains("detector:"),
+        "{}",
+        stderr(&output)
+    );
+    assert_eq!(told()["kind"], "none");
+    check(
+        &run(&["--detector", "ofice"]),
+        2,
+        &["did you mean \"office\"?"],
+    );
+
+    let report = dir.path().join("bench");
+    let mut bench = cache.program();
+    bench.arg("bench").arg(&room).args(["--runs", "1", "--out"]);
+    let output = bench
+        .arg(&report)
+        .args(["--runtime", "rten"])
+        .output()
+        .unwrap();
+    check(&output, 0, &["detector: office"]);
+    let text = std::fs::read_to_string(report.join("bench.md")).unwrap();
+    assert!(
+        text.contains("detector office (it is in the cache"),
+        "{text}"
+    );
+    assert!(text.contains("rten "), "{text}");
+
+    // Who did not ask for a model can go on without.
+    std::fs::write(cache.file("office.onnx"), b"other").unwrap();
+    check(
+        &run(&[]),
+        2,
+        &["office.onnx", "--detector none runs without"],
+    );
+}
+
+#[test]
+fn no_model_is_said() {
+    let cache = Cache::new();
+    let dir = tempfile::tempdir().unwrap();
+    let room = dir.path().join("room");
+    simulate(&room, "xyz", 2);
+    let mut command = cache.program();
+    let output = command
+        .arg("run")
+        .arg(&room)
+        .arg("--out")
+        .arg(dir.path().join("out"))
+        .output()
+        .unwrap();
+    let part =
+        "detector: none (no model is in the cache; `stillpoint models pull yolox-nano` gets one)";
+    check(&output, 0, &[part]);
+}
+
+#[test]
+fn checkpoints_and_networks_are_imported() {
+    let cache = Cache::new();
+    let out = cache.dir.path().join("tiny7.onnx");
+    let file = checkpoint();
+    let args = [
+        "models",
+        "import",
+        file.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ];
+    check(&cache.run(&args), 0, &["yolo-anchors"]);
+    assert!(out.is_file() && out.with_extension("toml").is_file());
+    assert!(!cache.file("").exists(), "the cache is not touched");
+    let checked = cache.run(&["models", "check", out.to_str().unwrap()]);
+    check(&checked, 0, &[]);
+    assert!(
+        stdout(&checked).contains("tiny7.toml"),
+        "{}",
+        stdout(&checked)
+    );
+    check(&cache.run(&args[..3]), 0, &[]);
+    assert!(cache.file("idetect.onnx").is_file() && cache.file("idetect.toml").is_file());
+}
+
+#[test]
+fn what_is_no_model_is_refused() {
+    let cache = Cache::new();
+    let file = |name: &str, bytes: &[u8]| {
+        let path = cache.dir.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let import = |file: &str| cache.run(&["models", "import", file]);
+    check(
+        &import("/no/such.onnx"),
+        2,
+        &["/no/such.onnx", "check the path"],
+    );
+    check(
+        &import(&file("text.onnx", b"hello")),
+        2,
+        &["text.onnx", "ONNX model"],
+    );
+    check(&import(&file("empty.pt", b"")), 2, &["empty", "checkpoint"]);
+    check(
+        &import(&file("half.pt", b"PK\x03\x04")),
+        2,
+        &["half", "checkpoint"],
+    );
+    let tiny = tiny_model::model();
+    check(&import(&file("a b.onnx", &tiny)), 2, &["'a b'", "--name"]);
+    let named = file("good.onnx", &tiny);
+    let tricks = ["models", "import", &named, "--name", "../x"];
+    check(&cache.run(&tricks), 2, &["../x"]);
+    let out = ["models", "import", &named, "--out", "x.txt"];
+    check(&cache.run(&out), 2, &["x.txt", ".onnx"]);
+    // A card that contradicts the model.
+    file("good.toml", b"head = \"yolo-anchors\"\n");
+    check(&import(&named), 2, &["good.onnx"]);
+    assert!(!cache.file("").exists(), "nothing was put into the cache");
+
+    let check_model = |name: &str| cache.run(&["models", "check", name]);
+    check(
+        &check_model("yolox-nano"),
+        2,
+        &["`stillpoint models pull yolox-nano` gets it"],
+    );
+    check(&check_model(&named), 2, &["good.onnx"]);
+    let pull = |name: &str| cache.run(&["models", "pull", name]);
+    check(&pull("yolox"), 2, &["yolox-tiny", "found \"yolox\""]);
+    check(&pull("yolox_nano"), 2, &["did you mean \"yolox-nano\"?"]);
+}
+
+#[test]
+fn libraries_that_cannot_be_used_are_told() {
+    let cache = Cache::new();
+    let model = tiny_model::write(cache.dir.path());
+    let broken = cache.dir.path().join("libonnxruntime.so");
+    std::fs::write(&broken, "no library").unwrap();
+    // Nothing else is to be found.
+    let run = |runtime: &str, library: Option<&Path>| {
+        let mut command = cache.program();
+        for name in [
+            "VIRTUAL_ENV",
+            "CONDA_PREFIX",
+            "PATH",
+            "HOME",
+            "ORT_DYLIB_PATH",
+        ] {
+            command.env_remove(name);
+        }
+        if let Some(library) = library {
+            command.env("ORT_DYLIB_PATH", library);
+        }
+        command.args(["models", "check"]).arg(&model);
+        command.args(["--runtime", runtime]).output().unwrap()
+    };
+    let output = run("onnxruntime", Some(&broken));
+    if output.status.code() == Some(0) {
+        println!("skipped: a library of ONNX Runtime is installed in the system");
+        return;
+    }
+    check(
+        &output,
+        2,
+        &["libonnxruntime.so", "pip install onnxruntime"],
+    );
+    check(
+        &run("onnxruntime", None),
+        2,
+        &[
+            "--runtime onnxruntime",
+            "ORT_DYLIB_PATH",
+            "pip install onnxruntime",
+        ],
+    );
+    let output = run("auto", Some(&broken));
+    check(
+        &output,
+        0,
+        &["warning: the network is run by rten", "libonnxruntime.so"],
+    );
+    assert!(stdout(&output).contains("rten "), "{}", stdout(&output));
+    check(&run("rten", Some(&broken)), 0, &[]);
+    check(&run("fast", None), 2, &["fast", "rten"]);
+}
