@@ -3,6 +3,10 @@
 //! Answers: which models are known, which of them are here, and how one that is not gets here. Does not run networks (crate
 //! `detection`).
 
+// The server of the integration tests also serves those within the crate.
+#[cfg(test)]
+extern crate self as stillpoint_models;
+
 mod cache;
 mod catalogue;
 mod checksum;

@@ -158,9 +158,10 @@ impl Cache {
     /// # Errors
     /// The cache is no folder. What is wrong with the model is its [`State`].
     pub fn find(&self, name: &str) -> Result<Option<CachedModel>, CacheError> {
+        self.check_folder()?;
         let onnx = self.onnx_path(name);
         if check_name(name).is_err() || matches!(onnx.try_exists(), Ok(false)) {
-            return self.files_are_readable().map(|()| None);
+            return Ok(None);
         }
         let record_path = self.record_path(name);
         let mut model = CachedModel {
@@ -196,7 +197,7 @@ impl Cache {
 
     /// Names of what lies in the folder, sorted; none if it does not exist.
     fn files(&self) -> Result<Vec<String>, CacheError> {
-        self.files_are_readable()?;
+        self.check_folder()?;
         let folder = self.folder();
         let unreadable = |source| CacheError::Read {
             path: folder.clone(),
@@ -215,7 +216,7 @@ impl Cache {
         Ok(files)
     }
 
-    fn files_are_readable(&self) -> Result<(), CacheError> {
+    fn check_folder(&self) -> Result<(), CacheError> {
         match in_the_way(&self.folder()) {
             Some(path) => Err(CacheError::NoFolder {
                 path: path.to_owned(),

@@ -2,7 +2,7 @@
 #![allow(dead_code, unreachable_pub)]
 
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -280,4 +280,59 @@ pub fn watch(
         ControlFlow::Continue(())
     });
     (result, seen)
+}
+
+/// Downloads a model from a server that answers like this, over an older model.
+pub fn fetch(
+    model: &KnownModel,
+    answer: impl Fn(usize, &Request, &mut TcpStream) + Send + Sync + 'static,
+) -> (Result<Pulled, PullError>, Scratch, Server) {
+    fetch_within(Duration::from_secs(10), model, answer)
+}
+
+/// The same with a limit for each wait.
+pub fn fetch_within(
+    stall_timeout: Duration,
+    model: &KnownModel,
+    answer: impl Fn(usize, &Request, &mut TcpStream) + Send + Sync + 'static,
+) -> (Result<Pulled, PullError>, Scratch, Server) {
+    let (server, scratch) = (Server::start(answer), Scratch::with_older());
+    let limited = PullOptions {
+        stall_timeout,
+        ..options(&server)
+    };
+    (watch(model, &scratch.cache, &limited).0, scratch, server)
+}
+
+/// The error of such a download, after which nothing but the older model is there.
+pub fn fails(
+    model: &KnownModel,
+    answer: impl Fn(usize, &Request, &mut TcpStream) + Send + Sync + 'static,
+) -> PullError {
+    let (result, scratch, _server) = fetch(model, answer);
+    failed(result, &scratch)
+}
+
+/// Asserts that nothing but the older model is there.
+pub fn failed(result: Result<Pulled, PullError>, scratch: &Scratch) -> PullError {
+    let e = result.unwrap_err();
+    assert!(!e.to_string().contains('\n'), "{e}");
+    scratch.assert_older(&[]);
+    e
+}
+
+/// Asserts that what came is kept: how much, and why no more came.
+pub fn broke_off(result: Result<Pulled, PullError>, scratch: &Scratch) -> (u64, String) {
+    scratch.assert_older(&["made-up.part", "made-up.part.toml"]);
+    match result.unwrap_err() {
+        PullError::BrokenOff {
+            received, reason, ..
+        } => (received, reason),
+        other => panic!("{other}"),
+    }
+}
+
+/// Waits until the client has gone.
+pub fn stall(stream: &mut TcpStream) {
+    let _ = stream.read(&mut [0; 1]);
 }
