@@ -30,8 +30,26 @@ pub struct Config {
     pub keyframes: KeyframeConfig,
     /// Map building.
     pub mapping: MappingConfig,
+    /// Which frames the detector looks at.
+    pub detector: DetectorConfig,
     /// Delays of the background stages in the inline driver.
     pub schedule: Schedule,
+}
+
+/// Which frames the detector looks at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DetectorConfig {
+    /// The detector looks at every so many frames, from the first on. Range: 1 to 100. With `schedule.detector` as large it
+    /// stands for a detector that always takes the newest frame and is busy for so many: it does not look at those in
+    /// between, and tracking keeps its rate.
+    pub stride: u32,
+}
+
+impl Default for DetectorConfig {
+    fn default() -> Self {
+        Self { stride: 1 }
+    }
 }
 
 /// Delays of replies in the inline driver, in frames; 0 means before the next frame.
@@ -122,6 +140,9 @@ impl Config {
         section("tracking", &|c| self.tracking.check(c));
         section("keyframes", &|c| self.keyframes.check(c));
         section("mapping", &|c| self.mapping.check(c));
+        section("detector", &|c| {
+            c.range("stride", f64::from(self.detector.stride), 1.0, 100.0);
+        });
         section("schedule", &|c| {
             c.range("detector", f64::from(self.schedule.detector), 0.0, 1000.0);
             c.range("mapper", f64::from(self.schedule.mapper), 0.0, 1000.0);
@@ -137,6 +158,22 @@ impl Config {
             Ok(())
         } else {
             Err(ConfigError(problems))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strides_are_one_to_a_hundred() {
+        for (stride, valid) in [(0, false), (1, true), (100, true), (101, false)] {
+            let mut config = Config::default();
+            config.detector.stride = stride;
+            let problems = config.validate().err().map(|e| e.to_string());
+            assert_eq!(problems.is_none(), valid, "{stride}");
+            assert!(problems.is_none_or(|p| p.contains("detector.stride: expected 1 to 100")));
         }
     }
 }

@@ -87,7 +87,7 @@ pub struct FrameReport {
     pub map_version: u64,
 }
 
-/// How many features each step of tracking dealt with.
+/// How many features each step of tracking dealt with, and which detections it could not use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {
     /// Extracted keypoints.
@@ -106,6 +106,12 @@ pub struct FrameCounts {
     pub map_matches: u32,
     /// Of these, matches that agree with the final pose.
     pub inliers: u32,
+    /// Answers of the detector that came since the frame before and were too late to be used: they are about a frame that is
+    /// not remembered any more (for 3.2 s it is).
+    pub detections_too_late: u32,
+    /// Answers of the detector that came since the frame before, or were there in time for this one, and could not be used
+    /// because the frame they are about has no pose.
+    pub detections_without_pose: u32,
 }
 
 /// The mapper's report on one keyframe.

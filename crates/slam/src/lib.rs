@@ -13,7 +13,7 @@ mod system;
 mod tracking;
 mod trajectory;
 
-pub use config::{Config, ConfigError, ConfigProblem, Schedule};
+pub use config::{Config, ConfigError, ConfigProblem, DetectorConfig, Schedule};
 pub use event::{
     BundleCounts, Event, FrameCounts, FrameReport, LostReason, MappingReport, Outcome,
     RejudgeReport,

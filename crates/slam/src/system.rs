@@ -25,6 +25,7 @@ pub struct System {
     /// Answers of the detector that are not due yet, with the number of the step at which they are.
     detections: VecDeque<(u64, Detections)>,
     detector_delay: u64,
+    detector_stride: u64,
     step: u64,
 }
 
@@ -36,6 +37,7 @@ impl System {
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Result<Self, ConfigError> {
         config.validate()?;
         let detector_delay = u64::from(config.schedule.detector);
+        let detector_stride = u64::from(config.detector.stride);
         Ok(Self {
             mapper_delay: u64::from(config.schedule.mapper),
             mapper: Mapper::new(&config),
@@ -44,11 +46,12 @@ impl System {
             detector: None,
             detections: VecDeque::new(),
             detector_delay,
+            detector_stride,
             step: 0,
         })
     }
 
-    /// The system with a detector, which looks at every frame.
+    /// The system with a detector, which looks at every frame, or at every so many (`detector.stride`) from the first on.
     #[must_use]
     pub fn with_detector(mut self, detector: Box<dyn Detector>) -> Self {
         self.detector = Some(detector);
@@ -76,11 +79,14 @@ impl System {
         events
     }
 
-    /// Lets the detector look at a frame; its answer is due some steps later.
+    /// Lets the detector look at a frame whose turn it is; its answer is due some steps later.
     fn detect(&mut self, frame: &RgbdFrame, events: &mut Vec<Event>) {
         let Some(detector) = &mut self.detector else {
             return;
         };
+        if !self.step.is_multiple_of(self.detector_stride) {
+            return;
+        }
         let _span = tracing::info_span!("detect").entered();
         match detector.detect(frame) {
             Ok(detections) => self
@@ -100,7 +106,7 @@ impl System {
                 return;
             };
             events.push(Event::Detected(detections.clone()));
-            for message in self.tracker.receive_detections(detections, next) {
+            if let Some(message) = self.tracker.receive_detections(detections, next) {
                 self.map(message, events);
             }
         }
@@ -148,5 +154,75 @@ impl System {
         self.replies
             .back()
             .map_or_else(|| self.tracker.view(), |(_, out)| Arc::clone(&out.view))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_detection::{DetectError, DetectorInfo, DetectorKind};
+    use stillpoint_imaging::{DepthImage, GrayImage};
+
+    /// A detector that notes which frames it was shown, and tells them in its remark.
+    struct Witness(Vec<u32>);
+
+    impl Detector for Witness {
+        fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+            self.0.push(frame.id.0);
+            Ok(Detections {
+                frame: frame.id,
+                stamp: frame.stamp,
+                items: Vec::new(),
+            })
+        }
+
+        fn info(&self) -> DetectorInfo {
+            DetectorInfo::new(DetectorKind::None, "")
+        }
+
+        fn remark(&self) -> Option<String> {
+            Some(format!("{:?}", self.0))
+        }
+    }
+
+    /// Runs ten black frames with the ids 7, 10, ..., 34; returns the frames that were looked at, and for each frame that
+    /// detections reached, of which frame they were.
+    fn looked_at(stride: u32, delay: u32) -> (String, Vec<(u32, u32)>) {
+        let mut config = Config::default();
+        config.detector.stride = stride;
+        config.schedule.detector = delay;
+        let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+        let system = System::new(config, camera, Simd::Scalar).unwrap();
+        let mut system = system.with_detector(Box::new(Witness(Vec::new())));
+        let mut came = Vec::new();
+        for i in 0..10 {
+            let id = FrameId(7 + 3 * i);
+            let events = system.step(RgbdFrame {
+                id,
+                stamp: f64::from(i),
+                depth_stamp: f64::from(i),
+                gray: GrayImage::new(64, 48),
+                colour: None,
+                depth: DepthImage::from_vec(64, 48, vec![0.0; 64 * 48]).unwrap(),
+            });
+            for event in events {
+                if let Event::Detected(d) = event {
+                    came.push((id.0, d.frame.0));
+                }
+            }
+        }
+        let seen = system.detector().and_then(Detector::remark);
+        (seen.unwrap(), came)
+    }
+
+    #[test]
+    fn the_detector_looks_at_every_so_many_frames_of_the_run() {
+        assert_eq!(looked_at(1, 0).0, "[7, 10, 13, 16, 19, 22, 25, 28, 31, 34]");
+        let looks = "[7, 19, 31]".to_owned();
+        let at_once = vec![(7, 7), (19, 19), (31, 31)];
+        assert_eq!(looked_at(4, 0), (looks.clone(), at_once));
+        // The answer to the last look is not there yet when the run ends.
+        assert_eq!(looked_at(4, 3), (looks, vec![(16, 7), (28, 19)]));
+        assert_eq!(looked_at(100, 2), ("[7]".to_owned(), vec![(13, 7)]));
     }
 }

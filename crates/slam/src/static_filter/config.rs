@@ -26,7 +26,8 @@ pub struct StaticFilterConfig {
     pub objects: bool,
     /// Uses flow between frames (G): the epipolar constraint, and in preset "default" the rigid test. Range: true or false.
     pub geometry: bool,
-    /// Uses depth within boxes (D). Range: true or false.
+    /// Uses depth within boxes (D): in preset "paper" splits a box into object and background, in preset "default" gives an
+    /// object a range of depth, without which all that is in its box is the object. Range: true or false.
     pub depth: bool,
     /// Fewer static features than this starve tracking: the least risky dynamic ones are released. Range: 0 to 1000.
     pub min_features: usize,

@@ -52,7 +52,11 @@ pub(crate) struct Place {
 
 /// The frames of the last seconds, oldest first.
 #[derive(Default)]
-pub(super) struct History(VecDeque<Snapshot>);
+pub(super) struct History {
+    frames: VecDeque<Snapshot>,
+    /// The newest frame that is not kept any more.
+    forgotten: Option<FrameId>,
+}
 
 impl History {
     pub(super) fn push(
@@ -64,13 +68,12 @@ impl History {
         place: &Place,
     ) {
         // A clock that jumps back makes everything remembered worthless for comparison by age.
-        if self.0.back().is_some_and(|s| s.stamp >= stamp) {
-            self.0.clear();
+        let jumped = self.last().is_some_and(|s| s.stamp >= stamp);
+        let kept = |s: &Snapshot| !jumped && stamp - s.stamp <= SPAN;
+        while self.frames.front().is_some_and(|s| !kept(s)) {
+            self.forgotten = self.frames.pop_front().map(|s| s.frame);
         }
-        while self.0.front().is_some_and(|s| stamp - s.stamp > SPAN) {
-            self.0.pop_front();
-        }
-        self.0.push_back(Snapshot {
+        self.frames.push_back(Snapshot {
             frame,
             stamp,
             grid,
@@ -84,13 +87,18 @@ impl History {
 
     /// The last frame.
     pub(super) fn last(&self) -> Option<&Snapshot> {
-        self.0.back()
+        self.frames.back()
+    }
+
+    /// Whether a frame is older than all that is remembered: then it is too late to ask for it.
+    pub(super) fn forgot(&self, frame: FrameId) -> bool {
+        self.forgotten.is_some_and(|last| frame <= last)
     }
 
     /// A frame by its id, while it is remembered.
     pub(super) fn get(&self, frame: FrameId) -> Option<&Snapshot> {
-        let i = self.0.binary_search_by_key(&frame, |s| s.frame).ok()?;
-        self.0.get(i)
+        let i = self.frames.binary_search_by_key(&frame, |s| s.frame).ok()?;
+        self.frames.get(i)
     }
 
     /// The newest frames that are at least as old as each age (s, ascending) before `stamp`, without repetition.
@@ -98,13 +106,13 @@ impl History {
         let mut indices: Vec<usize> = ages
             .iter()
             .filter_map(|age| {
-                self.0
+                self.frames
                     .partition_point(|s| s.stamp <= stamp - age)
                     .checked_sub(1)
             })
             .collect();
         indices.dedup();
-        indices.into_iter().map(|i| &self.0[i]).collect()
+        indices.into_iter().map(|i| &self.frames[i]).collect()
     }
 }
 
@@ -164,25 +172,29 @@ mod tests {
     #[test]
     fn what_is_older_than_the_span_is_forgotten() {
         let mut history = filled(300);
-        let oldest = history.0.front().unwrap().stamp;
+        let oldest = history.frames.front().unwrap().stamp;
         let newest = history.last().unwrap().stamp;
         assert!(newest - oldest <= SPAN && newest - oldest > SPAN - 0.05);
+        let oldest = history.frames.front().unwrap().frame.0;
+        assert!(history.forgot(FrameId(0)) && history.forgot(FrameId(oldest - 1)));
+        assert!(!history.forgot(FrameId(oldest)) && !history.forgot(FrameId(999)));
         // After a long gap nothing else is left.
         push(&mut history, 300, newest + 10.0);
-        assert_eq!(history.0.len(), 1);
+        assert_eq!(history.frames.len(), 1);
     }
 
     #[test]
     fn a_clock_that_jumps_back_empties_it() {
         let mut history = filled(30);
         push(&mut history, 30, 0.5);
-        assert_eq!(history.0.len(), 1);
+        assert_eq!(history.frames.len(), 1);
         assert_eq!(history.last().unwrap().frame, FrameId(30));
+        assert!(history.forgot(FrameId(29)) && !history.forgot(FrameId(30)));
         // The same stamp again does, too: an age of zero compares a frame with itself.
         push(&mut history, 31, 0.5);
-        assert_eq!(history.0.len(), 1);
+        assert_eq!(history.frames.len(), 1);
         push(&mut history, 32, 0.6);
-        assert_eq!(history.0.len(), 2);
+        assert_eq!(history.frames.len(), 2);
     }
 
     #[test]

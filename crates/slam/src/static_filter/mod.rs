@@ -5,6 +5,7 @@
 
 mod cells;
 mod config;
+mod corners;
 mod depth;
 mod epipolar;
 mod history;
@@ -24,12 +25,11 @@ use crate::config::Config;
 use cells::Cells;
 use history::{History, Snapshot};
 use rigid::Vote;
-use segments::LIMIT;
-use semantic::{MOVER, Mover};
+use semantic::Mover;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
 use stillpoint_geometry::{Camera, Se3, Vec2};
-use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId, RgbdFrame};
+use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{MOVES, Now, Surfaces};
 
@@ -88,6 +88,15 @@ pub(crate) struct Judgement {
     pub(crate) released: u32,
 }
 
+/// Detections that were of no use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Unused {
+    /// Answers about frames that the history does not reach back to any more.
+    pub(crate) too_late: u32,
+    /// Answers about frames that have no pose.
+    pub(crate) without_pose: u32,
+}
+
 /// Features of an earlier frame that turned out to lie on something that moves.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Rejudged {
@@ -104,8 +113,9 @@ pub(crate) struct StaticFilter {
     seed: u64,
     cells: Cells,
     objects: ObjectTracker,
-    /// Detections not taken in yet: those of the present frame wait for its pose.
-    inbox: Vec<Detections>,
+    /// Detections of the frame to come: they wait for its first pose.
+    waiting: Option<Detections>,
+    unused: Unused,
     history: History,
     surfaces: Surfaces,
     present: Option<(FrameId, f64, Arc<CoarseDepth>)>,
@@ -123,7 +133,8 @@ impl StaticFilter {
             surfaces: Surfaces::new(&cells),
             cells,
             objects: ObjectTracker::new(config.objects.clone(), *camera),
-            inbox: Vec::new(),
+            waiting: None,
+            unused: Unused::default(),
             history: History::default(),
             present: None,
         }
@@ -134,11 +145,23 @@ impl StaticFilter {
         self.config.preset != Preset::Off && self.config.geometry
     }
 
-    /// Takes detections of the frame to come or of an earlier one.
+    /// Whether the filter makes use of detections.
+    fn wants_detections(&self) -> bool {
+        self.config.preset != Preset::Off && self.config.objects
+    }
+
+    /// Takes detections of the frame to come.
     pub(crate) fn receive(&mut self, detections: Detections) {
-        if self.config.objects && self.config.preset != Preset::Off {
-            self.inbox.push(detections);
+        if self.wants_detections() {
+            self.waiting = Some(detections);
         }
+    }
+
+    /// Ends a frame, whatever became of it. Returns which detections came since the last frame and were of no use: those of a
+    /// frame that found no pose are none later either.
+    pub(crate) fn end_frame(&mut self) -> Unused {
+        self.unused.without_pose += u32::from(self.waiting.take().is_some());
+        std::mem::take(&mut self.unused)
     }
 
     /// Judges the features of a frame.
@@ -153,12 +176,12 @@ impl StaticFilter {
         }
         let grid = Arc::new(cells::coarse(&input.frame.depth));
         let stamp = input.frame.stamp;
-        for detections in self.inbox.extract_if(.., |d| d.frame == input.frame.id) {
+        if let Some(detections) = self.waiting.take_if(|d| d.frame == input.frame.id) {
             self.objects
                 .update(&detections, &input.world_from_camera, &grid);
         }
         let objects = self.objects.predict(stamp, &input.world_from_camera);
-        let movers = semantic::movers(&objects, &self.weights, stamp, self.coast);
+        let movers = self.movers(&objects, stamp);
         let mut verdicts = match self.config.preset {
             Preset::Paper => paper::judge(&self.config, input, &self.camera, &movers, self.seed),
             Preset::Default | Preset::Off => self.judge_surfaces(input, &grid, &movers),
@@ -171,6 +194,15 @@ impl StaticFilter {
             segments: self.segments(),
             released,
         }
+    }
+
+    /// The objects that may move. Without D all that is in their boxes is theirs, whatever its depth.
+    fn movers(&self, objects: &[Object], stamp: f64) -> Vec<Mover> {
+        let mut movers = semantic::movers(objects, &self.weights, stamp, self.coast);
+        if !self.config.depth {
+            movers.iter_mut().for_each(|m| m.range = None);
+        }
+        movers
     }
 
     fn segments(&self) -> Segments {
@@ -222,35 +254,35 @@ impl StaticFilter {
         }
     }
 
-    /// Takes in detections of earlier frames, and judges the features of those frames again that became keyframes.
+    /// Takes in detections of an earlier frame, and if that became a keyframe (`data`), judges its features again. `None` when
+    /// none of them moves.
     pub(crate) fn take_late(
         &mut self,
+        detections: &Detections,
         view: &MapView,
-        data: impl Fn(FrameId) -> Option<Arc<KeyframeData>>,
-    ) -> Vec<Rejudged> {
-        let mut rejudged = Vec::new();
-        for detections in std::mem::take(&mut self.inbox) {
-            let Some(s) = self.history.get(detections.frame) else {
-                continue;
-            };
-            let pose = s.world_from_camera(view);
-            self.objects.update(&detections, &pose, &s.grid);
-            if let Some(data) = data(detections.frame) {
-                let features = self.features_on_movers(s, &pose, &data);
-                if !features.is_empty() {
-                    rejudged.push(Rejudged {
-                        frame: detections.frame,
-                        features,
-                    });
-                }
-            }
+        data: Option<Arc<KeyframeData>>,
+    ) -> Option<Rejudged> {
+        if !self.wants_detections() {
+            return None;
         }
-        rejudged
+        let frame = detections.frame;
+        let Some(s) = self.history.get(frame) else {
+            if self.history.forgot(frame) {
+                self.unused.too_late += 1;
+            } else {
+                self.unused.without_pose += 1;
+            }
+            return None;
+        };
+        let pose = s.world_from_camera(view);
+        self.objects.update(detections, &pose, &s.grid);
+        let features = self.features_on_movers(s, &pose, &*data?);
+        (!features.is_empty()).then_some(Rejudged { frame, features })
     }
 
     fn features_on_movers(&self, s: &Snapshot, pose: &Se3, data: &KeyframeData) -> Vec<u32> {
         let objects = self.objects.predict(s.stamp, pose);
-        let movers = semantic::movers(&objects, &self.weights, s.stamp, self.coast);
+        let movers = self.movers(&objects, s.stamp);
         let on_mover = |i: &u32| {
             let (k, z) = (&data.keypoints[*i as usize], data.depths[*i as usize]);
             let (u, v) = (f64::from(k.x), f64::from(k.y));
@@ -290,90 +322,7 @@ impl StaticFilter {
             }
         }
     }
-
-    /// A feature moves with the surface that it lies on.
-    fn judge_feature(
-        &self,
-        pixel: [f32; 2],
-        image: &DepthImage,
-        grid: &[f32],
-        movers: &[Mover],
-    ) -> FeatureVerdict {
-        let [u, v] = pixel.map(f64::from);
-        let (z, cell) = self.surface_at(pixel, image, grid);
-        let in_box = movers
-            .iter()
-            .any(|m| m.strength > 0.0 && m.bounds.contains(u, v));
-        // In a hole of the depth image nothing is known: most such corners are beside a silhouette, on the background.
-        let (odds, evidence) = cell.map_or((0.0, 0.0), |c| {
-            (self.surfaces.odds[c], self.surfaces.evidence[c])
-        });
-        let dynamic = odds > MOVES;
-        let mut reasons = Reasons::default();
-        if let Some(m) = movers
-            .iter()
-            .find(|m| (m.weight >= MOVER || m.strength > 0.0) && m.holds(u, v, z))
-        {
-            if dynamic && m.strength > 0.0 {
-                reasons |= Reasons::OBJECT;
-            } else if !dynamic && m.weight >= MOVER {
-                reasons |= Reasons::PARKED;
-            }
-        } else if in_box && !dynamic {
-            reasons |= Reasons::DEPTH;
-        }
-        if dynamic && evidence > 0.0 {
-            reasons |= Reasons::RIGID;
-        } else if dynamic && reasons.is_empty() {
-            reasons |= Reasons::AGE;
-        }
-        FeatureVerdict {
-            pixel,
-            dynamic,
-            reasons,
-            risk: odds.clamp(-LIMIT, LIMIT),
-        }
-    }
-
-    /// The depth (m; 0: none) at a raw pixel or next to it, and of the cells around it the one at that depth.
-    fn surface_at(
-        &self,
-        pixel: [f32; 2],
-        image: &DepthImage,
-        grid: &[f32],
-    ) -> (f32, Option<usize>) {
-        let z = nearest_depth(image, pixel).unwrap_or(0.0);
-        let home = self.cells.at(pixel[0], pixel[1]);
-        // Of a cell's width the surface itself may slope by this much.
-        let mut best = (0.05 + 0.03 * z, None);
-        for cell in self.cells.around(home, 1) {
-            let gap = (grid[cell] - z).abs() + if cell == home { 0.0 } else { 0.01 };
-            if z > 0.0 && grid[cell] > 0.0 && gap < best.0 {
-                best = (gap, Some(cell));
-            }
-        }
-        (z, best.1)
-    }
 }
 
-/// The depth (m) of a raw pixel, else that of a neighbour: a corner on a silhouette has its depth on either side.
-fn nearest_depth(image: &DepthImage, [u, v]: [f32; 2]) -> Option<f32> {
-    const NEAR: [(i32, i32); 9] = [
-        (0, 0),
-        (-1, 0),
-        (1, 0),
-        (0, -1),
-        (0, 1),
-        (-1, -1),
-        (1, -1),
-        (-1, 1),
-        (1, 1),
-    ];
-    let (u, v) = (libm::roundf(u) as i32, libm::roundf(v) as i32);
-    let at = |(dx, dy): &(i32, i32)| {
-        let (x, y) = (u + dx, v + dy);
-        let inside = x >= 0 && y >= 0 && x < image.width() as i32 && y < image.height() as i32;
-        Some(image.at(inside.then_some(x as usize)?, y as usize)).filter(|z| *z > 0.0)
-    };
-    NEAR.iter().find_map(at)
-}
+#[cfg(test)]
+mod tests;

@@ -132,23 +132,23 @@ impl Tracker {
         Arc::clone(&self.view)
     }
 
-    /// Takes detections of the frame to come, or late ones. Returns what the mapper is to be told of earlier keyframes.
-    pub fn receive_detections(&mut self, detections: Detections, next: FrameId) -> Vec<MapperMsg> {
-        let late = detections.frame < next;
-        self.filter.receive(detections);
-        if !late {
-            return Vec::new();
+    /// Takes detections of the frame `next` to come, or late ones. Returns what the mapper is to be told of an earlier keyframe.
+    pub fn receive_detections(
+        &mut self,
+        detections: Detections,
+        next: FrameId,
+    ) -> Option<MapperMsg> {
+        if detections.frame >= next {
+            self.filter.receive(detections);
+            return None;
         }
-        let view = Arc::clone(&self.view);
-        let data = |f: FrameId| view.keyframe(KeyframeId(f.0)).map(|k| Arc::clone(&k.data));
-        let rejudged = self.filter.take_late(&view, data);
-        rejudged
-            .into_iter()
-            .map(|r| MapperMsg::Rejudge {
-                keyframe: KeyframeId(r.frame.0),
-                features: r.features,
-            })
-            .collect()
+        let keyframe = self.view.keyframe(KeyframeId(detections.frame.0));
+        let data = keyframe.map(|k| Arc::clone(&k.data));
+        let rejudged = self.filter.take_late(&detections, &self.view, data)?;
+        Some(MapperMsg::Rejudge {
+            keyframe: KeyframeId(rejudged.frame.0),
+            features: rejudged.features,
+        })
     }
 
     /// Takes a newer view of the map.

@@ -197,14 +197,18 @@ impl Tracker {
         }
     }
 
+    /// Says what became of the frame, which ends here.
     fn report(
-        &self,
+        &mut self,
         frame: &RgbdFrame,
         outcome: Outcome,
         world_from_camera: Option<Se3>,
-        notes: Notes,
+        mut notes: Notes,
         is_keyframe: bool,
     ) -> FrameReport {
+        let unused = self.filter.end_frame();
+        notes.counts.detections_too_late = unused.too_late;
+        notes.counts.detections_without_pose = unused.without_pose;
         FrameReport {
             frame: frame.id,
             stamp: frame.stamp,

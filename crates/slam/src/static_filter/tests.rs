@@ -1,0 +1,157 @@
+//! The stage as tracking uses it: a person at 1.5 m before a wall at 3 m, and what detections do at which time.
+
+use super::*;
+use stillpoint_detection::{BoundingBox, ClassId, Detection};
+use stillpoint_imaging::{DepthImage, GrayImage};
+use stillpoint_map::KeyframeId;
+
+/// The person fills the middle of the box; left and right of it the box holds the wall.
+const PERSON: std::ops::Range<usize> = 136..184;
+const BOX: BoundingBox = BoundingBox {
+    x0: 119.5,
+    y0: 39.5,
+    x1: 199.5,
+    y1: 199.5,
+};
+/// A corner on the person, one on the wall in the box, one on the wall outside.
+const CORNERS: [[f32; 2]; 3] = [[160.0, 120.0], [126.0, 120.0], [40.0, 120.0]];
+
+fn camera() -> Camera {
+    Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5])
+}
+
+fn filter(config: &Config) -> StaticFilter {
+    StaticFilter::new(config, &camera())
+}
+
+fn detections(frame: u32) -> Detections {
+    Detections {
+        frame: FrameId(frame),
+        stamp: f64::from(frame) / 30.0,
+        items: vec![Detection {
+            class: ClassId::PERSON,
+            score: 0.9,
+            bounds: BOX,
+        }],
+    }
+}
+
+fn frame(id: u32) -> RgbdFrame {
+    let there = |i: usize| PERSON.contains(&(i % 320)) && (40..200).contains(&(i / 320));
+    let depth = (0..320 * 240).map(|i| if there(i) { 1.5 } else { 3.0 });
+    RgbdFrame {
+        id: FrameId(id),
+        stamp: f64::from(id) / 30.0,
+        depth_stamp: f64::from(id) / 30.0,
+        gray: GrayImage::new(320, 240),
+        colour: None,
+        depth: DepthImage::from_vec(320, 240, depth.collect()).unwrap(),
+    }
+}
+
+fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
+    filter.judge(&FrameInput {
+        frame: &frame(id),
+        view: &MapView::default(),
+        world_from_camera: Se3::identity(),
+        camera_from_depth: Se3::identity(),
+        features: &CORNERS,
+        depths: &[1.5, 3.0, 3.0],
+        pairs: &[],
+        last_from_now: Se3::identity(),
+    })
+}
+
+/// Judges a frame and finds its pose.
+fn follow(filter: &mut StaticFilter, id: u32) -> Unused {
+    judge(filter, id);
+    filter.remember(&Place {
+        reference: KeyframeId(0),
+        reference_from_camera: Se3::identity(),
+        world_from_camera: Se3::identity(),
+        camera_from_depth: Se3::identity(),
+    });
+    filter.end_frame()
+}
+
+fn dynamic(judgement: &Judgement) -> Vec<bool> {
+    judgement.verdicts.iter().map(|v| v.dynamic).collect()
+}
+
+/// No starvation guard: three corners are always few.
+fn config() -> Config {
+    let mut config = Config::default();
+    config.static_filter.min_features = 0;
+    config
+}
+
+#[test]
+fn detections_of_lost_frames_do_not_wait() {
+    let mut filter = filter(&config());
+    let unused = Unused {
+        too_late: 0,
+        without_pose: 1,
+    };
+    // Tracking is lost: the filter is told of detections and asked for nothing.
+    for id in 0..300 {
+        filter.receive(detections(id));
+        assert_eq!(filter.end_frame(), unused, "frame {id}");
+        assert!(filter.waiting.is_none(), "frame {id}");
+    }
+    // What was said of lost frames is not said of the first one that is found.
+    assert!(judge(&mut filter, 300).objects.is_empty());
+    assert_eq!(filter.end_frame(), Unused::default());
+    // Control: what is said of it counts.
+    filter.receive(detections(301));
+    assert_eq!(judge(&mut filter, 301).objects.len(), 1);
+    assert_eq!(filter.end_frame(), Unused::default());
+}
+
+#[test]
+fn detections_that_come_too_late_are_counted() {
+    let mut filter = filter(&config());
+    let view = MapView::default();
+    for id in 0..200 {
+        // One frame is lost.
+        if id != 150 {
+            assert_eq!(follow(&mut filter, id), Unused::default());
+        }
+    }
+    // The history is 3.2 s long: from frame 103 on.
+    for (id, too_late, without_pose, objects) in [
+        (10, 1, 0, 0),
+        (102, 1, 0, 0),
+        (150, 0, 1, 0),
+        (190, 0, 0, 1),
+    ] {
+        assert!(filter.take_late(&detections(id), &view, None).is_none());
+        let expected = Unused {
+            too_late,
+            without_pose,
+        };
+        let found = judge(&mut filter, 200).objects.len();
+        assert_eq!(
+            (filter.end_frame(), found),
+            (expected, objects),
+            "of frame {id}"
+        );
+    }
+    // A filter that takes no detections misses none.
+    let mut deaf = config();
+    deaf.static_filter.objects = false;
+    let mut filter = self::filter(&deaf);
+    filter.receive(detections(0));
+    filter.take_late(&detections(0), &view, None);
+    assert_eq!(follow(&mut filter, 0), Unused::default());
+}
+
+#[test]
+fn without_depth_all_in_the_box_is_the_object() {
+    for (depth, expected) in [(true, [true, false, false]), (false, [true, true, false])] {
+        let mut config = config();
+        config.static_filter.depth = depth;
+        let mut filter = filter(&config);
+        filter.receive(detections(0));
+        assert_eq!(dynamic(&judge(&mut filter, 0)), expected, "depth: {depth}");
+    }
+}
