@@ -11,6 +11,7 @@ mod cache;
 mod catalogue;
 mod checksum;
 mod error;
+pub mod import;
 mod install;
 mod listing;
 mod name;
