@@ -1,5 +1,6 @@
 //! Runs a network over a recording and writes a script of its boxes, which `--detector scripted:FILE.csv` plays back:
 //! `cargo run --release -p stillpoint-detection --features onnx --example detect -- MODEL.onnx FOLDER OUT.csv [SCORE]`
+//! A card beside the model, MODEL.toml, says how it is read; known models need none.
 // A program may read files and the clock; the library may not.
 #![allow(
     clippy::disallowed_methods,
@@ -10,7 +11,9 @@
 use std::path::Path;
 use std::time::Instant;
 use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions};
-use stillpoint_detection::{Detector, OnnxDetector, OnnxOptions, ScriptRow, format_script};
+use stillpoint_detection::{
+    Detector, ModelCard, OnnxDetector, OnnxOptions, Runtime, ScriptRow, format_script,
+};
 use stillpoint_imaging::FrameSource;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -24,7 +27,16 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     if let Some(score) = score {
         options.score_threshold = score.parse()?;
     }
-    let mut detector = OnnxDetector::from_bytes(std::fs::read(model)?, model, &options)?;
+    let beside = Path::new(model).with_extension("toml");
+    let card = if beside.exists() {
+        let text = std::fs::read_to_string(&beside)?;
+        Some(ModelCard::parse(&beside.display().to_string(), &text)?)
+    } else {
+        None
+    };
+    let bytes = std::fs::read(model)?;
+    let runtime = Runtime::default();
+    let mut detector = OnnxDetector::with_card(bytes, model, card.as_ref(), &runtime, &options)?;
     let dataset = Dataset::open(Path::new(folder), &OpenOptions::default())?;
     let mut source = dataset.frames(&FrameOptions {
         keep_colour: true,
@@ -44,8 +56,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     std::fs::write(out, format_script(&rows))?;
     times.sort_by(f64::total_cmp);
     let median = times.get(times.len() / 2).copied().unwrap_or_default();
+    if let Some(remark) = detector.remark() {
+        eprintln!("{remark}");
+    }
+    let (width, height) = detector.input_size();
     eprintln!(
-        "{} frames, {} boxes, median {median:.1} ms per frame with {} thread(s)",
+        "{} at {width}x{height} px: {} frames, {} boxes, median {median:.1} ms per frame with {} thread(s)",
+        detector.card().head,
         times.len(),
         rows.len(),
         options.threads

@@ -1,42 +1,20 @@
-//! Networks: against ONNX Runtime on the shared images, where there are any, and what is refused.
+//! Networks: that they are repeatable, and what is refused.
 // A test may look for its data; the library may not.
 #![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
 #![cfg(feature = "onnx")]
 
-use std::path::{Path, PathBuf};
+mod onnx_common;
+
+use onnx_common::{Graph, conv, decode, flat, shared};
+use std::path::Path;
 use std::sync::Arc;
 use stillpoint_detection::{
-    ClassId, DetectError, Detection, Detector, DetectorKind, ModelError, OnnxDetector, OnnxOptions,
+    DetectError, Detector, DetectorKind, ModelError, OnnxDetector, OnnxOptions,
 };
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, RgbdFrame};
 
-/// The folder that holds models, images and data sets, if it is there.
-fn shared(file: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let path = data.join("..").join(file);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: there is no {}", path.display());
-    None
-}
-
 fn load(path: &Path, options: &OnnxOptions) -> OnnxDetector {
     OnnxDetector::from_bytes(std::fs::read(path).unwrap(), "yolox_nano", options).unwrap()
-}
-
-fn decode(path: &Path) -> ColourImage {
-    let decoded = image::open(path).unwrap().to_rgb8();
-    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
-    // The reference reads these: JPEG decoders differ in the last bits.
-    if let Some(folder) = std::env::var_os("STILLPOINT_PIXELS") {
-        let name = Path::new(path.file_name().unwrap()).with_extension("png");
-        decoded.save(Path::new(&folder).join(name)).unwrap();
-    }
-    ColourImage::from_vec(width, height, decoded.into_raw()).unwrap()
 }
 
 fn frame(colour: Option<ColourImage>, width: usize, height: usize) -> RgbdFrame {
@@ -47,63 +25,6 @@ fn frame(colour: Option<ColourImage>, width: usize, height: usize) -> RgbdFrame 
         gray: stillpoint_imaging::GrayImage::new(width, height),
         colour: colour.map(Arc::new),
         depth: DepthImage::default(),
-    }
-}
-
-/// The golden detections of an image, best first.
-fn golden(image: &str) -> Vec<Detection> {
-    let text = include_str!("golden/yolox_nano.csv");
-    let rows = text.lines().filter_map(|line| {
-        let columns: Vec<&str> = line.split(',').collect();
-        let number = |i: usize| columns[i].parse::<f64>().unwrap();
-        (columns[0] == image).then(|| Detection {
-            class: ClassId::from_name(columns[1]).unwrap(),
-            score: number(2) as f32,
-            bounds: stillpoint_detection::BoundingBox {
-                x0: number(3),
-                y0: number(4),
-                x1: number(5),
-                y1: number(6),
-            },
-        })
-    });
-    rows.collect()
-}
-
-#[test]
-fn boxes_agree_with_onnx_runtime() {
-    let images = [
-        "images/bus.jpg",
-        "images/zidane.jpg",
-        "data/fr1_xyz_walkers/rgb/1305031102.175304.jpg",
-        "data/fr1_xyz_walkers/rgb/1305031105.711309.jpg",
-        "data/fr1_xyz_walkers/rgb/1305031109.043277.jpg",
-    ];
-    let Some(model) = shared("models/yolox_nano_416.onnx") else {
-        return;
-    };
-    let mut detector = load(&model, &OnnxOptions::default());
-    let paths: Vec<PathBuf> = images.into_iter().filter_map(shared).collect();
-    let pixels: Vec<ColourImage> = paths.iter().map(|path| decode(path)).collect();
-    for (path, image) in paths.iter().zip(&pixels) {
-        let name = path.file_stem().unwrap().to_str().unwrap();
-        let found = detector.detect_image(image, FrameId(0)).unwrap();
-        let expected = golden(name);
-        assert!(!expected.is_empty(), "{name} has no golden detections");
-        assert_eq!(found.len(), expected.len(), "{name}: {found:?}");
-        // Scores that are equal to within the tolerance may change places.
-        let mut left = expected;
-        for d in &found {
-            let place = left.iter().position(|e| {
-                let (a, b) = (d.bounds, e.bounds);
-                let sides = [a.x0 - b.x0, a.y0 - b.y0, a.x1 - b.x1, a.y1 - b.y1];
-                d.class == e.class
-                    && (d.score - e.score).abs() <= 1e-3
-                    && sides.iter().all(|s| s.abs() <= 0.5)
-            });
-            let place = place.unwrap_or_else(|| panic!("{name}: no match for {d:?} in {left:?}"));
-            left.remove(place);
-        }
     }
 }
 
@@ -143,10 +64,12 @@ fn a_frame_is_told_apart_from_one_that_cannot_be_used() {
         (DetectorKind::Onnx, "yolox_nano")
     );
     assert_eq!(info.sha256.map(|s| s.len()), Some(64));
+    assert_eq!(info.head.as_deref(), Some("yolox"));
+    assert_eq!((info.input, info.threads), (Some((416, 416)), Some(1)));
 
     let error = detector.detect(&frame(None, 64, 48)).unwrap_err();
     assert_eq!(error, DetectError::NoColour { frame: FrameId(7) });
-    let grey = |w: usize, h: usize| ColourImage::from_vec(w, h, vec![90; 3 * w * h]).unwrap();
+    let grey = |w: usize, h: usize| flat(w, h, 90);
     let error = detector
         .detect(&frame(Some(grey(32, 48)), 64, 48))
         .unwrap_err();
@@ -162,24 +85,60 @@ fn a_frame_is_told_apart_from_one_that_cannot_be_used() {
     }
 }
 
+/// What is printed about a model that nobody knows: what it has, what heads expect, and what to do.
 #[test]
 fn other_models_are_refused_with_what_they_have() {
-    let Some(model) = shared("models/picodet_s_416_coco.onnx") else {
-        return;
-    };
+    let mut graph = Graph::new(&[1, 3, 64, 64])
+        .floats("weights", &[10, 3, 1, 1], &[0.0; 30])
+        .input("weights", &[10, 3, 1, 1])
+        .node("Conv", &["images", "weights"], &["scores"], &conv(1))
+        .output("scores", Some(&[1, 10, 64, 64]));
+    for i in 0..30 {
+        let name = format!("copy{i}");
+        graph = graph
+            .node("Relu", &["scores"], &[&name], &[])
+            .output(&name, None);
+    }
     let options = OnnxOptions::default();
-    let error =
-        OnnxDetector::from_bytes(std::fs::read(model).unwrap(), "picodet", &options).unwrap_err();
+    let error = OnnxDetector::from_bytes(graph.model(), "models/odd.onnx", &options).unwrap_err();
     let text = error.to_string();
     assert!(matches!(error, ModelError::Interface { .. }), "{text}");
     for part in [
-        "picodet: expected a YOLOX model",
-        "image [1, 3, 416, 416]",
-        "outputs: ",
-        "[1, 2704, 80]",
+        "models/odd.onnx: expected a detector that is known or has a card, found one with\n",
+        "\n  input   images [1, 3, 64, 64]\n",
+        "\n  output  scores [1, 10, 64, 64]\n",
+        "\n  output  copy0 [1, 10, 64, 64]\n",
+        "\n  and 20 more\n",
+        "\n  yolox         one output ",
+        "\n  end-to-end    one output ",
+        "models/odd.toml",
+        "  head = \"yolo-grid\"",
     ] {
-        assert!(text.contains(part), "{part} is not in: {text}");
+        assert!(text.contains(part), "{part:?} is not in: {text}");
     }
+    assert!(
+        text.lines().count() < 30 && text.lines().all(|l| l.len() < 140),
+        "{text}"
+    );
+
+    // What takes no images is not even loaded.
+    for shape in [&[1_usize, 1, 64, 64][..], &[1, 3, 64], &[4, 3, 64, 64]] {
+        let model = Graph::new(shape)
+            .node("Relu", &["images"], &["y"], &[])
+            .output("y", None)
+            .model();
+        let error = OnnxDetector::from_bytes(model, "odd", &options).unwrap_err();
+        assert!(error.to_string().contains("odd.toml"), "{error}");
+    }
+    let two = Graph::new(&[1, 3, 64, 64])
+        .input("scale", &[1, 2])
+        .node("Relu", &["images"], &["y"], &[])
+        .output("y", None);
+    let error = OnnxDetector::from_bytes(two.model(), "odd", &options).unwrap_err();
+    assert!(
+        error.to_string().contains("\n  input   scale [1, 2]\n"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -196,3 +196,43 @@ impl fmt::Display for Dimension {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ports(count: usize) -> Vec<Port> {
+        let port = |i| Port {
+            name: format!("p{i}"),
+            shape: Some(vec![Dimension::Fixed(1), Dimension::Free("n".to_owned())]),
+        };
+        (0..count).map(port).collect()
+    }
+
+    #[test]
+    fn a_listing_shows_both_sides_and_counts_the_rest() {
+        for (inputs, outputs, shown, tail) in [
+            (1, 2, 3, None),
+            (300, 9, 12, Some("  and 297 more")),
+            (1, 40, 12, Some("  and 29 more")),
+            (300, 1, 12, Some("  and 289 more")),
+        ] {
+            let interface = Interface {
+                inputs: ports(inputs),
+                outputs: ports(outputs),
+            };
+            let listing = interface.listing();
+            let lines: Vec<&str> = listing.lines().collect();
+            assert_eq!(lines[0], "  input   p0 [1, n]");
+            assert_eq!(
+                lines.len(),
+                shown + usize::from(tail.is_some()),
+                "{listing}"
+            );
+            assert!(listing.contains("  output  p0 [1, n]"), "{listing}");
+            assert!(tail.is_none_or(|tail| listing.ends_with(tail)), "{listing}");
+        }
+        let none = Interface::default().listing();
+        assert_eq!(none, "  neither inputs nor outputs");
+    }
+}

@@ -146,3 +146,133 @@ fn mismatch(reading: &Reading<'_>, outputs: &[Tensor]) -> Mismatch {
         found: shapes(outputs),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{noise, reading, tensor};
+    use super::*;
+    use crate::onnx::card::{Head, ModelCard};
+
+    /// The formula as it stands in the module's documentation, cell by cell, in the order of strides, anchors and cells.
+    fn reference(
+        outputs: &[Tensor],
+        width: usize,
+        height: usize,
+        threshold: f64,
+    ) -> Vec<(usize, f64, [f64; 4])> {
+        let anchors = [
+            (8, [[12, 16], [19, 36], [40, 28]]),
+            (16, [[36, 75], [76, 55], [72, 146]]),
+            (32, [[142, 110], [192, 243], [459, 401]]),
+        ];
+        let s = |x: f32| 1.0 / (1.0 + libm::exp(-f64::from(x)));
+        let mut found = Vec::new();
+        for ((stride, anchors), output) in anchors.into_iter().zip(outputs) {
+            let (w, h) = (width / stride, height / stride);
+            for (a, anchor) in anchors.into_iter().enumerate() {
+                for (y, x) in (0..h).flat_map(|y| (0..w).map(move |x| (y, x))) {
+                    let at = |k: usize| s(output.data[((a * 85 + k) * h + y) * w + x]);
+                    let (mut class, mut best) = (0, 0.0);
+                    for c in 0..80 {
+                        if at(5 + c) > best {
+                            (class, best) = (c, at(5 + c));
+                        }
+                    }
+                    let score = at(4) * best;
+                    if score < threshold {
+                        continue;
+                    }
+                    let cx = (2.0 * at(0) - 0.5 + x as f64) * stride as f64;
+                    let cy = (2.0 * at(1) - 0.5 + y as f64) * stride as f64;
+                    let bw = libm::pow(2.0 * at(2), 2.0) * f64::from(anchor[0]);
+                    let bh = libm::pow(2.0 * at(3), 2.0) * f64::from(anchor[1]);
+                    let sides = [cx - bw / 2.0, cy - bh / 2.0, cx + bw / 2.0, cy + bh / 2.0];
+                    found.push((class, score, sides));
+                }
+            }
+        }
+        found
+    }
+
+    fn random(width: usize, height: usize) -> Vec<Tensor> {
+        let maps = [8, 16, 32].into_iter().enumerate().map(|(i, stride)| {
+            let mut map = tensor(&[1, 255, height / stride, width / stride]);
+            noise(&mut map, 7 + i as u64);
+            map
+        });
+        maps.collect()
+    }
+
+    /// The same numbers with the columns of a cell together.
+    fn by_cells(map: &Tensor) -> Tensor {
+        let (h, w) = (map.shape[2], map.shape[3]);
+        let mut other = tensor(&[1, 3, h, w, 85]);
+        for (i, value) in other.data.iter_mut().enumerate() {
+            let (column, cell, anchor) = (i % 85, i / 85 % (h * w), i / 85 / (h * w));
+            *value = map.data[(anchor * 85 + column) * h * w + cell];
+        }
+        other
+    }
+
+    #[test]
+    fn random_maps_agree_with_the_formula_in_both_layouts() {
+        let card = ModelCard::new(Head::YoloAnchors);
+        for (width, height, threshold) in [(64, 96, 0.9), (128, 64, 0.25)] {
+            let reading = reading(&card, width, height, threshold);
+            let maps = random(width, height);
+            let expected = reference(&maps, width, height, f64::from(threshold));
+            assert!(expected.len() > 20);
+            let mut cells: Vec<Tensor> = maps.iter().map(by_cells).collect();
+            // The sizes of outputs tell them apart.
+            cells.reverse();
+            for outputs in [maps, cells] {
+                let found = reading.decode(&outputs).unwrap();
+                assert_eq!(found.len(), expected.len());
+                for (d, (class, score, sides)) in found.iter().zip(&expected) {
+                    let b = d.bounds;
+                    assert_eq!(d.class, *class);
+                    assert!((f64::from(d.score) - score).abs() < 1e-6);
+                    for (side, expected) in [b.x0, b.y0, b.x1, b.y1].iter().zip(sides) {
+                        assert!((side - expected).abs() < 1e-9, "{d:?} {sides:?}");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn maps_that_have_been_through_the_sigmoid_give_the_same() {
+        let mut card = ModelCard::new(Head::YoloAnchors);
+        let mut maps = random(64, 64);
+        let raw = reading(&card, 64, 64, 0.5).decode(&maps).unwrap();
+        let range = reading(&card, 64, 64, 0.5).score_range(&maps).unwrap();
+        assert!(range.0 < -3.9 && range.1 > 3.9);
+        maps.iter_mut()
+            .flat_map(|m| &mut m.data)
+            .for_each(|v| *v = sigmoid(*v) as f32);
+        card.output.sigmoid = true;
+        let done = reading(&card, 64, 64, 0.5).decode(&maps).unwrap();
+        assert_eq!(done.len(), raw.len());
+        for (a, b) in done.iter().zip(&raw) {
+            assert!(a.class == b.class && (a.score - b.score).abs() < 1e-5);
+            assert!((a.bounds.x0 - b.bounds.x0).abs() < 1e-2);
+        }
+    }
+
+    #[test]
+    fn other_maps_are_told() {
+        let card = ModelCard::new(Head::YoloAnchors);
+        let reading = reading(&card, 64, 32, 0.25);
+        let mut maps = random(64, 32);
+        assert!(reading.decode(&maps).is_ok());
+        maps.push(tensor(&[1, 255, 4, 8]));
+        assert!(reading.decode(&maps).is_err());
+        let mismatch = reading.decode(&maps[..2]).unwrap_err();
+        assert!(
+            mismatch
+                .expected
+                .ends_with("[1, 255, 4, 8], [1, 255, 2, 4], [1, 255, 1, 2]")
+        );
+        assert_eq!(mismatch.found, "[1, 255, 4, 8], [1, 255, 2, 4]");
+    }
+}

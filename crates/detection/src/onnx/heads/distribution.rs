@@ -197,3 +197,95 @@ fn mismatch(reading: &Reading<'_>, outputs: &[Tensor]) -> Mismatch {
         found: shapes(outputs),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{noise, reading, tensor};
+    use super::*;
+    use crate::onnx::card::{Head, ModelCard};
+
+    /// For 416 x 320: maps of 52 x 40, 26 x 20, 13 x 10 and 7 x 5 cells.
+    const CELLS: [usize; 4] = [2080, 520, 130, 35];
+
+    fn outputs() -> Vec<Tensor> {
+        let scores = CELLS.map(|n| tensor(&[1, n, 80]));
+        let sides = CELLS.map(|n| tensor(&[1, n, 32]));
+        [scores, sides].concat()
+    }
+
+    /// One cell per map is set by hand: all of a side's weight is on one bin, or on two.
+    #[test]
+    fn a_box_is_decoded_by_its_cell() {
+        let card = ModelCard::new(Head::Distribution);
+        let reading = reading(&card, 416, 320, 0.25);
+        let mut outputs = outputs();
+        for (level, cell) in [(0, 53), (3, 8)] {
+            outputs[level].data[80 * cell + 56] = 0.75;
+            let sides = &mut outputs[4 + level].data[32 * cell..][..32];
+            for (side, bin) in [1, 2, 3, 7].into_iter().enumerate() {
+                sides[8 * side + bin] = 200.0;
+            }
+            // The right side is half on four.
+            sides[8 * 2 + 4] = 200.0;
+        }
+        let found = reading.decode(&outputs).unwrap();
+        assert_eq!(found.len(), 2);
+        // Column 1 and line 1 of both.
+        for (d, stride) in found.iter().zip([8.0, 64.0]) {
+            let b = d.bounds;
+            assert_eq!((d.class, d.score), (56, 0.75));
+            let cells = [b.x0, b.y0, b.x1, b.y1].map(|v| v / stride);
+            assert_eq!(cells, [0.5, -0.5, 5.0, 8.5]);
+        }
+    }
+
+    /// All in one output means the same.
+    #[test]
+    fn the_layouts_agree() {
+        let card = ModelCard::new(Head::Distribution);
+        let reading = reading(&card, 416, 320, 0.9);
+        let mut parted = outputs();
+        for (i, output) in parted.iter_mut().enumerate() {
+            noise(output, i as u64);
+            if i < 4 {
+                output.data.iter_mut().for_each(|v| *v = *v / 8.0 + 0.499);
+            }
+        }
+        let mut joined = tensor(&[1, 2765, 112]);
+        let rows = parted[..4]
+            .iter()
+            .zip(&parted[4..])
+            .flat_map(|(scores, sides)| scores.data.chunks(80).zip(sides.data.chunks(32)));
+        for (row, (scores, sides)) in joined.data.chunks_mut(112).zip(rows) {
+            row[..80].copy_from_slice(scores);
+            row[80..].copy_from_slice(sides);
+        }
+        let found = reading.decode(&parted).unwrap();
+        assert!(found.len() > 100);
+        assert_eq!(reading.decode(&[joined]).unwrap(), found);
+        assert_eq!(
+            reading.score_range(&parted).map(|(low, _)| low < 0.1),
+            Some(true)
+        );
+        // Scores and sides of a map in turn.
+        let turns: Vec<Tensor> = (0..8)
+            .map(|i| parted[i / 2 + 4 * (i % 2)].clone())
+            .collect();
+        assert_eq!(reading.decode(&turns).unwrap(), found);
+        assert!(reading.decode(&parted[1..]).is_err());
+        parted[7].shape[2] = 31;
+        assert!(reading.decode(&parted).is_err());
+    }
+
+    #[test]
+    fn expectations_are_those_of_the_softmax() {
+        assert!((expectation(&[0.0; 8]) - 3.5).abs() < 1e-12);
+        let p = libm::exp(1.0) / (1.0 + libm::exp(1.0));
+        assert!((expectation(&[0.0, 1.0]) - p).abs() < 1e-12);
+        assert!(
+            (expectation(&[500.0, 501.0]) - p).abs() < 1e-12,
+            "large values do not overflow"
+        );
+        assert!(expectation(&[f32::NAN; 8]).is_nan());
+    }
+}

@@ -81,3 +81,84 @@ fn mismatch(reading: &Reading<'_>, outputs: &[Tensor]) -> Mismatch {
         found: shapes(outputs),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{reading, tensor};
+    use super::*;
+    use crate::onnx::card::{Head, ModelCard};
+
+    fn table(rows: &[[f32; 7]]) -> Tensor {
+        Tensor {
+            shape: vec![rows.len(), 7],
+            data: rows.concat(),
+        }
+    }
+
+    #[test]
+    fn rows_are_boxes() {
+        let card = ModelCard::new(Head::EndToEnd);
+        let reading = reading(&card, 640, 640, 0.25);
+        let outputs = [table(&[
+            [0.0, 1.0, 2.0, 30.0, 40.0, 56.0, 0.9],
+            [1.0, 1.0, 2.0, 30.0, 40.0, 56.0, 0.9],
+            [0.0, 1.0, 2.0, 30.0, 40.0, 56.0, 0.2],
+            [0.0, 30.0, 2.0, 1.0, 40.0, 56.0, 0.9],
+            [0.0, 1.0, 2.0, 30.0, 40.0, 80.0, 0.9],
+            [0.0, 1.0, 2.0, 30.0, 40.0, -1.0, 0.9],
+            [0.0, 1.0, 2.0, 30.0, 40.0, f32::NAN, 0.9],
+            [0.0, -5.0, 2.0, 30.0, 40.0, 0.0, 0.25],
+        ])];
+        let found = reading.decode(&outputs).unwrap();
+        let expected = [(56, 0.9, 1.0), (0, 0.25, -5.0)];
+        assert_eq!(found.len(), expected.len());
+        for (d, (class, score, x0)) in found.iter().zip(expected) {
+            assert_eq!((d.class, d.score, d.bounds.x0), (class, score, x0));
+            assert_eq!((d.bounds.y0, d.bounds.x1, d.bounds.y1), (2.0, 30.0, 40.0));
+        }
+        assert_eq!(reading.decode(&[table(&[])]), Ok(vec![]));
+        assert!(reading.decode(&[tensor(&[5, 6])]).is_err());
+        assert_eq!(reading.score_range(&outputs), None);
+    }
+
+    #[test]
+    fn columns_are_where_the_card_says() {
+        use Column::{Class, Ignored, Score, X0, X1, Y0, Y1};
+        let mut card = ModelCard::new(Head::EndToEnd);
+        card.output.columns = vec![Score, Ignored, Class, Y0, X0, Y1, X1];
+        let mut output = tensor(&[1, 1, 7]);
+        output.data = vec![0.5, 99.0, 3.0, 20.0, 10.0, 40.0, 30.0];
+        let found = reading(&card, 640, 640, 0.25).decode(&[output]).unwrap();
+        let b = found[0].bounds;
+        assert_eq!((found[0].class, found[0].score), (3, 0.5));
+        assert_eq!([b.x0, b.y0, b.x1, b.y1], [10.0, 20.0, 30.0, 40.0]);
+    }
+
+    #[test]
+    fn four_outputs_are_boxes_too() {
+        let card = ModelCard::new(Head::EndToEnd);
+        let reading = reading(&card, 640, 640, 0.25);
+        let mut outputs = [&[1, 1][..], &[1, 3, 4], &[1, 3], &[1, 3]].map(tensor);
+        outputs[0].data[0] = 2.0;
+        for row in outputs[1].data.chunks_mut(4) {
+            row.copy_from_slice(&[1.0, 2.0, 3.0, 4.0]);
+        }
+        outputs[2].data = vec![0.9, 0.1, 0.9];
+        outputs[3].data = vec![7.0, 7.0, 7.0];
+        let found = reading.decode(&outputs).unwrap();
+        assert_eq!(
+            found.len(),
+            1,
+            "one has a low score, one is beyond the count"
+        );
+        assert_eq!((found[0].class, found[0].bounds.x1), (7, 3.0));
+        for count in [f32::NAN, -1.0] {
+            outputs[0].data[0] = count;
+            assert_eq!(reading.decode(&outputs), Ok(vec![]));
+        }
+        outputs[0].data[0] = 1e30;
+        assert_eq!(reading.decode(&outputs).unwrap().len(), 2);
+        outputs[3].data.pop();
+        assert!(reading.decode(&outputs).is_err());
+    }
+}

@@ -133,7 +133,7 @@ pub(super) fn expectation(head: Head) -> &'static str {
             "one output [1, cells, 5 + classes]: x, y, width, height as offsets and logarithms, objectness, classes"
         }
         Head::YoloAnchors => {
-            "a map per stride, [1, anchors (5 + classes), H / stride, W / stride] or [1, anchors, H / stride, W / stride, 5 + classes]"
+            "per stride a raw map [1, anchors (5 + classes), h, w] or [1, anchors, h, w, 5 + classes]"
         }
         Head::YoloGrid => {
             "one output [1, anchors x cells, 5 + classes]: x, y, width, height in px, objectness, classes"
@@ -160,5 +160,99 @@ fn shapes(outputs: &[Tensor]) -> String {
         (true, _) => "no output".to_owned(),
         (_, 0) => shown.join(", "),
         _ => format!("{} and {more} more", shown.join(", ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Zeros of this shape.
+    pub(super) fn tensor(shape: &[usize]) -> Tensor {
+        Tensor {
+            data: vec![0.0; shape.iter().product()],
+            shape: shape.to_vec(),
+        }
+    }
+
+    pub(super) fn reading(
+        card: &ModelCard,
+        width: usize,
+        height: usize,
+        threshold: f32,
+    ) -> Reading<'_> {
+        Reading {
+            card,
+            size: Size { width, height },
+            threshold,
+        }
+    }
+
+    /// Numbers from -4 to 4 that look random.
+    pub(super) fn noise(tensor: &mut Tensor, seed: u64) {
+        let mut state = seed;
+        for value in &mut tensor.data {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            *value = (state >> 40) as f32 / 16_777_216.0 * 8.0 - 4.0;
+        }
+    }
+
+    /// Whatever comes out of a network, reading it ends with boxes that are numbers.
+    #[test]
+    fn hostile_values_give_sane_boxes_or_none() {
+        let shapes: [(Head, Vec<Vec<usize>>); 5] = [
+            (Head::Yolox, vec![vec![1, 21, 85]]),
+            (Head::YoloGrid, vec![vec![1, 63, 85]]),
+            (
+                Head::YoloAnchors,
+                vec![vec![1, 255, 4, 4], vec![1, 255, 2, 2], vec![1, 255, 1, 1]],
+            ),
+            (Head::Distribution, vec![vec![1, 22, 112]]),
+            (Head::EndToEnd, vec![vec![9, 7]]),
+        ];
+        let hostile = [
+            f32::NAN,
+            f32::INFINITY,
+            f32::NEG_INFINITY,
+            f32::MAX,
+            f32::MIN,
+            1e9,
+            -1.0,
+            0.5,
+        ];
+        for (head, shapes) in shapes {
+            let card = ModelCard::new(head);
+            let reading = reading(&card, 32, 32, 0.25);
+            for seed in 0..50 {
+                let mut outputs: Vec<Tensor> = shapes.iter().map(|s| tensor(s)).collect();
+                for (i, output) in outputs.iter_mut().enumerate() {
+                    noise(output, seed + 1000 * i as u64);
+                    for value in &mut output.data {
+                        // Most of them are hostile.
+                        if *value < 3.0 {
+                            *value = hostile[(value.to_bits() >> 8) as usize % hostile.len()];
+                        }
+                    }
+                }
+                for found in reading.decode(&outputs).unwrap() {
+                    let BoundingBox { x0, y0, x1, y1 } = found.bounds;
+                    assert!(
+                        x0 < x1 && y0 < y1 && found.bounds.area().is_finite(),
+                        "{found:?}"
+                    );
+                    assert!((0.25..=1.0).contains(&found.score), "{found:?}");
+                    assert!(found.class < 80);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn messages_name_some_shapes_and_count_the_rest() {
+        assert_eq!(shapes(&[]), "no output");
+        let outputs = vec![tensor(&[1, 2]); 10];
+        assert!(shapes(&outputs).ends_with("[1, 2] and 2 more"));
     }
 }

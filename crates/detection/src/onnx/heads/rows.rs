@@ -56,8 +56,9 @@ pub(super) fn scores(classes: usize, outputs: &[Tensor]) -> impl Iterator<Item =
     rows.flat_map(|row| &row[BEFORE - 1..]).copied()
 }
 
-/// Whether most boxes of rows have their centre within two cells of the cell that they belong to, in px, as decoded ones do.
-/// Raw ones are offsets, and lie around the upper left corner. Rows are by stride, anchor, line and column.
+/// Whether two of three boxes have their centre within a cell and a half of the cell that they belong to, in px, as decoded ones
+/// do: YOLOv5's and YOLOv7's all, and four of five of YOLOX's. Raw ones are offsets, and lie around the upper left corner. Rows
+/// are by stride, anchor, line and column.
 pub(in super::super) fn boxes_lie_in_their_cells(
     reading: &Reading<'_>,
     outputs: &[Tensor],
@@ -75,9 +76,9 @@ pub(in super::super) fn boxes_lie_in_their_cells(
         .zip(cells)
         .filter(|(row, ([x, y], stride))| {
             let off = |at: f32, cell: f64| (f64::from(at) - (cell + 0.5) * stride).abs();
-            off(row[0], *x) <= 2.0 * stride && off(row[1], *y) <= 2.0 * stride
+            off(row[0], *x) <= 1.5 * stride && off(row[1], *y) <= 1.5 * stride
         });
-    2 * near.count() >= rows.len() / columns
+    3 * near.count() >= 2 * (rows.len() / columns)
 }
 
 /// Column and line of each cell of a map, and its size in px.
@@ -123,4 +124,124 @@ fn rows<'a>(
         expected: format!("one output of [1, {count}, {columns}]"),
         found: shapes(outputs),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{reading, tensor};
+    use super::*;
+    use crate::onnx::card::{Head, ModelCard};
+
+    const COLUMNS: usize = 85;
+
+    #[test]
+    fn rows_of_the_known_model() {
+        let card = ModelCard::new(Head::Yolox);
+        assert_eq!(reading(&card, 416, 416, 0.25).cells(), 3549);
+        assert_eq!(reading(&card, 416, 320, 0.25).cells(), 2730);
+    }
+
+    /// One row per map is set by hand; its box is where its cell is.
+    #[test]
+    fn a_row_is_decoded_by_its_cell() {
+        let card = ModelCard::new(Head::Yolox);
+        // Maps of 8 x 4, 4 x 2 and 2 x 1 cells: row 9 is cell (1, 1) of the first, 32 + 6 is (2, 1) of the second.
+        let mut output = tensor(&[1, 42, COLUMNS]);
+        for (row, class, x) in [(9, 0, 0.5), (38, 56, 0.25), (41, 79, -1.0)] {
+            let row = &mut output.data[row * COLUMNS..][..COLUMNS];
+            (row[0], row[1], row[3], row[4], row[5 + class]) =
+                (x, 0.5, std::f32::consts::LN_2, 0.5, 0.8);
+        }
+        let outputs = [output];
+        let found = reading(&card, 64, 32, 0.25).decode(&outputs).unwrap();
+        let expected = [
+            (0, [12.0, 12.0], 8.0),
+            (56, [36.0, 24.0], 16.0),
+            (79, [0.0, 16.0], 32.0),
+        ];
+        assert_eq!(found.len(), expected.len());
+        for (d, (class, centre, width)) in found.iter().zip(expected) {
+            assert_eq!((d.class, d.score, d.bounds.centre()), (class, 0.4, centre));
+            assert!((d.bounds.width() - width).abs() < 1e-9, "{d:?}");
+            assert!((d.bounds.height() - 2.0 * width).abs() < 1e-5, "{d:?}");
+        }
+        let strict = reading(&card, 64, 32, 0.41);
+        assert!(strict.decode(&outputs).unwrap().is_empty());
+        assert!(!boxes_lie_in_their_cells(&strict, &outputs));
+        assert_eq!(strict.score_range(&outputs), Some((0.0, 0.8)));
+    }
+
+    #[test]
+    fn values_that_are_no_numbers_are_left_out() {
+        for head in [Head::Yolox, Head::YoloGrid] {
+            let card = ModelCard::new(head);
+            let reading = reading(&card, 32, 32, 0.25);
+            for column in 0..6 {
+                for value in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX] {
+                    let mut outputs = [tensor(&[1, 21, COLUMNS])];
+                    let row = &mut outputs[0].data[..COLUMNS];
+                    row[..6].copy_from_slice(&[1.0; 6]);
+                    assert_eq!(reading.decode(&outputs).unwrap().len(), 1);
+                    outputs[0].data[column] = value;
+                    for found in reading.decode(&outputs).unwrap() {
+                        assert!(found.score <= 1.0 && found.bounds.area().is_finite());
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn decoded_rows_are_taken_as_they_are() {
+        let card = ModelCard::new(Head::YoloGrid);
+        let reading = reading(&card, 64, 32, 0.25);
+        // Three anchors; every box is in the middle of its cell.
+        let mut output = tensor(&[1, 3 * 42, COLUMNS]);
+        let cells = reading
+            .levels()
+            .flat_map(|level| (0..3).flat_map(move |_| cells(level)));
+        for (row, ([x, y], stride)) in output.data.chunks_exact_mut(COLUMNS).zip(cells) {
+            row[0] = ((x + 0.5) * stride) as f32;
+            row[1] = ((y + 0.5) * stride) as f32;
+        }
+        output.data[5 * COLUMNS..][2..6].copy_from_slice(&[10.0, 20.0, 0.9, 0.5]);
+        let mut outputs = [output];
+        let found = reading.decode(&outputs).unwrap();
+        assert_eq!(found.len(), 1);
+        assert_eq!((found[0].class, found[0].score), (0, 0.45));
+        assert_eq!(found[0].bounds.centre(), [44.0, 4.0]);
+        assert_eq!(
+            (found[0].bounds.width(), found[0].bounds.height()),
+            (10.0, 20.0)
+        );
+        assert!(boxes_lie_in_their_cells(&reading, &outputs));
+        // Coordinates of a lying image in an upright one.
+        let upright = Reading {
+            size: super::super::Size {
+                width: 32,
+                height: 64,
+            },
+            ..reading
+        };
+        assert!(!boxes_lie_in_their_cells(&upright, &outputs));
+        outputs[0].data.iter_mut().for_each(|v| *v = 0.5);
+        assert!(!boxes_lie_in_their_cells(&reading, &outputs));
+    }
+
+    #[test]
+    fn outputs_of_other_shapes_are_told() {
+        let card = ModelCard::new(Head::Yolox);
+        let reading = reading(&card, 64, 32, 0.25);
+        for shapes in [
+            &[][..],
+            &[&[1_usize, 41, 85][..]],
+            &[&[1, 42, 84]],
+            &[&[42, 85]],
+            &[&[1, 0, 85]],
+        ] {
+            let outputs: Vec<Tensor> = shapes.iter().map(|s| tensor(s)).collect();
+            let mismatch = reading.decode(&outputs).unwrap_err();
+            assert_eq!(mismatch.expected, "one output of [1, 42, 85]");
+        }
+    }
 }

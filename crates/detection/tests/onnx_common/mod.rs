@@ -1,0 +1,164 @@
+//! What the tests of networks share: shared files where there are any, and small graphs made by hand.
+#![allow(dead_code)]
+
+use std::path::{Path, PathBuf};
+use stillpoint_detection::wire::Message;
+use stillpoint_imaging::ColourImage;
+
+/// A file beside the data sets, if it is there.
+pub(crate) fn shared(file: &str) -> Option<PathBuf> {
+    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    );
+    let path = data.join("..").join(file);
+    if path.exists() {
+        return Some(path);
+    }
+    eprintln!("SKIPPED: there is no {}", path.display());
+    None
+}
+
+/// The pixels of an image file.
+pub(crate) fn decode(path: &Path) -> ColourImage {
+    let decoded = image::open(path).unwrap().to_rgb8();
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    // The reference reads these: JPEG decoders differ in the last bits.
+    if let Some(folder) = std::env::var_os("STILLPOINT_PIXELS") {
+        let name = Path::new(path.file_name().unwrap()).with_extension("png");
+        decoded.save(Path::new(&folder).join(name)).unwrap();
+    }
+    ColourImage::from_vec(width, height, decoded.into_raw()).unwrap()
+}
+
+/// An image of one colour.
+pub(crate) fn flat(width: usize, height: usize, value: u8) -> ColourImage {
+    ColourImage::from_vec(width, height, vec![value; 3 * width * height]).unwrap()
+}
+
+/// A graph in the making: ONNX by hand.
+#[derive(Default)]
+pub(crate) struct Graph {
+    fields: Message,
+    constants: usize,
+}
+
+impl Graph {
+    /// With an image input of this shape; zero stands for a size that is left free.
+    pub(crate) fn new(shape: &[usize]) -> Self {
+        Self {
+            fields: Message::new()
+                .field(2, "test")
+                .message(11, &port("images", Some(shape))),
+            constants: 0,
+        }
+    }
+
+    /// With a node; attributes are whole messages.
+    pub(crate) fn node(
+        mut self,
+        operator: &str,
+        inputs: &[&str],
+        outputs: &[&str],
+        attributes: &[Message],
+    ) -> Self {
+        let mut node = inputs.iter().fold(Message::new(), |n, i| n.field(1, i));
+        node = outputs.iter().fold(node, |n, o| n.field(2, o));
+        node = node.field(4, operator);
+        node = attributes.iter().fold(node, |n, a| n.message(5, a));
+        self.fields = self.fields.message(1, &node);
+        self
+    }
+
+    /// With a tensor of floats.
+    pub(crate) fn floats(mut self, name: &str, shape: &[usize], data: &[f32]) -> Self {
+        let bytes: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.fields = self.fields.message(5, &tensor(name, shape, 1, &bytes));
+        self
+    }
+
+    /// With a row of integers.
+    pub(crate) fn integers(mut self, name: &str, data: &[i64]) -> Self {
+        let bytes: Vec<u8> = data.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.fields = self
+            .fields
+            .message(5, &tensor(name, &[data.len()], 7, &bytes));
+        self
+    }
+
+    /// With an output; no shape is said if `None`.
+    pub(crate) fn output(mut self, name: &str, shape: Option<&[usize]>) -> Self {
+        self.fields = self.fields.message(12, &port(name, shape));
+        self
+    }
+
+    /// With an input more, as old exporters list their weights.
+    pub(crate) fn input(mut self, name: &str, shape: &[usize]) -> Self {
+        self.fields = self.fields.message(11, &port(name, Some(shape)));
+        self
+    }
+
+    /// The file.
+    pub(crate) fn model(self) -> Vec<u8> {
+        Message::new()
+            .integer(1, 8)
+            .message(7, &self.fields)
+            .message(8, &Message::new().field(1, "").integer(2, 13))
+            .into_bytes()
+    }
+}
+
+/// An attribute of integers.
+pub(crate) fn ints(name: &str, values: &[i64]) -> Message {
+    let attribute = Message::new().field(1, name);
+    let attribute = values
+        .iter()
+        .fold(attribute, |a, &v| a.integer(8, v as u64));
+    attribute.integer(20, 7)
+}
+
+/// The attributes of a convolution of one pixel.
+pub(crate) fn conv(stride: usize) -> [Message; 4] {
+    [
+        ints("kernel_shape", &[1, 1]),
+        ints("strides", &[stride as i64; 2]),
+        ints("dilations", &[1, 1]),
+        ints("pads", &[0; 4]),
+    ]
+}
+
+/// An attribute of one integer.
+pub(crate) fn int(name: &str, value: i64) -> Message {
+    Message::new()
+        .field(1, name)
+        .integer(3, value as u64)
+        .integer(20, 2)
+}
+
+fn tensor(name: &str, shape: &[usize], element: u64, bytes: &[u8]) -> Message {
+    shape
+        .iter()
+        .fold(Message::new(), |t, &s| t.integer(1, s as u64))
+        .integer(2, element)
+        .field(8, name)
+        .field(9, bytes)
+}
+
+fn port(name: &str, shape: Option<&[usize]>) -> Message {
+    let mut kind = Message::new().integer(1, 1);
+    if let Some(shape) = shape {
+        let shape = shape.iter().fold(Message::new(), |m, &s| {
+            m.message(
+                1,
+                &match s {
+                    0 => Message::new().field(2, "free"),
+                    s => Message::new().integer(1, s as u64),
+                },
+            )
+        });
+        kind = kind.message(2, &shape);
+    }
+    Message::new()
+        .field(1, name)
+        .message(2, &Message::new().message(1, &kind))
+}
