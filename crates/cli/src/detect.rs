@@ -43,11 +43,10 @@ pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failu
     }
     let pass = look(&images.items, &mut detector, folder.as_mut(), timing)?;
     if pass.seen.is_empty() {
-        return Err(Failure::input(format!(
-            "{}: expected images that can be looked at, found none among {}",
-            args.path.display(),
-            images.items.len()
-        )));
+        return Err(pass.nothing(args, images.items.len()));
+    }
+    if let Some(remark) = detector.remark() {
+        console::warn(&remark);
     }
     let json = DetectorJson {
         library,
@@ -130,6 +129,17 @@ fn look(
 }
 
 impl Pass {
+    /// Why there is no result.
+    fn nothing(&self, args: &DetectArgs, images: usize) -> Failure {
+        if self.interrupted {
+            return Failure::criteria("interrupted before the first image: nothing was written");
+        }
+        Failure::input(format!(
+            "{}: expected images that can be looked at, found none among {images}",
+            args.path.display()
+        ))
+    }
+
     fn table(&self) -> Table {
         let mut table = Table::new(["image", "class", "score", "x0", "y0", "x1", "y1"])
             .align(0, Align::Left)

@@ -25,6 +25,9 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Status, Failure> {
     let network = network::open(&model, &Running::from(args.network), OPTION)?;
     let mut detector = network.detector;
     let times = look(&mut detector)?;
+    if let Some(remark) = detector.remark() {
+        console::warn(&remark);
+    }
     let json = DetectorJson {
         library: network.library,
         ..DetectorJson::new(&detector.info())

@@ -5,9 +5,12 @@ use crate::failure::{Failure, Status};
 use crate::network::{self, Content, ModelFile, Running};
 use crate::{cache, console, output};
 use std::path::Path;
+use stillpoint::models::import::import_checkpoint;
 use stillpoint::models::{Form, Record, check_name, known_by_sha256, known_models, sha256_hex};
 
 const OPTION: &str = "models import";
+/// Begins every zip, and with it every checkpoint of PyTorch since 1.6.
+const ZIP: &[u8] = b"PK\x03\x04";
 
 /// `models import`.
 pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
@@ -29,7 +32,11 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
         }
         None => Record::of_file(file, &published.bytes),
     };
-    let network = published;
+    let network = if is_checkpoint(file, &published.bytes) {
+        convert(file, &published.bytes, &name)?
+    } else {
+        published
+    };
     // Refused here, rather than at the first run that uses it.
     let how = Running::new(RuntimeChoice::Rten, 1);
     let label = file.display().to_string();
@@ -98,4 +105,21 @@ fn name_of(file: &Path) -> Result<String, Failure> {
     };
     check_name(&name).map_err(|e| Failure::input(format!("{OPTION}: {e} with --name")))?;
     Ok(name)
+}
+
+fn is_checkpoint(file: &Path, bytes: &[u8]) -> bool {
+    let ending = file.extension().map(|e| e.to_string_lossy().to_lowercase());
+    bytes.starts_with(ZIP) || matches!(ending.as_deref(), Some("pt" | "pth"))
+}
+
+/// Makes a checkpoint a network with a card.
+fn convert(file: &Path, bytes: &[u8], name: &str) -> Result<Content, Failure> {
+    let label = file.display();
+    let imported = import_checkpoint(bytes, name)
+        .map_err(|e| Failure::input(format!("{OPTION} {label}: {e}")))?;
+    console::info(&format!("{label}: {}", imported.report));
+    Ok(Content {
+        bytes: imported.onnx,
+        card: Some((format!("card of {label}"), imported.card.to_toml())),
+    })
 }

@@ -1,6 +1,6 @@
 //! What `run`, `demo` and `eval` print about a result.
 
-use crate::summary::{ScoreJson, StatisticsJson, Summary};
+use crate::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
 use stillpoint::evaluation::Table;
 use stillpoint::evaluation::timing;
 
@@ -60,7 +60,20 @@ fn filter_text(summary: &Summary) -> String {
             f.released
         );
     }
-    text + "\n"
+    text + "\n" + &unused_text(d)
+}
+
+/// Which answers of the detector were of no use.
+fn unused_text(detector: &DetectorJson) -> String {
+    let line = |answers: u64, why: &str| match answers {
+        0 => String::new(),
+        n => format!("{n} answers of the detector {why}\n"),
+    };
+    line(detector.too_late, "came too late to be used")
+        + &line(
+            detector.without_pose,
+            "could not be used, since their frames have no pose",
+        )
 }
 
 /// A table of scores. `frames` is what the pairs are counted against.
@@ -108,4 +121,20 @@ fn cells(name: String, s: &StatisticsJson, factor: f64, pairs: String) -> Vec<St
     row.extend([s.rmse, s.sd, s.mean, s.median, s.max].map(|x| format!("{:.3}", x * factor)));
     row.push(pairs);
     row
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_that_were_of_no_use_are_told() {
+        let mut detector = DetectorJson::default();
+        assert_eq!(unused_text(&detector), "");
+        detector.too_late = 3;
+        let said = "3 answers of the detector came too late to be used\n";
+        assert_eq!(unused_text(&detector), said);
+        detector.without_pose = 2;
+        assert!(unused_text(&detector).contains("\n2 answers"));
+    }
 }

@@ -223,6 +223,8 @@ impl Tally {
     fn take_report(&mut self, report: &FrameReport) {
         self.frames += 1;
         self.features.add(&report.counts);
+        self.detector.too_late += u64::from(report.counts.detections_too_late);
+        self.detector.without_pose += u64::from(report.counts.detections_without_pose);
         let previous = self.last_frame.replace(report.frame);
         tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
         let reason = match report.outcome {
@@ -275,6 +277,8 @@ impl Tally {
             frames: self.detector.frames,
             detections: self.detector.detections,
             failed_frames: self.detector.failed_frames,
+            too_late: self.detector.too_late,
+            without_pose: self.detector.without_pose,
             ..DetectorJson::new(&info)
         };
         Session {
@@ -298,7 +302,7 @@ mod tests {
     use super::*;
     use stillpoint::detection::{BoundingBox, ClassId, DetectError, Detection, Detections};
     use stillpoint::map::KeyframeId;
-    use stillpoint::slam::RejudgeReport;
+    use stillpoint::slam::{FrameCounts, RejudgeReport, Segments};
 
     #[test]
     fn what_the_detector_says_is_counted() {
@@ -329,5 +333,29 @@ mod tests {
         assert_eq!((d.frames, d.detections, d.failed_frames), (2, 2, 2));
         assert!(!d.never_answered());
         assert_eq!(tally.features.rejudged_landmarks, 14);
+    }
+
+    #[test]
+    fn answers_that_were_of_no_use_are_counted() {
+        let report = Event::Frame(FrameReport {
+            frame: FrameId(0),
+            stamp: 0.0,
+            outcome: Outcome::Initialised,
+            world_from_camera: None,
+            verdicts: [].into(),
+            segments: Segments::default(),
+            objects: [].into(),
+            counts: FrameCounts {
+                detections_too_late: 2,
+                detections_without_pose: 1,
+                ..FrameCounts::default()
+            },
+            is_keyframe: true,
+            map_version: 0,
+        });
+        let mut tally = Tally::default();
+        tally.take(&[report.clone(), report]);
+        let d = &tally.detector;
+        assert_eq!((d.too_late, d.without_pose), (4, 2));
     }
 }

@@ -103,6 +103,12 @@ pub(crate) struct DetectorJson {
     pub(crate) detections: usize,
     /// Frames it failed on.
     pub(crate) failed_frames: usize,
+    /// Answers that came too late to be used.
+    #[serde(default)]
+    pub(crate) too_late: u64,
+    /// Answers that could not be used because their frame has no pose.
+    #[serde(default)]
+    pub(crate) without_pose: u64,
     /// What the user should hear of it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) remark: Option<String>,

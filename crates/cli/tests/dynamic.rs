@@ -338,7 +338,15 @@ fn a_network_is_named_with_its_sum_and_runtime() {
         return;
     }
     let dir = tempfile::tempdir().unwrap();
-    let more = ["--detector", model.to_str().unwrap(), "--max-frames", "3"];
+    let model = model.to_str().unwrap();
+    let more = [
+        "--detector",
+        model,
+        "--runtime",
+        "rten",
+        "--max-frames",
+        "3",
+    ];
     check(&run(&room(), dir.path(), &more), 0, &[]);
     let detector = &summary(dir.path())["detector"];
     assert_eq!(detector["kind"], "onnx");
