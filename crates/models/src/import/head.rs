@@ -75,15 +75,11 @@ pub(super) fn read(
                 told.to_string(),
             ));
         }
-        let cells = anchors.values[2 * each * level..][..2 * each].chunks_exact(2);
-        let anchors: Vec<[f32; 2]> = cells.map(|c| [c[0] * told, c[1] * told]).collect();
-        if anchors.as_flattened().iter().any(|&a| a <= 0.0) {
-            return Err(module.fault("anchors above zero", format!("{anchors:?}")));
-        }
+        let cells = &anchors.values[2 * each * level..][..2 * each];
         outputs.push(Output {
             map,
             stride,
-            anchors,
+            anchors: pixels(module, cells, told)?,
         });
     }
     outputs.sort_by_key(|o| o.stride);
@@ -96,6 +92,16 @@ pub(super) fn read(
         implicit,
         scalar,
     })
+}
+
+/// Anchors, which the checkpoint has in cells, in pixels.
+fn pixels(module: &Module<'_, '_>, cells: &[f32], stride: f32) -> Result<Vec<[f32; 2]>> {
+    let (pairs, _) = cells.as_chunks();
+    let anchors: Vec<[f32; 2]> = pairs.iter().map(|p| p.map(|c| c * stride)).collect();
+    if anchors.as_flattened().iter().any(|&a| a <= 0.0) {
+        return Err(module.fault("anchors above zero", format!("{anchors:?}")));
+    }
+    Ok(anchors)
 }
 
 /// Folds what the head adds before and multiplies after a convolution.

@@ -162,7 +162,10 @@ impl Graph {
 
     /// `TensorProto`: dimensions 1, type 2, name 8, raw data 9 (little endian).
     fn tensor(&mut self, name: &str, shape: &[usize], values: &[f32]) {
-        let raw: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let mut raw = Vec::with_capacity(4 * values.len());
+        for value in values {
+            raw.extend_from_slice(&value.to_le_bytes());
+        }
         let dimensions = shape.iter();
         let message = dimensions.fold(Message::new(), |m, &d| m.integer(1, d as u64));
         let message = message.integer(2, FLOAT).field(8, name).field(9, raw);

@@ -2,7 +2,8 @@
 
 use crate::small::{self, Small, TensorSpec, V, ints, pool, text};
 use crate::support::{error_of, message_of, replaced, with_pickle};
-use stillpoint_models::import::{ImportError, import_checkpoint};
+use stillpoint_detection::wire;
+use stillpoint_models::import::{ImportError, Precision, import_checkpoint};
 
 #[test]
 fn names_may_be_a_dictionary_by_number() {
@@ -190,4 +191,43 @@ fn tensors_beyond_their_memory_are_refused() {
     let mut small = Small::default();
     small.weight.strides = vec![0, 0, i64::MAX, i64::MAX];
     import_checkpoint(&small.bytes(), "x").unwrap();
+}
+
+#[test]
+fn weights_that_are_shown_over_and_over_end_at_a_limit() {
+    let with = |times| Small {
+        first: small::repeated_conv(times),
+        stride: TensorSpec::new("one", &[1]),
+        ..Small::default()
+    };
+    // Three layers of 729 weights are fewer numbers than the file has bytes, a hundred are more.
+    import_checkpoint(&with(3).bytes(), "x").unwrap();
+    let error = error_of(&with(100).bytes());
+    let ImportError::Limit { what, .. } = &error else {
+        panic!("{error}");
+    };
+    assert!(what.contains("one per byte of the file"), "{what}");
+}
+
+#[test]
+fn all_precisions_of_weights_give_the_same_network() {
+    let single = import_checkpoint(&Small::default().bytes(), "x").unwrap();
+    for (key, storage, precision) in [
+        ("h", "torch.HalfStorage", Precision::Half),
+        ("b", "torch.BFloat16Storage", Precision::BFloat16),
+        ("d", "torch.DoubleStorage", Precision::Double),
+    ] {
+        let mut small = Small::default();
+        small.weight.key = key;
+        small.weight.storage = storage;
+        let imported = import_checkpoint(&small.bytes(), "x").unwrap();
+        assert_eq!(imported.report.precision, precision);
+        // All of the graph but the properties, which name the precision.
+        let graph = |onnx: &[u8]| {
+            let mut graph = wire::fields(onnx).flatten().filter(|f| f.number == 7);
+            graph.next().map(|f| f.raw.to_vec())
+        };
+        assert!(graph(&imported.onnx).is_some());
+        assert_eq!(graph(&imported.onnx), graph(&single.onnx));
+    }
 }

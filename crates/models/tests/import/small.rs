@@ -17,6 +17,10 @@ pub(crate) enum V {
     Call(Box<V>, Vec<V>),
     Object(Box<V>, Box<V>),
     Outside(Box<V>),
+    /// A value that is remembered under a number.
+    Remembered(u8, Box<V>),
+    /// The value of that number.
+    Recalled(u8),
 }
 
 pub(crate) fn text(text: &str) -> V {
@@ -87,6 +91,11 @@ fn write(value: &V, out: &mut Vec<u8>) {
             write(state, out);
             out.push(b'b');
         }
+        V::Remembered(number, value) => {
+            write(value, out);
+            out.extend([b'q', *number]);
+        }
+        V::Recalled(number) => out.extend([b'h', *number]),
         V::Outside(id) => {
             write(id, out);
             out.push(b'Q');
@@ -206,24 +215,46 @@ pub(crate) fn pool(size: i64) -> V {
     module(path, own, parts(nothing(), nothing(), nothing()))
 }
 
+/// A convolution of three channels.
+fn conv(outputs: i64, kernel: V, padding: i64, weight: &TensorSpec) -> V {
+    let own = own([
+        ("in_channels", V::Int(3)),
+        ("out_channels", V::Int(outputs)),
+        ("groups", V::Int(1)),
+        ("kernel_size", kernel),
+        ("stride", ints([1, 1])),
+        ("padding", V::Int(padding)),
+        ("dilation", ints([1, 1])),
+        ("padding_mode", text("zeros")),
+    ]);
+    let weights = dict([("weight", weight.value()), ("bias", V::None)]);
+    let path = "torch.nn.modules.conv.Conv2d";
+    module(path, own, parts(weights, nothing(), nothing()))
+}
+
+/// A layer that is one convolution of 9 x 9 px after another: the same one, over and over.
+pub(crate) fn repeated_conv(times: usize) -> V {
+    let weight = TensorSpec {
+        numbers: 1024,
+        ..TensorSpec::new("v", &[3, 3, 9, 9])
+    };
+    let conv = conv(3, ints([9, 9]), 4, &weight);
+    let children = dict([("conv", conv)]);
+    let first = module(
+        "models.common.Conv",
+        vec![],
+        parts(nothing(), nothing(), children),
+    );
+    let mut layers = vec![(text("0"), V::Remembered(0, Box::new(first)))];
+    layers.extend((1..times).map(|i| (text(&i.to_string()), V::Recalled(0))));
+    let own = own([("f", V::Int(-1))]);
+    let path = "torch.nn.modules.container.Sequential";
+    module(path, own, parts(nothing(), nothing(), V::Dict(layers)))
+}
+
 impl Small {
     pub(crate) fn network(&self) -> V {
-        let conv = own([
-            ("in_channels", V::Int(3)),
-            ("out_channels", V::Int(6)),
-            ("groups", V::Int(1)),
-            ("kernel_size", self.kernel.clone()),
-            ("stride", ints([1, 1])),
-            ("padding", ints([0, 0])),
-            ("dilation", ints([1, 1])),
-            ("padding_mode", text("zeros")),
-        ]);
-        let weights = dict([("weight", self.weight.value()), ("bias", V::None)]);
-        let conv = module(
-            "torch.nn.modules.conv.Conv2d",
-            conv,
-            parts(weights, nothing(), nothing()),
-        );
+        let conv = conv(6, self.kernel.clone(), 0, &self.weight);
         let list = module(
             "torch.nn.modules.container.ModuleList",
             vec![],
@@ -266,7 +297,8 @@ impl Small {
     }
 }
 
-/// An archive with that pickle and memory: `w` with 64 times 0.5, `s` with 64 times 8, `n` with 64 times NaN.
+/// An archive with that pickle and memory: 64 times 0.5 as `w`, `d`, `b` and `h` (32, 64 and 16 bits, bfloat16 and half), 64 times 8 as
+/// `s`, 64 times 1 as `one`, 64 times NaN as `n`, and 1024 times 0.5 as `v`.
 pub(crate) fn archive(pickle: &[u8]) -> Vec<u8> {
     let memory = |value: f32| value.to_le_bytes().repeat(64);
     zip(
@@ -274,7 +306,12 @@ pub(crate) fn archive(pickle: &[u8]) -> Vec<u8> {
             Entry::new("archive/data.pkl", pickle),
             Entry::new("archive/data/w", memory(0.5)),
             Entry::new("archive/data/s", memory(8.0)),
+            Entry::new("archive/data/one", memory(1.0)),
             Entry::new("archive/data/n", memory(f32::NAN)),
+            Entry::new("archive/data/d", 0.5_f64.to_le_bytes().repeat(64)),
+            Entry::new("archive/data/b", 0x3f00_u16.to_le_bytes().repeat(64)),
+            Entry::new("archive/data/h", 0x3800_u16.to_le_bytes().repeat(64)),
+            Entry::new("archive/data/v", memory(0.5).repeat(16)),
             Entry::new("archive/version", *b"3\n"),
         ],
         Lies::default(),

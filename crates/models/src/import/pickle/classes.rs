@@ -61,6 +61,9 @@ impl Scalar {
     }
 }
 
+/// Characters of a layer's full name, so that messages stay short.
+const LONGEST: usize = 120;
+
 /// Data of torch and numpy that stays as it is.
 const INERT: [(&str, &[&str]); 6] = [
     ("torch", &["Size", "device", "dtype"]),
@@ -124,6 +127,7 @@ fn is_layer(module: &str, name: &str) -> bool {
             "models.yolo" | "models.common" | "models.experimental"
         );
     place
+        && module.len() + name.len() <= LONGEST
         && name.starts_with(|c: char| c.is_ascii_uppercase())
         && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
         && module
@@ -148,6 +152,7 @@ mod tests {
             ("torch", "load"),
             ("torch.hub", "load"),
             ("models", "Conv"),
+            ("models.common", &"C".repeat(200)),
         ] {
             assert_eq!(Class::known(module, name), None, "{module}.{name}");
         }
