@@ -14,7 +14,9 @@ pub use error::{ByHand, PullError};
 
 use crate::cache::Cache;
 use crate::catalogue::KnownModel;
+use crate::import::import_checkpoint;
 use crate::listing::CachedModel;
+use crate::record::one_line;
 use job::Job;
 use part::RealDisk;
 use std::ops::ControlFlow;
@@ -124,6 +126,9 @@ pub fn pull(
 /// Turns a checkpoint into a network and its card; what is wrong with it, on one line.
 type Convert<'a> = &'a dyn Fn(&[u8], &str) -> Result<(Vec<u8>, String), String>;
 
-fn convert(_checkpoint: &[u8], _name: &str) -> Result<(Vec<u8>, String), String> {
-    Err("no import of checkpoints in this version".to_owned())
+fn convert(checkpoint: &[u8], name: &str) -> Result<(Vec<u8>, String), String> {
+    match import_checkpoint(checkpoint, name) {
+        Ok(imported) => Ok((imported.onnx, imported.card.to_toml())),
+        Err(e) => Err(one_line(&e.to_string())),
+    }
 }
