@@ -55,7 +55,7 @@ pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failu
     console::report(&pass.table().to_text());
     console::report(&format!("\n{}\n{}\n", pass.summary(), times(timing)));
     if let Some(network) = json.network() {
-        console::report(&format!("network: {} {network}\n", json.name));
+        console::report(&format!("network: {}, {network}\n", json.name));
     }
     if let Some(folder) = folder {
         console::report(&folder.finish(&pass.rows())?);

@@ -196,7 +196,7 @@ fn what_is_no_model_is_refused() {
     check(
         &import(&file("half.pt", b"PK\x03\x04")),
         2,
-        &["half", "checkpoint"],
+        &["half.pt", "cut short"],
     );
     let tiny = tiny_model::model();
     check(&import(&file("a b.onnx", &tiny)), 2, &["'a b'", "--name"]);

@@ -26,20 +26,19 @@ pub fn model() -> Vec<u8> {
     let mut maps = Vec::new();
     for stride in [8, 16, 32] {
         let name = |part: &str| format!("{part}{stride}");
-        let (pooled, map, rows) = (name("pooled"), name("map"), name("rows"));
+        let [pooled, map, bright, rows] = ["pooled", "map", "bright", "rows"].map(name);
         let square = ints("kernel_shape", &[stride, stride]);
-        let every = ints("strides", &[1, 1]);
+        // Not every runtime has defaults for these.
+        let every = ["kernel_shape", "strides", "dilations"].map(|name| ints(name, &[1, 1]));
         let step = ints("strides", &[stride, stride]);
         graph = graph
             .message(
                 1,
                 &node("AveragePool", &["images"], &pooled, &[square, step]),
             )
-            .message(
-                1,
-                &node("Conv", &[&pooled, "weight", "bias"], &map, &[every]),
-            )
-            .message(1, &node("Reshape", &[&map, "shape"], &rows, &[]));
+            .message(1, &node("Conv", &[&pooled, "weight", "bias"], &map, &every))
+            .message(1, &node("Relu", &[&map], &bright, &[]))
+            .message(1, &node("Reshape", &[&bright, "shape"], &rows, &[]));
         maps.push(rows);
     }
     let maps: Vec<&str> = maps.iter().map(String::as_str).collect();
@@ -70,7 +69,7 @@ pub fn model() -> Vec<u8> {
         .into_bytes()
 }
 
-/// Objectness runs from -1 in black to 1 in white, so that neither padding nor grey is seen.
+/// Objectness runs from -1 in black to 1 in white, and what is below 0 is cut off: neither padding nor grey is seen.
 fn weights() -> (Vec<f32>, Vec<f32>) {
     let mut weight = vec![0.0; 3 * COLUMNS as usize];
     let mut bias = vec![0.0; COLUMNS as usize];
