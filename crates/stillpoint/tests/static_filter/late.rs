@@ -1,6 +1,7 @@
 //! Detections that come late: carried forward to the present, and back to the keyframe that they are about.
 
 use crate::world::{Recording, Run, shows_mover, with};
+use stillpoint_imaging::GrayImage;
 use stillpoint_map::KeyframeId;
 use stillpoint_slam::{Config, Preset, Reasons};
 
@@ -40,6 +41,53 @@ fn late_detections_are_carried_forward() {
     assert!(off > 15.0, "off: {off} mm");
     let alone = recording.run(with(Preset::Default));
     assert!(named(&recording, &alone).abs() < f64::EPSILON);
+}
+
+#[test]
+fn a_detector_that_looks_at_every_fifth_frame_is_enough() {
+    // The frames of `late_detections_are_carried_forward`, which has the control without the filter, too.
+    let recording = Recording::simulated("walking_xyz", 20..110, 0.3);
+    let mut config = late(3);
+    config.detector.stride = 5;
+    let run = recording.run_detected(config);
+    let (error, named) = (recording.ate_mm(&run), named(&recording, &run));
+    println!("every fifth frame, 3 late: {error:.2} mm, {named:.3} on objects");
+    assert_eq!(run.lost(), 0);
+    assert!(error < 10.0, "{error} mm");
+    assert!(named > 0.45, "{named} on objects");
+    let off = recording.ate_mm(&recording.run(with(Preset::Off)));
+    assert!(off > 10.0, "off: {off} mm");
+}
+
+/// Answers that were too late, and those about frames without a pose.
+fn unused(run: &Run) -> (u32, u32) {
+    let counts = run.reports.iter().map(|r| &r.counts);
+    counts.fold((0, 0), |(late, lost), c| {
+        (
+            late + c.detections_too_late,
+            lost + c.detections_without_pose,
+        )
+    })
+}
+
+#[test]
+fn detections_that_cannot_be_used_are_counted() {
+    // The history is 3.2 s long, 96 frames: of 104 frames the answers to the first four come 100 frames late.
+    let mut recording = Recording::simulated("walking_static", 20..124, 0.3);
+    assert_eq!(unused(&recording.run_detected(late(90))), (0, 0));
+    let run = recording.run_detected(late(100));
+    assert_eq!((run.lost(), unused(&run)), (0, (4, 0)));
+    // Ten frames with a hand before the lens.
+    for frame in &mut recording.frames[30..40] {
+        let (width, height) = (frame.gray.width(), frame.gray.height());
+        frame.gray = GrayImage::new(width, height);
+    }
+    for delay in [0, 3] {
+        let run = recording.run_detected(late(delay));
+        assert!(run.lost() >= 10);
+        let expected = (0, run.lost() as u32);
+        assert_eq!(unused(&run), expected, "{delay} frames late");
+    }
 }
 
 /// How many landmarks keyframe 0 observes on people, and elsewhere.
