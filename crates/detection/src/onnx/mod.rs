@@ -204,9 +204,9 @@ impl OnnxDetector {
         let threshold = self.options.score_threshold;
         let boxes = look(&mut self.network, &self.card, planes, size, threshold)?;
         let boxes = if self.card.head == Head::EndToEnd {
-            heads::sorted(boxes)
+            heads::sorted(&boxes)
         } else {
-            heads::suppress(boxes, self.options.iou_threshold)
+            heads::suppress(&boxes, self.options.iou_threshold)
         };
         let placement = self.letterbox.placement();
         let found = boxes

@@ -3,6 +3,7 @@
 
 use std::path::{Path, PathBuf};
 use stillpoint_detection::wire::Message;
+use stillpoint_detection::{InputSize, ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
 use stillpoint_imaging::ColourImage;
 
 /// A file beside the data sets, if it is there.
@@ -161,4 +162,96 @@ fn port(name: &str, shape: Option<&[usize]>) -> Message {
     Message::new()
         .field(1, name)
         .message(2, &Message::new().message(1, &kind))
+}
+
+/// Cells of the maps, px.
+pub(crate) const STRIDES: [usize; 3] = [8, 16, 32];
+
+/// Numbers from -1 to 1 that look random.
+pub(crate) fn noise(count: usize, seed: u64) -> Vec<f32> {
+    let mut state = seed;
+    let mut next = || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        (state >> 40) as f32 / 8_388_608.0 - 1.0
+    };
+    (0..count).map(|_| next()).collect()
+}
+
+/// The weights of the convolution of a map: `depth` x 3, and `depth` offsets.
+pub(crate) fn weights(depth: usize, stride: usize) -> (Vec<f32>, Vec<f32>) {
+    let scaled = |values: Vec<f32>| values.into_iter().map(|v| 1.5 * v).collect();
+    let seed = stride as u64;
+    (
+        scaled(noise(3 * depth, seed)),
+        scaled(noise(depth, seed + 1)),
+    )
+}
+
+/// One convolution of one pixel per map: every eighth, sixteenth and thirty-second pixel of the image, with random weights. The
+/// outputs are called `map8` and so on; the weights are listed among the inputs, as old exporters do.
+pub(crate) fn maps(shape: &[usize], depth: usize) -> Graph {
+    STRIDES.iter().fold(Graph::new(shape), |graph, &stride| {
+        let (w, b) = weights(depth, stride);
+        let names = ["w", "b", "map"].map(|n| format!("{n}{stride}"));
+        let [w_name, b_name, map] = names.each_ref().map(String::as_str);
+        graph
+            .floats(w_name, &[depth, 3, 1, 1], &w)
+            .input(w_name, &[depth, 3, 1, 1])
+            .floats(b_name, &[depth], &b)
+            .node("Conv", &["images", w_name, b_name], &[map], &conv(stride))
+    })
+}
+
+/// Raw maps of YOLOv7 for an input of this shape, with 80 classes.
+pub(crate) fn anchors(shape: &[usize]) -> Vec<u8> {
+    STRIDES
+        .iter()
+        .fold(maps(shape, 255), |graph, &stride| {
+            let sides = [1, 255, shape[2] / stride, shape[3] / stride];
+            let known = (shape[2] > 0).then_some(&sides[..]);
+            graph.output(&format!("map{stride}"), known)
+        })
+        .model()
+}
+
+/// Options by which nothing is suppressed.
+pub(crate) fn options(input: InputSize) -> OnnxOptions {
+    OnnxOptions {
+        iou_threshold: 1.0,
+        score_threshold: 0.4,
+        input,
+        ..OnnxOptions::default()
+    }
+}
+
+/// A known model in its detector.
+pub(crate) fn detector(model: &[u8], input: InputSize) -> OnnxDetector {
+    OnnxDetector::from_bytes(model.to_vec(), "m.onnx", &options(input)).unwrap()
+}
+
+/// A model with its card.
+pub(crate) fn with_card(
+    model: &[u8],
+    card: &ModelCard,
+    input: InputSize,
+) -> Result<OnnxDetector, ModelError> {
+    let runtime = Runtime::default();
+    OnnxDetector::with_card(
+        model.to_vec(),
+        "m.onnx",
+        Some(card),
+        &runtime,
+        &options(input),
+    )
+}
+
+/// An image of random colours.
+pub(crate) fn coloured(width: usize, height: usize) -> ColourImage {
+    let data = noise(3 * width * height, 99)
+        .iter()
+        .map(|v| (128.0 + 127.0 * v) as u8)
+        .collect();
+    ColourImage::from_vec(width, height, data).unwrap()
 }

@@ -28,6 +28,23 @@ impl Map<'_> {
             self.data[cell * self.columns + column]
         }
     }
+
+    /// The greatest value of each cell over the planes of all classes, and its class, plane by plane: where many cells may hold
+    /// something, walking through all planes for each of them misses the cache at every step.
+    fn best_of_planes(&self) -> (Vec<f32>, Vec<usize>) {
+        let cells = self.level.cells();
+        let mut planes = self.data.chunks_exact(cells.max(1)).skip(BEFORE);
+        let mut values = planes.next().unwrap_or_default().to_vec();
+        let mut classes = vec![0; values.len()];
+        for (class, plane) in (1..).zip(planes) {
+            for ((value, best), &new) in values.iter_mut().zip(&mut classes).zip(plane) {
+                let better = new > *value;
+                *value = if better { new } else { *value };
+                *best = if better { class } else { *best };
+            }
+        }
+        (values, classes)
+    }
 }
 
 /// The boxes of all maps.
@@ -40,21 +57,35 @@ pub(super) fn decode(
     let mut found = Vec::new();
     for map in maps(reading, outputs)? {
         let cells = map.level.cells();
-        if map.planes && !gate.any(&map.data[(BEFORE - 1) * cells..BEFORE * cells]) {
-            continue;
-        }
-        for cell in 0..cells {
-            let objectness = map.at(cell, BEFORE - 1);
-            if gate.may_pass(objectness) {
-                found.extend(decode_cell(&map, cell, &gate, done));
-            }
+        let objectness = |&cell: &usize| gate.may_pass(map.at(cell, BEFORE - 1));
+        let passing: Vec<usize> = (0..cells).filter(objectness).collect();
+        if map.planes && 16 * passing.len() > cells {
+            let (values, classes) = map.best_of_planes();
+            let best = |cell: usize| (classes[cell], values[cell]);
+            let boxes = passing.into_iter().map(|cell| (cell, best(cell)));
+            found.extend(
+                boxes.filter_map(|(cell, best)| decode_cell(&map, cell, best, &gate, done)),
+            );
+        } else {
+            found.extend(passing.into_iter().filter_map(|cell| {
+                let best = best((BEFORE..map.columns).map(|column| map.at(cell, column)))?;
+                decode_cell(&map, cell, best, &gate, done)
+            }));
         }
     }
     Ok(found)
 }
 
-fn decode_cell(map: &Map<'_>, cell: usize, gate: &Gate, done: bool) -> Option<Candidate> {
-    let (class, value) = best((BEFORE..map.columns).map(|column| map.at(cell, column)))?;
+fn decode_cell(
+    map: &Map<'_>,
+    cell: usize,
+    (class, value): (usize, f32),
+    gate: &Gate,
+    done: bool,
+) -> Option<Candidate> {
+    if !gate.may_pass(value) {
+        return None;
+    }
     let score = gate.score(map.at(cell, BEFORE - 1)) * gate.score(value);
     if !gate.passes(score) {
         return None;

@@ -1,37 +1,45 @@
 //! Suppression of boxes that say the same.
 
 use super::Candidate;
+use crate::BoundingBox;
+use std::collections::BTreeMap;
 
-/// The most boxes that are compared with each other: a network that is sure of a box in every cell must not take seconds.
+/// The most boxes that are kept and compared with each other: a network that is sure of a box in every cell must not take seconds.
 const MOST: usize = 1000;
 
-/// Sorts boxes best first; equal scores keep their order.
-pub(in super::super) fn sorted(mut boxes: Vec<Candidate>) -> Vec<Candidate> {
-    boxes.sort_by(|a, b| b.score.total_cmp(&a.score));
-    boxes
+/// The best boxes, best first; equal scores keep their order.
+pub(in super::super) fn sorted(boxes: &[Candidate]) -> Vec<Candidate> {
+    let mut order: Vec<usize> = (0..boxes.len()).collect();
+    let better = |a: &usize, b: &usize| boxes[*b].score.total_cmp(&boxes[*a].score).then(a.cmp(b));
+    if order.len() > MOST {
+        order.select_nth_unstable_by(MOST, better);
+        order.truncate(MOST);
+    }
+    order.sort_unstable_by(better);
+    order.into_iter().map(|i| boxes[i]).collect()
 }
 
 /// Non-maximum suppression per class: of boxes that overlap by more than `iou` the best stays. Returns them best first; equal
 /// scores keep their order.
-pub(in super::super) fn suppress(boxes: Vec<Candidate>, iou: f32) -> Vec<Candidate> {
+pub(in super::super) fn suppress(boxes: &[Candidate], iou: f32) -> Vec<Candidate> {
+    let mut of_class: BTreeMap<usize, Vec<BoundingBox>> = BTreeMap::new();
     let mut boxes = sorted(boxes);
-    boxes.truncate(MOST);
-    let mut kept: Vec<Candidate> = Vec::new();
-    for candidate in boxes {
-        let hides = |better: &Candidate| {
-            better.class == candidate.class && better.bounds.iou(&candidate.bounds) > f64::from(iou)
-        };
-        if !kept.iter().any(hides) {
-            kept.push(candidate);
+    boxes.retain(|candidate| {
+        let better = of_class.entry(candidate.class).or_default();
+        let hidden = better
+            .iter()
+            .any(|b| b.iou(&candidate.bounds) > f64::from(iou));
+        if !hidden {
+            better.push(candidate.bounds);
         }
-    }
-    kept
+        !hidden
+    });
+    boxes
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::BoundingBox;
 
     fn candidate(class: usize, score: f32, x0: f64) -> Candidate {
         let bounds = BoundingBox {
@@ -55,7 +63,7 @@ mod tests {
             candidate(1, 0.6, 0.0),
             candidate(0, 0.4, 8.0),
         ];
-        let kept = suppress(boxes.clone(), 0.45);
+        let kept = suppress(&boxes, 0.45);
         assert_eq!(kept, [boxes[1], boxes[2], boxes[3]]);
         // What a suppressed box would have hidden stays.
         let chain = vec![
@@ -63,7 +71,7 @@ mod tests {
             candidate(0, 0.8, 3.0),
             candidate(0, 0.7, 6.0),
         ];
-        assert_eq!(suppress(chain.clone(), 0.45), [chain[0], chain[2]]);
+        assert_eq!(suppress(&chain, 0.45), [chain[0], chain[2]]);
     }
 
     #[test]
@@ -71,7 +79,7 @@ mod tests {
         let boxes: Vec<Candidate> = (0..30_000)
             .map(|i| candidate(0, 0.3 + i as f32 * 1e-5, 20.0 * i as f64))
             .collect();
-        let kept = suppress(boxes.clone(), 0.45);
+        let kept = suppress(&boxes, 0.45);
         assert_eq!(kept.len(), MOST);
         assert_eq!(kept[0], boxes[29_999]);
     }
