@@ -39,6 +39,7 @@ impl fmt::Display for KnownModel {
 }
 
 /// Where all known models are published: what a mirror replaces.
+#[cfg(any(test, feature = "pull"))]
 pub(crate) const UPSTREAM: &str = "https://github.com";
 
 /// From the most accurate to the fastest: the order in which [`Cache::preferred`](crate::Cache::preferred) looks.

@@ -127,6 +127,7 @@ fn lock(path: &Path) -> Result<File, CacheError> {
 }
 
 /// Writes a small file as a whole or not at all.
+#[cfg(feature = "pull")]
 pub(crate) fn replace(folder: &Path, name: &str, to: &Path, text: &str) -> Result<(), CacheError> {
     Aside::write(folder, name, text.as_bytes())?.rename(to)
 }
