@@ -199,7 +199,7 @@ fn what_is_no_model_is_refused() {
         &["half.pt", "cut short"],
     );
     let tiny = tiny_model::model();
-    check(&import(&file("a b.onnx", &tiny)), 2, &["'a b'", "--name"]);
+    check(&import(&file("a b.onnx", &tiny)), 2, &["\"a b\"", "--name"]);
     let named = file("good.onnx", &tiny);
     let tricks = ["models", "import", &named, "--name", "../x"];
     check(&cache.run(&tricks), 2, &["../x"]);
@@ -207,7 +207,7 @@ fn what_is_no_model_is_refused() {
     check(&cache.run(&out), 2, &["x.txt", ".onnx"]);
     // A card that contradicts the model.
     file("good.toml", b"head = \"yolo-anchors\"\n");
-    check(&import(&named), 2, &["good.onnx"]);
+    check(&import(&named), 2, &["good.toml"]);
     assert!(!cache.file("").exists(), "nothing was put into the cache");
 
     let check_model = |name: &str| cache.run(&["models", "check", name]);
@@ -216,7 +216,7 @@ fn what_is_no_model_is_refused() {
         2,
         &["`stillpoint models pull yolox-nano` gets it"],
     );
-    check(&check_model(&named), 2, &["good.onnx"]);
+    check(&check_model(&named), 2, &["good.toml"]);
     let pull = |name: &str| cache.run(&["models", "pull", name]);
     check(&pull("yolox"), 2, &["yolox-tiny", "found \"yolox\""]);
     check(&pull("yolox_nano"), 2, &["did you mean \"yolox-nano\"?"]);
