@@ -51,7 +51,7 @@ fn what_is_installed_is_found() {
         .install("net", b"network", Some("head = 1\n"), source)
         .unwrap();
     assert_eq!(cache.find("net").unwrap().as_ref(), Some(&model));
-    assert_eq!(cache.list().unwrap(), [model.clone()]);
+    assert_eq!(cache.list().unwrap(), std::slice::from_ref(&model));
     assert_eq!(model.state, State::Good);
     assert_eq!(
         (model.bytes, model.sha256.as_str()),
