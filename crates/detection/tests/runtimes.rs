@@ -1,30 +1,82 @@
-//! ONNX Runtime: which libraries are refused, and that it finds what `rten` finds. The library is looked for in
-//! `ORT_DYLIB_PATH`, else in the Python environment of `VIRTUAL_ENV`; without one the refusals are tested alone.
+//! ONNX Runtime: which libraries are refused, and that it finds what `rten` finds. The library is the one that
+//! `ORT_DYLIB_PATH` names; without it the refusals are tested alone.
 // A test may look for its library; the crate may not.
 #![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
 #![cfg(feature = "onnxruntime")]
 
 use std::path::{Path, PathBuf};
-use stillpoint_detection::{OnnxRuntime, RuntimeError};
+use stillpoint_detection::{
+    Detection, Detector, InputSize, OnnxDetector, OnnxOptions, OnnxRuntime, Runtime, RuntimeError,
+};
+use stillpoint_imaging::{ColourImage, FrameId};
 
 /// The library to test with, if there is one.
 fn library() -> Option<PathBuf> {
     let named = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
-    let found = named.or_else(|| {
-        let environment = PathBuf::from(std::env::var_os("VIRTUAL_ENV")?);
-        let entries = |folder: PathBuf| std::fs::read_dir(folder).into_iter().flatten().flatten();
-        entries(environment.join("lib"))
-            .flat_map(|python| entries(python.path().join("site-packages/onnxruntime/capi")))
-            .map(|entry| entry.path())
-            .find(|file| {
-                let name = file.file_name().unwrap().to_string_lossy();
-                name.starts_with("libonnxruntime.so") || name.ends_with(".dylib")
-            })
-    });
-    if found.is_none() {
-        eprintln!("SKIPPED: neither ORT_DYLIB_PATH nor VIRTUAL_ENV leads to ONNX Runtime");
+    if named.is_none() {
+        eprintln!("SKIPPED: ORT_DYLIB_PATH names no library of ONNX Runtime");
     }
-    found
+    named
+}
+
+/// What a shared model finds in a shared image in this runtime, if both are there; and what ran it.
+fn found(model: &str, runtime: &Runtime, threads: usize) -> Option<(Vec<Detection>, String)> {
+    let shared = |file: &str| {
+        let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
+            || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+            PathBuf::from,
+        );
+        let bytes = std::fs::read(data.join("..").join(file)).ok();
+        if bytes.is_none() {
+            eprintln!("SKIPPED: there is no {file}");
+        }
+        bytes
+    };
+    let image = image::load_from_memory(&shared("images/bus.jpg")?)
+        .unwrap()
+        .to_rgb8();
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let image = ColourImage::from_vec(width, height, image.into_raw()).unwrap();
+    let options = OnnxOptions {
+        threads,
+        input: InputSize::Model,
+        ..OnnxOptions::default()
+    };
+    let model = shared(&format!("models/{model}.onnx"))?;
+    let mut detector = OnnxDetector::with_card(model, "model", None, runtime, &options).unwrap();
+    let found = detector.detect_image(&image, FrameId(0)).unwrap();
+    // The same bits again.
+    assert_eq!(detector.detect_image(&image, FrameId(1)).unwrap(), found);
+    Some((found, detector.info().runtime.unwrap()))
+}
+
+#[test]
+fn both_runtimes_find_the_same() {
+    let Some(file) = library() else { return };
+    let library = OnnxRuntime::load(&file).unwrap();
+    let runtime = Runtime::OnnxRuntime(library.clone());
+    for model in ["yolox_nano_416", "picodet_s_416_coco"] {
+        let Some((expected, _)) = found(model, &Runtime::Rten, 1) else {
+            return;
+        };
+        assert!(expected.len() >= 4, "{model}: {expected:?}");
+        for threads in [1, 2] {
+            let (found, name) = found(model, &runtime, threads).unwrap();
+            assert_eq!(name, format!("ONNX Runtime {}", library.version()));
+            assert_eq!(
+                found.len(),
+                expected.len(),
+                "{model}: {found:?}, {expected:?}"
+            );
+            for (a, b) in found.iter().zip(&expected) {
+                assert_eq!(a.class, b.class, "{model}");
+                assert!((a.score - b.score).abs() < 1e-4, "{model}: {a:?}, {b:?}");
+                let (a, b) = (a.bounds, b.bounds);
+                let sides = [a.x0 - b.x0, a.y0 - b.y0, a.x1 - b.x1, a.y1 - b.y1];
+                assert!(sides.iter().all(|s| s.abs() < 0.1), "{model}: {a:?}, {b:?}");
+            }
+        }
+    }
 }
 
 /// A folder of this test alone, made anew.

@@ -4,6 +4,8 @@
 #[cfg(feature = "onnxruntime")]
 mod onnxruntime;
 mod rten;
+#[cfg(test)]
+mod tests;
 
 #[cfg(feature = "onnxruntime")]
 pub use onnxruntime::{OnnxRuntime, RuntimeError};

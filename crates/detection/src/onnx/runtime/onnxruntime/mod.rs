@@ -42,10 +42,17 @@ impl OnnxRuntime {
         };
         // With links resolved, so that one file under two names is one library.
         let library = library.canonicalize().map_err(missing)?;
-        if let Some(loaded) = LOADED.get() {
-            return loaded.same_as(&library);
+        if let Some(loaded) = LOADED.get().filter(|l| l.library == library) {
+            return Ok(loaded.clone());
         }
+        // Looked at even if another one is loaded: what is wrong with a bad file is worth more than that it comes too late.
         let found = library::check(&library)?;
+        if let Some(loaded) = LOADED.get() {
+            return Err(RuntimeError::Taken {
+                library,
+                loaded: Some(loaded.library.clone()),
+            });
+        }
         // Two threads may come here at once: `ort` takes the first, and refuses the other unless it brings the same library.
         found.hand_over(&library)?;
         let loaded = LOADED.get_or_init(|| Self {
@@ -63,15 +70,5 @@ impl OnnxRuntime {
     /// Its file, links resolved.
     pub fn library(&self) -> &Path {
         &self.library
-    }
-
-    fn same_as(&self, library: &Path) -> Result<Self, RuntimeError> {
-        if self.library == library {
-            return Ok(self.clone());
-        }
-        Err(RuntimeError::Taken {
-            library: library.to_owned(),
-            loaded: Some(self.library.clone()),
-        })
     }
 }
