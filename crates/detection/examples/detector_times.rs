@@ -9,6 +9,7 @@
 //! | `--sizes WxH,...` | of the input; default 640x480,416x320,320x256 |
 //! | `--threads N,...` | default 1,2 |
 //! | `--rounds N` | default 40, after two that do not count |
+//! | `--score S` | least score of a box; default as in `OnnxOptions`. 0.6 for random weights, whose scores are all about 0.25 |
 //! | `--image FILE` | of a camera; default: 640x480 with a pattern |
 // A program may read files and the clock, and keep what a subscriber gathers; the library may not.
 #![allow(
@@ -34,6 +35,7 @@ struct Arguments {
     sizes: Vec<(usize, usize)>,
     threads: Vec<usize>,
     rounds: usize,
+    score: f32,
     image: Option<String>,
 }
 
@@ -68,7 +70,7 @@ fn main() -> Result<(), Failure> {
         for &size in &arguments.sizes {
             for runtime in &runtimes {
                 for &threads in &arguments.threads {
-                    match Case::new(model, size, runtime, threads) {
+                    match Case::new(model, size, runtime, threads, arguments.score) {
                         Ok(case) => cases.push(case),
                         Err(error) => eprintln!("left out: {error}"),
                     }
@@ -106,6 +108,7 @@ impl Arguments {
             sizes: vec![(640, 480), (416, 320), (320, 256)],
             threads: vec![1, 2],
             rounds: 40,
+            score: OnnxOptions::default().score_threshold,
             image: None,
         };
         while let Some(argument) = arguments.next() {
@@ -119,6 +122,7 @@ impl Arguments {
             match argument.as_str() {
                 "--library" => parsed.library = Some(value),
                 "--image" => parsed.image = Some(value),
+                "--score" => parsed.score = value.parse()?,
                 "--rounds" => parsed.rounds = value.parse()?,
                 "--threads" => {
                     parsed.threads = value.split(',').map(str::parse).collect::<Result<_, _>>()?;
@@ -148,12 +152,14 @@ impl Case {
         size: (usize, usize),
         runtime: &Runtime,
         threads: usize,
+        score_threshold: f32,
     ) -> Result<Self, Failure> {
         let name = Path::new(model).file_stem().unwrap_or_default();
         let name = name.to_string_lossy().into_owned();
         let (width, height) = size;
         let options = OnnxOptions {
             threads,
+            score_threshold,
             input: InputSize::Fixed { width, height },
             ..OnnxOptions::default()
         };

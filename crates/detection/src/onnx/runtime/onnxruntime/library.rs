@@ -96,13 +96,23 @@ impl Usable {
             .with_name("stillpoint")
             .with_telemetry(false)
             .commit();
-        if std::ptr::eq(ort::api(), self.api) {
-            return Ok(());
+        if !std::ptr::eq(ort::api(), self.api) {
+            return Err(RuntimeError::Taken {
+                library: file.to_owned(),
+                loaded: None,
+            });
         }
-        Err(RuntimeError::Taken {
-            library: file.to_owned(),
-            loaded: None,
-        })
+        let environment =
+            ort::environment::Environment::current().map_err(|e| RuntimeError::Unloadable {
+                library: file.to_owned(),
+                reason: one_line(&e),
+            })?;
+        // `ort` releases the environment when the process ends; by ELF's order the library's own destructors have run by
+        // then, and versions before 1.23 crash (https://github.com/pykeio/ort/issues/614). One user too many keeps it.
+        if cfg!(all(unix, not(target_vendor = "apple"))) {
+            std::mem::forget(environment);
+        }
+        Ok(())
     }
 }
 

@@ -42,24 +42,30 @@ impl OnnxRuntime {
         };
         // With links resolved, so that one file under two names is one library.
         let library = library.canonicalize().map_err(missing)?;
-        if let Some(loaded) = LOADED.get().filter(|l| l.library == library) {
-            return Ok(loaded.clone());
+        let same = |loaded: &Self| (loaded.library == library).then(|| loaded.clone());
+        if let Some(loaded) = LOADED.get().and_then(same) {
+            return Ok(loaded);
         }
         // Looked at even if another one is loaded: what is wrong with a bad file is worth more than that it comes too late.
         let found = library::check(&library)?;
-        if let Some(loaded) = LOADED.get() {
-            return Err(RuntimeError::Taken {
-                library,
-                loaded: Some(loaded.library.clone()),
+        // Threads may come here at once: `ort` takes the first library that it is given.
+        let handed_over = found.hand_over(&library);
+        if handed_over.is_ok() {
+            LOADED.get_or_init(|| Self {
+                library: library.clone(),
+                version: found.version().to_owned(),
             });
         }
-        // Two threads may come here at once: `ort` takes the first, and refuses the other unless it brings the same library.
-        found.hand_over(&library)?;
-        let loaded = LOADED.get_or_init(|| Self {
-            library,
-            version: found.version().to_owned(),
-        });
-        Ok(loaded.clone())
+        match LOADED.get() {
+            Some(loaded) => same(loaded).ok_or_else(|| RuntimeError::Taken {
+                library: library.clone(),
+                loaded: Some(loaded.library.clone()),
+            }),
+            None => Err(handed_over.err().unwrap_or(RuntimeError::Taken {
+                library,
+                loaded: None,
+            })),
+        }
     }
 
     /// As the library says, e.g. `1.31.1`.
