@@ -188,7 +188,6 @@ fn script(file: &str, entries: &[Entry]) -> Result<ScriptedDetector, Failure> {
 }
 
 #[cfg(test)]
-#[cfg(test)]
 mod tests {
     use super::*;
 

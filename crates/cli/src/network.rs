@@ -4,7 +4,7 @@ use crate::args_models::{NetworkArgs, RuntimeChoice};
 use crate::failure::Failure;
 use crate::{cache, console, runtime};
 use std::path::{Path, PathBuf};
-use stillpoint::detection::{ModelCard, OnnxDetector, OnnxOptions};
+use stillpoint::detection::{ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
 use stillpoint::models::CachedModel;
 
 /// A model, not yet read.
@@ -186,12 +186,30 @@ pub(crate) fn load(
     if let Some(warning) = &chosen.warning {
         console::warn(warning);
     }
-    let bytes = content.bytes.clone();
-    let detector =
-        OnnxDetector::with_card(bytes, name, card.as_ref(), &chosen.runtime, &how.options)
-            .map_err(|e| wrong(&e))?;
+    let (detector, runtime) = match with_runtime(name, content, card.as_ref(), &chosen.runtime, how)
+    {
+        Ok(detector) => (detector, chosen.runtime),
+        // Nobody asked for the library: what it cannot run, the one that is built in may.
+        Err(e) if how.runtime == RuntimeChoice::Auto && chosen.runtime != Runtime::Rten => {
+            let detector = with_runtime(name, content, card.as_ref(), &Runtime::Rten, how)
+                .map_err(|_| wrong(&e))?;
+            console::warn(&format!("the network is run by rten: {e}"));
+            (detector, Runtime::Rten)
+        }
+        Err(e) => return Err(wrong(&e)),
+    };
     Ok(Network {
         detector,
-        library: runtime::library(&chosen.runtime),
+        library: runtime::library(&runtime),
     })
+}
+
+fn with_runtime(
+    name: &str,
+    content: &Content,
+    card: Option<&ModelCard>,
+    runtime: &Runtime,
+    how: &Running,
+) -> Result<OnnxDetector, ModelError> {
+    OnnxDetector::with_card(content.bytes.clone(), name, card, runtime, &how.options)
 }

@@ -10,6 +10,7 @@ use stillpoint::models::onnxruntime::candidates;
 const ADVICE: &str = "get it with `pip install onnxruntime`, or name its file in the environment variable ORT_DYLIB_PATH";
 /// Where [`candidates`] looks, in words.
 const PLACES: &str = "ORT_DYLIB_PATH, the program's folder, the Python of VIRTUAL_ENV, of CONDA_PREFIX and on PATH, the user's Python packages, and the system's libraries";
+
 /// What the libraries that were tried gave.
 #[derive(Debug, Default)]
 pub(crate) struct Libraries {
