@@ -11,11 +11,15 @@ mod homography;
 mod linear;
 mod linearise;
 mod observation;
+mod ordering;
 mod p3p;
 mod pose;
+mod pose_graph;
 mod sampling;
 mod schur;
+mod sparse;
 mod triangulate;
+mod twist;
 mod two_view;
 mod votes;
 
@@ -30,6 +34,10 @@ pub use linearise::{Linearised, linearise};
 pub use observation::{Intrinsics, Measurement};
 pub use p3p::p3p;
 pub use pose::{PoseEstimate, PoseObservation, PoseOptions, optimise_pose};
+pub use pose_graph::{
+    EdgeFit, EdgeKernel, PoseGraph, PoseGraphEdge, PoseGraphOptions, PoseGraphOutcome,
+    PoseGraphRefusal, PoseGraphReport, optimise_pose_graph,
+};
 pub use sampling::{Purpose, Rng, ransac_iterations, rng};
 pub use triangulate::{Triangulation, triangulate_midpoint};
 pub use two_view::{PixelPair, TwoViewOptions};
