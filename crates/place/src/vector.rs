@@ -97,6 +97,15 @@ impl PlaceVector {
         self.entries.len()
     }
 
+    /// Bytes that it takes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>()
+            + size_of_val(&*self.words)
+            + size_of_val(&*self.weights)
+            + size_of_val(&*self.entries)
+    }
+
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
