@@ -29,20 +29,20 @@ pub(crate) fn words(vocabulary: &Vocabulary, descriptors: &[Descriptor]) -> Vec<
 }
 
 /// [`PlaceVector::tally_portable`].
-pub(crate) fn tally(a: &PlaceVector, b: &PlaceVector, out: &mut Tally) {
+pub(crate) fn tally(a: &PlaceVector, b: &PlaceVector, words_per_group: u16, out: &mut Tally) {
     #[cfg(target_arch = "x86_64")]
     {
         /// The same, compiled for the instruction.
         #[target_feature(enable = "popcnt")]
-        fn kernel(a: &PlaceVector, b: &PlaceVector, out: &mut Tally) {
-            a.tally_portable(b, out);
+        fn kernel(a: &PlaceVector, b: &PlaceVector, words_per_group: u16, out: &mut Tally) {
+            a.tally_portable(b, words_per_group, out);
         }
         if there() {
             // SAFETY: the instruction has just been seen.
-            return unsafe { kernel(a, b, out) };
+            return unsafe { kernel(a, b, words_per_group, out) };
         }
     }
-    a.tally_portable(b, out);
+    a.tally_portable(b, words_per_group, out);
 }
 
 #[cfg(test)]
@@ -63,9 +63,11 @@ mod tests {
             let b: Vec<_> = b.iter().chain(a.iter().step_by(2)).copied().collect();
             let (a, b) = (vocabulary.vector(&a), vocabulary.vector(&b));
             let (mut fast, mut portable) = (Tally::default(), Tally::default());
-            tally(&a, &b, &mut fast);
-            a.tally_portable(&b, &mut portable);
-            prop_assert_eq!(fast.pairs(), portable.pairs());
+            for words_per_group in [1, 8, 512] {
+                tally(&a, &b, words_per_group, &mut fast);
+                a.tally_portable(&b, words_per_group, &mut portable);
+                prop_assert_eq!(fast.pairs(), portable.pairs());
+            }
         }
     }
 }

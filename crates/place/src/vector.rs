@@ -33,7 +33,8 @@ impl Entry {
 
 /// What an image looks like: its words with their weights, and its features in the order of their words.
 ///
-/// Immutable, so that keyframes, index and readers share it behind an `Arc`. It follows from the descriptors alone, and takes about 30 kB for 1000 features.
+/// Immutable, so that keyframes, index and readers share it behind an `Arc`. It follows from the descriptors and the vocabulary alone, and takes about 30 kB
+/// for 1000 features. Vectors of different vocabularies have nothing to say about each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlaceVector {
     /// Distinct words, ascending, with their weights.
@@ -138,7 +139,8 @@ impl PlaceVector {
         common_share(common, self.total, other.total)
     }
 
-    /// The share of features that have a partner in the other image, 0 to 1; the same both ways round, 1 for an image and itself.
+    /// The share of features that have a partner of the same word in the other image, 0 to 1; the same both ways round, 1 for an image and itself (if no two
+    /// of its features are equal).
     #[must_use]
     pub fn score(&self, other: &Self) -> f64 {
         let mut tally = Tally::default();
@@ -147,7 +149,8 @@ impl PlaceVector {
 
     /// [`PlaceVector::score`] in the buffers of an earlier one.
     pub(crate) fn score_with(&self, other: &Self, tally: &mut Tally) -> f64 {
-        popcnt::tally(self, other, tally);
+        // Within a word, not a group: what is missed is missed in right and wrong candidates, and chance has less to choose from.
+        popcnt::tally(self, other, 1, tally);
         let features = self.len() + other.len();
         if features == 0 {
             return 0.0;
@@ -156,29 +159,34 @@ impl PlaceVector {
     }
 
     /// Features of both images that may be the same point, in the order of this image's words; each feature is in one pair at most. Their signatures are
-    /// mutually nearest among the features of their group of words, so what the caller has left to do is to compare whole descriptors.
+    /// mutually nearest among the features of their group of words, which is wider than a word: more pairs than [`PlaceVector::score`] counts, and more wrong
+    /// ones. What the caller has left to do is to compare whole descriptors.
     #[must_use]
-    pub fn pairs(&self, other: &Self) -> Vec<FeaturePair> {
+    pub fn candidate_pairs(&self, other: &Self) -> Vec<FeaturePair> {
         let mut tally = Tally::default();
-        popcnt::tally(self, other, &mut tally);
+        popcnt::tally(self, other, self.words_per_group, &mut tally);
         tally.pairs
     }
 
-    /// Pairs features for the instruction set of the caller, into which it is inlined.
+    /// Pairs features within groups of so many words, for the instruction set of the caller, into which it is inlined.
     #[inline(always)]
-    pub(crate) fn tally_portable(&self, other: &Self, out: &mut Tally) {
+    pub(crate) fn tally_portable(&self, other: &Self, words_per_group: u16, out: &mut Tally) {
         out.pairs.clear();
-        let group = self.words_per_group.max(1);
+        let group = u32::from(words_per_group.max(1));
+        let last_of_group = |e: &Entry| (u32::from(e.word) / group + 1) * group - 1;
         let (mut a, mut b) = (&*self.entries, &*other.entries);
         while let (Some(first), Some(second)) = (a.first(), b.first()) {
-            let (ga, gb) = (first.word / group, second.word / group);
-            let in_a = a.iter().take_while(|e| e.word / group == ga).count();
-            let in_b = b.iter().take_while(|e| e.word / group == gb).count();
-            if ga == gb {
+            let (last_a, last_b) = (last_of_group(first), last_of_group(second));
+            let until = |entries: &[Entry], last: u32| {
+                let inside = |e: &&Entry| u32::from(e.word) <= last;
+                entries.iter().take_while(inside).count()
+            };
+            let (in_a, in_b) = (until(a, last_a), until(b, last_b));
+            if last_a == last_b {
                 out.add_group(&a[..in_a], &b[..in_b]);
             }
-            a = if ga <= gb { &a[in_a..] } else { a };
-            b = if gb <= ga { &b[in_b..] } else { b };
+            a = if last_a <= last_b { &a[in_a..] } else { a };
+            b = if last_b <= last_a { &b[in_b..] } else { b };
         }
     }
 }

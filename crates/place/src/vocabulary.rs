@@ -235,7 +235,7 @@ impl Vocabulary {
     }
 
     /// What an image looks like, from the descriptors of those of its features that `admit` lets in: leave out what moves. Pairs of features
-    /// ([`PlaceVector::pairs`]) count in `descriptors`, admitted or not. Features from number 65536 on are left out.
+    /// ([`PlaceVector::candidate_pairs`]) count in `descriptors`, admitted or not. Features from number 65536 on are left out.
     #[must_use]
     pub fn vector_of(
         &self,

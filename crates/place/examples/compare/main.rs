@@ -79,7 +79,7 @@ fn trials() -> Result<Trials, Box<dyn Error>> {
     if kitchen.is_dir() {
         trials.push((
             "kitchen".to_owned(),
-            vec![Trial::new(recorded(&kitchen, Some(2))?, Vec::new())],
+            vec![Trial::new(recorded(&kitchen, Some(3))?, Vec::new())],
         ));
     } else {
         println!("skipped: {} is not there", kitchen.display());
