@@ -37,9 +37,10 @@ impl Entry {
 /// for 1000 features. Vectors of different vocabularies have nothing to say about each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlaceVector {
-    /// Distinct words, ascending, with their weights.
+    /// Distinct words, ascending, with their weights and where their entries end.
     words: Box<[u16]>,
     weights: Box<[u32]>,
+    ends: Box<[u32]>,
     total: u32,
     /// In the order of (word, feature).
     entries: Box<[Entry]>,
@@ -75,9 +76,10 @@ impl PlaceVector {
             })
             .collect();
         entries.sort_unstable_by_key(|e| (e.word, e.feature));
-        let (mut words, mut raw) = (Vec::new(), Vec::new());
+        let (mut words, mut raw, mut ends) = (Vec::new(), Vec::new(), Vec::new());
         for run in entries.chunk_by(|a, b| a.word == b.word) {
             words.push(run[0].word);
+            ends.push(ends.last().copied().unwrap_or(0) + run.len() as u32);
             raw.push(run.len() as u64 * u64::from(vocabulary.idf(run[0].word)));
         }
         let sum = raw.iter().sum::<u64>().max(1);
@@ -87,6 +89,7 @@ impl PlaceVector {
             words: words.into(),
             total: weights.iter().sum(),
             weights,
+            ends: ends.into(),
             entries: entries.into(),
             words_per_group: vocabulary.words_per_group(),
         }
@@ -104,6 +107,7 @@ impl PlaceVector {
         size_of::<Self>()
             + size_of_val(&*self.words)
             + size_of_val(&*self.weights)
+            + size_of_val(&*self.ends)
             + size_of_val(&*self.entries)
     }
 
@@ -172,7 +176,10 @@ impl PlaceVector {
     #[inline(always)]
     pub(crate) fn tally_portable(&self, other: &Self, words_per_group: u16, out: &mut Tally) {
         out.pairs.clear();
-        let group = u32::from(words_per_group.max(1));
+        if words_per_group <= 1 {
+            return self.tally_words(other, out);
+        }
+        let group = u32::from(words_per_group);
         let last_of_group = |e: &Entry| (u32::from(e.word) / group + 1) * group - 1;
         let (mut a, mut b) = (&*self.entries, &*other.entries);
         while let (Some(first), Some(second)) = (a.first(), b.first()) {
@@ -188,6 +195,28 @@ impl PlaceVector {
             a = if last_a <= last_b { &a[in_a..] } else { a };
             b = if last_b <= last_a { &b[in_b..] } else { b };
         }
+    }
+
+    /// Pairs features within words.
+    #[inline(always)]
+    fn tally_words(&self, other: &Self, out: &mut Tally) {
+        let (mut i, mut j) = (0, 0);
+        while i < self.words.len() && j < other.words.len() {
+            let (a, b) = (self.words[i], other.words[j]);
+            if a == b {
+                out.add_group(self.entries_of(i), other.entries_of(j));
+            }
+            // Sums, not branches: which side comes next is a coin toss that no processor foresees.
+            i += usize::from(a <= b);
+            j += usize::from(b <= a);
+        }
+    }
+
+    /// The entries of the `i`-th distinct word.
+    #[inline(always)]
+    fn entries_of(&self, i: usize) -> &[Entry] {
+        let start = if i == 0 { 0 } else { self.ends[i - 1] };
+        &self.entries[start as usize..self.ends[i] as usize]
     }
 }
 
@@ -218,6 +247,13 @@ impl Tally {
     /// Adds the mutually nearest pairs of two groups; the first feature wins a tie.
     #[inline(always)]
     fn add_group(&mut self, a: &[Entry], b: &[Entry]) {
+        if let ([x], [y]) = (a, b) {
+            // Most words are there once, and need no search.
+            if x.distance(y) <= MAX_DISTANCE {
+                self.push(x, y);
+            }
+            return;
+        }
         self.back.clear();
         self.back.resize(b.len(), (u32::MAX, 0));
         self.forward.clear();
@@ -234,13 +270,18 @@ impl Tally {
             }
             self.forward.push(best);
         }
-        for (i, (distance, j)) in self.forward.iter().enumerate() {
-            if *distance <= MAX_DISTANCE && self.back[*j].1 == i {
-                self.pairs.push(FeaturePair {
-                    a: a[i].feature,
-                    b: b[*j].feature,
-                });
+        for (i, x) in a.iter().enumerate() {
+            let (distance, j) = self.forward[i];
+            if distance <= MAX_DISTANCE && self.back[j].1 == i {
+                self.push(x, &b[j]);
             }
         }
+    }
+
+    fn push(&mut self, a: &Entry, b: &Entry) {
+        self.pairs.push(FeaturePair {
+            a: a.feature,
+            b: b.feature,
+        });
     }
 }
