@@ -42,8 +42,8 @@ pub struct BundleOptions {
     /// Stops a phase when the cost falls by less than this share.
     pub min_relative_gain: f64,
     /// Work in all, at most, in products of two 6x6 blocks (432 floating-point operations): an observation counts as one each time
-    /// the system is built, a pair of observations of a point as half of one each time it is solved, beside the products of
-    /// its factorisation. Nothing is begun that would exceed it.
+    /// the system is built, a pair of observations of a point as half of one each time it is solved, beside the products of its
+    /// factorisation or the most that conjugate gradients may take. Nothing is begun that would exceed it.
     pub max_work: u64,
 }
 
@@ -84,16 +84,16 @@ pub struct BundleReport {
     pub stop: BundleStop,
     /// Work that was spent, as [`BundleOptions::max_work`] counts it.
     pub work: u64,
-    /// Blocks (6x6) of the Cholesky factor of the poses: its memory is 288 bytes each.
-    pub factor_blocks: usize,
+    /// Blocks (6x6) of the poses' reduced system that were held, with their fill where it was factored: 288 bytes each.
+    pub blocks: usize,
 }
 
 /// Minimises the sum of robust squared residuals over free poses and all points (Levenberg-Marquardt; points are
 /// eliminated by the Schur complement, Triggs et al., "Bundle adjustment: a modern synthesis", 1999, section 6).
 ///
 /// Two phases: with the Huber kernel, then, outliers taken out, until convergence with the kernel still on. Up to 100 free
-/// poses the reduced system is dense; larger ones are factored in sparse blocks of 6x6 (decision 11), so that thousands of poses
-/// and 100 000 points fit.
+/// poses the reduced system is dense; larger ones are sparse blocks of 6x6, factored or solved by conjugate gradients, whichever
+/// takes less (decision 11), so that thousands of poses and 100 000 points fit.
 ///
 /// # Panics
 /// When an index of an observation is out of range or observations are not sorted by point: a caller's bug.
@@ -129,7 +129,7 @@ pub fn adjust_bundle(problem: &mut BundleProblem, options: &BundleOptions) -> Bu
         outliers: active.iter().map(|a| !a).collect(),
         stop,
         work: effort.work,
-        factor_blocks: effort.factor_blocks,
+        blocks: effort.blocks,
     }
 }
 
@@ -138,7 +138,7 @@ pub fn adjust_bundle(problem: &mut BundleProblem, options: &BundleOptions) -> Bu
 struct Effort {
     iterations: usize,
     work: u64,
-    factor_blocks: usize,
+    blocks: usize,
 }
 
 impl Effort {
@@ -161,7 +161,7 @@ fn minimise(
     effort: &mut Effort,
 ) -> BundleStop {
     let plan = Plan::new(problem, active);
-    effort.factor_blocks = plan.blocks(problem.free_poses);
+    effort.blocks = plan.blocks(problem.free_poses);
     let mut lambda = 1e-5;
     let mut before = cost(problem, &problem.poses, &problem.points, active);
     let mut stop = BundleStop::IterationLimit;

@@ -10,6 +10,7 @@ mod camera_motion;
 mod degeneracy;
 mod extent;
 mod fundamental;
+mod gradients;
 mod homography;
 mod linear;
 mod linearise;

@@ -1,6 +1,7 @@
 //! The reduced system of the poses in bundle adjustment, for windows of any size.
 
 use crate::BundleProblem;
+use crate::gradients;
 use crate::schur::{System, subtract_product, times};
 use crate::sparse::{Block, Pattern};
 use stillpoint_geometry::{Mat3, Vec6};
@@ -9,11 +10,20 @@ use stillpoint_geometry::{Mat3, Vec6};
 /// with every other one.
 pub(crate) const DENSE_POSES: usize = 100;
 
-/// How the reduced system is solved; settled once for a set of active observations, because they alone decide which poses
-/// share points.
+/// How the reduced system is solved.
+pub(crate) enum Method {
+    /// As one dense matrix.
+    Dense,
+    /// By a sparse Cholesky factorisation.
+    Factor(Pattern),
+    /// By conjugate gradients: poses share points with so many others that the factor would be nearly full.
+    Iterate(Pattern),
+}
+
+/// The method and what it costs; settled once for a set of active observations, because they alone decide which poses share
+/// points.
 pub(crate) struct Plan {
-    /// Where the factor has blocks; `None` when it is dense.
-    pub(crate) pattern: Option<Pattern>,
+    pub(crate) method: Method,
     /// Effort of one solution, in products of two 6x6 blocks.
     pub(crate) work: u64,
 }
@@ -31,21 +41,33 @@ impl Plan {
         if free <= DENSE_POSES {
             let n = free as u64;
             return Self {
-                pattern: None,
+                method: Method::Dense,
                 work: pairs / 2 + n * (n + 1) * (n + 2) / 6,
             };
         }
-        let pattern = Pattern::new(seen.neighbours(free));
+        let neighbours = seen.neighbours(free);
+        let filled = Pattern::new(neighbours.clone());
+        let plain = Pattern::without_fill(neighbours);
+        // An iteration multiplies each block and its transpose with a vector, a third of a product.
+        let iterations = gradients::MAX_ITERATIONS * plain.blocks() as u64 / 3;
+        let (method, solution) = if filled.products() <= iterations {
+            let products = filled.products();
+            (Method::Factor(filled), products)
+        } else {
+            (Method::Iterate(plain), iterations)
+        };
         Self {
-            work: pairs / 2 + pattern.products(),
-            pattern: Some(pattern),
+            method,
+            work: pairs / 2 + solution,
         }
     }
 
-    /// Blocks of the factor.
+    /// Blocks of the matrix that is held.
     pub(crate) fn blocks(&self, free: usize) -> usize {
-        let dense = free * (free + 1) / 2;
-        self.pattern.as_ref().map_or(dense, Pattern::blocks)
+        match &self.method {
+            Method::Dense => free * (free + 1) / 2,
+            Method::Factor(pattern) | Method::Iterate(pattern) => pattern.blocks(),
+        }
     }
 }
 
@@ -92,13 +114,40 @@ impl Observers {
     }
 }
 
-/// Solves the damped reduced system; `None` when it is not positive definite.
-pub(crate) fn solve_sparse(
+/// The damped reduced system by a sparse factorisation; `None` when it is not positive definite.
+pub(crate) fn solve_by_factor(
     system: &System,
     pattern: &Pattern,
     lambda: f64,
     inverses: &[Option<Mat3>],
 ) -> Option<Vec<Vec6>> {
+    let (values, rhs) = reduce(system, pattern, lambda, inverses);
+    finite(pattern.factor(values)?.solve(&rhs))
+}
+
+/// The damped reduced system by conjugate gradients; `None` when it is not positive definite.
+pub(crate) fn solve_by_gradients(
+    system: &System,
+    pattern: &Pattern,
+    lambda: f64,
+    inverses: &[Option<Mat3>],
+) -> Option<Vec<Vec6>> {
+    let (values, rhs) = reduce(system, pattern, lambda, inverses);
+    finite(gradients::solve(pattern, &values, &rhs)?)
+}
+
+fn finite(x: Vec<Vec6>) -> Option<Vec<Vec6>> {
+    let finite = |s: &Vec6| s.iter().all(|v| v.is_finite());
+    x.iter().all(finite).then_some(x)
+}
+
+/// The blocks and the right hand side of the damped reduced system.
+fn reduce(
+    system: &System,
+    pattern: &Pattern,
+    lambda: f64,
+    inverses: &[Option<Mat3>],
+) -> (Vec<Block>, Vec<[f64; 6]>) {
     let crosses = ByPose::new(system, pattern.count());
     let mut values: Vec<Block> = vec![[[0.0; 6]; 6]; pattern.blocks()];
     let mut rhs = system.pose_b.clone();
@@ -132,9 +181,7 @@ pub(crate) fn solve_sparse(
             }
         }
     }
-    let x = pattern.factor(values)?.solve(&rhs);
-    let finite = |s: &Vec6| s.iter().all(|v| v.is_finite());
-    x.iter().all(finite).then_some(x)
+    (values, rhs)
 }
 
 /// The cross blocks of each pose, with their points.

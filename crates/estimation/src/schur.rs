@@ -3,7 +3,7 @@
 use crate::BundleProblem;
 use crate::linearise::{by_world_point, linearise};
 use crate::pose::transform;
-use crate::reduced::{Plan, solve_sparse};
+use crate::reduced::{Method, Plan, solve_by_factor, solve_by_gradients};
 use nalgebra::{DMatrix, DVector};
 use stillpoint_geometry::{Mat3, Vec3, Vec6, robust};
 
@@ -148,9 +148,10 @@ impl System {
                 h.try_inverse()
             })
             .collect();
-        let poses = match &plan.pattern {
-            None => self.solve_dense(lambda, &inverses)?,
-            Some(pattern) => solve_sparse(self, pattern, lambda, &inverses)?,
+        let poses = match &plan.method {
+            Method::Dense => self.solve_dense(lambda, &inverses)?,
+            Method::Factor(p) => solve_by_factor(self, p, lambda, &inverses)?,
+            Method::Iterate(p) => solve_by_gradients(self, p, lambda, &inverses)?,
         };
         let points = self
             .points

@@ -75,6 +75,27 @@ impl Pattern {
         }
     }
 
+    /// The blocks of the matrix itself, in the variables' own order; it cannot be factored in place.
+    pub(crate) fn without_fill(neighbours: Vec<Vec<u32>>) -> Self {
+        let count = neighbours.len() as u32;
+        let (mut start, mut rows) = (vec![0], Vec::new());
+        for (k, mut column) in (0..count).zip(neighbours) {
+            column.retain(|v| *v > k);
+            column.sort_unstable();
+            rows.push(k);
+            rows.extend(column);
+            start.push(rows.len());
+        }
+        Self {
+            position: (0..count).collect(),
+            order: (0..count).collect(),
+            start,
+            rows,
+            left_start: Vec::new(),
+            left: Vec::new(),
+        }
+    }
+
     /// Number of block rows.
     pub(crate) fn count(&self) -> usize {
         self.order.len()
@@ -230,7 +251,7 @@ fn subtract_product(target: &mut Block, a: &Block, across: &Block) {
 }
 
 /// The Cholesky factor of a diagonal block, in its lower triangle; `None` when it is not positive definite.
-fn cholesky(a: &mut Block) -> Option<()> {
+pub(crate) fn cholesky(a: &mut Block) -> Option<()> {
     for j in 0..6 {
         let mut pivot = a[j][j];
         // Cancellation leaves rounding of the entry's own size where the matrix is singular.
@@ -263,7 +284,7 @@ fn divide(block: &mut Block, l: &Block) {
 
 /// Solves `L y = y` in place.
 #[inline]
-fn forward(l: &Block, y: &mut [f64; 6]) {
+pub(crate) fn forward(l: &Block, y: &mut [f64; 6]) {
     for i in 0..6 {
         let mut v = y[i];
         for k in 0..i {
@@ -275,7 +296,7 @@ fn forward(l: &Block, y: &mut [f64; 6]) {
 
 /// Solves `L^T y = y` in place.
 #[inline]
-fn backward(l: &Block, y: &mut [f64; 6]) {
+pub(crate) fn backward(l: &Block, y: &mut [f64; 6]) {
     for i in (0..6).rev() {
         let mut v = y[i];
         for k in i + 1..6 {

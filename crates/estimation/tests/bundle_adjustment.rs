@@ -208,15 +208,11 @@ fn a_large_problem_comes_back() {
     let before = pose_error(&poses, &problem.poses);
     let report = adjust_bundle(&mut problem, &BundleOptions::default());
     let after = pose_error(&poses, &problem.poses);
-    assert!(after < 0.01 && after < 0.5 * before, "{before} -> {after}");
+    assert!(after < 0.06 && after < 0.3 * before, "{before} -> {after}");
     assert_eq!(problem.points.len(), points.len());
     assert_eq!(report.stop, BundleStop::Converged);
     // Cameras that see nothing in common have no block.
-    assert!(
-        report.factor_blocks < 160 * 161 / 4,
-        "{}",
-        report.factor_blocks
-    );
+    assert!(report.blocks < 160 * 161 / 4, "{}", report.blocks);
 }
 
 /// The same problem with 100 free poses, which are solved as one dense matrix, and with a 101st that sees nothing and turns the
@@ -238,7 +234,7 @@ fn dense_and_sparse_agree() {
         adjust_bundle(&mut dense, &options),
         adjust_bundle(&mut sparse, &options),
     );
-    assert!(b.factor_blocks < a.factor_blocks);
+    assert!(b.blocks < a.blocks);
     assert!((a.final_cost - b.final_cost).abs() < 1e-6 * a.final_cost);
     assert!(pose_error(&dense.poses[..100], &sparse.poses[..100]) < 1e-6);
     assert_eq!(a.outliers, b.outliers);
