@@ -59,6 +59,7 @@ pub struct AbsolutePose {
 
 /// What became of the search for an absolute pose.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // There is one per candidate, and none is kept.
 pub enum AbsolutePoseOutcome {
     /// There is one.
     Found(AbsolutePose),

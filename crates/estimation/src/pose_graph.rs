@@ -53,7 +53,7 @@ pub struct PoseGraphOptions {
     pub max_iterations: usize,
     /// Squared gate of the kernels. The default is the 95 % quantile of chi-square with 6 degrees of freedom.
     pub gate: f64,
-    /// Factor between the gates of two stages, above 1: edges with [`EdgeKernel::Scaled`] are first believed as far as they
+    /// Factor between the gates of two stages, at least 1.25 (1 or less: no stages): edges with [`EdgeKernel::Scaled`] are first believed as far as they
     /// are from the initial poses, then their gate shrinks by this factor from stage to stage down to `gate` (graduated
     /// non-convexity: Yang et al., RA-L 2020). Without that a good loop at the end of a long drift would be refused.
     pub graduation: f64,

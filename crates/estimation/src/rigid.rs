@@ -10,7 +10,7 @@ use crate::pose::transform;
 use crate::sampling::{Rng, ransac_iterations};
 use crate::{Intrinsics, Measurement};
 use fit::Fit;
-use stillpoint_geometry::{Mat6, Se3, Vec3, align_umeyama};
+use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, align_umeyama};
 
 /// One thing that both cameras see.
 #[derive(Clone, Copy, Debug)]
@@ -76,6 +76,7 @@ pub struct RigidEstimate {
 
 /// What became of the search for a rigid motion.
 #[derive(Clone, Debug)]
+#[allow(clippy::large_enum_variant)] // There is one per candidate, and none is kept.
 pub enum RigidOutcome {
     /// There is one.
     Found(RigidEstimate),
@@ -273,8 +274,7 @@ impl Search<'_> {
     }
 }
 
-/// Where a pair is in the other camera: the point of A in B, and the point of B in A.
-pub(crate) fn both_ways(b_from_a: &Se3, p: &RigidPair) -> (Vec3, Vec3) {
-    let (r, t) = (b_from_a.rotation_matrix(), b_from_a.translation);
-    (transform(&r, &t, &p.point_a), r.tr_mul(&(p.point_b - t)))
+/// Where a pair is in the other camera, by the rotation and translation of `b_from_a`: the point of A in B, and that of B in A.
+fn both_ways((r, t): &(Mat3, Vec3), p: &RigidPair) -> (Vec3, Vec3) {
+    (transform(r, t, &p.point_a), r.tr_mul(&(p.point_b - t)))
 }

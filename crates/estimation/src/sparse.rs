@@ -256,20 +256,21 @@ pub(crate) fn cholesky(a: &mut Block) -> Option<()> {
         let mut pivot = a[j][j];
         // Cancellation leaves rounding of the entry's own size where the matrix is singular.
         let least = 1e-14 * pivot;
-        for k in 0..j {
-            pivot -= a[j][k] * a[j][k];
+        for v in &a[j][..j] {
+            pivot -= v * v;
         }
         if !(pivot > least && pivot > 0.0 && pivot.is_finite()) {
             return None;
         }
         let root = pivot.sqrt();
         a[j][j] = root;
-        for i in j + 1..6 {
-            let mut v = a[i][j];
-            for k in 0..j {
-                v -= a[i][k] * a[j][k];
+        let across = a[j];
+        for row in &mut a[j + 1..] {
+            let mut v = row[j];
+            for (x, y) in row[..j].iter().zip(&across) {
+                v -= x * y;
             }
-            a[i][j] = v / root;
+            row[j] = v / root;
         }
     }
     Some(())

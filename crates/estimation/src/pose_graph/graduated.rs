@@ -74,7 +74,8 @@ fn stages(graph: &PoseGraph, gate: f64, factor: f64) -> Vec<f64> {
     let mut stages = Vec::new();
     while scaled > gate && factor > 1.0 {
         stages.push(scaled);
-        scaled /= factor;
+        // Factors near one would make stages without end.
+        scaled /= factor.max(1.25);
     }
     stages.push(gate);
     stages

@@ -159,9 +159,8 @@ impl<'a> System<'a> {
     pub(super) fn solve(&self, lambda: f64) -> Option<Vec<Vec6>> {
         let mut values = self.values.clone();
         for &at in &self.structure.diagonal {
-            for i in 0..6 {
-                let d = &mut values[at][i][i];
-                *d += lambda * *d + 1e-9;
+            for (i, row) in values[at].iter_mut().enumerate() {
+                row[i] += lambda * row[i] + 1e-9;
             }
         }
         let step = self.structure.pattern.factor(values)?.solve(&self.b);

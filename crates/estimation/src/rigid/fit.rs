@@ -3,7 +3,7 @@
 use super::{RigidPair, both_ways};
 use crate::linearise::{Linearised, by_world_point, linearise};
 use crate::{Intrinsics, Measurement};
-use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6, robust};
+use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, Vec6, robust};
 
 pub(super) struct Fit<'a> {
     pub(super) camera: &'a Intrinsics,
@@ -22,8 +22,8 @@ struct Normal {
 
 impl Fit<'_> {
     /// Squared residuals divided by their gates, the larger one of both images.
-    fn ratio(&self, b_from_a: &Se3, p: &RigidPair) -> f64 {
-        let (in_b, in_a) = both_ways(b_from_a, p);
+    fn ratio(&self, motion: &(Mat3, Vec3), p: &RigidPair) -> f64 {
+        let (in_b, in_a) = both_ways(motion, p);
         let ratio =
             |m: &Measurement, q: &Vec3| m.chi2(self.camera, q) / (m.gate() * self.gate_scale);
         ratio(&p.measurement_b, &in_b).max(ratio(&p.measurement_a, &in_a))
@@ -31,9 +31,10 @@ impl Fit<'_> {
 
     /// One for each pair that fits perfectly, falling to zero at the gate.
     pub(super) fn score(&self, b_from_a: &Se3) -> f64 {
+        let motion = (b_from_a.rotation_matrix(), b_from_a.translation);
         let mut sum = 0.0;
         for p in &self.pairs {
-            sum += (1.0 - self.ratio(b_from_a, p)).max(0.0);
+            sum += (1.0 - self.ratio(&motion, p)).max(0.0);
         }
         sum
     }
@@ -44,7 +45,8 @@ impl Fit<'_> {
 
     /// Pairs within their gates when those are opened by a factor.
     pub(super) fn agreeing(&self, b_from_a: &Se3, opening: f64) -> Vec<bool> {
-        let within = |p: &RigidPair| self.ratio(b_from_a, p) <= opening;
+        let motion = (b_from_a.rotation_matrix(), b_from_a.translation);
+        let within = |p: &RigidPair| self.ratio(&motion, p) <= opening;
         self.pairs.iter().map(within).collect()
     }
 
@@ -118,9 +120,10 @@ impl Fit<'_> {
             outer: Mat6::zeros(),
             cost: 0.0,
         };
-        let inverse_rotation = b_from_a.rotation_matrix().transpose();
+        let motion = (b_from_a.rotation_matrix(), b_from_a.translation);
+        let inverse_rotation = motion.0.transpose();
         for (p, _) in self.pairs.iter().zip(active).filter(|(_, a)| **a) {
-            let (in_b, in_a) = both_ways(b_from_a, p);
+            let (in_b, in_a) = both_ways(&motion, p);
             let mut own = Vec6::zeros();
             for (m, q, is_b) in [
                 (&p.measurement_b, &in_b, true),
@@ -159,11 +162,7 @@ impl Fit<'_> {
 
 /// The derivative of a prediction in A of a point of B by a left perturbation of `b_from_a`: with `q = T^-1 p`,
 /// `(exp([rho; phi]) T)^-1 p ~ q - R^T (rho + phi x p)`.
-fn by_inverse(
-    l: &Linearised,
-    inverse_rotation: &stillpoint_geometry::Mat3,
-    p: &Vec3,
-) -> [[f64; 6]; 3] {
+fn by_inverse(l: &Linearised, inverse_rotation: &Mat3, p: &Vec3) -> [[f64; 6]; 3] {
     by_world_point(&l.by_point, inverse_rotation).map(|j| {
         [
             -j[0],
