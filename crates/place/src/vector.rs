@@ -131,14 +131,13 @@ impl PlaceVector {
     pub fn word_score(&self, other: &Self) -> f64 {
         let (mut i, mut j, mut common) = (0, 0, 0_u32);
         while i < self.words.len() && j < other.words.len() {
-            match self.words[i].cmp(&other.words[j]) {
-                std::cmp::Ordering::Less => i += 1,
-                std::cmp::Ordering::Greater => j += 1,
-                std::cmp::Ordering::Equal => {
-                    common += self.weights[i].min(other.weights[j]);
-                    (i, j) = (i + 1, j + 1);
-                }
+            let (a, b) = (self.words[i], other.words[j]);
+            if a == b {
+                common += self.weights[i].min(other.weights[j]);
             }
+            // Sums, not branches: which side comes next is a coin toss that no processor foresees.
+            i += usize::from(a <= b);
+            j += usize::from(b <= a);
         }
         common_share(common, self.total, other.total)
     }
@@ -206,7 +205,7 @@ impl PlaceVector {
             if a == b {
                 out.add_group(self.entries_of(i), other.entries_of(j));
             }
-            // Sums, not branches: which side comes next is a coin toss that no processor foresees.
+            // As in `word_score`.
             i += usize::from(a <= b);
             j += usize::from(b <= a);
         }
