@@ -171,11 +171,12 @@ fn bundle(keyframes: usize, length: f64) {
     let report = adjust_bundle(&mut problem, &BundleOptions::default());
     let seconds = watch.seconds();
     println!(
-        "bundle: {seconds:.2} s, {} iterations, {:?}, {:.2e} products, {} blocks, error {before:.1} -> {:.1} mm",
+        "bundle: {seconds:.2} s, {} iterations, {:?}, {:.2e} products, {} blocks, cost {:.0}, error {before:.1} -> {:.1} mm",
         report.iterations,
         report.stop,
         report.work as f64,
         report.blocks,
+        report.final_cost,
         error(&problem),
     );
 }

@@ -3,7 +3,8 @@
 use crate::sparse::{Block, Pattern, backward, cholesky, forward};
 use stillpoint_geometry::Vec6;
 
-/// Iterations at most. Where the method is chosen, every pose is tied to a large share of all others and a tenth is common.
+/// Iterations at most. Most systems end here, with what is left of the error spread over many poses; the next system of bundle
+/// adjustment starts where this one ended.
 pub(crate) const MAX_ITERATIONS: u64 = 200;
 
 /// Share of the right hand side's norm at which the residual is small enough, both in the norm of the preconditioner.

@@ -241,6 +241,54 @@ fn dense_and_sparse_agree() {
     assert_eq!(sparse.poses[100], Se3::identity());
 }
 
+/// 230 cameras in one place, each point seen by three of them at random: nearly every camera shares points with every other one,
+/// the factor would be full, and conjugate gradients take over.
+#[test]
+fn a_crowd_comes_back() {
+    let mut scene = scene();
+    let count = 230;
+    let pose = |i: usize| {
+        Se3::exp(&Vec6::from_fn(|k, _| {
+            0.1 * noise(70_000 + (6 * i + k) as u64)
+        }))
+    };
+    let point = |i: u64| Vec3::new(noise(3 * i), 0.8 * noise(3 * i + 1), 2.5 + noise(3 * i + 2));
+    scene.poses = (0..count).map(pose).collect();
+    scene.points = (0..9000).map(point).collect();
+    let camera = Camera::pinhole(640, 480, [520.0, 520.0, 320.0, 240.0]);
+    let problem = &mut scene.problem;
+    problem.observations.clear();
+    for (j, p) in scene.points.iter().enumerate() {
+        for k in 0..3 {
+            let i = (0.5 * (noise((300_000 + 3 * j + k) as u64) + 1.0) * count as f64) as usize;
+            let seen = scene.poses[i].transform(p);
+            problem.observations.push(BundleObservation {
+                pose: i as u32,
+                point: j as u32,
+                measurement: Measurement::new(camera.project(&seen), 1.0, Some((seen.z, 0.01))),
+            });
+        }
+    }
+    let shake = |j: usize, size: f64| move |k: usize| size * noise((900_000 + 6 * j + k) as u64);
+    problem.free_poses = count - 1;
+    problem.poses = scene.poses.clone();
+    for (i, p) in problem.poses[..count - 1].iter_mut().enumerate() {
+        let by = shake(i, 0.01);
+        *p = Se3::exp(&Vec6::from_fn(|k, _| by(k))) * *p;
+    }
+    problem.points = scene.points.clone();
+    for (j, p) in problem.points.iter_mut().enumerate() {
+        let by = shake(10_000 + j, 0.02);
+        *p += Vec3::from_fn(|k, _| by(k));
+    }
+    let report = adjust_bundle(problem, &BundleOptions::default());
+    let error = pose_error(&scene.poses, &problem.poses);
+    assert!(error < 1e-4, "{error} {report:?}");
+    // Without fill: a factor would hold nearly all pairs.
+    assert!(report.blocks < (count - 1) * count / 2 * 9 / 10);
+    assert!(!report.outliers.contains(&true));
+}
+
 /// Work is counted and never exceeds its limit.
 #[test]
 fn work_has_a_limit() {
