@@ -111,7 +111,8 @@ impl Keyframe {
         let other_from_this = other.world_from_camera.inverse() * self.world_from_camera;
         let (mut all, mut seen) = (0, 0);
         // Every second cell of every second row is enough.
-        let chosen = (0..self.depths.len()).filter(|c| c % 2 == 0 && c / GRID[0] % 2 == 0);
+        let even = |n: usize| n.is_multiple_of(2);
+        let chosen = (0..self.depths.len()).filter(|c| even(*c) && even(*c / GRID[0]));
         for cell in chosen {
             let z = f64::from(self.depths[cell]);
             if z <= 0.0 {
@@ -232,13 +233,13 @@ pub(crate) fn recorded(
         None => choose(&of_known).into_iter().map(|i| known[i]).collect(),
     };
     let mut keyframes = Vec::new();
-    for index in 0.. {
+    for (index, pose) in poses.iter().enumerate() {
         let Some(frame) = frames.next_frame() else {
             break;
         };
         let frame = frame?;
-        if let (true, Some((_, pose))) = (chosen.binary_search(&index).is_ok(), poses[index]) {
-            keyframes.push(recorder.keyframe(&frame, pose, None));
+        if let (true, Some((_, pose))) = (chosen.binary_search(&index).is_ok(), pose) {
+            keyframes.push(recorder.keyframe(&frame, *pose, None));
         }
     }
     Ok(keyframes)
