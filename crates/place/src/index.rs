@@ -9,7 +9,7 @@ use std::sync::Arc;
 /// For each match that is asked for, this many keyframes that have most words in common are compared feature by feature...
 const SHORTLIST_FACTOR: usize = 4;
 /// ... but at least this many.
-const SHORTLIST: usize = 64;
+const SHORTLIST: usize = 40;
 
 /// Keyframes by what they look like. `K` is whatever the caller names them by.
 ///
