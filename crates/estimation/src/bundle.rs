@@ -1,6 +1,7 @@
 //! Bundle adjustment: poses and points together.
 
 use crate::pose::transform;
+use crate::reduced::Plan;
 use crate::schur::{self, Step};
 use crate::{Intrinsics, Measurement};
 use stillpoint_geometry::{Se3, Vec3, robust};
@@ -40,6 +41,10 @@ pub struct BundleOptions {
     pub final_iterations: usize,
     /// Stops a phase when the cost falls by less than this share.
     pub min_relative_gain: f64,
+    /// Work in all, at most, in products of two 6x6 blocks (432 floating-point operations): an observation counts as one each time
+    /// the system is built, a pair of observations of a point as half of one each time it is solved, beside the products of its
+    /// factorisation or the most that conjugate gradients may take. Nothing is begun that would exceed it.
+    pub max_work: u64,
 }
 
 impl Default for BundleOptions {
@@ -48,8 +53,20 @@ impl Default for BundleOptions {
             robust_iterations: 5,
             final_iterations: 10,
             min_relative_gain: 1e-4,
+            max_work: u64::MAX,
         }
     }
+}
+
+/// Why bundle adjustment ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BundleStop {
+    /// No step gains more than the least gain.
+    Converged,
+    /// The iterations of the last phase were spent before that.
+    IterationLimit,
+    /// The next step would exceed `max_work`.
+    WorkLimit,
 }
 
 /// Result of bundle adjustment; poses and points are in the problem.
@@ -63,12 +80,20 @@ pub struct BundleReport {
     pub initial_cost: f64,
     /// Cost of the inliers at the end.
     pub final_cost: f64,
+    /// Why it ended.
+    pub stop: BundleStop,
+    /// Work that was spent, as [`BundleOptions::max_work`] counts it.
+    pub work: u64,
+    /// Blocks (6x6) of the poses' reduced system that were held, with their fill where it was factored: 288 bytes each.
+    pub blocks: usize,
 }
 
 /// Minimises the sum of robust squared residuals over free poses and all points (Levenberg-Marquardt; points are
 /// eliminated by the Schur complement, Triggs et al., "Bundle adjustment: a modern synthesis", 1999, section 6).
 ///
-/// Two phases: with the Huber kernel, then, outliers taken out, until convergence with the kernel still on.
+/// Two phases: with the Huber kernel, then, outliers taken out, until convergence with the kernel still on. Up to 100 free
+/// poses the reduced system is dense; larger ones are sparse blocks of 6x6, factored or solved by conjugate gradients, whichever
+/// takes less (decision 11), so that thousands of poses and 100 000 points fit.
 ///
 /// # Panics
 /// When an index of an observation is out of range or observations are not sorted by point: a caller's bug.
@@ -80,15 +105,51 @@ pub fn adjust_bundle(problem: &mut BundleProblem, options: &BundleOptions) -> Bu
     );
     let mut active = vec![true; problem.observations.len()];
     let initial_cost = cost(problem, &problem.poses, &problem.points, &active);
-    let mut iterations = minimise(problem, &active, options.robust_iterations, options);
+    let mut effort = Effort::default();
+    minimise(
+        problem,
+        &active,
+        options.robust_iterations,
+        options,
+        &mut effort,
+    );
     classify(problem, &mut active);
-    iterations += minimise(problem, &active, options.final_iterations, options);
+    let stop = minimise(
+        problem,
+        &active,
+        options.final_iterations,
+        options,
+        &mut effort,
+    );
     classify(problem, &mut active);
     BundleReport {
-        iterations,
+        iterations: effort.iterations,
         initial_cost,
         final_cost: cost(problem, &problem.poses, &problem.points, &active),
         outliers: active.iter().map(|a| !a).collect(),
+        stop,
+        work: effort.work,
+        blocks: effort.blocks,
+    }
+}
+
+/// What was spent so far.
+#[derive(Default)]
+struct Effort {
+    iterations: usize,
+    work: u64,
+    blocks: usize,
+}
+
+impl Effort {
+    /// Takes some work, unless it exceeds the limit.
+    fn take(&mut self, work: u64, limit: u64) -> bool {
+        let sum = self.work.saturating_add(work);
+        let fits = sum <= limit;
+        if fits {
+            self.work = sum;
+        }
+        fits
     }
 }
 
@@ -97,17 +158,30 @@ fn minimise(
     active: &[bool],
     iterations: usize,
     options: &BundleOptions,
-) -> usize {
+    effort: &mut Effort,
+) -> BundleStop {
+    let plan = Plan::new(problem, active);
+    effort.blocks = plan.blocks(problem.free_poses);
     let mut lambda = 1e-5;
     let mut before = cost(problem, &problem.poses, &problem.points, active);
-    let mut done = 0;
-    while done < iterations {
-        done += 1;
+    let mut stop = BundleStop::IterationLimit;
+    'iterations: for _ in 0..iterations {
+        // A system that could not be solved once is not built.
+        let build = problem.observations.len() as u64;
+        if !effort.take(build.saturating_add(plan.work), options.max_work) {
+            stop = BundleStop::WorkLimit;
+            break;
+        }
+        effort.iterations += 1;
         let system = schur::build(problem, active);
         let mut accepted = false;
         // A step that does not pay is tried again with more damping; the system itself stays.
-        for _ in 0..6 {
-            let Some(step) = system.solve(problem.free_poses, lambda) else {
+        for trial in 0..6 {
+            if trial > 0 && !effort.take(plan.work, options.max_work) {
+                stop = BundleStop::WorkLimit;
+                break 'iterations;
+            }
+            let Some(step) = system.solve(&plan, lambda) else {
                 lambda = f64::max(lambda * 10.0, 1e-4);
                 continue;
             };
@@ -124,13 +198,14 @@ fn minimise(
             lambda = f64::max(lambda * 10.0, 1e-4);
         }
         if !accepted {
+            stop = BundleStop::Converged;
             break;
         }
     }
     for pose in &mut problem.poses[..problem.free_poses] {
         *pose = pose.normalized();
     }
-    done
+    stop
 }
 
 fn apply(problem: &BundleProblem, step: &Step) -> (Vec<Se3>, Vec<Vec3>) {

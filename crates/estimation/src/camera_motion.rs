@@ -5,6 +5,7 @@
 
 use crate::p3p::p3p;
 use crate::pose::transform;
+use crate::pose_graph::CHI2_95_6;
 use crate::sampling::{Rng, ransac_iterations};
 use crate::votes::Votes;
 use crate::{Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose};
@@ -46,9 +47,6 @@ impl MotionPrior {
         }
     }
 }
-
-/// 95 % quantile of chi-square with 6 degrees of freedom, a whole pose.
-const CHI2_95_6: f64 = 12.591_587_243_743_977;
 
 /// Effort and gates of the search for the camera's motion.
 #[derive(Clone, Copy, Debug)]

@@ -1,25 +1,40 @@
-//! Two-view relations, camera motion, pose optimisation, triangulation and bundle adjustment: arrays in, results out.
+//! Two-view relations, camera motion, rigid and absolute poses, pose optimisation, triangulation, bundle adjustment and pose
+//! graphs: arrays in, results out.
 //!
 //! Answers: which poses and points explain these observations best, and which observations do not fit. Knows no keyframes, no landmarks and no map. Failing
 //! to converge is a result, not an error. All sums are taken in a fixed order.
 
+mod absolute_pose;
 mod bundle;
 mod camera_motion;
 mod degeneracy;
+mod extent;
 mod fundamental;
+mod gradients;
 mod homography;
 mod linear;
 mod linearise;
 mod observation;
+mod ordering;
 mod p3p;
 mod pose;
+mod pose_graph;
+mod reduced;
+mod rigid;
 mod sampling;
 mod schur;
+mod sparse;
 mod triangulate;
+mod twist;
 mod two_view;
 mod votes;
 
-pub use bundle::{BundleObservation, BundleOptions, BundleProblem, BundleReport, adjust_bundle};
+pub use absolute_pose::{
+    AbsolutePose, AbsolutePoseOptions, AbsolutePoseOutcome, find_absolute_pose,
+};
+pub use bundle::{
+    BundleObservation, BundleOptions, BundleProblem, BundleReport, BundleStop, adjust_bundle,
+};
 pub use camera_motion::{CameraMotion, MotionOptions, MotionPair, MotionPrior, find_camera_motion};
 pub use degeneracy::{Degeneracy, DegeneracyTest, test_degeneracy, transfer_squared};
 pub use fundamental::{
@@ -30,6 +45,11 @@ pub use linearise::{Linearised, linearise};
 pub use observation::{Intrinsics, Measurement};
 pub use p3p::p3p;
 pub use pose::{PoseEstimate, PoseObservation, PoseOptions, optimise_pose};
+pub use pose_graph::{
+    EdgeFit, EdgeKernel, PoseGraph, PoseGraphEdge, PoseGraphOptions, PoseGraphOutcome,
+    PoseGraphRefusal, PoseGraphReport, optimise_pose_graph,
+};
+pub use rigid::{RigidEstimate, RigidOptions, RigidOutcome, RigidPair, find_rigid};
 pub use sampling::{Purpose, Rng, ransac_iterations, rng};
 pub use triangulate::{Triangulation, triangulate_midpoint};
 pub use two_view::{PixelPair, TwoViewOptions};

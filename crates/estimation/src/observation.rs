@@ -62,6 +62,14 @@ impl Measurement {
         self.inverse_depth_weight > 0.0
     }
 
+    /// True when every number is finite and both weights are possible.
+    pub(crate) fn is_sound(&self) -> bool {
+        (self.pixel.sum() + self.inverse_depth).is_finite()
+            && (self.pixel_weight + self.inverse_depth_weight).is_finite()
+            && self.pixel_weight > 0.0
+            && self.inverse_depth_weight >= 0.0
+    }
+
     /// The 95 % chi-square gate of this measurement: 3 degrees of freedom with depth, else 2.
     #[must_use]
     pub fn gate(&self) -> f64 {

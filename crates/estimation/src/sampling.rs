@@ -19,6 +19,10 @@ impl Purpose {
     pub const RELOCALISATION: Self = Self(4);
     /// Samples of depths inside a box.
     pub const DEPTH: Self = Self(5);
+    /// Samples of the motion between two keyframes.
+    pub const RIGID: Self = Self(6);
+    /// Samples of the pose of a camera that may be anywhere.
+    pub const ABSOLUTE_POSE: Self = Self(7);
 }
 
 /// A stream of random numbers (SplitMix64: Steele, Lea, Flood, "Fast splittable pseudorandom number generators",

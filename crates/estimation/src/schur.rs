@@ -3,28 +3,30 @@
 use crate::BundleProblem;
 use crate::linearise::{by_world_point, linearise};
 use crate::pose::transform;
+use crate::reduced::{Method, Plan, solve_by_factor, solve_by_gradients};
 use nalgebra::{DMatrix, DVector};
 use stillpoint_geometry::{Mat3, Vec3, Vec6, robust};
 
 /// Cross block `J_pose^T W J_point` of one observation, 6x3, row by row.
-type Cross = [[f64; 3]; 6];
+pub(crate) type Cross = [[f64; 3]; 6];
 
 /// One point's share of the normal equations.
-struct PointBlock {
+pub(crate) struct PointBlock {
     /// `J_point^T W J_point`.
     h: Mat3,
     /// `J_point^T W e`.
-    b: Vec3,
+    pub(crate) b: Vec3,
     /// Range of its cross blocks in [`System::cross`].
-    cross: std::ops::Range<usize>,
+    pub(crate) cross: std::ops::Range<usize>,
 }
 
 /// The undamped normal equations at one linearisation point.
 pub(crate) struct System {
-    pose_h: Vec<[[f64; 6]; 6]>,
-    pose_b: Vec<[f64; 6]>,
-    points: Vec<PointBlock>,
-    cross: Vec<(u32, Cross)>,
+    pub(crate) pose_h: Vec<[[f64; 6]; 6]>,
+    pub(crate) pose_b: Vec<[f64; 6]>,
+    pub(crate) points: Vec<PointBlock>,
+    /// Pose and cross block, point by point.
+    pub(crate) cross: Vec<(u32, Cross)>,
 }
 
 /// A step of poses (left perturbations `[translation; rotation]`) and points (m).
@@ -128,13 +130,13 @@ fn add_scaled<const N: usize>(v: &mut [f64; N], a: &[f64; N], s: f64) {
 
 /// `a * m` for a cross block and a symmetric 3x3 matrix.
 #[inline]
-fn times(a: &Cross, m: &Mat3) -> Cross {
+pub(crate) fn times(a: &Cross, m: &Mat3) -> Cross {
     a.map(|r| std::array::from_fn(|c| r[0] * m[(0, c)] + r[1] * m[(1, c)] + r[2] * m[(2, c)]))
 }
 
 impl System {
     /// Solves the damped equations; `None` when the reduced system is not positive definite.
-    pub(crate) fn solve(&self, free: usize, lambda: f64) -> Option<Step> {
+    pub(crate) fn solve(&self, plan: &Plan, lambda: f64) -> Option<Step> {
         let inverses: Vec<Option<Mat3>> = self
             .points
             .iter()
@@ -146,7 +148,11 @@ impl System {
                 h.try_inverse()
             })
             .collect();
-        let poses = self.solve_poses(free, lambda, &inverses)?;
+        let poses = match &plan.method {
+            Method::Dense => self.solve_dense(lambda, &inverses)?,
+            Method::Factor(p) => solve_by_factor(self, p, lambda, &inverses)?,
+            Method::Iterate(p) => solve_by_gradients(self, p, lambda, &inverses)?,
+        };
         let points = self
             .points
             .iter()
@@ -170,12 +176,8 @@ impl System {
         Some(Step { poses, points })
     }
 
-    fn solve_poses(
-        &self,
-        free: usize,
-        lambda: f64,
-        inverses: &[Option<Mat3>],
-    ) -> Option<Vec<Vec6>> {
+    fn solve_dense(&self, lambda: f64, inverses: &[Option<Mat3>]) -> Option<Vec<Vec6>> {
+        let free = self.pose_h.len();
         // Lower triangle of blocks of the reduced camera system; block (i, j) with i >= j at i (i + 1) / 2 + j.
         let mut blocks = vec![[[0.0; 6]; 6]; free * (free + 1) / 2];
         let mut rhs = self.pose_b.clone();
@@ -231,7 +233,7 @@ impl System {
 
 /// `s -= w * b^T` for 6x3 blocks.
 #[inline]
-fn subtract_product(s: &mut [[f64; 6]; 6], w: &Cross, b: &Cross) {
+pub(crate) fn subtract_product(s: &mut [[f64; 6]; 6], w: &Cross, b: &Cross) {
     for (row, wr) in s.iter_mut().zip(w) {
         for (v, bc) in row.iter_mut().zip(b) {
             *v -= wr[0] * bc[0] + wr[1] * bc[1] + wr[2] * bc[2];

@@ -39,6 +39,8 @@ pub use stillpoint_map as map;
 /// Models that are downloaded, and checkpoints turned into ONNX.
 #[cfg(feature = "models")]
 pub use stillpoint_models as models;
+/// Place recognition.
+pub use stillpoint_place as place;
 /// Rendered rooms with exact ground truth.
 pub use stillpoint_simulator as simulator;
 /// The system itself.

@@ -13,6 +13,7 @@ const NORMAL: &[(&str, &[&str])] = &[
     ("features", &["geometry", "imaging"]),
     ("estimation", &["geometry"]),
     ("map", &["geometry", "features"]),
+    ("place", &["features"]),
     (
         "slam",
         &[
@@ -41,6 +42,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "features",
             "estimation",
             "map",
+            "place",
             "detection",
             "models",
             "slam",
@@ -58,6 +60,7 @@ const NORMAL: &[(&str, &[&str])] = &[
 const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("features", &["simulator", "datasets"]),
     ("map", &["imaging"]),
+    ("place", &["simulator", "datasets", "imaging", "geometry"]),
     ("detection", &["simulator", "datasets"]),
     ("slam", &["simulator", "datasets", "evaluation"]),
     ("view", &["simulator"]),
@@ -72,6 +75,7 @@ const CORE: &[&str] = &[
     "features",
     "estimation",
     "map",
+    "place",
     "detection",
     "slam",
 ];

@@ -1,0 +1,86 @@
+//! Places are recognised in rendered and in recorded images. How well, beside other ways, is what `examples/compare` tells.
+#![allow(clippy::print_stdout)] // Helpers of tests are not recognised as tests.
+
+#[path = "../examples/common/mod.rs"]
+mod common;
+
+use common::world::{Keyframe, recorded};
+use std::sync::Arc;
+use stillpoint_features::{Features, OrbConfig, OrbExtractor};
+use stillpoint_imaging::Simd;
+use stillpoint_place::{PlaceIndex, PlaceVector, Vocabulary};
+use stillpoint_simulator::{Simulator, SimulatorConfig};
+
+/// The walk through two rooms comes back to where it began: its last images find the first ones, among images of the rest of the way, which shows the same
+/// chairs, shelves and posters at other places.
+#[test]
+fn a_walk_recognises_where_it_began() {
+    let sim = Simulator::new(&SimulatorConfig {
+        scene: "loop_two_rooms".to_owned(),
+        ..SimulatorConfig::default()
+    })
+    .unwrap();
+    let vocabulary = Vocabulary::embedded();
+    let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
+    let mut features = Features::default();
+    let mut vector = |frame: usize| {
+        extractor.extract(&sim.frame(frame).gray, &mut features);
+        Arc::new(vocabulary.vector(&features.descriptors))
+    };
+    let last = sim.len() - 1;
+    let far = |a: usize, b: usize| {
+        let place = |frame: usize| sim.world_from_camera(sim.stamp(frame)).translation;
+        (place(a) - place(b)).norm()
+    };
+    let mut index = PlaceIndex::default();
+    for frame in (0..last - 150).step_by(25) {
+        index.insert(frame, vector(frame));
+    }
+    let mut worst_right = f64::MAX;
+    for frame in [last - 90, last - 60, last - 30, last] {
+        let found = index.query(&vector(frame), |_| true, 1);
+        assert!(
+            far(frame, found[0].key) < 1.0,
+            "frame {frame} found {found:?}"
+        );
+        worst_right = worst_right.min(found[0].score);
+    }
+    // The same, without the beginning in the index: nothing is as alike.
+    for frame in [last - 90, last - 60, last - 30, last] {
+        let elsewhere = index.query(&vector(frame), |key| far(frame, key) > 4.0, 1);
+        assert!(elsewhere[0].score < worst_right, "{elsewhere:?}");
+    }
+}
+
+fn vectors(keyframes: &[Keyframe]) -> Vec<Arc<PlaceVector>> {
+    let vocabulary = Vocabulary::embedded();
+    let vector = |k: &Keyframe| Arc::new(vocabulary.vector(&k.descriptors));
+    keyframes.iter().map(vector).collect()
+}
+
+/// A kitchen that the vocabulary was not trained on.
+#[test]
+fn a_kitchen_is_recognised() {
+    let folder = common::data_folder().join("kitchen");
+    if !folder.is_dir() {
+        println!("skipped: {} is not there", folder.display());
+        return;
+    }
+    let keyframes = recorded(&folder, Some(4)).unwrap();
+    let vectors = vectors(&keyframes);
+    let recent = |i: usize, j: usize| keyframes[i].stamp - keyframes[j].stamp < 5.0;
+    let same = |i: usize, j: usize| keyframes[i].overlap(&keyframes[j]) >= 0.3;
+    let mut index = PlaceIndex::default();
+    let (mut revisits, mut found) = (0, 0);
+    for (i, vector) in vectors.iter().enumerate() {
+        if (0..i).any(|j| !recent(i, j) && same(i, j)) {
+            let answers = index.query(vector, |j| !recent(i, j), 10);
+            revisits += 1;
+            found += usize::from(answers.iter().any(|m| same(i, m.key)));
+        }
+        index.insert(i, Arc::clone(vector));
+    }
+    println!("{found} of {revisits} revisits have a right one among ten");
+    assert!(revisits > 50, "{revisits}");
+    assert!(10 * found > 9 * revisits, "{found} of {revisits}");
+}
