@@ -6,6 +6,7 @@
 
 mod check;
 mod chunked;
+mod correction;
 mod ids;
 mod keyframe;
 mod landmark;
@@ -15,6 +16,7 @@ mod view;
 
 pub use check::Violation;
 pub use chunked::Chunked;
+pub use correction::{Applied, Correction, LandmarkCorrection, PoseCorrection};
 pub use ids::{KeyframeId, LandmarkId};
 pub use keyframe::{Keyframe, KeyframeData, KeyframeSlot};
 pub use landmark::{Landmark, LandmarkSlot, ScaleRange};
