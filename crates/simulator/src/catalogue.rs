@@ -4,12 +4,14 @@ use crate::path::Path;
 use crate::people::Cast;
 use crate::scene::Scene;
 
-const NAMES: [&str; 11] = [
+const NAMES: [&str; 13] = [
     "xyz",
     "rpy",
     "halfsphere",
     "static",
     "loop_two_rooms",
+    "equal_rooms",
+    "equal_rooms_return",
     "walking_xyz",
     "walking_rpy",
     "walking_halfsphere",
@@ -36,6 +38,8 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
             Scene::two_rooms(seed),
             Path::walk(seed, &Scene::TWO_ROOMS_WALK),
         ),
+        "equal_rooms" => equal_rooms(seed, 0),
+        "equal_rooms_return" => equal_rooms(seed, 1),
         "walking_xyz" => (people(Cast::Walking), Path::xyz(seed).farther(0.7)),
         "walking_rpy" => (people(Cast::Walking), Path::rpy(seed).farther(0.6)),
         "walking_halfsphere" => (people(Cast::Walking), Path::halfsphere(seed).farther(1.1)),
@@ -44,6 +48,13 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
         "box_carried" => (people(Cast::Carrying), Path::xyz(seed).farther(0.85)),
         _ => return None,
     })
+}
+
+/// The equal rooms with the shorter or the longer walk.
+fn equal_rooms(seed: u64, walk: usize) -> (Scene, Path) {
+    let path = Path::walk(seed, &Scene::EQUAL_ROOMS_WALK);
+    let length = Scene::EQUAL_ROOMS_LENGTHS[walk];
+    (Scene::equal_rooms(seed), path.for_length(length))
 }
 
 /// The scene whose name needs the fewest edits (Levenshtein) to become `name`.

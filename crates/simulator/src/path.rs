@@ -77,6 +77,14 @@ impl Path {
         }
     }
 
+    /// The same walk, ended after this length of its polygon (m); other motions have no length and stay as they are.
+    pub(crate) fn for_length(mut self, length: f64) -> Self {
+        if let Kind::Loop(walk) = &mut self.kind {
+            walk.length = length;
+        }
+        self
+    }
+
     /// The same motion by `back` m farther from the desk, so that people can pass before it.
     pub(crate) fn farther(self, back: f64) -> Self {
         Self { back, ..self }
@@ -188,6 +196,8 @@ impl Tremor {
 struct Walk {
     control: Vec<[f64; 2]>,
     spacing: f64,
+    /// Where the walk ends, m along the control polygon.
+    length: f64,
 }
 
 impl Walk {
@@ -221,11 +231,15 @@ impl Walk {
             let share = (s - before) / length(d);
             control.push([a[0] + share * d[0], a[1] + share * d[1]]);
         }
-        Self { control, spacing }
+        Self {
+            control,
+            spacing,
+            length: count * spacing + Self::OVERLAP,
+        }
     }
 
     fn duration(&self) -> f64 {
-        (self.control.len() as f64 * self.spacing + Self::OVERLAP) / Self::SPEED
+        self.length / Self::SPEED
     }
 
     /// The point of the spline at length `s` (of its control polygon).

@@ -61,6 +61,23 @@ fn the_source_yields_every_frame_in_order_of_time() {
 }
 
 #[test]
+fn a_part_of_the_source_has_the_frames_of_the_whole() {
+    let sim = || simulator("static", 2);
+    let mut part = sim().source().between(40, Some(42));
+    for (left, index) in [(1, 40), (0, 41)] {
+        let (frame, whole) = (part.next_frame().unwrap().unwrap(), sim().frame(index));
+        assert_eq!((frame.id, frame.stamp), (whole.id, whole.stamp));
+        assert_eq!((frame.gray, frame.depth), (whole.gray, whole.depth));
+        assert_eq!(part.remaining(), Some(left));
+    }
+    assert!(part.next_frame().is_none());
+    assert_eq!(sim().source().between(290, None).remaining(), Some(10));
+    let mut beyond = sim().source().between(900, Some(1000));
+    assert_eq!(beyond.remaining(), Some(0));
+    assert!(beyond.next_frame().is_none());
+}
+
+#[test]
 fn an_unknown_scene_is_an_error_that_names_the_nearest() {
     let config = SimulatorConfig {
         scene: "halfshere".to_owned(),
@@ -158,6 +175,8 @@ fn speeds_are_those_of_hand_held_recordings() {
     check("walking_halfsphere", [0.3, 1.2], [10.0, 40.0], [1.6, 70.0]);
     check("walking_static", [0.001, 0.03], [0.1, 3.0], [0.06, 6.0]);
     check("loop_two_rooms", [0.7, 1.0], [5.0, 30.0], [1.3, 90.0]);
+    let turning = [15.0, 45.0];
+    check("equal_rooms_return", [0.65, 1.0], turning, [1.3, 110.0]);
 }
 
 #[test]

@@ -94,6 +94,20 @@ impl Builder {
         }
     }
 
+    /// Adds a copy of everything that is there, moved by `shift` (m), under the same light as the original.
+    pub(crate) fn copy_all(&mut self, shift: &Vec3) {
+        for k in 0..self.faces.len() {
+            let mut face = self.faces[k].clone();
+            for vertex in &mut face.vertices {
+                *vertex += shift;
+            }
+            for (offset, axis) in face.offsets.iter_mut().zip(&face.axes) {
+                *offset -= axis.dot(shift);
+            }
+            self.faces.push(face);
+        }
+    }
+
     /// Lamps light only what is added after them.
     pub(crate) fn lamp(&mut self, x: f64, y: f64, z: f64, power: f64) {
         self.light.lamps.push(Lamp {

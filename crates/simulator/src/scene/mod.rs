@@ -3,8 +3,10 @@
 //! Answers: which faces there are at a time. Does not know cameras (module `raster`) or paths (module `path`).
 
 mod build;
+mod equal_rooms;
 mod furniture;
 mod rooms;
+mod walls;
 
 pub(crate) use build::{Builder, Place};
 
@@ -13,6 +15,7 @@ use crate::texture::Texture;
 use stillpoint_geometry::Vec3;
 
 /// A convex planar polygon with its texture and its light.
+#[derive(Clone)]
 pub(crate) struct Face {
     /// Corners, counter-clockwise as seen from the outside.
     pub(crate) vertices: Vec<Vec3>,
@@ -94,6 +97,17 @@ impl Scene {
     /// The corners (x, y) of a walk through both rooms and both doors.
     pub(crate) const TWO_ROOMS_WALK: [[f64; 2]; 7] = rooms::WALK;
 
+    /// Two rooms of 5.6 x 5.1 m that differ in nothing but their place, side by side on a corridor.
+    pub(crate) fn equal_rooms(seed: u64) -> Self {
+        equal_rooms::equal_rooms(seed)
+    }
+
+    /// The corners (x, y) of a closed walk through both of the equal rooms.
+    pub(crate) const EQUAL_ROOMS_WALK: [[f64; 2]; 16] = equal_rooms::WALK;
+
+    /// Lengths of that walk, m: until both rooms have been seen once, and until the first one has been seen again.
+    pub(crate) const EQUAL_ROOMS_LENGTHS: [f64; 2] = equal_rooms::LENGTHS;
+
     /// What stands still.
     pub(crate) fn fixed(&self) -> &[Face] {
         &self.faces
@@ -121,6 +135,9 @@ impl Scene {
 
 #[cfg(test)]
 impl Scene {
+    /// From a point of one of the equal rooms to the same point of the other one, along x, m.
+    pub(crate) const EQUAL_ROOMS_SHIFT: f64 = equal_rooms::SHIFT;
+
     /// A scene of given faces, all with one texture.
     pub(crate) fn of(faces: Vec<Face>, texture: Texture) -> Self {
         Self {
