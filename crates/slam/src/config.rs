@@ -1,5 +1,6 @@
 //! The configuration of the whole system: one struct per stage, gathered here.
 
+use crate::looping::LoopingConfig;
 use crate::mapping::MappingConfig;
 use crate::sensor::SensorConfig;
 use crate::static_filter::StaticFilterConfig;
@@ -30,6 +31,8 @@ pub struct Config {
     pub keyframes: KeyframeConfig,
     /// Map building.
     pub mapping: MappingConfig,
+    /// Loop closing.
+    pub looping: LoopingConfig,
     /// Which frames the detector looks at.
     pub detector: DetectorConfig,
     /// Delays of the background stages in the inline driver.
@@ -61,6 +64,8 @@ pub struct Schedule {
     pub detector: u32,
     /// Frames between a keyframe and the map view that holds it. Range: 0 to 1000. 0: mapping keeps up with the camera.
     pub mapper: u32,
+    /// Frames between a keyframe and the correction that it led to. Range: 0 to 1000. 0: loops are closed at once.
+    pub looper: u32,
 }
 
 /// One thing that is wrong with a configuration.
@@ -140,12 +145,14 @@ impl Config {
         section("tracking", &|c| self.tracking.check(c));
         section("keyframes", &|c| self.keyframes.check(c));
         section("mapping", &|c| self.mapping.check(c));
+        section("looping", &|c| self.looping.check(c));
         section("detector", &|c| {
             c.range("stride", f64::from(self.detector.stride), 1.0, 100.0);
         });
         section("schedule", &|c| {
             c.range("detector", f64::from(self.schedule.detector), 0.0, 1000.0);
             c.range("mapper", f64::from(self.schedule.mapper), 0.0, 1000.0);
+            c.range("looper", f64::from(self.schedule.looper), 0.0, 1000.0);
         });
         for problem in self.objects.problems() {
             let (field, message) = problem.split_once(": ").unwrap_or(("", &problem));

@@ -150,6 +150,76 @@ pub struct RejudgeReport {
     pub landmarks: u32,
 }
 
+/// What became of a correction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CorrectionReport {
+    /// Version of the published view.
+    pub map_version: u64,
+    /// Version that was corrected.
+    pub base_version: u64,
+    /// Keyframes that it named and that were still there.
+    pub keyframes: u32,
+    /// Of these, the ones that local bundle adjustment had moved since.
+    pub composed: u32,
+    /// Keyframes made since, which were carried along.
+    pub carried: u32,
+    /// Landmarks that became others.
+    pub merged: u32,
+}
+
+/// What became of a place that was recognised.
+#[derive(Clone, Debug)]
+pub struct LoopReport {
+    /// The keyframe that showed it.
+    pub keyframe: KeyframeId,
+    /// The keyframe that showed it before.
+    pub with: KeyframeId,
+    /// How alike both look, 0 to 1.
+    pub score: f64,
+    /// Pairs of points that agree on one rigid motion.
+    pub rigid_inliers: u32,
+    /// Landmarks around `with` that are seen where that motion puts them.
+    pub inliers: u32,
+    /// Pose of `keyframe` relative to `with`, once it is known.
+    pub edge: Option<Se3>,
+    /// What it cost the pose graph to believe it: squared Mahalanobis distance, about 6 where the loop is right.
+    pub cost: f64,
+    /// Landmarks that turned out to be others seen before.
+    pub merges: u32,
+    /// Farthest that a keyframe was moved, m.
+    pub moved_m: f64,
+    /// Full bundle adjustment; zeros when it was not run.
+    pub bundle: BundleCounts,
+    /// Whether the loop was closed.
+    pub outcome: LoopOutcome,
+    /// What applying the correction did; none until then.
+    pub applied: Option<CorrectionReport>,
+}
+
+/// Whether a loop was closed, and why not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoopOutcome {
+    /// The map was corrected.
+    Closed,
+    /// Too few points of both keyframes agree on one rigid motion.
+    NoRigidMotion,
+    /// Too few landmarks were seen where that motion puts them.
+    FewInliers,
+    /// The motion contradicts the map by more than it can have drifted.
+    Contradicted,
+}
+
+impl std::fmt::Display for LoopOutcome {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Closed => "closed",
+            Self::NoRigidMotion => "too few points agree on one motion",
+            Self::FewInliers => "too few landmarks are where they should be",
+            Self::Contradicted => "contradicts the map",
+        })
+    }
+}
+
 /// Size and effort of one local bundle adjustment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BundleCounts {

@@ -5,6 +5,7 @@
 
 mod config;
 mod event;
+mod looping;
 mod mapping;
 mod messages;
 mod sensor;
@@ -15,11 +16,15 @@ mod trajectory;
 
 pub use config::{Config, ConfigError, ConfigProblem, DetectorConfig, Schedule};
 pub use event::{
-    BundleCounts, Event, FrameCounts, FrameReport, LostReason, MappingReport, Outcome,
-    RejudgeReport,
+    BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
+    LostReason, MappingReport, Outcome, RejudgeReport,
 };
+pub use looping::{Looper, LoopingConfig};
 pub use mapping::{Mapper, MappingConfig};
-pub use messages::{LandmarkStatistic, MapperMsg, MapperOut, MapperReport, NewKeyframe, Tracked};
+pub use messages::{
+    LandmarkStatistic, LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, NewKeyframe,
+    Tracked,
+};
 pub use sensor::{SensorConfig, Timing};
 pub use static_filter::{FeatureVerdict, Preset, Reasons, Segments, StaticFilterConfig};
 pub use stillpoint_imaging::Simd;

@@ -1,9 +1,9 @@
 //! What the stages send each other.
 
-use crate::event::{FrameReport, MappingReport, RejudgeReport};
+use crate::event::{CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
+use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
 
 /// The tracker's answer to a frame.
 #[derive(Debug)]
@@ -56,6 +56,8 @@ pub enum MapperMsg {
         /// The features.
         features: Vec<u32>,
     },
+    /// What was found on an older version of the map.
+    Correct(Correction),
 }
 
 /// What the mapper answers.
@@ -74,4 +76,27 @@ pub enum MapperReport {
     Mapped(MappingReport),
     /// It took out what moves.
     Rejudged(RejudgeReport),
+    /// It applied a correction.
+    Corrected(CorrectionReport),
+}
+
+/// What the looper reads.
+#[derive(Clone, Debug)]
+pub enum LooperMsg {
+    /// A keyframe that the map took.
+    Keyframe {
+        /// Its id.
+        id: KeyframeId,
+        /// The first version of the map that holds it.
+        view: Arc<MapView>,
+    },
+}
+
+/// What the looper answers.
+#[derive(Clone, Debug, Default)]
+pub struct LooperOut {
+    /// What is to be changed in the map, when a loop was closed.
+    pub correction: Option<Correction>,
+    /// What became of the place that was recognised; none when none was.
+    pub report: Option<LoopReport>,
 }

@@ -1,9 +1,10 @@
 //! The inline driver: every stage in one thread, every reply after a fixed number of frames.
 
 use crate::config::{Config, ConfigError};
-use crate::event::Event;
+use crate::event::{Event, LoopReport};
+use crate::looping::Looper;
 use crate::mapping::Mapper;
-use crate::messages::{MapperMsg, MapperOut, MapperReport, Tracked};
+use crate::messages::{LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, Tracked};
 use crate::sensor::Timing;
 use crate::tracking::Tracker;
 use crate::trajectory::Trajectory;
@@ -12,7 +13,7 @@ use std::sync::Arc;
 use stillpoint_detection::{Detections, Detector};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_map::MapView;
+use stillpoint_map::{Correction, KeyframeId, MapView};
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
 pub struct System {
@@ -21,6 +22,11 @@ pub struct System {
     /// Replies of the mapper that are not due yet, with the number of the step at which they are.
     replies: VecDeque<(u64, MapperOut)>,
     mapper_delay: u64,
+    looper: Option<Looper>,
+    /// Corrections that are not due yet, with the number of the step at which they are and that of the loop's report.
+    corrections: VecDeque<(u64, usize, Correction)>,
+    looper_delay: u64,
+    loops: Vec<LoopReport>,
     detector: Option<Box<dyn Detector>>,
     /// Answers of the detector that are not due yet, with the number of the step at which they are.
     detections: VecDeque<(u64, Detections)>,
@@ -41,6 +47,10 @@ impl System {
         Ok(Self {
             mapper_delay: u64::from(config.schedule.mapper),
             mapper: Mapper::new(&config),
+            looper: config.looping.enabled.then(|| Looper::new(&config)),
+            corrections: VecDeque::new(),
+            looper_delay: u64::from(config.schedule.looper),
+            loops: Vec::new(),
             tracker: Tracker::new(config, camera, simd),
             replies: VecDeque::new(),
             detector: None,
@@ -73,8 +83,11 @@ impl System {
         let Tracked { report, keyframe } = self.tracker.track(&Arc::new(frame));
         events.insert(0, Event::Frame(report));
         if let Some(keyframe) = keyframe {
+            let id = keyframe.id;
             self.map(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
+            self.look_for_loop(id);
         }
+        self.deliver_corrections(self.step);
         self.step += 1;
         events
     }
@@ -114,16 +127,62 @@ impl System {
 
     fn map(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
         let out = self.mapper.step(message);
-        events.push(match out.report.clone() {
-            MapperReport::Mapped(report) => Event::Mapped(report),
-            MapperReport::Rejudged(report) => Event::Rejudged(report),
-        });
+        match &out.report {
+            MapperReport::Mapped(report) => events.push(Event::Mapped(report.clone())),
+            MapperReport::Rejudged(report) => events.push(Event::Rejudged(report.clone())),
+            // Told by the report of the loop that it closes.
+            MapperReport::Corrected(_) => {}
+        }
         self.replies
             .push_back((self.step + 1 + self.mapper_delay, out));
     }
 
+    /// Shows the looper a keyframe that the map took; its correction is due some steps later.
+    fn look_for_loop(&mut self, id: KeyframeId) {
+        let view = self.view();
+        let Some(looper) = &mut self.looper else {
+            return;
+        };
+        let LooperOut { correction, report } = looper.step(LooperMsg::Keyframe { id, view });
+        let Some(report) = report else {
+            return;
+        };
+        if let Some(correction) = correction {
+            let due = self.step + self.looper_delay;
+            self.corrections
+                .push_back((due, self.loops.len(), correction));
+        }
+        self.loops.push(report);
+    }
+
+    /// Hands the mapper the corrections that are due.
+    fn deliver_corrections(&mut self, now: u64) {
+        while self
+            .corrections
+            .front()
+            .is_some_and(|(due, ..)| *due <= now)
+        {
+            let Some((_, at, correction)) = self.corrections.pop_front() else {
+                return;
+            };
+            self.map(MapperMsg::Correct(correction), &mut Vec::new());
+            if let Some((_, out)) = self.replies.back()
+                && let MapperReport::Corrected(applied) = out.report
+            {
+                self.loops[at].applied = Some(applied);
+            }
+        }
+    }
+
+    /// The places that were recognised so far, with what became of them, in the order of keyframes.
+    #[must_use]
+    pub fn loops(&self) -> &[LoopReport] {
+        &self.loops
+    }
+
     /// Ends the stream: delivers every reply that is still outstanding.
     pub fn finish(&mut self) -> Vec<Event> {
+        self.deliver_corrections(u64::MAX);
         self.deliver(u64::MAX);
         Vec::new()
     }

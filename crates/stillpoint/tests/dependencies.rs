@@ -22,6 +22,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "features",
             "estimation",
             "map",
+            "place",
             "detection",
         ],
     ),

@@ -6,10 +6,47 @@ use crate::tracking::measurement;
 use std::sync::Arc;
 use stillpoint_estimation::Intrinsics;
 use stillpoint_features::{Window, best_two};
-use stillpoint_map::{KeyframeId, LandmarkId};
+use stillpoint_geometry::Vec3;
+use stillpoint_map::{KeyframeData, KeyframeId, Landmark, LandmarkId};
 
 /// Radius of the search, px on level 0.
 const RADIUS_PX: f32 = 3.0;
+
+/// Where a keyframe should see a landmark at `p` (m, its camera coordinates): none when outside its image, or too near or far
+/// to be recognised. `radius_px` is the radius on level 0.
+pub(crate) fn window_of(
+    data: &KeyframeData,
+    landmark: &Landmark,
+    p: &Vec3,
+    radius_px: f32,
+    scale_factor: f64,
+) -> Option<Window> {
+    if p.z <= 0.05 {
+        return None;
+    }
+    let px = data.camera.project(p);
+    let bounds = data.camera.undistorted_bounds();
+    if px.x < bounds[0] || px.y < bounds[1] || px.x > bounds[2] || px.y > bounds[3] {
+        return None;
+    }
+    let distance = p.norm();
+    let range = landmark.scale_range;
+    if distance < 0.8 * f64::from(range.min_distance)
+        || distance > 1.2 * f64::from(range.max_distance)
+    {
+        return None;
+    }
+    let ratio = f64::from(range.max_distance) / distance;
+    let level =
+        libm::ceil(libm::log(ratio) / libm::log(scale_factor) - 1e-3).clamp(0.0, 15.0) as u8;
+    Some(Window {
+        x: px.x as f32,
+        y: px.y as f32,
+        radius: radius_px * libm::pow(scale_factor, f64::from(level)) as f32,
+        min_level: level.saturating_sub(1),
+        max_level: level,
+    })
+}
 
 impl Mapper {
     /// Searches the keyframe's landmarks in its neighbours and their neighbours, and theirs in it. Where a landmark meets
@@ -62,7 +99,6 @@ impl Mapper {
         );
         let data = &keyframe.data;
         let intrinsics = Intrinsics::from(&data.camera);
-        let bounds = data.camera.undistorted_bounds();
         let mut seen = vec![false; self.map.view().landmark_bound()];
         for id in keyframe.matches.iter().flatten() {
             seen[id.index()] = true;
@@ -78,29 +114,8 @@ impl Mapper {
                 continue;
             };
             let p = r * position + t;
-            if p.z <= 0.05 {
+            let Some(window) = window_of(data, l, &p, RADIUS_PX, self.scale_factor) else {
                 continue;
-            }
-            let px = data.camera.project(&p);
-            if px.x < bounds[0] || px.y < bounds[1] || px.x > bounds[2] || px.y > bounds[3] {
-                continue;
-            }
-            let distance = p.norm();
-            let range = l.scale_range;
-            if distance < 0.8 * f64::from(range.min_distance)
-                || distance > 1.2 * f64::from(range.max_distance)
-            {
-                continue;
-            }
-            let ratio = f64::from(range.max_distance) / distance;
-            let level = libm::ceil(libm::log(ratio) / libm::log(self.scale_factor) - 1e-3)
-                .clamp(0.0, 15.0) as u8;
-            let window = Window {
-                x: px.x as f32,
-                y: px.y as f32,
-                radius: RADIUS_PX * libm::pow(self.scale_factor, f64::from(level)) as f32,
-                min_level: level.saturating_sub(1),
-                max_level: level,
             };
             let agrees = |i: u32| {
                 let m = measurement(data, i as usize);

@@ -4,16 +4,17 @@
 
 mod create;
 mod cull;
-mod fuse;
+pub(crate) mod fuse;
 mod refine;
 
 use crate::config::{Checker, Config};
+use crate::event::CorrectionReport;
 use crate::event::{MappingReport, RejudgeReport};
 use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
 use crate::sensor::SensorConfig;
 use serde::{Deserialize, Serialize};
 use stillpoint_geometry::Se3;
-use stillpoint_map::{KeyframeId, LandmarkId, Map};
+use stillpoint_map::{Correction, KeyframeId, LandmarkId, Map};
 
 /// How the map is built.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -97,6 +98,7 @@ impl Mapper {
         match message {
             MapperMsg::Keyframe(keyframe) => self.take_keyframe(&keyframe),
             MapperMsg::Rejudge { keyframe, features } => self.rejudge(keyframe, &features),
+            MapperMsg::Correct(correction) => self.correct(&correction),
         }
     }
 
@@ -141,6 +143,29 @@ impl Mapper {
             keyframe: id,
             map_version: view.version(),
             landmarks,
+        });
+        MapperOut { view, report }
+    }
+
+    /// Brings a correction of an older version into the map as it is now.
+    fn correct(&mut self, correction: &Correction) -> MapperOut {
+        let _span = tracing::info_span!("apply").entered();
+        let applied = self.map.apply(correction);
+        for keyframe in &applied.touched {
+            self.map
+                .refresh_covisibility(*keyframe, self.config.min_shared);
+        }
+        if cfg!(debug_assertions) {
+            self.map.check().expect("the map keeps its invariants");
+        }
+        let view = self.map.publish();
+        let report = MapperReport::Corrected(CorrectionReport {
+            map_version: view.version(),
+            base_version: correction.base_version,
+            keyframes: applied.poses,
+            composed: applied.composed,
+            carried: applied.carried,
+            merged: applied.merged,
         });
         MapperOut { view, report }
     }

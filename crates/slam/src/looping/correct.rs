@@ -1,0 +1,344 @@
+//! From a verified motion to a correction: merged landmarks, a pose graph, and bundle adjustment of the whole map.
+
+use super::group_of;
+use super::verify::{RADIUS_PX, Search, Verified};
+use crate::event::{BundleCounts, LoopOutcome, LoopReport};
+use crate::tracking::measurement;
+use std::collections::BTreeMap;
+use stillpoint_estimation::{
+    BundleObservation, BundleOptions, BundleProblem, EdgeKernel, Intrinsics, PoseGraph,
+    PoseGraphEdge, PoseGraphOptions, PoseGraphOutcome, adjust_bundle, optimise_pose_graph,
+};
+use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
+use stillpoint_map::{
+    Correction, Keyframe, KeyframeId, LandmarkCorrection, LandmarkId, MapView, PoseCorrection,
+};
+
+/// Keyframes that share at least so many landmarks are tied in the pose graph beside the tree of parents.
+const MIN_SHARED: u32 = 100;
+/// What a motion between two keyframes may be wrong by: m, and rad per axis. Between neighbours it is what they drift.
+const SIGMA_M: f64 = 0.01;
+/// Half a degree.
+const SIGMA_RAD: f64 = 0.0087;
+/// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take.
+const MAX_WORK: u64 = 200_000_000;
+
+/// A loop that was closed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LoopEdge {
+    old: KeyframeId,
+    new: KeyframeId,
+    old_from_new: Se3,
+}
+
+/// A loop to be closed.
+pub(super) struct Proposal<'a> {
+    pub(super) view: &'a MapView,
+    /// The new keyframe.
+    pub(super) keyframe: &'a Keyframe,
+    /// The older one that shows the same place.
+    pub(super) with: &'a Keyframe,
+    pub(super) verified: &'a Verified,
+    /// Loops closed before.
+    pub(super) earlier: &'a [LoopEdge],
+    pub(super) scale_factor: f64,
+}
+
+/// The live keyframes of a view, numbered.
+struct Nodes<'a> {
+    keyframes: Vec<&'a Keyframe>,
+    index: BTreeMap<KeyframeId, u32>,
+}
+
+impl Proposal<'_> {
+    /// Merges what is seen twice, and moves keyframes and landmarks to where they fit best.
+    pub(super) fn correct(
+        &self,
+        max_cost: f64,
+        report: &mut LoopReport,
+    ) -> Result<(LoopEdge, Correction), LoopOutcome> {
+        let _span = tracing::info_span!("correct").entered();
+        let nodes = Nodes::new(self.view);
+        let edge = LoopEdge {
+            old: self.with.id,
+            new: self.keyframe.id,
+            old_from_new: self.verified.new_from_old.inverse(),
+        };
+        let (poses, cost) = self
+            .straighten(&nodes, &edge)
+            .ok_or(LoopOutcome::Contradicted)?;
+        report.cost = cost;
+        if cost > max_cost {
+            return Err(LoopOutcome::Contradicted);
+        }
+        let merges = self.merges();
+        report.merges = merges.len() as u32;
+        let correction = self.refine(&nodes, poses, merges, report);
+        Ok((edge, correction))
+    }
+
+    /// The landmarks of the new place that are landmarks of the older one: (new, older), searched in the new keyframe and its
+    /// neighbours from where the loop puts them.
+    fn merges(&self) -> BTreeMap<LandmarkId, LandmarkId> {
+        let mut merges = BTreeMap::new();
+        let old = self.with.world_from_camera;
+        let shift =
+            old * self.verified.new_from_old.inverse() * self.keyframe.world_from_camera.inverse();
+        for id in group_of(self.keyframe) {
+            let Some(k) = self.view.keyframe(id) else {
+                continue;
+            };
+            let search = Search {
+                view: self.view,
+                keyframe: k,
+                camera_from_world: (shift * k.world_from_camera).inverse(),
+                radius_px: RADIUS_PX,
+                scale_factor: self.scale_factor,
+            };
+            let intrinsics = Intrinsics::from(&k.data.camera);
+            for s in search.landmarks(&self.verified.landmarks) {
+                let feature = s.feature as usize;
+                let (Some(seen), Some(position)) =
+                    (k.matches[feature], self.view.landmark_position(s.landmark))
+                else {
+                    continue;
+                };
+                let m = measurement(&k.data, feature);
+                let p = search.camera_from_world.transform(&position);
+                // A landmark of the older place is never merged itself, so that no chain can close.
+                let is_old = self.verified.landmarks.binary_search(&seen).is_ok();
+                if !is_old && m.chi2(&intrinsics, &p) <= m.gate() {
+                    merges.entry(seen).or_insert(s.landmark);
+                }
+            }
+        }
+        merges
+    }
+
+    /// The poses of all keyframes after the pose graph, and what it cost to believe the loop.
+    fn straighten(&self, nodes: &Nodes<'_>, edge: &LoopEdge) -> Option<(Vec<Se3>, f64)> {
+        let mut edges = nodes.essential_edges();
+        let loops = self.earlier.iter().chain([edge]);
+        edges.extend(loops.filter_map(|l| nodes.loop_edge(self.view, l)));
+        let poses: Vec<Se3> = nodes
+            .keyframes
+            .iter()
+            .map(|k| k.world_from_camera)
+            .collect();
+        let mut fixed = vec![false; poses.len()];
+        *fixed.first_mut()? = true;
+        let mut graph = PoseGraph {
+            nodes: poses,
+            fixed,
+            edges,
+        };
+        let report = optimise_pose_graph(&mut graph, &PoseGraphOptions::default());
+        if matches!(report.outcome, PoseGraphOutcome::Refused(_)) {
+            return None;
+        }
+        // A loop without a say was refused by the rest of the graph.
+        let believed = report.edges.last().is_some_and(|e| e.weight > 0.5);
+        believed.then_some((graph.nodes, report.final_cost))
+    }
+
+    /// Bundle adjustment of all keyframes and of all landmarks that two of them see, and the correction that it amounts to.
+    fn refine(
+        &self,
+        nodes: &Nodes<'_>,
+        mut poses: Vec<Se3>,
+        merges: BTreeMap<LandmarkId, LandmarkId>,
+        report: &mut LoopReport,
+    ) -> Correction {
+        let points = Points::gather(self.view, nodes, &poses, &merges);
+        let count = poses.len();
+        // Free poses come first: the first keyframe, which holds the map in place, becomes the last.
+        let place = |node: u32| (node as usize + count - 1) % count;
+        let mut problem = BundleProblem {
+            camera: Intrinsics::from(&self.keyframe.data.camera),
+            poses: (0..count)
+                .map(|i| poses[(i + 1) % count].inverse())
+                .collect(),
+            free_poses: count - 1,
+            points: points.positions,
+            observations: points.observations,
+        };
+        for o in &mut problem.observations {
+            o.pose = place(o.pose) as u32;
+        }
+        let options = BundleOptions {
+            max_work: MAX_WORK,
+            ..BundleOptions::default()
+        };
+        let result = adjust_bundle(&mut problem, &options);
+        for (node, pose) in poses.iter_mut().enumerate().skip(1) {
+            *pose = problem.poses[place(node as u32)].inverse().normalized();
+        }
+        report.bundle = BundleCounts {
+            free_keyframes: problem.free_poses as u32,
+            fixed_keyframes: 1,
+            landmarks: problem.points.len() as u32,
+            observations: problem.observations.len() as u32,
+            outliers: result.outliers.iter().filter(|o| **o).count() as u32,
+            iterations: result.iterations as u32,
+        };
+        let corrected = nodes.keyframes.iter().zip(&poses);
+        let moved = corrected.map(|(k, p)| (k.centre() - p.translation).norm());
+        report.moved_m = moved.fold(0.0, f64::max);
+        let positions = points.landmarks.iter().zip(&problem.points);
+        Correction {
+            base_version: self.view.version(),
+            poses: nodes.corrections(&poses),
+            landmarks: positions
+                .filter_map(|(id, p)| nodes.landmark_correction(self.view, &poses, *id, p))
+                .collect(),
+            merges: merges.into_iter().collect(),
+        }
+    }
+}
+
+impl<'a> Nodes<'a> {
+    fn new(view: &'a MapView) -> Self {
+        let keyframes: Vec<&Keyframe> = view.keyframes().map(|k| &**k).collect();
+        let numbered = keyframes.iter().zip(0..);
+        Self {
+            index: numbered.map(|(k, i)| (k.id, i)).collect(),
+            keyframes,
+        }
+    }
+
+    /// The tree of parents, and the pairs that share most.
+    fn essential_edges(&self) -> Vec<PoseGraphEdge> {
+        let mut edges = Vec::new();
+        for (b, k) in self.keyframes.iter().enumerate() {
+            let mut others: Vec<KeyframeId> = k.parent.into_iter().collect();
+            let strong = k
+                .covisible
+                .iter()
+                .filter(|(o, n)| *n >= MIN_SHARED && *o < k.id);
+            others.extend(strong.map(|c| c.0).filter(|o| Some(*o) != k.parent));
+            for other in others {
+                let Some(a) = self.index.get(&other).filter(|a| **a != b as u32) else {
+                    continue;
+                };
+                let a_from_world = self.keyframes[*a as usize].world_from_camera.inverse();
+                edges.push(PoseGraphEdge {
+                    a: *a,
+                    b: b as u32,
+                    a_from_b: a_from_world * k.world_from_camera,
+                    information: information(),
+                    kernel: EdgeKernel::Square,
+                });
+            }
+        }
+        edges
+    }
+
+    /// A loop between the keyframes that its ends are now, through tombstones.
+    fn loop_edge(&self, view: &MapView, edge: &LoopEdge) -> Option<PoseGraphEdge> {
+        let end = |id: KeyframeId| {
+            let live = view.resolve_keyframe(id)?;
+            let live_from_world = view.world_from_keyframe(live)?.inverse();
+            let live_from_id = live_from_world * view.world_from_keyframe(id)?;
+            Some((*self.index.get(&live)?, live_from_id))
+        };
+        let ((a, a_from_old), (b, b_from_new)) = (end(edge.old)?, end(edge.new)?);
+        (a != b).then(|| PoseGraphEdge {
+            a,
+            b,
+            a_from_b: a_from_old * edge.old_from_new * b_from_new.inverse(),
+            information: information(),
+            kernel: EdgeKernel::Scaled,
+        })
+    }
+
+    fn corrections(&self, poses: &[Se3]) -> Vec<PoseCorrection> {
+        let pairs = self.keyframes.iter().zip(poses);
+        pairs
+            .map(|(k, pose)| PoseCorrection {
+                keyframe: k.id,
+                before: k.world_from_camera,
+                after: *pose,
+            })
+            .collect()
+    }
+
+    fn landmark_correction(
+        &self,
+        view: &MapView,
+        poses: &[Se3],
+        id: LandmarkId,
+        position: &Vec3,
+    ) -> Option<LandmarkCorrection> {
+        let l = view.landmark(id)?;
+        let anchor = *self.index.get(&l.anchor)?;
+        Some(LandmarkCorrection {
+            landmark: id,
+            anchor: l.anchor,
+            before: l.position_in_anchor,
+            after: poses[anchor as usize].inverse().transform(position),
+        })
+    }
+}
+
+/// The landmarks of the whole map that at least two keyframes see, merged.
+struct Points {
+    landmarks: Vec<LandmarkId>,
+    positions: Vec<Vec3>,
+    /// By point; poses are numbers of nodes.
+    observations: Vec<BundleObservation>,
+}
+
+impl Points {
+    /// Where landmarks start from: they moved with their anchors.
+    fn gather(
+        view: &MapView,
+        nodes: &Nodes<'_>,
+        poses: &[Se3],
+        merges: &BTreeMap<LandmarkId, LandmarkId>,
+    ) -> Self {
+        let mut seen: Vec<Vec<(u32, u32)>> = vec![Vec::new(); view.landmark_bound()];
+        for (node, k) in nodes.keyframes.iter().enumerate() {
+            for (feature, landmark) in k.matches.iter().enumerate() {
+                let Some(id) = landmark.map(|l| merges.get(&l).copied().unwrap_or(l)) else {
+                    continue;
+                };
+                let list = &mut seen[id.index()];
+                // Once per keyframe: nodes come in order.
+                if list.last().is_none_or(|o| o.0 != node as u32) {
+                    list.push((node as u32, feature as u32));
+                }
+            }
+        }
+        let mut points = Self {
+            landmarks: Vec::new(),
+            positions: Vec::new(),
+            observations: Vec::new(),
+        };
+        for (i, list) in seen.iter().enumerate().filter(|(_, list)| list.len() >= 2) {
+            let id = LandmarkId(i as u32);
+            let Some(l) = view.landmark(id) else { continue };
+            let Some(anchor) = nodes.index.get(&l.anchor) else {
+                continue;
+            };
+            let point = points.landmarks.len() as u32;
+            points.landmarks.push(id);
+            let position = poses[*anchor as usize].transform(&l.position_in_anchor);
+            points.positions.push(position);
+            for (node, feature) in list {
+                let data = &nodes.keyframes[*node as usize].data;
+                points.observations.push(BundleObservation {
+                    pose: *node,
+                    point,
+                    measurement: measurement(data, *feature as usize),
+                });
+            }
+        }
+        points
+    }
+}
+
+/// What is known of a motion between two keyframes, for a perturbation `[translation; rotation]`.
+fn information() -> Mat6 {
+    let (t, r) = (1.0 / (SIGMA_M * SIGMA_M), 1.0 / (SIGMA_RAD * SIGMA_RAD));
+    Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
+}

@@ -1,0 +1,261 @@
+//! Looping: recognises places that the map holds twice, and says how to make them one.
+//!
+//! Owns the place index. Works on a view of the map and answers with a correction; changes nothing itself.
+
+mod correct;
+mod verify;
+
+use crate::config::{Checker, Config};
+use crate::event::{LoopOutcome, LoopReport};
+use crate::messages::{LooperMsg, LooperOut};
+use correct::{LoopEdge, Proposal};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use stillpoint_map::{Keyframe, KeyframeId, MapView};
+use stillpoint_place::{PlaceIndex, PlaceMatch, Vocabulary};
+
+/// Keyframes that look most alike and are looked into.
+const CANDIDATES: usize = 5;
+/// Keyframes around one that count as the same place: so many that share most landmarks with it.
+const GROUP: usize = 10;
+
+/// How loops are closed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LoopingConfig {
+    /// Whether loops are closed at all.
+    pub enabled: bool,
+    /// The newest keyframes, so many, are no candidates, and so many pass between two closed loops. Range: 1 to 1000. What
+    /// was seen just now needs no loop.
+    pub min_gap: usize,
+    /// A place must be recognised by so many keyframes in a row. Range: 1 to 10. One alone may be a coincidence.
+    pub consistency: u32,
+    /// Points of both keyframes that agree on one rigid motion, at least. Range: 10 to 1000. Fewer agree by chance.
+    pub min_rigid_inliers: usize,
+    /// Landmarks around the older keyframe that are seen where that motion puts them, at least. Range: 10 to 1000.
+    pub min_inliers: usize,
+    /// What a loop may cost the pose graph: squared Mahalanobis distance to what the map can have drifted. Range: 6 to 10000.
+    /// Beyond that the two places are equal, not the same.
+    pub max_cost: f64,
+}
+
+impl Default for LoopingConfig {
+    fn default() -> Self {
+        Self {
+            enabled: false,
+            min_gap: 10,
+            consistency: 3,
+            min_rigid_inliers: 20,
+            min_inliers: 40,
+            max_cost: 50.0,
+        }
+    }
+}
+
+impl LoopingConfig {
+    pub(crate) fn check(&self, c: &mut Checker<'_>) {
+        c.range("min_gap", self.min_gap as f64, 1.0, 1e3);
+        c.range("consistency", f64::from(self.consistency), 1.0, 10.0);
+        c.range(
+            "min_rigid_inliers",
+            self.min_rigid_inliers as f64,
+            10.0,
+            1e3,
+        );
+        c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
+        c.range("max_cost", self.max_cost, 6.0, 1e4);
+    }
+}
+
+/// A place that keyframe after keyframe looked like.
+struct Streak {
+    /// The keyframes that show it, by id.
+    group: Vec<KeyframeId>,
+    /// Keyframes in a row.
+    length: u32,
+}
+
+/// Closes loops.
+pub struct Looper {
+    config: LoopingConfig,
+    seed: u64,
+    scale_factor: f64,
+    vocabulary: Vocabulary,
+    index: PlaceIndex<KeyframeId>,
+    /// Places that the last keyframe looked like.
+    streaks: Vec<Streak>,
+    /// Loops that were closed.
+    edges: Vec<LoopEdge>,
+    last_closed: Option<KeyframeId>,
+}
+
+impl Looper {
+    /// A looper that knows no place.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        Self {
+            config: config.looping.clone(),
+            seed: config.seed,
+            scale_factor: f64::from(config.features.scale_factor),
+            vocabulary: Vocabulary::embedded(),
+            index: PlaceIndex::default(),
+            streaks: Vec::new(),
+            edges: Vec::new(),
+            last_closed: None,
+        }
+    }
+
+    /// Takes a message and answers with a correction when a loop is closed.
+    pub fn step(&mut self, message: LooperMsg) -> LooperOut {
+        let LooperMsg::Keyframe { id, view } = message;
+        let Some(keyframe) = view.keyframe(id).map(Arc::clone) else {
+            return LooperOut::default();
+        };
+        let found = self.recognise(&view, &keyframe);
+        let candidates = self.consistent(&view, found);
+        self.close(&view, &keyframe, &candidates)
+    }
+
+    /// Adds the keyframe to the index; returns what looks like it, is not seen together with it, and is not recent.
+    fn recognise(&mut self, view: &MapView, keyframe: &Keyframe) -> Vec<PlaceMatch<KeyframeId>> {
+        let _span = tracing::info_span!("recognise").entered();
+        let gone: Vec<KeyframeId> = self
+            .index
+            .keys()
+            .filter(|k| view.keyframe(*k).is_none())
+            .collect();
+        for key in gone {
+            self.index.remove(key);
+        }
+        let data = &keyframe.data;
+        let vector = self
+            .vocabulary
+            .vector_of(&data.descriptors, |i| data.mappable[i]);
+        let vector = Arc::new(vector);
+        let recent = {
+            let ids: Vec<KeyframeId> = view.keyframes().map(|k| k.id).collect();
+            let back = ids.len().checked_sub(self.config.min_gap);
+            back.and_then(|i| ids.get(i).copied())
+        };
+        let near = surroundings(view, keyframe);
+        let admit = |k: KeyframeId| Some(k) < recent && !near.contains(&k);
+        let found = self.index.query(&vector, admit, CANDIDATES);
+        self.index.insert(keyframe.id, vector);
+        found
+    }
+
+    /// The candidates whose place the keyframes before looked like as well.
+    fn consistent(
+        &mut self,
+        view: &MapView,
+        found: Vec<PlaceMatch<KeyframeId>>,
+    ) -> Vec<PlaceMatch<KeyframeId>> {
+        let mut streaks = Vec::new();
+        let mut consistent = Vec::new();
+        for candidate in found {
+            let Some(k) = view.keyframe(candidate.key) else {
+                continue;
+            };
+            let group = group_of(k);
+            let meets = |s: &&Streak| s.group.iter().any(|k| group.binary_search(k).is_ok());
+            let before = self.streaks.iter().filter(meets).map(|s| s.length).max();
+            let length = before.unwrap_or(0) + 1;
+            if length >= self.config.consistency {
+                consistent.push(candidate);
+            }
+            streaks.push(Streak { group, length });
+        }
+        self.streaks = streaks;
+        consistent
+    }
+
+    /// Verifies the candidates, and corrects the map with the first that holds.
+    fn close(
+        &mut self,
+        view: &MapView,
+        keyframe: &Keyframe,
+        candidates: &[PlaceMatch<KeyframeId>],
+    ) -> LooperOut {
+        let mut out = LooperOut::default();
+        if self.is_too_soon(view, keyframe.id) {
+            return out;
+        }
+        for candidate in candidates {
+            let Some(with) = view.keyframe(candidate.key) else {
+                continue;
+            };
+            let mut report = LoopReport {
+                keyframe: keyframe.id,
+                with: candidate.key,
+                score: candidate.score,
+                rigid_inliers: 0,
+                inliers: 0,
+                edge: None,
+                cost: 0.0,
+                merges: 0,
+                moved_m: 0.0,
+                bundle: Default::default(),
+                outcome: LoopOutcome::Closed,
+                applied: None,
+            };
+            let closed = self
+                .verify(view, keyframe, with, &mut report)
+                .and_then(|verified| {
+                    let proposal = Proposal {
+                        view,
+                        keyframe,
+                        with,
+                        verified: &verified,
+                        earlier: &self.edges,
+                        scale_factor: self.scale_factor,
+                    };
+                    proposal.correct(self.config.max_cost, &mut report)
+                });
+            match closed {
+                Ok((edge, correction)) => {
+                    self.edges.push(edge);
+                    self.last_closed = Some(keyframe.id);
+                    self.streaks.clear();
+                    out.correction = Some(correction);
+                    out.report = Some(report);
+                    return out;
+                }
+                Err(reason) => report.outcome = reason,
+            }
+            // Of those that failed, the one that came farthest is told.
+            let far = |r: &LoopReport| (r.inliers, r.rigid_inliers);
+            if out.report.as_ref().is_none_or(|r| far(r) < far(&report)) {
+                out.report = Some(report);
+            }
+        }
+        out
+    }
+
+    /// Whether a loop was closed just now: the map is given the time to settle.
+    fn is_too_soon(&self, view: &MapView, now: KeyframeId) -> bool {
+        self.last_closed.is_some_and(|last| {
+            let between = view.keyframes().filter(|k| k.id > last && k.id <= now);
+            between.count() < self.config.min_gap
+        })
+    }
+}
+
+/// A keyframe and those that share most landmarks with it, by id.
+fn group_of(k: &Keyframe) -> Vec<KeyframeId> {
+    let mut group: Vec<KeyframeId> = k.covisible.iter().take(GROUP).map(|c| c.0).collect();
+    group.push(k.id);
+    group.sort_unstable();
+    group
+}
+
+/// The keyframes that share landmarks with one, and those that share landmarks with these.
+fn surroundings(view: &MapView, k: &Keyframe) -> BTreeSet<KeyframeId> {
+    let mut near = BTreeSet::from([k.id]);
+    for (id, _) in &k.covisible {
+        near.insert(*id);
+        let second = view.keyframe(*id);
+        near.extend(second.iter().flat_map(|k| k.covisible.iter().map(|c| c.0)));
+    }
+    near
+}

@@ -1,0 +1,185 @@
+//! Geometric verification: do two keyframes see the same things from two places, and from which?
+
+use super::{Looper, group_of};
+use crate::event::{LoopOutcome, LoopReport};
+use crate::mapping::fuse::window_of;
+use crate::tracking::matching::STRICT_DISTANCE;
+use crate::tracking::measurement;
+use stillpoint_estimation::{
+    Intrinsics, PoseObservation, PoseOptions, Purpose, RigidOptions, RigidPair, find_rigid,
+    optimise_pose, rng,
+};
+use stillpoint_features::best_two;
+use stillpoint_geometry::Se3;
+use stillpoint_map::{Keyframe, LandmarkId, MapView};
+
+/// Radius of the search around where the motion found from pairs puts a landmark, px on level 0.
+const WIDE_RADIUS_PX: f32 = 8.0;
+/// The same once the motion is refined.
+pub(super) const RADIUS_PX: f32 = 4.0;
+
+/// A motion between two keyframes that geometry confirms.
+pub(super) struct Verified {
+    /// Maps camera coordinates of the older keyframe to those of the new one.
+    pub(super) new_from_old: Se3,
+    /// Landmarks of the older place, by id.
+    pub(super) landmarks: Vec<LandmarkId>,
+}
+
+/// A landmark and the feature that sees it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sighting {
+    pub(super) landmark: LandmarkId,
+    pub(super) feature: u32,
+    distance: u32,
+}
+
+impl Looper {
+    /// Finds the motion between two keyframes by their points, then by all landmarks around the older one.
+    pub(super) fn verify(
+        &self,
+        view: &MapView,
+        new: &Keyframe,
+        old: &Keyframe,
+        report: &mut LoopReport,
+    ) -> Result<Verified, LoopOutcome> {
+        let _span = tracing::info_span!("verify").entered();
+        let start = self
+            .rigid_motion(new, old, report)
+            .ok_or(LoopOutcome::NoRigidMotion)?;
+        let landmarks = landmarks_around(view, old);
+        let mut new_from_old = start;
+        for radius in [WIDE_RADIUS_PX, RADIUS_PX] {
+            let camera_from_world = new_from_old * old.world_from_camera.inverse();
+            let search = Search {
+                view,
+                keyframe: new,
+                camera_from_world,
+                radius_px: radius,
+                scale_factor: self.scale_factor,
+            };
+            let seen = search.landmarks(&landmarks);
+            let observation = |s: &Sighting| {
+                Some(PoseObservation {
+                    point: view.landmark_position(s.landmark)?,
+                    measurement: measurement(&new.data, s.feature as usize),
+                })
+            };
+            let observations: Vec<PoseObservation> = seen.iter().filter_map(observation).collect();
+            let camera = Intrinsics::from(&new.data.camera);
+            let fit = optimise_pose(
+                &camera,
+                &camera_from_world,
+                &observations,
+                &PoseOptions::default(),
+            );
+            report.inliers = fit.inlier_count as u32;
+            if fit.inlier_count < self.config.min_rigid_inliers {
+                return Err(LoopOutcome::FewInliers);
+            }
+            new_from_old = fit.camera_from_world * old.world_from_camera;
+        }
+        report.edge = Some(new_from_old.inverse());
+        if (report.inliers as usize) < self.config.min_inliers {
+            return Err(LoopOutcome::FewInliers);
+        }
+        Ok(Verified {
+            new_from_old,
+            landmarks,
+        })
+    }
+
+    /// The motion on which most pairs of points agree.
+    fn rigid_motion(&self, new: &Keyframe, old: &Keyframe, report: &mut LoopReport) -> Option<Se3> {
+        let (a, b) = (&old.data, &new.data);
+        let (of_old, of_new) = (self.index.get(old.id)?, self.index.get(new.id)?);
+        let mut pairs = Vec::new();
+        for pair in of_old.candidate_pairs(of_new) {
+            let (i, j) = (usize::from(pair.a), usize::from(pair.b));
+            let alike = a.descriptors[i].distance(&b.descriptors[j]) <= STRICT_DISTANCE;
+            if !alike || !a.mappable[i] || !b.mappable[j] {
+                continue;
+            }
+            if let (Some(point_a), Some(point_b)) = (a.point_in_camera(i), b.point_in_camera(j)) {
+                pairs.push(RigidPair {
+                    point_a,
+                    point_b,
+                    measurement_a: measurement(a, i),
+                    measurement_b: measurement(b, j),
+                });
+            }
+        }
+        let options = RigidOptions {
+            min_inliers: self.config.min_rigid_inliers,
+            ..RigidOptions::default()
+        };
+        // Both ends are in the address: several candidates are tried for one keyframe.
+        let address = u64::from(new.id.0) << 32 | u64::from(old.id.0);
+        let camera = Intrinsics::from(&b.camera);
+        let rng = rng(self.seed, address, Purpose::RIGID);
+        let outcome = find_rigid(&camera, &pairs, &options, rng);
+        let found = outcome.found()?;
+        report.rigid_inliers = found.inlier_count as u32;
+        Some(found.b_from_a)
+    }
+}
+
+/// Live landmarks that a keyframe and its neighbours see, by id.
+fn landmarks_around(view: &MapView, keyframe: &Keyframe) -> Vec<LandmarkId> {
+    let group = group_of(keyframe);
+    let mut landmarks: Vec<LandmarkId> = group
+        .iter()
+        .filter_map(|k| view.keyframe(*k))
+        .flat_map(|k| k.matches.iter().flatten().copied())
+        .collect();
+    landmarks.sort_unstable();
+    landmarks.dedup();
+    landmarks
+}
+
+/// A search for landmarks in a keyframe, as if it were somewhere else.
+pub(super) struct Search<'a> {
+    pub(super) view: &'a MapView,
+    pub(super) keyframe: &'a Keyframe,
+    /// The pose from which the landmarks are looked for.
+    pub(super) camera_from_world: Se3,
+    /// Radius, px on level 0.
+    pub(super) radius_px: f32,
+    pub(super) scale_factor: f64,
+}
+
+impl Search<'_> {
+    /// The landmarks that are found, each in one feature and each feature with one landmark; in the order of features.
+    pub(super) fn landmarks(&self, landmarks: &[LandmarkId]) -> Vec<Sighting> {
+        let data = &self.keyframe.data;
+        let mut by_feature: Vec<Option<Sighting>> = vec![None; data.len()];
+        let observes = |id: LandmarkId| self.keyframe.matches.contains(&Some(id));
+        for id in landmarks {
+            let (Some(l), Some(position)) =
+                (self.view.landmark(*id), self.view.landmark_position(*id))
+            else {
+                continue;
+            };
+            let p = self.camera_from_world.transform(&position);
+            let Some(window) = window_of(data, l, &p, self.radius_px, self.scale_factor) else {
+                continue;
+            };
+            let best = best_two(&data.grid, &window, &l.descriptor, &data.descriptors, |i| {
+                data.mappable[i as usize]
+            });
+            let Some(best) = best.filter(|b| b.distance <= STRICT_DISTANCE) else {
+                continue;
+            };
+            let slot = &mut by_feature[best.index as usize];
+            // Ties go to the older landmark, which came first.
+            if slot.is_none_or(|s| best.distance < s.distance) && !observes(*id) {
+                *slot = Some(Sighting {
+                    landmark: *id,
+                    feature: best.index,
+                    distance: best.distance,
+                });
+            }
+        }
+        by_feature.into_iter().flatten().collect()
+    }
+}
