@@ -1,6 +1,7 @@
 //! The map's invariants, in code.
 
-use crate::{KeyframeId, LandmarkId, LandmarkSlot, Map};
+use crate::{KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, Map};
+use std::cmp::Reverse;
 
 /// An invariant that does not hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,6 +29,14 @@ impl Map {
         ensure(self.observations.len() == self.view.landmarks.len(), || {
             "one list of observations per landmark id".into()
         })?;
+        let slots: Vec<&LandmarkSlot> = self.view.landmarks.iter().collect();
+        let ends = ends_well(slots.len(), |i| match slots[i] {
+            LandmarkSlot::Live(_) | LandmarkSlot::Culled => Step::End,
+            LandmarkSlot::Merged(into) => Step::Next(into.index()),
+        });
+        if let Some(id) = ends.iter().position(|ends| !ends) {
+            ensure(false, || format!("merges of landmark {id} come to an end"))?;
+        }
         let mut live = 0;
         for (i, slot) in self.view.landmarks.iter().enumerate() {
             let id = LandmarkId(i as u32);
@@ -71,6 +80,13 @@ impl Map {
     }
 
     fn check_keyframes(&self) -> Result<(), Violation> {
+        let resolves = ends_well(self.view.keyframes.len(), |i| {
+            match self.view.keyframe_slot(KeyframeId(i as u32)) {
+                KeyframeSlot::Live(_) => Step::End,
+                KeyframeSlot::Culled { parent, .. } => Step::Next(parent.index()),
+                KeyframeSlot::Empty => Step::Fall,
+            }
+        });
         let mut live = 0;
         for k in self.view.keyframes() {
             live += 1;
@@ -99,25 +115,31 @@ impl Map {
                     )
                 })?;
             }
+            let order = |c: &(KeyframeId, u32)| (Reverse(c.1), c.0);
+            let sorted = k.covisible.windows(2).all(|w| order(&w[0]) < order(&w[1]));
+            ensure(sorted, || {
+                format!("covisible keyframes of {} are sorted", k.id)
+            })?;
             for &(other, n) in &k.covisible {
+                let at = (Reverse(n), k.id);
                 let mutual = self
                     .view
                     .keyframe(other)
-                    .is_some_and(|o| o.covisible.contains(&(k.id, n)));
+                    .is_some_and(|o| o.covisible.binary_search_by_key(&at, order).is_ok());
                 ensure(mutual && other != k.id, || {
                     format!("covisibility of {} and {other} is mutual", k.id)
                 })?;
             }
-            let parent_ok = |p: KeyframeId| p != k.id && self.view.resolve_keyframe(p).is_some();
+            let parent_ok =
+                |p: KeyframeId| p != k.id && resolves.get(p.index()).is_some_and(|r| *r);
             ensure(k.parent.is_none_or(parent_ok), || {
                 format!("the parent of keyframe {} can be resolved", k.id)
             })?;
         }
-        for (i, _) in self.view.keyframes.iter().enumerate() {
-            let id = KeyframeId(i as u32);
-            let empty = matches!(self.view.keyframe_slot(id), crate::KeyframeSlot::Empty);
-            ensure(empty || self.view.world_from_keyframe(id).is_some(), || {
-                format!("keyframe {id} has a pose, by itself or through its tombstone")
+        for (i, slot) in self.view.keyframes.iter().enumerate() {
+            let empty = matches!(slot, KeyframeSlot::Empty);
+            ensure(empty || resolves[i], || {
+                format!("keyframe {i} has a pose, by itself or through its tombstone")
             })?;
         }
         ensure(live == self.view.live_keyframes, || {
@@ -132,4 +154,44 @@ fn ensure(holds: bool, invariant: impl FnOnce() -> String) -> Result<(), Violati
     } else {
         Err(Violation(format!("does not hold: {}", invariant())))
     }
+}
+
+/// Where a chain of tombstones or merges goes on.
+enum Step {
+    /// To a slot where it may end.
+    End,
+    /// To nothing.
+    Fall,
+    /// To another slot.
+    Next(usize),
+}
+
+/// Whether the chain from each of `len` slots ends where it may: no cycles, nothing missing. Linear, as chains of a file may
+/// be as long as it.
+fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<bool> {
+    let (mut ends, mut seen) = (vec![false; len], vec![false; len]);
+    let mut path = Vec::new();
+    for start in 0..len {
+        let mut at = start;
+        let ends_here = loop {
+            if at >= len {
+                break false;
+            }
+            // What was seen on this path and has no answer yet is a cycle.
+            if seen[at] {
+                break ends[at];
+            }
+            seen[at] = true;
+            path.push(at);
+            match step(at) {
+                Step::End => break true,
+                Step::Fall => break false,
+                Step::Next(next) => at = next,
+            }
+        };
+        for i in path.drain(..) {
+            ends[i] = ends_here;
+        }
+    }
+    ends
 }

@@ -32,6 +32,18 @@ impl<T> Default for Chunked<T> {
 }
 
 impl<T: Clone> Chunked<T> {
+    /// `len` times the same, whose full chunks are one as long as nothing is written to them.
+    pub(crate) fn filled(value: T, len: usize) -> Self {
+        let mut chunks = vec![Arc::new(vec![value.clone(); CHUNK]); len / CHUNK];
+        if !len.is_multiple_of(CHUNK) {
+            chunks.push(Arc::new(vec![value; len % CHUNK]));
+        }
+        Self {
+            chunks: Arc::new(chunks),
+            len,
+        }
+    }
+
     /// Number of elements.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -27,11 +27,17 @@ pub struct KeyframeData {
     /// Whether each feature may observe or become a landmark: not on objects that stand still only for now, nor where it was
     /// found later that it moves ([`crate::Map::disown`]).
     pub mappable: Vec<bool>,
-    /// Buckets over `positions`.
+    /// Buckets over `positions`, within [`KeyframeData::grid_bounds`] of the camera.
     pub grid: FeatureGrid,
 }
 
 impl KeyframeData {
+    /// Where the buckets of `grid` are, px: min x, min y, max x, max y. Map files do not store buckets and rely on this.
+    #[must_use]
+    pub fn grid_bounds(camera: &Camera) -> [f32; 4] {
+        camera.undistorted_bounds().map(|b| b as f32)
+    }
+
     /// Number of features.
     #[must_use]
     pub fn len(&self) -> usize {

@@ -1,12 +1,13 @@
 //! Keyframes, landmarks, covisibility, and immutable views of them.
 //!
 //! Answers: what stands still, where it is, who saw it. [`Map`] is owned by the mapper alone and is the only thing that
-//! changes; everybody else holds an [`MapView`], a version that never changes and costs microseconds to publish. Does not
-//! know images, tracking or optimisation.
+//! changes; everybody else holds an [`MapView`], a version that never changes and costs microseconds to publish. A map becomes
+//! the bytes of a [`MapFile`] and back. Does not know images, tracking, optimisation or disks.
 
 mod check;
 mod chunked;
 mod correction;
+mod file;
 mod ids;
 mod keyframe;
 mod landmark;
@@ -17,6 +18,7 @@ mod view;
 pub use check::Violation;
 pub use chunked::Chunked;
 pub use correction::{Applied, Correction, LandmarkCorrection, PoseCorrection};
+pub use file::{Extension, MapFile, MapFileError};
 pub use ids::{KeyframeId, LandmarkId};
 pub use keyframe::{Keyframe, KeyframeData, KeyframeSlot};
 pub use landmark::{Landmark, LandmarkSlot, ScaleRange};

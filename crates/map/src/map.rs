@@ -178,6 +178,6 @@ impl Map {
 }
 
 /// Most shared landmarks first; ties by id.
-fn sort_by_weight(list: &mut [(KeyframeId, u32)]) {
+pub(crate) fn sort_by_weight(list: &mut [(KeyframeId, u32)]) {
     list.sort_unstable_by(|a, b| b.1.cmp(&a.1).then(a.0.cmp(&b.0)));
 }

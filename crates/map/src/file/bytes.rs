@@ -1,0 +1,131 @@
+//! Numbers as bytes, little-endian: one by one, and as columns.
+//!
+//! A column is written in planes: the first bytes of all its numbers, then all second bytes, and so on. Exponents and high
+//! bytes, which differ little, then lie side by side, where they compress; low bits of measurements, which are noise, do not
+//! get in between.
+
+use super::MapFileError;
+
+/// Appends numbers to a section.
+#[derive(Default)]
+pub(super) struct Writer {
+    pub(super) bytes: Vec<u8>,
+}
+
+impl Writer {
+    pub(super) fn u32(&mut self, value: u32) {
+        self.bytes.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn u64(&mut self, value: u64) {
+        self.bytes.extend(value.to_le_bytes());
+    }
+
+    pub(super) fn f64(&mut self, value: f64) {
+        self.u64(value.to_bits());
+    }
+
+    /// A column of numbers of 32 bits, in planes.
+    pub(super) fn column32(&mut self, values: impl Iterator<Item = u32> + Clone) {
+        for plane in 0..4 {
+            self.bytes
+                .extend(values.clone().map(|v| v.to_le_bytes()[plane]));
+        }
+    }
+
+    /// A column of numbers of 64 bits, in planes.
+    pub(super) fn column64(&mut self, values: impl Iterator<Item = u64> + Clone) {
+        for plane in 0..8 {
+            self.bytes
+                .extend(values.clone().map(|v| v.to_le_bytes()[plane]));
+        }
+    }
+}
+
+/// Takes numbers from a section. Nothing is allocated before it is known that the bytes for it are there.
+pub(super) struct Reader<'a> {
+    section: &'static str,
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Reader<'a> {
+    pub(super) fn new(section: &'static str, bytes: &'a [u8]) -> Self {
+        Self {
+            section,
+            bytes,
+            at: 0,
+        }
+    }
+
+    /// The next `count` elements of `size` bytes each.
+    pub(super) fn take(&mut self, count: usize, size: usize) -> Result<&'a [u8], MapFileError> {
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let wanted = count.checked_mul(size).and_then(|n| rest.get(..n));
+        let Some(bytes) = wanted else {
+            return Err(MapFileError::invalid(
+                self.section,
+                format!("{count} elements of {size} bytes from byte {} on", self.at),
+                format!("{} bytes", rest.len()),
+            ));
+        };
+        self.at += bytes.len();
+        Ok(bytes)
+    }
+
+    fn array<const N: usize>(&mut self) -> Result<[u8; N], MapFileError> {
+        let mut array = [0; N];
+        array.copy_from_slice(self.take(1, N)?);
+        Ok(array)
+    }
+
+    pub(super) fn u32(&mut self) -> Result<u32, MapFileError> {
+        Ok(u32::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn u64(&mut self) -> Result<u64, MapFileError> {
+        Ok(u64::from_le_bytes(self.array()?))
+    }
+
+    pub(super) fn f64(&mut self) -> Result<f64, MapFileError> {
+        Ok(f64::from_bits(self.u64()?))
+    }
+
+    /// A column of `count` numbers of 32 bits.
+    pub(super) fn column32(&mut self, count: usize) -> Result<Vec<u32>, MapFileError> {
+        let bytes = self.take(count, 4)?;
+        let plane = |i: usize| &bytes[i * count..(i + 1) * count];
+        let (a, b, c, d) = (plane(0), plane(1), plane(2), plane(3));
+        Ok((0..count)
+            .map(|i| u32::from_le_bytes([a[i], b[i], c[i], d[i]]))
+            .collect())
+    }
+
+    /// A column of `count` floats of 32 bits.
+    pub(super) fn floats32(&mut self, count: usize) -> Result<Vec<f32>, MapFileError> {
+        let bits = self.column32(count)?;
+        Ok(bits.into_iter().map(f32::from_bits).collect())
+    }
+
+    /// A column of `count` floats of 64 bits.
+    pub(super) fn floats64(&mut self, count: usize) -> Result<Vec<f64>, MapFileError> {
+        let bytes = self.take(count, 8)?;
+        let plane = |p: usize| &bytes[p * count..(p + 1) * count];
+        let planes: [&[u8]; 8] = std::array::from_fn(plane);
+        Ok((0..count)
+            .map(|i| f64::from_le_bytes(std::array::from_fn(|p| planes[p][i])))
+            .collect())
+    }
+
+    /// Fails when something is left.
+    pub(super) fn end(&self) -> Result<(), MapFileError> {
+        if self.at == self.bytes.len() {
+            return Ok(());
+        }
+        Err(MapFileError::invalid(
+            self.section,
+            format!("{} bytes", self.at),
+            self.bytes.len(),
+        ))
+    }
+}

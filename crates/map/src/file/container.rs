@@ -1,0 +1,238 @@
+//! Sections with names, lengths and checksums: the file without its meaning.
+//!
+//! All numbers are little-endian. The first 28 bytes mean the same in every version.
+//!
+//! | bytes | what |
+//! |---|---|
+//! | 8 | magic |
+//! | 4 | version |
+//! | 4 | number of sections |
+//! | 8 | length of the file |
+//! | 4 | CRC-32 of the 24 bytes before |
+//! | | the sections |
+//! | 4 | CRC-32 of all bytes before |
+//!
+//! A section: one byte each for its kind (0: part of the map, 1: extension), its compression (0: none, 1: blocks) and the
+//! length of its name; the name; 8 bytes each for the length as stored and as it was; the CRC-32 of the section without
+//! these four bytes; the stored bytes.
+
+use super::MapFileError;
+use super::blocks;
+use std::borrow::Cow;
+
+/// The first bytes of a map file. A byte that is not ASCII and both kinds of line ends: copying it as text shows.
+pub(super) const MAGIC: [u8; 8] = *b"\x89SPMAP\r\n";
+/// The version that is written, and the latest that can be read.
+pub(super) const VERSION: u32 = 1;
+const HEADER: usize = 28;
+
+/// Whose a section is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Kind {
+    Map,
+    Extension,
+}
+
+/// A section to be written.
+pub(super) struct Section<'a> {
+    pub(super) kind: Kind,
+    pub(super) name: &'a str,
+    pub(super) bytes: Cow<'a, [u8]>,
+    /// Whether compression may be tried.
+    pub(super) compress: bool,
+}
+
+/// A section as it lies in the file.
+#[derive(Debug)]
+pub(super) struct Stored<'a> {
+    pub(super) kind: Kind,
+    pub(super) name: &'a str,
+    pub(super) compressed: bool,
+    raw_length: u64,
+    bytes: &'a [u8],
+}
+
+impl<'a> Stored<'a> {
+    /// What was written.
+    pub(super) fn bytes(&self) -> Result<Cow<'a, [u8]>, MapFileError> {
+        if self.compressed {
+            return blocks::unpack(self.name, self.bytes, self.raw_length).map(Cow::Owned);
+        }
+        if self.raw_length == self.bytes.len() as u64 {
+            return Ok(Cow::Borrowed(self.bytes));
+        }
+        Err(MapFileError::invalid(
+            self.name,
+            format!("{} bytes", self.raw_length),
+            self.bytes.len(),
+        ))
+    }
+}
+
+/// The file.
+pub(super) fn write(sections: &[Section<'_>]) -> Vec<u8> {
+    let mut file = Vec::new();
+    file.extend(MAGIC);
+    file.extend(VERSION.to_le_bytes());
+    file.extend((sections.len() as u32).to_le_bytes());
+    // Length and checksum, when the length is known.
+    file.extend([0; 12]);
+    for section in sections {
+        append(&mut file, section);
+    }
+    let length = file.len() as u64 + 4;
+    file[16..24].copy_from_slice(&length.to_le_bytes());
+    let checksum = crc32fast::hash(&file[..24]);
+    file[24..28].copy_from_slice(&checksum.to_le_bytes());
+    file.extend(crc32fast::hash(&file).to_le_bytes());
+    file
+}
+
+fn append(file: &mut Vec<u8>, section: &Section<'_>) {
+    let packed = section
+        .compress
+        .then(|| blocks::pack(&section.bytes))
+        .flatten();
+    let stored: &[u8] = packed.as_deref().unwrap_or(&section.bytes);
+    let begin = file.len();
+    let kind = u8::from(section.kind == Kind::Extension);
+    file.extend([kind, u8::from(packed.is_some()), section.name.len() as u8]);
+    file.extend(section.name.as_bytes());
+    file.extend((stored.len() as u64).to_le_bytes());
+    file.extend((section.bytes.len() as u64).to_le_bytes());
+    let mut checksum = crc32fast::Hasher::new();
+    checksum.update(&file[begin..]);
+    checksum.update(stored);
+    file.extend(checksum.finalize().to_le_bytes());
+    file.extend(stored);
+}
+
+/// The sections of a file, whose checksums are right.
+pub(super) fn read(file: &[u8]) -> Result<Vec<Stored<'_>>, MapFileError> {
+    let count = read_header(file)?;
+    let (body, last) = file.split_at(file.len() - 4);
+    let mut rest = &body[HEADER..];
+    let mut sections: Vec<Stored<'_>> = Vec::new();
+    for number in 1..=count {
+        let place = match sections.last() {
+            Some(before) => format!("the section after {}", before.name),
+            None => "the first section".into(),
+        };
+        let Some((section, checksums, after)) = split_section(rest) else {
+            return Err(MapFileError::invalid(
+                &place,
+                format!("section {number} of {count}, whole"),
+                format!("{} bytes that are none", rest.len()),
+            ));
+        };
+        compare(
+            &format!("section {}", section.name.escape_debug()),
+            checksums,
+        )?;
+        sections.push(section);
+        rest = after;
+    }
+    if !rest.is_empty() {
+        return Err(MapFileError::invalid(
+            "the end of the file",
+            format!("{count} sections"),
+            format!("{} bytes more", rest.len()),
+        ));
+    }
+    compare("the whole file", (number32(last), crc32fast::hash(body)))?;
+    Ok(sections)
+}
+
+/// The number of sections.
+fn read_header(file: &[u8]) -> Result<u32, MapFileError> {
+    let begin = &file[..file.len().min(MAGIC.len())];
+    if !MAGIC.starts_with(begin) {
+        return Err(MapFileError::Foreign {
+            found: begin.to_vec(),
+        });
+    }
+    let found = file.len() as u64;
+    let shortest = HEADER + 4;
+    if file.len() < shortest {
+        return Err(MapFileError::Length {
+            expected: shortest as u64,
+            found,
+        });
+    }
+    compare(
+        "the header",
+        (number32(&file[24..]), crc32fast::hash(&file[..24])),
+    )?;
+    let version = number32(&file[8..]);
+    if version > VERSION {
+        return Err(MapFileError::Newer {
+            found: version,
+            supported: VERSION,
+        });
+    }
+    if version == 0 {
+        return Err(MapFileError::invalid(
+            "the header",
+            "version 1",
+            "version 0",
+        ));
+    }
+    let expected = number64(&file[16..]);
+    if expected != found {
+        return Err(MapFileError::Length { expected, found });
+    }
+    Ok(number32(&file[12..]))
+}
+
+/// The first section, its checksum as stated and as computed, and what follows.
+fn split_section(rest: &[u8]) -> Option<(Stored<'_>, (u32, u32), &[u8])> {
+    let [kind, compressed, name_length] = *rest.first_chunk::<3>()?;
+    let name_end = 3 + usize::from(name_length);
+    let name = std::str::from_utf8(rest.get(3..name_end)?).ok()?;
+    let lengths = rest.get(name_end..name_end + 20)?;
+    let (stored, raw_length) = (number64(lengths), number64(&lengths[8..]));
+    let begin = name_end + 20;
+    let end = begin.checked_add(usize::try_from(stored).ok()?)?;
+    let bytes = rest.get(begin..end)?;
+    let mut checksum = crc32fast::Hasher::new();
+    checksum.update(&rest[..name_end + 16]);
+    checksum.update(bytes);
+    let checksums = (number32(&lengths[16..]), checksum.finalize());
+    let section = Stored {
+        kind: match kind {
+            0 => Kind::Map,
+            1 => Kind::Extension,
+            _ => return None,
+        },
+        compressed: match compressed {
+            0 => false,
+            1 => true,
+            _ => return None,
+        },
+        name,
+        raw_length,
+        bytes,
+    };
+    Some((section, checksums, &rest[end..]))
+}
+
+fn compare(section: &str, (expected, found): (u32, u32)) -> Result<(), MapFileError> {
+    if expected == found {
+        return Ok(());
+    }
+    Err(MapFileError::Checksum {
+        section: section.into(),
+        expected,
+        found,
+    })
+}
+
+/// The first four bytes, which are there, as a number.
+fn number32(bytes: &[u8]) -> u32 {
+    u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]])
+}
+
+/// The first eight bytes, which are there, as a number.
+fn number64(bytes: &[u8]) -> u64 {
+    u64::from(number32(bytes)) | u64::from(number32(&bytes[4..])) << 32
+}

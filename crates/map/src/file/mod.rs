@@ -1,0 +1,121 @@
+//! The map as bytes, and back.
+//!
+//! Answers: what a map file holds, whether bytes are one, and whether they describe a map that can be used. Reads and writes
+//! no files: see `docs/map-file.md` for the format and for what whoever writes it to a disk has to heed.
+//!
+//! What is stored: everything that cannot be computed again bit for bit. The inverse index, the counts of observers and the
+//! buckets of each keyframe are computed again.
+
+mod blocks;
+mod bytes;
+mod container;
+mod decode;
+mod encode;
+mod error;
+mod sections;
+#[cfg(test)]
+mod tests;
+mod validate;
+
+use crate::Map;
+use container::{Kind, Section};
+pub use error::MapFileError;
+use std::borrow::Cow;
+use std::io;
+
+/// Bytes that others keep with a map: a trajectory, calibrated delays. The map does not know what they mean.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Extension {
+    /// Its name, 1 to 255 bytes, which no other extension of the file has.
+    pub name: String,
+    /// Its content.
+    pub bytes: Vec<u8>,
+}
+
+/// What a map file holds.
+#[derive(Debug)]
+pub struct MapFile {
+    /// The map; [`Map::check`] holds.
+    pub map: Map,
+    /// What others keep with it, in the order in which it was written.
+    pub extensions: Vec<Extension>,
+}
+
+impl MapFile {
+    /// Reads a map file.
+    ///
+    /// # Errors
+    /// [`MapFileError`] when the bytes are damaged, of a later version, no map file, or no map that can be used. Whatever the
+    /// bytes are, it takes memory and time in proportion to their length.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, MapFileError> {
+        let sections = container::read(bytes)?;
+        let split = sections.iter().position(|s| s.kind == Kind::Extension);
+        let (own, others) = sections.split_at(split.unwrap_or(sections.len()));
+        let map = decode::map(own, bytes.len())?;
+        validate::check(&map, bytes.len())?;
+        let mut extensions: Vec<Extension> = Vec::new();
+        for section in others {
+            if section.kind == Kind::Map {
+                let place = "the extensions";
+                return Err(MapFileError::invalid(
+                    place,
+                    "extensions only",
+                    section.name,
+                ));
+            }
+            extensions.push(Extension {
+                name: section.name.to_owned(),
+                bytes: section.bytes()?.into_owned(),
+            });
+        }
+        validate::names(&extensions)?;
+        Ok(Self { map, extensions })
+    }
+
+    /// Picks an extension by its name.
+    #[must_use]
+    pub fn extension(&self, name: &str) -> Option<&[u8]> {
+        let found = self.extensions.iter().find(|e| e.name == name)?;
+        Some(&found.bytes)
+    }
+}
+
+impl Map {
+    /// The map and `extensions` as the bytes of a map file. The same map gives the same bytes.
+    ///
+    /// # Errors
+    /// [`MapFileError`] when the map is one that [`MapFile::from_bytes`] would refuse, or the name of an extension is empty,
+    /// too long or given twice: what cannot be read must not take the place of an older file.
+    pub fn to_bytes(&self, extensions: &[Extension]) -> Result<Vec<u8>, MapFileError> {
+        validate::names(extensions)?;
+        // Without the length of the file, which only adds to what is allowed.
+        validate::check(self, 0)?;
+        let mut sections = encode::sections(self)?;
+        sections.extend(extensions.iter().map(|e| Section {
+            kind: Kind::Extension,
+            name: &e.name,
+            bytes: Cow::Borrowed(&e.bytes),
+            compress: true,
+        }));
+        Ok(container::write(&sections))
+    }
+
+    /// Writes [`Map::to_bytes`] somewhere.
+    ///
+    /// # Errors
+    /// Those of `out`, and [`io::ErrorKind::InvalidData`] with a [`MapFileError`] inside, before anything is written.
+    pub fn write(&self, out: &mut impl io::Write, extensions: &[Extension]) -> io::Result<()> {
+        let bytes = self
+            .to_bytes(extensions)
+            .map_err(|e| io::Error::new(io::ErrorKind::InvalidData, e))?;
+        out.write_all(&bytes)
+    }
+
+    /// The map of a map file, without its extensions.
+    ///
+    /// # Errors
+    /// As [`MapFile::from_bytes`].
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, MapFileError> {
+        MapFile::from_bytes(bytes).map(|file| file.map)
+    }
+}

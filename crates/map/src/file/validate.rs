@@ -1,0 +1,252 @@
+//! What the values of a map may be. The same is asked of a map that is written and of one that is read, so that whatever
+//! was written can be read.
+
+use super::{Extension, MapFileError};
+use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, Landmark, LandmarkId, Map};
+use stillpoint_geometry::{Camera, Se3, Vec3};
+
+/// Side of an image at most, px.
+const MAX_SIDE: u32 = 1 << 15;
+/// Side of a bucket, px, and buckets per side at most: as [`stillpoint_features::FeatureGrid`] has them.
+const BUCKET: f32 = 16.0;
+const MAX_BUCKETS: u64 = 512;
+/// Bytes of buckets that any map may have, and how many more per byte of the file: a keyframe with one feature per
+/// bucket takes some 20 times its buckets.
+const FREE_BUCKETS: u64 = 256 << 20;
+const BUCKETS_PER_BYTE: u64 = 16;
+/// How far rotations and directions may be off unit length: a thousand times what products of rotations drift by.
+const UNIT_TOLERANCE: f64 = 1e-6;
+/// Counters beyond this are no counts of frames, and might overflow.
+const MAX_FRAMES: u32 = 1 << 30;
+/// The same for versions.
+const MAX_VERSION: u64 = 1 << 60;
+
+/// Checks a whole map of which a file of `file_length` bytes is or will be.
+pub(super) fn check(map: &Map, file_length: usize) -> Result<(), MapFileError> {
+    let scales = &map.level_scales;
+    let scales_are_well = scales.iter().all(|s| s.is_finite() && *s > 0.0);
+    expect(
+        "header",
+        scales_are_well && (1..=256).contains(&scales.len()),
+        || {
+            (
+                "1 to 256 positive scales of levels".into(),
+                format!("{} of them: {:?} ...", scales.len(), scales.first()),
+            )
+        },
+    )?;
+    expect("header", map.view.version <= MAX_VERSION, || {
+        (
+            format!("a version of the map below {MAX_VERSION}"),
+            map.view.version.to_string(),
+        )
+    })?;
+    for k in map.view.keyframes() {
+        camera(&k.data.camera)?;
+        lengths(k)?;
+        pose("keyframes", k.id, &k.world_from_camera)?;
+        expect("keyframes", k.data.stamp.is_finite(), || {
+            (
+                format!("a finite stamp of keyframe {}", k.id),
+                k.data.stamp.to_string(),
+            )
+        })?;
+        features(k, scales.len())?;
+    }
+    grids(map.view.keyframes().map(|k| &k.data.camera), file_length)?;
+    for (i, slot) in map.view.keyframes.iter().enumerate() {
+        if let KeyframeSlot::Culled {
+            parent_from_this, ..
+        } = slot
+        {
+            pose("tombstones", KeyframeId(i as u32), parent_from_this)?;
+        }
+    }
+    for (id, l) in map.view.landmarks() {
+        landmark(id, l)?;
+        let made = map.view.keyframe_slot(l.created_at);
+        expect("landmarks", !matches!(made, KeyframeSlot::Empty), || {
+            (
+                format!("a keyframe at which landmark {id} was made"),
+                l.created_at.to_string(),
+            )
+        })?;
+    }
+    map.check()?;
+    Ok(())
+}
+
+fn expect(
+    section: &str,
+    holds: bool,
+    otherwise: impl FnOnce() -> (String, String),
+) -> Result<(), MapFileError> {
+    if holds {
+        return Ok(());
+    }
+    let (expected, found) = otherwise();
+    Err(MapFileError::invalid(section, expected, found))
+}
+
+/// Checks the names of extensions.
+pub(super) fn names(extensions: &[Extension]) -> Result<(), MapFileError> {
+    let mut names: Vec<&str> = extensions.iter().map(|e| e.name.as_str()).collect();
+    names.sort_unstable();
+    for (i, name) in names.iter().enumerate() {
+        let is_new = names.get(i + 1) != Some(name);
+        expect(
+            "the extensions",
+            is_new && (1..=255).contains(&name.len()),
+            || {
+                (
+                    "names of 1 to 255 bytes, each once".into(),
+                    format!("\"{}\"", name.escape_debug()),
+                )
+            },
+        )?;
+    }
+    Ok(())
+}
+
+/// Checks a camera, before anything is computed with it.
+pub(super) fn camera(camera: &Camera) -> Result<(), MapFileError> {
+    let sides = 1..=MAX_SIDE;
+    let d = &camera.distortion;
+    let numbers = [
+        camera.fx, camera.fy, camera.cx, camera.cy, d.k1, d.k2, d.p1, d.p2, d.k3,
+    ];
+    let holds = sides.contains(&camera.width)
+        && sides.contains(&camera.height)
+        && numbers.iter().all(|x| x.is_finite())
+        && camera.fx > 0.0
+        && camera.fy > 0.0;
+    expect("cameras", holds, || {
+        (
+            format!("images of 1 to {MAX_SIDE} px, positive focal lengths and finite coefficients"),
+            format!("{camera:?}"),
+        )
+    })
+}
+
+/// Checks that the buckets of keyframes with these cameras do not take implausible memory.
+pub(super) fn grids<'a>(
+    cameras: impl Iterator<Item = &'a Camera>,
+    file_length: usize,
+) -> Result<(), MapFileError> {
+    let side = |length: f32| ((length / BUCKET).ceil() as u64).clamp(1, MAX_BUCKETS);
+    // Keyframes of a map have few cameras, mostly one, and bounds take microseconds.
+    let (mut bytes, mut last) = (0, None);
+    for camera in cameras {
+        let of_this = match last {
+            Some((same, n)) if same == camera => n,
+            _ => {
+                let [left, top, right, bottom] = KeyframeData::grid_bounds(camera);
+                4 * side(right - left) * side(bottom - top)
+            }
+        };
+        last = Some((camera, of_this));
+        bytes += of_this;
+    }
+    let most = FREE_BUCKETS + BUCKETS_PER_BYTE * file_length as u64;
+    expect("keyframes", bytes <= most, || {
+        (
+            "no more buckets than features".into(),
+            format!("{bytes} bytes of buckets"),
+        )
+    })
+}
+
+/// One value of each kind per feature.
+fn lengths(k: &Keyframe) -> Result<(), MapFileError> {
+    let d = &k.data;
+    let lengths = [
+        d.positions.len(),
+        d.sigma_px.len(),
+        d.depths.len(),
+        d.depth_sigmas.len(),
+        d.descriptors.len(),
+        d.mappable.len(),
+        k.matches.len(),
+    ];
+    expect("keyframes", lengths.iter().all(|n| *n == d.len()), || {
+        (
+            format!("{} values of each kind in keyframe {}", d.len(), k.id),
+            format!("{lengths:?}"),
+        )
+    })
+}
+
+fn pose(section: &str, id: KeyframeId, pose: &Se3) -> Result<(), MapFileError> {
+    let norm2: f64 = pose.rotation.coords.iter().map(|x| x * x).sum();
+    // Not the other way round: no number is neither.
+    let holds = pose.is_finite() && (norm2 - 1.0).abs() <= 2.0 * UNIT_TOLERANCE;
+    expect(section, holds, || {
+        (
+            format!("a finite pose with a unit quaternion of keyframe {id}"),
+            format!("{:?}, {:?}", pose.rotation.coords, pose.translation),
+        )
+    })
+}
+
+fn features(k: &Keyframe, levels: usize) -> Result<(), MapFileError> {
+    let d = &k.data;
+    let fail = |section: &str, i: usize, expected: &str, found: String| {
+        let expected = format!("{expected} of feature {i} of keyframe {}", k.id);
+        Err(MapFileError::invalid(section, expected, found))
+    };
+    for (i, p) in d.keypoints.iter().enumerate() {
+        let finite = [p.x, p.y, p.angle, p.response]
+            .iter()
+            .all(|x| x.is_finite());
+        if !finite || usize::from(p.level) >= levels {
+            let expected = format!("finite numbers and a level below {levels}");
+            return fail("keypoints", i, &expected, format!("{p:?}"));
+        }
+    }
+    for (i, (p, sigma)) in d.positions.iter().zip(&d.sigma_px).enumerate() {
+        if !(p[0].is_finite() && p[1].is_finite() && sigma.is_finite() && *sigma > 0.0) {
+            let expected = "a finite position with a positive deviation";
+            return fail("positions", i, expected, format!("{p:?} +- {sigma}"));
+        }
+    }
+    for (i, (z, sigma)) in d.depths.iter().zip(&d.depth_sigmas).enumerate() {
+        if !(z.is_finite() && sigma.is_finite() && *z >= 0.0 && *sigma >= 0.0) {
+            let expected = "a depth and its deviation, finite and not negative";
+            return fail("depths", i, expected, format!("{z} +- {sigma}"));
+        }
+    }
+    Ok(())
+}
+
+fn landmark(id: LandmarkId, l: &Landmark) -> Result<(), MapFileError> {
+    let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
+    // A direction may be shorter, when a landmark was seen from all sides.
+    let directed =
+        finite(&l.direction_in_anchor) && l.direction_in_anchor.norm() <= 1.0 + UNIT_TOLERANCE;
+    expect(
+        "landmark positions",
+        finite(&l.position_in_anchor) && directed,
+        || {
+            (
+                format!("a finite position and a unit direction of landmark {id}"),
+                format!("{:?}, {:?}", l.position_in_anchor, l.direction_in_anchor),
+            )
+        },
+    )?;
+    let range = l.scale_range;
+    let holds = range.max_distance.is_finite()
+        && 0.0 <= range.min_distance
+        && range.min_distance <= range.max_distance
+        && l.static_odds.is_finite()
+        && l.visible <= MAX_FRAMES
+        && l.found <= MAX_FRAMES;
+    expect("landmarks", holds, || {
+        (
+            format!("distances in order, finite odds and counts of frames of landmark {id}"),
+            format!(
+                "{range:?}, odds {}, found {} of {}",
+                l.static_odds, l.found, l.visible
+            ),
+        )
+    })
+}
