@@ -3,10 +3,10 @@
 //! Answers: what a stream would have shown if its lens had been covered, or its exposure had jumped, for some of its frames.
 //! Stamps, ids and the order of frames stay as they are, and so does the ground truth.
 
-use crate::splice::{AdaptorError, black_colour, no_depth};
+use crate::splice::AdaptorError;
 use std::ops::Range;
 use std::sync::Arc;
-use stillpoint_imaging::{ColourImage, FrameSource, GrayImage, RgbdFrame, SourceError};
+use stillpoint_imaging::{ColourImage, DepthImage, FrameSource, GrayImage, RgbdFrame, SourceError};
 
 /// What is wrong with some frames.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -97,6 +97,16 @@ fn apply(what: Disturbance, frame: &mut RgbdFrame) {
             });
         }
     }
+}
+
+/// A colour image without light.
+pub(crate) fn black_colour(w: usize, h: usize) -> ColourImage {
+    ColourImage::from_vec(w, h, vec![0; 3 * w * h]).unwrap_or_default()
+}
+
+/// A depth image without measurements.
+pub(crate) fn no_depth(w: usize, h: usize) -> DepthImage {
+    DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap_or_default()
 }
 
 fn colour_of(w: usize, h: usize, data: Vec<u8>) -> Arc<ColourImage> {

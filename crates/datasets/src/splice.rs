@@ -4,12 +4,11 @@
 //! where the camera was then. Joins streams of one camera; does not know what they show. What comes out is a pure function of
 //! what the sources yield.
 
+use crate::disturb::{black_colour, no_depth};
 use crate::trajectory::StampedPose;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use stillpoint_imaging::{
-    ColourImage, DepthImage, FrameId, FrameSource, GrayImage, RgbdFrame, SourceError,
-};
+use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, SourceError};
 
 /// An adaptor of streams was asked for something impossible.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -391,14 +390,4 @@ impl FrameSource for Splice {
             )
         })
     }
-}
-
-/// A colour image without light.
-pub(crate) fn black_colour(w: usize, h: usize) -> ColourImage {
-    ColourImage::from_vec(w, h, vec![0; 3 * w * h]).unwrap_or_default()
-}
-
-/// A depth image without measurements.
-pub(crate) fn no_depth(w: usize, h: usize) -> DepthImage {
-    DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap_or_default()
 }

@@ -90,6 +90,11 @@ pub enum LooperMsg {
         /// The first version of the map that holds it.
         view: Arc<MapView>,
     },
+    /// The last correction is in the map.
+    Corrected {
+        /// The first version that holds it.
+        map_version: u64,
+    },
 }
 
 /// What the looper answers.

@@ -170,6 +170,10 @@ impl System {
                 && let MapperReport::Corrected(applied) = out.report
             {
                 self.loops[at].applied = Some(applied);
+                let map_version = applied.map_version;
+                if let Some(looper) = &mut self.looper {
+                    looper.step(LooperMsg::Corrected { map_version });
+                }
             }
         }
     }

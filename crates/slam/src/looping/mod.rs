@@ -88,6 +88,8 @@ pub struct Looper {
     /// Loops that were closed.
     edges: Vec<LoopEdge>,
     last_closed: Option<KeyframeId>,
+    /// The first version of the map that holds the last correction; none while the mapper has not answered.
+    valid_from: Option<u64>,
 }
 
 impl Looper {
@@ -103,12 +105,19 @@ impl Looper {
             streaks: Vec::new(),
             edges: Vec::new(),
             last_closed: None,
+            valid_from: Some(0),
         }
     }
 
     /// Takes a message and answers with a correction when a loop is closed.
     pub fn step(&mut self, message: LooperMsg) -> LooperOut {
-        let LooperMsg::Keyframe { id, view } = message;
+        let (id, view) = match message {
+            LooperMsg::Keyframe { id, view } => (id, view),
+            LooperMsg::Corrected { map_version } => {
+                self.valid_from = Some(map_version);
+                return LooperOut::default();
+            }
+        };
         let Some(keyframe) = view.keyframe(id).map(Arc::clone) else {
             return LooperOut::default();
         };
@@ -216,6 +225,7 @@ impl Looper {
                 Ok((edge, correction)) => {
                     self.edges.push(edge);
                     self.last_closed = Some(keyframe.id);
+                    self.valid_from = None;
                     self.streaks.clear();
                     out.correction = Some(correction);
                     out.report = Some(report);
@@ -232,8 +242,12 @@ impl Looper {
         out
     }
 
-    /// Whether a loop was closed just now: the map is given the time to settle.
+    /// Whether a loop was closed just now: the map is given the time to settle. A view that does not hold the last correction yet
+    /// must not be corrected at all, or the same drift would be taken out twice.
     fn is_too_soon(&self, view: &MapView, now: KeyframeId) -> bool {
+        if self.valid_from.is_none_or(|v| view.version() < v) {
+            return true;
+        }
         self.last_closed.is_some_and(|last| {
             let between = view.keyframes().filter(|k| k.id > last && k.id <= now);
             between.count() < self.config.min_gap
@@ -258,4 +272,83 @@ fn surroundings(view: &MapView, k: &Keyframe) -> BTreeSet<KeyframeId> {
         near.extend(second.iter().flat_map(|k| k.covisible.iter().map(|c| c.0)));
     }
     near
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+    use super::*;
+    use stillpoint_features::{Descriptor, FeatureGrid};
+    use stillpoint_geometry::{Camera, Se3};
+    use stillpoint_map::{KeyframeData, Map};
+
+    /// A map of keyframes that share nothing.
+    fn map(keyframes: u32) -> Map {
+        let mut map = Map::new(8, 1.2);
+        for k in 0..keyframes {
+            let data = KeyframeData {
+                stamp: f64::from(k),
+                camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
+                keypoints: Vec::new(),
+                positions: Vec::new(),
+                sigma_px: Vec::new(),
+                depths: Vec::new(),
+                depth_sigmas: Vec::new(),
+                descriptors: Vec::<Descriptor>::new(),
+                mappable: Vec::new(),
+                grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
+            };
+            let parent = k.checked_sub(1).map(KeyframeId);
+            map.insert_keyframe(KeyframeId(k), Arc::new(data), Se3::identity(), parent);
+        }
+        map
+    }
+
+    fn looks_like(keys: &[u32]) -> Vec<PlaceMatch<KeyframeId>> {
+        let found = |k: &u32| PlaceMatch {
+            key: KeyframeId(*k),
+            score: 0.5,
+            word_score: 0.5,
+        };
+        keys.iter().map(found).collect()
+    }
+
+    #[test]
+    fn a_place_must_be_recognised_three_times_in_a_row() {
+        let map = map(10);
+        let mut looper = Looper::new(&Config::default());
+        let mut ask = |keys: &[u32]| -> Vec<u32> {
+            let found = looper.consistent(map.view(), looks_like(keys));
+            found.iter().map(|m| m.key.0).collect()
+        };
+        assert!(ask(&[2, 5]).is_empty());
+        assert!(ask(&[5, 7]).is_empty());
+        assert_eq!(ask(&[2, 5, 7]), [5]);
+        assert_eq!(ask(&[7]), [7]);
+        // A keyframe that looks like nothing ends every streak.
+        assert!(ask(&[]).is_empty());
+        assert!(ask(&[7]).is_empty());
+        assert!(ask(&[7]).is_empty());
+        assert_eq!(ask(&[7]), [7]);
+    }
+
+    #[test]
+    fn a_view_without_the_last_correction_is_not_corrected() {
+        let mut map = map(30);
+        let mut looper = Looper::new(&Config::default());
+        let view = map.publish();
+        let now = KeyframeId(29);
+        assert!(!looper.is_too_soon(&view, now));
+        looper.last_closed = Some(KeyframeId(5));
+        looper.valid_from = None;
+        assert!(looper.is_too_soon(&view, now));
+        let map_version = view.version() + 1;
+        looper.step(LooperMsg::Corrected { map_version });
+        assert!(looper.is_too_soon(&view, now));
+        let view = map.publish();
+        assert!(!looper.is_too_soon(&view, now));
+        // Ten keyframes are between two loops.
+        assert!(looper.is_too_soon(&view, KeyframeId(14)));
+        assert!(!looper.is_too_soon(&view, KeyframeId(15)));
+    }
 }
