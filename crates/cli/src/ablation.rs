@@ -4,7 +4,7 @@ use crate::ablation_report;
 use crate::args::{BenchArgs, ConfigArgs};
 use crate::bench::{command_line, unique_names};
 use crate::bench_runner::{Plan, Sequence, median};
-use crate::bench_source::{Prepared, Source};
+use crate::bench_source::{self, Prepared, Source};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::Machine;
@@ -125,12 +125,13 @@ pub(crate) struct Cell {
 /// Runs every path with every configuration and writes the report.
 ///
 /// # Errors
-/// Paths that are neither folders nor scenes, an output folder that cannot be written. What fails later is a line of the
+/// Paths that are neither folders nor scenes, a name of no detector, an output folder that cannot be written. What fails later is a line of the
 /// report.
 pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, Failure> {
     let sources: Result<Vec<Source>, Failure> = args.paths.iter().map(|p| Source::of(p)).collect();
     let sources = sources?;
     let seeds = seeds(config::resolve(&args.config)?.seed, args.runs);
+    let settled = bench_source::settle(&sources, &args.input)?;
     args.plan().prepare()?;
     let mut sequences = Vec::new();
     for ((source, path), name) in sources
@@ -142,7 +143,7 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
             break;
         }
         let mut row = row(args, name, path);
-        match source.prepare(&args.input, &args.out, seeds[0]) {
+        match source.prepare(&args.input, &settled, &args.out, seeds[0]) {
             Ok(prepared) => {
                 row.detector.clone_from(&prepared.words);
                 row.blind = prepared.blind;

@@ -160,7 +160,7 @@ pub(crate) struct PullArgs {
     /// Name of a known model: see models list.
     #[arg(value_name = "NAME")]
     pub(crate) name: String,
-    /// Download it although it is here.
+    /// Download it although it is here, or another model of that name, which is replaced.
     #[arg(long)]
     pub(crate) again: bool,
     /// Server with the same paths to get it from, instead of https://github.com.

@@ -2,7 +2,7 @@
 
 use crate::args::BenchArgs;
 use crate::bench_runner::{Plan, Sequence, Spread, median};
-use crate::bench_source::Source;
+use crate::bench_source::{self, Source};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::Machine;
@@ -77,6 +77,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
 fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<Sequence>, Failure> {
     let sources: Result<Vec<Source>, Failure> = args.paths.iter().map(|p| Source::of(p)).collect();
     let sources = sources?;
+    let settled = bench_source::settle(&sources, &args.input)?;
     args.plan().prepare()?;
     let mut sequences = Vec::new();
     let names = unique_names(&args.paths);
@@ -84,7 +85,7 @@ fn sequences(args: &BenchArgs, seed: u64, interrupt: &Interrupt) -> Result<Vec<S
         if interrupt.requested() {
             break;
         }
-        let prepared = match source.prepare(&args.input, &args.out, seed) {
+        let prepared = match source.prepare(&args.input, &settled, &args.out, seed) {
             // Ctrl-C reaches the simulation too.
             Err(_) if interrupt.requested() => break,
             prepared => prepared?,

@@ -2,15 +2,18 @@
 
 use crate::args::InputArgs;
 use crate::bench_runner::program;
+use crate::console;
 use crate::demo_detector::errors_in_words;
+use crate::detector::{self, Settled};
 use crate::failure::Failure;
-use crate::{console, detector};
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 
 /// Begins the name of a simulated scene among the paths.
 const PREFIX: &str = "sim:";
+/// Why a scene has no detector.
+const NOBODY: &str = "nobody is in the scene";
 
 /// One of the paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -48,22 +51,20 @@ impl Source {
         }
     }
 
-    /// Makes it a folder that can be run. A scene is simulated with `seed`, below `out`; unless told otherwise, its runs
-    /// get the simulator's own detections. Which detector a folder's runs get when nothing is said is settled here, so that
-    /// all runs get the same.
+    /// Makes it a folder that can be run. A scene is simulated with `seed`, below `out`; unless `--detector` was given, its runs
+    /// get the simulator's own detections, and those of a scene without people none: never a model that happens to be there.
     ///
     /// # Errors
-    /// A name of no detector, a simulation that could not be written.
+    /// A simulation that could not be written.
     pub(crate) fn prepare(
         &self,
         input: &InputArgs,
+        settled: &Settled,
         out: &Path,
         seed: u64,
     ) -> Result<Prepared, Failure> {
         let scene = match self {
-            Self::Folder(path) => {
-                return Prepared::of(path.clone(), input);
-            }
+            Self::Folder(path) => return Ok(Prepared::of(path.clone(), input, settled)),
             Self::Scene(scene) => scene,
         };
         let temporary = Temporary(out.join(format!(".simulated-{}", std::process::id())));
@@ -71,21 +72,41 @@ impl Source {
         let frames = input.max_frames.map(|n| n + input.start as u64);
         simulate(scene, &path, frames, seed)?;
         let script = path.join("detections.csv");
-        // There is none where nobody is seen.
-        let own = script.is_file() && input.detector.detector.is_none();
         let mut input = input.clone();
         // The folder says which camera it was.
         input.camera = None;
-        if own {
-            input = input.with_detector(format!("scripted:{}", script.display()));
-        }
-        let mut prepared = Prepared::of(path, &input)?;
-        if own {
-            prepared.words = errors_in_words();
-        }
+        let mut prepared = if input.detector.detector.is_some() {
+            Prepared::of(path, &input, settled)
+        } else if script.is_file() {
+            Prepared {
+                blind: false,
+                words: errors_in_words(),
+                input: input.with_detector(format!("scripted:{}", script.display())),
+                path,
+                _temporary: None,
+            }
+        } else {
+            // There is no script where nobody is seen.
+            Prepared::of(path, &input, &Settled::none(NOBODY))
+        };
         prepared._temporary = Some(temporary);
         Ok(prepared)
     }
+}
+
+/// Which detector the runs get, settled once, so that all get the same. Where only scenes are run and nothing is said, the user's
+/// models are not looked at.
+///
+/// # Errors
+/// A name of no detector, a cache that cannot be read.
+pub(crate) fn settle(sources: &[Source], input: &InputArgs) -> Result<Settled, Failure> {
+    let folders = sources.iter().any(|s| matches!(s, Source::Folder(_)));
+    if !folders && input.detector.detector.is_none() {
+        return Ok(Settled::none(NOBODY));
+    }
+    let settled = detector::settle(&input.detector)?;
+    settled.announce();
+    Ok(settled)
 }
 
 /// A folder that can be run, and what its runs are told.
@@ -102,16 +123,14 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    fn of(path: PathBuf, input: &InputArgs) -> Result<Self, Failure> {
-        let settled = detector::settle(&input.detector)?;
-        settled.announce();
-        Ok(Self {
+    fn of(path: PathBuf, input: &InputArgs, settled: &Settled) -> Self {
+        Self {
             path,
             blind: settled.is_none(),
             words: settled.words(),
-            input: input.with_detector(settled.argument),
+            input: input.with_detector(settled.argument.clone()),
             _temporary: None,
-        })
+        }
     }
 }
 

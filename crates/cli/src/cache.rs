@@ -70,20 +70,29 @@ fn advice(name: &str, here: &[String], none: bool) -> String {
     }
 }
 
+/// What is used when no model is named.
+pub(crate) enum Preferred {
+    Model(ModelFile),
+    /// None, and why.
+    None(String),
+}
+
 /// The model that is used when none is named.
 ///
 /// # Errors
-/// Why there is none.
-pub(crate) fn preferred() -> Result<ModelFile, String> {
-    let cache =
-        Cache::of_user(&|name| std::env::var_os(name)).map_err(|e| format!("no cache: {e}"))?;
-    match cache.preferred() {
-        Ok(Some(model)) => Ok(ModelFile::of_cache(model)),
-        Ok(None) => Err(format!(
+/// A cache that is there and cannot be read: whether it holds a model is not known then.
+pub(crate) fn preferred() -> Result<Preferred, Failure> {
+    let cache = match Cache::of_user(&|name| std::env::var_os(name)) {
+        Ok(cache) => cache,
+        Err(e) => return Ok(Preferred::None(format!("no cache: {e}"))),
+    };
+    let model = cache.preferred().map_err(Failure::input)?;
+    Ok(match model {
+        Some(model) => Preferred::Model(ModelFile::of_cache(model)),
+        None => Preferred::None(format!(
             "no model is in the cache; `stillpoint models pull {SUGGESTED}` gets one"
         )),
-        Err(e) => Err(format!("the cache cannot be read: {e}")),
-    }
+    })
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! `detect`: a network over images, without SLAM.
 
 use crate::args_models::DetectArgs;
-use crate::cache;
+use crate::cache::{self, Preferred};
 use crate::console::{self, Progress, Unit};
 use crate::detect_images::{self, Image};
 use crate::detect_output::DetectFolder;
@@ -24,9 +24,13 @@ pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failu
     let images = detect_images::find(&args.path)?;
     let model = match &args.model {
         Some(name) => ModelFile::named(name, OPTION)?,
-        None => cache::preferred().map_err(|reason| {
-            Failure::input(format!("{OPTION}: expected a model, found none: {reason}"))
-        })?,
+        None => match cache::preferred()? {
+            Preferred::Model(model) => model,
+            Preferred::None(reason) => {
+                let said = format!("{OPTION}: expected a model, found none: {reason}");
+                return Err(Failure::input(said));
+            }
+        },
     };
     let mut how = Running::from(args.network);
     how.options.score_threshold = args.score;

@@ -22,14 +22,18 @@ pub(crate) struct DetectFolder {
 }
 
 impl DetectFolder {
-    /// Begins a folder. `input` is what is looked at: its folder is refused, since the next run would look at the pictures of
-    /// this one.
+    /// Begins a folder. `input` is what is looked at: that folder, or the one that the image is in, is refused, since who looks at the folder
+    /// next would look at the pictures of this run.
     pub(crate) fn create(out: &Path, input: &Path) -> Result<Self, Failure> {
         let same = |a: &Path, b: &Path| {
             let [a, b] = [a, b].map(|p| p.canonicalize().ok());
             a.is_some() && a == b
         };
-        if same(out, input) {
+        let parent = match input.parent() {
+            Some(parent) if parent != Path::new("") => parent,
+            _ => Path::new("."),
+        };
+        if same(out, input) || (input.is_file() && same(out, parent)) {
             return Err(Failure::input(format!(
                 "{}: expected another folder than that of the images, found the same; name another with {OPTION}",
                 out.display()
@@ -140,5 +144,9 @@ mod tests {
         let roundabout = dir.path().join(".");
         let e = DetectFolder::create(&roundabout, dir.path()).err().unwrap();
         assert!(e.to_string().contains("found the same"), "{e}");
+        let image = dir.path().join("bus.jpg");
+        std::fs::write(&image, "").unwrap();
+        assert!(DetectFolder::create(dir.path(), &image).is_err());
+        assert!(DetectFolder::create(&dir.path().join("out"), &image).is_ok());
     }
 }

@@ -1,9 +1,10 @@
 //! `--detector`: from the argument to a detector, checked before the first frame is read.
 
 use crate::args_models::DetectorArgs;
+use crate::cache::{self, Preferred};
+use crate::console;
 use crate::failure::Failure;
 use crate::network::{self, ModelFile, Running};
-use crate::{cache, console};
 use std::path::Path;
 use stillpoint::datasets::Entry;
 use stillpoint::detection::{Detector, ScriptedDetector};
@@ -32,7 +33,7 @@ pub(crate) struct Settled {
 /// What the arguments name; without `--detector` the model of the cache that is preferred, else none.
 ///
 /// # Errors
-/// A name of no detector.
+/// A name of no detector, a cache that cannot be read.
 pub(crate) fn settle(args: &DetectorArgs) -> Result<Settled, Failure> {
     if let Some(argument) = &args.detector {
         return Ok(Settled {
@@ -41,21 +42,28 @@ pub(crate) fn settle(args: &DetectorArgs) -> Result<Settled, Failure> {
             reason: None,
         });
     }
-    Ok(match cache::preferred() {
-        Ok(model) => Settled {
+    let preferred = cache::preferred()
+        .map_err(|e| Failure::input(format!("{e}; --detector none runs without a detector")))?;
+    Ok(match preferred {
+        Preferred::Model(model) => Settled {
             argument: model.name.clone(),
             choice: Choice::Model(model),
             reason: Some("it is in the cache; --detector none does without".to_owned()),
         },
-        Err(reason) => Settled {
-            argument: "none".to_owned(),
-            choice: Choice::None,
-            reason: Some(reason),
-        },
+        Preferred::None(reason) => Settled::none(reason),
     })
 }
 
 impl Settled {
+    /// None, for this reason.
+    pub(crate) fn none(reason: impl Into<String>) -> Self {
+        Self {
+            choice: Choice::None,
+            argument: "none".to_owned(),
+            reason: Some(reason.into()),
+        }
+    }
+
     /// In words, for reports.
     pub(crate) fn words(&self) -> String {
         match &self.reason {

@@ -1,9 +1,10 @@
 //! `models`: which models there are, and what runs them.
 
 use crate::args_models::ModelsCommand;
+use crate::cache::{self, Preferred};
 use crate::failure::{Failure, Status};
 use crate::runtime::Libraries;
-use crate::{cache, console, models_check, models_import, models_pull};
+use crate::{console, models_check, models_import, models_pull};
 use std::path::Path;
 use stillpoint::evaluation::{Align, Table};
 use stillpoint::models::{Cache, CachedModel, State, known_models};
@@ -28,9 +29,9 @@ fn list() -> Result<Status, Failure> {
     let here = cache.list().map_err(Failure::input)?;
     let mut text = known_text(&here);
     text += &cache_text(&cache, &here)?;
-    text += &match cache::preferred() {
-        Ok(model) => format!("without --detector: {}\n", model.name),
-        Err(reason) => format!("without --detector: none ({reason})\n"),
+    text += &match cache::preferred()? {
+        Preferred::Model(model) => format!("without --detector: {}\n", model.name),
+        Preferred::None(reason) => format!("without --detector: none ({reason})\n"),
     };
     text += &runtimes_text(&Libraries::find());
     console::print(&text);

@@ -15,6 +15,9 @@ const ZIP: &[u8] = b"PK\x03\x04";
 /// `models import`.
 pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     let file = &args.file;
+    if let Some(out) = &args.out {
+        check_out(out)?;
+    }
     let published = ModelFile::of_file(&file.display().to_string())
         .read()
         .map_err(|e| Failure::input(format!("{OPTION} {e}")))?;
@@ -23,6 +26,8 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     let name = match (&args.name, known) {
         (Some(name), _) => name.clone(),
         (None, Some(known)) => known.name.to_owned(),
+        // Nothing in the cache gets this name.
+        (None, None) if args.out.is_some() => stem(file),
         (None, None) => name_of(file)?,
     };
     let record = match known {
@@ -73,18 +78,30 @@ fn install(name: &str, network: &Content, record: Record) -> Result<Status, Fail
     Ok(Status::Ok)
 }
 
-/// Writes a model to a file, and its card beside it.
-fn write(out: &Path, network: &Content) -> Result<Status, Failure> {
+/// Refuses a file that could not be used as a model, before anything is done.
+fn check_out(out: &Path) -> Result<(), Failure> {
     if !network::is_onnx(&out.display().to_string()) {
         return Err(Failure::input(format!(
             "--out: expected a file whose name ends with .onnx, found {}",
             out.display()
         )));
     }
-    if let Some((_, card)) = &network.card {
-        output::write_file(&out.with_extension("toml"), card.as_bytes())?;
+    Ok(())
+}
+
+/// Writes a model to a file, and its card beside it.
+fn write(out: &Path, network: &Content) -> Result<Status, Failure> {
+    let beside = out.with_extension("toml");
+    if network.card.is_none() && beside.symlink_metadata().is_ok() {
+        return Err(Failure::input(format!(
+            "--out: expected no card beside a model that has none, found {}, which would be taken for its card; move it away, or name another file",
+            beside.display()
+        )));
     }
     output::write_file(out, &network.bytes)?;
+    if let Some((_, card)) = &network.card {
+        output::write_file(&beside, card.as_bytes())?;
+    }
     console::report(&format!(
         "{}: SHA-256 {}\n",
         out.display(),
@@ -93,15 +110,19 @@ fn write(out: &Path, network: &Content) -> Result<Status, Failure> {
     Ok(Status::Ok)
 }
 
+fn stem(file: &Path) -> String {
+    let stem = file.file_stem().unwrap_or_default();
+    stem.to_string_lossy().into_owned()
+}
+
 /// The name that a file gives to its model.
 fn name_of(file: &Path) -> Result<String, Failure> {
-    let named = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned());
     let published = known_models()
         .iter()
         .find(|m| m.form == Form::Checkpoint && file.file_name() == Some(m.file.as_ref()));
     let name = match published {
         Some(model) => model.name.to_owned(),
-        None => named(file).unwrap_or_default(),
+        None => stem(file),
     };
     check_name(&name).map_err(|e| Failure::input(format!("{OPTION}: {e} with --name")))?;
     Ok(name)

@@ -3,9 +3,10 @@
 use crate::args_models::{NetworkArgs, RuntimeChoice};
 use crate::failure::Failure;
 use crate::{cache, console, runtime};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use stillpoint::detection::{ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
-use stillpoint::models::CachedModel;
+use stillpoint::models::{CachedModel, LARGEST};
 
 /// A model, not yet read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -98,8 +99,8 @@ impl ModelFile {
         };
         let (bytes, text) = match &self.place {
             Place::File { onnx, card } => {
-                let bytes = std::fs::read(onnx)
-                    .map_err(|e| unreadable(onnx, "the model of a detector", &e))?;
+                let bytes =
+                    read_file(onnx).map_err(|e| unreadable(onnx, "the model of a detector", &e))?;
                 let text = card.as_ref().map(|card| {
                     std::fs::read_to_string(card)
                         .map_err(|e| unreadable(card, "the card of a model", &e))
@@ -117,6 +118,24 @@ impl ModelFile {
             card: name.zip(text),
         })
     }
+}
+
+/// The bytes of a file that may be anything: a device would never end, and a disk's image fill all memory.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let metadata = std::fs::metadata(path)?;
+    if !metadata.is_file() {
+        return Err(std::io::Error::other("something else than a file"));
+    }
+    let mut bytes = Vec::new();
+    if metadata.len() <= LARGEST {
+        // It may grow while it is read.
+        let file = std::fs::File::open(path)?;
+        file.take(LARGEST + 1).read_to_end(&mut bytes)?;
+    }
+    if metadata.len().max(bytes.len() as u64) > LARGEST {
+        return Err(std::io::Error::other(format!("more than {LARGEST} bytes")));
+    }
+    Ok(bytes)
 }
 
 /// Whether a name is that of an ONNX file.

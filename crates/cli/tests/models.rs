@@ -275,3 +275,84 @@ fn libraries_that_cannot_be_used_are_told() {
     check(&run("rten", Some(&broken)), 0, &[]);
     check(&run("fast", None), 2, &["fast", "rten"]);
 }
+
+#[test]
+fn models_are_written_to_files_of_any_name() {
+    let cache = Cache::new();
+    let path = |name: &str| cache.dir.path().join(name);
+    std::fs::copy(checkpoint(), path("yolov7 (1).pt")).unwrap();
+    let import = |file: &str, out: &str| {
+        let [file, out] = [path(file), path(out)];
+        cache.run(&[
+            "models".as_ref(),
+            "import".as_ref(),
+            file.as_os_str(),
+            "--out".as_ref(),
+            out.as_os_str(),
+        ])
+    };
+    check(&import("yolov7 (1).pt", "y.onnx"), 0, &["yolo-anchors"]);
+    assert!(path("y.onnx").is_file() && path("y.toml").is_file());
+    // The ending is looked at before the file.
+    check(&import("missing.pt", "y.txt"), 2, &["--out", "y.txt"]);
+
+    // A card that is not this model's would be taken for it.
+    tiny_model::write(cache.dir.path());
+    let before = std::fs::read(path("y.onnx")).unwrap();
+    check(&import("tiny.onnx", "y.onnx"), 2, &["y.toml", "its card"]);
+    assert_eq!(std::fs::read(path("y.onnx")).unwrap(), before);
+    check(&import("tiny.onnx", "z.onnx"), 0, &[]);
+    assert!(path("z.onnx").is_file() && !path("z.toml").exists());
+}
+
+#[test]
+#[cfg(unix)]
+fn what_never_ends_is_not_read() {
+    let cache = Cache::new();
+    let zero = cache.dir.path().join("zero.onnx");
+    std::os::unix::fs::symlink("/dev/zero", &zero).unwrap();
+    let huge = cache.dir.path().join("huge.onnx");
+    // Sparse, so that the disk does not hold it.
+    let file = std::fs::File::create(&huge).unwrap();
+    file.set_len(1 << 40).unwrap();
+    for (model, part) in [
+        (&zero, "something else than a file"),
+        (&huge, "more than 536870912 bytes"),
+    ] {
+        let model = model.to_str().unwrap();
+        for command in ["check", "import"] {
+            check(&cache.run(&["models", command, model]), 2, &[model, part]);
+        }
+    }
+}
+
+#[test]
+fn a_cache_that_cannot_be_read_is_told() {
+    let cache = Cache::new();
+    std::fs::write(cache.dir.path().join("models"), "a file").unwrap();
+    let room = cache.dir.path().join("room");
+    simulate(&room, "xyz", 2);
+    let run = |more: &[&str]| {
+        let mut command = cache.program();
+        command.arg("run").arg(&room).args(more).arg("--out");
+        command.arg(cache.dir.path().join("out")).output().unwrap()
+    };
+    check(&run(&[]), 2, &["models", "--detector none runs without"]);
+    check(&run(&["--detector", "none"]), 0, &[]);
+    check(&cache.run(&["models", "list"]), 2, &["expected a folder"]);
+}
+
+#[test]
+fn a_scene_without_people_is_run_without_the_users_models() {
+    let cache = Cache::new();
+    check(&cache.import("office"), 0, &[]);
+    let out = cache.dir.path().join("bench");
+    let mut bench = cache.program();
+    bench.args(["bench", "sim:xyz", "--runs", "1", "--max-frames", "3"]);
+    let output = bench.arg("--out").arg(&out).output().unwrap();
+    check(&output, 0, &[]);
+    let text = std::fs::read_to_string(out.join("bench.md")).unwrap();
+    let part = "detector none (nobody is in the scene)";
+    assert!(text.contains(part), "{text}");
+    assert!(!stderr(&output).contains("office"), "{}", stderr(&output));
+}

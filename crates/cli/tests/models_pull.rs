@@ -100,6 +100,24 @@ fn a_checkpoint_is_pulled_and_turned_into_onnx() {
     check(&cache.run(&["models", "check", "yolov7-tiny"]), 0, &[]);
 }
 
+#[test]
+fn a_model_of_the_users_own_is_not_replaced_unasked() {
+    let cache = Cache::new();
+    check(&cache.import("yolox-nano"), 0, &[]);
+    let before = std::fs::read(cache.file("yolox-nano.onnx")).unwrap();
+    let server = serve_file(vec![7; 3_659_407]);
+    check(
+        &cache.pull("yolox-nano", &server),
+        2,
+        &["yolox-nano.onnx", "--again replaces it"],
+    );
+    assert!(server.requests.lock().unwrap().is_empty());
+    assert_eq!(
+        std::fs::read(cache.file("yolox-nano.onnx")).unwrap(),
+        before
+    );
+}
+
 /// Ctrl-C ends a download that goes on for ever, and keeps what came.
 #[test]
 #[cfg(unix)]

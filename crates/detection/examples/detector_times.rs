@@ -3,6 +3,8 @@
 //!
 //! `cargo run --release -p stillpoint-detection --features onnxruntime --example detector_times -- [OPTION...] MODEL.onnx...`
 //!
+//! A `MODEL.toml` beside a model is its card.
+//!
 //! | option | meaning |
 //! |---|---|
 //! | `--library FILE` | of ONNX Runtime; without it, `rten` is timed alone |
@@ -23,7 +25,7 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::time::{Duration, Instant};
-use stillpoint_detection::{InputSize, OnnxDetector, OnnxOptions, OnnxRuntime, Runtime};
+use stillpoint_detection::{InputSize, ModelCard, OnnxDetector, OnnxOptions, OnnxRuntime, Runtime};
 use stillpoint_imaging::{ColourImage, FrameId};
 use tracing::span;
 
@@ -163,8 +165,14 @@ impl Case {
             input: InputSize::Fixed { width, height },
             ..OnnxOptions::default()
         };
-        let detector =
-            OnnxDetector::with_card(std::fs::read(model)?, &name, None, runtime, &options)?;
+        let file = Path::new(model).with_extension("toml");
+        let card = match std::fs::read_to_string(&file) {
+            Ok(text) => Some(ModelCard::parse(&file.to_string_lossy(), &text)?),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
+            Err(error) => return Err(format!("{}: {error}", file.display()).into()),
+        };
+        let bytes = std::fs::read(model)?;
+        let detector = OnnxDetector::with_card(bytes, &name, card.as_ref(), runtime, &options)?;
         Ok(Self {
             model: name,
             size,

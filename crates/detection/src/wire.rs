@@ -68,6 +68,14 @@ pub enum WireError {
         /// Where the field begins in the message.
         at: usize,
     },
+    /// There are more of something than any network has.
+    #[error("over {most} {what}")]
+    Many {
+        /// Of what.
+        what: &'static str,
+        /// How many are read.
+        most: usize,
+    },
 }
 
 /// The fields of a message, in their order. Ends after the first error.

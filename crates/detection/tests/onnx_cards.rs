@@ -7,6 +7,7 @@ mod onnx_common;
 use onnx_common::{Graph, STRIDES, anchors, coloured, conv, flat, maps, options, with_card};
 use stillpoint_detection::{
     ClassId, Classes, Detection, Head, InputSize, ModelCard, ModelError, OnnxDetector, OnnxOptions,
+    Runtime,
 };
 use stillpoint_imaging::FrameId;
 
@@ -66,6 +67,32 @@ fn the_card_names_the_classes() {
     let people: Vec<Detection> = both.into_iter().filter(|d| d.class.0 == 0).collect();
     assert!(!people.is_empty());
     assert_eq!(one, people);
+    // Two numbers of one class are one class.
+    let same = look([Some(0), Some(0)]);
+    assert!(same.iter().all(|d| d.class == ClassId::PERSON));
+    let strict = OnnxOptions {
+        iou_threshold: 0.3,
+        ..options(InputSize::Model)
+    };
+    let mut count = |classes: [u8; 2]| {
+        card.classes = Classes::Listed(classes.map(|c| Some(ClassId(c))).to_vec());
+        let runtime = Runtime::default();
+        let detector = OnnxDetector::with_card(model.clone(), "m", Some(&card), &runtime, &strict);
+        let found = detector.unwrap().detect_image(&image, FrameId(0)).unwrap();
+        found.len()
+    };
+    let (apart, together) = (count([56, 0]), count([0, 0]));
+    assert!(0 < together && together < apart, "{together}, {apart}");
+}
+
+/// A classifier of six or seven classes is no table of one box.
+#[test]
+fn classifiers_are_not_taken_for_detectors() {
+    for columns in [6, 7] {
+        let model = end_to_end(columns, &vec![1.0; columns]);
+        let error = OnnxDetector::from_bytes(model, "m", &OnnxOptions::default()).unwrap_err();
+        assert!(matches!(error, ModelError::Interface { .. }), "{error}");
+    }
 }
 
 /// A table whose rows do not depend on the image, as suppression inside a network would give it for an input of 64 x 64.
@@ -109,7 +136,8 @@ fn boxes_of_an_end_to_end_model_are_brought_to_the_image() {
         width: 64,
         height: 32,
     };
-    let model = end_to_end(6, &[8.0, 20.0, 16.0, 40.0, 0.5, 56.0]);
+    let row = [8.0, 20.0, 16.0, 40.0, 0.5, 56.0];
+    let model = end_to_end(6, &[row, row].concat());
     let detector = OnnxDetector::from_bytes(model.clone(), "m", &OnnxOptions::default()).unwrap();
     assert_eq!(detector.card().output.columns.len(), 6);
     let error = OnnxDetector::from_bytes(model, "m", &options(input)).unwrap_err();

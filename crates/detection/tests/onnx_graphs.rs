@@ -7,6 +7,7 @@ mod onnx_common;
 
 use onnx_common::{
     Graph, STRIDES, anchors, coloured, detector, int, ints, maps, options, weights, with_card,
+    yolov7,
 };
 use stillpoint_detection::{
     Detection, Detector, Head, InputSize, ModelCard, ModelError, OnnxDetector,
@@ -80,7 +81,7 @@ fn agrees(found: &[Detection], expected: &[(usize, f64, [f64; 4])]) {
 
 #[test]
 fn yolov7_on_random_weights_agrees_with_its_formula() {
-    let mut detector = detector(&anchors(&[1, 3, 64, 96]), InputSize::Model);
+    let mut detector = yolov7(&anchors(&[1, 3, 64, 96]), InputSize::Model);
     assert_eq!(detector.card(), &ModelCard::new(Head::YoloAnchors));
     let image = coloured(96, 64);
     let found = detector.detect_image(&image, FrameId(0)).unwrap();
@@ -91,7 +92,7 @@ fn yolov7_on_random_weights_agrees_with_its_formula() {
 #[test]
 fn a_graph_takes_the_size_of_the_image() {
     let model = anchors(&[1, 3, 96, 96]);
-    let mut fit = detector(&model, InputSize::Fit);
+    let mut fit = yolov7(&model, InputSize::Fit);
     for (width, height) in [(96, 64), (64, 96), (96, 96), (96, 32), (96, 64)] {
         let image = coloured(width, height);
         let found = fit.detect_image(&image, FrameId(0)).unwrap();
@@ -105,12 +106,12 @@ fn a_graph_takes_the_size_of_the_image() {
         height: 128,
     };
     let image = coloured(160, 128);
-    let found = detector(&model, fixed)
+    let found = yolov7(&model, fixed)
         .detect_image(&image, FrameId(0))
         .unwrap();
     agrees(&found, &reference(&image, 0.4));
     // By its own size the image is padded.
-    let mut own = detector(&model, InputSize::Model);
+    let mut own = yolov7(&model, InputSize::Model);
     own.detect_image(&coloured(96, 64), FrameId(0)).unwrap();
     assert_eq!(own.input_size(), (96, 96));
 }
@@ -120,7 +121,8 @@ fn sizes_that_no_cell_fits_are_refused() {
     for (width, height) in [(100, 96), (0, 32), (8192, 32)] {
         let input = InputSize::Fixed { width, height };
         let model = anchors(&[1, 3, 96, 96]);
-        let error = OnnxDetector::from_bytes(model, "m", &options(input)).unwrap_err();
+        let card = ModelCard::new(Head::YoloAnchors);
+        let error = with_card(&model, &card, input).unwrap_err();
         assert!(matches!(error, ModelError::Size { .. }), "{error}");
         assert!(error.to_string().contains("multiples of 32"), "{error}");
     }
@@ -139,12 +141,56 @@ fn a_free_size_comes_from_the_card() {
         &own.detect_image(&image, FrameId(0)).unwrap(),
         &reference(&image, 0.4),
     );
-    // Without a card it is recognised by what comes out of it.
-    let known = detector(&model, InputSize::Model);
-    assert_eq!(
-        (known.input_size(), known.card().head),
-        ((640, 640), Head::YoloAnchors)
-    );
+}
+
+/// The shapes are the same whatever the anchors are, so they are asked for.
+#[test]
+fn raw_maps_without_a_card_are_refused_with_the_usual_anchors() {
+    for shape in [&[1, 3, 64, 96], &[0, 3, 0, 0]] {
+        let error = OnnxDetector::from_bytes(anchors(shape), "m.onnx", &options(InputSize::Fit));
+        let error = error.unwrap_err();
+        let raw = matches!(error, ModelError::Interface { raw_maps: true, .. });
+        let text = error.to_string();
+        assert!(raw, "{text}");
+        assert!(text.contains("beside it:\nm.toml\n"), "{text}");
+        // Both are cards when they are written down.
+        let lines = text.lines().filter(|l| l.starts_with("  anchors = [["));
+        let cards: Vec<ModelCard> = lines
+            .map(|l| format!("head = \"yolo-anchors\"\n[output]\n{l}"))
+            .map(|text| ModelCard::parse("m.toml", &text).unwrap())
+            .collect();
+        assert_eq!(cards[0], ModelCard::new(Head::YoloAnchors));
+        let tiny = cards[1].output.anchors.iter().flatten().copied();
+        assert_eq!(tiny.sum::<f32>(), 1760.0);
+        assert_eq!(cards.len(), 2);
+    }
+}
+
+/// Three rows per cell in shares of the input, as some exporters write them: nothing would be found.
+#[test]
+fn rows_in_shares_of_the_input_are_refused() {
+    let shares = rows(&[1, 3, 32, 64], |graph, rows| {
+        graph
+            .node("Concat", &[rows; 3], &["all3"], &[int("axis", 1)])
+            .output("all3", Some(&[1, 126, 85]))
+    });
+    let grid = ModelCard::new(Head::YoloGrid);
+    let known = OnnxDetector::from_bytes(shares.clone(), "m", &options(InputSize::Model));
+    for result in [known, with_card(&shares, &grid, InputSize::Model)] {
+        let text = result.unwrap_err().to_string();
+        assert!(
+            text.contains("head: expected yolo-grid with boxes in px"),
+            "{text}"
+        );
+        assert!(text.contains("shares of the input"), "{text}");
+    }
+}
+
+#[test]
+fn outputs_that_are_too_large_are_refused_before_they_are_made() {
+    let huge = maps(&[1, 3, 64, 64], 255).output("map8", Some(&[1, 1 << 20, 1 << 20]));
+    let error = OnnxDetector::from_bytes(huge.model(), "m", &options(InputSize::Fit)).unwrap_err();
+    assert!(error.to_string().contains("67 million numbers"), "{error}");
 }
 
 /// Rows of 85 columns from the maps, whose sizes are in the constants of the reshapes, so that no other size runs.
@@ -187,6 +233,7 @@ fn a_graph_that_allows_no_other_size_runs_at_its_own_and_says_so() {
         "{remark}"
     );
     assert!(remark.contains("at 64x32 px it gave"), "{remark}");
+    assert!(remark.contains("1 more sizes failed"), "{remark}");
     assert_eq!(own.remark(), None);
     let fixed = InputSize::Fixed {
         width: 64,

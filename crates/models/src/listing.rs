@@ -160,13 +160,15 @@ impl Cache {
     pub fn find(&self, name: &str) -> Result<Option<CachedModel>, CacheError> {
         self.check_folder()?;
         let onnx = self.onnx_path(name);
-        if check_name(name).is_err() || matches!(onnx.try_exists(), Ok(false)) {
+        // A link to nowhere is a model, and damaged: the user put it there.
+        let absent = |e: std::io::Error| e.kind() == ErrorKind::NotFound;
+        if check_name(name).is_err() || onnx.symlink_metadata().is_err_and(absent) {
             return Ok(None);
         }
         let record_path = self.record_path(name);
         let mut model = CachedModel {
             name: name.to_owned(),
-            card: Some(self.card_path(name)).filter(|card| card.exists()),
+            card: Some(self.card_path(name)).filter(|card| card.symlink_metadata().is_ok()),
             bytes: 0,
             sha256: String::new(),
             record: None,
@@ -271,7 +273,7 @@ fn open(path: &Path) -> Result<impl Read + use<>, CacheError> {
     Ok(file.take(LARGEST + 1))
 }
 
-fn check_size(path: &Path, found: u64) -> Result<(), CacheError> {
+pub(crate) fn check_size(path: &Path, found: u64) -> Result<(), CacheError> {
     if found > LARGEST {
         return Err(CacheError::TooLarge {
             path: path.to_owned(),

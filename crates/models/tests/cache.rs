@@ -139,6 +139,13 @@ fn damage_is_told() {
     std::fs::remove_file(cache.onnx_path("net")).unwrap();
     std::fs::create_dir(cache.onnx_path("net")).unwrap();
     assert!(damage(&cache, "net").contains("not a file"));
+    // A link to nowhere.
+    #[cfg(unix)]
+    {
+        std::fs::remove_dir(cache.onnx_path("net")).unwrap();
+        std::os::unix::fs::symlink("/no/such.onnx", cache.onnx_path("net")).unwrap();
+        assert!(damage(&cache, "net").contains("check that it exists"));
+    }
     // One that is damaged does not hide the others.
     assert_eq!(names(&cache), ["good", "net"]);
     assert_eq!(cache.find("good").unwrap().unwrap().state, State::Good);
@@ -264,26 +271,6 @@ fn what_is_in_the_way_is_told() {
         std::fs::read(folder.path().join("cache")).unwrap(),
         b"a file"
     );
-}
-
-#[test]
-fn a_failed_installation_leaves_the_older_model() {
-    let (_folder, cache) = scratch();
-    install(&cache, "net", b"network");
-    // The lock cannot be taken, after everything was written aside.
-    let lock = cache.folder().join("install.lock");
-    std::fs::remove_file(&lock).unwrap();
-    std::fs::create_dir(&lock).unwrap();
-    let e = cache
-        .install("net", b"other", Some("card"), Record::default())
-        .unwrap_err();
-    assert!(matches!(e, CacheError::Write { .. }), "{e}");
-    let model = cache.find("net").unwrap().unwrap();
-    assert_eq!(
-        (model.read().unwrap().as_slice(), model.card),
-        (b"network".as_slice(), None)
-    );
-    assert!(cache.strays().unwrap().is_empty(), "nothing is left behind");
 }
 
 /// The superuser may write everywhere, so that there is nothing to see for it.

@@ -50,21 +50,19 @@ fn a_model_arrives_and_is_not_fetched_twice() {
     }
     assert_eq!(before, total);
 
-    let again = get(&model, &scratch.cache, &server).unwrap();
+    let again = get_once(&model, &scratch.cache, &server).unwrap();
     assert_eq!((again.model, again.transferred), (pulled.model.clone(), 0));
     assert_eq!(server.requests().len(), 1, "it was here");
-    let forced = PullOptions {
-        again: true,
-        ..options(&server)
-    };
-    let (forced, _) = watch(&model, &scratch.cache, &forced);
-    assert_eq!(forced.unwrap().transferred, total);
+    let forced = get(&model, &scratch.cache, &server).unwrap();
+    assert_eq!(forced.transferred, total);
     assert_eq!(server.requests().len(), 2);
 
     // A model that was damaged since then is fetched again.
     std::fs::write(&pulled.model.onnx, b"damaged").unwrap();
     assert_eq!(
-        get(&model, &scratch.cache, &server).unwrap().transferred,
+        get_once(&model, &scratch.cache, &server)
+            .unwrap()
+            .transferred,
         total
     );
     assert_eq!(scratch.files(), ["made-up.onnx", "made-up.record.toml"]);

@@ -5,7 +5,7 @@
 mod pull_support;
 
 use pull_support::*;
-use stillpoint_models::{Checksum, KnownModel, PullError, PullOptions};
+use stillpoint_models::{Checksum, KnownModel, PullError, PullOptions, sha256_hex};
 
 #[test]
 fn lengths_are_not_believed() {
@@ -131,7 +131,7 @@ fn the_first_download_is_recorded_where_no_checksum_is_known() {
     );
 
     assert_eq!(
-        get(&unknown(), &scratch.cache, &server)
+        get_once(&unknown(), &scratch.cache, &server)
             .unwrap()
             .transferred,
         0
@@ -146,10 +146,7 @@ fn the_first_download_is_recorded_where_no_checksum_is_known() {
         (Checksum::MatchesRecord, 5)
     );
 
-    let again = PullOptions {
-        again: true,
-        ..options(&server)
-    };
+    let again = options(&server);
     let e = watch(&unknown(), &scratch.cache, &again).0.unwrap_err();
     assert!(matches!(e, PullError::Checksum { .. }), "{e}");
     for part in [
@@ -192,5 +189,75 @@ fn parts_that_nothing_vouches_for_are_not_gone_on_with() {
         let pulled = get(&unknown(), &scratch.cache, &server).unwrap();
         assert_eq!(pulled.model.read().unwrap(), bytes);
         assert_eq!(server.requests()[1].start(), start);
+    }
+}
+
+#[test]
+fn another_model_of_the_name_is_not_replaced_unasked() {
+    let server = Server::of(b"model");
+    for known in [model(b"model"), unknown()] {
+        let scratch = Scratch::with_older();
+        let refused = |what: &str| {
+            let e = get_once(&known, &scratch.cache, &server).unwrap_err();
+            assert!(matches!(e, PullError::Another { .. }), "{what}: {e}");
+            for part in ["made-up.onnx", "--again", &sha256_hex(b"older")] {
+                assert!(e.to_string().contains(part), "{what}: {e}");
+            }
+        };
+        refused("imported");
+        scratch.assert_older(&[]);
+        let record = scratch.cache.record_path("made-up");
+        std::fs::remove_file(&record).unwrap();
+        refused("put there by hand");
+        assert_eq!(scratch.files(), ["made-up.onnx", "made-up.toml"]);
+        assert!(server.requests().is_empty());
+    }
+    // Asked for, and damaged.
+    for (damage, known) in [(false, model(b"model")), (true, unknown())] {
+        let scratch = Scratch::with_older();
+        let pulled = if damage {
+            std::fs::write(scratch.cache.onnx_path("made-up"), b"damaged").unwrap();
+            get_once(&known, &scratch.cache, &server)
+        } else {
+            get(&known, &scratch.cache, &server)
+        };
+        let pulled = pulled.unwrap();
+        assert_eq!(pulled.model.read().unwrap(), b"model");
+        assert_eq!(pulled.model.card, None);
+    }
+    // What a download brought is not the user's own, although its checksum is on record no more.
+    let scratch = Scratch::new();
+    get_once(&unknown(), &scratch.cache, &server).unwrap();
+    let recorded = scratch.cache.folder().join("made-up.sha256");
+    std::fs::remove_file(&recorded).unwrap();
+    let anew = get_once(&unknown(), &scratch.cache, &server).unwrap();
+    assert_eq!(anew.checksum, Checksum::Recorded);
+}
+
+#[test]
+fn passwords_of_mirrors_are_not_told() {
+    let bytes = made_up_bytes();
+    let server = Server::start(move |number, r, stream| match number {
+        0 => break_off(bytes, 1000, "ETag: \"v1\"\r\n", stream),
+        _ => serve(bytes, "\"v1\"", r, stream),
+    });
+    let scratch = Scratch::new();
+    let secret = PullOptions {
+        base: Some(server.base.replace("//", "//ada:secret@")),
+        ..options(&server)
+    };
+    let known = model(bytes);
+    let (broken, seen) = watch(&known, &scratch.cache, &secret);
+    assert!(!format!("{seen:?} {}", broken.unwrap_err()).contains("secret"));
+    let (pulled, seen) = watch(&known, &scratch.cache, &secret);
+    let pulled = pulled.unwrap();
+    assert_eq!(pulled.resumed, 1000);
+    assert_eq!(pulled.url, format!("{}/made/up.onnx", server.base));
+    assert!(!format!("{seen:?}").contains("secret"));
+    let record = pulled.model.record.as_ref().unwrap();
+    assert_eq!(record.source.as_deref(), Some(pulled.url.as_str()));
+    for file in scratch.files() {
+        let stored = std::fs::read(scratch.cache.folder().join(&file)).unwrap();
+        assert!(!stored.windows(6).any(|w| w == b"secret"), "{file}");
     }
 }

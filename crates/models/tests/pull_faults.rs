@@ -159,6 +159,7 @@ fn no_server_is_told() {
     ] {
         let nowhere = PullOptions {
             base: Some(base),
+            again: true,
             connect_timeout: Duration::from_secs(2),
             ..PullOptions::default()
         };

@@ -21,15 +21,17 @@ pub enum ModelError {
     /// The model has inputs and outputs that no head is known to have. The message has several lines.
     #[error(
         "{name}: expected a detector that is known or has a card, found one with\n{found}\n{}",
-        advice(name)
+        advice(name, *raw_maps)
     )]
     Interface {
         /// Name of the model.
         name: String,
         /// Its inputs and outputs, one a line.
         found: String,
+        /// Whether the outputs are those of `yolo-anchors`, whose anchors only a card says.
+        raw_maps: bool,
     },
-    /// A card says something else than the model.
+    /// A card, given or built in, says something else than the model.
     #[error("{name}: {key}: expected {expected}, found {found}; {advice}")]
     Card {
         /// Name of the model.
@@ -83,26 +85,23 @@ pub enum ModelError {
 
 impl ModelError {
     /// Of a model with these inputs and outputs.
-    pub(super) fn interface(name: &str, interface: &Interface) -> Self {
+    pub(super) fn interface(name: &str, interface: &Interface, raw_maps: bool) -> Self {
         Self::Interface {
             name: name.to_owned(),
             found: interface.listing(),
+            raw_maps,
         }
     }
 }
 
 /// What each head expects, and how to say which one a model has.
-fn advice(name: &str) -> String {
+fn advice(name: &str, raw_maps: bool) -> String {
+    let card = card_name(name);
+    if raw_maps {
+        return format!("{RAW_MAPS}\n{card}\n{ANCHORS}");
+    }
     let mut lines = vec!["Heads, each with one input [1, 3, H, W] and".to_owned()];
     lines.extend(Head::ALL.map(|head| format!("  {:<13} {}", head.name(), expectation(head))));
-    let card = match name
-        .len()
-        .checked_sub(5)
-        .and_then(|at| name.split_at_checked(at))
-    {
-        Some((stem, end)) if end.eq_ignore_ascii_case(".onnx") => format!("{stem}.toml"),
-        _ => format!("{name}.toml"),
-    };
     lines.push(format!(
         "If it has one of them, write a card beside it, {card}, that says how to read it, e.g."
     ));
@@ -116,4 +115,27 @@ fn advice(name: &str) -> String {
         .map(str::to_owned),
     );
     lines.join("\n")
+}
+
+const RAW_MAPS: &str = "These are raw maps (yolo-anchors). Boxes are relative to the model's anchors, which its outputs do not say and which must
+be given in a card beside it:";
+/// As the training code of these models has them.
+const ANCHORS: &str = "  head = \"yolo-anchors\"
+  [output]
+  anchors = the line of these two that is the model's, or its own:
+YOLOv7:
+  anchors = [[12, 16, 19, 36, 40, 28], [36, 75, 76, 55, 72, 146], [142, 110, 192, 243, 459, 401]]
+YOLOv5 and YOLOv7-tiny:
+  anchors = [[10, 13, 16, 30, 33, 23], [30, 61, 62, 45, 59, 119], [116, 90, 156, 198, 373, 326]]";
+
+/// Where the card of a model lies.
+fn card_name(name: &str) -> String {
+    match name
+        .len()
+        .checked_sub(5)
+        .and_then(|at| name.split_at_checked(at))
+    {
+        Some((stem, end)) if end.eq_ignore_ascii_case(".onnx") => format!("{stem}.toml"),
+        _ => format!("{name}.toml"),
+    }
 }

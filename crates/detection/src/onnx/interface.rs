@@ -35,10 +35,11 @@ impl Interface {
     /// Of an ONNX file: its graph's fields 11 and 12, less the inputs that are among its weights (field 5).
     ///
     /// # Errors
-    /// Damaged fields on the way there.
+    /// Damaged fields on the way there; over 1024 inputs or outputs, or over 16 dimensions of one.
     pub fn read(model: &[u8]) -> Result<Self, WireError> {
         let mut interface = Self::default();
         let mut weights = BTreeSet::new();
+        let (mut inputs, mut outputs) = (Vec::new(), Vec::new());
         for field in fields(model) {
             let field = field?;
             let (7, Some(graph)) = (field.number, field.value.bytes()) else {
@@ -51,15 +52,21 @@ impl Interface {
                 };
                 match field.number {
                     5 => weights.extend(text(bytes, 8)?),
-                    11 => interface.inputs.push(Port::read(bytes)?),
-                    12 => interface.outputs.push(Port::read(bytes)?),
+                    11 => inputs.push(bytes),
+                    12 => outputs.push(bytes),
                     _ => {}
                 }
             }
         }
-        interface
-            .inputs
-            .retain(|p| !weights.contains(p.name.as_str()));
+        for bytes in inputs {
+            // Old exporters list all weights among the inputs.
+            if !weights.contains(text(bytes, 1)?.unwrap_or_default()) {
+                Port::add(&mut interface.inputs, bytes, "inputs")?;
+            }
+        }
+        for bytes in outputs {
+            Port::add(&mut interface.outputs, bytes, "outputs")?;
+        }
         Ok(interface)
     }
 }
@@ -97,7 +104,23 @@ impl Interface {
     }
 }
 
+/// The most inputs or outputs.
+const MOST_PORTS: usize = 1024;
+/// The most dimensions of an input or output.
+const MOST_DIMENSIONS: usize = 16;
+/// The most characters of a name that are printed.
+const PRINTED: usize = 80;
+
 impl Port {
+    fn add(ports: &mut Vec<Self>, message: &[u8], what: &'static str) -> Result<(), WireError> {
+        let most = MOST_PORTS;
+        if ports.len() == most {
+            return Err(WireError::Many { what, most });
+        }
+        ports.push(Self::read(message)?);
+        Ok(())
+    }
+
     /// `ValueInfoProto`: name 1, type 2 { tensor 1 { shape 2 { dimensions 1 { value 1 or name 2 } } } }.
     fn read(message: &[u8]) -> Result<Self, WireError> {
         let shape = match inner(message, &[2, 1, 2])? {
@@ -107,6 +130,12 @@ impl Port {
                 for dimension in fields(shape) {
                     let dimension = dimension?;
                     if let (1, Some(bytes)) = (dimension.number, dimension.value.bytes()) {
+                        if sizes.len() == MOST_DIMENSIONS {
+                            return Err(WireError::Many {
+                                what: "dimensions",
+                                most: MOST_DIMENSIONS,
+                            });
+                        }
                         sizes.push(Dimension::read(bytes)?);
                     }
                 }
@@ -126,6 +155,10 @@ impl Dimension {
         for field in fields(message) {
             let field = field?;
             match (field.number, field.value.integer(), field.value.text()) {
+                // A negative one, as some exporters write for a size that is free.
+                (1, Some(size), _) if i64::try_from(size).is_err() => {
+                    found = Self::Free(String::new());
+                }
                 (1, Some(size), _) => found = Self::Fixed(size),
                 (2, _, Some(name)) => found = Self::Free(name.to_owned()),
                 _ => {}
@@ -175,7 +208,7 @@ impl fmt::Display for Port {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let name = match self.name.as_str() {
             "" => "(without a name)",
-            name => name,
+            name => &printed(name),
         };
         match &self.shape {
             None => write!(f, "{name} of unknown shape"),
@@ -192,14 +225,24 @@ impl fmt::Display for Dimension {
         match self {
             Self::Fixed(size) => write!(f, "{size}"),
             Self::Free(name) if name.is_empty() => f.write_str("?"),
-            Self::Free(name) => f.write_str(name),
+            Self::Free(name) => f.write_str(&printed(name)),
         }
     }
+}
+
+/// A name from a file as part of a line: without control characters, and not for ever.
+fn printed(name: &str) -> String {
+    let mut text: String = name.escape_debug().take(PRINTED).collect();
+    if name.escape_debug().nth(PRINTED).is_some() {
+        text.push_str("...");
+    }
+    text
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::wire::Message;
 
     fn ports(count: usize) -> Vec<Port> {
         let port = |i| Port {
@@ -207,6 +250,45 @@ mod tests {
             shape: Some(vec![Dimension::Fixed(1), Dimension::Free("n".to_owned())]),
         };
         (0..count).map(port).collect()
+    }
+
+    /// A model with these outputs, each of a name and sizes.
+    fn model(outputs: usize, name: &str, sizes: &[u64]) -> Vec<u8> {
+        let shape = sizes.iter().fold(Message::new(), |m, &s| {
+            m.message(1, &Message::new().integer(1, s))
+        });
+        let kind = Message::new().message(1, &Message::new().message(2, &shape));
+        let port = Message::new().field(1, name).message(2, &kind);
+        let graph = (0..outputs).fold(Message::new(), |g, _| g.message(12, &port));
+        Message::new().message(7, &graph).into_bytes()
+    }
+
+    #[test]
+    fn hostile_ports_are_bounded() {
+        let most = Interface::read(&model(MOST_PORTS, "y", &[1; MOST_DIMENSIONS])).unwrap();
+        assert_eq!(most.outputs.len(), MOST_PORTS);
+        for (hostile, what) in [
+            (model(MOST_PORTS + 1, "y", &[1]), "over 1024 outputs"),
+            (
+                model(1, "y", &[1; MOST_DIMENSIONS + 1]),
+                "over 16 dimensions",
+            ),
+        ] {
+            assert_eq!(Interface::read(&hostile).unwrap_err().to_string(), what);
+        }
+        let negative = Interface::read(&model(1, "y", &[u64::MAX, i64::MAX as u64])).unwrap();
+        let sizes = [
+            Dimension::Free(String::new()),
+            Dimension::Fixed(i64::MAX as u64),
+        ];
+        assert_eq!(negative.outputs[0].shape.as_deref(), Some(&sizes[..]));
+        let name = format!("a\n\u{1b}[2J{}", "b".repeat(1000));
+        let shown = Interface::read(&model(1, &name, &[1])).unwrap().listing();
+        assert!(shown.starts_with("  output  a\\n\\u{1b}[2Jbbb"), "{shown}");
+        assert!(
+            shown.ends_with("bbb... [1]") && shown.len() < 120,
+            "{shown}"
+        );
     }
 
     #[test]

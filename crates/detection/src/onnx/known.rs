@@ -1,12 +1,14 @@
 //! The cards that are built in, and which of them a model's inputs and outputs ask for.
 
-use super::card::{CardInput, CardOutput, Column, Head, ModelCard};
+use super::card::{CardInput, CardOutput, Classes, Column, Head, ModelCard};
 use super::heads::{Reading, boxes_lie_in_their_cells};
 use super::interface::{Dimension, Interface, Port};
 use super::runtime::Tensor;
 use super::size::Size;
 
-/// The most numbers of an output that is looked at.
+/// The most outputs that a head reads: two for each of six strides.
+const MOST_OUTPUTS: usize = 12;
+/// The most numbers of all outputs together, 256 MB of them: over ten times those of large detectors.
 const MOST_NUMBERS: usize = 1 << 26;
 
 impl ModelCard {
@@ -16,26 +18,92 @@ impl ModelCard {
     #[must_use]
     pub fn known(interface: &Interface) -> Option<Self> {
         let size = image_size(interface)?;
+        if interface.outputs.len() > MOST_OUTPUTS || declared_numbers(interface).is_none() {
+            return None;
+        }
         let outputs: Option<Vec<Tensor>> = interface.outputs.iter().map(blank).collect();
-        recognise(size, &outputs?)
+        recognise(interface, size, &outputs?)
     }
 }
 
 /// The first built-in card whose head reads these outputs of an input of this size.
-pub(super) fn recognise(size: Size, outputs: &[Tensor]) -> Option<ModelCard> {
+pub(super) fn recognise(
+    interface: &Interface,
+    size: Size,
+    outputs: &[Tensor],
+) -> Option<ModelCard> {
     let mut card = cards().into_iter().find(|card| {
         let reading = Reading {
             card,
             size,
             threshold: 1.0,
         };
-        reading.decode(outputs).is_ok()
+        let classifier = card.head == Head::EndToEnd && is_row_per_image(interface, outputs);
+        !classifier && reading.decode(outputs).is_ok()
     })?;
     // NanoDet-Plus has the cells of PicoDet in one output, and their centres at the corners.
     if card.head == Head::Distribution && outputs.len() == 1 && card.output.strides.len() == 4 {
         card.output.centre = 0.0;
     }
     Some(card)
+}
+
+/// Whether the one output is a row for each image and no table of boxes, as classifiers give it: with one row that the file does
+/// not call free, or with as many as there are images.
+fn is_row_per_image(interface: &Interface, outputs: &[Tensor]) -> bool {
+    let [table] = outputs else {
+        return false;
+    };
+    let [rows, _] = table.shape[..] else {
+        return false;
+    };
+    let first = |ports: &[Port]| Some(ports.first()?.shape.as_ref()?.first()?.clone());
+    match first(&interface.outputs) {
+        Some(Dimension::Free(name)) => {
+            !name.is_empty() && first(&interface.inputs) == Some(Dimension::Free(name))
+        }
+        _ => rows == 1,
+    }
+}
+
+/// Whether outputs are raw maps, for any number of classes: their shapes do not say the anchors.
+pub(super) fn are_raw_maps(size: Size, outputs: &[Tensor]) -> bool {
+    let columns = match outputs.first().map(|t| &t.shape[..]) {
+        Some(&[1, depth, _, _]) if depth.is_multiple_of(3) => depth / 3,
+        Some(&[1, 3, _, _, columns]) => columns,
+        _ => return false,
+    };
+    let Some(classes @ 1..=1000) = columns.checked_sub(5) else {
+        return false;
+    };
+    let mut card = ModelCard::new(Head::YoloAnchors);
+    card.classes = Classes::Listed(vec![None; classes]);
+    let reading = Reading {
+        card: &card,
+        size,
+        threshold: 1.0,
+    };
+    reading.decode(outputs).is_ok()
+}
+
+/// How many numbers the outputs have at least, by their shapes in the file; `None` for more than any detector gives.
+pub(super) fn declared_numbers(interface: &Interface) -> Option<usize> {
+    let numbers = |port: &Port| {
+        let sizes = port.shape.iter().flatten();
+        sizes
+            .filter_map(|d| match d {
+                Dimension::Fixed(size) => Some(*size),
+                Dimension::Free(_) => None,
+            })
+            .try_fold(1_usize, |n, size| {
+                n.checked_mul(usize::try_from(size).ok()?)
+            })
+    };
+    interface
+        .outputs
+        .iter()
+        .try_fold(0_usize, |sum, port| sum.checked_add(numbers(port)?))
+        .filter(|&sum| sum <= MOST_NUMBERS)
 }
 
 /// The card that suits what the numbers look like: rows that are decoded already, and scores that have been through the sigmoid
@@ -72,7 +140,8 @@ pub(super) fn adapted(card: &ModelCard, size: Size, outputs: &[Tensor]) -> Model
     new
 }
 
-/// All built-in cards in the order in which they are tried.
+/// All built-in cards in the order in which they are tried. None is for raw maps: YOLOv5's and YOLOv7's have the same shapes and
+/// other anchors.
 fn cards() -> Vec<ModelCard> {
     let of = ModelCard::new;
     let with = |head, change: &dyn Fn(&mut CardInput, &mut CardOutput)| {
@@ -86,7 +155,6 @@ fn cards() -> Vec<ModelCard> {
         of(Head::YoloGrid),
         // The variants for large images have a fourth map.
         with(Head::YoloGrid, &|_, output| output.strides.push(64)),
-        of(Head::YoloAnchors),
         // PicoDet; then NanoDet, which has three maps.
         of(Head::Distribution),
         with(Head::Distribution, &|_, output| {
@@ -127,7 +195,8 @@ pub(super) fn image_of(input: &Port) -> Option<Option<Size>> {
     (sane(size.width) && sane(size.height)).then_some(Some(size))
 }
 
-/// An output of zeros; a free first size is a batch of one image, or a table without rows.
+/// An output of zeros; a free first size is a batch of one image, or a table without rows. Outputs have been found to be of a
+/// sane size.
 fn blank(port: &Port) -> Option<Tensor> {
     let dimensions = port.shape.as_ref()?;
     let shape = dimensions.iter().enumerate().map(|(i, d)| match d {
@@ -139,7 +208,7 @@ fn blank(port: &Port) -> Option<Tensor> {
     let numbers = shape
         .iter()
         .try_fold(1_usize, |n, &size| n.checked_mul(size))?;
-    (numbers <= MOST_NUMBERS).then(|| Tensor {
+    Some(Tensor {
         data: vec![0.0; numbers],
         shape,
     })
@@ -187,21 +256,7 @@ mod tests {
                 (Head::YoloGrid, 4),
             ),
             (
-                [0, 3, 320, 416],
-                vec![&[1, 255, 40, 52], &[1, 255, 20, 26], &[1, 255, 10, 13]],
-                (Head::YoloAnchors, 3),
-            ),
-            (
-                square,
-                vec![
-                    &[1, 3, 52, 52, 85],
-                    &[1, 3, 26, 26, 85],
-                    &[1, 3, 13, 13, 85],
-                ],
-                (Head::YoloAnchors, 3),
-            ),
-            (
-                square,
+                [0, 3, 416, 416],
                 vec![
                     &[1, 2704, 80],
                     &[1, 676, 80],
@@ -255,8 +310,64 @@ mod tests {
             (&[1, 3, 416, 416], &[&[1, u64::MAX, u64::MAX]]),
             (&[1, 3, u64::MAX, u64::MAX], &[&[1, 3549, 85]]),
             (&[1, 3, 416, 416], &[]),
+            // Classifiers of six and seven classes.
+            (&[1, 3, 224, 224], &[&[1, 6]]),
+            (&[1, 3, 224, 224], &[&[1, 7]]),
         ] {
             assert_eq!(known(input, outputs), None, "{input:?} {outputs:?}");
         }
+        let mut batches = interface(&[0, 3, 224, 224], &[&[0, 6]]);
+        assert!(ModelCard::known(&batches).is_some());
+        for port in batches.inputs.iter_mut().chain(&mut batches.outputs) {
+            port.shape.as_mut().unwrap()[0] = Dimension::Free("batch".to_owned());
+        }
+        assert_eq!(ModelCard::known(&batches), None);
+    }
+
+    /// The shapes do not say the anchors.
+    #[test]
+    fn raw_maps_are_told_but_not_recognised() {
+        let size = Size {
+            width: 416,
+            height: 320,
+        };
+        let maps: [&[&[u64]]; 3] = [
+            &[&[1, 255, 40, 52], &[1, 255, 20, 26], &[1, 255, 10, 13]],
+            &[&[1, 21, 10, 13], &[1, 21, 20, 26], &[1, 21, 40, 52]],
+            &[
+                &[1, 3, 40, 52, 85],
+                &[1, 3, 20, 26, 85],
+                &[1, 3, 10, 13, 85],
+            ],
+        ];
+        let blank = |outputs: &[&[u64]]| -> Vec<Tensor> {
+            let interface = interface(&[1, 3, 320, 416], outputs);
+            interface.outputs.iter().filter_map(super::blank).collect()
+        };
+        for outputs in maps {
+            assert_eq!(known(&[1, 3, 320, 416], outputs), None, "{outputs:?}");
+            assert!(are_raw_maps(size, &blank(outputs)), "{outputs:?}");
+        }
+        for outputs in [
+            &[][..],
+            &[&[1, 255, 40, 52][..]],
+            &[&[1, 256, 40, 52], &[1, 256, 20, 26], &[1, 256, 10, 13]],
+            &[&[1, 15, 40, 52], &[1, 15, 20, 26], &[1, 15, 10, 13]],
+        ] {
+            assert!(!are_raw_maps(size, &blank(outputs)), "{outputs:?}");
+        }
+    }
+
+    /// Each would be a quarter of a gigabyte.
+    #[test]
+    fn outputs_that_are_huge_together_are_not_made() {
+        let outputs = vec![&[1_u64, 8192, 8192][..]; 12];
+        let huge = interface(&[1, 3, 416, 416], &outputs);
+        assert_eq!(declared_numbers(&huge), None);
+        assert_eq!(ModelCard::known(&huge), None);
+        let one = interface(&[1, 3, 416, 416], &outputs[..1]);
+        assert_eq!(declared_numbers(&one), Some(1 << 26));
+        let many = vec![&[1_u64, 3549, 85][..]; 13];
+        assert_eq!(known(&[1, 3, 416, 416], &many), None);
     }
 }

@@ -3,8 +3,8 @@
 
 use super::card::{Head, ModelCard, fits};
 use super::error::ModelError;
-use super::heads::{Candidate, Mismatch, Reading, boxes_lie_in_their_cells};
-use super::known::{adapted, recognise};
+use super::heads::{Candidate, Mismatch, Reading, boxes_lie_in_their_cells, boxes_not_in_pixels};
+use super::known::{adapted, are_raw_maps, recognise};
 use super::network::Network;
 use super::runtime::{Runtime, Tensor};
 use super::size::Size;
@@ -84,6 +84,7 @@ pub(super) fn load(
         Err(reason) if size != own => return Err(wrong_size(reason)),
         Err(reason) => return Err(not_running(name, size, reason)),
     };
+    in_pixels(name, &known, size, &outputs)?;
     if size != own && known.head == Head::YoloGrid {
         in_cells(&known, size, &outputs).map_err(|e| wrong_size(e.to_string()))?;
     }
@@ -93,7 +94,7 @@ pub(super) fn load(
         (Err(mismatch), _) if size != own => {
             return Err(wrong_size(Failure::Output(mismatch).to_string()));
         }
-        (Err(_), None) => return Err(unknown(name, &network, &outputs)),
+        (Err(_), None) => return Err(unknown(name, &network, size, &outputs)),
         (Err(Mismatch { expected, found }), Some(_)) => {
             let advice = "name the head, the classes and the strides that the model has";
             let expected = format!("{} with {expected}", known.head);
@@ -137,11 +138,12 @@ fn identify(network: &mut Network, name: &str, own: Size) -> Result<ModelCard, M
         return Ok(card);
     }
     start(network, name, own)?;
-    let input = ModelCard::new(Head::YoloAnchors).input;
+    let input = ModelCard::new(Head::YoloGrid).input;
     let outputs = network
         .run_plain(&input, own)
         .map_err(|reason| not_running(name, own, reason))?;
-    recognise(own, &outputs).ok_or_else(|| unknown(name, network, &outputs))
+    recognise(network.interface(), own, &outputs)
+        .ok_or_else(|| unknown(name, network, own, &outputs))
 }
 
 /// The size at which the network is tried.
@@ -223,6 +225,21 @@ fn agreed(
     Ok(card.clone())
 }
 
+/// Runs the network on an image without anything in it at another size than its own.
+///
+/// # Errors
+/// [`Failure`] of a graph that does not allow the size.
+pub(super) fn attempt(network: &mut Network, card: &ModelCard, size: Size) -> Result<(), Failure> {
+    let outputs = network.run_plain(&card.input, size);
+    let outputs = outputs.map_err(Failure::Runtime)?;
+    // The coordinates of cells may be part of the graph.
+    if card.head == Head::YoloGrid {
+        in_cells(card, size, &outputs)?;
+    }
+    let boxes = read(card, size, &outputs, 1.0);
+    boxes.map(|_| ()).map_err(Failure::Output)
+}
+
 /// Runs the network on an input and reads the boxes whose score reaches the threshold.
 pub(super) fn look(
     network: &mut Network,
@@ -231,16 +248,11 @@ pub(super) fn look(
     size: Size,
     threshold: f32,
 ) -> Result<Vec<Candidate>, Failure> {
-    let fresh = !network.is_ready(size);
     let outputs = {
         let _span = tracing::info_span!("network").entered();
         network.run(planes, size).map_err(Failure::Runtime)?
     };
     let _span = tracing::info_span!("decode").entered();
-    // The coordinates of cells may be part of the graph.
-    if fresh && card.head == Head::YoloGrid {
-        in_cells(card, size, &outputs)?;
-    }
     read(card, size, &outputs, threshold).map_err(Failure::Output)
 }
 
@@ -273,9 +285,34 @@ fn read(
     reading.decode(outputs)
 }
 
-fn unknown(name: &str, network: &Network, outputs: &[Tensor]) -> ModelError {
+fn unknown(name: &str, network: &Network, size: Size, outputs: &[Tensor]) -> ModelError {
     let shapes = outputs.iter().map(|t| t.shape.clone());
-    ModelError::interface(name, &network.interface().with_outputs(shapes))
+    let interface = network.interface().with_outputs(shapes);
+    ModelError::interface(name, &interface, are_raw_maps(size, outputs))
+}
+
+/// Refuses rows whose boxes are in shares of the input or in cells: nothing would be found in them.
+fn in_pixels(
+    name: &str,
+    card: &ModelCard,
+    size: Size,
+    outputs: &[Tensor],
+) -> Result<(), ModelError> {
+    let reading = Reading {
+        card,
+        size,
+        threshold: 1.0,
+    };
+    let Some([x, y]) = boxes_not_in_pixels(&reading, outputs) else {
+        return Ok(());
+    };
+    Err(refused(
+        name,
+        "head",
+        &format!("{} with boxes in px of the input", Head::YoloGrid),
+        format!("centres up to {x:.2}, {y:.2} for {size} px, as boxes in shares of the input have"),
+        "export the model with boxes in px",
+    ))
 }
 
 fn not_running(name: &str, size: Size, reason: String) -> ModelError {

@@ -18,7 +18,7 @@ mod size;
 
 use crate::detector::{DetectError, Detector, DetectorInfo, DetectorKind};
 use crate::hash::sha256_hex;
-use crate::{BoundingBox, Detection, Detections};
+use crate::{BoundingBox, ClassId, Detection, Detections};
 pub use card::{
     CardError, CardInput, CardOutput, Classes, ColourOrder, Column, Head, ModelCard, Resize,
 };
@@ -75,9 +75,13 @@ pub struct OnnxDetector {
     own: Size,
     /// Of the last input.
     size: Size,
-    /// Why the network runs at its own size, though another would fit the images better.
-    rigid: Option<String>,
+    /// Sizes that fit images and that were tried, with what was wrong with them. The last ones, so that a folder of images of all
+    /// sizes does not fill the memory.
+    tried: Vec<(Size, Option<String>)>,
 }
+
+/// The most sizes that are remembered.
+const MOST_TRIED: usize = 64;
 
 impl OnnxDetector {
     /// From the bytes of a known model's file, in `rten`. `name` is what errors and summaries call it. The model is run once on
@@ -122,7 +126,7 @@ impl OnnxDetector {
             letterbox: Letterbox::default(),
             own,
             size,
-            rigid: None,
+            tried: Vec::new(),
         })
     }
 
@@ -164,9 +168,9 @@ impl OnnxDetector {
         }
         let size = self.size_for(width, height);
         let boxes = match self.look(image, size) {
-            Err(failure) if size != self.own && self.options.input == InputSize::Fit => {
+            // What an image did must not matter to the next one.
+            Err(_) if size != self.own && self.options.input == InputSize::Fit => {
                 self.network.forget(size);
-                self.rigid = Some(format!("at {size} px it gave: {failure}"));
                 self.look(image, self.own)
             }
             result => result,
@@ -182,16 +186,37 @@ impl OnnxDetector {
     }
 
     /// The size of the input for an image.
-    fn size_for(&self, width: usize, height: usize) -> Size {
+    fn size_for(&mut self, width: usize, height: usize) -> Size {
         // Nothing in the output of a network that decodes its boxes itself says whether they are right for another size.
         let baked = self.card.head == Head::EndToEnd && self.network.own.is_some();
         match self.options.input {
             InputSize::Fixed { width, height } => Size { width, height },
-            InputSize::Fit if self.rigid.is_none() && !baked => {
-                fitted(self.own, width, height, self.card.alignment())
+            InputSize::Fit if !baked => {
+                let size = fitted(self.own, width, height, self.card.alignment());
+                if self.allows(size) { size } else { self.own }
             }
             InputSize::Fit | InputSize::Model => self.own,
         }
+    }
+
+    /// Whether the graph allows a size: tried on an image without anything in it, so that it depends on the size alone.
+    fn allows(&mut self, size: Size) -> bool {
+        if size == self.own {
+            return true;
+        }
+        if let Some((_, wrong)) = self.tried.iter().find(|(tried, _)| *tried == size) {
+            return wrong.is_none();
+        }
+        let wrong = loading::attempt(&mut self.network, &self.card, size).err();
+        if wrong.is_some() {
+            self.network.forget(size);
+        }
+        let allowed = wrong.is_none();
+        if self.tried.len() == MOST_TRIED {
+            self.tried.remove(0);
+        }
+        self.tried.push((size, wrong.map(|w| w.to_string())));
+        allowed
     }
 
     /// Looks at an image with an input of this size.
@@ -202,44 +227,48 @@ impl OnnxDetector {
             self.letterbox.fill(image, &self.card.input, size)
         };
         let threshold = self.options.score_threshold;
-        let boxes = look(&mut self.network, &self.card, planes, size, threshold)?;
+        let mut boxes = look(&mut self.network, &self.card, planes, size, threshold)?;
+        // Several of the network's classes may be one here, and those that are left out must not push others out.
+        boxes.retain_mut(|b| match self.card.class(b.class) {
+            Some(class) => {
+                b.class = usize::from(class.0);
+                true
+            }
+            None => false,
+        });
         let boxes = if self.card.head == Head::EndToEnd {
             heads::sorted(&boxes)
         } else {
             heads::suppress(&boxes, self.options.iou_threshold)
         };
         let placement = self.letterbox.placement();
-        let found = boxes
-            .iter()
-            .filter_map(|b| self.detection(b, placement, image));
+        let found = boxes.iter().filter_map(|b| detection(b, placement, image));
         Ok(found.collect())
     }
+}
 
-    /// A box in the image; `None` for classes that are left out and for what lies in the padding altogether.
-    fn detection(
-        &self,
-        found: &Candidate,
-        Placement { offset, scale }: Placement,
-        image: &ColourImage,
-    ) -> Option<Detection> {
-        let class = self.card.class(found.class)?;
-        // The network measures from the corner of the first pixel, which is half a pixel before its centre.
-        let x = |x: f64| (x - offset[0] as f64) * scale[0] - 0.5;
-        let y = |y: f64| (y - offset[1] as f64) * scale[1] - 0.5;
-        let BoundingBox { x0, y0, x1, y1 } = found.bounds;
-        let bounds = BoundingBox {
-            x0: x(x0),
-            y0: y(y0),
-            x1: x(x1),
-            y1: y(y1),
-        }
-        .clipped(image.width(), image.height());
-        (bounds.area() > 0.0).then_some(Detection {
-            class,
-            score: found.score,
-            bounds,
-        })
+/// A box in the image; its class is one of COCO's. `None` for what lies in the padding altogether.
+fn detection(
+    found: &Candidate,
+    Placement { offset, scale }: Placement,
+    image: &ColourImage,
+) -> Option<Detection> {
+    // The network measures from the corner of the first pixel, which is half a pixel before its centre.
+    let x = |x: f64| (x - offset[0] as f64) * scale[0] - 0.5;
+    let y = |y: f64| (y - offset[1] as f64) * scale[1] - 0.5;
+    let BoundingBox { x0, y0, x1, y1 } = found.bounds;
+    let bounds = BoundingBox {
+        x0: x(x0),
+        y0: y(y0),
+        x1: x(x1),
+        y1: y(y1),
     }
+    .clipped(image.width(), image.height());
+    (bounds.area() > 0.0).then_some(Detection {
+        class: ClassId(u8::try_from(found.class).ok()?),
+        score: found.score,
+        bounds,
+    })
 }
 
 impl Detector for OnnxDetector {
@@ -275,9 +304,17 @@ impl Detector for OnnxDetector {
     }
 
     fn remark(&self) -> Option<String> {
-        let reason = self.rigid.as_ref()?;
+        let mut wrong = self
+            .tried
+            .iter()
+            .filter_map(|(size, wrong)| Some((size, wrong.as_ref()?)));
+        let (size, reason) = wrong.next()?;
+        let more = match wrong.count() {
+            0 => String::new(),
+            more => format!("; {more} more sizes failed"),
+        };
         Some(format!(
-            "{}: the network is run at its own {} px, with padding, since its graph allows no other size ({reason})",
+            "{}: the network is run at its own {} px, with padding, where its graph does not allow the size that fits an image (at {size} px it gave: {reason}{more})",
             self.name, self.own
         ))
     }

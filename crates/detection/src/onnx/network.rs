@@ -3,7 +3,7 @@
 use super::card::CardInput;
 use super::error::ModelError;
 use super::interface::Interface;
-use super::known::image_of;
+use super::known::{declared_numbers, image_of};
 use super::letterbox::plain;
 use super::runtime::{self, Runtime, Session, Tensor};
 use super::size::Size;
@@ -48,8 +48,12 @@ impl Network {
             _ => None,
         };
         let Some((input, own)) = image else {
-            return Err(ModelError::interface(name, &interface));
+            return Err(ModelError::interface(name, &interface, false));
         };
+        if declared_numbers(&interface).is_none() {
+            let reason = "outputs of over 67 million numbers, as no detector has them";
+            return Err(unreadable(reason.to_owned()));
+        }
         Ok(Self {
             model,
             interface,
@@ -59,11 +63,6 @@ impl Network {
             threads,
             sessions: Vec::new(),
         })
-    }
-
-    /// Whether it is ready to run at this size.
-    pub(super) fn is_ready(&self, size: Size) -> bool {
-        self.sessions.iter().any(|(s, _)| *s == size)
     }
 
     /// Makes it ready to run at this size, which may take as long as ten runs.

@@ -3,7 +3,9 @@
 
 use std::path::{Path, PathBuf};
 use stillpoint_detection::wire::Message;
-use stillpoint_detection::{InputSize, ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
+use stillpoint_detection::{
+    Head, InputSize, ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime,
+};
 use stillpoint_imaging::ColourImage;
 
 /// A file beside the data sets, if it is there.
@@ -229,6 +231,11 @@ pub(crate) fn options(input: InputSize) -> OnnxOptions {
 /// A known model in its detector.
 pub(crate) fn detector(model: &[u8], input: InputSize) -> OnnxDetector {
     OnnxDetector::from_bytes(model.to_vec(), "m.onnx", &options(input)).unwrap()
+}
+
+/// A model of raw maps with YOLOv7's anchors in its detector.
+pub(crate) fn yolov7(model: &[u8], input: InputSize) -> OnnxDetector {
+    with_card(model, &ModelCard::new(Head::YoloAnchors), input).unwrap()
 }
 
 /// A model with its card.

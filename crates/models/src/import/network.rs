@@ -13,6 +13,13 @@ const COARSEST: usize = 1024;
 /// Channels that a map may have; the largest YOLOv7 has some two thousand.
 const MOST_CHANNELS: usize = 1 << 16;
 
+/// The side of the image, px, for which the sizes of maps are counted: that of YOLOv7.
+const SIDE: usize = 640;
+/// Values of one map of such an image; the largest of YOLOv7-tiny has some three million.
+const MOST_VALUES: usize = 1 << 26;
+/// Values of all maps together; those of YOLOv7-tiny have some hundred million.
+const MOST_VALUES_IN_ALL: usize = 1 << 30;
+
 /// What a node does.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Operation {
@@ -111,6 +118,8 @@ pub(super) struct Builder {
     /// Number of the map that each layer gives.
     outputs: Vec<usize>,
     norms: usize,
+    /// Values of all maps of an image of [`SIDE`].
+    values: usize,
 }
 
 impl Default for Builder {
@@ -123,6 +132,7 @@ impl Default for Builder {
             }],
             outputs: Vec::new(),
             norms: 0,
+            values: 0,
         }
     }
 }
@@ -302,9 +312,19 @@ impl Builder {
         inputs: Vec<usize>,
         map: Map,
     ) -> Result<usize> {
+        // Weights are not needed for maps that fill all memory: joining a map with itself is enough.
+        let cells = (SIDE / map.stride.max(1)).max(1).pow(2);
+        let values = map.channels.saturating_mul(cells);
+        self.values = self.values.saturating_add(values);
         for (what, limit, found) in [
             ("channels", MOST_CHANNELS, map.channels),
             ("pixels of stride", COARSEST, map.stride),
+            ("values in a map of a 640x640 image", MOST_VALUES, values),
+            (
+                "values in all maps of a 640x640 image",
+                MOST_VALUES_IN_ALL,
+                self.values,
+            ),
         ] {
             if found > limit {
                 return Err(ImportError::Limit {

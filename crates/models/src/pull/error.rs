@@ -122,6 +122,16 @@ pub enum PullError {
         /// The system's reason.
         source: std::io::Error,
     },
+    /// The cache has another model of this name, which is not replaced without being asked for.
+    #[error("{}: expected no model of the name {name} but the published one, found another (made from SHA-256 {found}); to keep it, move it and its card away, or import it under another name; --again replaces it", path.display())]
+    Another {
+        /// The model.
+        name: String,
+        /// SHA-256 of the file that the one in the cache was made from.
+        found: String,
+        /// The one in the cache.
+        path: PathBuf,
+    },
     /// Someone else downloads this model.
     #[error("{}: expected no other download of {name}, found one that is running; wait until it has ended", lock.display())]
     Busy {

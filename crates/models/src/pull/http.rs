@@ -211,7 +211,7 @@ fn is_loopback(url: &str) -> bool {
 }
 
 /// An address for a message: without its query, which may be long and hold a signature, and without a password.
-fn shown(url: &str) -> String {
+pub(super) fn shown(url: &str) -> String {
     const LONGEST: usize = 300;
     let url = url.split(['?', '#']).next().unwrap_or_default();
     let url = match url.split_once("://") {
@@ -226,6 +226,23 @@ fn shown(url: &str) -> String {
         .take(LONGEST)
         .map(|c| if c.is_control() { ' ' } else { c })
         .collect()
+}
+
+/// Networks that ask for a login answer every request with their own page.
+pub(super) fn page_hint(bytes: &[u8]) -> &'static str {
+    let text = bytes.trim_ascii_start();
+    let starts = |with: &str| {
+        text.get(..with.len())
+            .is_some_and(|start| start.eq_ignore_ascii_case(with.as_bytes()))
+    };
+    if ["<!doctype", "<html", "<head", "<?xml"]
+        .into_iter()
+        .any(starts)
+    {
+        "it looks like a web page, as networks that ask for a login send; "
+    } else {
+        ""
+    }
 }
 
 /// Why no answer came, on one line.

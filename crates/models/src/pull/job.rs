@@ -1,7 +1,7 @@
 //! The steps of a download, from the question whether the model is here to the model in the cache.
 
 use super::error::{ByHand, PullError};
-use super::http::{self, Answer, Range, request};
+use super::http::{self, Answer, Range, page_hint, request};
 use super::part::{Disk, Lock, Part};
 use super::{Checksum, Convert, Progress, PullOptions, Pulled};
 use crate::cache::{Cache, LARGEST};
@@ -38,7 +38,9 @@ impl Job<'_> {
     pub(super) fn run(&self, progress: Watch<'_>) -> Result<Pulled, PullError> {
         crate::check_name(self.model.name)?;
         let expected = self.expected()?;
-        if let Some(pulled) = self.already_here(expected.as_deref())? {
+        if !self.options.again
+            && let Some(pulled) = self.already_here(expected.as_deref())?
+        {
             return Ok(pulled);
         }
         self.cache.make()?;
@@ -67,7 +69,13 @@ impl Job<'_> {
         })
     }
 
+    /// The address for messages and the record, without the password that a mirror's may hold.
     fn url(&self) -> String {
+        http::shown(&self.address())
+    }
+
+    /// The address that is asked for.
+    fn address(&self) -> String {
         match (&self.options.base, self.model.url.strip_prefix(UPSTREAM)) {
             (Some(base), Some(path)) => format!("{}{path}", base.trim_end_matches('/')),
             _ => self.model.url.to_owned(),
@@ -113,23 +121,42 @@ impl Job<'_> {
         replace(&folder, self.model.name, &path, &text)
     }
 
-    /// The model, if it is here, undamaged, and made from the published file.
-    fn already_here(&self, expected: Option<&str>) -> Result<Option<Pulled>, CacheError> {
-        let Some(expected) = expected.filter(|_| !self.options.again) else {
+    /// The model, if it is here, undamaged, and made from the published file. Another of its name is the user's, and not replaced; a damaged one
+    /// is of no use to anyone.
+    fn already_here(&self, expected: Option<&str>) -> Result<Option<Pulled>, PullError> {
+        let here = self.cache.find(self.model.name)?;
+        let Some(model) = here.filter(|m| !matches!(m.state, State::Damaged(_))) else {
             return Ok(None);
         };
-        let here = self.cache.find(self.model.name)?.filter(|model| {
-            let source = model.record.as_ref().and_then(|r| r.source_sha256.as_ref());
-            model.state == State::Good && (source.unwrap_or(&model.sha256) == expected)
-        });
-        Ok(here.map(|model| Pulled {
-            model,
-            url: self.url(),
-            sha256: expected.to_owned(),
-            checksum: self.checksum(true),
-            transferred: 0,
-            resumed: 0,
-        }))
+        let record = model.record.as_ref();
+        let source = record.and_then(|r| r.source_sha256.as_ref());
+        let source = source.unwrap_or(&model.sha256);
+        match expected {
+            Some(expected) if source == expected => Ok(Some(Pulled {
+                model,
+                url: self.url(),
+                sha256: expected.to_owned(),
+                checksum: self.checksum(true),
+                transferred: 0,
+                resumed: 0,
+            })),
+            // Its checksum was removed, so that this download counts as the first.
+            None if self.was_pulled(&model) => Ok(None),
+            _ => Err(PullError::Another {
+                name: model.name.clone(),
+                found: source.clone(),
+                path: model.onnx,
+            }),
+        }
+    }
+
+    /// Whether an earlier download brought it, from whatever server.
+    fn was_pulled(&self, model: &CachedModel) -> bool {
+        let source = model.record.as_ref().and_then(|r| r.source.as_deref());
+        let path = self.model.url.strip_prefix(UPSTREAM);
+        source.is_some_and(|source| {
+            source.contains("://") && source.ends_with(path.unwrap_or(self.model.url))
+        })
     }
 
     fn tell(&self, part: &Part, progress: Watch<'_>, state: Progress) -> Result<(), PullError> {
@@ -144,8 +171,8 @@ impl Job<'_> {
 
     /// Brings the part to its full length.
     fn download(&self, part: &Part, progress: Watch<'_>) -> Result<Transfer, PullError> {
-        let url = self.url();
-        let mut range = part.range(&url, self.model.sha256.is_some())?;
+        let address = self.address();
+        let mut range = part.range(&address, self.model.sha256.is_some())?;
         if self.model.bytes.is_some_and(|bytes| range.start > bytes) {
             part.discard()?;
             range = Range::default();
@@ -159,16 +186,16 @@ impl Job<'_> {
             });
         }
         loop {
-            let connecting = Progress::Connecting { url: url.clone() };
+            let connecting = Progress::Connecting { url: self.url() };
             self.tell(part, progress, connecting)?;
-            let answer = request(&url, &range, self.options, &self.by_hand())?;
+            let answer = request(&address, &range, self.options, &self.by_hand())?;
             let fits = answer.status == 206
                 && answer.start == Some(range.start)
                 && (answer.total.is_none_or(|total| total > range.start));
             match answer.status {
                 200 => {
                     self.check_answer(&answer)?;
-                    part.begin(&url, answer.validator.clone())?;
+                    part.begin(&address, answer.validator.clone())?;
                     return self.receive(part, answer, 0, progress);
                 }
                 206 if fits && range.start > 0 => {
@@ -352,23 +379,6 @@ impl Job<'_> {
                 })
             }
         }
-    }
-}
-
-/// Networks that ask for a login answer every request with their own page.
-fn page_hint(bytes: &[u8]) -> &'static str {
-    let text = bytes.trim_ascii_start();
-    let starts = |with: &str| {
-        text.get(..with.len())
-            .is_some_and(|start| start.eq_ignore_ascii_case(with.as_bytes()))
-    };
-    if ["<!doctype", "<html", "<head", "<?xml"]
-        .into_iter()
-        .any(starts)
-    {
-        "it looks like a web page, as networks that ask for a login send; "
-    } else {
-        ""
     }
 }
 

@@ -34,7 +34,7 @@ pub struct PullOptions {
     pub connect_timeout: Duration,
     /// Longest wait for an answer, or for more of the file. There is no limit for the whole. Default: 30 s.
     pub stall_timeout: Duration,
-    /// Download it although it is here.
+    /// Download it although it is here, or another model of its name.
     pub again: bool,
 }
 
@@ -102,7 +102,7 @@ pub struct Pulled {
     pub resumed: u64,
 }
 
-/// Downloads a model into the cache, unless it is here. `progress` is told how far it is, at least after each 64 kB, and may break off;
+/// Downloads a model into the cache, unless it is here. Another model of its name is replaced only if that is damaged, or if `options` say so. `progress` is told how far it is, at least after each 64 kB, and may break off;
 /// while the server is silent it is not called, for at most the time limits of `options`.
 ///
 /// # Errors

@@ -134,7 +134,7 @@ fn checkpoints_become_networks() {
         "made-up.toml",
     ];
     assert_eq!(scratch.files(), files);
-    let again = run(&model, &scratch, &server, &RealDisk, &mut watch_all).unwrap();
+    let again = get_once(&model, &scratch.cache, &server).unwrap();
     assert_eq!(
         (again.checksum, again.transferred),
         (Checksum::MatchesRecord, 0)

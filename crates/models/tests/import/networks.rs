@@ -231,3 +231,37 @@ fn all_precisions_of_weights_give_the_same_network() {
         assert_eq!(graph(&imported.onnx), graph(&single.onnx));
     }
 }
+
+#[test]
+fn maps_that_would_fill_all_memory_end_at_a_limit() {
+    let no_parts = || ["_parameters", "_buffers", "_modules"].map(|name| (name, small::nothing()));
+    let limit = |first: V| match error_of(
+        &Small {
+            first,
+            ..Small::default()
+        }
+        .bytes(),
+    ) {
+        ImportError::Limit { place, what, .. } => (place, what),
+        other => panic!("{other}"),
+    };
+    // The image 64 times over: no weights, and 300 MB.
+    let joined = |times: usize| {
+        let from = V::List(vec![V::Int(-1); times]);
+        let own = vec![(text("f"), from), (text("d"), V::Int(1))];
+        small::module("models.common.Concat", own, no_parts())
+    };
+    let (place, what) = limit(joined(64));
+    assert_eq!(place, "model.0");
+    assert!(what.contains("a map of"), "{what}");
+
+    // The same small map, nine hundred times.
+    let mut layers = vec![(text("0"), V::Remembered(0, Box::new(pool(1))))];
+    layers.extend((1..900).map(|i| (text(&i.to_string()), V::Recalled(0))));
+    let mut parts = no_parts();
+    parts[2].1 = V::Dict(layers);
+    let own = vec![(text("f"), V::Int(-1))];
+    let first = small::module("torch.nn.modules.container.Sequential", own, parts);
+    let (_, what) = limit(first);
+    assert!(what.contains("all maps"), "{what}");
+}

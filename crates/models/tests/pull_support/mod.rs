@@ -193,13 +193,13 @@ pub fn unknown() -> KnownModel {
     }
 }
 
-/// Options that find the server and do not wait long.
+/// Options that find the server, do not wait long, and replace what is there.
 pub fn options(server: &Server) -> PullOptions {
     PullOptions {
         base: Some(server.base.clone()),
         connect_timeout: Duration::from_secs(10),
         stall_timeout: Duration::from_secs(10),
-        again: false,
+        again: true,
     }
 }
 
@@ -208,6 +208,15 @@ pub fn get(model: &KnownModel, cache: &Cache, server: &Server) -> Result<Pulled,
     pull(model, cache, &options(server), &mut |_| {
         ControlFlow::Continue(())
     })
+}
+
+/// The same, unless a model of its name is here.
+pub fn get_once(model: &KnownModel, cache: &Cache, server: &Server) -> Result<Pulled, PullError> {
+    let once = PullOptions {
+        again: false,
+        ..options(server)
+    };
+    watch(model, cache, &once).0
 }
 
 /// A cache in a folder that lives as long as the test.

@@ -18,7 +18,13 @@
 //! sigmoid = false              # whether the scores have been through the sigmoid
 //! ```
 //!
-//! What is left out has the value that is usual for the head.
+//! What is left out has the value that is usual for the head, but for anchors, which a `yolo-anchors` card has to name. Two more
+//! keys of `[output]` are each for one head:
+//!
+//! ```toml
+//! centre = 0.5                 # distribution: where a cell's centre lies in it, in cells; NanoDet-Plus has 0
+//! columns = ["batch", "x0", "y0", "x1", "y1", "class", "score"]  # end-to-end: of its table; "-" for others
+//! ```
 
 mod check;
 mod file;

@@ -98,6 +98,13 @@ fn all_problems_are_told_with_their_keys() {
     let columns =
         "head = \"end-to-end\"\n[output]\ncolumns = [\"x0\", \"y0\", \"x1\", \"y1\", \"class\"]";
     assert!(problems(columns)[0].starts_with("output.columns: "));
+    // Values that the head does not read.
+    let sigmoid = "head = \"end-to-end\"\n[output]\nsigmoid = false";
+    assert!(problems(sigmoid)[0].starts_with("output.sigmoid: expected none"));
+    let centre = "head = \"yolo-grid\"\n[output]\ncentre = 0";
+    assert!(problems(centre)[0].starts_with("output.centre: expected none"));
+    let centre = "head = \"distribution\"\n[output]\ncentre = 2";
+    assert!(problems(centre)[0].starts_with("output.centre: expected a share"));
     assert!(problems("head = \"yolox\"\nclasses = \"voc\"")[0].contains("found \"voc\""));
     let strides = "head = \"yolox\"\n[output]\nstrides = []";
     assert!(problems(strides)[0].starts_with("output.strides: "));

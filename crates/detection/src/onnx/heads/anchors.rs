@@ -35,6 +35,9 @@ impl Map<'_> {
         let cells = self.level.cells();
         let mut planes = self.data.chunks_exact(cells.max(1)).skip(BEFORE);
         let mut values = planes.next().unwrap_or_default().to_vec();
+        // Nothing is greater than what is no number.
+        let odd = values.iter_mut().filter(|v| v.is_nan());
+        odd.for_each(|v| *v = f32::NEG_INFINITY);
         let mut classes = vec![0; values.len()];
         for (class, plane) in (1..).zip(planes) {
             for ((value, best), &new) in values.iter_mut().zip(&mut classes).zip(plane) {
@@ -248,9 +251,20 @@ mod tests {
     #[test]
     fn random_maps_agree_with_the_formula_in_both_layouts() {
         let card = ModelCard::new(Head::YoloAnchors);
-        for (width, height, threshold) in [(64, 96, 0.9), (128, 64, 0.25)] {
+        for (width, height, threshold) in [(64, 96, 0.9), (128, 64, 0.25), (128, 128, 0.97)] {
             let reading = reading(&card, width, height, threshold);
-            let maps = random(width, height);
+            let mut maps = random(width, height);
+            if threshold > 0.95 {
+                // Few cells hold something, so that they are read one by one.
+                for map in &mut maps {
+                    map.data.iter_mut().for_each(|v| *v *= 2.0);
+                    let cells = map.shape[2] * map.shape[3];
+                    for anchor in map.data.chunks_exact_mut(85 * cells) {
+                        let objectness = anchor[4 * cells..5 * cells].iter_mut().enumerate();
+                        objectness.for_each(|(i, v)| *v = if i % 20 == 0 { 8.0 } else { -8.0 });
+                    }
+                }
+            }
             let expected = reference(&maps, width, height, f64::from(threshold));
             assert!(expected.len() > 20);
             let mut cells: Vec<Tensor> = maps.iter().map(by_cells).collect();
@@ -287,6 +301,26 @@ mod tests {
         for (a, b) in done.iter().zip(&raw) {
             assert!(a.class == b.class && (a.score - b.score).abs() < 1e-5);
             assert!((a.bounds.x0 - b.bounds.x0).abs() < 1e-2);
+        }
+    }
+
+    /// In both ways to look for the best class.
+    #[test]
+    fn what_is_no_number_hides_no_class() {
+        let card = ModelCard::new(Head::YoloAnchors);
+        for dense in [true, false] {
+            let mut maps = random(64, 64);
+            maps.iter_mut()
+                .flat_map(|m| &mut m.data)
+                .for_each(|v| *v = -8.0);
+            let data = &mut maps[0].data;
+            let cells = if dense { 64 } else { 1 };
+            data[4 * 64..][..cells].fill(8.0);
+            data[5 * 64..][..cells].fill(f32::NAN);
+            data[(5 + 56) * 64..][..cells].fill(8.0);
+            let found = reading(&card, 64, 64, 0.5).decode(&maps).unwrap();
+            assert_eq!(found.len(), cells);
+            assert!(found.iter().all(|d| d.class == 56));
         }
     }
 

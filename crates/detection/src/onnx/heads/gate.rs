@@ -61,11 +61,11 @@ pub(super) fn sigmoid(x: f32) -> f64 {
     1.0 / (1.0 + libm::exp(-f64::from(x)))
 }
 
-/// Number of the greatest value, the first of equal ones, and the value.
+/// Number of the greatest value, the first of equal ones, and the value. What is no number is passed over.
 pub(super) fn best(values: impl Iterator<Item = f32>) -> Option<(usize, f32)> {
     let mut found: Option<(usize, f32)> = None;
     for (i, value) in values.enumerate() {
-        if found.is_none_or(|(_, best)| value > best) {
+        if !value.is_nan() && found.is_none_or(|(_, best)| value > best) {
             found = Some((i, value));
         }
     }
@@ -95,6 +95,8 @@ mod tests {
         assert!(!gate.may_pass(f32::NAN) && !gate.passes(f32::NAN));
         assert!((gate.score(0.0) - 0.5).abs() < 1e-9);
         assert_eq!(best([1.0, 3.0, 3.0, f32::NAN].into_iter()), Some((1, 3.0)));
+        assert_eq!(best([f32::NAN, 1.0, 3.0].into_iter()), Some((2, 3.0)));
         assert_eq!(best(std::iter::empty()), None);
+        assert_eq!(best(std::iter::once(f32::NAN)), None);
     }
 }

@@ -2,7 +2,7 @@
 //! in 2021"), and whatever decodes such rows to pixels itself.
 
 use super::gate::{Gate, best};
-use super::{Candidate, Level, Mismatch, Reading, Tensor, shapes};
+use super::{Candidate, Head, Level, Mismatch, Reading, Tensor, shapes};
 
 /// Columns before the classes'.
 const BEFORE: usize = 5;
@@ -63,6 +63,39 @@ pub(in super::super) fn boxes_lie_in_their_cells(
     reading: &Reading<'_>,
     outputs: &[Tensor],
 ) -> bool {
+    lie_in_their_cells(reading, outputs, [1.0, 1.0])
+}
+
+/// How far right and down centres reach, if boxes should be in px but are not. Those of an image without anything in it lie all
+/// over the input. Rows of YOLOX are offsets unless they lie in their cells as shares of the input.
+pub(in super::super) fn boxes_not_in_pixels(
+    reading: &Reading<'_>,
+    outputs: &[Tensor],
+) -> Option<[f32; 2]> {
+    let rows = rows(reading, outputs, MOST_ANCHORS).ok()?;
+    let columns = BEFORE + reading.card.class_count();
+    let size = [reading.size.width, reading.size.height];
+    let mut reach = [0.0_f32; 2];
+    for row in rows.chunks_exact(columns) {
+        reach = [0, 1].map(|i| match row[i] {
+            at if at.is_finite() => reach[i].max(at),
+            _ => reach[i],
+        });
+    }
+    let found = match reading.card.head {
+        Head::Yolox => lie_in_their_cells(reading, outputs, size.map(|s| s as f64)),
+        Head::YoloGrid if rows.len() / columns > reading.cells() => {
+            (0..2).all(|i| reach[i] < 0.25 * size[i] as f32)
+        }
+        // A single row per cell may be YOLOX's, whose offsets are told in another way.
+        Head::YoloGrid => lie_in_their_cells(reading, outputs, size.map(|s| s as f64)),
+        _ => false,
+    };
+    found.then_some(reach)
+}
+
+/// With centres times `scale`.
+fn lie_in_their_cells(reading: &Reading<'_>, outputs: &[Tensor], scale: [f64; 2]) -> bool {
     let Ok(rows) = rows(reading, outputs, MOST_ANCHORS) else {
         return false;
     };
@@ -75,8 +108,10 @@ pub(in super::super) fn boxes_lie_in_their_cells(
         .chunks_exact(columns)
         .zip(cells)
         .filter(|(row, ([x, y], stride))| {
-            let off = |at: f32, cell: f64| (f64::from(at) - (cell + 0.5) * stride).abs();
-            off(row[0], *x) <= 1.5 * stride && off(row[1], *y) <= 1.5 * stride
+            let off = |i: usize, cell: f64| {
+                (f64::from(row[i]) * scale[i] - (cell + 0.5) * stride).abs() <= 1.5 * stride
+            };
+            off(0, *x) && off(1, *y)
         });
     3 * near.count() >= 2 * (rows.len() / columns)
 }
@@ -224,6 +259,12 @@ mod tests {
             ..reading
         };
         assert!(!boxes_lie_in_their_cells(&upright, &outputs));
+        assert_eq!(boxes_not_in_pixels(&reading, &outputs), None);
+        for row in outputs[0].data.chunks_exact_mut(COLUMNS) {
+            (row[0], row[1]) = (row[0] / 64.0, row[1] / 32.0);
+        }
+        let reach = boxes_not_in_pixels(&reading, &outputs).unwrap();
+        assert!(reach.iter().all(|r| (0.5..1.0).contains(r)), "{reach:?}");
         outputs[0].data.iter_mut().for_each(|v| *v = 0.5);
         assert!(!boxes_lie_in_their_cells(&reading, &outputs));
     }

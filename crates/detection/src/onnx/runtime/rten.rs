@@ -3,6 +3,8 @@
 use super::{Session, Tensor, one_line};
 use rten::{Model, NodeId, RunOptions, ThreadPool, Value, ValueView};
 use rten_tensor::Layout;
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// As summaries name it; a test holds it against Cargo.lock.
@@ -13,18 +15,47 @@ pub(super) struct RtenSession {
     model: Model,
     input: NodeId,
     pool: Arc<ThreadPool>,
+    /// What it panicked with: it may be in any state since.
+    broken: Option<String>,
 }
 
 impl RtenSession {
     /// Loads a model whose image goes into `input`.
     pub(super) fn load(bytes: Vec<u8>, input: &str, threads: usize) -> Result<Self, String> {
-        let model = Model::load(bytes).map_err(|e| one_line(&e))?;
+        let model = guarded(|| Model::load(bytes).map_err(|e| one_line(&e))).unwrap_or_else(Err)?;
         let input = model.node_id(input).map_err(|e| one_line(&e))?;
         Ok(Self {
             model,
             input,
             pool: Arc::new(ThreadPool::with_num_threads(threads)),
+            broken: None,
         })
+    }
+
+    /// Does something with the model, unless it panicked before.
+    fn attempt<T>(&mut self, work: impl FnOnce(&Self) -> Result<T, String>) -> Result<T, String> {
+        if let Some(panic) = &self.broken {
+            return Err(panic.clone());
+        }
+        guarded(|| work(self)).unwrap_or_else(|panic| {
+            self.broken = Some(panic.clone());
+            Err(panic)
+        })
+    }
+}
+
+/// What some work gives, or what it panicked with, on one line: on graphs that contradict themselves `rten` may.
+fn guarded<T>(work: impl FnOnce() -> T) -> Result<T, String> {
+    // Whoever calls throws away what the work has touched.
+    catch_unwind(AssertUnwindSafe(work)).map_err(|panic| format!("a panic: {}", said(&*panic)))
+}
+
+/// The message of a panic.
+fn said(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().copied();
+    match text.or_else(|| panic.downcast_ref::<String>().map(String::as_str)) {
+        Some(text) => one_line(&text),
+        None => "without a message".to_owned(),
     }
 }
 
@@ -34,15 +65,15 @@ impl Session for RtenSession {
         let input = ValueView::from_shape(shape.as_slice(), planes).map_err(|e| one_line(&e))?;
         // Its own threads, since the default pool takes all cores.
         let options = RunOptions::default().with_thread_pool(Some(Arc::clone(&self.pool)));
-        let outputs = self
-            .model
-            .run(
-                vec![(self.input, input.into())],
-                self.model.output_ids(),
+        self.attempt(|session| {
+            let outputs = session.model.run(
+                vec![(session.input, input.into())],
+                session.model.output_ids(),
                 Some(options),
-            )
-            .map_err(|e| one_line(&e))?;
-        outputs.into_iter().map(tensor).collect()
+            );
+            let outputs = outputs.map_err(|e| one_line(&e))?;
+            outputs.into_iter().map(tensor).collect()
+        })
     }
 
     fn runtime(&self) -> &str {
@@ -59,4 +90,25 @@ fn tensor(value: Value) -> Result<Tensor, String> {
         _ => return Err("an output that holds no numbers".to_owned()),
     };
     Ok(Tensor { shape, data })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::scores;
+    use super::*;
+
+    #[test]
+    fn a_session_that_panicked_gives_errors() {
+        let mut session = RtenSession::load(scores(), "image", 1).unwrap();
+        let planes = vec![0.5; 27];
+        assert_eq!(session.run(&planes, 3, 3).unwrap().len(), 2);
+        let number = 7;
+        let panic = session.attempt::<()>(|_| panic!("index {number}\nout of bounds"));
+        let expected = "a panic: index 7 out of bounds".to_owned();
+        assert_eq!(panic, Err(expected.clone()));
+        assert_eq!(session.run(&planes, 3, 3), Err(expected));
+        assert_eq!(guarded(|| 1), Ok(1));
+        let other = guarded(|| std::panic::panic_any(1));
+        assert_eq!(other, Err::<(), _>("a panic: without a message".to_owned()));
+    }
 }

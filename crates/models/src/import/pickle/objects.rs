@@ -35,11 +35,14 @@ impl<'a> Machine<'a> {
         let Value::Tuple(arguments) = self.arena.get(arguments) else {
             return Err(self.fault("a tuple of arguments", "something else".to_owned()));
         };
+        // Of sets nothing is kept: their arguments need not be copied.
+        if function.kind == Kind::Set {
+            return self.push(Value::Set);
+        }
         let arguments = arguments.clone();
         match (function.kind, arguments.as_slice()) {
             (Kind::Dict, []) => self.push(Value::Dict(Vec::new())),
             (Kind::Dict, [pairs]) => self.dict_of_pairs(*pairs),
-            (Kind::Set, _) => self.push(Value::Set),
             (Kind::Method, [_, name]) if self.arena.text(*name) == Some("fuseforward") => self
                 .push(Value::Call {
                     function,
