@@ -179,6 +179,7 @@ fn caption(report: &FrameReport) -> String {
         Outcome::Initialised => "a map begins".to_owned(),
         Outcome::Tracked if report.is_keyframe => format!("keyframe, {} inliers", c.inliers),
         Outcome::Tracked => format!("{} inliers", c.inliers),
+        Outcome::Relocalised { .. } => format!("found again, {} inliers", c.inliers),
         Outcome::Lost { reason, .. } => format!("LOST, {reason}"),
     };
     let released = match c.released {

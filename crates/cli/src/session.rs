@@ -232,7 +232,7 @@ impl Tally {
             Outcome::Tracked if report.counts.inliers < MIN_INLIERS => {
                 format!("fewer than {MIN_INLIERS} inliers")
             }
-            Outcome::Tracked | Outcome::Initialised => return,
+            Outcome::Tracked | Outcome::Initialised | Outcome::Relocalised { .. } => return,
         };
         self.without_pose += 1;
         let goes_on = previous.is_some() && self.last_lost == previous;
@@ -351,6 +351,7 @@ mod tests {
                 ..FrameCounts::default()
             },
             is_keyframe: true,
+            piece: None,
             map_version: 0,
         });
         let mut tally = Tally::default();

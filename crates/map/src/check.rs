@@ -34,7 +34,7 @@ impl Map {
             LandmarkSlot::Live(_) | LandmarkSlot::Culled => Step::End,
             LandmarkSlot::Merged(into) => Step::Next(into.index()),
         });
-        if let Some(id) = ends.iter().position(|ends| !ends) {
+        if let Some(id) = ends.iter().position(Option::is_none) {
             ensure(false, || format!("merges of landmark {id} come to an end"))?;
         }
         let mut live = 0;
@@ -61,12 +61,16 @@ impl Map {
             ensure(l.position_in_anchor.iter().all(|x| x.is_finite()), || {
                 format!("landmark {id} has a finite position")
             })?;
+            let anchor = self.view.keyframe(l.anchor).map(|k| k.piece);
             let mut with_depth = 0;
             for &(keyframe, feature) in list {
                 let k = self.view.keyframe(keyframe);
                 let back = k.and_then(|k| k.matches.get(feature as usize).copied().flatten());
                 ensure(back == Some(id), || {
                     format!("keyframe {keyframe} knows that its feature {feature} observes {id}")
+                })?;
+                ensure(k.map(|k| k.piece) == anchor, || {
+                    format!("keyframe {keyframe} is of the same piece as the anchor of {id}")
                 })?;
                 with_depth += k.map_or(0, |k| u32::from(k.data.depths[feature as usize] > 0.0));
             }
@@ -129,16 +133,28 @@ impl Map {
                 ensure(mutual && other != k.id, || {
                     format!("covisibility of {} and {other} is mutual", k.id)
                 })?;
+                let piece = self.view.keyframe(other).map(|o| o.piece);
+                ensure(piece == Some(k.piece), || {
+                    format!("{} and {other} are of one piece", k.id)
+                })?;
             }
             let parent_ok =
-                |p: KeyframeId| p != k.id && resolves.get(p.index()).is_some_and(|r| *r);
+                |p: KeyframeId| p != k.id && resolves.get(p.index()).is_some_and(Option::is_some);
             ensure(k.parent.is_none_or(parent_ok), || {
                 format!("the parent of keyframe {} can be resolved", k.id)
             })?;
+            let piece_of = |p: KeyframeId| {
+                let live = KeyframeId(resolves.get(p.index()).copied().flatten()? as u32);
+                Some(self.view.keyframe(live)?.piece)
+            };
+            ensure(
+                k.parent.is_none_or(|p| piece_of(p) == Some(k.piece)),
+                || format!("keyframe {} is of the same piece as its parent", k.id),
+            )?;
         }
         for (i, slot) in self.view.keyframes.iter().enumerate() {
             let empty = matches!(slot, KeyframeSlot::Empty);
-            ensure(empty || resolves[i], || {
+            ensure(empty || resolves[i].is_some(), || {
                 format!("keyframe {i} has a pose, by itself or through its tombstone")
             })?;
         }
@@ -166,16 +182,16 @@ enum Step {
     Next(usize),
 }
 
-/// Whether the chain from each of `len` slots ends where it may: no cycles, nothing missing. Linear, as chains of a file may
-/// be as long as it.
-fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<bool> {
-    let (mut ends, mut seen) = (vec![false; len], vec![false; len]);
+/// Where the chain from each of `len` slots ends; none where it has a cycle or something is missing. Linear, as chains of a file
+/// may be as long as it.
+fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<Option<usize>> {
+    let (mut ends, mut seen) = (vec![None; len], vec![false; len]);
     let mut path = Vec::new();
     for start in 0..len {
         let mut at = start;
         let ends_here = loop {
             if at >= len {
-                break false;
+                break None;
             }
             // What was seen on this path and has no answer yet is a cycle.
             if seen[at] {
@@ -184,8 +200,8 @@ fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<bool> {
             seen[at] = true;
             path.push(at);
             match step(at) {
-                Step::End => break true,
-                Step::Fall => break false,
+                Step::End => break Some(at),
+                Step::Fall => break None,
                 Step::Next(next) => at = next,
             }
         };

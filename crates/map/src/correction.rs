@@ -1,6 +1,6 @@
 //! What is changed in a map all at once, by one who worked on an older version of it.
 
-use crate::{KeyframeId, LandmarkId, Map, MapView};
+use crate::{KeyframeId, LandmarkId, Map, MapView, PieceId};
 use std::collections::BTreeSet;
 use stillpoint_geometry::{Se3, Vec3};
 
@@ -46,6 +46,15 @@ pub struct LandmarkCorrection {
     pub after: Vec3,
 }
 
+/// Two pieces of map that turned out to be parts of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Join {
+    /// The piece that is no more: its keyframes go to the other.
+    pub piece: PieceId,
+    /// The piece that stays, with its frame of reference.
+    pub into: PieceId,
+}
+
 /// What is to be changed in a map, found on its version `base_version`. [`Map::apply`] brings it into the present one.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Correction {
@@ -55,6 +64,8 @@ pub struct Correction {
     pub poses: Vec<PoseCorrection>,
     /// Landmarks that are seen in another place relative to their anchors.
     pub landmarks: Vec<LandmarkCorrection>,
+    /// Pieces that become one; the poses of the one that is no more are named as `poses`.
+    pub join: Option<Join>,
     /// Landmarks that are the same as another: (which, as which). In this order.
     pub merges: Vec<(LandmarkId, LandmarkId)>,
 }
@@ -84,7 +95,8 @@ impl Map {
     ///   one it stays. Culled keyframes move with the one that their tombstone hangs on.
     /// - Landmarks move with their anchors, and what the correction says of one relative to its anchor comes on top, unless it
     ///   has another anchor by now.
-    /// - Merges follow what the landmarks have become since; those of culled ones lapse.
+    /// - All keyframes of a piece that is joined to another are that one's, the ones made since too.
+    /// - Merges follow what the landmarks have become since; those of culled ones lapse, and those across pieces.
     ///
     /// Covisibility is left to the caller: see [`Applied::touched`].
     pub fn apply(&mut self, correction: &Correction) -> Applied {
@@ -97,6 +109,9 @@ impl Map {
         }
         for l in &correction.landmarks {
             applied.landmarks += u32::from(self.correct_landmark(l));
+        }
+        if let Some(join) = correction.join {
+            self.join(join);
         }
         let mut touched = BTreeSet::new();
         for &(from, into) in &correction.merges {
@@ -142,6 +157,16 @@ impl Map {
             }
         }
         moves
+    }
+
+    fn join(&mut self, join: Join) {
+        let of_piece = self.view.keyframes().filter(|k| k.piece == join.piece);
+        let ids: Vec<KeyframeId> = of_piece.map(|k| k.id).collect();
+        for id in ids {
+            if let Some(k) = self.keyframe_mut(id) {
+                k.piece = join.into;
+            }
+        }
     }
 
     fn correct_landmark(&mut self, c: &LandmarkCorrection) -> bool {

@@ -8,6 +8,11 @@ pub struct KeyframeId(pub u32);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LandmarkId(pub u32);
 
+/// A piece of map: the id of the keyframe that began it. Keyframes of one piece are in one frame of reference; how two pieces
+/// lie to each other is not known until a place of one is recognised in the other, and they become one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PieceId(pub u32);
+
 impl KeyframeId {
     /// As an index into arrays.
     #[must_use]
@@ -31,6 +36,12 @@ impl std::fmt::Display for KeyframeId {
 }
 
 impl std::fmt::Display for LandmarkId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.0)
+    }
+}
+
+impl std::fmt::Display for PieceId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}", self.0)
     }

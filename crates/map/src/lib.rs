@@ -4,6 +4,7 @@
 //! changes; everybody else holds an [`MapView`], a version that never changes and costs microseconds to publish. A map becomes
 //! the bytes of a [`MapFile`] and back. Does not know images, tracking, optimisation or disks.
 
+mod append;
 mod check;
 mod chunked;
 mod correction;
@@ -15,11 +16,12 @@ mod map;
 mod observations;
 mod view;
 
+pub use append::AppendError;
 pub use check::Violation;
 pub use chunked::Chunked;
-pub use correction::{Applied, Correction, LandmarkCorrection, PoseCorrection};
+pub use correction::{Applied, Correction, Join, LandmarkCorrection, PoseCorrection};
 pub use file::{Extension, MapFile, MapFileError};
-pub use ids::{KeyframeId, LandmarkId};
+pub use ids::{KeyframeId, LandmarkId, PieceId};
 pub use keyframe::{Keyframe, KeyframeData, KeyframeSlot};
 pub use landmark::{Landmark, LandmarkSlot, ScaleRange};
 pub use map::Map;

@@ -1,6 +1,6 @@
 //! The map, its keyframes and which of them share landmarks. How landmarks change is in `observations.rs`.
 
-use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, MapView};
+use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, MapView, PieceId};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 
@@ -27,6 +27,13 @@ impl Map {
         }
     }
 
+    /// Whether its features come from a pyramid of `levels` levels with factor `scale_factor`: descriptors of others cannot be
+    /// compared.
+    #[must_use]
+    pub fn fits(&self, levels: usize, scale_factor: f32) -> bool {
+        self.level_scales == Self::new(levels, scale_factor).level_scales
+    }
+
     /// The present state, for reading.
     #[must_use]
     pub fn view(&self) -> &MapView {
@@ -46,7 +53,8 @@ impl Map {
         }
     }
 
-    /// Adds a keyframe without observations. Returns false when the id is taken.
+    /// Adds a keyframe without observations, to the piece of its parent; without one it begins a piece. Returns false when the
+    /// id is taken.
     pub fn insert_keyframe(
         &mut self,
         id: KeyframeId,
@@ -58,6 +66,7 @@ impl Map {
             self.view.keyframes.push(KeyframeSlot::Empty);
         }
         let matches = vec![None; data.len()];
+        let piece = parent.and_then(|p| self.view.piece_of(p));
         match self.view.keyframes.get_mut(id.index()) {
             Some(slot @ KeyframeSlot::Empty) => {
                 *slot = KeyframeSlot::Live(Arc::new(Keyframe {
@@ -67,6 +76,7 @@ impl Map {
                     matches,
                     covisible: Vec::new(),
                     parent,
+                    piece: piece.unwrap_or(PieceId(id.0)),
                 }));
                 self.view.live_keyframes += 1;
                 true

@@ -1,6 +1,8 @@
 //! Landmarks and who observes them: every way in which they change.
 
-use crate::{KeyframeData, KeyframeId, Landmark, LandmarkId, LandmarkSlot, Map, ScaleRange};
+use crate::{
+    KeyframeData, KeyframeId, Landmark, LandmarkId, LandmarkSlot, Map, PieceId, ScaleRange,
+};
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Se3, Vec3};
@@ -82,9 +84,10 @@ impl Map {
     }
 
     /// Adds an observation. Returns false, and changes nothing, when the landmark or keyframe is not live, the feature
-    /// observes another landmark or may observe none, or the keyframe observes this one already.
+    /// observes another landmark or may observe none, the keyframe observes this one already, or they are of different pieces.
     pub fn add_observation(&mut self, id: LandmarkId, keyframe: KeyframeId, feature: u32) -> bool {
-        if self.view.landmark(id).is_none() {
+        let piece = self.piece_of_landmark(id);
+        if piece.is_none() || self.view.keyframe(keyframe).map(|k| k.piece) != piece {
             return false;
         }
         let Err(at) = self.observations[id.index()].binary_search_by_key(&keyframe, |o| o.0) else {
@@ -107,6 +110,11 @@ impl Map {
             l.depth_observers += u32::from(has_depth);
         }
         true
+    }
+
+    pub(crate) fn piece_of_landmark(&self, id: LandmarkId) -> Option<PieceId> {
+        let anchor = self.view.landmark(id)?.anchor;
+        Some(self.view.keyframe(anchor)?.piece)
     }
 
     /// Takes features out of mapping for good, as they turned out to lie on something that moves: landmarks that they made
@@ -205,12 +213,12 @@ impl Map {
     }
 
     /// Declares `from` to be the same as `into`: its observations move over where they do not clash, and its id follows
-    /// `into` from now on. Returns false when either is not live or both are the same.
+    /// `into` from now on. Returns false when either is not live, both are the same, or they are of different pieces.
     pub fn merge_landmarks(&mut self, from: LandmarkId, into: LandmarkId) -> bool {
         let (Some(old), Some(_)) = (self.view.landmark(from), self.view.landmark(into)) else {
             return false;
         };
-        if from == into {
+        if from == into || self.piece_of_landmark(from) != self.piece_of_landmark(into) {
             return false;
         }
         let (visible, found) = (old.visible, old.found);

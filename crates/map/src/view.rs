@@ -1,6 +1,9 @@
 //! An immutable version of the map.
 
-use crate::{Chunked, Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot};
+use crate::{
+    Chunked, Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, PieceId,
+};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3};
 
@@ -98,6 +101,28 @@ impl MapView {
             }
         }
         None
+    }
+
+    /// The piece of map that a keyframe belongs to, also a culled one (through its tombstone).
+    #[must_use]
+    pub fn piece_of(&self, id: KeyframeId) -> Option<PieceId> {
+        Some(self.keyframe(self.resolve_keyframe(id)?)?.piece)
+    }
+
+    /// The pieces of the map with their numbers of live keyframes, by id.
+    #[must_use]
+    pub fn pieces(&self) -> Vec<(PieceId, usize)> {
+        let mut pieces = BTreeMap::new();
+        for k in self.keyframes() {
+            *pieces.entry(k.piece).or_insert(0) += 1;
+        }
+        pieces.into_iter().collect()
+    }
+
+    /// One more than the largest keyframe id ever given.
+    #[must_use]
+    pub fn keyframe_bound(&self) -> usize {
+        self.keyframes.len()
     }
 
     /// The live landmark that an id resolves to, through merges.

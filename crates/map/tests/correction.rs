@@ -7,8 +7,8 @@ use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
 use stillpoint_map::{
-    Correction, KeyframeData, KeyframeId, LandmarkCorrection, LandmarkId, Map, MapView,
-    NewLandmark, PoseCorrection,
+    Correction, Join, KeyframeData, KeyframeId, LandmarkCorrection, LandmarkId, Map, MapView,
+    NewLandmark, PieceId, PoseCorrection,
 };
 
 const FEATURES: usize = 8;
@@ -336,4 +336,79 @@ fn merges_follow_what_became_of_the_landmarks() {
     assert_eq!(map.view().resolve_landmark(l(4)), Some(l(4)));
     assert!(applied.touched.contains(&KeyframeId(4)));
     assert!(!applied.touched.contains(&KeyframeId(0)));
+}
+
+/// A map of two pieces, which begin at keyframes 0 and 10.
+fn two_pieces() -> Map {
+    let mut map = chain(4, 3);
+    extend(&mut map, 10, None, 3);
+    extend(&mut map, 11, Some(10), 3);
+    map
+}
+
+#[test]
+fn pieces_become_one_with_all_that_was_added_since() {
+    let mut map = two_pieces();
+    assert_eq!(map.view().pieces(), [(PieceId(0), 4), (PieceId(10), 2)]);
+    let first = |k: u32, map: &Map| map.view().keyframe(KeyframeId(k)).unwrap().matches[0].unwrap();
+    let merges = vec![(first(10, &map), first(2, &map))];
+    // Without a join, what is of two pieces stays two things.
+    let apart = Correction {
+        base_version: map.view().version(),
+        merges: merges.clone(),
+        ..Correction::default()
+    };
+    assert_eq!(map.apply(&apart).merged, 0);
+    let moved = |k: &u32| PoseCorrection {
+        keyframe: KeyframeId(*k),
+        before: at(&map, *k),
+        after: pose(40) * at(&map, *k),
+    };
+    let join = Correction {
+        poses: [10, 11].iter().map(moved).collect(),
+        join: Some(Join {
+            piece: PieceId(10),
+            into: PieceId(0),
+        }),
+        ..apart
+    };
+    extend(&mut map, 12, Some(11), 3);
+    map.cull_keyframe(KeyframeId(11));
+    let before: Vec<Se3> = [2, 10, 11, 12].map(|k| at(&map, k)).to_vec();
+    let applied = map.apply(&join);
+    assert_eq!((applied.merged, applied.carried), (1, 1));
+    assert_eq!(map.view().pieces(), [(PieceId(0), 6)]);
+    assert_eq!(map.view().piece_of(KeyframeId(11)), Some(PieceId(0)));
+    assert_eq!(at(&map, 2), before[0]);
+    for (k, before) in [10, 11, 12].into_iter().zip(&before[1..]) {
+        assert!(distance(&at(&map, k), &(pose(40) * *before)) < 1e-9, "{k}");
+    }
+    assert_eq!(map.check(), Ok(()));
+}
+
+#[test]
+fn another_map_comes_as_further_pieces() {
+    let (mut map, other) = (chain(4, 3), two_pieces());
+    let (own, landmarks) = (map.view().keyframe_count(), map.view().landmark_count());
+    let added = map.append(&other).unwrap();
+    assert_eq!(added, 4);
+    let pieces = [(PieceId(0), own), (PieceId(4), 4), (PieceId(14), 2)];
+    assert_eq!(map.view().pieces(), pieces);
+    assert_eq!(
+        map.view().landmark_count(),
+        landmarks + other.view().landmark_count()
+    );
+    assert_eq!(map.check(), Ok(()));
+    for (id, l) in other.view().landmarks() {
+        let moved = LandmarkId(id.0 + landmarks as u32);
+        let there = map.view().landmark(moved).unwrap();
+        assert_eq!(there.created_at.0, l.created_at.0 + added);
+        assert_eq!(
+            map.view().landmark_position(moved),
+            other.view().landmark_position(id)
+        );
+    }
+    let e = map.append(&Map::new(4, 1.5)).unwrap_err();
+    assert!(e.to_string().contains("features.levels"), "{e}");
+    assert_eq!(map.check(), Ok(()));
 }

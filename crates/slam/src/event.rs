@@ -5,7 +5,7 @@ use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections, Object};
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
-use stillpoint_map::KeyframeId;
+use stillpoint_map::{Join, KeyframeId, PieceId};
 
 /// What happened in one step of the system.
 #[derive(Clone, Debug)]
@@ -25,10 +25,17 @@ pub enum Event {
 /// What became of a frame's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The first frame of a map; its pose is where the map begins.
+    /// The first frame of a map or a piece of one; its pose is where that begins.
     Initialised,
     /// The pose was measured in this frame.
     Tracked,
+    /// The camera was found again: the pose was measured with nothing known beforehand.
+    Relocalised {
+        /// The first frame of the loss that ends here; this frame itself where there was none.
+        since: FrameId,
+        /// The keyframe that was recognised.
+        with: KeyframeId,
+    },
     /// No pose could be measured.
     Lost {
         /// The first frame of this loss.
@@ -83,6 +90,8 @@ pub struct FrameReport {
     pub counts: FrameCounts,
     /// The frame became a keyframe.
     pub is_keyframe: bool,
+    /// The piece of map that the pose is in, by what was known at this frame; none without a pose.
+    pub piece: Option<PieceId>,
     /// Version of the map view that was used.
     pub map_version: u64,
 }
@@ -182,6 +191,8 @@ pub struct LoopReport {
     pub inliers: u32,
     /// Pose of `keyframe` relative to `with`, once it is known.
     pub edge: Option<Se3>,
+    /// The pieces of map that became one by it.
+    pub joined: Option<Join>,
     /// What it cost the pose graph to believe it: squared Mahalanobis distance, about 6 where the loop is right.
     pub cost: f64,
     /// Landmarks that turned out to be others seen before.

@@ -28,6 +28,6 @@ pub use messages::{
 pub use sensor::{SensorConfig, Timing};
 pub use static_filter::{FeatureVerdict, Preset, Reasons, Segments, StaticFilterConfig};
 pub use stillpoint_imaging::Simd;
-pub use system::System;
+pub use system::{MapUse, StartError, System};
 pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};

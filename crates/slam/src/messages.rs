@@ -4,6 +4,7 @@ use crate::event::{CorrectionReport, FrameReport, LoopReport, MappingReport, Rej
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
+use stillpoint_place::PlaceIndex;
 
 /// The tracker's answer to a frame.
 #[derive(Debug)]
@@ -90,6 +91,11 @@ pub enum LooperMsg {
         /// The first version of the map that holds it.
         view: Arc<MapView>,
     },
+    /// A map that was there before the first frame.
+    Known {
+        /// The map.
+        view: Arc<MapView>,
+    },
     /// The last correction is in the map.
     Corrected {
         /// The first version that holds it.
@@ -98,10 +104,12 @@ pub enum LooperMsg {
 }
 
 /// What the looper answers.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct LooperOut {
     /// What is to be changed in the map, when a loop was closed.
     pub correction: Option<Correction>,
     /// What became of the place that was recognised; none when none was.
     pub report: Option<LoopReport>,
+    /// The places that can be recognised by now, by keyframe.
+    pub places: PlaceIndex<KeyframeId>,
 }

@@ -11,9 +11,11 @@ use crate::trajectory::Trajectory;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, Detector};
+use stillpoint_features::OrbConfig;
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_map::{Correction, KeyframeId, MapView};
+use stillpoint_map::{Correction, KeyframeId, Map, MapView};
+use stillpoint_place::PlaceIndex;
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
 pub struct System {
@@ -22,7 +24,9 @@ pub struct System {
     /// Replies of the mapper that are not due yet, with the number of the step at which they are.
     replies: VecDeque<(u64, MapperOut)>,
     mapper_delay: u64,
-    looper: Option<Looper>,
+    looper: Looper,
+    /// Known places that are not due yet, with the number of the step at which they are.
+    places: VecDeque<(u64, PlaceIndex<KeyframeId>)>,
     /// Corrections that are not due yet, with the number of the step at which they are and that of the loop's report.
     corrections: VecDeque<(u64, usize, Correction)>,
     looper_delay: u64,
@@ -33,7 +37,54 @@ pub struct System {
     detector_delay: u64,
     detector_stride: u64,
     step: u64,
+    features: OrbConfig,
+    map_use: MapUse,
 }
+
+/// What is done with a map that is there before the first frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MapUse {
+    /// It is gone on with.
+    #[default]
+    Grow,
+    /// It is only read: poses, but no keyframes and no new pieces.
+    Localize,
+}
+
+/// Why a run cannot begin with a map.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum StartError {
+    /// Its features come from another pyramid than this run's.
+    Features {
+        /// `features.levels` of this run.
+        levels: usize,
+        /// `features.scale_factor` of this run.
+        scale_factor: f32,
+    },
+    /// There is nothing in it to be localized in.
+    Empty,
+}
+
+impl std::fmt::Display for StartError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Features {
+                levels,
+                scale_factor,
+            } => write!(
+                f,
+                "expected a map with features from {levels} levels of factor {scale_factor}, found others: set features.levels and features.scale_factor to what the map was made with"
+            ),
+            Self::Empty => write!(
+                f,
+                "expected a map with keyframes to be localized in, found an empty one: make it again"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for StartError {}
 
 impl System {
     /// A system for one camera.
@@ -47,10 +98,13 @@ impl System {
         Ok(Self {
             mapper_delay: u64::from(config.schedule.mapper),
             mapper: Mapper::new(&config),
-            looper: config.looping.enabled.then(|| Looper::new(&config)),
+            looper: Looper::new(&config),
+            places: VecDeque::new(),
             corrections: VecDeque::new(),
             looper_delay: u64::from(config.schedule.looper),
             loops: Vec::new(),
+            features: config.features.clone(),
+            map_use: MapUse::Grow,
             tracker: Tracker::new(config, camera, simd),
             replies: VecDeque::new(),
             detector: None,
@@ -66,6 +120,45 @@ impl System {
     pub fn with_detector(mut self, detector: Box<dyn Detector>) -> Self {
         self.detector = Some(detector);
         self
+    }
+
+    /// The system with a map that is there already, to be gone on with or to be localized in. Until a place in it is recognised
+    /// the camera is lost. To be called before the first frame.
+    ///
+    /// # Errors
+    /// [`StartError`] when nothing can be recognised in that map.
+    pub fn with_map(mut self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
+        let (levels, scale_factor) = (self.features.levels, self.features.scale_factor);
+        if !map.fits(levels, scale_factor) {
+            return Err(StartError::Features {
+                levels,
+                scale_factor,
+            });
+        }
+        if map.view().keyframe_count() == 0 && map_use == MapUse::Localize {
+            return Err(StartError::Empty);
+        }
+        self.mapper = self.mapper.with_map(map);
+        let view = self.mapper.publish();
+        let known = self.looper.step(LooperMsg::Known {
+            view: Arc::clone(&view),
+        });
+        self.tracker = self.tracker.in_map(view, map_use == MapUse::Grow);
+        self.tracker.receive_places(known.places);
+        self.map_use = map_use;
+        Ok(self)
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        self.mapper.map()
+    }
+
+    /// The map, when the run is over.
+    #[must_use]
+    pub fn into_map(self) -> Map {
+        self.mapper.into_map()
     }
 
     /// The detector, if there is one.
@@ -84,7 +177,7 @@ impl System {
         events.insert(0, Event::Frame(report));
         if let Some(keyframe) = keyframe {
             let id = keyframe.id;
-            self.map(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
+            self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
             self.look_for_loop(id);
         }
         self.deliver_corrections(self.step);
@@ -119,13 +212,14 @@ impl System {
                 return;
             };
             events.push(Event::Detected(detections.clone()));
-            if let Some(message) = self.tracker.receive_detections(detections, next) {
-                self.map(message, events);
+            let message = self.tracker.receive_detections(detections, next);
+            if let Some(message) = message.filter(|_| self.map_use == MapUse::Grow) {
+                self.tell_mapper(message, events);
             }
         }
     }
 
-    fn map(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
+    fn tell_mapper(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
         let out = self.mapper.step(message);
         match &out.report {
             MapperReport::Mapped(report) => events.push(Event::Mapped(report.clone())),
@@ -140,10 +234,13 @@ impl System {
     /// Shows the looper a keyframe that the map took; its correction is due some steps later.
     fn look_for_loop(&mut self, id: KeyframeId) {
         let view = self.view();
-        let Some(looper) = &mut self.looper else {
-            return;
-        };
-        let LooperOut { correction, report } = looper.step(LooperMsg::Keyframe { id, view });
+        let LooperOut {
+            correction,
+            report,
+            places,
+        } = self.looper.step(LooperMsg::Keyframe { id, view });
+        let due = self.step + 1 + self.looper_delay;
+        self.places.push_back((due, places));
         let Some(report) = report else {
             return;
         };
@@ -165,15 +262,13 @@ impl System {
             let Some((_, at, correction)) = self.corrections.pop_front() else {
                 return;
             };
-            self.map(MapperMsg::Correct(correction), &mut Vec::new());
+            self.tell_mapper(MapperMsg::Correct(correction), &mut Vec::new());
             if let Some((_, out)) = self.replies.back()
                 && let MapperReport::Corrected(applied) = out.report
             {
                 self.loops[at].applied = Some(applied);
                 let map_version = applied.map_version;
-                if let Some(looper) = &mut self.looper {
-                    looper.step(LooperMsg::Corrected { map_version });
-                }
+                self.looper.step(LooperMsg::Corrected { map_version });
             }
         }
     }
@@ -195,6 +290,11 @@ impl System {
         while self.replies.front().is_some_and(|(due, _)| *due <= now) {
             if let Some((_, out)) = self.replies.pop_front() {
                 self.tracker.receive(out.view);
+            }
+        }
+        while self.places.front().is_some_and(|(due, _)| *due <= now) {
+            if let Some((_, places)) = self.places.pop_front() {
+                self.tracker.receive_places(places);
             }
         }
     }

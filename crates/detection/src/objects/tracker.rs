@@ -42,6 +42,12 @@ impl ObjectTracker {
         }
     }
 
+    /// Forgets all objects, as the frame of reference has changed: what they were measured in means nothing any more. Ids go on.
+    pub fn forget(&mut self) {
+        self.tracks.clear();
+        self.down = None;
+    }
+
     /// Takes in the detections of one frame, possibly some frames old, with the camera's pose and the depth of that frame.
     ///
     /// Detections that are not newer than the last ones, or whose stamp or pose is not finite, are left out and counted: see [`Self::ignored`]. Boxes

@@ -8,7 +8,7 @@ use super::sections::{CULLED, Counts, MAX_KEYFRAME_SLOTS, NONE, Part};
 use super::validate;
 use crate::{
     Chunked, Keyframe, KeyframeData, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot,
-    Map, MapView, ScaleRange,
+    Map, MapView, PieceId, ScaleRange,
 };
 use std::borrow::Cow;
 use std::ops::Range;
@@ -159,6 +159,7 @@ struct Record {
     features: usize,
     stamp: f64,
     world_from_camera: Se3,
+    piece: PieceId,
 }
 
 fn keyframe_records(
@@ -191,7 +192,12 @@ fn keyframe_records(
             features: from.u32()? as usize,
             stamp: from.f64()?,
             world_from_camera: pose(&mut from)?,
+            piece: PieceId(from.u32()?),
         };
+        if record.piece.0 >= counts.keyframe_slots {
+            let expected = format!("a piece below {} of keyframe {id}", counts.keyframe_slots);
+            return Err(MapFileError::invalid("keyframes", expected, record.piece));
+        }
         features += record.features as u64;
         records.push(record);
     }
@@ -229,6 +235,7 @@ fn keyframes(
             world_from_camera: r.world_from_camera,
             covisible: Vec::new(),
             parent: r.parent,
+            piece: r.piece,
         }
     };
     Ok(records.into_iter().map(keyframe).collect())

@@ -109,14 +109,21 @@ fn random_map(seed: u64, features: u32, changes: u32) -> Map {
     let mut map = Map::new(LEVELS, 1.2);
     let mut next = 0;
     for _ in 0..changes {
-        let keyframe = KeyframeId(random.below(next));
+        let live: Vec<KeyframeId> = map.view.keyframes().map(|k| k.id).collect();
+        let some = live.get(random.below(live.len() as u32) as usize);
+        // Sometimes one that is culled, or was never there.
+        let keyframe = some.copied().filter(|_| random.below(4) > 0);
+        let keyframe = keyframe.unwrap_or(KeyframeId(random.below(next)));
         let landmark = |random: &mut Random, map: &Map| {
             LandmarkId(random.below(map.view.landmark_bound() as u32))
         };
         let (a, b) = (landmark(random, &map), landmark(random, &map));
         match random.below(32) {
             0..=3 => {
-                let parent = map.view.resolve_keyframe(keyframe);
+                let some = || map.view.keyframes().next().map(|k| k.id);
+                let parent = map.view.resolve_keyframe(keyframe).or_else(some);
+                // A few begin pieces of their own.
+                let parent = parent.filter(|_| random.below(16) > 0);
                 let data = data(random, features, 1e9 + f64::from(next) / 30.0);
                 map.insert_keyframe(KeyframeId(next), data, pose(random), parent);
                 next += 1 + random.below(3) * random.below(200);
@@ -188,6 +195,7 @@ fn the_maps_of_these_tests_have_everything() {
     assert!(count(|s| matches!(s, KeyframeSlot::Empty)) > 256);
     assert!(count(|s| matches!(s, KeyframeSlot::Culled { .. })) > 3);
     assert!(map.view.keyframe_count() > 20);
+    assert!(map.view.pieces().len() > 2);
     let covisible: usize = map.view.keyframes().map(|k| k.covisible.len()).sum();
     assert!(covisible > 4, "{covisible}");
     let count = |f: fn(&LandmarkSlot) -> bool| map.view.landmarks.iter().filter(|s| f(s)).count();
@@ -437,7 +445,7 @@ fn put(raw: &mut [Raw], part: Part, at: usize, new: &[u8]) {
 #[test]
 fn every_kind_of_nonsense_has_its_message() {
     let nan = f64::NAN.to_le_bytes();
-    // In the records of keyframes: id, parent, camera, features, stamp, quaternion, translation.
+    // In the records of keyframes: id, parent, camera, features, stamp, quaternion, translation, piece.
     check(
         |r| put(r, Part::Keyframes, 16, &nan),
         &["finite stamp", "keyframes", "NaN"],
@@ -450,6 +458,10 @@ fn every_kind_of_nonsense_has_its_message() {
     check(
         |r| put(r, Part::Keyframes, 8, &[9]),
         &["cameras of keyframe"],
+    );
+    check(
+        |r| put(r, Part::Keyframes, 80, &[255; 4]),
+        &["a piece below"],
     );
     check(|r| put(r, Part::Keyframes, 4, &[0, 0, 0, 0]), &["parent"]);
     check(

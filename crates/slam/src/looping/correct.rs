@@ -11,7 +11,8 @@ use stillpoint_estimation::{
 };
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{
-    Correction, Keyframe, KeyframeId, LandmarkCorrection, LandmarkId, MapView, PoseCorrection,
+    Correction, Join, Keyframe, KeyframeId, LandmarkCorrection, LandmarkId, MapView, PieceId,
+    PoseCorrection,
 };
 
 /// Keyframes that share at least so many landmarks are tied in the pose graph beside the tree of parents.
@@ -44,7 +45,7 @@ pub(super) struct Proposal<'a> {
     pub(super) scale_factor: f64,
 }
 
-/// The live keyframes of a view, numbered.
+/// The live keyframes of the pieces that take part, numbered.
 struct Nodes<'a> {
     keyframes: Vec<&'a Keyframe>,
     index: BTreeMap<KeyframeId, u32>,
@@ -58,23 +59,61 @@ impl Proposal<'_> {
         report: &mut LoopReport,
     ) -> Result<(LoopEdge, Correction), LoopOutcome> {
         let _span = tracing::info_span!("correct").entered();
-        let nodes = Nodes::new(self.view);
+        let join = self.join();
+        let nodes = Nodes::new(self.view, self.with.piece, self.keyframe.piece);
         let edge = LoopEdge {
             old: self.with.id,
             new: self.keyframe.id,
             old_from_new: self.verified.new_from_old.inverse(),
         };
-        let (poses, cost) = self
-            .straighten(&nodes, &edge)
-            .ok_or(LoopOutcome::Contradicted)?;
+        let (poses, cost) = match join {
+            // Nothing ties two pieces yet that could contradict.
+            Some(join) => (self.put_together(&nodes, join), 0.0),
+            None => self
+                .straighten(&nodes, &edge)
+                .ok_or(LoopOutcome::Contradicted)?,
+        };
         report.cost = cost;
         if cost > max_cost {
             return Err(LoopOutcome::Contradicted);
         }
         let merges = self.merges();
         report.merges = merges.len() as u32;
-        let correction = self.refine(&nodes, poses, merges, report);
+        let correction = Correction {
+            join,
+            ..self.refine(&nodes, poses, merges, report)
+        };
         Ok((edge, correction))
+    }
+
+    /// The pieces that become one, when the two keyframes are of different ones: the younger goes to the older.
+    fn join(&self) -> Option<Join> {
+        let (a, b) = (self.with.piece, self.keyframe.piece);
+        (a != b).then(|| Join {
+            piece: a.max(b),
+            into: a.min(b),
+        })
+    }
+
+    /// The poses of two pieces in the frame of reference of the one that stays.
+    fn put_together(&self, nodes: &Nodes<'_>, join: Join) -> Vec<Se3> {
+        let old_from_new = self.verified.new_from_old.inverse();
+        let with_from_keyframe = self.with.world_from_camera * old_from_new;
+        // Maps the frame of reference of the new keyframe's piece to that of the older one's.
+        let old_from_new = with_from_keyframe * self.keyframe.world_from_camera.inverse();
+        let shift = if self.keyframe.piece == join.piece {
+            old_from_new
+        } else {
+            old_from_new.inverse()
+        };
+        let place = |k: &&Keyframe| {
+            if k.piece == join.piece {
+                (shift * k.world_from_camera).normalized()
+            } else {
+                k.world_from_camera
+            }
+        };
+        nodes.keyframes.iter().map(place).collect()
     }
 
     /// The landmarks of the new place that are landmarks of the older one: (new, older), searched in the new keyframe and its
@@ -187,6 +226,7 @@ impl Proposal<'_> {
         let positions = points.landmarks.iter().zip(&problem.points);
         Correction {
             base_version: self.view.version(),
+            join: None,
             poses: nodes.corrections(&poses),
             landmarks: positions
                 .filter_map(|(id, p)| nodes.landmark_correction(self.view, &poses, *id, p))
@@ -197,8 +237,11 @@ impl Proposal<'_> {
 }
 
 impl<'a> Nodes<'a> {
-    fn new(view: &'a MapView) -> Self {
-        let keyframes: Vec<&Keyframe> = view.keyframes().map(|k| &**k).collect();
+    /// Those of one or two pieces; of the piece that began first, the first keyframe comes first.
+    fn new(view: &'a MapView, a: PieceId, b: PieceId) -> Self {
+        let all = view.keyframes().map(|k| &**k);
+        let mut keyframes: Vec<&Keyframe> = all.filter(|k| k.piece == a || k.piece == b).collect();
+        keyframes.sort_by_key(|k| (k.piece, k.id));
         let numbered = keyframes.iter().zip(0..);
         Self {
             index: numbered.map(|(k, i)| (k.id, i)).collect(),

@@ -12,8 +12,8 @@ use correct::{LoopEdge, Proposal};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use stillpoint_map::{Keyframe, KeyframeId, MapView};
-use stillpoint_place::{PlaceIndex, PlaceMatch, Vocabulary};
+use stillpoint_map::{Correction, Keyframe, KeyframeId, MapView};
+use stillpoint_place::{PlaceIndex, PlaceMatch, PlaceVector, Vocabulary};
 
 /// Keyframes that look most alike and are looked into.
 const CANDIDATES: usize = 5;
@@ -76,7 +76,7 @@ struct Streak {
     length: u32,
 }
 
-/// Closes loops.
+/// Closes loops, and puts pieces of map together.
 pub struct Looper {
     config: LoopingConfig,
     seed: u64,
@@ -111,22 +111,57 @@ impl Looper {
 
     /// Takes a message and answers with a correction when a loop is closed.
     pub fn step(&mut self, message: LooperMsg) -> LooperOut {
-        let (id, view) = match message {
-            LooperMsg::Keyframe { id, view } => (id, view),
+        match message {
+            LooperMsg::Keyframe { id, view } => self.take_keyframe(id, &view),
+            LooperMsg::Known { view } => {
+                for keyframe in view.keyframes() {
+                    self.learn(keyframe);
+                }
+                self.answer()
+            }
             LooperMsg::Corrected { map_version } => {
                 self.valid_from = Some(map_version);
-                return LooperOut::default();
+                self.answer()
             }
-        };
-        let Some(keyframe) = view.keyframe(id).map(Arc::clone) else {
-            return LooperOut::default();
-        };
-        let found = self.recognise(&view, &keyframe);
-        let candidates = self.consistent(&view, found);
-        self.close(&view, &keyframe, &candidates)
+        }
     }
 
-    /// Adds the keyframe to the index; returns what looks like it, is not seen together with it, and is not recent.
+    fn take_keyframe(&mut self, id: KeyframeId, view: &MapView) -> LooperOut {
+        let Some(keyframe) = view.keyframe(id).map(Arc::clone) else {
+            return self.answer();
+        };
+        let found = self.recognise(view, &keyframe);
+        let candidates = self.consistent(view, found);
+        let (correction, report) = self.close(view, &keyframe, &candidates);
+        LooperOut {
+            correction,
+            report,
+            ..self.answer()
+        }
+    }
+
+    /// The places that are known by now, and nothing else.
+    fn answer(&self) -> LooperOut {
+        LooperOut {
+            correction: None,
+            report: None,
+            places: self.index.clone(),
+        }
+    }
+
+    /// Adds a keyframe to the index.
+    fn learn(&mut self, keyframe: &Keyframe) -> Arc<PlaceVector> {
+        let data = &keyframe.data;
+        let vector = self
+            .vocabulary
+            .vector_of(&data.descriptors, |i| data.mappable[i]);
+        let vector = Arc::new(vector);
+        self.index.insert(keyframe.id, Arc::clone(&vector));
+        vector
+    }
+
+    /// Adds the keyframe to the index; returns what looks like it and is of another piece of map, or, when loops are closed, is
+    /// not seen together with it and not recent.
     fn recognise(&mut self, view: &MapView, keyframe: &Keyframe) -> Vec<PlaceMatch<KeyframeId>> {
         let _span = tracing::info_span!("recognise").entered();
         let gone: Vec<KeyframeId> = self
@@ -137,21 +172,21 @@ impl Looper {
         for key in gone {
             self.index.remove(key);
         }
-        let data = &keyframe.data;
-        let vector = self
-            .vocabulary
-            .vector_of(&data.descriptors, |i| data.mappable[i]);
-        let vector = Arc::new(vector);
+        let vector = self.learn(keyframe);
+        let elsewhere = view.keyframes().any(|k| k.piece != keyframe.piece);
+        if !elsewhere && !self.config.enabled {
+            return Vec::new();
+        }
         let recent = {
             let ids: Vec<KeyframeId> = view.keyframes().map(|k| k.id).collect();
             let back = ids.len().checked_sub(self.config.min_gap);
             back.and_then(|i| ids.get(i).copied())
         };
         let near = surroundings(view, keyframe);
-        let admit = |k: KeyframeId| Some(k) < recent && !near.contains(&k);
-        let found = self.index.query(&vector, admit, CANDIDATES);
-        self.index.insert(keyframe.id, vector);
-        found
+        let own_piece = |k: KeyframeId| view.keyframe(k).map(|k| k.piece) == Some(keyframe.piece);
+        let closes = |k: KeyframeId| self.config.enabled && Some(k) < recent && !near.contains(&k);
+        let admit = |k: KeyframeId| k != keyframe.id && (!own_piece(k) || closes(k));
+        self.index.query(&vector, admit, CANDIDATES)
     }
 
     /// The candidates whose place the keyframes before looked like as well.
@@ -185,15 +220,19 @@ impl Looper {
         view: &MapView,
         keyframe: &Keyframe,
         candidates: &[PlaceMatch<KeyframeId>],
-    ) -> LooperOut {
-        let mut out = LooperOut::default();
-        if self.is_too_soon(view, keyframe.id) {
-            return out;
+    ) -> (Option<Correction>, Option<LoopReport>) {
+        let mut told: Option<LoopReport> = None;
+        if !self.is_up_to_date(view) {
+            return (None, None);
         }
+        let too_soon = self.is_too_soon(view, keyframe.id);
         for candidate in candidates {
             let Some(with) = view.keyframe(candidate.key) else {
                 continue;
             };
+            if too_soon && with.piece == keyframe.piece {
+                continue;
+            }
             let mut report = LoopReport {
                 keyframe: keyframe.id,
                 with: candidate.key,
@@ -201,6 +240,7 @@ impl Looper {
                 rigid_inliers: 0,
                 inliers: 0,
                 edge: None,
+                joined: None,
                 cost: 0.0,
                 merges: 0,
                 moved_m: 0.0,
@@ -227,27 +267,28 @@ impl Looper {
                     self.last_closed = Some(keyframe.id);
                     self.valid_from = None;
                     self.streaks.clear();
-                    out.correction = Some(correction);
-                    out.report = Some(report);
-                    return out;
+                    report.joined = correction.join;
+                    return (Some(correction), Some(report));
                 }
                 Err(reason) => report.outcome = reason,
             }
             // Of those that failed, the one that came farthest is told.
             let far = |r: &LoopReport| (r.inliers, r.rigid_inliers);
-            if out.report.as_ref().is_none_or(|r| far(r) < far(&report)) {
-                out.report = Some(report);
+            if told.as_ref().is_none_or(|r| far(r) < far(&report)) {
+                told = Some(report);
             }
         }
-        out
+        (None, told)
     }
 
-    /// Whether a loop was closed just now: the map is given the time to settle. A view that does not hold the last correction yet
-    /// must not be corrected at all, or the same drift would be taken out twice.
+    /// Whether a view holds the last correction. One that does not must not be corrected, or the same drift would be taken out
+    /// twice.
+    fn is_up_to_date(&self, view: &MapView) -> bool {
+        self.valid_from.is_some_and(|v| view.version() >= v)
+    }
+
+    /// Whether a loop was closed just now: the map is given the time to settle.
     fn is_too_soon(&self, view: &MapView, now: KeyframeId) -> bool {
-        if self.valid_from.is_none_or(|v| view.version() < v) {
-            return true;
-        }
         self.last_closed.is_some_and(|last| {
             let between = view.keyframes().filter(|k| k.id > last && k.id <= now);
             between.count() < self.config.min_gap
@@ -337,17 +378,22 @@ mod tests {
         let mut map = map(30);
         let mut looper = Looper::new(&Config::default());
         let view = map.publish();
-        let now = KeyframeId(29);
-        assert!(!looper.is_too_soon(&view, now));
-        looper.last_closed = Some(KeyframeId(5));
+        assert!(looper.is_up_to_date(&view));
         looper.valid_from = None;
-        assert!(looper.is_too_soon(&view, now));
+        assert!(!looper.is_up_to_date(&view));
         let map_version = view.version() + 1;
         looper.step(LooperMsg::Corrected { map_version });
-        assert!(looper.is_too_soon(&view, now));
+        assert!(!looper.is_up_to_date(&view));
+        assert!(looper.is_up_to_date(&map.publish()));
+    }
+
+    #[test]
+    fn ten_keyframes_are_between_two_loops() {
+        let mut map = map(30);
+        let mut looper = Looper::new(&Config::default());
         let view = map.publish();
-        assert!(!looper.is_too_soon(&view, now));
-        // Ten keyframes are between two loops.
+        assert!(!looper.is_too_soon(&view, KeyframeId(29)));
+        looper.last_closed = Some(KeyframeId(5));
         assert!(looper.is_too_soon(&view, KeyframeId(14)));
         assert!(!looper.is_too_soon(&view, KeyframeId(15)));
     }

@@ -13,8 +13,9 @@ use crate::event::{MappingReport, RejudgeReport};
 use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
 use crate::sensor::SensorConfig;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 use stillpoint_geometry::Se3;
-use stillpoint_map::{Correction, KeyframeId, LandmarkId, Map};
+use stillpoint_map::{Correction, KeyframeId, LandmarkId, Map, MapView};
 
 /// How the map is built.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,6 +92,31 @@ impl Mapper {
             young: Vec::new(),
             order: Vec::new(),
         }
+    }
+
+    /// The mapper with a map that is there already.
+    #[must_use]
+    pub fn with_map(mut self, map: Map) -> Self {
+        self.order = map.view().keyframes().map(|k| k.id).collect();
+        self.map = map;
+        self
+    }
+
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        &self.map
+    }
+
+    /// The map, when mapping is over.
+    #[must_use]
+    pub fn into_map(self) -> Map {
+        self.map
+    }
+
+    /// Publishes the map as it is.
+    pub(crate) fn publish(&mut self) -> Arc<MapView> {
+        self.map.publish()
     }
 
     /// Takes a message and answers with the new version of the map.

@@ -150,6 +150,14 @@ impl StaticFilter {
         self.config.preset != Preset::Off && self.config.objects
     }
 
+    /// Forgets what was seen so far, as it was seen in another frame of reference.
+    pub(crate) fn forget(&mut self) {
+        self.objects.forget();
+        self.surfaces = Surfaces::new(&self.cells);
+        self.history = History::default();
+        self.present = None;
+    }
+
     /// Takes detections of the frame to come.
     pub(crate) fn receive(&mut self, detections: Detections) {
         if self.wants_detections() {

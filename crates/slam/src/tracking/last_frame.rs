@@ -66,7 +66,9 @@ impl Tracker {
         if let Some(k) = self.view.keyframe(reference) {
             ids.extend(k.covisible.iter().take(COVISIBLE).map(|c| c.0));
         }
-        let newest: Vec<KeyframeId> = self.view.keyframes().map(|k| k.id).collect();
+        let piece = self.view.piece_of(reference);
+        let of_piece = self.view.keyframes().filter(|k| Some(k.piece) == piece);
+        let newest: Vec<KeyframeId> = of_piece.map(|k| k.id).collect();
         ids.extend(newest.iter().rev().take(NEWEST));
         let mut tried: Vec<KeyframeId> = Vec::new();
         for id in ids {

@@ -13,6 +13,7 @@ pub(crate) mod matching;
 mod motion;
 mod outcome;
 mod pose;
+mod relocalise;
 mod self_calibration;
 mod sight;
 mod statistics;
@@ -23,7 +24,7 @@ pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
 
 use crate::config::Config;
-use crate::event::{FrameCounts, LostReason};
+use crate::event::{FrameCounts, LostReason, Outcome};
 use crate::messages::{MapperMsg, Tracked};
 use crate::sensor::Timing;
 use crate::static_filter::{FeatureVerdict, FrameInput, Judgement, StaticFilter};
@@ -33,13 +34,14 @@ use frame::Observer;
 use local_map::LocalMap;
 use matching::Matches;
 use motion::Motion;
+use relocalise::Places;
 use self_calibration::SelfCalibration;
 use statistics::Statistics;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
 use stillpoint_geometry::{Camera, Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId};
 
 /// The last frame whose pose is known.
 struct LastFrame {
@@ -65,13 +67,22 @@ pub struct Tracker {
     previous: Option<Arc<RgbdFrame>>,
     local_map: LocalMap,
     lost_since: Option<FrameId>,
+    places: Places,
+    /// The piece of map that the last pose was in.
+    piece: Option<PieceId>,
+    /// Whether frames become keyframes and new pieces are begun; else the map is only read.
+    grows: bool,
+    /// Frames of the present loss that showed enough to begin a map.
+    unplaced: u32,
+    /// Keyframe ids count on from here: below are those of a map that was there before.
+    first_keyframe: u32,
     last_keyframe: Option<FrameId>,
     statistics: Statistics,
     trajectory: Trajectory,
 }
 
 /// What is noted of a frame on its way.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Notes {
     counts: FrameCounts,
     judgement: Judgement,
@@ -108,10 +119,24 @@ impl Tracker {
             previous: None,
             local_map: LocalMap::default(),
             lost_since: None,
+            places: Places::default(),
+            piece: None,
+            grows: true,
+            unplaced: 0,
+            first_keyframe: 0,
             last_keyframe: None,
             statistics: Statistics::default(),
             trajectory: Trajectory::default(),
         }
+    }
+
+    /// The tracker in a map that is there already: it is lost until it recognises a place. Unless the map `grows`, it is only read.
+    #[must_use]
+    pub fn in_map(mut self, view: Arc<MapView>, grows: bool) -> Self {
+        self.first_keyframe = view.keyframe_bound() as u32;
+        self.view = view;
+        self.grows = grows;
+        self
     }
 
     /// The frames tracked so far.
@@ -142,18 +167,30 @@ impl Tracker {
             self.filter.receive(detections);
             return None;
         }
-        let keyframe = self.view.keyframe(KeyframeId(detections.frame.0));
+        let keyframe = self.view.keyframe(self.keyframe_id(detections.frame));
         let data = keyframe.map(|k| Arc::clone(&k.data));
         let rejudged = self.filter.take_late(&detections, &self.view, data)?;
         Some(MapperMsg::Rejudge {
-            keyframe: KeyframeId(rejudged.frame.0),
+            keyframe: self.keyframe_id(rejudged.frame),
             features: rejudged.features,
         })
+    }
+
+    /// The id of the keyframe that a frame of this run may become.
+    fn keyframe_id(&self, frame: FrameId) -> KeyframeId {
+        KeyframeId(self.first_keyframe.saturating_add(frame.0))
     }
 
     /// Takes a newer view of the map.
     pub fn receive(&mut self, view: Arc<MapView>) {
         self.view = view;
+        let reference = self.last.as_ref().map(|l| l.reference);
+        let piece = reference.and_then(|r| self.view.piece_of(r));
+        if piece.is_some() && piece != self.piece {
+            // The piece became part of another: what moves was seen in a frame of reference that is no more.
+            self.filter.forget();
+            self.piece = piece;
+        }
     }
 
     /// Tracks a frame.
@@ -167,13 +204,23 @@ impl Tracker {
     fn track_frame(&mut self, frame: &RgbdFrame) -> Tracked {
         let mut notes = Notes::default();
         let data = self.observe(frame, &mut notes);
-        if self.last.is_none() {
+        if self.last.is_none() && self.view.keyframe_count() == 0 && self.grows {
             return self.initialise(frame, &data, notes);
         }
-        match self.locate(frame, &data, &mut notes) {
-            Ok(solution) => self.accept(frame, notes, solution),
-            Err(reason) => self.lose(frame, notes, reason),
+        let reason = match self.locate(frame, &data, &mut notes) {
+            Ok(solution) => return self.accept(frame, notes, solution, Outcome::Tracked),
+            Err(reason) => reason,
+        };
+        if let Some((with, solution)) = self.relocalise(frame, &data, &mut notes) {
+            let since = self.lost_since.unwrap_or(frame.id);
+            let outcome = Outcome::Relocalised { since, with };
+            return self.accept(frame, notes, solution, outcome);
         }
+        if self.is_piece_due(&notes) {
+            self.leave_piece();
+            return self.initialise(frame, &data, notes);
+        }
+        self.lose(frame, notes, reason)
     }
 
     /// Finds the pose from what stands still of the features `data`.
@@ -185,12 +232,24 @@ impl Tracker {
     ) -> Result<Solution, LostReason> {
         let (reference, predicted) = self.predict(frame.stamp);
         let motion = self.estimate_motion(frame, data, reference, &predicted, notes)?;
-        self.judge(frame, data, &motion, notes);
-        let (data, matches) = self.keep_static(frame, &motion, notes);
+        self.settle(frame, data, reference, &motion, notes)
+    }
+
+    /// From a first pose to the pose: filters, matches the local map, optimises.
+    fn settle(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        reference: KeyframeId,
+        motion: &EgoMotion,
+        notes: &mut Notes,
+    ) -> Result<Solution, LostReason> {
+        self.judge(frame, data, motion, notes);
+        let (data, matches) = self.keep_static(frame, motion, notes);
         let (reference, matches) =
-            self.match_map(frame, &data, reference, &motion, matches, &mut notes.counts);
-        let fix = self.refine(&data, &motion, matches);
-        let fix = self.bridge_when_starved(&data, &motion, &notes.judgement.verdicts, fix);
+            self.match_map(frame, &data, reference, motion, matches, &mut notes.counts);
+        let fix = self.refine(&data, reference, motion, matches);
+        let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
         self.conclude(data, reference, &fix, notes)
     }
 
@@ -254,7 +313,13 @@ impl Tracker {
     }
 
     /// Optimises the pose with all matches, and learns from it.
-    fn refine(&mut self, data: &KeyframeData, motion: &EgoMotion, matches: Matches) -> Fix {
+    fn refine(
+        &mut self,
+        data: &KeyframeData,
+        reference: KeyframeId,
+        motion: &EgoMotion,
+        matches: Matches,
+    ) -> Fix {
         let (matches, pose) = pose::solve(data, &motion.camera_from_world, matches);
         self.statistics.found(&matches);
         let wanted = self.config.sensor.self_calibrate;
@@ -262,8 +327,8 @@ impl Tracker {
             self.calibration
                 .learn(&self.observer, data, &matches, &pose, &v);
         }
-        // Until the first view of the map arrives, the last frame's own points are what there is to track.
-        let inliers = if self.view.keyframe_count() == 0 {
+        // Until the first view of a new piece of map arrives, the last frame's own points are what there is to track.
+        let inliers = if self.view.resolve_keyframe(reference).is_none() {
             matches.count
         } else {
             matches.landmarks()

@@ -9,10 +9,10 @@ use crate::trajectory::TrajectoryEntry;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, PieceId};
 
 impl Tracker {
-    /// Begins a map with the first frame that has enough depth.
+    /// Begins a map, or a piece of one, with a frame that has enough depth.
     pub(super) fn initialise(
         &mut self,
         frame: &RgbdFrame,
@@ -36,7 +36,7 @@ impl Tracker {
             return self.lose(frame, notes, reason);
         }
         let inliers = counts.with_depth;
-        let id = KeyframeId(frame.id.0);
+        let id = self.keyframe_id(frame.id);
         let matches = vec![None; data.len()];
         self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
         self.filter.remember(&Place {
@@ -47,6 +47,8 @@ impl Tracker {
         });
         self.last_keyframe = Some(frame.id);
         self.lost_since = None;
+        self.unplaced = 0;
+        self.piece = Some(PieceId(id.0));
         self.trajectory.push(TrajectoryEntry {
             frame: frame.id,
             stamp: frame.stamp,
@@ -74,6 +76,7 @@ impl Tracker {
         frame: &RgbdFrame,
         notes: Notes,
         solution: Solution,
+        outcome: Outcome,
     ) -> Tracked {
         let counts = &notes.counts;
         let Solution {
@@ -84,14 +87,18 @@ impl Tracker {
         } = solution;
         let world_from_camera = camera_from_world.inverse();
         match &self.last {
-            Some(last) if self.lost_since.is_none() => self.motion.learn(
-                &last.world_from_camera.inverse(),
-                &camera_from_world,
-                frame.stamp - last.stamp,
-            ),
+            Some(last) if self.lost_since.is_none() && outcome == Outcome::Tracked => {
+                self.motion.learn(
+                    &last.world_from_camera.inverse(),
+                    &camera_from_world,
+                    frame.stamp - last.stamp,
+                )
+            }
             _ => self.motion.forget(),
         }
         self.lost_since = None;
+        self.unplaced = 0;
+        self.piece = self.view.piece_of(reference).or(self.piece);
         let world_from_reference = self.view.world_from_keyframe(reference).unwrap_or_default();
         let reference_from_camera = world_from_reference.inverse() * world_from_camera;
         self.trajectory.push(TrajectoryEntry {
@@ -117,7 +124,6 @@ impl Tracker {
             reference_from_camera,
             world_from_camera,
         );
-        let outcome = Outcome::Tracked;
         Tracked {
             report: self.report(
                 frame,
@@ -140,6 +146,9 @@ impl Tracker {
         matches: &[Option<LandmarkId>],
     ) -> Option<NewKeyframe> {
         let _span = tracing::info_span!("keyframe").entered();
+        if !self.grows {
+            return None;
+        }
         let gap = self
             .last_keyframe
             .map_or(u32::MAX, |id| frame.id.0.saturating_sub(id.0));
@@ -157,7 +166,7 @@ impl Tracker {
         }
         self.last_keyframe = Some(frame.id);
         Some(NewKeyframe {
-            id: KeyframeId(frame.id.0),
+            id: self.keyframe_id(frame.id),
             data: Arc::clone(data),
             reference: Some(reference),
             reference_from_camera,
@@ -219,6 +228,7 @@ impl Tracker {
             segments: notes.judgement.segments,
             counts: notes.counts,
             is_keyframe,
+            piece: self.piece.filter(|_| world_from_camera.is_some()),
             map_version: self.view.version(),
         }
     }

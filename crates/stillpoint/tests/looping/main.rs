@@ -85,7 +85,10 @@ fn edge_error(simulator: &Simulator, report: &LoopReport) -> (f64, f64) {
     let pose = |id: u32| truth[id as usize].1;
     let with_from_keyframe = pose(report.with.0).inverse() * pose(report.keyframe.0);
     let error: Se3 = with_from_keyframe.inverse() * report.edge.unwrap();
-    (error.translation.norm(), error.rotation.angle().to_degrees())
+    (
+        error.translation.norm(),
+        error.rotation.angle().to_degrees(),
+    )
 }
 
 fn tell(simulator: &Simulator, name: &str, run: &Run) {
@@ -99,7 +102,16 @@ fn tell(simulator: &Simulator, name: &str, run: &Run) {
         let error = l.edge.map(|_| edge_error(simulator, l));
         println!(
             "  {} with {}: {}, score {:.3}, {} + {} inliers, cost {:.1}, {} merged, moved {:.3} m, edge off by {error:?} (m, deg), {:?}",
-            l.keyframe, l.with, l.outcome, l.score, l.rigid_inliers, l.inliers, l.cost, l.merges, l.moved_m, l.applied,
+            l.keyframe,
+            l.with,
+            l.outcome,
+            l.score,
+            l.rigid_inliers,
+            l.inliers,
+            l.cost,
+            l.merges,
+            l.moved_m,
+            l.applied,
         );
     }
 }

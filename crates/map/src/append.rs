@@ -1,0 +1,106 @@
+//! Another map as further pieces of a map.
+
+use crate::{KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, Map, PieceId};
+use std::sync::Arc;
+
+/// Why a map cannot be taken into another.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum AppendError {
+    /// Their features come from different pyramids, so that no distance between them means anything.
+    Levels {
+        /// Scales of the levels of the map that was to grow.
+        expected: Vec<f32>,
+        /// Those of the other.
+        found: Vec<f32>,
+    },
+    /// Together they have more ids than there are numbers.
+    Full,
+}
+
+impl std::fmt::Display for AppendError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Levels { expected, found } => write!(
+                f,
+                "expected a map with features from levels of scale {expected:?}, found levels of scale {found:?}: make both maps with the same features.levels and features.scale_factor"
+            ),
+            Self::Full => write!(
+                f,
+                "expected two maps that have fewer than 2^32 keyframe and landmark ids together: make smaller maps"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for AppendError {}
+
+impl Map {
+    /// Takes in another map: its pieces become further pieces of this one, under new ids. Returns what was added to its keyframe
+    /// ids. How the pieces lie to each other stays unknown.
+    ///
+    /// # Errors
+    /// [`AppendError`]; nothing is changed then.
+    pub fn append(&mut self, other: &Self) -> Result<u32, AppendError> {
+        if self.level_scales != other.level_scales {
+            return Err(AppendError::Levels {
+                expected: self.level_scales.clone(),
+                found: other.level_scales.clone(),
+            });
+        }
+        let keyframes = first_free(self.view.keyframes.len(), other.view.keyframes.len())?;
+        let landmarks = first_free(self.view.landmarks.len(), other.view.landmarks.len())?;
+        let keyframe = |id: KeyframeId| KeyframeId(id.0 + keyframes);
+        let landmark = |id: LandmarkId| LandmarkId(id.0 + landmarks);
+        for slot in other.view.keyframes.iter() {
+            self.view.keyframes.push(match slot {
+                KeyframeSlot::Empty => KeyframeSlot::Empty,
+                KeyframeSlot::Live(k) => {
+                    let mut k = (**k).clone();
+                    k.id = keyframe(k.id);
+                    k.parent = k.parent.map(keyframe);
+                    k.piece = PieceId(k.piece.0 + keyframes);
+                    for (id, _) in &mut k.covisible {
+                        *id = keyframe(*id);
+                    }
+                    for id in k.matches.iter_mut().flatten() {
+                        *id = landmark(*id);
+                    }
+                    KeyframeSlot::Live(Arc::new(k))
+                }
+                KeyframeSlot::Culled {
+                    parent,
+                    parent_from_this,
+                } => KeyframeSlot::Culled {
+                    parent: keyframe(*parent),
+                    parent_from_this: *parent_from_this,
+                },
+            });
+        }
+        for slot in other.view.landmarks.iter() {
+            self.view.landmarks.push(match slot {
+                LandmarkSlot::Live(l) => {
+                    let mut l = l.clone();
+                    l.anchor = keyframe(l.anchor);
+                    l.created_at = keyframe(l.created_at);
+                    LandmarkSlot::Live(l)
+                }
+                LandmarkSlot::Merged(into) => LandmarkSlot::Merged(landmark(*into)),
+                LandmarkSlot::Culled => LandmarkSlot::Culled,
+            });
+        }
+        for list in &other.observations {
+            let moved = list.iter().map(|(k, feature)| (keyframe(*k), *feature));
+            self.observations.push(moved.collect());
+        }
+        self.view.live_keyframes += other.view.live_keyframes;
+        self.view.live_landmarks += other.view.live_landmarks;
+        Ok(keyframes)
+    }
+}
+
+/// The first id behind `own`, when `more` fit behind it; the two largest numbers stand for other things in map files.
+fn first_free(own: usize, more: usize) -> Result<u32, AppendError> {
+    let fits = own.checked_add(more).filter(|n| *n < u32::MAX as usize - 1);
+    fits.map(|_| own as u32).ok_or(AppendError::Full)
+}

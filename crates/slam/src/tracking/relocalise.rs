@@ -1,0 +1,149 @@
+//! Relocalisation: where the camera is when nothing is known of it, and what becomes of it when that is not found either.
+
+use super::ego_motion::EgoMotion;
+use super::matching::{self, Candidate};
+use super::{Notes, Solution, Tracker, pose};
+use std::sync::Arc;
+use stillpoint_estimation::{
+    AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
+};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
+use stillpoint_place::{PlaceIndex, Vocabulary};
+
+/// Keyframes that look most alike and are looked into. Neighbours look alike as well, so that these are two or three places.
+const CANDIDATES: usize = 6;
+
+/// The places that can be recognised.
+pub(super) struct Places {
+    vocabulary: Vocabulary,
+    index: PlaceIndex<KeyframeId>,
+}
+
+impl Default for Places {
+    fn default() -> Self {
+        Self {
+            vocabulary: Vocabulary::embedded(),
+            index: PlaceIndex::default(),
+        }
+    }
+}
+
+impl Tracker {
+    /// Takes a newer index of the places in the map.
+    pub fn receive_places(&mut self, index: PlaceIndex<KeyframeId>) {
+        self.places.index = index;
+    }
+
+    /// Looks for the camera in the whole map: candidates by place, a pose from three points of each by RANSAC, then all that
+    /// tracking does with a first pose. Returns the keyframe that was recognised along with the pose.
+    pub(super) fn relocalise(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        notes: &mut Notes,
+    ) -> Option<(KeyframeId, Solution)> {
+        let min_inliers = self.config.tracking.min_relocalisation_inliers;
+        if data.len() < min_inliers {
+            return None;
+        }
+        for candidate in self.recognise(data) {
+            let view = Arc::clone(&self.view);
+            let Some(keyframe) = view.keyframe(candidate) else {
+                continue;
+            };
+            let Some(motion) = self.find_at(frame, data, keyframe) else {
+                continue;
+            };
+            if self.piece != Some(keyframe.piece) {
+                self.filter.forget();
+            }
+            let mut tried = notes.clone();
+            let solution = self.settle(frame, data, candidate, &motion, &mut tried);
+            if let Ok(solution) = solution
+                && tried.counts.inliers as usize >= min_inliers
+            {
+                *notes = tried;
+                return Some((candidate, solution));
+            }
+        }
+        None
+    }
+
+    /// The keyframes that look most like what the frame shows.
+    fn recognise(&self, data: &KeyframeData) -> Vec<KeyframeId> {
+        let _span = tracing::info_span!("recognise").entered();
+        if self.places.index.is_empty() {
+            return Vec::new();
+        }
+        let vocabulary = &self.places.vocabulary;
+        let vector = vocabulary.vector_of(&data.descriptors, |i| data.mappable[i]);
+        let is_live = |k| self.view.keyframe(k).is_some();
+        let found = self.places.index.query(&vector, is_live, CANDIDATES);
+        found.into_iter().map(|m| m.key).collect()
+    }
+
+    /// The pose in which the landmarks of one keyframe make most sense.
+    fn find_at(
+        &self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        keyframe: &Keyframe,
+    ) -> Option<EgoMotion> {
+        let _span = tracing::info_span!("verify").entered();
+        let landmark = |(i, id): (usize, &Option<_>)| {
+            let landmark = (*id)?;
+            Some(Candidate {
+                landmark: Some(landmark),
+                position: self.view.landmark_position(landmark)?,
+                feature: i as u32,
+            })
+        };
+        let candidates: Vec<Candidate> = keyframe
+            .matches
+            .iter()
+            .enumerate()
+            .filter_map(landmark)
+            .collect();
+        let matches = matching::match_by_descriptor(data, &keyframe.data, &candidates);
+        let observed = |(i, target): (usize, &Option<matching::Target>)| {
+            Some(PoseObservation {
+                point: (*target)?.position,
+                measurement: pose::measurement(data, i),
+            })
+        };
+        let targets = matches.targets.iter().enumerate();
+        let observations: Vec<PoseObservation> = targets.filter_map(observed).collect();
+        // Both are in the address: several keyframes are tried for one frame.
+        let address = u64::from(frame.id.0) << 32 | u64::from(keyframe.id.0);
+        let outcome = find_absolute_pose(
+            &Intrinsics::from(&data.camera),
+            &observations,
+            &AbsolutePoseOptions::default(),
+            rng(self.config.seed, address, Purpose::RELOCALISATION),
+        );
+        let found = outcome.found()?;
+        let (matches, camera_from_world) = pose::solve(data, &found.camera_from_world, matches);
+        Some(EgoMotion {
+            camera_from_world,
+            matches,
+            ..EgoMotion::unknown()
+        })
+    }
+
+    /// Whether it is time to begin a new piece of map: for so many frames there was enough to see, and none of it was known.
+    pub(super) fn is_piece_due(&mut self, notes: &Notes) -> bool {
+        let enough = self.config.tracking.min_initial_points;
+        if notes.counts.with_depth as usize >= enough {
+            self.unplaced += 1;
+        }
+        self.grows && self.unplaced >= self.config.tracking.new_piece_after
+    }
+
+    /// Forgets what belongs to the piece of map that is left.
+    pub(super) fn leave_piece(&mut self) {
+        self.last = None;
+        self.motion.forget();
+        self.filter.forget();
+    }
+}
