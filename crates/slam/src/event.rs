@@ -29,7 +29,7 @@ pub enum Outcome {
     Initialised,
     /// The pose was measured in this frame.
     Tracked,
-    /// The camera was found again: the pose was measured with nothing known beforehand.
+    /// The camera was found again, near where it was lost or anywhere in the map.
     Relocalised {
         /// The first frame of the loss that ends here; this frame itself where there was none.
         since: FrameId,

@@ -208,7 +208,16 @@ impl Tracker {
             return self.initialise(frame, &data, notes);
         }
         let reason = match self.locate(frame, &data, &mut notes) {
-            Ok(solution) => return self.accept(frame, notes, solution, Outcome::Tracked),
+            Ok(solution) => {
+                let outcome = match self.lost_since {
+                    None => Outcome::Tracked,
+                    Some(since) => Outcome::Relocalised {
+                        since,
+                        with: solution.reference,
+                    },
+                };
+                return self.accept(frame, notes, solution, outcome);
+            }
             Err(reason) => reason,
         };
         if let Some((with, solution)) = self.relocalise(frame, &data, &mut notes) {

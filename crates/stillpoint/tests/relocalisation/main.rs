@@ -1,0 +1,242 @@
+//! A camera that is lost: found again, in a new piece of map, and when pieces become one.
+
+#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+
+mod real;
+
+use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
+use stillpoint_map::PieceId;
+use stillpoint_simulator::{Simulator, SimulatorConfig};
+use stillpoint_slam::{Config, Event, FrameReport, MapUse, Outcome, System};
+
+const PERIOD: f64 = 1.0 / 30.0;
+
+fn simulator(scene: &str, frames: usize) -> Simulator {
+    Simulator::new(&SimulatorConfig {
+        scene: scene.into(),
+        frames: Some(frames),
+        ..SimulatorConfig::default()
+    })
+    .unwrap()
+}
+
+/// What is played: frames of a simulation in any order, and frames of a covered lens.
+#[derive(Clone)]
+struct Play(Vec<Option<usize>>);
+
+impl Play {
+    fn frames(frames: impl IntoIterator<Item = usize>) -> Self {
+        Self(frames.into_iter().map(Some).collect())
+    }
+
+    fn covered(mut self, frames: usize) -> Self {
+        self.0.extend(vec![None; frames]);
+        self
+    }
+
+    fn then(mut self, frames: impl IntoIterator<Item = usize>) -> Self {
+        self.0.extend(frames.into_iter().map(Some));
+        self
+    }
+}
+
+struct Run {
+    system: System,
+    reports: Vec<FrameReport>,
+}
+
+fn go_on(mut system: System, simulator: &Simulator, play: &Play) -> Run {
+    let size = simulator.frame(0);
+    let (w, h) = (size.gray.width(), size.gray.height());
+    let mut reports = Vec::new();
+    for (i, shown) in play.0.iter().enumerate() {
+        let stamp = i as f64 * PERIOD;
+        let mut frame = match shown {
+            Some(k) => simulator.frame(*k),
+            None => RgbdFrame {
+                gray: GrayImage::new(w, h),
+                colour: None,
+                depth: DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap(),
+                ..simulator.frame(0)
+            },
+        };
+        frame.depth_stamp += stamp - frame.stamp;
+        frame.stamp = stamp;
+        frame.id = FrameId(i as u32);
+        for event in system.step(frame) {
+            if let Event::Frame(report) = event {
+                reports.push(report);
+            }
+        }
+    }
+    system.finish();
+    Run { system, reports }
+}
+
+fn run(simulator: &Simulator, config: &Config, play: &Play) -> Run {
+    let system = System::new(config.clone(), *simulator.camera(), Simd::detect()).unwrap();
+    go_on(system, simulator, play)
+}
+
+impl Run {
+    /// Final poses of one piece of map with the truth.
+    fn poses(&self, simulator: &Simulator, play: &Play, piece: PieceId) -> [Vec<TimedPose>; 2] {
+        let view = self.system.view();
+        let truth = simulator.ground_truth();
+        let (mut estimate, mut real) = (Vec::new(), Vec::new());
+        for (entry, pose) in self.system.trajectory().resolve(&view) {
+            let Some(k) = play.0[entry.frame.0 as usize] else {
+                continue;
+            };
+            if view.piece_of(entry.reference) != Some(piece) {
+                continue;
+            }
+            let at = |world_from_camera| TimedPose {
+                stamp: entry.stamp,
+                world_from_camera,
+            };
+            estimate.push(at(pose));
+            real.push(at(truth[k].1));
+        }
+        [estimate, real]
+    }
+
+    fn ate_mm(&self, simulator: &Simulator, play: &Play, piece: PieceId) -> f64 {
+        let [estimate, real] = self.poses(simulator, play, piece);
+        let score = evaluate(&real, &estimate, &EvalOptions::default()).unwrap();
+        score.ate.statistics.rmse * 1e3
+    }
+
+    fn tell(&self) {
+        let mut last = String::new();
+        for r in &self.reports {
+            let state = match r.outcome {
+                Outcome::Lost { reason, .. } => format!("lost: {reason}"),
+                Outcome::Relocalised { since, with } => format!("found, since {since} with {with}"),
+                Outcome::Initialised => "begins".into(),
+                Outcome::Tracked => format!("tracked in {:?}", r.piece),
+            };
+            if state != last {
+                println!("{}: {state} ({:?})", r.frame, r.counts.inliers);
+            }
+            last = state;
+        }
+        println!("pieces {:?}", self.system.view().pieces());
+        for l in self.system.loops() {
+            println!("{l:?}");
+        }
+    }
+}
+
+#[test]
+fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
+    let simulator = simulator("loop_two_rooms", 200);
+    // Every other frame: 1.8 m/s.
+    let play = Play::frames((0..200).step_by(2)).covered(10).then(20..40);
+    let run = run(&simulator, &Config::default(), &play);
+    run.tell();
+    assert!(matches!(run.reports[109].outcome, Outcome::Lost { since, .. } if since.0 == 100));
+    let found = &run.reports[110];
+    let Outcome::Relocalised { since, with } = found.outcome else {
+        panic!("{:?}", found.outcome);
+    };
+    // By its place: neither the last keyframe nor one near it.
+    assert!(since.0 == 100 && with.0 < 30, "{with}");
+    assert_eq!(found.piece, Some(PieceId(0)));
+    let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+    assert_eq!(run.reports.iter().filter(lost).count(), 10);
+    let error = run.ate_mm(&simulator, &play, PieceId(0));
+    assert!(error < 20.0, "{error} mm");
+}
+
+#[test]
+fn a_new_piece_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
+    let simulator = simulator("loop_two_rooms", 230);
+    // The lens is covered, uncovered where nothing is known, and the camera goes back to where it was.
+    let covered = Play::frames((0..60).step_by(2)).covered(5);
+    let play = covered.clone().then((40..230).rev().step_by(2));
+    let run = run(&simulator, &Config::default(), &play);
+    run.tell();
+    let begun = |r: &&FrameReport| r.outcome == Outcome::Initialised;
+    assert_eq!(run.reports.iter().filter(begun).count(), 2);
+    let joined: Vec<_> = run.system.loops().iter().filter_map(|l| l.joined).collect();
+    assert_eq!(joined.len(), 1);
+    assert_eq!(run.system.view().pieces().len(), 1);
+    let error = run.ate_mm(&simulator, &play, PieceId(0));
+    assert!(error < 30.0, "{error} mm");
+    // The same twice.
+    let again = self::run(&simulator, &Config::default(), &play);
+    let bits = |run: &Run| format!("{:?}", run.poses(&simulator, &play, PieceId(0)));
+    assert!(bits(&run) == bits(&again), "two runs differ");
+    // Control: without the way back there are two pieces, and nothing says how they lie to each other.
+    let play = covered.then((190..230).rev().step_by(2));
+    let apart = self::run(&simulator, &Config::default(), &play);
+    assert_eq!(apart.system.view().pieces().len(), 2);
+    assert_eq!(apart.reports[54].piece, Some(PieceId(49)));
+}
+
+#[test]
+fn a_map_that_is_only_read_gives_poses_and_does_not_grow() {
+    let simulator = simulator("xyz", 120);
+    let made = run(&simulator, &Config::default(), &Play::frames(0..80));
+    let bytes = made.system.map().to_bytes(&[]).unwrap();
+    let play = Play::frames(60..120);
+    let localize = |map| {
+        let system = System::new(Config::default(), *simulator.camera(), Simd::detect()).unwrap();
+        let system = system.with_map(map, MapUse::Localize).unwrap();
+        go_on(system, &simulator, &play)
+    };
+    let bits = |run: &Run| {
+        let poses = run.reports.iter().map(|r| r.world_from_camera);
+        format!("{:?}", poses.collect::<Vec<_>>())
+    };
+    let loaded = localize(stillpoint_map::Map::from_bytes(&bytes).unwrap());
+    loaded.tell();
+    let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+    assert_eq!(loaded.reports.iter().filter(lost).count(), 0);
+    assert!(loaded.reports.iter().all(|r| !r.is_keyframe));
+    // In the map's own frame of reference: nothing is aligned.
+    let truth = simulator.ground_truth();
+    let worst = loaded.reports.iter().zip(60..).map(|(r, k): (_, usize)| {
+        let pose: Se3 = truth[0].1.inverse() * truth[k].1;
+        (r.world_from_camera.unwrap().translation - pose.translation).norm()
+    });
+    let worst = worst.fold(0.0, f64::max);
+    assert!(worst < 0.02, "{worst} m");
+    // Never having been saved gives the same poses.
+    let kept = localize(made.system.into_map());
+    assert!(bits(&loaded) == bits(&kept), "saving changed the poses");
+    // The map is as it was, but for the number of its version.
+    assert_eq!(
+        kept.system.view().keyframe_count(),
+        loaded.system.view().keyframe_count()
+    );
+}
+
+#[test]
+fn a_map_is_gone_on_with() {
+    let simulator = simulator("loop_two_rooms", 140);
+    let made = run(&simulator, &Config::default(), &Play::frames(0..60));
+    let keyframes = made.system.view().keyframe_count();
+    let next = made.system.view().keyframe_bound() as u32;
+    let play = Play::frames((40..140).step_by(2));
+    let system = System::new(Config::default(), *simulator.camera(), Simd::detect()).unwrap();
+    let system = system
+        .with_map(made.system.into_map(), MapUse::Grow)
+        .unwrap();
+    let run = go_on(system, &simulator, &play);
+    run.tell();
+    assert!(matches!(
+        run.reports[0].outcome,
+        Outcome::Relocalised { .. }
+    ));
+    assert!(run.reports.iter().any(|r| r.is_keyframe));
+    let view = run.system.view();
+    assert!(view.keyframe_count() > keyframes);
+    assert!(view.keyframes().any(|k| k.id.0 >= next));
+    assert_eq!(view.pieces().len(), 1);
+    let error = run.ate_mm(&simulator, &play, PieceId(0));
+    assert!(error < 10.0, "{error} mm");
+}

@@ -1,0 +1,127 @@
+//! The same on recordings, where they are there.
+
+use std::path::PathBuf;
+use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice, StampedPose};
+use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint_imaging::{FrameSource, Simd};
+use stillpoint_map::Map;
+use stillpoint_slam::{Config, Event, FrameReport, MapUse, Outcome, System};
+
+/// A recording; none, said aloud, where it is not there.
+fn recording(name: &str) -> Option<Dataset> {
+    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    );
+    let folder = data.join(name);
+    if !folder.is_dir() {
+        println!("skipped: {} is not there", folder.display());
+        return None;
+    }
+    Some(Dataset::open(&folder, &OpenOptions::default()).unwrap())
+}
+
+fn system(dataset: &Dataset) -> System {
+    System::new(Config::default(), dataset.camera().camera, Simd::detect()).unwrap()
+}
+
+fn frames(dataset: &Dataset) -> impl FrameSource + use<> {
+    dataset.frames(&FrameOptions::default()).unwrap()
+}
+
+fn play(mut system: System, source: &mut impl FrameSource) -> (System, Vec<FrameReport>) {
+    let mut reports = Vec::new();
+    while let Some(frame) = source.next_frame() {
+        for event in system.step(frame.unwrap()) {
+            if let Event::Frame(report) = event {
+                reports.push(report);
+            }
+        }
+    }
+    system.finish();
+    (system, reports)
+}
+
+/// ATE (mm) of final poses after alignment.
+fn ate_mm(system: &System, truth: &[StampedPose]) -> f64 {
+    let view = system.view();
+    let resolved = system.trajectory().resolve(&view);
+    let estimate: Vec<TimedPose> = resolved
+        .map(|(entry, world_from_camera)| TimedPose {
+            stamp: entry.stamp,
+            world_from_camera,
+        })
+        .collect();
+    let truth: Vec<TimedPose> = truth
+        .iter()
+        .map(|p| TimedPose {
+            stamp: p.stamp,
+            world_from_camera: p.world_from_camera,
+        })
+        .collect();
+    let score = evaluate(&truth, &estimate, &EvalOptions::default()).unwrap();
+    score.ate.statistics.rmse * 1e3
+}
+
+/// The second half of a recording, a second of darkness, and the first half.
+#[test]
+fn a_kidnapped_camera_is_found_within_a_second() {
+    let Some(dataset) = recording("fr1_xyz") else {
+        return;
+    };
+    let truth = dataset.ground_truth().unwrap().unwrap();
+    let count = dataset.entries().len();
+    let half = |start: usize, take: usize| {
+        let options = FrameOptions {
+            start,
+            ..FrameOptions::default()
+        };
+        let frames = dataset.frames(&options).unwrap();
+        Part::Frames(Clip::new(frames).take(take).with_truth(truth.clone()))
+    };
+    let first = count - count / 2;
+    let parts = vec![half(count / 2, first), Part::Black(30), half(0, count / 2)];
+    let mut splice = Splice::new(parts, 1.0 / 30.0).unwrap();
+    let (system, reports) = play(system(&dataset), &mut splice);
+    let seen = first + 30;
+    let found = reports[seen..]
+        .iter()
+        .position(|r| r.world_from_camera.is_some());
+    println!(
+        "found after {found:?} frames as {:?}; pieces {:?}; ATE {:.1} mm",
+        found.map(|i| reports[seen + i].outcome),
+        system.view().pieces(),
+        ate_mm(&system, &splice.ground_truth()),
+    );
+    for l in system.loops() {
+        println!("{l:?}");
+    }
+    assert!(found.unwrap() <= 30);
+    assert_eq!(system.view().pieces().len(), 1);
+    let outcome = reports[seen + found.unwrap()].outcome;
+    assert!(matches!(outcome, Outcome::Relocalised { since, .. } if since.0 as usize == first));
+    let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+    assert!(reports.iter().filter(lost).count() <= 60);
+    let error = ate_mm(&system, &splice.ground_truth());
+    assert!(error < 20.0, "{error} mm");
+}
+
+/// People walk through a room whose map was made without them.
+#[test]
+fn a_map_serves_when_people_walk_there() {
+    let (Some(still), Some(walked)) = (recording("fr1_xyz"), recording("fr1_xyz_walkers")) else {
+        return;
+    };
+    let (made, _) = play(system(&still), &mut frames(&still));
+    let bytes = made.map().to_bytes(&[]).unwrap();
+    let map = Map::from_bytes(&bytes).unwrap();
+    let reader = system(&walked).with_map(map, MapUse::Localize).unwrap();
+    let (reader, reports) = play(reader, &mut frames(&walked));
+    let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+    let lost = reports.iter().filter(lost).count();
+    let error = ate_mm(&reader, &walked.ground_truth().unwrap().unwrap());
+    println!("{lost} of {} frames lost, ATE {error:.1} mm", reports.len());
+    assert!(lost * 100 <= reports.len(), "{lost} lost");
+    assert!(error < 14.6, "{error} mm");
+    assert!(reports.iter().all(|r| !r.is_keyframe));
+}
