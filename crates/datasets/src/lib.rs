@@ -73,4 +73,4 @@ pub use recorder::{ColourFormat, MoverRow, Recorder};
 pub use source::{DatasetSource, FrameOptions};
 pub use splice::{AdaptorError, Clip, Origin, Part, Splice};
 pub use trajectory::StampedPose;
-pub use write::write_atomic;
+pub use write::{AtomicFile, write_atomic};

@@ -33,6 +33,12 @@ impl MapView {
         self.live_landmarks
     }
 
+    /// One more than the largest keyframe id ever given.
+    #[must_use]
+    pub fn keyframe_bound(&self) -> usize {
+        self.keyframes.len()
+    }
+
     /// One more than the largest landmark id ever given.
     #[must_use]
     pub fn landmark_bound(&self) -> usize {

@@ -88,6 +88,11 @@ pub(super) fn write(sections: &[Section<'_>]) -> Vec<u8> {
     file
 }
 
+/// The version of a file that [`read`] could read.
+pub(super) fn version(file: &[u8]) -> u32 {
+    number32(&file[8..])
+}
+
 fn append(file: &mut Vec<u8>, section: &Section<'_>) {
     let packed = section
         .compress
@@ -163,7 +168,7 @@ fn read_header(file: &[u8]) -> Result<u32, MapFileError> {
         "the header",
         (number32(&file[24..]), crc32fast::hash(&file[..24])),
     )?;
-    let version = number32(&file[8..]);
+    let version = version(file);
     if version > VERSION {
         return Err(MapFileError::Newer {
             found: version,

@@ -35,6 +35,8 @@ pub struct Extension {
 /// What a map file holds.
 #[derive(Debug)]
 pub struct MapFile {
+    /// Version of the format that it has.
+    pub format: u32,
     /// The map; [`Map::check`] holds.
     pub map: Map,
     /// What others keep with it, in the order in which it was written.
@@ -69,7 +71,11 @@ impl MapFile {
             });
         }
         validate::names(&extensions)?;
-        Ok(Self { map, extensions })
+        Ok(Self {
+            format: container::version(bytes),
+            map,
+            extensions,
+        })
     }
 
     /// Picks an extension by its name.
