@@ -13,7 +13,7 @@ use std::sync::Arc;
 use stillpoint_detection::{Detections, Detector};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_map::{Correction, KeyframeId, MapView};
+use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
 pub struct System {
@@ -84,7 +84,7 @@ impl System {
         events.insert(0, Event::Frame(report));
         if let Some(keyframe) = keyframe {
             let id = keyframe.id;
-            self.map(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
+            self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
             self.look_for_loop(id);
         }
         self.deliver_corrections(self.step);
@@ -120,12 +120,12 @@ impl System {
             };
             events.push(Event::Detected(detections.clone()));
             if let Some(message) = self.tracker.receive_detections(detections, next) {
-                self.map(message, events);
+                self.tell_mapper(message, events);
             }
         }
     }
 
-    fn map(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
+    fn tell_mapper(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
         let out = self.mapper.step(message);
         match &out.report {
             MapperReport::Mapped(report) => events.push(Event::Mapped(report.clone())),
@@ -165,7 +165,7 @@ impl System {
             let Some((_, at, correction)) = self.corrections.pop_front() else {
                 return;
             };
-            self.map(MapperMsg::Correct(correction), &mut Vec::new());
+            self.tell_mapper(MapperMsg::Correct(correction), &mut Vec::new());
             if let Some((_, out)) = self.replies.back()
                 && let MapperReport::Corrected(applied) = out.report
             {
@@ -209,6 +209,12 @@ impl System {
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.tracker.timing()
+    }
+
+    /// The map as the mapper has it. After [`System::finish`] it is what [`System::view`] shows.
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        self.mapper.map()
     }
 
     /// The newest version of the map, whether the tracker has seen it yet or not.

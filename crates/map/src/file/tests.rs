@@ -275,6 +275,10 @@ proptest! {
 fn a_file_that_ends_anywhere_is_refused() {
     let bytes = random_map(3, 2, 60).to_bytes(&extensions()[1..]).unwrap();
     assert!(bytes.len() > 1000, "{} bytes", bytes.len());
+    assert_eq!(
+        MapFile::length(&bytes[..MapFile::HEADER_BYTES]),
+        Ok(bytes.len() as u64)
+    );
     for length in 0..bytes.len() {
         let e = MapFile::from_bytes(&bytes[..length]).unwrap_err();
         assert!(matches!(e, MapFileError::Length { .. }), "{length}: {e}");
@@ -301,7 +305,7 @@ fn no_single_bit_can_change_unseen() {
 type Raw = (Kind, String, Vec<u8>);
 
 fn taken_apart(bytes: &[u8]) -> Vec<Raw> {
-    let sections = container::read(bytes).unwrap();
+    let (_, sections) = container::read(bytes).unwrap();
     let raw =
         |s: &container::Stored<'_>| (s.kind, s.name.to_owned(), s.bytes().unwrap().into_owned());
     sections.iter().map(raw).collect()

@@ -93,6 +93,12 @@ impl Mapper {
         }
     }
 
+    /// The map.
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        &self.map
+    }
+
     /// Takes a message and answers with the new version of the map.
     pub fn step(&mut self, message: MapperMsg) -> MapperOut {
         match message {
