@@ -1,5 +1,6 @@
 //! The command line, as clap reads it. Every command's help ends with examples.
 
+use crate::args_map::MapCommand;
 use crate::args_models::{DetectArgs, DetectorArgs, ModelsCommand};
 use crate::suite_catalogue::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
@@ -47,6 +48,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     Bench(BenchArgs),
     Detect(DetectArgs),
+    #[command(subcommand)]
+    Map(MapCommand),
     #[command(subcommand)]
     Models(ModelsCommand),
     /// Show the configuration.
@@ -194,10 +197,11 @@ pub(crate) struct DemoArgs {
   stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
   stillpoint run recording --detector yolox_nano_416.onnx --verdicts verdicts.csv
   stillpoint run recording --overlay pictures --overlay-every 3
+  stillpoint run recording --save-map desk.spmap
   stillpoint run recording --set static_filter.preset=off
 
 Exit code 1 when a frame was lost, fewer than two poses were found, or Ctrl-C ended the run;
-2 when the input or the output folder cannot be used."
+2 when the input cannot be used, or the output folder, or another file to be written."
 )]
 pub(crate) struct RunArgs {
     /// Data set folder.
@@ -214,6 +218,10 @@ pub(crate) struct RunArgs {
     /// epipolar line), magenta (depth), blue (moved before). Boxes are dashed when carried on without a detection.
     #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     pub(crate) overlay: Option<PathBuf>,
+    /// Write the map to this file when the run ends, also when Ctrl-C ends it: see map --help. An older file is replaced only
+    /// by a whole one.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
+    pub(crate) save_map: Option<PathBuf>,
     /// Draw every N-th frame only.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) overlay_every: u32,

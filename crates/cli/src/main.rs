@@ -6,6 +6,7 @@
 mod ablation;
 mod ablation_report;
 mod args;
+mod args_map;
 mod args_models;
 mod bench;
 mod bench_runner;
@@ -26,6 +27,9 @@ mod eval;
 mod failure;
 mod interrupt;
 mod machine;
+mod map;
+mod map_export;
+mod map_file;
 mod models;
 mod models_check;
 mod models_import;
@@ -80,6 +84,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Command::Simulate(a) => simulate::simulate(a),
         Command::Bench(a) => bench::bench(a),
         Command::Detect(a) => detect::detect(a, timing),
+        Command::Map(a) => map::map(a),
         Command::Models(a) => models::models(a),
         Command::Config(ConfigCommand::Print(a)) => config::print(a),
     }

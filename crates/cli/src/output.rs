@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use stillpoint::datasets::AtomicFile;
 
 /// Every file that a result may hold.
 const FILES: [&str; 9] = [
@@ -130,77 +131,39 @@ impl Drop for ResultFolder {
     }
 }
 
-/// A file too large to be held in memory: written to a temporary file beside it, which takes its place when all is there.
-/// Dropping it without that leaves what was there before.
+/// A file too large to be held in memory, or begun before the work whose result it is to hold: it takes its place when all is
+/// there. Dropping it without that leaves what was there before.
 #[derive(Debug)]
 pub(crate) struct StreamedFile {
     path: PathBuf,
     /// The option that named the file, for messages.
     option: &'static str,
-    writer: BufWriter<File>,
-    /// `None` for devices and pipes, which cannot be replaced and are written to directly.
-    temporary: Option<PathBuf>,
+    writer: BufWriter<AtomicFile>,
 }
 
 impl StreamedFile {
     pub(crate) fn create(path: &Path, option: &'static str) -> Result<Self, Failure> {
-        let fail = |e: &std::io::Error| Failure::write_of(path, option, e);
-        // Where a link leads: it must not be replaced by a file.
-        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        if target.is_dir() {
-            return Err(fail(&std::io::ErrorKind::IsADirectory.into()));
-        }
-        let special = target.exists() && !target.is_file();
-        let temporary = match target.file_name() {
-            _ if special => None,
-            Some(name) => {
-                let name = name.to_string_lossy();
-                Some(target.with_file_name(format!(".{name}.{}.tmp", std::process::id())))
-            }
-            None => return Err(fail(&std::io::ErrorKind::InvalidInput.into())),
-        };
-        let file = match &temporary {
-            Some(temporary) => File::create(temporary),
-            None => File::options().write(true).open(&target),
-        };
+        let file = AtomicFile::create(path).map_err(|e| Failure::write_of(path, option, &e))?;
         Ok(Self {
-            writer: BufWriter::with_capacity(1 << 16, file.map_err(|e| fail(&e))?),
-            path: target,
+            path: path.to_owned(),
             option,
-            temporary,
+            writer: BufWriter::with_capacity(1 << 16, file),
         })
     }
 
     /// Lets `write` append.
     pub(crate) fn write(
         &mut self,
-        write: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>,
+        write: impl FnOnce(&mut BufWriter<AtomicFile>) -> std::io::Result<()>,
     ) -> Result<(), Failure> {
         write(&mut self.writer).map_err(|e| Failure::write_of(&self.path, self.option, &e))
     }
 
     /// Puts the file where it belongs.
-    pub(crate) fn finish(mut self) -> Result<(), Failure> {
-        let written = self.writer.flush();
-        let placed = match &self.temporary {
-            // A full disk may show only when the system writes what it holds back.
-            Some(temporary) => written
-                .and_then(|()| self.writer.get_ref().sync_all())
-                .and_then(|()| std::fs::rename(temporary, &self.path)),
-            None => written,
-        };
-        placed.map_err(|e| Failure::write_of(&self.path, self.option, &e))?;
-        self.temporary = None;
-        Ok(())
-    }
-}
-
-impl Drop for StreamedFile {
-    fn drop(&mut self) {
-        if let Some(temporary) = &self.temporary {
-            // Nothing can be done about a failure here.
-            let _ = std::fs::remove_file(temporary);
-        }
+    pub(crate) fn finish(self) -> Result<(), Failure> {
+        let file = self.writer.into_inner().map_err(|e| e.into_error());
+        file.and_then(AtomicFile::commit)
+            .map_err(|e| Failure::write_of(&self.path, self.option, &e))
     }
 }
 

@@ -1,5 +1,6 @@
 //! What `run`, `demo` and `eval` print about a result.
 
+use crate::models::megabytes;
 use crate::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
 use stillpoint::evaluation::Table;
 use stillpoint::evaluation::timing;
@@ -21,6 +22,15 @@ pub(crate) fn run_text(summary: &Summary) -> String {
         text += &format!("{} frames could not be read and were skipped\n", s.skipped);
     }
     text += &filter_text(s);
+    if let Some(m) = &s.map {
+        text += &format!(
+            "map saved to {}: {} keyframes, {} landmarks, {}\n",
+            m.path,
+            m.keyframes,
+            m.landmarks,
+            megabytes(m.bytes)
+        );
+    }
     if let Some(a) = &s.accuracy {
         text.push('\n');
         text += &score_text(

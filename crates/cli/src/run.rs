@@ -5,6 +5,7 @@ use crate::console;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::{Machine, peak_memory};
+use crate::map_file::MapOutput;
 use crate::output::ResultFolder;
 use crate::overlay::OverlayFolder;
 use crate::session::{Driver, Outputs, Session};
@@ -67,7 +68,11 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
     };
     let status = finish(&setup, &session, folder, &out)?;
     console::report(&written);
-    Ok(status)
+    // Last, so that the result is there all the same.
+    match session.saved {
+        Some(Err(failure)) => Err(failure),
+        _ => Ok(status),
+    }
 }
 
 /// What is written while frames go by. `frames` is their number where known.
@@ -91,10 +96,12 @@ fn outputs(
     // Folders first: the file may lie in one of them.
     let overlay = args.overlay.as_ref().map(overlay).transpose()?;
     let verdicts = args.verdicts.as_deref().map(VerdictFile::create);
+    let map = args.save_map.as_deref().map(MapOutput::create);
     Ok(Outputs {
         verdicts: verdicts.transpose()?,
         overlay,
         shots: None,
+        map: map.transpose()?,
     })
 }
 
@@ -277,6 +284,11 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         keyframes: session.view.keyframe_count(),
         landmarks: session.view.landmark_count(),
         map_versions: session.view.version(),
+        map: session
+            .saved
+            .as_ref()
+            .and_then(|s| s.as_ref().ok())
+            .cloned(),
         seconds: session.seconds,
         timing_ms: setup
             .timing

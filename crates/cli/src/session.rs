@@ -7,6 +7,7 @@ use crate::console::{self, Progress};
 use crate::demo_pictures::Shots;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
+use crate::map_file::{MapOutput, SavedMap};
 use crate::overlay::OverlayFolder;
 use crate::summary::{DetectorJson, FeaturesJson, LostStretch};
 use crate::timing::Timing;
@@ -47,6 +48,8 @@ pub(crate) struct Session {
     pub(crate) keyframes: Vec<StampedPose>,
     /// The final map.
     pub(crate) view: Arc<MapView>,
+    /// Where it was saved, or why it could not be; nothing when it was not to be.
+    pub(crate) saved: Option<Result<SavedMap, Failure>>,
 }
 
 /// Means of a pass.
@@ -67,6 +70,8 @@ pub(crate) struct Outputs {
     pub(crate) overlay: Option<OverlayFolder>,
     /// Pictures for the demo.
     pub(crate) shots: Option<Shots>,
+    /// The map, at the end.
+    pub(crate) map: Option<MapOutput>,
 }
 
 impl Outputs {
@@ -173,7 +178,10 @@ impl Driver<'_> {
                 tally.skipped
             )));
         }
-        Ok(tally.close(&system, start, self.interrupt.requested()))
+        let mut session = tally.close(&system, start, self.interrupt.requested());
+        // What was found until then is worth having even when the map cannot be saved.
+        session.saved = outputs.map.take().map(|map| map.save(system.map()));
+        Ok(session)
     }
 }
 
@@ -293,6 +301,7 @@ impl Tally {
             online_poses,
             keyframes,
             view,
+            saved: None,
         }
     }
 }

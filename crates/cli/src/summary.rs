@@ -1,6 +1,7 @@
 //! The figures of a run as they stand in `summary.json`, written by `run` and `demo`, read by `bench`.
 
 use crate::machine::Machine;
+use crate::map_file::SavedMap;
 use serde::{Deserialize, Serialize};
 use stillpoint::detection::{DetectorInfo, DetectorKind};
 use stillpoint::evaluation::timing::Stats;
@@ -34,6 +35,9 @@ pub(crate) struct Summary {
     pub(crate) landmarks: usize,
     /// Versions of the map that the mapper published.
     pub(crate) map_versions: u64,
+    /// Where the map was saved.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) map: Option<SavedMap>,
     /// From the first frame to the last, s, reading included.
     pub(crate) seconds: f64,
     /// Milliseconds per frame of each stage, over the frames in which it ran.

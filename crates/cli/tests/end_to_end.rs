@@ -27,18 +27,26 @@ fn room() -> PathBuf {
     ROOM.path().join("room")
 }
 
-/// Runs the data set; the trajectory files as bytes.
-fn trajectories(mut command: Command, out: &Path) -> [Vec<u8>; 3] {
+/// Runs the data set; the trajectory files and the map as bytes.
+fn trajectories(mut command: Command, out: &Path) -> [Vec<u8>; 4] {
+    let map = out.with_extension("spmap");
     let output = command
         .arg("run")
         .arg(room())
         .arg("--out")
         .arg(out)
+        .arg("--save-map")
+        .arg(&map)
         .output()
         .unwrap();
     check(&output, 0, &[]);
-    ["trajectory.txt", "trajectory_online.txt", "keyframes.txt"]
-        .map(|name| std::fs::read(out.join(name)).unwrap())
+    [
+        out.join("trajectory.txt"),
+        out.join("trajectory_online.txt"),
+        out.join("keyframes.txt"),
+        map,
+    ]
+    .map(|path| std::fs::read(path).unwrap())
 }
 
 #[test]

@@ -28,11 +28,15 @@ fn golden(name: &str, args: &[&str]) {
 fn help_of_every_command() {
     golden("help.txt", &["--help"]);
     for command in [
-        "demo", "run", "eval", "simulate", "bench", "detect", "models", "config",
+        "demo", "run", "eval", "simulate", "bench", "detect", "map", "models", "config",
     ] {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
+    for command in ["info", "check", "export"] {
+        let name = format!("help_map_{command}.txt");
+        golden(&name, &["map", command, "--help"]);
+    }
     for command in ["list", "pull", "import", "check"] {
         let name = format!("help_models_{command}.txt");
         golden(&name, &["models", command, "--help"]);
@@ -49,6 +53,10 @@ fn every_help_has_examples() {
         &["simulate", "--help"],
         &["bench", "--help"],
         &["detect", "--help"],
+        &["map", "--help"],
+        &["map", "info", "--help"],
+        &["map", "check", "--help"],
+        &["map", "export", "--help"],
         &["models", "--help"],
         &["models", "list", "--help"],
         &["models", "pull", "--help"],

@@ -1,8 +1,8 @@
-//! RGB-D data sets, stamp association and trajectory files.
+//! RGB-D data sets, stamp association, and files that other programs read.
 //!
 //! Answers: which frames a folder holds, with which camera they were taken, what their pixels are, and what the ground
-//! truth says in this project's conventions. Also writes data sets and trajectories. Does not judge trajectories (crate
-//! `evaluation`) and does not know what is done with the frames.
+//! truth says in this project's conventions. Also writes data sets, trajectories, point clouds and pose graphs. Does not
+//! judge trajectories (crate `evaluation`) and does not know what is done with the frames.
 //!
 //! # Layouts
 //! | layout | told by | stamps | ground truth |
@@ -52,6 +52,8 @@ mod error;
 mod ground_truth;
 mod layout;
 mod lists;
+pub mod point_cloud;
+pub mod pose_graph;
 mod presets;
 mod probe;
 mod read_ahead;
@@ -73,4 +75,4 @@ pub use recorder::{ColourFormat, MoverRow, Recorder};
 pub use source::{DatasetSource, FrameOptions};
 pub use splice::{AdaptorError, Clip, Origin, Part, Splice};
 pub use trajectory::StampedPose;
-pub use write::write_atomic;
+pub use write::{AtomicFile, write_atomic};

@@ -34,7 +34,8 @@ impl<T> Default for Chunked<T> {
 impl<T: Clone> Chunked<T> {
     /// `len` times the same, whose full chunks are one as long as nothing is written to them.
     pub(crate) fn filled(value: T, len: usize) -> Self {
-        let mut chunks = vec![Arc::new(vec![value.clone(); CHUNK]); len / CHUNK];
+        let full = Arc::new(vec![value.clone(); CHUNK]);
+        let mut chunks: Vec<_> = std::iter::repeat_n(full, len / CHUNK).collect();
         if !len.is_multiple_of(CHUNK) {
             chunks.push(Arc::new(vec![value; len % CHUNK]));
         }

@@ -34,6 +34,12 @@ impl Map {
         self.level_scales == Self::new(levels, scale_factor).level_scales
     }
 
+    /// How much smaller each pyramid level is than the finest, for which the map was made.
+    #[must_use]
+    pub fn level_scales(&self) -> &[f32] {
+        &self.level_scales
+    }
+
     /// The present state, for reading.
     #[must_use]
     pub fn view(&self) -> &MapView {

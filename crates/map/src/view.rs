@@ -36,6 +36,12 @@ impl MapView {
         self.live_landmarks
     }
 
+    /// One more than the largest keyframe id ever given.
+    #[must_use]
+    pub fn keyframe_bound(&self) -> usize {
+        self.keyframes.len()
+    }
+
     /// One more than the largest landmark id ever given.
     #[must_use]
     pub fn landmark_bound(&self) -> usize {
@@ -117,12 +123,6 @@ impl MapView {
             *pieces.entry(k.piece).or_insert(0) += 1;
         }
         pieces.into_iter().collect()
-    }
-
-    /// One more than the largest keyframe id ever given.
-    #[must_use]
-    pub fn keyframe_bound(&self) -> usize {
-        self.keyframes.len()
     }
 
     /// The live landmark that an id resolves to, through merges.

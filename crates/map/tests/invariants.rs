@@ -216,7 +216,8 @@ fn landmarks_move_with_their_anchor() {
 fn disowned_features_leave_the_map_for_good() {
     let mut map = Map::new(8, 1.2);
     for k in 0..2 {
-        map.insert_keyframe(KeyframeId(k), data(k), pose(k), None);
+        let parent = k.checked_sub(1).map(KeyframeId);
+        map.insert_keyframe(KeyframeId(k), data(k), pose(k), parent);
     }
     let landmark = |map: &mut Map, k: u32, f: u32| {
         map.insert_landmark(&NewLandmark {

@@ -149,12 +149,6 @@ impl System {
         Ok(self)
     }
 
-    /// The map.
-    #[must_use]
-    pub fn map(&self) -> &Map {
-        self.mapper.map()
-    }
-
     /// The map, when the run is over.
     #[must_use]
     pub fn into_map(self) -> Map {
@@ -309,6 +303,12 @@ impl System {
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.tracker.timing()
+    }
+
+    /// The map as the mapper has it. After [`System::finish`] it is what [`System::view`] shows.
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        self.mapper.map()
     }
 
     /// The newest version of the map, whether the tracker has seen it yet or not.

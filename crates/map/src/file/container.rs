@@ -24,7 +24,10 @@ use std::borrow::Cow;
 pub(super) const MAGIC: [u8; 8] = *b"\x89SPMAP\r\n";
 /// The version that is written, and the latest that can be read.
 pub(super) const VERSION: u32 = 1;
-const HEADER: usize = 28;
+/// Bytes before the first section.
+pub(super) const HEADER: usize = 28;
+/// Bytes of a file without sections.
+const SHORTEST: u64 = HEADER as u64 + 4;
 
 /// Whose a section is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,8 +111,14 @@ fn append(file: &mut Vec<u8>, section: &Section<'_>) {
 }
 
 /// The sections of a file, whose checksums are right.
-pub(super) fn read(file: &[u8]) -> Result<Vec<Stored<'_>>, MapFileError> {
-    let count = read_header(file)?;
+pub(super) fn read(file: &[u8]) -> Result<(Header, Vec<Stored<'_>>), MapFileError> {
+    let header = read_header(file)?;
+    let found = file.len() as u64;
+    let expected = header.length.max(SHORTEST);
+    if expected != found {
+        return Err(MapFileError::Length { expected, found });
+    }
+    let count = header.sections;
     let (body, last) = file.split_at(file.len() - 4);
     let mut rest = &body[HEADER..];
     let mut sections: Vec<Stored<'_>> = Vec::new();
@@ -140,48 +149,54 @@ pub(super) fn read(file: &[u8]) -> Result<Vec<Stored<'_>>, MapFileError> {
         ));
     }
     compare("the whole file", (number32(last), crc32fast::hash(body)))?;
-    Ok(sections)
+    Ok((header, sections))
 }
 
-/// The number of sections.
-fn read_header(file: &[u8]) -> Result<u32, MapFileError> {
+/// What the first bytes say.
+pub(super) struct Header {
+    pub(super) version: u32,
+    sections: u32,
+    /// Of the whole file.
+    pub(super) length: u64,
+}
+
+/// Reads the first bytes of a file; how many follow is not looked at.
+pub(super) fn read_header(file: &[u8]) -> Result<Header, MapFileError> {
     let begin = &file[..file.len().min(MAGIC.len())];
     if !MAGIC.starts_with(begin) {
         return Err(MapFileError::Foreign {
             found: begin.to_vec(),
         });
     }
-    let found = file.len() as u64;
-    let shortest = HEADER + 4;
-    if file.len() < shortest {
+    if file.len() < HEADER {
         return Err(MapFileError::Length {
-            expected: shortest as u64,
-            found,
+            expected: SHORTEST,
+            found: file.len() as u64,
         });
     }
     compare(
         "the header",
         (number32(&file[24..]), crc32fast::hash(&file[..24])),
     )?;
-    let version = number32(&file[8..]);
-    if version > VERSION {
+    let header = Header {
+        version: number32(&file[8..]),
+        sections: number32(&file[12..]),
+        length: number64(&file[16..]),
+    };
+    if header.version > VERSION {
         return Err(MapFileError::Newer {
-            found: version,
+            found: header.version,
             supported: VERSION,
         });
     }
-    if version == 0 {
+    if header.version == 0 {
         return Err(MapFileError::invalid(
             "the header",
             "version 1",
             "version 0",
         ));
     }
-    let expected = number64(&file[16..]);
-    if expected != found {
-        return Err(MapFileError::Length { expected, found });
-    }
-    Ok(number32(&file[12..]))
+    Ok(header)
 }
 
 /// The first section, its checksum as stated and as computed, and what follows.

@@ -35,6 +35,8 @@ pub struct Extension {
 /// What a map file holds.
 #[derive(Debug)]
 pub struct MapFile {
+    /// Version of the format that it has.
+    pub format: u32,
     /// The map; [`Map::check`] holds.
     pub map: Map,
     /// What others keep with it, in the order in which it was written.
@@ -42,13 +44,25 @@ pub struct MapFile {
 }
 
 impl MapFile {
+    /// Bytes at the beginning of every map file, in every version, that say what it is.
+    pub const HEADER_BYTES: usize = container::HEADER;
+
+    /// Reads the length of a map file from its first [`MapFile::HEADER_BYTES`] bytes, so that what is none need not be read
+    /// to its end.
+    ///
+    /// # Errors
+    /// [`MapFileError`] when no map file that can be read begins like this.
+    pub fn length(begin: &[u8]) -> Result<u64, MapFileError> {
+        container::read_header(begin).map(|header| header.length)
+    }
+
     /// Reads a map file.
     ///
     /// # Errors
     /// [`MapFileError`] when the bytes are damaged, of a later version, no map file, or no map that can be used. Whatever the
     /// bytes are, it takes memory and time in proportion to their length.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, MapFileError> {
-        let sections = container::read(bytes)?;
+        let (header, sections) = container::read(bytes)?;
         let split = sections.iter().position(|s| s.kind == Kind::Extension);
         let (own, others) = sections.split_at(split.unwrap_or(sections.len()));
         let map = decode::map(own, bytes.len())?;
@@ -69,7 +83,11 @@ impl MapFile {
             });
         }
         validate::names(&extensions)?;
-        Ok(Self { map, extensions })
+        Ok(Self {
+            format: header.version,
+            map,
+            extensions,
+        })
     }
 
     /// Picks an extension by its name.

@@ -109,11 +109,13 @@ fn random_map(seed: u64, features: u32, changes: u32) -> Map {
     let mut map = Map::new(LEVELS, 1.2);
     let mut next = 0;
     for _ in 0..changes {
+        // Mostly one that is there: most ids stand for nothing.
         let live: Vec<KeyframeId> = map.view.keyframes().map(|k| k.id).collect();
-        let some = live.get(random.below(live.len() as u32) as usize);
-        // Sometimes one that is culled, or was never there.
-        let keyframe = some.copied().filter(|_| random.below(4) > 0);
-        let keyframe = keyframe.unwrap_or(KeyframeId(random.below(next)));
+        let one = random.below(live.len() as u32) as usize;
+        let keyframe = match live.get(one) {
+            Some(id) if random.below(8) > 0 => *id,
+            _ => KeyframeId(random.below(next)),
+        };
         let landmark = |random: &mut Random, map: &Map| {
             LandmarkId(random.below(map.view.landmark_bound() as u32))
         };
@@ -160,11 +162,7 @@ fn random_map(seed: u64, features: u32, changes: u32) -> Map {
             }
             _ => {
                 map.refresh_landmark(a);
-                // A keyframe of an id that there is, so that some are covisible.
-                let live: Vec<KeyframeId> = map.view.keyframes().map(|k| k.id).collect();
-                for id in live.into_iter().take(3) {
-                    map.refresh_covisibility(id, 1);
-                }
+                map.refresh_covisibility(keyframe, 1);
             }
         }
     }
@@ -277,11 +275,41 @@ proptest! {
     }
 }
 
+#[test]
+fn a_file_that_ends_anywhere_is_refused() {
+    let bytes = random_map(3, 2, 60).to_bytes(&extensions()[1..]).unwrap();
+    assert!(bytes.len() > 1000, "{} bytes", bytes.len());
+    assert_eq!(
+        MapFile::length(&bytes[..MapFile::HEADER_BYTES]),
+        Ok(bytes.len() as u64)
+    );
+    for length in 0..bytes.len() {
+        let e = MapFile::from_bytes(&bytes[..length]).unwrap_err();
+        assert!(matches!(e, MapFileError::Length { .. }), "{length}: {e}");
+    }
+}
+
+#[test]
+fn no_single_bit_can_change_unseen() {
+    let mut bytes = random_map(3, 2, 60).to_bytes(&extensions()[1..2]).unwrap();
+    for at in 0..bytes.len() {
+        for bit in 0..8 {
+            bytes[at] ^= 1 << bit;
+            assert!(
+                MapFile::from_bytes(&bytes).is_err(),
+                "bit {bit} of byte {at}"
+            );
+            bytes[at] ^= 1 << bit;
+        }
+    }
+    assert!(MapFile::from_bytes(&bytes).is_ok());
+}
+
 /// A section, taken out to be changed.
 type Raw = (Kind, String, Vec<u8>);
 
 fn taken_apart(bytes: &[u8]) -> Vec<Raw> {
-    let sections = container::read(bytes).unwrap();
+    let (_, sections) = container::read(bytes).unwrap();
     let raw =
         |s: &container::Stored<'_>| (s.kind, s.name.to_owned(), s.bytes().unwrap().into_owned());
     sections.iter().map(raw).collect()
@@ -426,9 +454,11 @@ proptest! {
 fn refusal(change: impl FnOnce(&mut Vec<Raw>)) -> String {
     let mut raw = taken_apart(&random_map(3, 6, 300).to_bytes(&[]).unwrap());
     change(&mut raw);
-    MapFile::from_bytes(&sealed(&raw, true))
-        .unwrap_err()
-        .to_string()
+    match MapFile::from_bytes(&sealed(&raw, true)) {
+        Err(e) => e.to_string(),
+        // Without showing the whole map.
+        Ok(_) => panic!("nothing was refused"),
+    }
 }
 
 fn check(change: impl FnOnce(&mut Vec<Raw>), words: &[&str]) {
@@ -463,7 +493,12 @@ fn every_kind_of_nonsense_has_its_message() {
         |r| put(r, Part::Keyframes, 80, &[255; 4]),
         &["a piece below"],
     );
-    check(|r| put(r, Part::Keyframes, 4, &[0, 0, 0, 0]), &["parent"]);
+    // Its own parent.
+    let own = |r: &mut Vec<Raw>| {
+        let id = r[Part::Keyframes as usize].2[..4].to_vec();
+        put(r, Part::Keyframes, 4, &id);
+    };
+    check(own, &["parent"]);
     check(
         |r| put(r, Part::Keyframes, 12, &[200]),
         &["features, as the header says"],
@@ -605,6 +640,7 @@ fn the_first_file_of_version_1_can_be_read() {
     let file = MapFile::from_bytes(GOLDEN).unwrap();
     assert_eq!(words(&file.map), words(&random_map(7, 12, 400)));
     assert_eq!(file.extensions, extensions());
+    assert_eq!(file.format, 1);
 }
 
 /// For the first file of a later version; that of version 1 stays.

@@ -1,0 +1,88 @@
+//! Arguments of `map`.
+
+use clap::{ArgGroup, Args, Subcommand};
+use std::path::PathBuf;
+
+/// Map files: what is in them, whether they are whole, and what other programs can read of them.
+///
+/// run --save-map FILE writes them.
+#[derive(Debug, Subcommand)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint run rgbd_dataset_freiburg1_xyz --save-map desk.spmap
+  stillpoint map info desk.spmap
+  stillpoint map check desk.spmap
+  stillpoint map export desk.spmap --points desk.ply"
+)]
+pub(crate) enum MapCommand {
+    Info(MapInfoArgs),
+    Check(MapCheckArgs),
+    Export(MapExportArgs),
+}
+
+/// Show what a map file holds.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint map info desk.spmap
+  stillpoint map info desk.spmap --json
+
+Exit code 2 when the file cannot be used."
+)]
+pub(crate) struct MapInfoArgs {
+    /// Map file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Print JSON (metres, seconds, bytes) instead of a table.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// Say whether a map file is whole, and if not, what is wrong with it.
+///
+/// Looks at everything: all checksums, every value, and whether keyframes and landmarks agree.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint map check desk.spmap
+  stillpoint -q map check desk.spmap && cp desk.spmap backup/
+
+Exit code 1 when it is damaged, no map file, or of a later version; 2 when it cannot be read."
+)]
+pub(crate) struct MapCheckArgs {
+    /// Map file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+}
+
+/// Write parts of a map in formats that other programs read.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    group = ArgGroup::new("what").required(true).multiple(true),
+    after_help = "Examples:
+  stillpoint map export desk.spmap --points desk.ply
+  stillpoint map export desk.spmap --trajectory desk.txt --graph desk.g2o
+  stillpoint eval groundtruth.txt desk.txt
+
+Exit code 2 when the map cannot be used or a file cannot be written."
+)]
+pub(crate) struct MapExportArgs {
+    /// Map file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Write the landmarks as a point cloud (PLY, binary): x y z, nx ny nz towards the cameras that saw them, observers (how
+    /// many keyframes see it), depth_observers (of these, with depth), found (in how many frames), keyframe (that made it).
+    #[arg(long, value_name = "FILE.ply", group = "what", verbatim_doc_comment)]
+    pub(crate) points: Option<PathBuf>,
+    /// Write the poses of the keyframes in the TUM format (timestamp tx ty tz qx qy qz qw), in the order of time.
+    #[arg(long, value_name = "FILE.txt", group = "what")]
+    pub(crate) trajectory: Option<PathBuf>,
+    /// Write keyframes, parents and covisible pairs as a pose graph (g2o: VERTEX_SE3:QUAT, EDGE_SE3:QUAT); the information
+    /// of an edge is the number of landmarks that both see.
+    #[arg(long, value_name = "FILE.g2o", group = "what", verbatim_doc_comment)]
+    pub(crate) graph: Option<PathBuf>,
+}

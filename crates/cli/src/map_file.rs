@@ -1,0 +1,276 @@
+//! Map files on the disk: read with every care, and written as a whole or not at all.
+
+use crate::failure::Failure;
+use crate::output::StreamedFile;
+use serde::{Deserialize, Serialize};
+use std::fs::File;
+use std::io::{Read, Write};
+use std::path::Path;
+use stillpoint::geometry::{Camera, Vec2};
+use stillpoint::map::{Map, MapFile};
+use stillpoint::slam::Config;
+
+/// Bytes that a map file may have: that of a map of 100 000 keyframes. It is read as a whole.
+const LARGEST: u64 = 8 << 30;
+
+/// How far (px) a point may be from where the camera of the map would have it before maps and images are no match: a second
+/// calibration of the same camera differs by less, another camera by more.
+const CAMERA_TOLERANCE: f64 = 5.0;
+
+/// A map file as it was read.
+pub(crate) struct Loaded {
+    pub(crate) file: MapFile,
+    /// Its size.
+    pub(crate) bytes: u64,
+}
+
+/// Why there is no map.
+pub(crate) enum Refusal {
+    /// The file cannot be read.
+    System(Failure),
+    /// What it holds is no map.
+    Content(String),
+}
+
+impl From<Refusal> for Failure {
+    fn from(refusal: Refusal) -> Self {
+        match refusal {
+            Refusal::System(failure) => failure,
+            Refusal::Content(message) => Self::input(message),
+        }
+    }
+}
+
+/// Reads a map file.
+pub(crate) fn load(path: &Path) -> Result<Loaded, Failure> {
+    examine(path).map_err(Failure::from)
+}
+
+/// Reads a map file, and tells a file that cannot be read from one that is no map.
+pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
+    let system = |e: std::io::Error| {
+        Refusal::System(Failure::input(format!(
+            "{}: expected to read a map file, found: {e}; check that it exists and may be read",
+            path.display()
+        )))
+    };
+    let content = |e: &dyn std::fmt::Display| Refusal::Content(format!("{}: {e}", path.display()));
+    let mut file = File::open(path).map_err(system)?;
+    if file.metadata().map_err(system)?.is_dir() {
+        return Err(system(std::io::ErrorKind::IsADirectory.into()));
+    }
+    let mut bytes = Vec::new();
+    let mut read = |bytes: &mut Vec<u8>, most: u64| {
+        let read = (&mut file).take(most).read_to_end(bytes);
+        read.map_err(system)
+    };
+    // What is no map file, or is a device without an end, is not read any further.
+    read(&mut bytes, MapFile::HEADER_BYTES as u64)?;
+    let length = MapFile::length(&bytes).map_err(|e| content(&e))?;
+    if length > LARGEST {
+        return Err(content(&format!(
+            "expected a map file of at most {LARGEST} bytes, found one of {length}; this program reads maps as a whole"
+        )));
+    }
+    // One byte more than there should be, to see that there are more.
+    let rest = (length + 1).saturating_sub(bytes.len() as u64);
+    read(&mut bytes, rest)?;
+    Ok(Loaded {
+        file: MapFile::from_bytes(&bytes).map_err(|e| content(&e))?,
+        bytes: bytes.len() as u64,
+    })
+}
+
+/// Whether a system with this configuration and camera can go on with a map, or find itself in it.
+///
+/// # Errors
+/// Its features are from other pyramids, or its images from another camera.
+#[cfg_attr(not(test), expect(dead_code, reason = "no run begins with a map yet"))]
+pub(crate) fn check_fits(
+    path: &Path,
+    map: &Map,
+    config: &Config,
+    camera: &Camera,
+) -> Result<(), Failure> {
+    let (levels, factor) = (config.features.levels, config.features.scale_factor);
+    let scales = map.level_scales();
+    if scales != Map::new(levels, factor).level_scales() {
+        let found = scales.get(1).copied().unwrap_or(1.0);
+        return Err(Failure::input(format!(
+            "{}: expected a map of features on {levels} levels with a factor of {factor}, found {} levels with a factor of {found}; run with --set features.levels={} --set features.scale_factor={found}, or make the map again",
+            path.display(),
+            scales.len(),
+            scales.len(),
+        )));
+    }
+    let others = map.view().keyframes().map(|k| &k.data.camera);
+    // Keyframes have few cameras, mostly one.
+    let mut checked: Vec<&Camera> = Vec::new();
+    for other in others {
+        if checked.contains(&other) {
+            continue;
+        }
+        checked.push(other);
+        let distance = distance(camera, other);
+        if distance.is_none_or(|d| d > CAMERA_TOLERANCE) {
+            let found = match distance {
+                Some(d) => format!("one in which points are up to {d:.1} px elsewhere"),
+                None => format!("images of {}x{} px", other.width, other.height),
+            };
+            return Err(Failure::input(format!(
+                "{}: expected a map from this camera ({}x{} px, fx {:.1}), found {found} (fx {:.1}); name the camera of the map with --camera, or make the map again",
+                path.display(),
+                camera.width,
+                camera.height,
+                camera.fx,
+                other.fx,
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// How far, at most, two cameras see the same direction from each other, px; none when their images differ in size.
+fn distance(a: &Camera, b: &Camera) -> Option<f64> {
+    if (a.width, a.height) != (b.width, b.height) {
+        return None;
+    }
+    let mut most: f64 = 0.0;
+    for i in 0..=8 {
+        for j in 0..=8 {
+            let share = |i: i32, side: u32| f64::from(side - 1) * f64::from(i) / 8.0;
+            let raw = Vec2::new(share(i, a.width), share(j, a.height));
+            let ray = |c: &Camera| c.ray(c.undistort(raw));
+            let d = (ray(a) - ray(b)).norm() * a.fx.max(a.fy);
+            // No number is no small one.
+            most = if d <= most { most } else { d };
+        }
+    }
+    Some(if most.is_nan() { f64::INFINITY } else { most })
+}
+
+/// A map that was written, as `summary.json` has it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct SavedMap {
+    /// The file.
+    pub(crate) path: String,
+    /// Its size.
+    pub(crate) bytes: u64,
+    /// Keyframes in it.
+    pub(crate) keyframes: usize,
+    /// Landmarks in it.
+    pub(crate) landmarks: usize,
+}
+
+/// A map file in the making.
+pub(crate) struct MapOutput {
+    file: StreamedFile,
+    path: String,
+}
+
+impl MapOutput {
+    /// Begins a file before the run whose map it is to hold, so that a run of an hour does not end with a file that cannot be
+    /// written. What is there is not touched.
+    pub(crate) fn create(path: &Path) -> Result<Self, Failure> {
+        Ok(Self {
+            file: StreamedFile::create(path, "--save-map")?,
+            path: path.display().to_string(),
+        })
+    }
+
+    /// Puts the map where it belongs.
+    pub(crate) fn save(mut self, map: &Map) -> Result<SavedMap, Failure> {
+        let view = map.view();
+        if view.keyframe_count() == 0 {
+            return Err(Failure::criteria(format!(
+                "{}: expected a map to save, found no keyframe; what was there is untouched",
+                self.path
+            )));
+        }
+        let bytes = map
+            .to_bytes(&[])
+            .map_err(|e| Failure::criteria(format!("{}: {e}", self.path)))?;
+        self.file.write(|w| w.write_all(&bytes))?;
+        self.file.finish()?;
+        Ok(SavedMap {
+            path: self.path,
+            bytes: bytes.len() as u64,
+            keyframes: view.keyframe_count(),
+            landmarks: view.landmark_count(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use stillpoint::features::FeatureGrid;
+    use stillpoint::geometry::Se3;
+    use stillpoint::map::{KeyframeData, KeyframeId};
+
+    fn camera() -> Camera {
+        Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5])
+    }
+
+    fn map() -> Map {
+        let camera = camera();
+        let data = KeyframeData {
+            stamp: 1.0,
+            camera,
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: Vec::new(),
+            depth_sigmas: Vec::new(),
+            descriptors: Vec::new(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::build(&[], &[], KeyframeData::grid_bounds(&camera)),
+        };
+        let features = Config::default().features;
+        let mut map = Map::new(features.levels, features.scale_factor);
+        map.insert_keyframe(KeyframeId(0), Arc::new(data), Se3::identity(), None);
+        map
+    }
+
+    fn fits(change: impl FnOnce(&mut Config, &mut Camera)) -> Result<(), String> {
+        let (mut config, mut camera) = (Config::default(), camera());
+        change(&mut config, &mut camera);
+        let path = Path::new("desk.spmap");
+        check_fits(path, &map(), &config, &camera).map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn a_map_fits_its_own_camera_and_features() {
+        assert_eq!(fits(|_, _| {}), Ok(()));
+        // As after another calibration.
+        assert_eq!(fits(|_, c| c.fx += 3.0), Ok(()));
+        let refuse = |change: fn(&mut Config, &mut Camera), words: &[&str]| {
+            let e = fits(change).unwrap_err();
+            for word in ["desk.spmap", "expected", "found"].iter().chain(words) {
+                assert!(e.contains(word), "{word:?} is not in {e}");
+            }
+        };
+        refuse(|c, _| c.features.levels = 4, &["--set features.levels=8"]);
+        refuse(
+            |c, _| c.features.scale_factor = 1.5,
+            &["features.scale_factor=1.2"],
+        );
+        refuse(|_, c| c.width = 320, &["640x480", "--camera"]);
+        refuse(|_, c| c.fx = 480.0, &["px elsewhere", "--camera"]);
+        refuse(|_, c| c.distortion.k1 = 0.3, &["px elsewhere"]);
+        refuse(|_, c| c.distortion.k1 = f64::NAN, &["px elsewhere"]);
+    }
+
+    #[test]
+    fn a_map_without_keyframes_does_not_replace_one() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("desk.spmap");
+        let saved = MapOutput::create(&path).unwrap().save(&map()).unwrap();
+        assert_eq!((saved.keyframes, saved.landmarks), (1, 0));
+        assert_eq!(saved.bytes, path.metadata().unwrap().len());
+        let e = MapOutput::create(&path).unwrap().save(&Map::new(8, 1.2));
+        assert!(e.unwrap_err().to_string().contains("no keyframe"));
+        assert_eq!(load(&path).ok().unwrap().bytes, saved.bytes);
+    }
+}
