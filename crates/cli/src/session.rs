@@ -8,7 +8,7 @@ use crate::demo_pictures::Shots;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::overlay::OverlayFolder;
-use crate::summary::{DetectorJson, FeaturesJson, LostStretch};
+use crate::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch};
 use crate::timing::Timing;
 use crate::verdicts::VerdictFile;
 use std::sync::Arc;
@@ -35,6 +35,8 @@ pub(crate) struct Session {
     pub(crate) detector: DetectorJson,
     /// What the static filter did.
     pub(crate) features: FeaturesJson,
+    /// Places that were recognised.
+    pub(crate) loops: LoopsJson,
     /// The user ended it early.
     pub(crate) interrupted: bool,
     /// From the first frame to the last, s.
@@ -187,6 +189,7 @@ struct Tally {
     last_lost: Option<FrameId>,
     last_frame: Option<FrameId>,
     features: FeaturesJson,
+    loops: LoopsJson,
     detector: DetectorJson,
 }
 
@@ -204,6 +207,10 @@ impl Tally {
                 ),
                 Event::Rejudged(report) => {
                     self.features.rejudged_landmarks += u64::from(report.landmarks);
+                }
+                Event::Looped(report) => {
+                    tracing::debug!(?report, "looped");
+                    self.loops.add(report);
                 }
                 Event::Detected(detections) => {
                     self.detector.frames += 1;
@@ -284,6 +291,7 @@ impl Tally {
         Session {
             detector,
             features: self.features,
+            loops: self.loops,
             frames: self.frames,
             skipped: self.skipped,
             lost: self.lost,

@@ -64,11 +64,10 @@ impl Proposal<'_> {
             new: self.keyframe.id,
             old_from_new: self.verified.new_from_old.inverse(),
         };
-        let (poses, cost) = self
-            .straighten(&nodes, &edge)
+        let (poses, believed) = self
+            .straighten(&nodes, &edge, report)
             .ok_or(LoopOutcome::Contradicted)?;
-        report.cost = cost;
-        if cost > max_cost {
+        if !believed || report.cost > max_cost {
             return Err(LoopOutcome::Contradicted);
         }
         let merges = self.merges();
@@ -115,8 +114,13 @@ impl Proposal<'_> {
         merges
     }
 
-    /// The poses of all keyframes after the pose graph, and what it cost to believe the loop.
-    fn straighten(&self, nodes: &Nodes<'_>, edge: &LoopEdge) -> Option<(Vec<Se3>, f64)> {
+    /// The poses of all keyframes after the pose graph, and whether it believes the loop; what it costs is reported.
+    fn straighten(
+        &self,
+        nodes: &Nodes<'_>,
+        edge: &LoopEdge,
+        loop_report: &mut LoopReport,
+    ) -> Option<(Vec<Se3>, bool)> {
         let mut edges = nodes.essential_edges();
         let loops = self.earlier.iter().chain([edge]);
         edges.extend(loops.filter_map(|l| nodes.loop_edge(self.view, l)));
@@ -138,7 +142,8 @@ impl Proposal<'_> {
         }
         // A loop without a say was refused by the rest of the graph.
         let believed = report.edges.last().is_some_and(|e| e.weight > 0.5);
-        believed.then_some((graph.nodes, report.final_cost))
+        loop_report.cost = report.final_cost;
+        Some((graph.nodes, believed))
     }
 
     /// Bundle adjustment of all keyframes and of all landmarks that two of them see, and the correction that it amounts to.
