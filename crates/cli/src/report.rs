@@ -22,6 +22,10 @@ pub(crate) fn run_text(summary: &Summary) -> String {
         text += &format!("{} frames could not be read and were skipped\n", s.skipped);
     }
     text += &filter_text(s);
+    if s.loops != Default::default() {
+        let l = s.loops;
+        text += &format!("loops: {} closed, {} rejected\n", l.closed, l.rejected);
+    }
     if let Some(m) = &s.map {
         text += &format!(
             "map saved to {}: {} keyframes, {} landmarks, {}\n",

@@ -280,6 +280,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         lost: session.lost.clone(),
         detector: session.detector.clone(),
         features: session.features,
+        loops: session.loops,
         interrupted: session.interrupted,
         keyframes: session.view.keyframe_count(),
         landmarks: session.view.landmark_count(),

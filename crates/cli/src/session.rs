@@ -9,7 +9,7 @@ use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::map_file::{MapOutput, SavedMap};
 use crate::overlay::OverlayFolder;
-use crate::summary::{DetectorJson, FeaturesJson, LostStretch};
+use crate::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch};
 use crate::timing::Timing;
 use crate::verdicts::VerdictFile;
 use std::sync::Arc;
@@ -36,6 +36,8 @@ pub(crate) struct Session {
     pub(crate) detector: DetectorJson,
     /// What the static filter did.
     pub(crate) features: FeaturesJson,
+    /// Places that were recognised.
+    pub(crate) loops: LoopsJson,
     /// The user ended it early.
     pub(crate) interrupted: bool,
     /// From the first frame to the last, s.
@@ -195,6 +197,7 @@ struct Tally {
     last_lost: Option<FrameId>,
     last_frame: Option<FrameId>,
     features: FeaturesJson,
+    loops: LoopsJson,
     detector: DetectorJson,
 }
 
@@ -212,6 +215,10 @@ impl Tally {
                 ),
                 Event::Rejudged(report) => {
                     self.features.rejudged_landmarks += u64::from(report.landmarks);
+                }
+                Event::Looped(report) => {
+                    tracing::debug!(?report, "looped");
+                    self.loops.add(report);
                 }
                 Event::Detected(detections) => {
                     self.detector.frames += 1;
@@ -292,6 +299,7 @@ impl Tally {
         Session {
             detector,
             features: self.features,
+            loops: self.loops,
             frames: self.frames,
             skipped: self.skipped,
             lost: self.lost,

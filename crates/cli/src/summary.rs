@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use stillpoint::detection::{DetectorInfo, DetectorKind};
 use stillpoint::evaluation::timing::Stats;
 use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
-use stillpoint::slam::FrameCounts;
+use stillpoint::slam::{FrameCounts, LoopOutcome, LoopReport};
 
 /// All figures of one run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -27,6 +27,9 @@ pub(crate) struct Summary {
     /// The static filter's verdicts.
     #[serde(default)]
     pub(crate) features: FeaturesJson,
+    /// Places that were recognised.
+    #[serde(default)]
+    pub(crate) loops: LoopsJson,
     /// True when the user ended the run early.
     pub(crate) interrupted: bool,
     /// Keyframes in the final map.
@@ -183,6 +186,25 @@ impl FeaturesJson {
         self.dynamic += u64::from(counts.dynamic);
         self.released += u64::from(counts.released);
         self.dynamic_share = self.dynamic as f64 / self.keypoints.max(1) as f64;
+    }
+}
+
+/// What became of the places that were recognised.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct LoopsJson {
+    /// Loops that corrected the map.
+    pub(crate) closed: u32,
+    /// Keyframes that looked like older ones, where geometry or the map said no.
+    pub(crate) rejected: u32,
+}
+
+impl LoopsJson {
+    /// Counts a report.
+    pub(crate) fn add(&mut self, report: &LoopReport) {
+        match report.outcome {
+            LoopOutcome::Closed => self.closed += 1,
+            _ => self.rejected += 1,
+        }
     }
 }
 

@@ -215,7 +215,7 @@ fn landmarks_move_with_their_anchor() {
 #[test]
 fn disowned_features_leave_the_map_for_good() {
     let mut map = Map::new(8, 1.2);
-    for k in 0..2 {
+    for k in 0..2u32 {
         let parent = k.checked_sub(1).map(KeyframeId);
         map.insert_keyframe(KeyframeId(k), data(k), pose(k), parent);
     }

@@ -20,6 +20,9 @@ pub enum Event {
     DetectorFailed(DetectError),
     /// Features of an earlier keyframe turned out to move: their landmarks were taken out.
     Rejudged(RejudgeReport),
+    /// A place was recognised, and a loop closed or refused. What applying the correction did comes later, in
+    /// [`System::loops`](crate::System::loops).
+    Looped(LoopReport),
 }
 
 /// What became of a frame's pose.

@@ -172,7 +172,7 @@ impl System {
         if let Some(keyframe) = keyframe {
             let id = keyframe.id;
             self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
-            self.look_for_loop(id);
+            self.look_for_loop(id, &mut events);
         }
         self.deliver_corrections(self.step);
         self.step += 1;
@@ -226,7 +226,7 @@ impl System {
     }
 
     /// Shows the looper a keyframe that the map took; its correction is due some steps later.
-    fn look_for_loop(&mut self, id: KeyframeId) {
+    fn look_for_loop(&mut self, id: KeyframeId, events: &mut Vec<Event>) {
         let view = self.view();
         let LooperOut {
             correction,
@@ -243,6 +243,7 @@ impl System {
             self.corrections
                 .push_back((due, self.loops.len(), correction));
         }
+        events.push(Event::Looped(report.clone()));
         self.loops.push(report);
     }
 

@@ -1,0 +1,166 @@
+//! What loop closing gains, and every loop against the truth: rendered scenes, each with looping and without.
+//!
+//! `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS [EVERY_NTH_FRAME]`
+
+use std::time::Instant;
+use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint::imaging::Simd;
+use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::slam::{Config, LoopOutcome, LoopReport, System};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// A system and the time that its steps took.
+struct Contestant {
+    system: System,
+    seconds: f64,
+    slowest: f64,
+}
+
+impl Contestant {
+    fn new(simulator: &Simulator, looping: bool) -> Result<Self, Failure> {
+        let mut config = Config::default();
+        config.looping.enabled = looping;
+        let system = System::new(config, *simulator.camera(), Simd::detect())?;
+        Ok(Self {
+            system,
+            seconds: 0.0,
+            slowest: 0.0,
+        })
+    }
+
+    fn poses(&self, online: bool) -> Vec<TimedPose> {
+        let view = self.system.view();
+        let resolved = self.system.trajectory().resolve(&view);
+        resolved
+            .map(|(entry, pose)| TimedPose {
+                stamp: entry.stamp,
+                world_from_camera: if online {
+                    entry.online_world_from_camera
+                } else {
+                    pose
+                },
+            })
+            .collect()
+    }
+
+    fn tell(&self, name: &str, simulator: &Simulator) -> Result<f64, Failure> {
+        let truth = simulator.ground_truth().into_iter();
+        let truth: Vec<TimedPose> = truth
+            .map(|(stamp, world_from_camera)| TimedPose {
+                stamp,
+                world_from_camera,
+            })
+            .collect();
+        let poses = self.poses(false);
+        let last = evaluate(&truth, &poses, &EvalOptions::default())?;
+        let online = evaluate(&truth, &self.poses(true), &EvalOptions::default())?;
+        let steps = poses.windows(2).map(|w| {
+            let [a, b] = [&w[0], &w[1]].map(|p| p.world_from_camera.translation);
+            (a - b).norm()
+        });
+        let ate = last.ate.statistics.rmse * 1e3;
+        println!(
+            "  {name}: ATE {ate:.1} mm, greatest {:.1} mm, online {:.1} mm; {} poses, {} keyframes, {} landmarks, longest step {:.3} m; {:.1} s, slowest {:.2} s",
+            last.ate.statistics.max * 1e3,
+            online.ate.statistics.rmse * 1e3,
+            poses.len(),
+            self.system.view().keyframe_count(),
+            self.system.view().landmark_count(),
+            steps.fold(0.0, f64::max),
+            self.seconds,
+            self.slowest,
+        );
+        Ok(ate)
+    }
+}
+
+/// Says what became of a recognised place; returns whether a loop was closed that is farther than 10 cm or 5 degrees from the truth.
+fn tell_loop(simulator: &Simulator, l: &LoopReport) -> bool {
+    let truth = simulator.ground_truth();
+    let pose = |id: u32| truth[id as usize].1;
+    let with_from_keyframe = pose(l.with.0).inverse() * pose(l.keyframe.0);
+    let error = l.edge.map(|edge| {
+        let error = with_from_keyframe.inverse() * edge;
+        (
+            error.translation.norm(),
+            error.rotation.angle().to_degrees(),
+        )
+    });
+    let far = error.map_or_else(String::new, |(m, deg)| {
+        format!(", edge off by {:.1} mm, {deg:.2} deg", m * 1e3)
+    });
+    println!(
+        "    {:>4} with {:>4}, {:.2} m apart: {}, score {:.3}, {} + {} inliers, cost {:.2}, {} merged, moved {:.3} m{far}",
+        l.keyframe.0,
+        l.with.0,
+        with_from_keyframe.translation.norm(),
+        l.outcome,
+        l.score,
+        l.rigid_inliers,
+        l.inliers,
+        l.cost,
+        l.merges,
+        l.moved_m,
+    );
+    l.outcome == LoopOutcome::Closed && error.is_none_or(|(m, deg)| m > 0.1 || deg > 5.0)
+}
+
+fn median(values: &mut [f64]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}
+
+fn main() -> Result<(), Failure> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let number = |at: usize, default: u64| -> Result<u64, Failure> {
+        Ok(words.get(at).map_or(Ok(default), |w| w.parse())?)
+    };
+    let scene = words.first().map_or("loop_two_rooms", String::as_str);
+    let (first, seeds, every) = (number(1, 0)?, number(2, 5)?, number(3, 1)?);
+    let (mut open_ate, mut closed_ate) = (Vec::new(), Vec::new());
+    let (mut closed_loops, mut false_loops) = (Vec::new(), 0);
+    for seed in first..first + seeds {
+        let simulator = Simulator::new(&SimulatorConfig {
+            scene: scene.into(),
+            seed,
+            ..SimulatorConfig::default()
+        })?;
+        let mut open = Contestant::new(&simulator, false)?;
+        let mut closed = Contestant::new(&simulator, true)?;
+        for i in (0..simulator.len()).step_by(every as usize) {
+            let frame = simulator.frame(i);
+            for c in [&mut open, &mut closed] {
+                let frame = frame.clone();
+                let start = Instant::now();
+                c.system.step(frame);
+                let seconds = start.elapsed().as_secs_f64();
+                c.seconds += seconds;
+                c.slowest = c.slowest.max(seconds);
+            }
+        }
+        open.system.finish();
+        closed.system.finish();
+        println!("{scene}, seed {seed}, {} frames", simulator.len());
+        open_ate.push(open.tell("without", &simulator)?);
+        closed_ate.push(closed.tell("with   ", &simulator)?);
+        let mut count = 0;
+        let mut unlike = 0;
+        for l in closed.system.loops() {
+            if l.outcome == LoopOutcome::NoRigidMotion {
+                unlike += 1;
+                continue;
+            }
+            false_loops += usize::from(tell_loop(&simulator, l));
+            count += usize::from(l.outcome == LoopOutcome::Closed);
+        }
+        println!("    {unlike} keyframes looked like older ones, and no motion was found");
+        closed_loops.push(count);
+    }
+    println!(
+        "{scene}: median ATE without {:.1} mm, with {:.1} mm; loops closed per seed {closed_loops:?}, of these {false_loops} false",
+        median(&mut open_ate),
+        median(&mut closed_ate),
+    );
+    Ok(())
+}
