@@ -198,6 +198,8 @@ pub(crate) struct DemoArgs {
   stillpoint run recording --detector yolox_nano_416.onnx --verdicts verdicts.csv
   stillpoint run recording --overlay pictures --overlay-every 3
   stillpoint run recording --save-map desk.spmap
+  stillpoint run another --load-map desk.spmap --save-map desk.spmap
+  stillpoint run another --localize desk.spmap
   stillpoint run recording --set static_filter.preset=off
 
 Exit code 1 when a frame was lost, fewer than two poses were found, or Ctrl-C ended the run;
@@ -222,6 +224,17 @@ pub(crate) struct RunArgs {
     /// by a whole one.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub(crate) save_map: Option<PathBuf>,
+    /// Go on with a map that --save-map wrote: places in it are recognised, and it grows.
+    #[arg(long, value_name = "FILE", conflicts_with = "localize")]
+    pub(crate) load_map: Option<PathBuf>,
+    /// Find the camera in a map that --save-map wrote, in that map's frame of reference. The map is only read: it does not grow.
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with = "save_map",
+        verbatim_doc_comment
+    )]
+    pub(crate) localize: Option<PathBuf>,
     /// Draw every N-th frame only.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) overlay_every: u32,

@@ -123,6 +123,7 @@ impl Stage<'_> {
             timing: self.timing,
             interrupt: self.interrupt,
             detector,
+            map: None,
         };
         let mut outputs = Outputs {
             shots: Some(Shots::new(simulator.len(), &config.motion_weights)),

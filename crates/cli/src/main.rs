@@ -25,6 +25,7 @@ mod detect_output;
 mod detector;
 mod eval;
 mod failure;
+mod frames;
 mod interrupt;
 mod machine;
 mod map;

@@ -85,7 +85,6 @@ pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
 ///
 /// # Errors
 /// Its features are from other pyramids, or its images from another camera.
-#[cfg_attr(not(test), expect(dead_code, reason = "no run begins with a map yet"))]
 pub(crate) fn check_fits(
     path: &Path,
     map: &Map,

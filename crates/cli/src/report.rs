@@ -24,7 +24,11 @@ pub(crate) fn run_text(summary: &Summary) -> String {
     text += &filter_text(s);
     if s.loops != Default::default() {
         let l = s.loops;
-        text += &format!("loops: {} closed, {} rejected\n", l.closed, l.rejected);
+        text += &format!("loops: {} closed, {} rejected", l.closed, l.rejected);
+        if l.joined > 0 {
+            text += &format!("; {} pieces of map joined to others", l.joined);
+        }
+        text.push('\n');
     }
     if let Some(m) = &s.map {
         text += &format!(

@@ -5,14 +5,14 @@ use crate::console;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::{Machine, peak_memory};
-use crate::map_file::MapOutput;
+use crate::map_file::{self, MapOutput};
 use crate::output::ResultFolder;
 use crate::overlay::OverlayFolder;
 use crate::session::{Driver, Outputs, Session};
 use crate::summary::{Accuracy, Input, ScoreJson, StageTiming, Summary};
 use crate::timing::Timing;
 use crate::verdicts::VerdictFile;
-use crate::{config, detector, report};
+use crate::{config, detector, frames, report};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{
     CameraChoice, Dataset, Entry, FrameOptions, OpenOptions, ReadAhead, StampedPose, trajectory,
@@ -21,8 +21,10 @@ use stillpoint::evaluation::plot::{
     Figure, Series, drift_figure, poses_figure, timing_figure, trajectory_figure,
 };
 use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
+use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameSource, Simd};
-use stillpoint::slam::Config;
+use stillpoint::map::Map;
+use stillpoint::slam::{Config, MapUse};
 
 /// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
@@ -39,6 +41,7 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         keep_colour: args.overlay.is_some() || settled.needs_colour(),
     };
     let frames = dataset.frames(&options)?;
+    let map = known_map(args, &config, &dataset.camera().camera)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
     let folder = ResultFolder::create(&out)?;
     let mut outputs = outputs(args, &config, &dataset, frames.remaining())?;
@@ -50,6 +53,7 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         timing,
         interrupt: &interrupt,
         detector: loaded.detector,
+        map,
     };
     let mut session = driver.drive(&mut ReadAhead::new(frames), &mut outputs)?;
     session.detector.library = loaded.library;
@@ -73,6 +77,32 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         Some(Err(failure)) => Err(failure),
         _ => Ok(status),
     }
+}
+
+/// The map to begin with, if there is one.
+fn known_map(
+    args: &RunArgs,
+    config: &Config,
+    camera: &Camera,
+) -> Result<Option<(Map, MapUse)>, Failure> {
+    let (path, map_use) = match (&args.load_map, &args.localize) {
+        (Some(path), _) => (path, MapUse::Grow),
+        (None, Some(path)) => (path, MapUse::Localize),
+        (None, None) => return Ok(None),
+    };
+    let map = map_file::load(path)?.file.map;
+    map_file::check_fits(path, &map, config, camera)?;
+    console::info(&format!(
+        "{} map {} with {} keyframes and {} landmarks",
+        match map_use {
+            MapUse::Grow => "going on with",
+            MapUse::Localize => "finding the camera in",
+        },
+        path.display(),
+        map.view().keyframe_count(),
+        map.view().landmark_count()
+    ));
+    Ok(Some((map, map_use)))
 }
 
 /// What is written while frames go by. `frames` is their number where known.
@@ -177,7 +207,12 @@ pub(crate) fn write(
     let poses = |p: &[StampedPose]| trajectory::format(p).into_bytes();
     folder.write("trajectory.txt", &poses(&session.final_poses))?;
     folder.write("trajectory_online.txt", &poses(&session.online_poses))?;
+    for (i, piece) in session.other_pieces.iter().enumerate() {
+        let name = frames::file_name(i + 1, piece.id);
+        folder.write(&name, &poses(&piece.final_poses))?;
+    }
     folder.write("keyframes.txt", &poses(&session.keyframes))?;
+    folder.write("frames.csv", session.frames_csv.as_bytes())?;
     folder.write("config.toml", config::to_text(setup.config)?.as_bytes())?;
     for (name, figure) in figures(setup, session, scores.as_ref()) {
         folder.write(&format!("{name}.svg"), figure.to_svg().as_bytes())?;
@@ -236,8 +271,14 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
     }
     for stretch in &s.lost {
         console::warn(&format!(
-            "no pose in frames {} to {}: {}",
-            stretch.first, stretch.last, stretch.reason
+            "no pose in frames {} to {} ({:.2} s): {}; then {}",
+            stretch.first, stretch.last, stretch.seconds, stretch.reason, stretch.then
+        ));
+    }
+    for piece in s.pieces.iter().skip(1) {
+        console::warn(&format!(
+            "{} frames are in a piece of map that was not recognised as part of the first: their poses are in {}, in a frame of reference of their own",
+            piece.frames, piece.trajectory
         ));
     }
     if let Some(remark) = &s.detector.remark {
@@ -252,7 +293,10 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
     }
     let missing = s.frames - s.tracked;
     if missing > 0 {
-        console::line(&format!("{missing} of {} frames have no pose", s.frames));
+        console::line(&format!(
+            "{missing} of {} frames have no pose in trajectory.txt",
+            s.frames
+        ));
     }
     if missing > 0 || s.tracked < 2 || s.interrupted || d.never_answered() {
         Status::Failed
@@ -278,6 +322,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         skipped: session.skipped,
         tracked: session.final_poses.len(),
         lost: session.lost.clone(),
+        pieces: session.pieces.clone(),
         detector: session.detector.clone(),
         features: session.features,
         loops: session.loops,

@@ -6,10 +6,11 @@
 use crate::console::{self, Progress};
 use crate::demo_pictures::Shots;
 use crate::failure::Failure;
+use crate::frames::{self, Frames, Piece};
 use crate::interrupt::Interrupt;
 use crate::map_file::{MapOutput, SavedMap};
 use crate::overlay::OverlayFolder;
-use crate::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch};
+use crate::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, PieceJson};
 use crate::timing::Timing;
 use crate::verdicts::VerdictFile;
 use std::sync::Arc;
@@ -17,12 +18,9 @@ use std::time::Instant;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::{Detector, NoDetector};
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::{FrameId, FrameSource, RgbdFrame, Simd};
-use stillpoint::map::MapView;
-use stillpoint::slam::{Config, Event, FrameReport, Outcome, System};
-
-/// Fewer landmarks may agree on a pose by chance: such poses are not written.
-const MIN_INLIERS: u32 = 30;
+use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
+use stillpoint::map::{Map, MapView};
+use stillpoint::slam::{Config, Event, FrameReport, MapUse, System};
 
 /// What a pass gave.
 pub(crate) struct Session {
@@ -46,7 +44,13 @@ pub(crate) struct Session {
     pub(crate) final_poses: Vec<StampedPose>,
     /// Poses of the same frames as known at each of them.
     pub(crate) online_poses: Vec<StampedPose>,
-    /// Final poses of the keyframes.
+    /// Poses in other pieces of map, each in a frame of reference of its own.
+    pub(crate) other_pieces: Vec<Piece>,
+    /// All pieces; the first is that of the poses above.
+    pub(crate) pieces: Vec<PieceJson>,
+    /// What became of every frame, as `frames.csv` has it.
+    pub(crate) frames_csv: String,
+    /// Final poses of the keyframes of the first piece.
     pub(crate) keyframes: Vec<StampedPose>,
     /// The final map.
     pub(crate) view: Arc<MapView>,
@@ -62,6 +66,8 @@ pub(crate) struct Driver<'a> {
     pub(crate) timing: &'a Timing,
     pub(crate) interrupt: &'a Interrupt,
     pub(crate) detector: Option<Box<dyn Detector>>,
+    /// A map to begin with, and what is done with it.
+    pub(crate) map: Option<(Map, MapUse)>,
 }
 
 /// What is written while frames go by.
@@ -135,6 +141,9 @@ impl Driver<'_> {
         if let Some(detector) = self.detector {
             system = system.with_detector(detector);
         }
+        if let Some((map, map_use)) = self.map {
+            system = system.with_map(map, map_use).map_err(Failure::input)?;
+        }
         let mut progress = Progress::new(source.remaining());
         let mut tally = Tally::default();
         let start = Instant::now();
@@ -193,9 +202,7 @@ struct Tally {
     frames: usize,
     skipped: usize,
     without_pose: usize,
-    lost: Vec<LostStretch>,
-    last_lost: Option<FrameId>,
-    last_frame: Option<FrameId>,
+    each: Frames,
     features: FeaturesJson,
     loops: LoopsJson,
     detector: DetectorJson,
@@ -240,45 +247,23 @@ impl Tally {
         self.features.add(&report.counts);
         self.detector.too_late += u64::from(report.counts.detections_too_late);
         self.detector.without_pose += u64::from(report.counts.detections_without_pose);
-        let previous = self.last_frame.replace(report.frame);
         tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
-        let reason = match report.outcome {
-            Outcome::Lost { reason, .. } => reason.to_string(),
-            Outcome::Tracked if report.counts.inliers < MIN_INLIERS => {
-                format!("fewer than {MIN_INLIERS} inliers")
-            }
-            Outcome::Tracked | Outcome::Initialised | Outcome::Relocalised { .. } => return,
-        };
-        self.without_pose += 1;
-        let goes_on = previous.is_some() && self.last_lost == previous;
-        match self.lost.last_mut() {
-            Some(stretch) if goes_on => stretch.last = report.frame.0,
-            _ => self.lost.push(LostStretch {
-                first: report.frame.0,
-                last: report.frame.0,
-                reason,
-            }),
-        }
-        self.last_lost = Some(report.frame);
+        self.without_pose += usize::from(self.each.take(report));
     }
 
     fn close(self, system: &System, start: Instant, interrupted: bool) -> Session {
         let seconds = start.elapsed().as_secs_f64();
         let view = system.view();
-        let (mut final_poses, mut online_poses) = (Vec::new(), Vec::new());
-        for (entry, pose) in system.trajectory().resolve(&view) {
-            if entry.inliers < MIN_INLIERS {
-                continue;
-            }
-            let stamped = |world_from_camera| StampedPose {
-                stamp: entry.stamp,
-                world_from_camera,
-            };
-            final_poses.push(stamped(pose));
-            online_poses.push(stamped(entry.online_world_from_camera));
-        }
+        let mut pieces = self.each.pieces(system.trajectory(), &view);
+        let described = frames::describe(&pieces);
+        let other_pieces = pieces.split_off(pieces.len().min(1));
+        let first = pieces.pop();
+        let piece = first.as_ref().map(|p| p.id);
+        let (final_poses, online_poses) =
+            first.map_or_else(Default::default, |p| (p.final_poses, p.online_poses));
         let keyframes = view
             .keyframes()
+            .filter(|k| Some(k.piece) == piece)
             .map(|k| StampedPose {
                 stamp: k.data.stamp,
                 world_from_camera: k.world_from_camera,
@@ -302,7 +287,10 @@ impl Tally {
             loops: self.loops,
             frames: self.frames,
             skipped: self.skipped,
-            lost: self.lost,
+            lost: self.each.lost(),
+            frames_csv: self.each.to_csv(system.trajectory(), &view),
+            pieces: described,
+            other_pieces,
             interrupted,
             seconds,
             final_poses,
@@ -318,8 +306,9 @@ impl Tally {
 mod tests {
     use super::*;
     use stillpoint::detection::{BoundingBox, ClassId, DetectError, Detection, Detections};
+    use stillpoint::imaging::FrameId;
     use stillpoint::map::KeyframeId;
-    use stillpoint::slam::{FrameCounts, RejudgeReport, Segments};
+    use stillpoint::slam::{FrameCounts, Outcome, RejudgeReport, Segments};
 
     #[test]
     fn what_the_detector_says_is_counted() {

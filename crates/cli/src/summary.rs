@@ -21,6 +21,9 @@ pub(crate) struct Summary {
     pub(crate) tracked: usize,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
+    /// The pieces of map that frames have poses in; the first is that of `trajectory.txt`.
+    #[serde(default)]
+    pub(crate) pieces: Vec<PieceJson>,
     /// The object detector.
     #[serde(default)]
     pub(crate) detector: DetectorJson,
@@ -77,6 +80,25 @@ pub(crate) struct LostStretch {
     pub(crate) last: u32,
     /// Why the first of them has no pose.
     pub(crate) reason: String,
+    /// From the first of them to the next frame with a pose, s.
+    #[serde(default)]
+    pub(crate) seconds: f64,
+    /// What ended it: `found again`, `a map began`, `the end`.
+    #[serde(default)]
+    pub(crate) then: String,
+}
+
+/// A piece of the final map, in a frame of reference of its own.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct PieceJson {
+    /// The keyframe that began it.
+    pub(crate) id: u32,
+    /// Frames with a pose in it.
+    pub(crate) frames: usize,
+    /// Keyframes.
+    pub(crate) keyframes: usize,
+    /// The file of their poses.
+    pub(crate) trajectory: String,
 }
 
 /// What the detector was, so that a result says what it came from, and what it did.
@@ -194,6 +216,9 @@ impl FeaturesJson {
 pub(crate) struct LoopsJson {
     /// Loops that corrected the map.
     pub(crate) closed: u32,
+    /// Pieces of map that became part of another.
+    #[serde(default)]
+    pub(crate) joined: u32,
     /// Keyframes that looked like older ones, where geometry or the map said no.
     pub(crate) rejected: u32,
 }
@@ -202,6 +227,7 @@ impl LoopsJson {
     /// Counts a report.
     pub(crate) fn add(&mut self, report: &LoopReport) {
         match report.outcome {
+            LoopOutcome::Closed if report.joined.is_some() => self.joined += 1,
             LoopOutcome::Closed => self.closed += 1,
             _ => self.rejected += 1,
         }
