@@ -13,12 +13,37 @@ use std::path::PathBuf;
   stillpoint run rgbd_dataset_freiburg1_xyz --save-map desk.spmap
   stillpoint map info desk.spmap
   stillpoint map check desk.spmap
-  stillpoint map export desk.spmap --points desk.ply"
+  stillpoint map export desk.spmap --points desk.ply
+  stillpoint map merge monday.spmap tuesday.spmap -o flat.spmap"
 )]
 pub(crate) enum MapCommand {
     Info(MapInfoArgs),
     Check(MapCheckArgs),
     Export(MapExportArgs),
+    Merge(MapMergeArgs),
+}
+
+/// Make one map of two, where places of the second are recognised in the first.
+///
+/// The result is in the first map's frame of reference. Pieces that are not recognised stay pieces of their own.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint map merge monday.spmap tuesday.spmap -o flat.spmap
+
+Exit code 1 when no place was recognised, and nothing was written; 2 when a file cannot be used."
+)]
+pub(crate) struct MapMergeArgs {
+    /// Map file whose frame of reference stays.
+    #[arg(value_name = "A")]
+    pub(crate) first: PathBuf,
+    /// Map file that is put into it.
+    #[arg(value_name = "B")]
+    pub(crate) second: PathBuf,
+    /// File to write. It may be one of the two.
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: PathBuf,
 }
 
 /// Show what a map file holds.

@@ -1,14 +1,15 @@
 //! `map`: what is in map files, and whether they are whole.
 
-use crate::args_map::{MapCheckArgs, MapCommand, MapInfoArgs};
+use crate::args_map::{MapCheckArgs, MapCommand, MapInfoArgs, MapMergeArgs};
 use crate::failure::{Failure, Status};
-use crate::map_file::{self, Loaded, Refusal};
+use crate::map_file::{self, Loaded, MapOutput, Refusal};
 use crate::models::megabytes;
 use crate::{console, map_export};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use stillpoint::geometry::{Camera, Vec3};
-use stillpoint::map::{KeyframeId, KeyframeSlot, MapView};
+use stillpoint::map::{KeyframeId, KeyframeSlot, MapView, PieceId};
+use stillpoint::slam::{Config, join_maps};
 
 /// `map`.
 pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
@@ -16,6 +17,7 @@ pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
         MapCommand::Info(a) => info(a),
         MapCommand::Check(a) => check(a),
         MapCommand::Export(a) => map_export::export(a),
+        MapCommand::Merge(a) => merge(a),
     }
 }
 
@@ -48,6 +50,34 @@ fn check(args: &MapCheckArgs) -> Result<Status, Failure> {
     }
 }
 
+fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
+    let first = map_file::load(&args.first)?.file.map;
+    let second = map_file::load(&args.second)?.file.map;
+    let scales = first.level_scales();
+    let mut config = Config::default();
+    config.features.levels = scales.len();
+    config.features.scale_factor = scales.get(1).copied().unwrap_or(1.2);
+    let file = MapOutput::create(&args.out)?;
+    let [a, b] = [&first, &second].map(|m| m.view().pieces().len());
+    let joined = join_maps(&config, first, &second)
+        .map_err(|e| Failure::input(format!("{}: {e}", args.second.display())))?;
+    let [before, left] = joined.pieces;
+    if left == before {
+        return Err(Failure::criteria(format!(
+            "expected a place of {} in {}, found none among {} that look alike: nothing was written; a recording that begins where the first map is known and is run with --load-map ties them",
+            args.second.display(),
+            args.first.display(),
+            joined.reports.len()
+        )));
+    }
+    let saved = file.save(&joined.map)?;
+    console::report(&format!(
+        "{}: {} keyframes and {} landmarks; {} and {} pieces of map became {left}\n",
+        saved.path, saved.keyframes, saved.landmarks, a, b
+    ));
+    Ok(Status::Ok)
+}
+
 /// What `map info` tells.
 #[derive(Debug, Serialize)]
 struct MapInfo {
@@ -62,7 +92,7 @@ struct MapInfo {
     culled_keyframes: usize,
     landmarks: usize,
     observations: usize,
-    /// Parts that share no landmarks and do not descend from each other.
+    /// Parts of which it is not known how they lie to each other.
     pieces: usize,
     /// Of the first and the last keyframe, s.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -101,7 +131,6 @@ impl MapInfo {
     fn new(path: &str, loaded: &Loaded) -> Self {
         let (file, map) = (&loaded.file, &loaded.file.map);
         let view = map.view();
-        let pieces = Pieces::of(view);
         let scales = map.level_scales();
         let mut cameras: Vec<CameraJson> = Vec::new();
         for k in view.keyframes() {
@@ -125,9 +154,9 @@ impl MapInfo {
                 .count(),
             landmarks: view.landmark_count(),
             observations: view.landmarks().map(|(_, l)| l.observers as usize).sum(),
-            pieces: pieces.count(),
+            pieces: view.pieces().len(),
             stamps: stamps(view),
-            path_length: path_length(view, &pieces),
+            path_length: path_length(view),
             extent: extent(view),
             cameras,
             levels: scales.len(),
@@ -222,16 +251,12 @@ fn stamps(view: &MapView) -> Option<[f64; 2]> {
     Some(stamps.fold([first; 2], |[least, most], s| [least.min(s), most.max(s)]))
 }
 
-fn path_length(view: &MapView, pieces: &Pieces) -> f64 {
+fn path_length(view: &MapView) -> f64 {
     // The last place in each piece.
-    let mut last: BTreeMap<KeyframeId, Vec3> = BTreeMap::new();
+    let mut last: BTreeMap<PieceId, Vec3> = BTreeMap::new();
     let mut length = 0.0;
     for id in ids(view) {
-        let (Some(pose), Some(piece)) = (
-            view.world_from_keyframe(id),
-            view.resolve_keyframe(id)
-                .and_then(|k| pieces.of_keyframe(k)),
-        ) else {
+        let (Some(pose), Some(piece)) = (view.world_from_keyframe(id), view.piece_of(id)) else {
             continue;
         };
         if let Some(before) = last.insert(piece, pose.translation) {
@@ -251,40 +276,4 @@ fn extent(view: &MapView) -> Option<[f64; 3]> {
     });
     let size = most - least;
     Some([size.x, size.y, size.z])
-}
-
-/// Which keyframes hang together, by descent or by landmarks that both see: for each, one that stands for its piece.
-struct Pieces(BTreeMap<KeyframeId, KeyframeId>);
-
-impl Pieces {
-    fn of(view: &MapView) -> Self {
-        let mut pieces = Self(view.keyframes().map(|k| (k.id, k.id)).collect());
-        for k in view.keyframes() {
-            let parent = k.parent.and_then(|p| view.resolve_keyframe(p));
-            for other in parent.into_iter().chain(k.covisible.iter().map(|c| c.0)) {
-                if let (Some(a), Some(b)) = (pieces.of_keyframe(k.id), pieces.of_keyframe(other)) {
-                    // The smaller id stands for both, so that chains do not go round.
-                    pieces.0.insert(a.max(b), a.min(b));
-                }
-            }
-        }
-        pieces
-    }
-
-    fn of_keyframe(&self, id: KeyframeId) -> Option<KeyframeId> {
-        let mut at = id;
-        loop {
-            match *self.0.get(&at)? {
-                next if next == at => return Some(at),
-                next => at = next,
-            }
-        }
-    }
-
-    fn count(&self) -> usize {
-        self.0
-            .iter()
-            .filter(|(id, stands_for)| id == stands_for)
-            .count()
-    }
 }

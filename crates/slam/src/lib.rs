@@ -5,6 +5,7 @@
 
 mod config;
 mod event;
+mod join;
 mod looping;
 mod mapping;
 mod messages;
@@ -19,6 +20,7 @@ pub use event::{
     BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
     LostReason, MappingReport, Outcome, RejudgeReport,
 };
+pub use join::{JoinedMaps, join_maps};
 pub use looping::{Looper, LoopingConfig};
 pub use mapping::{Mapper, MappingConfig};
 pub use messages::{

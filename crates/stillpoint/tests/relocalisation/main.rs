@@ -9,7 +9,7 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 use stillpoint_map::PieceId;
 use stillpoint_simulator::{Simulator, SimulatorConfig};
-use stillpoint_slam::{Config, Event, FrameReport, MapUse, Outcome, System};
+use stillpoint_slam::{Config, Event, FrameReport, MapUse, Outcome, System, join_maps};
 
 const PERIOD: f64 = 1.0 / 30.0;
 
@@ -239,4 +239,35 @@ fn a_map_is_gone_on_with() {
     assert_eq!(view.pieces().len(), 1);
     let error = run.ate_mm(&simulator, &play, PieceId(0));
     assert!(error < 10.0, "{error} mm");
+}
+
+#[test]
+fn two_maps_become_one_where_they_overlap() {
+    let simulator = simulator("loop_two_rooms", 130);
+    let map = |frames: std::ops::Range<usize>| {
+        let play = Play::frames(frames.step_by(2));
+        run(&simulator, &Config::default(), &play).system.into_map()
+    };
+    let (first, second) = (map(0..70), map(20..130));
+    let count = first.view().keyframe_count() + second.view().keyframe_count();
+    let added = first.view().keyframe_bound() as u32;
+    let joined = join_maps(&Config::default(), first, &second).unwrap();
+    assert_eq!(joined.pieces, [2, 1]);
+    assert_eq!(joined.map.check(), Ok(()));
+    let view = joined.map.view();
+    assert_eq!(view.keyframe_count(), count);
+    // All in the first map's frame of reference.
+    let truth = simulator.ground_truth();
+    for k in view.keyframes() {
+        let frame = match k.id.0.checked_sub(added) {
+            Some(own) => 20 + 2 * own as usize,
+            None => 2 * k.id.0 as usize,
+        };
+        let real = truth[0].1.inverse() * truth[frame].1;
+        let off = (k.centre() - real.translation).norm();
+        assert!(off < 0.03, "keyframe {}: {off} m", k.id);
+    }
+    // Control: maps of places that have nothing in common stay apart.
+    let apart = join_maps(&Config::default(), map(0..30), &map(100..130)).unwrap();
+    assert_eq!(apart.pieces, [2, 2]);
 }

@@ -1,0 +1,59 @@
+//! Two maps as one.
+
+use crate::config::Config;
+use crate::event::LoopReport;
+use crate::looping::Looper;
+use crate::mapping::Mapper;
+use crate::messages::{LooperMsg, MapperMsg};
+use std::sync::Arc;
+use stillpoint_map::{AppendError, KeyframeId, Map};
+
+/// What became of putting two maps together.
+#[derive(Debug)]
+pub struct JoinedMaps {
+    /// Both maps, the second under new ids. In one frame of reference, that of the first, where places were recognised; else as
+    /// pieces of which nobody knows how they lie to each other.
+    pub map: Map,
+    /// The places of the second that looked like places of the first.
+    pub reports: Vec<LoopReport>,
+    /// Pieces before, and pieces that are left.
+    pub pieces: [usize; 2],
+}
+
+/// Puts two maps together, as far as places of the second are recognised in the first: keyframe by keyframe, as if the camera
+/// that made the second went through the first once more.
+///
+/// # Errors
+/// [`AppendError`] when their features cannot be compared.
+pub fn join_maps(config: &Config, mut base: Map, other: &Map) -> Result<JoinedMaps, AppendError> {
+    let mut looper = Looper::new(config);
+    looper.step(LooperMsg::Known {
+        view: base.publish(),
+    });
+    let added = base.append(other)?;
+    let mut mapper = Mapper::new(config).with_map(base);
+    let mut view = mapper.publish();
+    let before = view.pieces().len();
+    let mut reports = Vec::new();
+    let ids = view.keyframes().map(|k| k.id);
+    let new: Vec<KeyframeId> = ids.filter(|id| id.0 >= added).collect();
+    for id in new {
+        let out = looper.step(LooperMsg::Keyframe {
+            id,
+            view: Arc::clone(&view),
+        });
+        reports.extend(out.report);
+        if let Some(correction) = out.correction {
+            let out = mapper.step(MapperMsg::Correct(correction));
+            view = out.view;
+            let map_version = view.version();
+            looper.step(LooperMsg::Corrected { map_version });
+        }
+    }
+    let pieces = [before, view.pieces().len()];
+    Ok(JoinedMaps {
+        map: mapper.into_map(),
+        reports,
+        pieces,
+    })
+}
