@@ -83,10 +83,49 @@ impl Mapper {
         culled
     }
 
+    /// Culls the most redundant keyframes until there are no more than allowed. Those around the newest one are in use, and the
+    /// first one holds the map in place: they stay.
+    pub(super) fn cull_surplus(&mut self, now: KeyframeId) -> u32 {
+        let count = self.map.view().keyframe_count();
+        let most = self.config.max_keyframes;
+        if most == 0 || count <= most {
+            return 0;
+        }
+        let _span = tracing::info_span!("cull").entered();
+        let mut stay = self.neighbours(now, self.config.window);
+        stay.push(now);
+        stay.extend(self.order.first());
+        let view = self.map.view();
+        let candidates = view.keyframes().map(|k| k.id);
+        let mut ranked: Vec<(f64, KeyframeId)> = candidates
+            .filter(|id| !stay.contains(id))
+            .map(|id| {
+                let (redundant, total) = self.redundancy(id);
+                // One that sees nothing close is missed by none.
+                (f64::from(redundant + 1) / f64::from(total + 1), id)
+            })
+            .collect();
+        ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let mut culled = 0;
+        for (_, id) in ranked {
+            if count - culled as usize <= most {
+                break;
+            }
+            culled += u32::from(self.map.cull_keyframe(id));
+        }
+        culled
+    }
+
     fn is_redundant(&self, id: KeyframeId) -> bool {
+        let (redundant, total) = self.redundancy(id);
+        total > 0 && f64::from(redundant) > self.config.redundant_share * f64::from(total)
+    }
+
+    /// Of a keyframe's close landmarks, how many three others see as finely, and how many there are.
+    fn redundancy(&self, id: KeyframeId) -> (u32, u32) {
         let view = self.map.view();
         let Some(k) = view.keyframe(id) else {
-            return false;
+            return (0, 0);
         };
         let (mut total, mut redundant) = (0u32, 0u32);
         for (feature, landmark) in k.matches.iter().enumerate() {
@@ -113,6 +152,6 @@ impl Mapper {
                 .count();
             redundant += u32::from(finer >= 3);
         }
-        total > 0 && f64::from(redundant) > self.config.redundant_share * f64::from(total)
+        (redundant, total)
     }
 }

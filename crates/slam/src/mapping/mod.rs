@@ -35,6 +35,9 @@ pub struct MappingConfig {
     pub min_found_share: f64,
     /// A keyframe is redundant when this share of its landmarks is seen by three others as finely. Range: 0.5 to 1.
     pub redundant_share: f64,
+    /// Keyframes in the map, at most: beyond that the most redundant go, whatever they add. Range: 0 (no limit), or 50 to 100000.
+    /// Bounds memory and the time of loop closing in a long run.
+    pub max_keyframes: usize,
 }
 
 impl Default for MappingConfig {
@@ -47,6 +50,7 @@ impl Default for MappingConfig {
             fixed_window: 30,
             min_found_share: 0.25,
             redundant_share: 0.9,
+            max_keyframes: 0,
         }
     }
 }
@@ -65,6 +69,9 @@ impl MappingConfig {
         c.range("fixed_window", self.fixed_window as f64, 1.0, 200.0);
         c.range("min_found_share", self.min_found_share, 0.0, 1.0);
         c.range("redundant_share", self.redundant_share, 0.5, 1.0);
+        if self.max_keyframes != 0 {
+            c.range("max_keyframes", self.max_keyframes as f64, 50.0, 1e5);
+        }
     }
 }
 
@@ -149,7 +156,7 @@ impl Mapper {
         report.triangulated = self.triangulate(id);
         report.fused = self.fuse(id);
         report.bundle = self.refine(id);
-        report.culled_keyframes = self.cull_keyframes(id);
+        report.culled_keyframes = self.cull_keyframes(id) + self.cull_surplus(id);
         if cfg!(debug_assertions) {
             self.map.check().expect("the map keeps its invariants");
         }

@@ -242,6 +242,37 @@ fn a_map_is_gone_on_with() {
 }
 
 #[test]
+fn a_map_with_a_limit_stays_useful() {
+    let simulator = simulator("loop_two_rooms", 420);
+    // There and back again.
+    let play = Play::frames((0..420).step_by(3)).then((0..420).rev().step_by(3));
+    let walk = |max_keyframes: usize| {
+        let mut config = Config::default();
+        config.mapping.max_keyframes = max_keyframes;
+        // Redundant keyframes would go anyway.
+        config.mapping.redundant_share = 1.0;
+        run(&simulator, &config, &play)
+    };
+    let (free, bound) = (walk(0), walk(50));
+    let view = bound.system.view();
+    assert!(
+        free.system.view().keyframe_count() > 60,
+        "{}",
+        free.system.view().keyframe_count()
+    );
+    assert!(view.keyframe_count() <= 50, "{}", view.keyframe_count());
+    assert_eq!(bound.system.map().check(), Ok(()));
+    let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+    assert_eq!(bound.reports.iter().filter(lost).count(), 0);
+    // Every frame has a pose, also those of keyframes that are gone.
+    let [poses, _] = bound.poses(&simulator, &play, PieceId(0));
+    assert_eq!(poses.len(), play.0.len());
+    let [free, bound] = [&free, &bound].map(|r| r.ate_mm(&simulator, &play, PieceId(0)));
+    println!("ATE {free:.1} mm without a limit, {bound:.1} mm with");
+    assert!(bound < free + 10.0, "{bound} mm, without a limit {free} mm");
+}
+
+#[test]
 fn two_maps_become_one_where_they_overlap() {
     let simulator = simulator("loop_two_rooms", 130);
     let map = |frames: std::ops::Range<usize>| {
