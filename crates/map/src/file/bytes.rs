@@ -26,18 +26,19 @@ impl Writer {
     }
 
     /// A column of numbers of 32 bits, in planes.
-    pub(super) fn column32(&mut self, values: impl Iterator<Item = u32> + Clone) {
-        for plane in 0..4 {
-            self.bytes
-                .extend(values.clone().map(|v| v.to_le_bytes()[plane]));
-        }
+    pub(super) fn column32(&mut self, values: impl Iterator<Item = u32>) {
+        self.planes(values.map(u32::to_le_bytes).collect());
     }
 
     /// A column of numbers of 64 bits, in planes.
-    pub(super) fn column64(&mut self, values: impl Iterator<Item = u64> + Clone) {
-        for plane in 0..8 {
-            self.bytes
-                .extend(values.clone().map(|v| v.to_le_bytes()[plane]));
+    pub(super) fn column64(&mut self, values: impl Iterator<Item = u64>) {
+        self.planes(values.map(u64::to_le_bytes).collect());
+    }
+
+    fn planes<const N: usize>(&mut self, values: Vec<[u8; N]>) {
+        self.bytes.reserve(N * values.len());
+        for plane in 0..N {
+            self.bytes.extend(values.iter().map(|v| v[plane]));
         }
     }
 }

@@ -186,7 +186,7 @@ impl<'a> Content<'a> {
     fn features<T>(
         &self,
         of: impl Fn(&Arc<KeyframeData>, usize) -> T + Copy,
-    ) -> impl Iterator<Item = T> + Clone {
+    ) -> impl Iterator<Item = T> {
         self.keyframes
             .iter()
             .flat_map(move |(k, _)| (0..k.data.len()).map(move |i| of(&k.data, i)))

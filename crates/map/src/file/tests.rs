@@ -450,6 +450,27 @@ proptest! {
     }
 }
 
+/// Blocks of noise are not compressed, and nothing is taken for noise that is none.
+#[test]
+fn noise_is_stored_and_everything_else_shrinks() {
+    let random = &mut Random(1);
+    let noise: Vec<u8> = (0..300_000).map(|_| random.bits() as u8).collect();
+    assert_eq!(blocks::pack(&noise), None);
+    let few: Vec<u8> = noise.iter().map(|b| b & 0x3f).collect();
+    let packed = blocks::pack(&few).unwrap();
+    assert!(packed.len() < 240_000, "{} bytes", packed.len());
+    assert_eq!(blocks::unpack("x", &packed, 300_000).unwrap(), few);
+    // A block of noise after one of zeros, or of the low bytes of counted ids, of which all are as frequent as in noise.
+    for first in [&|_| 0, &|i| i as u8] as [&dyn Fn(u32) -> u8; 2] {
+        let mut raw: Vec<u8> = (0..1 << 17).map(first).collect();
+        raw.extend(&noise[..1 << 17]);
+        let packed = blocks::pack(&raw).unwrap();
+        let length = packed.len();
+        assert!((1 << 17..(1 << 17) + 2000).contains(&length), "{length}");
+        assert_eq!(blocks::unpack("x", &packed, 1 << 18).unwrap(), raw);
+    }
+}
+
 /// What reading the sections of a map says after `change`.
 fn refusal(change: impl FnOnce(&mut Vec<Raw>)) -> String {
     let mut raw = taken_apart(&random_map(3, 6, 300).to_bytes(&[]).unwrap());
