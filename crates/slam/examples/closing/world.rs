@@ -43,7 +43,7 @@ impl World {
             let side = if random.unit() < 0.5 { -1.0 } else { 1.0 };
             let across = side * (0.3 + 1.5 * random.unit());
             let local = Vec3::new(across, 2.0 * random.unit() - 1.0, 0.0);
-            let word = |r: &mut Rng| (r.unit() * 2f64.powi(32)) as u64;
+            let word = |r: &mut Rng| (r.unit() * 4_294_967_296.0) as u64;
             let mut bits = || (word(random) << 32) | word(random);
             let descriptor = Descriptor([bits(), bits(), bits(), bits()]);
             (place, pose(place, length).transform(&local), descriptor)
