@@ -136,7 +136,7 @@ impl Layers {
             let mut all = Vec::new();
             flatten(&self.table, None, "", &mut all);
             let names: Vec<&str> = all.iter().map(|l| l.0.as_str()).collect();
-            let nearest = nearest(path, &names).unwrap_or_default();
+            let nearest = nearest(path, &names).join("\" or \"");
             return Err(Failure::input(format!(
                 "{place}: expected a known key, found \"{path}\"; did you mean \"{nearest}\"? stillpoint config print lists all keys"
             )));

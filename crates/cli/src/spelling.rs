@@ -1,12 +1,15 @@
 //! What a mistyped name was most likely meant to be.
 
 /// The name that takes the fewest edits to become `path`; a path without its section counts as nearly right.
-pub(crate) fn nearest<'a>(path: &str, names: &[&'a str]) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(path: &str, names: &[&'a str]) -> Vec<&'a str> {
     let last = |p: &str| p.rsplit('.').next().unwrap_or_default().to_owned();
-    names.iter().copied().min_by_key(|name| {
+    let edits = |name: &str| {
         let whole = distance(path, name);
         whole.min(distance(&last(path), &last(name)) + 1)
-    })
+    };
+    let least = names.iter().map(|name| edits(name)).min();
+    let nearest = names.iter().filter(|name| Some(edits(name)) == least);
+    nearest.copied().collect()
 }
 
 /// The name that takes the fewest edits, if they are at most `share` of its letters.

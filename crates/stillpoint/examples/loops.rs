@@ -1,10 +1,13 @@
-//! What loop closing gains, and every loop against the truth: rendered scenes, each with looping and without.
+//! What loop closing gains, and every loop against the truth: rendered scenes or recordings, each with looping and without.
 //!
-//! `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS [EVERY_NTH_FRAME]`
+//! `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS [EVERY_NTH_FRAME]`, or `... loops -- FOLDER`
 
+use std::path::Path;
 use std::time::Instant;
+use stillpoint::datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
 use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
-use stillpoint::imaging::Simd;
+use stillpoint::geometry::{Camera, Se3};
+use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, LoopOutcome, LoopReport, System};
 
@@ -18,15 +21,23 @@ struct Contestant {
 }
 
 impl Contestant {
-    fn new(simulator: &Simulator, looping: bool) -> Result<Self, Failure> {
+    fn new(camera: Camera, looping: bool) -> Result<Self, Failure> {
         let mut config = Config::default();
         config.looping.enabled = looping;
-        let system = System::new(config, *simulator.camera(), Simd::detect())?;
+        let system = System::new(config, camera, Simd::detect())?;
         Ok(Self {
             system,
             seconds: 0.0,
             slowest: 0.0,
         })
+    }
+
+    fn step(&mut self, frame: RgbdFrame) {
+        let start = Instant::now();
+        self.system.step(frame);
+        let seconds = start.elapsed().as_secs_f64();
+        self.seconds += seconds;
+        self.slowest = self.slowest.max(seconds);
     }
 
     fn poses(&self, online: bool) -> Vec<TimedPose> {
@@ -44,17 +55,10 @@ impl Contestant {
             .collect()
     }
 
-    fn tell(&self, name: &str, simulator: &Simulator) -> Result<f64, Failure> {
-        let truth = simulator.ground_truth().into_iter();
-        let truth: Vec<TimedPose> = truth
-            .map(|(stamp, world_from_camera)| TimedPose {
-                stamp,
-                world_from_camera,
-            })
-            .collect();
+    fn tell(&self, name: &str, truth: &[TimedPose]) -> Result<f64, Failure> {
         let poses = self.poses(false);
-        let last = evaluate(&truth, &poses, &EvalOptions::default())?;
-        let online = evaluate(&truth, &self.poses(true), &EvalOptions::default())?;
+        let last = evaluate(truth, &poses, &EvalOptions::default())?;
+        let online = evaluate(truth, &self.poses(true), &EvalOptions::default())?;
         let steps = poses.windows(2).map(|w| {
             let [a, b] = [&w[0], &w[1]].map(|p| p.world_from_camera.translation);
             (a - b).norm()
@@ -76,10 +80,7 @@ impl Contestant {
 }
 
 /// Says what became of a recognised place; returns whether a loop was closed that is farther than 10 cm or 5 degrees from the truth.
-fn tell_loop(simulator: &Simulator, l: &LoopReport) -> bool {
-    let truth = simulator.ground_truth();
-    let pose = |id: u32| truth[id as usize].1;
-    let with_from_keyframe = pose(l.with.0).inverse() * pose(l.keyframe.0);
+fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
     let error = l.edge.map(|edge| {
         let error = with_from_keyframe.inverse() * edge;
         (
@@ -106,6 +107,46 @@ fn tell_loop(simulator: &Simulator, l: &LoopReport) -> bool {
     l.outcome == LoopOutcome::Closed && error.is_none_or(|(m, deg)| m > 0.1 || deg > 5.0)
 }
 
+/// Runs a recording three times; the third run must give the bytes of the second.
+fn recording(folder: &Path) -> Result<(), Failure> {
+    let dataset = Dataset::open(folder, &OpenOptions::default())?;
+    let camera = dataset.camera().camera;
+    let mut open = Contestant::new(camera, false)?;
+    let mut closed = [
+        Contestant::new(camera, true)?,
+        Contestant::new(camera, true)?,
+    ];
+    let mut frames = ReadAhead::new(dataset.frames(&FrameOptions::default())?);
+    while let Some(frame) = frames.next_frame() {
+        let frame = frame?;
+        open.step(frame.clone());
+        closed.iter_mut().for_each(|c| c.step(frame.clone()));
+    }
+    let truth: Vec<TimedPose> = dataset
+        .ground_truth()?
+        .ok_or("expected a ground truth")?
+        .into_iter()
+        .map(|p| TimedPose {
+            stamp: p.stamp,
+            world_from_camera: p.world_from_camera,
+        })
+        .collect();
+    open.system.finish();
+    closed.iter_mut().for_each(|c| drop(c.system.finish()));
+    println!("{}", folder.display());
+    open.tell("without", &truth)?;
+    closed[0].tell("with   ", &truth)?;
+    for l in closed[0].system.loops() {
+        if l.outcome != LoopOutcome::NoRigidMotion {
+            println!("    {l:?}");
+        }
+    }
+    let bytes = |c: &Contestant| format!("{:?} {:?}", c.poses(false), c.system.loops());
+    let same = bytes(&closed[0]) == bytes(&closed[1]);
+    println!("    the same bytes twice: {same}");
+    Ok(())
+}
+
 fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
@@ -117,6 +158,9 @@ fn main() -> Result<(), Failure> {
         Ok(words.get(at).map_or(Ok(default), |w| w.parse())?)
     };
     let scene = words.first().map_or("loop_two_rooms", String::as_str);
+    if Path::new(scene).is_dir() {
+        return recording(Path::new(scene));
+    }
     let (first, seeds, every) = (number(1, 0)?, number(2, 5)?, number(3, 1)?);
     let (mut open_ate, mut closed_ate) = (Vec::new(), Vec::new());
     let (mut closed_loops, mut false_loops) = (Vec::new(), 0);
@@ -126,24 +170,25 @@ fn main() -> Result<(), Failure> {
             seed,
             ..SimulatorConfig::default()
         })?;
-        let mut open = Contestant::new(&simulator, false)?;
-        let mut closed = Contestant::new(&simulator, true)?;
+        let mut open = Contestant::new(*simulator.camera(), false)?;
+        let mut closed = Contestant::new(*simulator.camera(), true)?;
         for i in (0..simulator.len()).step_by(every as usize) {
             let frame = simulator.frame(i);
-            for c in [&mut open, &mut closed] {
-                let frame = frame.clone();
-                let start = Instant::now();
-                c.system.step(frame);
-                let seconds = start.elapsed().as_secs_f64();
-                c.seconds += seconds;
-                c.slowest = c.slowest.max(seconds);
-            }
+            open.step(frame.clone());
+            closed.step(frame);
         }
         open.system.finish();
         closed.system.finish();
         println!("{scene}, seed {seed}, {} frames", simulator.len());
-        open_ate.push(open.tell("without", &simulator)?);
-        closed_ate.push(closed.tell("with   ", &simulator)?);
+        let truth = simulator.ground_truth().into_iter();
+        let truth: Vec<TimedPose> = truth
+            .map(|(stamp, world_from_camera)| TimedPose {
+                stamp,
+                world_from_camera,
+            })
+            .collect();
+        open_ate.push(open.tell("without", &truth)?);
+        closed_ate.push(closed.tell("with   ", &truth)?);
         let mut count = 0;
         let mut unlike = 0;
         for l in closed.system.loops() {
@@ -151,7 +196,9 @@ fn main() -> Result<(), Failure> {
                 unlike += 1;
                 continue;
             }
-            false_loops += usize::from(tell_loop(&simulator, l));
+            let pose = |id: u32| truth[id as usize].world_from_camera;
+            let with_from_keyframe = pose(l.with.0).inverse() * pose(l.keyframe.0);
+            false_loops += usize::from(tell_loop(with_from_keyframe, l));
             count += usize::from(l.outcome == LoopOutcome::Closed);
         }
         println!("    {unlike} keyframes looked like older ones, and no motion was found");

@@ -175,7 +175,13 @@ impl Proposal<'_> {
             fixed,
             edges,
         };
-        let report = optimise_pose_graph(&mut graph, &PoseGraphOptions::default());
+        // Bundle adjustment comes after; and a false loop, which takes longest, is none the better for being exact.
+        let options = PoseGraphOptions {
+            max_iterations: 12,
+            min_relative_gain: 1e-3,
+            ..PoseGraphOptions::default()
+        };
+        let report = optimise_pose_graph(&mut graph, &options);
         if matches!(report.outcome, PoseGraphOutcome::Refused(_)) {
             return None;
         }

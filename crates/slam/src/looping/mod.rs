@@ -43,7 +43,7 @@ pub struct LoopingConfig {
 impl Default for LoopingConfig {
     fn default() -> Self {
         Self {
-            enabled: false,
+            enabled: true,
             min_gap: 10,
             consistency: 3,
             min_rigid_inliers: 20,

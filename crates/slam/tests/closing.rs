@@ -1,0 +1,79 @@
+//! The looper on synthetic maps: a path that comes back is closed, an equal place is not.
+
+#[path = "../examples/closing/world.rs"]
+mod world;
+
+use stillpoint_map::Correction;
+use stillpoint_slam::{Config, LoopOutcome, LoopReport, Looper, LooperMsg};
+use world::{STEP_M, Walk, World};
+
+/// Walks until a loop is closed or the path ends; all reports, and the correction.
+fn go(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Option<Correction>) {
+    let mut looper = Looper::new(&Config::default());
+    let mut reports = Vec::new();
+    for _ in 0..keyframes {
+        let (id, view) = walk.step();
+        let out = looper.step(LooperMsg::Keyframe { id, view });
+        reports.extend(out.report);
+        if out.correction.is_some() {
+            return (reports, out.correction);
+        }
+    }
+    (reports, None)
+}
+
+#[test]
+fn a_path_that_comes_back_is_closed_and_straightened() {
+    let around = 150;
+    let run = || {
+        let mut walk = Walk::new(World::new(STEP_M * f64::from(around)));
+        let (reports, correction) = go(&mut walk, around + 30);
+        (walk, reports, correction.unwrap())
+    };
+    let (mut walk, reports, correction) = run();
+    let closed = reports.last().unwrap();
+    assert_eq!(closed.outcome, LoopOutcome::Closed, "{closed:?}");
+    assert!(
+        closed.keyframe.0 >= around && closed.with.0 < 30,
+        "{closed:?}"
+    );
+    let truth = walk.truth(closed.with).inverse() * walk.truth(closed.keyframe);
+    let off = truth.inverse() * closed.edge.unwrap();
+    assert!(off.translation.norm() < 0.02, "{off:?}");
+    assert!(off.rotation.angle() < 0.01, "{off:?}");
+    // Both ends come to where they are to each other, whatever is left of the drift in between.
+    let ends = |walk: &Walk| {
+        let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;
+        let found = pose(closed.with).inverse() * pose(closed.keyframe);
+        (truth.inverse() * found).translation.norm()
+    };
+    let before = ends(&walk);
+    let applied = walk.map.apply(&correction);
+    let after = ends(&walk);
+    assert!(
+        after < 0.01 && after < 0.5 * before,
+        "{before} m, then {after} m"
+    );
+    assert!(applied.merged >= 40 && applied.composed == 0, "{applied:?}");
+    // The same again gives the same bits.
+    let (_, reports_again, correction_again) = run();
+    assert_eq!(format!("{reports:?}"), format!("{reports_again:?}"));
+    assert_eq!(correction, correction_again);
+}
+
+#[test]
+fn an_equal_place_is_no_loop() {
+    let around = 200;
+    let length = STEP_M * f64::from(around);
+    let world = World::new(length).with_copy(0.5 * length, 10.0);
+    let (reports, correction) = go(&mut Walk::new(world), 150);
+    assert!(correction.is_none(), "{:?}", reports.last());
+    // It was tempted: geometry said yes, the map said no.
+    let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Contradicted;
+    let tempted: Vec<&LoopReport> = reports.iter().filter(tempted).collect();
+    assert!(tempted.len() > 5, "{reports:?}");
+    assert!(
+        tempted.iter().all(|r| r.inliers >= 40 && r.cost > 500.0),
+        "{tempted:?}"
+    );
+}
