@@ -1,6 +1,7 @@
 //! What loop closing gains, and every loop against the truth: rendered scenes or recordings, each with looping and without.
 //!
 //! `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS [EVERY_NTH_FRAME]`, or `... loops -- FOLDER`
+#![allow(clippy::print_stdout)]
 
 use std::path::Path;
 use std::time::Instant;
