@@ -215,6 +215,13 @@ pub(crate) fn file_name(number: usize, id: PieceId) -> String {
     }
 }
 
+/// Whether a file of this name holds the poses of a further piece.
+pub(crate) fn is_piece_file(name: &str) -> bool {
+    let id = name.strip_prefix("trajectory_piece_");
+    let id = id.and_then(|rest| rest.strip_suffix(".txt"));
+    id.is_some_and(|id| id.parse::<u32>().is_ok())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

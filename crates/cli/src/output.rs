@@ -2,17 +2,19 @@
 //! an old result.
 
 use crate::failure::Failure;
+use crate::frames::is_piece_file;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
 
-/// Every file that a result may hold.
-const FILES: [&str; 9] = [
+/// Every file that a result may hold, beside those of further pieces of map.
+const FILES: [&str; 10] = [
     "trajectory.txt",
     "trajectory_online.txt",
     "keyframes.txt",
+    "frames.csv",
     "config.toml",
     "summary.json",
     "plot.svg",
@@ -40,7 +42,9 @@ impl ResultFolder {
     /// Makes the folder where it does not exist, and tries to write into it, so that a run of an hour does not end with a
     /// folder that cannot be written.
     pub(crate) fn create(out: &Path) -> Result<Self, Failure> {
-        Self::create_of(out, "--out", |name| FILES.contains(&name))
+        Self::create_of(out, "--out", |name| {
+            FILES.contains(&name) || is_piece_file(name)
+        })
     }
 
     /// The same for the folder that another option names, with files of other names.

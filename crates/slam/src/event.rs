@@ -192,6 +192,8 @@ pub struct LoopReport {
     pub rigid_inliers: u32,
     /// Landmarks around `with` that are seen where that motion puts them.
     pub inliers: u32,
+    /// Landmarks around `with` that are in the image there, hidden ones too.
+    pub expected: u32,
     /// Pose of `keyframe` relative to `with`, once it is known.
     pub edge: Option<Se3>,
     /// The pieces of map that became one by it.

@@ -93,7 +93,7 @@ fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
         format!(", edge off by {:.1} mm, {deg:.2} deg", m * 1e3)
     });
     println!(
-        "    {:>4} with {:>4}, {:.2} m apart: {}, score {:.3}, {} + {} inliers, cost {:.2}, {} merged, moved {:.3} m{far}",
+        "    {:>4} with {:>4}, {:.2} m apart: {}, score {:.3}, {} + {} of {} inliers, cost {:.2}, {} merged, moved {:.3} m{far}",
         l.keyframe.0,
         l.with.0,
         with_from_keyframe.translation.norm(),
@@ -101,6 +101,7 @@ fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
         l.score,
         l.rigid_inliers,
         l.inliers,
+        l.expected,
         l.cost,
         l.merges,
         l.moved_m,

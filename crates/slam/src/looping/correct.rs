@@ -135,7 +135,7 @@ impl Proposal<'_> {
                 scale_factor: self.scale_factor,
             };
             let intrinsics = Intrinsics::from(&k.data.camera);
-            for s in search.landmarks(&self.verified.landmarks) {
+            for s in search.landmarks(&self.verified.landmarks).0 {
                 let feature = s.feature as usize;
                 let (Some(seen), Some(position)) =
                     (k.matches[feature], self.view.landmark_position(s.landmark))

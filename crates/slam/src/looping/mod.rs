@@ -239,6 +239,7 @@ impl Looper {
                 score: candidate.score,
                 rigid_inliers: 0,
                 inliers: 0,
+                expected: 0,
                 edge: None,
                 joined: None,
                 cost: 0.0,

@@ -58,7 +58,7 @@ impl Looper {
                 radius_px: radius,
                 scale_factor: self.scale_factor,
             };
-            let seen = search.landmarks(&landmarks);
+            let (seen, expected) = search.landmarks(&landmarks);
             let observation = |s: &Sighting| {
                 Some(PoseObservation {
                     point: view.landmark_position(s.landmark)?,
@@ -74,6 +74,7 @@ impl Looper {
                 &PoseOptions::default(),
             );
             report.inliers = fit.inlier_count as u32;
+            report.expected = expected;
             if fit.inlier_count < self.config.min_rigid_inliers {
                 return Err(LoopOutcome::FewInliers);
             }
@@ -149,10 +150,12 @@ pub(super) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The landmarks that are found, each in one feature and each feature with one landmark; in the order of features.
-    pub(super) fn landmarks(&self, landmarks: &[LandmarkId]) -> Vec<Sighting> {
+    /// The landmarks that are found, each in one feature and each feature with one landmark, in the order of features; and how
+    /// many are in the image.
+    pub(super) fn landmarks(&self, landmarks: &[LandmarkId]) -> (Vec<Sighting>, u32) {
         let data = &self.keyframe.data;
         let mut by_feature: Vec<Option<Sighting>> = vec![None; data.len()];
+        let mut expected = 0;
         let observes = |id: LandmarkId| self.keyframe.matches.contains(&Some(id));
         for id in landmarks {
             let (Some(l), Some(position)) =
@@ -164,6 +167,7 @@ impl Search<'_> {
             let Some(window) = window_of(data, l, &p, self.radius_px, self.scale_factor) else {
                 continue;
             };
+            expected += 1;
             let best = best_two(&data.grid, &window, &l.descriptor, &data.descriptors, |i| {
                 data.mappable[i as usize]
             });
@@ -180,6 +184,6 @@ impl Search<'_> {
                 });
             }
         }
-        by_feature.into_iter().flatten().collect()
+        (by_feature.into_iter().flatten().collect(), expected)
     }
 }

@@ -84,8 +84,8 @@ fn ate_mm(truth: &[(f64, stillpoint_geometry::Se3)], run: &Run) -> f64 {
     score.ate.statistics.rmse * 1e3
 }
 
-/// The walk through two rooms at every third frame: without looping, with it, again, and with corrections that come a second
-/// late and meet a map that has grown since.
+/// The walk through two rooms at every third frame: without looping, and with corrections that come a second late and meet a map
+/// that has grown since.
 #[test]
 fn a_walk_through_two_rooms_closes() {
     let simulator = Simulator::new(&SimulatorConfig {
@@ -94,39 +94,31 @@ fn a_walk_through_two_rooms_closes() {
     })
     .unwrap();
     let mut open = Run::new(&simulator, false, |_| ());
-    let mut closed = Run::new(&simulator, true, |_| ());
     let mut late = Run::new(&simulator, true, |c| {
         c.schedule.looper = 10;
         c.schedule.mapper = 1;
     });
-    play(
-        &simulator,
-        0,
-        EVERY,
-        &mut [&mut open, &mut closed, &mut late],
-    );
+    play(&simulator, 0, EVERY, &mut [&mut open, &mut late]);
     let truth = simulator.ground_truth();
-    let [before, after, delayed] = [&open, &closed, &late].map(|run| ate_mm(&truth, run));
-    println!("without {before:.1} mm, with {after:.1} mm, late {delayed:.1} mm");
+    let [before, after] = [&open, &late].map(|run| ate_mm(&truth, run));
+    println!("without {before:.1} mm, with {after:.1} mm");
     assert!(open.system.loops().is_empty() && open.told == 0);
-    assert_eq!(closed.told, closed.system.loops().len());
-    for run in [&closed, &late] {
-        assert!(!run.closed().is_empty(), "no loop was closed");
-        for l in run.closed() {
-            let [keyframe, with] = [l.keyframe, l.with].map(|k| truth[k.0 as usize].1);
-            let off = (with.inverse() * keyframe).inverse() * l.edge.unwrap();
-            let (m, degrees) = (off.translation.norm(), off.rotation.angle().to_degrees());
-            println!(
-                "{} with {}: off by {m:.3} m, {degrees:.2} deg",
-                l.keyframe, l.with
-            );
-            assert!(m < 0.1 && degrees < 5.0, "{l:?}: {m} m, {degrees} degrees");
-            assert!(l.applied.is_some(), "{l:?}");
-        }
-        // 0.9 m/s at 10 Hz: a frame that was left behind by the correction would show.
-        assert!(run.largest_step() < 0.16, "{} m", run.largest_step());
+    assert_eq!(late.told, late.system.loops().len());
+    assert!(!late.closed().is_empty(), "no loop was closed");
+    for l in late.closed() {
+        let [keyframe, with] = [l.keyframe, l.with].map(|k| truth[k.0 as usize].1);
+        let off = (with.inverse() * keyframe).inverse() * l.edge.unwrap();
+        let (m, degrees) = (off.translation.norm(), off.rotation.angle().to_degrees());
+        println!(
+            "{} with {}: off by {m:.3} m, {degrees:.2} deg",
+            l.keyframe, l.with
+        );
+        assert!(m < 0.1 && degrees < 5.0, "{l:?}: {m} m, {degrees} degrees");
+        assert!(l.applied.is_some(), "{l:?}");
     }
-    assert!(after < 30.0 && delayed < 30.0, "{after} mm, {delayed} mm");
+    // 0.9 m/s at 10 Hz: a frame that was left behind by the correction would show.
+    assert!(late.largest_step() < 0.16, "{} m", late.largest_step());
+    assert!(after < 30.0, "{after} mm");
     assert!(after < before, "{after} mm, without looping {before} mm");
 }
 
