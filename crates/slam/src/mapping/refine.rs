@@ -2,7 +2,7 @@
 
 use super::Mapper;
 use crate::event::BundleCounts;
-use crate::tracking::measurement;
+use crate::tracking::measurement_in;
 use std::collections::BTreeMap;
 use stillpoint_estimation::{
     BundleObservation, BundleOptions, BundleProblem, Intrinsics, adjust_bundle,
@@ -101,7 +101,7 @@ impl Mapper {
         }
     }
 
-    /// The arrays of the problem, and who stands behind each observation.
+    /// The arrays of the problem, and who stands behind each observation. All measurements are those of one camera.
     fn gather(&self, window: &Window) -> Option<(BundleProblem, Vec<(LandmarkId, KeyframeId)>)> {
         let view = self.map.view();
         let mut index: BTreeMap<KeyframeId, u32> = BTreeMap::new();
@@ -110,6 +110,7 @@ impl Mapper {
             index.insert(*id, i as u32);
             poses.push(view.keyframe(*id)?.world_from_camera.inverse());
         }
+        let camera = view.keyframe(window.keyframes[0])?.data.camera;
         let mut points = Vec::with_capacity(window.landmarks.len());
         let mut observations = Vec::new();
         let mut owners = Vec::new();
@@ -122,19 +123,127 @@ impl Mapper {
                 observations.push(BundleObservation {
                     pose: *pose,
                     point: i as u32,
-                    measurement: measurement(&k.data, *feature as usize),
+                    measurement: measurement_in(&k.data, *feature as usize, &camera),
                 });
                 owners.push((*landmark, *keyframe));
             }
         }
-        let camera = Intrinsics::from(&view.keyframe(window.keyframes[0])?.data.camera);
         let problem = BundleProblem {
-            camera,
+            camera: Intrinsics::from(&camera),
             poses,
             free_poses: window.free,
             points,
             observations,
         };
         Some((problem, owners))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+    use super::*;
+    use crate::config::Config;
+    use std::sync::Arc;
+    use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+    use stillpoint_geometry::{Camera, Se3, Vec3};
+    use stillpoint_map::{KeyframeData, NewLandmark};
+
+    fn points() -> Vec<Vec3> {
+        let point = |i: u32| {
+            let (x, y) = (f64::from(i % 8), f64::from(i / 8));
+            Vec3::new(0.2 * x - 0.7, 0.2 * y - 0.5, 2.0 + 0.1 * ((x * y) % 3.0))
+        };
+        (0..48).map(point).collect()
+    }
+
+    /// What a camera sees of the points from `x` m to the right.
+    fn seen(camera: Camera, x: f64) -> KeyframeData {
+        let in_camera = |p: &Vec3| Vec3::new(p.x - x, p.y, p.z);
+        let pixels: Vec<[f32; 2]> = points()
+            .iter()
+            .map(|p| camera.project(&in_camera(p)))
+            .map(|px| [px.x as f32, px.y as f32])
+            .collect();
+        let n = pixels.len();
+        let keypoint = |p: &[f32; 2]| Keypoint {
+            x: p[0],
+            y: p[1],
+            level: 0,
+            angle: 0.0,
+            response: 1.0,
+        };
+        KeyframeData {
+            stamp: x,
+            camera,
+            keypoints: pixels.iter().map(keypoint).collect(),
+            sigma_px: vec![1.0; n],
+            depths: points().iter().map(|p| p.z as f32).collect(),
+            depth_sigmas: vec![0.01; n],
+            descriptors: vec![Descriptor([7; 4]); n],
+            mappable: vec![true; n],
+            grid: FeatureGrid::build(&pixels, &vec![0; n], KeyframeData::grid_bounds(&camera)),
+            positions: pixels,
+        }
+    }
+
+    /// A map that was begun with one calibration and goes on with another is not bent by that.
+    #[test]
+    fn keyframes_of_two_calibrations_are_refined_in_one_camera() {
+        let first = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
+        let second = Camera::pinhole(640, 480, [529.0, 527.0, 317.0, 241.5]);
+        let mut mapper = Mapper::new(&Config::default());
+        let places = [0.0, 0.1, 0.2, 0.3];
+        for (id, (x, camera)) in (0..).zip(places.iter().zip([first, first, first, second])) {
+            let pose = Se3 {
+                translation: Vec3::new(*x, 0.0, 0.0),
+                ..Se3::identity()
+            };
+            let parent = (id > 0).then_some(KeyframeId(0));
+            let data = Arc::new(seen(camera, *x));
+            mapper
+                .map
+                .insert_keyframe(KeyframeId(id), data, pose, parent);
+            mapper.order.push(KeyframeId(id));
+        }
+        for (i, position) in points().iter().enumerate() {
+            let new = NewLandmark {
+                position: *position,
+                observation: (KeyframeId(0), i as u32),
+            };
+            let landmark = mapper.map.insert_landmark(&new).unwrap();
+            for id in 1..4 {
+                assert!(
+                    mapper
+                        .map
+                        .add_observation(landmark, KeyframeId(id), i as u32)
+                );
+            }
+        }
+        for id in 0..4 {
+            mapper.map.refresh_covisibility(KeyframeId(id), 15);
+        }
+        let report = mapper.refine(KeyframeId(3));
+        assert_eq!((report.outliers, report.observations), (0, 4 * 48));
+        let view = mapper.map.view();
+        for (id, x) in (0..).zip(places) {
+            let centre = view.keyframe(KeyframeId(id)).unwrap().centre();
+            let off = (centre - Vec3::new(x, 0.0, 0.0)).norm();
+            assert!(off < 1e-4, "keyframe {id} is off by {off} m");
+        }
+        for (id, landmark) in view.landmarks() {
+            let off = (view.landmark_position(id).unwrap() - points()[id.index()]).norm();
+            assert!(off < 1e-4, "{landmark:?} is off by {off} m");
+        }
+    }
+
+    #[test]
+    fn measurements_of_the_same_camera_stay_as_they_are() {
+        let camera = Camera::pinhole(640, 480, [525.3, 524.7, 319.1, 239.9]);
+        let data = seen(camera, 0.1);
+        for i in 0..data.len() {
+            let own = crate::tracking::measurement(&data, i);
+            assert_eq!(measurement_in(&data, i, &camera), own);
+        }
     }
 }

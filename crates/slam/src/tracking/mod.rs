@@ -18,7 +18,7 @@ mod self_calibration;
 mod sight;
 mod statistics;
 
-pub(crate) use pose::measurement;
+pub(crate) use pose::{measurement, measurement_in};
 
 pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
@@ -72,6 +72,8 @@ pub struct Tracker {
     piece: Option<PieceId>,
     /// Whether frames become keyframes and new pieces are begun; else the map is only read.
     grows: bool,
+    /// Keyframes of a piece that is not the first one, until it has [`YOUNG_KEYFRAMES`].
+    young: Option<u32>,
     /// Frames of the present loss that showed enough to begin a map.
     unplaced: u32,
     /// Keyframe ids count on from here: below are those of a map that was there before.
@@ -122,6 +124,7 @@ impl Tracker {
             places: Places::default(),
             piece: None,
             grows: true,
+            young: None,
             unplaced: 0,
             first_keyframe: 0,
             last_keyframe: None,
@@ -189,7 +192,7 @@ impl Tracker {
         if piece.is_some() && piece != self.piece {
             // The piece became part of another: what moves was seen in a frame of reference that is no more.
             self.filter.forget();
-            self.piece = piece;
+            (self.piece, self.young) = (piece, None);
         }
     }
 
@@ -207,6 +210,7 @@ impl Tracker {
         if self.last.is_none() && self.view.keyframe_count() == 0 && self.grows {
             return self.initialise(frame, &data, notes);
         }
+        self.statistics.refuse();
         let reason = match self.locate(frame, &data, &mut notes) {
             Ok(solution) => {
                 let outcome = match self.lost_since {
