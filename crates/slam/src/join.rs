@@ -5,8 +5,9 @@ use crate::event::LoopReport;
 use crate::looping::Looper;
 use crate::mapping::Mapper;
 use crate::messages::{LooperMsg, MapperMsg};
+use std::collections::BTreeMap;
 use std::sync::Arc;
-use stillpoint_map::{AppendError, KeyframeId, Map};
+use stillpoint_map::{AppendError, KeyframeId, Map, PieceId};
 
 /// What became of putting two maps together.
 #[derive(Debug)]
@@ -18,6 +19,20 @@ pub struct JoinedMaps {
     pub reports: Vec<LoopReport>,
     /// Pieces before, and pieces that are left.
     pub pieces: [usize; 2],
+    /// What was added to the keyframe ids of the second: those of the first are below.
+    pub added: u32,
+}
+
+impl JoinedMaps {
+    /// How many pieces hold keyframes of both maps: none when nothing ties them.
+    #[must_use]
+    pub fn shared_pieces(&self) -> usize {
+        let mut of: BTreeMap<PieceId, [bool; 2]> = BTreeMap::new();
+        for k in self.map.view().keyframes() {
+            of.entry(k.piece).or_default()[usize::from(k.id.0 >= self.added)] = true;
+        }
+        of.values().filter(|both| **both == [true; 2]).count()
+    }
 }
 
 /// Puts two maps together, as far as places of the second are recognised in the first: keyframe by keyframe, as if the camera
@@ -55,5 +70,6 @@ pub fn join_maps(config: &Config, mut base: Map, other: &Map) -> Result<JoinedMa
         map: mapper.into_map(),
         reports,
         pieces,
+        added,
     })
 }

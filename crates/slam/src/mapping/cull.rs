@@ -2,6 +2,8 @@
 
 use super::Mapper;
 use crate::messages::LandmarkStatistic;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 use stillpoint_map::KeyframeId;
 
 /// Log odds that one frame adds to a landmark's being static when it was found where it should be. Little: things that
@@ -14,6 +16,33 @@ const GONE: f32 = 1.0;
 const MAX_ODDS: f32 = 6.0;
 /// A landmark less likely to be static than this leaves the map: 1 in 20.
 const MIN_ODDS: f32 = -3.0;
+
+/// Keyframes beyond the allowed number that go with one new keyframe, at most: a loaded map may have hundreds too many, and no
+/// frame is to wait for that.
+const MAX_SURPLUS: usize = 20;
+
+/// A keyframe that may go when there are too many; the most redundant is the greatest, of equals the oldest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Surplus {
+    /// Of what it sees, how much three others see as well; 0 to 1.
+    share: f64,
+    keyframe: KeyframeId,
+}
+
+impl Eq for Surplus {}
+
+impl Ord for Surplus {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_share = self.share.total_cmp(&other.share);
+        by_share.then(other.keyframe.cmp(&self.keyframe))
+    }
+}
+
+impl PartialOrd for Surplus {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
 
 /// Bayes' rule in log odds for what was seen of a landmark since the last keyframe.
 pub(super) fn static_odds(before: f32, seen: &LandmarkStatistic) -> f32 {
@@ -83,8 +112,8 @@ impl Mapper {
         culled
     }
 
-    /// Culls the most redundant keyframes until there are no more than allowed. Those around the newest one are in use, and the
-    /// first one holds the map in place: they stay.
+    /// Culls the most redundant keyframes until there are no more than allowed, some at a time. Those around the newest one are in
+    /// use, and the first one holds the map in place: they stay.
     pub(super) fn cull_surplus(&mut self, now: KeyframeId) -> u32 {
         let count = self.map.view().keyframe_count();
         let most = self.config.max_keyframes;
@@ -95,34 +124,47 @@ impl Mapper {
         let mut stay = self.neighbours(now, self.config.window);
         stay.push(now);
         stay.extend(self.order.first());
-        let view = self.map.view();
-        let candidates = view.keyframes().map(|k| k.id);
-        let mut ranked: Vec<(f64, KeyframeId)> = candidates
+        let candidates = self.map.view().keyframes().map(|k| k.id);
+        let mut ranked: BinaryHeap<Surplus> = candidates
             .filter(|id| !stay.contains(id))
-            .map(|id| {
-                let (redundant, total) = self.redundancy(id);
-                // One that sees nothing close is missed by none.
-                (f64::from(redundant + 1) / f64::from(total + 1), id)
-            })
+            .map(|id| self.surplus(id))
             .collect();
-        ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        let wanted = (count - most).min(MAX_SURPLUS) as u32;
         let mut culled = 0;
-        for (_, id) in ranked {
-            if count - culled as usize <= most {
-                break;
+        while culled < wanted {
+            let Some(best) = ranked.pop() else { break };
+            // Others that saw the same may have gone since: what was redundant among many is not among few.
+            let again = self.surplus(best.keyframe);
+            if again < best && ranked.peek().is_some_and(|next| again < *next) {
+                ranked.push(again);
+                continue;
             }
-            culled += u32::from(self.map.cull_keyframe(id));
+            culled += u32::from(self.map.cull_keyframe(best.keyframe));
         }
         culled
     }
 
+    /// How redundant a keyframe is: by its close landmarks, or by all where none is close.
+    fn surplus(&self, keyframe: KeyframeId) -> Surplus {
+        let (mut redundant, mut total) = self.redundancy(keyframe, self.sensor.close_depth);
+        if total == 0 {
+            (redundant, total) = self.redundancy(keyframe, f64::INFINITY);
+        }
+        Surplus {
+            // One that sees nothing is missed by none.
+            share: f64::from(redundant + 1) / f64::from(total + 1),
+            keyframe,
+        }
+    }
+
     fn is_redundant(&self, id: KeyframeId) -> bool {
-        let (redundant, total) = self.redundancy(id);
+        let (redundant, total) = self.redundancy(id, self.sensor.close_depth);
         total > 0 && f64::from(redundant) > self.config.redundant_share * f64::from(total)
     }
 
-    /// Of a keyframe's close landmarks, how many three others see as finely, and how many there are.
-    fn redundancy(&self, id: KeyframeId) -> (u32, u32) {
+    /// Of a keyframe's landmarks that are closer than `far` (m), how many three others see as finely, and how many there are.
+    /// Those without depth are not close, but count when `far` is infinite.
+    fn redundancy(&self, id: KeyframeId, far: f64) -> (u32, u32) {
         let view = self.map.view();
         let Some(k) = view.keyframe(id) else {
             return (0, 0);
@@ -130,11 +172,7 @@ impl Mapper {
         let (mut total, mut redundant) = (0u32, 0u32);
         for (feature, landmark) in k.matches.iter().enumerate() {
             let Some(landmark) = landmark else { continue };
-            let close = k
-                .data
-                .depth(feature)
-                .is_some_and(|z| z < self.sensor.close_depth);
-            if !close {
+            if k.data.depth(feature).unwrap_or(f64::MAX) >= far {
                 continue;
             }
             total += 1;
@@ -153,5 +191,123 @@ impl Mapper {
             redundant += u32::from(finer >= 3);
         }
         (redundant, total)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+    use super::*;
+    use crate::config::Config;
+    use std::sync::Arc;
+    use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+    use stillpoint_geometry::{Camera, Se3};
+    use stillpoint_map::{KeyframeData, NewLandmark};
+
+    /// Features of each keyframe, each of which sees a landmark.
+    const FEATURES: usize = 20;
+
+    fn data(depth: f32) -> Arc<KeyframeData> {
+        let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
+        let positions: Vec<[f32; 2]> = (0..FEATURES).map(|i| [30.0 * i as f32, 50.0]).collect();
+        let keypoint = |p: &[f32; 2]| Keypoint {
+            x: p[0],
+            y: p[1],
+            level: 0,
+            angle: 0.0,
+            response: 1.0,
+        };
+        Arc::new(KeyframeData {
+            stamp: 0.0,
+            camera,
+            keypoints: positions.iter().map(keypoint).collect(),
+            sigma_px: vec![1.0; FEATURES],
+            depths: vec![depth; FEATURES],
+            depth_sigmas: vec![0.01; FEATURES],
+            descriptors: vec![Descriptor([7; 4]); FEATURES],
+            mappable: vec![true; FEATURES],
+            grid: FeatureGrid::build(
+                &positions,
+                &[0; FEATURES],
+                KeyframeData::grid_bounds(&camera),
+            ),
+            positions,
+        })
+    }
+
+    /// A mapper that was at some places one after another, each with so many keyframes, which all see the same, so far away.
+    fn mapper(places: &[(u32, f32)], max_keyframes: usize) -> Mapper {
+        let mut config = Config::default();
+        config.mapping.max_keyframes = max_keyframes;
+        config.mapping.window = 1;
+        let mut mapper = Mapper::new(&config);
+        let mut next = 0;
+        for (keyframes, depth) in places {
+            let data = data(*depth);
+            let ids: Vec<KeyframeId> = (next..next + keyframes).map(KeyframeId).collect();
+            next += keyframes;
+            for id in &ids {
+                let parent = id.0.checked_sub(1).map(KeyframeId);
+                let pose = Se3::identity();
+                mapper
+                    .map
+                    .insert_keyframe(*id, Arc::clone(&data), pose, parent);
+                mapper.order.push(*id);
+            }
+            for feature in 0..FEATURES {
+                let new = NewLandmark {
+                    position: data
+                        .camera
+                        .backproject(data.position(feature), f64::from(*depth)),
+                    observation: (ids[0], feature as u32),
+                };
+                let landmark = mapper.map.insert_landmark(&new).unwrap();
+                for id in &ids[1..] {
+                    mapper.map.add_observation(landmark, *id, feature as u32);
+                }
+            }
+            for id in ids {
+                mapper.map.refresh_covisibility(id, 15);
+            }
+        }
+        mapper
+    }
+
+    fn live(mapper: &Mapper, ids: std::ops::Range<u32>) -> usize {
+        let keyframes = mapper.map.view().keyframes();
+        keyframes.filter(|k| ids.contains(&k.id.0)).count()
+    }
+
+    /// All keyframes of the first place look as redundant as those of the second, until the first of them are gone.
+    #[test]
+    fn no_place_goes_as_a_whole_while_another_has_plenty() {
+        // The last place is where the camera is. What the third shows is too far to be close.
+        let mut mapper = mapper(&[(30, 1.0), (30, 1.0), (30, 1e3), (1, 1.0)], 20);
+        let now = KeyframeId(90);
+        let mut steps = 0;
+        while mapper.map.view().keyframe_count() > 20 {
+            let before = mapper.map.view().keyframe_count();
+            let culled = mapper.cull_surplus(now) as usize;
+            assert_eq!(culled, (before - 20).min(MAX_SURPLUS));
+            assert_eq!(mapper.map.check(), Ok(()));
+            steps += 1;
+        }
+        assert_eq!(steps, 4);
+        assert_eq!(mapper.cull_surplus(now), 0);
+        for place in [0..30, 30..60, 60..90] {
+            let left = live(&mapper, place.clone());
+            assert!(left >= 3, "{left} keyframes are left of {place:?}");
+        }
+        // What holds the map, and where the camera is.
+        assert_eq!((live(&mapper, 0..1), live(&mapper, 90..91)), (1, 1));
+    }
+
+    #[test]
+    fn nothing_goes_without_a_limit_or_below_it() {
+        for limit in [0, 31] {
+            let mut mapper = mapper(&[(30, 1.0), (1, 1.0)], limit);
+            assert_eq!(mapper.cull_surplus(KeyframeId(30)), 0);
+            assert_eq!(live(&mapper, 0..31), 31);
+        }
     }
 }
