@@ -34,7 +34,7 @@ impl Map {
             LandmarkSlot::Live(_) | LandmarkSlot::Culled => Step::End,
             LandmarkSlot::Merged(into) => Step::Next(into.index()),
         });
-        if let Some(id) = ends.iter().position(Option::is_none) {
+        if let Some(id) = ends.iter().position(|end| *end == NOWHERE) {
             ensure(false, || format!("merges of landmark {id} come to an end"))?;
         }
         let mut live = 0;
@@ -138,13 +138,14 @@ impl Map {
                     format!("{} and {other} are of one piece", k.id)
                 })?;
             }
-            let parent_ok =
-                |p: KeyframeId| p != k.id && resolves.get(p.index()).is_some_and(Option::is_some);
+            let parent_ok = |p: KeyframeId| {
+                p != k.id && resolves.get(p.index()).is_some_and(|end| *end != NOWHERE)
+            };
             ensure(k.parent.is_none_or(parent_ok), || {
                 format!("the parent of keyframe {} can be resolved", k.id)
             })?;
             let piece_of = |p: KeyframeId| {
-                let live = KeyframeId(resolves.get(p.index()).copied().flatten()? as u32);
+                let live = KeyframeId(*resolves.get(p.index())?);
                 Some(self.view.keyframe(live)?.piece)
             };
             ensure(
@@ -154,7 +155,7 @@ impl Map {
         }
         for (i, slot) in self.view.keyframes.iter().enumerate() {
             let empty = matches!(slot, KeyframeSlot::Empty);
-            ensure(empty || resolves[i].is_some(), || {
+            ensure(empty || resolves[i] != NOWHERE, || {
                 format!("keyframe {i} has a pose, by itself or through its tombstone")
             })?;
         }
@@ -182,16 +183,16 @@ enum Step {
     Next(usize),
 }
 
-/// Where the chain from each of `len` slots ends; none where it has a cycle or something is missing. Linear, as chains of a file
-/// may be as long as it.
-fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<Option<usize>> {
-    let (mut ends, mut seen) = (vec![None; len], vec![false; len]);
+/// Where the chain from each of `len` slots ends; [`NOWHERE`] where it has a cycle or something is missing. Linear, as chains of a
+/// file may be as long as it, and four bytes per slot, as a file may have many.
+fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<u32> {
+    let (mut ends, mut seen) = (vec![NOWHERE; len], vec![false; len]);
     let mut path = Vec::new();
     for start in 0..len {
         let mut at = start;
-        let ends_here = loop {
+        let end = loop {
             if at >= len {
-                break None;
+                break NOWHERE;
             }
             // What was seen on this path and has no answer yet is a cycle.
             if seen[at] {
@@ -200,14 +201,17 @@ fn ends_well(len: usize, step: impl Fn(usize) -> Step) -> Vec<Option<usize>> {
             seen[at] = true;
             path.push(at);
             match step(at) {
-                Step::End => break Some(at),
-                Step::Fall => break None,
+                Step::End => break at as u32,
+                Step::Fall => break NOWHERE,
                 Step::Next(next) => at = next,
             }
         };
         for i in path.drain(..) {
-            ends[i] = ends_here;
+            ends[i] = end;
         }
     }
     ends
 }
+
+/// No slot.
+const NOWHERE: u32 = u32::MAX;

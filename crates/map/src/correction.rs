@@ -47,12 +47,18 @@ pub struct LandmarkCorrection {
 }
 
 /// Two pieces of map that turned out to be parts of one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Join {
     /// The piece that is no more: its keyframes go to the other.
     pub piece: PieceId,
     /// The piece that stays, with its frame of reference.
     pub into: PieceId,
+    /// The keyframe of the first by which they were recognised as one. It becomes the root of its piece's tree ...
+    pub child: KeyframeId,
+    /// ... and a child of this keyframe of the second.
+    pub parent: KeyframeId,
+    /// Maps the first piece's frame of reference to the second's, for keyframes that the correction does not reach otherwise.
+    pub shift: Se3,
 }
 
 /// What is to be changed in a map, found on its version `base_version`. [`Map::apply`] brings it into the present one.
@@ -103,7 +109,7 @@ impl Map {
         let mut applied = Applied::default();
         // All poses are decided before the first one changes: what is carried refers to where its ancestor was.
         let named = Named::new(correction);
-        let moves = self.moves(&named, &mut applied);
+        let moves = self.moves(&named, correction.join, &mut applied);
         for (keyframe, pose) in moves {
             self.set_pose(keyframe, pose);
         }
@@ -134,7 +140,12 @@ impl Map {
     }
 
     /// Where every keyframe goes that does not stay.
-    fn moves(&self, named: &Named<'_>, applied: &mut Applied) -> Vec<(KeyframeId, Se3)> {
+    fn moves(
+        &self,
+        named: &Named<'_>,
+        join: Option<Join>,
+        applied: &mut Applied,
+    ) -> Vec<(KeyframeId, Se3)> {
         let mut moves = Vec::new();
         for k in self.view.keyframes() {
             let now = k.world_from_camera;
@@ -149,6 +160,9 @@ impl Map {
                 } else {
                     (c.shift() * now).normalized()
                 }
+            } else if let Some(join) = join.filter(|j| j.piece == k.piece) {
+                applied.carried += 1;
+                (join.shift * now).normalized()
             } else {
                 now
             };
@@ -166,6 +180,29 @@ impl Map {
             if let Some(k) = self.keyframe_mut(id) {
                 k.piece = join.into;
             }
+        }
+        self.hang(join.child, join.parent);
+    }
+
+    /// Makes a keyframe the root of its tree, and a child of a keyframe of another tree: parents between it and the old root turn
+    /// round.
+    fn hang(&mut self, child: KeyframeId, parent: KeyframeId) {
+        let resolved = |id| self.view.resolve_keyframe(id);
+        let (Some(child), Some(parent)) = (resolved(child), resolved(parent)) else {
+            return;
+        };
+        let (mut at, mut new_parent) = (child, parent);
+        let mut turned = BTreeSet::new();
+        // Parents can form a ring: once around is enough.
+        while turned.insert(at) {
+            let Some(k) = self.keyframe_mut(at) else {
+                return;
+            };
+            let old_parent = k.parent.replace(new_parent);
+            let Some(next) = old_parent.and_then(|p| self.view.resolve_keyframe(p)) else {
+                return;
+            };
+            (at, new_parent) = (next, at);
         }
     }
 

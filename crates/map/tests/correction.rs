@@ -369,6 +369,9 @@ fn pieces_become_one_with_all_that_was_added_since() {
         join: Some(Join {
             piece: PieceId(10),
             into: PieceId(0),
+            child: KeyframeId(11),
+            parent: KeyframeId(2),
+            shift: pose(40),
         }),
         ..apart
     };
@@ -383,6 +386,44 @@ fn pieces_become_one_with_all_that_was_added_since() {
     for (k, before) in [10, 11, 12].into_iter().zip(&before[1..]) {
         assert!(distance(&at(&map, k), &(pose(40) * *before)) < 1e-9, "{k}");
     }
+    // Keyframe 11 is a tombstone on 10 by now, which hangs on 2.
+    let parent = |k: u32| map.view().keyframe(KeyframeId(k)).unwrap().parent;
+    assert_eq!(parent(10), Some(KeyframeId(2)));
+    assert_eq!(parent(12), Some(KeyframeId(10)));
+    assert_eq!(map.check(), Ok(()));
+}
+
+#[test]
+fn the_tree_of_a_piece_turns_round_where_it_is_joined() {
+    let mut map = chain(2, 2);
+    for (k, parent) in [(10, None), (11, Some(10)), (12, Some(11)), (13, Some(11))] {
+        extend(&mut map, k, parent, 2);
+    }
+    // Nothing is named: what the correction does not reach comes along all the same.
+    let before = at(&map, 13);
+    map.apply(&Correction {
+        base_version: map.view().version(),
+        join: Some(Join {
+            piece: PieceId(10),
+            into: PieceId(0),
+            child: KeyframeId(12),
+            parent: KeyframeId(1),
+            shift: pose(7),
+        }),
+        ..Correction::default()
+    });
+    let parents: Vec<Option<u32>> = [0, 1, 10, 11, 12, 13]
+        .map(|k| {
+            map.view()
+                .keyframe(KeyframeId(k))
+                .unwrap()
+                .parent
+                .map(|p| p.0)
+        })
+        .to_vec();
+    let expected = [None, Some(0), Some(11), Some(12), Some(1), Some(11)];
+    assert_eq!(parents, expected);
+    assert!(distance(&at(&map, 13), &(pose(7) * before)) < 1e-9);
     assert_eq!(map.check(), Ok(()));
 }
 

@@ -91,6 +91,13 @@ pub enum LooperMsg {
         /// The first version of the map that holds it.
         view: Arc<MapView>,
     },
+    /// A keyframe some of whose features turned out to move: they are no part of the place.
+    Rejudged {
+        /// Its id.
+        id: KeyframeId,
+        /// The first version of the map that knows it.
+        view: Arc<MapView>,
+    },
     /// A map that was there before the first frame.
     Known {
         /// The map.

@@ -208,7 +208,18 @@ impl System {
             events.push(Event::Detected(detections.clone()));
             let message = self.tracker.receive_detections(detections, next);
             if let Some(message) = message.filter(|_| self.map_use == MapUse::Grow) {
+                let rejudged = match &message {
+                    MapperMsg::Rejudge { keyframe, .. } => Some(*keyframe),
+                    _ => None,
+                };
                 self.tell_mapper(message, events);
+                if let Some(id) = rejudged {
+                    let view = self.view();
+                    let LooperOut { places, .. } =
+                        self.looper.step(LooperMsg::Rejudged { id, view });
+                    let due = self.step + 1 + self.looper_delay;
+                    self.places.push_back((due, places));
+                }
             }
         }
     }

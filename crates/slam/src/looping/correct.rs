@@ -68,7 +68,7 @@ impl Proposal<'_> {
         };
         let (poses, cost) = match join {
             // Nothing ties two pieces yet that could contradict.
-            Some(join) => (self.put_together(&nodes, join), 0.0),
+            Some(join) => (Self::put_together(&nodes, join), 0.0),
             None => self
                 .straighten(&nodes, &edge)
                 .ok_or(LoopOutcome::Contradicted)?,
@@ -89,26 +89,37 @@ impl Proposal<'_> {
     /// The pieces that become one, when the two keyframes are of different ones: the younger goes to the older.
     fn join(&self) -> Option<Join> {
         let (a, b) = (self.with.piece, self.keyframe.piece);
-        (a != b).then(|| Join {
-            piece: a.max(b),
-            into: a.min(b),
+        if a == b {
+            return None;
+        }
+        let old_from_new = self.verified.new_from_old.inverse();
+        let with_from_keyframe = self.with.world_from_camera * old_from_new;
+        // Maps the frame of reference of the new keyframe's piece to that of the older one's.
+        let shift = with_from_keyframe * self.keyframe.world_from_camera.inverse();
+        Some(if b > a {
+            Join {
+                piece: b,
+                into: a,
+                child: self.keyframe.id,
+                parent: self.with.id,
+                shift,
+            }
+        } else {
+            Join {
+                piece: a,
+                into: b,
+                child: self.with.id,
+                parent: self.keyframe.id,
+                shift: shift.inverse(),
+            }
         })
     }
 
     /// The poses of two pieces in the frame of reference of the one that stays.
-    fn put_together(&self, nodes: &Nodes<'_>, join: Join) -> Vec<Se3> {
-        let old_from_new = self.verified.new_from_old.inverse();
-        let with_from_keyframe = self.with.world_from_camera * old_from_new;
-        // Maps the frame of reference of the new keyframe's piece to that of the older one's.
-        let old_from_new = with_from_keyframe * self.keyframe.world_from_camera.inverse();
-        let shift = if self.keyframe.piece == join.piece {
-            old_from_new
-        } else {
-            old_from_new.inverse()
-        };
+    fn put_together(nodes: &Nodes<'_>, join: Join) -> Vec<Se3> {
         let place = |k: &&Keyframe| {
             if k.piece == join.piece {
-                (shift * k.world_from_camera).normalized()
+                (join.shift * k.world_from_camera).normalized()
             } else {
                 k.world_from_camera
             }

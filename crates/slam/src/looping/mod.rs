@@ -113,6 +113,12 @@ impl Looper {
     pub fn step(&mut self, message: LooperMsg) -> LooperOut {
         match message {
             LooperMsg::Keyframe { id, view } => self.take_keyframe(id, &view),
+            LooperMsg::Rejudged { id, view } => {
+                if let Some(keyframe) = view.keyframe(id) {
+                    self.learn(keyframe);
+                }
+                self.answer()
+            }
             LooperMsg::Known { view } => {
                 for keyframe in view.keyframes() {
                     self.learn(keyframe);
@@ -264,7 +270,10 @@ impl Looper {
                 });
             match closed {
                 Ok((edge, correction)) => {
-                    self.edges.push(edge);
+                    // Pieces that were joined are tied by their tree.
+                    if correction.join.is_none() {
+                        self.edges.push(edge);
+                    }
                     self.last_closed = Some(keyframe.id);
                     self.valid_from = None;
                     self.streaks.clear();

@@ -11,6 +11,7 @@ const TABLE_STEP: f32 = 4.0;
 const NONE: u16 = u16::MAX;
 
 /// Rays of all cells of a camera, and the table back from undistorted pixels to cells.
+#[derive(Clone)]
 pub(super) struct Cells {
     pub(super) width: usize,
     pub(super) height: usize,

@@ -10,6 +10,7 @@ use stillpoint_map::{KeyframeId, MapView};
 const SPAN: f64 = 3.2;
 
 /// A frame kept for later comparison.
+#[derive(Clone)]
 pub(super) struct Snapshot {
     pub(super) frame: FrameId,
     pub(super) stamp: f64,
@@ -51,7 +52,7 @@ pub(crate) struct Place {
 }
 
 /// The frames of the last seconds, oldest first.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(super) struct History {
     frames: VecDeque<Snapshot>,
     /// The newest frame that is not kept any more.

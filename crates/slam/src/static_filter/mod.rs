@@ -105,6 +105,7 @@ pub(crate) struct Rejudged {
 }
 
 /// Tells what stands still.
+#[derive(Clone)]
 pub(crate) struct StaticFilter {
     config: StaticFilterConfig,
     weights: MotionWeights,

@@ -32,6 +32,7 @@ const MEMORY: f64 = 6.0;
 const SUSPECT: f32 = 1.5;
 
 /// Log odds of "moving" per cell.
+#[derive(Clone)]
 pub(super) struct Surfaces {
     /// After spreading: the answer.
     pub(super) odds: Vec<f32>,

@@ -29,7 +29,7 @@ impl Default for TrackingConfig {
             min_inliers: 30,
             min_initial_points: 100,
             min_relocalisation_inliers: 50,
-            new_piece_after: 15,
+            new_piece_after: 30,
             motion_radius: 15.0,
             local_radius: 2.0,
         }

@@ -11,6 +11,12 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, PieceId};
 
+/// Keyframes that a piece of map gets early, whether they are needed or not: only keyframes are compared with the places of other
+/// pieces, and it takes some in a row to be recognised.
+const YOUNG_KEYFRAMES: u32 = 5;
+/// Frames between these.
+const YOUNG_GAP: u32 = 10;
+
 impl Tracker {
     /// Begins a map, or a piece of one, with a frame that has enough depth.
     pub(super) fn initialise(
@@ -49,6 +55,7 @@ impl Tracker {
         self.lost_since = None;
         self.unplaced = 0;
         self.piece = Some(PieceId(id.0));
+        self.young = (self.view.keyframe_count() > 0).then_some(1);
         self.trajectory.push(TrajectoryEntry {
             frame: frame.id,
             stamp: frame.stamp,
@@ -78,6 +85,7 @@ impl Tracker {
         solution: Solution,
         outcome: Outcome,
     ) -> Tracked {
+        self.statistics.count();
         let counts = &notes.counts;
         let Solution {
             data,
@@ -98,7 +106,10 @@ impl Tracker {
         }
         self.lost_since = None;
         self.unplaced = 0;
-        self.piece = self.view.piece_of(reference).or(self.piece);
+        let piece = self.view.piece_of(reference).or(self.piece);
+        if piece != self.piece {
+            (self.piece, self.young) = (piece, None);
+        }
         let world_from_reference = self.view.world_from_keyframe(reference).unwrap_or_default();
         let reference_from_camera = world_from_reference.inverse() * world_from_camera;
         self.trajectory.push(TrajectoryEntry {
@@ -153,17 +164,20 @@ impl Tracker {
             .last_keyframe
             .map_or(u32::MAX, |id| frame.id.0.saturating_sub(id.0));
         let config = &self.config.keyframes;
-        let due = gap >= config.min_gap
+        let of_reference = self.view.keyframe(reference)?;
+        let needed = gap >= config.min_gap
             && config.is_due(
                 &self.view,
-                self.view.keyframe(reference)?,
+                of_reference,
                 data,
                 matches,
                 self.config.sensor.close_depth,
             );
-        if !due {
+        let young = self.young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_GAP;
+        if !needed && !young {
             return None;
         }
+        self.young = self.young.map(|n| n.saturating_add(1));
         self.last_keyframe = Some(frame.id);
         Some(NewKeyframe {
             id: self.keyframe_id(frame.id),

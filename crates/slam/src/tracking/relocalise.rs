@@ -14,6 +14,15 @@ use stillpoint_place::{PlaceIndex, Vocabulary};
 /// Keyframes that look most alike and are looked into. Neighbours look alike as well, so that these are two or three places.
 const CANDIDATES: usize = 6;
 
+/// Landmarks that must agree with the pose, as a share of those in the image. The same poster in two places agrees with a few.
+const MIN_SHARE: f64 = 0.1;
+/// In this time (s) a camera can be carried anywhere. Before, it is no farther from where it was lost than a thrown one ...
+const CARRIED_S: f64 = 1.0;
+/// ... m at once, for what is not known of the pose, and ...
+const REACH_M: f64 = 0.5;
+/// ... m/s.
+const REACH_M_S: f64 = 3.0;
+
 /// The places that can be recognised.
 pub(super) struct Places {
     vocabulary: Vocabulary,
@@ -55,19 +64,50 @@ impl Tracker {
             let Some(motion) = self.find_at(frame, data, keyframe) else {
                 continue;
             };
+            // What is tried on the way to a pose that is refused must leave no trace.
+            let filter = self.filter.clone();
+            let mut tried = notes.clone();
+            self.statistics.refuse();
             if self.piece != Some(keyframe.piece) {
                 self.filter.forget();
             }
-            let mut tried = notes.clone();
             let solution = self.settle(frame, data, candidate, &motion, &mut tried);
             if let Ok(solution) = solution
-                && tried.counts.inliers as usize >= min_inliers
+                && self.is_plausible(frame.stamp, keyframe, &solution, &tried)
             {
                 *notes = tried;
                 return Some((candidate, solution));
             }
+            self.filter = filter;
         }
         None
+    }
+
+    /// Whether a pose may be true: enough landmarks agree, of those that should be seen not too few, and the camera can have got
+    /// there, which two equal places do not tell.
+    fn is_plausible(
+        &self,
+        stamp: f64,
+        keyframe: &Keyframe,
+        solution: &Solution,
+        tried: &Notes,
+    ) -> bool {
+        let (inliers, visible) = (tried.counts.inliers, tried.counts.local_visible);
+        let enough = inliers as usize >= self.config.tracking.min_relocalisation_inliers;
+        let share = f64::from(inliers) / f64::from(visible.max(1));
+        let Some(last) = &self.last else {
+            return enough && share >= MIN_SHARE;
+        };
+        let centre = solution.camera_from_world.inverse().translation;
+        let moved = (centre - last.world_from_camera.translation).norm();
+        let seconds = (stamp - last.stamp).max(0.0);
+        let other_piece = self.piece != Some(keyframe.piece);
+        let reachable = if other_piece {
+            seconds >= CARRIED_S
+        } else {
+            seconds >= CARRIED_S || moved <= REACH_M + REACH_M_S * seconds
+        };
+        enough && share >= MIN_SHARE && reachable
     }
 
     /// The keyframes that look most like what the frame shows.

@@ -8,34 +8,57 @@ use stillpoint_map::LandmarkId;
 
 /// Counts per landmark that was expected at least once.
 #[derive(Debug, Default)]
-pub(super) struct Statistics(BTreeMap<LandmarkId, LandmarkStatistic>);
+pub(super) struct Statistics {
+    counts: BTreeMap<LandmarkId, LandmarkStatistic>,
+    /// What was seen of landmarks in the present frame from a pose that may still be refused.
+    pending: Vec<(LandmarkId, Seen)>,
+}
+
+/// What was seen of a landmark.
+#[derive(Clone, Copy, Debug)]
+enum Seen {
+    Expected(Sight),
+    Found,
+}
 
 impl Statistics {
     /// Notes how a landmark looked that was expected in the frame.
     pub(super) fn expected(&mut self, id: LandmarkId, sight: Sight) {
-        let s = self.of(id);
-        match sight {
-            // Of the landmarks that look hidden most are wrong, at the edge of something near: they must prove themselves
-            // like all others.
-            Sight::Open | Sight::Hidden => s.visible += 1,
-            Sight::Through => s.gone += 1,
-        }
+        self.pending.push((id, Seen::Expected(sight)));
     }
 
     /// Notes the landmarks whose matches agree with the pose.
     pub(super) fn found(&mut self, matches: &Matches) {
-        for id in matches.targets.iter().flatten().filter_map(|t| t.landmark) {
-            self.of(id).found += 1;
+        let ids = matches.targets.iter().flatten().filter_map(|t| t.landmark);
+        self.pending.extend(ids.map(|id| (id, Seen::Found)));
+    }
+
+    /// Counts what was noted: the pose of the frame is taken.
+    pub(super) fn count(&mut self) {
+        for (id, seen) in std::mem::take(&mut self.pending) {
+            let s = self.of(id);
+            match seen {
+                // Of the landmarks that look hidden most are wrong, at the edge of something near: they must prove themselves
+                // like all others.
+                Seen::Expected(Sight::Open | Sight::Hidden) => s.visible += 1,
+                Seen::Expected(Sight::Through) => s.gone += 1,
+                Seen::Found => s.found += 1,
+            }
         }
+    }
+
+    /// Forgets what was noted: the pose that it was noted from is refused.
+    pub(super) fn refuse(&mut self) {
+        self.pending.clear();
     }
 
     /// Hands over all counts, by id, and begins anew.
     pub(super) fn take(&mut self) -> Vec<LandmarkStatistic> {
-        std::mem::take(&mut self.0).into_values().collect()
+        std::mem::take(&mut self.counts).into_values().collect()
     }
 
     fn of(&mut self, id: LandmarkId) -> &mut LandmarkStatistic {
-        self.0.entry(id).or_insert(LandmarkStatistic {
+        self.counts.entry(id).or_insert(LandmarkStatistic {
             id,
             visible: 0,
             found: 0,
@@ -59,6 +82,11 @@ mod tests {
         ] {
             statistics.expected(LandmarkId(id), sight);
         }
+        statistics.count();
+        // From a pose that was refused.
+        statistics.expected(LandmarkId(3), Sight::Through);
+        statistics.refuse();
+        statistics.count();
         let counts = |s: &LandmarkStatistic| (s.id.0, s.visible, s.found, s.gone);
         let taken: Vec<_> = statistics.take().iter().map(counts).collect();
         assert_eq!(taken, [(3, 0, 0, 1), (7, 2, 0, 1)]);

@@ -9,7 +9,9 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 use stillpoint_map::PieceId;
 use stillpoint_simulator::{Simulator, SimulatorConfig};
-use stillpoint_slam::{Config, Event, FrameReport, MapUse, Outcome, System, join_maps};
+use stillpoint_slam::{
+    Config, Event, FrameReport, LoopOutcome, LoopReport, MapUse, Outcome, System, join_maps,
+};
 
 const PERIOD: f64 = 1.0 / 30.0;
 
@@ -134,11 +136,11 @@ impl Run {
 fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
     let simulator = simulator("loop_two_rooms", 200);
     // Every other frame: 1.8 m/s.
-    let play = Play::frames((0..200).step_by(2)).covered(10).then(20..40);
+    let play = Play::frames((0..200).step_by(2)).covered(30).then(20..40);
     let run = run(&simulator, &Config::default(), &play);
     run.tell();
-    assert!(matches!(run.reports[109].outcome, Outcome::Lost { since, .. } if since.0 == 100));
-    let found = &run.reports[110];
+    assert!(matches!(run.reports[129].outcome, Outcome::Lost { since, .. } if since.0 == 100));
+    let found = &run.reports[130];
     let Outcome::Relocalised { since, with } = found.outcome else {
         panic!("{:?}", found.outcome);
     };
@@ -146,9 +148,38 @@ fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
     assert!(since.0 == 100 && with.0 < 30, "{with}");
     assert_eq!(found.piece, Some(PieceId(0)));
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
-    assert_eq!(run.reports.iter().filter(lost).count(), 10);
+    assert_eq!(run.reports.iter().filter(lost).count(), 30);
     let error = run.ate_mm(&simulator, &play, PieceId(0));
     assert!(error < 20.0, "{error} mm");
+}
+
+/// Two rooms with equal things in them. A camera that has seen both and is blind for a moment is not found in the other one.
+#[test]
+fn equal_rooms_are_not_taken_for_each_other() {
+    let simulator = simulator("equal_rooms", 824);
+    let play = Play::frames((0..780).step_by(4))
+        .covered(3)
+        .then((780..824).step_by(4));
+    let run = run(&simulator, &Config::default(), &play);
+    run.tell();
+    let closed = |l: &&LoopReport| l.outcome == LoopOutcome::Closed;
+    assert_eq!(run.system.loops().iter().filter(closed).count(), 0);
+    // It was tempted.
+    assert!(
+        run.system
+            .loops()
+            .iter()
+            .any(|l| l.outcome == LoopOutcome::Contradicted)
+    );
+    assert_eq!(run.system.view().pieces().len(), 1);
+    let [poses, real] = run.poses(&simulator, &play, PieceId(0));
+    assert!(poses.len() >= play.0.len() - 6, "{}", poses.len());
+    let begin = real[0].world_from_camera;
+    for (pose, real) in poses.iter().zip(&real) {
+        let real = begin.inverse() * real.world_from_camera;
+        let off = (pose.world_from_camera.translation - real.translation).norm();
+        assert!(off < 0.5, "{off} m at {}", pose.stamp);
+    }
 }
 
 #[test]
@@ -157,7 +188,9 @@ fn a_new_piece_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
     // The lens is covered, uncovered where nothing is known, and the camera goes back to where it was.
     let covered = Play::frames((0..60).step_by(2)).covered(5);
     let play = covered.clone().then((40..230).rev().step_by(2));
-    let run = run(&simulator, &Config::default(), &play);
+    let mut config = Config::default();
+    config.tracking.new_piece_after = 10;
+    let run = run(&simulator, &config, &play);
     run.tell();
     let begun = |r: &&FrameReport| r.outcome == Outcome::Initialised;
     assert_eq!(run.reports.iter().filter(begun).count(), 2);
@@ -167,14 +200,14 @@ fn a_new_piece_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
     let error = run.ate_mm(&simulator, &play, PieceId(0));
     assert!(error < 30.0, "{error} mm");
     // The same twice.
-    let again = self::run(&simulator, &Config::default(), &play);
+    let again = self::run(&simulator, &config, &play);
     let bits = |run: &Run| format!("{:?}", run.poses(&simulator, &play, PieceId(0)));
     assert!(bits(&run) == bits(&again), "two runs differ");
     // Control: without the way back there are two pieces, and nothing says how they lie to each other.
     let play = covered.then((190..230).rev().step_by(2));
-    let apart = self::run(&simulator, &Config::default(), &play);
+    let apart = self::run(&simulator, &config, &play);
     assert_eq!(apart.system.view().pieces().len(), 2);
-    assert_eq!(apart.reports[54].piece, Some(PieceId(49)));
+    assert_eq!(apart.reports[54].piece, Some(PieceId(44)));
 }
 
 #[test]
