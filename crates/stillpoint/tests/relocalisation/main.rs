@@ -153,7 +153,8 @@ fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
     assert!(error < 20.0, "{error} mm");
 }
 
-/// Two rooms with equal things in them. A camera that has seen both and is blind for a moment is not found in the other one.
+/// Two rooms with equal things in them. No loop is closed between them; and a camera that is blind for a moment, at the worst
+/// place, is rather lost than found in the other one.
 #[test]
 fn equal_rooms_are_not_taken_for_each_other() {
     let simulator = simulator("equal_rooms", 824);
@@ -173,7 +174,7 @@ fn equal_rooms_are_not_taken_for_each_other() {
     );
     assert_eq!(run.system.view().pieces().len(), 1);
     let [poses, real] = run.poses(&simulator, &play, PieceId(0));
-    assert!(poses.len() >= play.0.len() - 6, "{}", poses.len());
+    assert!(poses.len() >= 195, "{}", poses.len());
     let begin = real[0].world_from_camera;
     for (pose, real) in poses.iter().zip(&real) {
         let real = begin.inverse() * real.world_from_camera;
