@@ -84,6 +84,8 @@ pub(crate) struct MapCheckArgs {
 }
 
 /// Write parts of a map in formats that other programs read.
+///
+/// Of a map in pieces, of which it is not known how they lie to each other, one is written: the largest, or that of --piece.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -91,6 +93,7 @@ pub(crate) struct MapCheckArgs {
     after_help = "Examples:
   stillpoint map export desk.spmap --points desk.ply
   stillpoint map export desk.spmap --trajectory desk.txt --graph desk.g2o
+  stillpoint map export desk.spmap --points kitchen.ply --piece 412
   stillpoint eval groundtruth.txt desk.txt
 
 Exit code 2 when the map cannot be used or a file cannot be written."
@@ -110,4 +113,7 @@ pub(crate) struct MapExportArgs {
     /// of an edge is the number of landmarks that both see.
     #[arg(long, value_name = "FILE.g2o", group = "what", verbatim_doc_comment)]
     pub(crate) graph: Option<PathBuf>,
+    /// The piece of map to write, as map info names it [default: that with most keyframes].
+    #[arg(long, value_name = "ID")]
+    pub(crate) piece: Option<u32>,
 }

@@ -1,15 +1,14 @@
 //! `map`: what is in map files, and whether they are whole.
 
-use crate::args_map::{MapCheckArgs, MapCommand, MapInfoArgs, MapMergeArgs};
+use crate::args_map::{MapCheckArgs, MapCommand, MapInfoArgs};
 use crate::failure::{Failure, Status};
-use crate::map_file::{self, Loaded, MapOutput, Refusal};
+use crate::map_file::{self, Loaded, Refusal};
 use crate::models::megabytes;
-use crate::{console, map_export};
+use crate::{console, map_export, map_merge};
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::cmp::Reverse;
 use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::map::{KeyframeId, KeyframeSlot, MapView, PieceId};
-use stillpoint::slam::{Config, join_maps};
 
 /// `map`.
 pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
@@ -17,7 +16,7 @@ pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
         MapCommand::Info(a) => info(a),
         MapCommand::Check(a) => check(a),
         MapCommand::Export(a) => map_export::export(a),
-        MapCommand::Merge(a) => merge(a),
+        MapCommand::Merge(a) => map_merge::merge(a),
     }
 }
 
@@ -50,34 +49,6 @@ fn check(args: &MapCheckArgs) -> Result<Status, Failure> {
     }
 }
 
-fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
-    let first = map_file::load(&args.first)?.file.map;
-    let second = map_file::load(&args.second)?.file.map;
-    let scales = first.level_scales();
-    let mut config = Config::default();
-    config.features.levels = scales.len();
-    config.features.scale_factor = scales.get(1).copied().unwrap_or(1.2);
-    let file = MapOutput::create(&args.out)?;
-    let [a, b] = [&first, &second].map(|m| m.view().pieces().len());
-    let joined = join_maps(&config, first, &second)
-        .map_err(|e| Failure::input(format!("{}: {e}", args.second.display())))?;
-    let [before, left] = joined.pieces;
-    if left == before {
-        return Err(Failure::criteria(format!(
-            "expected a place of {} in {}, found none among {} that look alike: nothing was written; a recording that begins where the first map is known and is run with --load-map ties them",
-            args.second.display(),
-            args.first.display(),
-            joined.reports.len()
-        )));
-    }
-    let saved = file.save(&joined.map)?;
-    console::report(&format!(
-        "{}: {} keyframes and {} landmarks; {} and {} pieces of map became {left}\n",
-        saved.path, saved.keyframes, saved.landmarks, a, b
-    ));
-    Ok(Status::Ok)
-}
-
 /// What `map info` tells.
 #[derive(Debug, Serialize)]
 struct MapInfo {
@@ -92,14 +63,14 @@ struct MapInfo {
     culled_keyframes: usize,
     landmarks: usize,
     observations: usize,
-    /// Parts of which it is not known how they lie to each other.
-    pieces: usize,
+    /// Parts of which it is not known how they lie to each other, the largest first.
+    pieces: Vec<PieceOfMap>,
     /// Of the first and the last keyframe, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     stamps: Option<[f64; 2]>,
-    /// Through all keyframes, culled ones too, piece by piece, m.
+    /// Through all keyframes of the largest piece, culled ones too, m.
     path_length: f64,
-    /// Of the box with the axes of the world around all landmarks, m.
+    /// Of the box with the axes of the world around all landmarks of the largest piece, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     extent: Option<[f64; 3]>,
     cameras: Vec<CameraJson>,
@@ -107,6 +78,12 @@ struct MapInfo {
     levels: usize,
     scale_factor: f32,
     extensions: Vec<ExtensionJson>,
+}
+
+#[derive(Debug, Serialize)]
+struct PieceOfMap {
+    id: u32,
+    keyframes: usize,
 }
 
 #[derive(Debug, PartialEq, Serialize)]
@@ -139,6 +116,8 @@ impl MapInfo {
                 cameras.push(camera);
             }
         }
+        let pieces = pieces(view);
+        let largest = pieces.first().map(|p| p.0);
         let extension = |e: &stillpoint::map::Extension| ExtensionJson {
             name: e.name.clone(),
             bytes: e.bytes.len(),
@@ -154,10 +133,16 @@ impl MapInfo {
                 .count(),
             landmarks: view.landmark_count(),
             observations: view.landmarks().map(|(_, l)| l.observers as usize).sum(),
-            pieces: view.pieces().len(),
             stamps: stamps(view),
-            path_length: path_length(view),
-            extent: extent(view),
+            path_length: largest.map_or(0.0, |p| path_length(view, p)),
+            extent: largest.and_then(|p| extent(view, p)),
+            pieces: pieces
+                .iter()
+                .map(|(id, keyframes)| PieceOfMap {
+                    id: id.0,
+                    keyframes: *keyframes,
+                })
+                .collect(),
             cameras,
             levels: scales.len(),
             scale_factor: scales.get(1).copied().unwrap_or(1.0),
@@ -186,16 +171,20 @@ impl MapInfo {
             "landmarks",
             format!("{}, observed {} times", self.landmarks, self.observations),
         );
-        line("pieces", self.pieces.to_string());
+        line("pieces", self.pieces_text());
+        let of_piece = match &self.pieces[..] {
+            [largest, _, ..] => format!(", of piece {}", largest.id),
+            _ => String::new(),
+        };
         if let Some([first, last]) = self.stamps {
             line(
                 "time",
                 format!("{first:.6} to {last:.6}: {:.1} s", last - first),
             );
         }
-        line("path", format!("{:.2} m", self.path_length));
+        line("path", format!("{:.2} m{of_piece}", self.path_length));
         if let Some([x, y, z]) = self.extent {
-            line("extent", format!("{x:.2} x {y:.2} x {z:.2} m"));
+            line("extent", format!("{x:.2} x {y:.2} x {z:.2} m{of_piece}"));
         }
         for c in &self.cameras {
             let distorted = c.distortion.iter().any(|d| *d != 0.0);
@@ -221,6 +210,16 @@ impl MapInfo {
             line("extension", format!("{}, {} bytes", e.name, e.bytes));
         }
         text
+    }
+
+    /// How many there are, and which if that is a question.
+    fn pieces_text(&self) -> String {
+        let piece = |p: &PieceOfMap| format!("{} ({} keyframes)", p.id, p.keyframes);
+        let list: Vec<String> = self.pieces.iter().map(piece).collect();
+        match list.len() {
+            0 | 1 => list.len().to_string(),
+            n => format!("{n}: {}", list.join(", ")),
+        }
     }
 }
 
@@ -251,24 +250,32 @@ fn stamps(view: &MapView) -> Option<[f64; 2]> {
     Some(stamps.fold([first; 2], |[least, most], s| [least.min(s), most.max(s)]))
 }
 
-fn path_length(view: &MapView) -> f64 {
-    // The last place in each piece.
-    let mut last: BTreeMap<PieceId, Vec3> = BTreeMap::new();
+/// The pieces with their numbers of live keyframes, the largest first, of equals the oldest.
+pub(crate) fn pieces(view: &MapView) -> Vec<(PieceId, usize)> {
+    let mut pieces = view.pieces();
+    // Stable, and they come by id.
+    pieces.sort_by_key(|p| Reverse(p.1));
+    pieces
+}
+
+fn path_length(view: &MapView, piece: PieceId) -> f64 {
+    let mut last: Option<Vec3> = None;
     let mut length = 0.0;
-    for id in ids(view) {
-        let (Some(pose), Some(piece)) = (view.world_from_keyframe(id), view.piece_of(id)) else {
+    for id in ids(view).filter(|id| view.piece_of(*id) == Some(piece)) {
+        let Some(pose) = view.world_from_keyframe(id) else {
             continue;
         };
-        if let Some(before) = last.insert(piece, pose.translation) {
+        if let Some(before) = last.replace(pose.translation) {
             length += (pose.translation - before).norm();
         }
     }
     length
 }
 
-fn extent(view: &MapView) -> Option<[f64; 3]> {
+fn extent(view: &MapView, piece: PieceId) -> Option<[f64; 3]> {
     let mut positions = view
         .landmarks()
+        .filter(|(_, l)| view.piece_of(l.anchor) == Some(piece))
         .filter_map(|(id, _)| view.landmark_position(id));
     let first = positions.next()?;
     let (least, most) = positions.fold((first, first), |(least, most), p| {

@@ -17,6 +17,9 @@ const LARGEST: u64 = 8 << 30;
 /// calibration of the same camera differs by less, another camera by more.
 const CAMERA_TOLERANCE: f64 = 5.0;
 
+/// Keyframe ids that a map file may have, one for each frame that went into it.
+const MOST_IDS: usize = 1 << 24;
+
 /// A map file as it was read.
 pub(crate) struct Loaded {
     pub(crate) file: MapFile,
@@ -102,31 +105,73 @@ pub(crate) fn check_fits(
             scales.len(),
         )));
     }
-    let others = map.view().keyframes().map(|k| &k.data.camera);
-    // Keyframes have few cameras, mostly one.
-    let mut checked: Vec<&Camera> = Vec::new();
-    for other in others {
-        if checked.contains(&other) {
-            continue;
-        }
-        checked.push(other);
-        let distance = distance(camera, other);
-        if distance.is_none_or(|d| d > CAMERA_TOLERANCE) {
-            let found = match distance {
-                Some(d) => format!("one in which points are up to {d:.1} px elsewhere"),
-                None => format!("images of {}x{} px", other.width, other.height),
-            };
-            return Err(Failure::input(format!(
-                "{}: expected a map from this camera ({}x{} px, fx {:.1}), found {found} (fx {:.1}); name the camera of the map with --camera, or make the map again",
-                path.display(),
-                camera.width,
-                camera.height,
-                camera.fx,
-                other.fx,
-            )));
+    match misfit(&[camera], &cameras(map)) {
+        None => Ok(()),
+        Some(misfit) => Err(Failure::input(format!(
+            "{}: expected a map from this camera {misfit}; name the camera of the map with --camera, or make the map again",
+            path.display()
+        ))),
+    }
+}
+
+/// Whether two maps are of one camera, so that their features and measurements can stand in one map.
+///
+/// # Errors
+/// They are not.
+pub(crate) fn check_alike([first, second]: [&Path; 2], [a, b]: [&Map; 2]) -> Result<(), Failure> {
+    match misfit(&cameras(a), &cameras(b)) {
+        None => Ok(()),
+        Some(misfit) => Err(Failure::input(format!(
+            "{}: expected a map from the camera of {} {misfit}; only maps of one camera can be one map",
+            second.display(),
+            first.display()
+        ))),
+    }
+}
+
+/// The cameras of a map: few, mostly one.
+fn cameras(map: &Map) -> Vec<&Camera> {
+    let mut cameras: Vec<&Camera> = Vec::new();
+    for k in map.view().keyframes() {
+        if !cameras.contains(&&k.data.camera) {
+            cameras.push(&k.data.camera);
         }
     }
-    Ok(())
+    cameras
+}
+
+/// What is wrong where one of `others` is not one of `expected`, in words.
+fn misfit(expected: &[&Camera], others: &[&Camera]) -> Option<String> {
+    let pairs = expected
+        .iter()
+        .flat_map(|a| others.iter().map(move |b| (a, b)));
+    pairs.into_iter().find_map(|(a, b)| {
+        let distance = distance(a, b);
+        let found = match distance {
+            Some(d) if d <= CAMERA_TOLERANCE => return None,
+            Some(d) => format!("one in which points are up to {d:.1} px elsewhere"),
+            None => format!("images of {}x{} px", b.width, b.height),
+        };
+        Some(format!(
+            "({}x{} px, fx {:.1}), found {found} (fx {:.1})",
+            a.width, a.height, a.fx, b.fx
+        ))
+    })
+}
+
+/// Whether a map with `more` keyframe ids, as many as there are frames, can still be written to a file.
+///
+/// # Errors
+/// It cannot.
+pub(crate) fn check_room(path: &Path, map: &Map, more: usize) -> Result<(), Failure> {
+    let used = map.view().keyframe_bound();
+    if used.saturating_add(more) <= MOST_IDS {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "{}: expected a map with room for {more} more keyframe ids, of which a map file has {MOST_IDS}, found {used} in use; begin a new map, or go on without saving this one",
+        path.display()
+    )))
 }
 
 /// How far, at most, two cameras see the same direction from each other, px; none when their images differ in size.
@@ -167,10 +212,10 @@ pub(crate) struct MapOutput {
 
 impl MapOutput {
     /// Begins a file before the run whose map it is to hold, so that a run of an hour does not end with a file that cannot be
-    /// written. What is there is not touched.
-    pub(crate) fn create(path: &Path) -> Result<Self, Failure> {
+    /// written. What is there is not touched. `option` is what named it.
+    pub(crate) fn create(path: &Path, option: &'static str) -> Result<Self, Failure> {
         Ok(Self {
-            file: StreamedFile::create(path, "--save-map")?,
+            file: StreamedFile::create(path, option)?,
             path: path.display().to_string(),
         })
     }
@@ -211,7 +256,10 @@ mod tests {
     }
 
     fn map() -> Map {
-        let camera = camera();
+        map_of(camera())
+    }
+
+    fn map_of(camera: Camera) -> Map {
         let data = KeyframeData {
             stamp: 1.0,
             camera,
@@ -259,13 +307,56 @@ mod tests {
     }
 
     #[test]
+    fn maps_of_one_camera_are_alike() {
+        let paths = [Path::new("a.spmap"), Path::new("b.spmap")];
+        let alike = |c: Camera| check_alike(paths, [&map(), &map_of(c)]).map_err(|e| e.to_string());
+        let camera = camera();
+        assert_eq!(alike(camera), Ok(()));
+        let fx = camera.fx + 3.0;
+        assert_eq!(alike(Camera { fx, ..camera }), Ok(()));
+        let e = alike(Camera {
+            fx: 480.0,
+            ..camera
+        })
+        .unwrap_err();
+        for word in [
+            "b.spmap: expected",
+            "camera of a.spmap",
+            "fx 525.0",
+            "px elsewhere",
+            "fx 480.0",
+        ] {
+            assert!(e.contains(word), "{word:?} is not in {e}");
+        }
+        let width = 320;
+        let e = alike(Camera { width, ..camera }).unwrap_err();
+        assert!(e.contains("images of 320x480 px"), "{e}");
+    }
+
+    #[test]
+    fn a_map_that_could_not_be_saved_is_told() {
+        let path = Path::new("desk.spmap");
+        assert!(check_room(path, &map(), MOST_IDS - 1).is_ok());
+        let e = check_room(path, &map(), MOST_IDS).unwrap_err().to_string();
+        assert!(
+            e.contains("desk.spmap: expected") && e.contains("found 1 in use"),
+            "{e}"
+        );
+    }
+
+    #[test]
     fn a_map_without_keyframes_does_not_replace_one() {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join("desk.spmap");
-        let saved = MapOutput::create(&path).unwrap().save(&map()).unwrap();
+        let saved = MapOutput::create(&path, "--save-map")
+            .unwrap()
+            .save(&map())
+            .unwrap();
         assert_eq!((saved.keyframes, saved.landmarks), (1, 0));
         assert_eq!(saved.bytes, path.metadata().unwrap().len());
-        let e = MapOutput::create(&path).unwrap().save(&Map::new(8, 1.2));
+        let e = MapOutput::create(&path, "--save-map")
+            .unwrap()
+            .save(&Map::new(8, 1.2));
         assert!(e.unwrap_err().to_string().contains("no keyframe"));
         assert_eq!(load(&path).ok().unwrap().bytes, saved.bytes);
     }

@@ -24,7 +24,7 @@ use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
-use stillpoint::slam::{Config, MapUse};
+use stillpoint::slam::{Config, MapUse, StartError};
 
 /// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
@@ -41,7 +41,9 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
         keep_colour: args.overlay.is_some() || settled.needs_colour(),
     };
     let frames = dataset.frames(&options)?;
-    let map = known_map(args, &config, &dataset.camera().camera)?;
+    // Ids of keyframes are numbers of frames.
+    let ids = options.start + frames.remaining().unwrap_or(dataset.entries().len());
+    let map = known_map(args, &config, &dataset.camera().camera, ids)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
     let folder = ResultFolder::create(&out)?;
     let mut outputs = outputs(args, &config, &dataset, frames.remaining())?;
@@ -79,11 +81,12 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
     }
 }
 
-/// The map to begin with, if there is one.
+/// The map to begin with, if there is one. `ids` is how many keyframe ids the run may add.
 fn known_map(
     args: &RunArgs,
     config: &Config,
     camera: &Camera,
+    ids: usize,
 ) -> Result<Option<(Map, MapUse)>, Failure> {
     let (path, map_use) = match (&args.load_map, &args.localize) {
         (Some(path), _) => (path, MapUse::Grow),
@@ -92,6 +95,16 @@ fn known_map(
     };
     let map = map_file::load(path)?.file.map;
     map_file::check_fits(path, &map, config, camera)?;
+    if map_use == MapUse::Localize && map.view().keyframe_count() == 0 {
+        return Err(Failure::input(format!(
+            "{}: {}",
+            path.display(),
+            StartError::Empty
+        )));
+    }
+    if args.save_map.is_some() {
+        map_file::check_room(path, &map, ids)?;
+    }
     console::info(&format!(
         "{} map {} with {} keyframes and {} landmarks",
         match map_use {
@@ -126,7 +139,8 @@ fn outputs(
     // Folders first: the file may lie in one of them.
     let overlay = args.overlay.as_ref().map(overlay).transpose()?;
     let verdicts = args.verdicts.as_deref().map(VerdictFile::create);
-    let map = args.save_map.as_deref().map(MapOutput::create);
+    let map = args.save_map.as_deref();
+    let map = map.map(|path| MapOutput::create(path, "--save-map"));
     Ok(Outputs {
         verdicts: verdicts.transpose()?,
         overlay,

@@ -4,21 +4,19 @@
 //! frames come from or where results go.
 
 use crate::console::{self, Progress};
-use crate::demo_pictures::Shots;
 use crate::failure::Failure;
 use crate::frames::{self, Frames, Piece};
 use crate::interrupt::Interrupt;
-use crate::map_file::{MapOutput, SavedMap};
-use crate::overlay::OverlayFolder;
+use crate::map_file::SavedMap;
+pub(crate) use crate::session_outputs::Outputs;
 use crate::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, PieceJson};
 use crate::timing::Timing;
-use crate::verdicts::VerdictFile;
 use std::sync::Arc;
 use std::time::Instant;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::{Detector, NoDetector};
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
+use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::{Map, MapView};
 use stillpoint::slam::{Config, Event, FrameReport, MapUse, System};
 
@@ -70,61 +68,6 @@ pub(crate) struct Driver<'a> {
     pub(crate) map: Option<(Map, MapUse)>,
 }
 
-/// What is written while frames go by.
-#[derive(Default)]
-pub(crate) struct Outputs {
-    pub(crate) verdicts: Option<VerdictFile>,
-    /// Pictures in a folder; not together with those for the demo.
-    pub(crate) overlay: Option<OverlayFolder>,
-    /// Pictures for the demo.
-    pub(crate) shots: Option<Shots>,
-    /// The map, at the end.
-    pub(crate) map: Option<MapOutput>,
-}
-
-impl Outputs {
-    /// A copy of the next frame, if it will be drawn.
-    fn keep(&mut self, frame: &RgbdFrame) -> Option<RgbdFrame> {
-        let overlay = self.overlay.as_mut().is_some_and(OverlayFolder::wants_next);
-        let shots = self.shots.as_mut().is_some_and(Shots::wants_next);
-        (overlay || shots).then(|| frame.clone())
-    }
-
-    /// Writes what is to be written of a step. `kept` is what [`Outputs::keep`] gave before it.
-    fn take(&mut self, events: &[Event], kept: Option<&RgbdFrame>) -> Result<(), Failure> {
-        for event in events {
-            let Event::Frame(report) = event else {
-                continue;
-            };
-            if let Some(file) = &mut self.verdicts {
-                let _span = tracing::info_span!("verdicts").entered();
-                file.add(report)?;
-            }
-            if let (Some(folder), Some(frame)) = (&mut self.overlay, kept) {
-                let _span = tracing::info_span!("overlay").entered();
-                folder.add(frame, report)?;
-            }
-            if let (Some(shots), Some(frame)) = (&mut self.shots, kept) {
-                let _span = tracing::info_span!("overlay").entered();
-                shots.add(frame, report);
-            }
-        }
-        Ok(())
-    }
-
-    /// Puts everything where it belongs, and says where that is.
-    pub(crate) fn finish(self) -> Result<String, Failure> {
-        let mut said = String::new();
-        if let Some(file) = self.verdicts {
-            said += &file.finish()?;
-        }
-        if let Some(folder) = self.overlay {
-            said += &folder.finish()?;
-        }
-        Ok(said)
-    }
-}
-
 impl Driver<'_> {
     /// Runs the stream to its end, or until the user asks to stop.
     ///
@@ -132,21 +75,52 @@ impl Driver<'_> {
     /// A configuration out of range, a stream that fails for good, a stream without any readable frame, outputs that cannot
     /// be written.
     pub(crate) fn drive(
-        self,
+        mut self,
         source: &mut dyn FrameSource,
         outputs: &mut Outputs,
     ) -> Result<Session, Failure> {
         let mut system =
-            System::new(self.config, self.camera, self.simd).map_err(Failure::input)?;
-        if let Some(detector) = self.detector {
+            System::new(self.config.clone(), self.camera, self.simd).map_err(Failure::input)?;
+        if let Some(detector) = self.detector.take() {
             system = system.with_detector(detector);
         }
-        if let Some((map, map_use)) = self.map {
+        if let Some((map, map_use)) = self.map.take() {
             system = system.with_map(map, map_use).map_err(Failure::input)?;
         }
-        let mut progress = Progress::new(source.remaining());
         let mut tally = Tally::default();
         let start = Instant::now();
+        let taken = self.take_frames(source, outputs, &mut system, &mut tally);
+        tally.take(&system.finish());
+        if let Err(failure) = taken {
+            outputs.rescue_map(&system, tally.frames);
+            return Err(failure);
+        }
+        if tally.frames == 0 && self.interrupt.requested() {
+            return Err(Failure::criteria(
+                "interrupted before the first frame: nothing was written",
+            ));
+        }
+        if tally.frames == 0 {
+            return Err(Failure::input(format!(
+                "expected frames, found none that can be read ({} skipped); check the images",
+                tally.skipped
+            )));
+        }
+        let mut session = tally.close(&system, start, self.interrupt.requested());
+        // What was found until then is worth having even when the map cannot be saved.
+        session.saved = outputs.map.take().map(|map| map.save(system.map()));
+        Ok(session)
+    }
+
+    /// Lets the frames go by.
+    fn take_frames(
+        &self,
+        source: &mut dyn FrameSource,
+        outputs: &mut Outputs,
+        system: &mut System,
+        tally: &mut Tally,
+    ) -> Result<(), Failure> {
+        let mut progress = Progress::new(source.remaining());
         while !self.interrupt.requested() {
             let next = tracing::info_span!("wait").in_scope(|| source.next_frame());
             match next {
@@ -176,23 +150,8 @@ impl Driver<'_> {
             };
             progress.show(tally.frames + tally.skipped, &note);
         }
-        tally.take(&system.finish());
         progress.finish();
-        if tally.frames == 0 && self.interrupt.requested() {
-            return Err(Failure::criteria(
-                "interrupted before the first frame: nothing was written",
-            ));
-        }
-        if tally.frames == 0 {
-            return Err(Failure::input(format!(
-                "expected frames, found none that can be read ({} skipped); check the images",
-                tally.skipped
-            )));
-        }
-        let mut session = tally.close(&system, start, self.interrupt.requested());
-        // What was found until then is worth having even when the map cannot be saved.
-        session.saved = outputs.map.take().map(|map| map.save(system.map()));
-        Ok(session)
+        Ok(())
     }
 }
 

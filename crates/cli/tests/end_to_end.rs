@@ -95,6 +95,7 @@ fn a_result_is_complete_and_accurate() {
         names,
         [
             "config.toml",
+            "frames.csv",
             "keyframes.txt",
             "plot.png",
             "plot.svg",

@@ -33,7 +33,7 @@ fn help_of_every_command() {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
-    for command in ["info", "check", "export"] {
+    for command in ["info", "check", "export", "merge"] {
         let name = format!("help_map_{command}.txt");
         golden(&name, &["map", command, "--help"]);
     }
@@ -57,6 +57,7 @@ fn every_help_has_examples() {
         &["map", "info", "--help"],
         &["map", "check", "--help"],
         &["map", "export", "--help"],
+        &["map", "merge", "--help"],
         &["models", "--help"],
         &["models", "list", "--help"],
         &["models", "pull", "--help"],

@@ -75,9 +75,7 @@ fn child_that_saves() {
             file.write_all(part).unwrap();
         }
         file.commit().unwrap();
-        if turn == 0 {
-            println!("\nsaving");
-        }
+        println!("\nsaved");
     }
 }
 
@@ -103,8 +101,12 @@ fn a_map_survives_fifty_kills() {
             .stderr(Stdio::null())
             .spawn()
             .unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        assert!(lines.any(|l| l.unwrap() == "saving"), "kill {kill}");
+        // After a number of saves that varies, so that every version is found however long one takes, and in the midst of the
+        // next.
+        let lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut saves = lines.filter(|l| l.as_deref().unwrap() == "saved");
+        let wanted = 1 + (kill as usize) % versions.len();
+        assert_eq!(saves.by_ref().take(wanted).count(), wanted, "kill {kill}");
         std::thread::sleep(Duration::from_micros(random(&mut state) % 30_000));
         child.kill().unwrap();
         let status = child.wait().unwrap();

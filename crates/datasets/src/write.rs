@@ -174,6 +174,15 @@ fn create_temporary(target: &Path) -> io::Result<(File, PathBuf)> {
     }
 }
 
+/// Whether a name between beginning and end is one that [`create_temporary`] gives, as no one else does: what a user calls
+/// `.NAME.mine.tmp` is not ours to remove.
+fn is_process_and_count(middle: &str) -> bool {
+    let is_number = |s: &str| !s.is_empty() && s.bytes().all(|b| b.is_ascii_digit());
+    middle
+        .split_once('-')
+        .is_some_and(|(process, count)| is_number(process) && is_number(count))
+}
+
 /// Removes temporary files of this target whose processes have come to an end. What cannot be listed or removed does no harm.
 fn remove_stale(target: &Path) -> io::Result<()> {
     let (begin, end) = temporary_name(target)?;
@@ -182,7 +191,8 @@ fn remove_stale(target: &Path) -> io::Result<()> {
         let name = entry.file_name();
         let is_temporary = name
             .to_str()
-            .is_some_and(|n| n.starts_with(&begin) && n.ends_with(end));
+            .and_then(|n| n.strip_prefix(&begin)?.strip_suffix(end))
+            .is_some_and(is_process_and_count);
         if !is_temporary {
             continue;
         }
@@ -279,6 +289,17 @@ mod tests {
         ] {
             std::fs::write(dir.path().join(stale), "half").unwrap();
         }
+        let of_the_user = [
+            ".a.txt.-.tmp",
+            ".a.txt.7-0-1.tmp",
+            ".a.txt.7-x.tmp",
+            ".a.txt.7.tmp",
+            ".a.txt.mine.tmp",
+            ".a.txt.tmp",
+        ];
+        for name in of_the_user {
+            std::fs::write(dir.path().join(name), "mine").unwrap();
+        }
         let mut first = AtomicFile::create(&path).unwrap();
         let mut second = AtomicFile::create(&path).unwrap();
         first.write_all(b"first").unwrap();
@@ -287,7 +308,10 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"second");
         first.commit().unwrap();
         assert_eq!(std::fs::read(&path).unwrap(), b"first");
-        assert_eq!(names(dir.path()), [".a.txt", ".b.txt.7-0.tmp", "a.txt"]);
+        let others = [".a.txt", ".b.txt.7-0.tmp", "a.txt"];
+        let mut left = [&of_the_user[..], &others].concat();
+        left.sort_unstable();
+        assert_eq!(names(dir.path()), left);
     }
 
     #[test]
