@@ -1,13 +1,14 @@
 //! From a verified motion to a correction: merged landmarks, a pose graph, and bundle adjustment of the whole map.
 
 use super::group_of;
+use super::points::Points;
 use super::verify::{RADIUS_PX, Search, Verified};
 use crate::event::{BundleCounts, LoopOutcome, LoopReport};
 use crate::tracking::measurement;
 use std::collections::BTreeMap;
 use stillpoint_estimation::{
-    BundleObservation, BundleOptions, BundleProblem, EdgeKernel, Intrinsics, PoseGraph,
-    PoseGraphEdge, PoseGraphOptions, PoseGraphOutcome, adjust_bundle, optimise_pose_graph,
+    BundleOptions, BundleProblem, EdgeKernel, Intrinsics, PoseGraph, PoseGraphEdge,
+    PoseGraphOptions, PoseGraphOutcome, adjust_bundle, optimise_pose_graph,
 };
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{
@@ -46,9 +47,9 @@ pub(super) struct Proposal<'a> {
 }
 
 /// The live keyframes of the pieces that take part, numbered.
-struct Nodes<'a> {
-    keyframes: Vec<&'a Keyframe>,
-    index: BTreeMap<KeyframeId, u32>,
+pub(super) struct Nodes<'a> {
+    pub(super) keyframes: Vec<&'a Keyframe>,
+    pub(super) index: BTreeMap<KeyframeId, u32>,
 }
 
 impl Proposal<'_> {
@@ -207,7 +208,13 @@ impl Proposal<'_> {
         merges: BTreeMap<LandmarkId, LandmarkId>,
         report: &mut LoopReport,
     ) -> Correction {
-        let points = Points::gather(self.view, nodes, &poses, &merges);
+        let points = Points::gather(
+            self.view,
+            &self.keyframe.data.camera,
+            nodes,
+            &poses,
+            &merges,
+        );
         let count = poses.len();
         // Free poses come first: the first keyframe, which holds the map in place, becomes the last.
         let place = |node: u32| (node as usize + count - 1) % count;
@@ -344,63 +351,6 @@ impl<'a> Nodes<'a> {
             before: l.position_in_anchor,
             after: poses[anchor as usize].inverse().transform(position),
         })
-    }
-}
-
-/// The landmarks of the whole map that at least two keyframes see, merged.
-struct Points {
-    landmarks: Vec<LandmarkId>,
-    positions: Vec<Vec3>,
-    /// By point; poses are numbers of nodes.
-    observations: Vec<BundleObservation>,
-}
-
-impl Points {
-    /// Where landmarks start from: they moved with their anchors.
-    fn gather(
-        view: &MapView,
-        nodes: &Nodes<'_>,
-        poses: &[Se3],
-        merges: &BTreeMap<LandmarkId, LandmarkId>,
-    ) -> Self {
-        let mut seen: Vec<Vec<(u32, u32)>> = vec![Vec::new(); view.landmark_bound()];
-        for (node, k) in nodes.keyframes.iter().enumerate() {
-            for (feature, landmark) in k.matches.iter().enumerate() {
-                let Some(id) = landmark.map(|l| merges.get(&l).copied().unwrap_or(l)) else {
-                    continue;
-                };
-                let list = &mut seen[id.index()];
-                // Once per keyframe: nodes come in order.
-                if list.last().is_none_or(|o| o.0 != node as u32) {
-                    list.push((node as u32, feature as u32));
-                }
-            }
-        }
-        let mut points = Self {
-            landmarks: Vec::new(),
-            positions: Vec::new(),
-            observations: Vec::new(),
-        };
-        for (i, list) in seen.iter().enumerate().filter(|(_, list)| list.len() >= 2) {
-            let id = LandmarkId(i as u32);
-            let Some(l) = view.landmark(id) else { continue };
-            let Some(anchor) = nodes.index.get(&l.anchor) else {
-                continue;
-            };
-            let point = points.landmarks.len() as u32;
-            points.landmarks.push(id);
-            let position = poses[*anchor as usize].transform(&l.position_in_anchor);
-            points.positions.push(position);
-            for (node, feature) in list {
-                let data = &nodes.keyframes[*node as usize].data;
-                points.observations.push(BundleObservation {
-                    pose: *node,
-                    point,
-                    measurement: measurement(data, *feature as usize),
-                });
-            }
-        }
-        points
     }
 }
 

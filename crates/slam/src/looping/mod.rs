@@ -3,6 +3,7 @@
 //! Owns the place index. Works on a view of the map and answers with a correction; changes nothing itself.
 
 mod correct;
+mod points;
 mod verify;
 
 use crate::config::{Checker, Config};

@@ -4,7 +4,7 @@ use super::{Looper, group_of};
 use crate::event::{LoopOutcome, LoopReport};
 use crate::mapping::fuse::window_of;
 use crate::tracking::matching::STRICT_DISTANCE;
-use crate::tracking::measurement;
+use crate::tracking::{measurement, measurement_in};
 use stillpoint_estimation::{
     Intrinsics, PoseObservation, PoseOptions, Purpose, RigidOptions, RigidPair, find_rigid,
     optimise_pose, rng,
@@ -112,7 +112,7 @@ impl Looper {
                 pairs.push(RigidPair {
                     point_a,
                     point_b,
-                    measurement_a: measurement(a, i),
+                    measurement_a: measurement_in(a, i, &b.camera),
                     measurement_b: measurement(b, j),
                 });
             }

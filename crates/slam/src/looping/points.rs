@@ -1,0 +1,67 @@
+//! What bundle adjustment of whole pieces of map is about.
+
+use super::correct::Nodes;
+use crate::tracking::measurement_in;
+use std::collections::BTreeMap;
+use stillpoint_estimation::BundleObservation;
+use stillpoint_geometry::{Camera, Se3, Vec3};
+use stillpoint_map::{LandmarkId, MapView};
+
+/// The landmarks of the whole map that at least two keyframes see, merged.
+pub(super) struct Points {
+    pub(super) landmarks: Vec<LandmarkId>,
+    /// World positions, m.
+    pub(super) positions: Vec<Vec3>,
+    /// By point; poses are numbers of nodes.
+    pub(super) observations: Vec<BundleObservation>,
+}
+
+impl Points {
+    /// Where landmarks start from (they moved with their anchors), and what `camera` would have measured of them.
+    pub(super) fn gather(
+        view: &MapView,
+        camera: &Camera,
+        nodes: &Nodes<'_>,
+        poses: &[Se3],
+        merges: &BTreeMap<LandmarkId, LandmarkId>,
+    ) -> Self {
+        let mut seen: Vec<Vec<(u32, u32)>> = vec![Vec::new(); view.landmark_bound()];
+        for (node, k) in nodes.keyframes.iter().enumerate() {
+            for (feature, landmark) in k.matches.iter().enumerate() {
+                let Some(id) = landmark.map(|l| merges.get(&l).copied().unwrap_or(l)) else {
+                    continue;
+                };
+                let list = &mut seen[id.index()];
+                // Once per keyframe: nodes come in order.
+                if list.last().is_none_or(|o| o.0 != node as u32) {
+                    list.push((node as u32, feature as u32));
+                }
+            }
+        }
+        let mut points = Self {
+            landmarks: Vec::new(),
+            positions: Vec::new(),
+            observations: Vec::new(),
+        };
+        for (i, list) in seen.iter().enumerate().filter(|(_, list)| list.len() >= 2) {
+            let id = LandmarkId(i as u32);
+            let Some(l) = view.landmark(id) else { continue };
+            let Some(anchor) = nodes.index.get(&l.anchor) else {
+                continue;
+            };
+            let point = points.landmarks.len() as u32;
+            points.landmarks.push(id);
+            let position = poses[*anchor as usize].transform(&l.position_in_anchor);
+            points.positions.push(position);
+            for (node, feature) in list {
+                let data = &nodes.keyframes[*node as usize].data;
+                points.observations.push(BundleObservation {
+                    pose: *node,
+                    point,
+                    measurement: measurement_in(data, *feature as usize, camera),
+                });
+            }
+        }
+        points
+    }
+}
