@@ -42,7 +42,7 @@ pub(crate) fn run(args: &RunArgs, timing: &Timing) -> Result<Status, Failure> {
     };
     let frames = dataset.frames(&options)?;
     // Ids of keyframes are numbers of frames.
-    let ids = options.start + frames.remaining().unwrap_or(dataset.entries().len());
+    let ids = frames.remaining().unwrap_or(dataset.entries().len());
     let map = known_map(args, &config, &dataset.camera().camera, ids)?;
     let out = args.out.clone().unwrap_or_else(|| default_out(&args.path));
     let folder = ResultFolder::create(&out)?;

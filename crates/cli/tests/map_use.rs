@@ -1,0 +1,295 @@
+//! What maps are for: runs that go on with one or find the camera in one, maps in pieces, and two maps as one.
+#![allow(clippy::unwrap_used)]
+
+mod common;
+
+use common::{case::Case, check, program, simulate, stderr, stdout};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::{Arc, LazyLock};
+use stillpoint::geometry::Se3;
+use stillpoint::map::{Map, PieceId};
+use tempfile::TempDir;
+
+/// Keyframes come often, so that a few seconds are enough to recognise a place.
+const OFTEN: [&str; 8] = [
+    "--set",
+    "keyframes.min_close_tracked=10000",
+    "--set",
+    "keyframes.min_close_untracked=0",
+    "--set",
+    "keyframes.min_gap=7",
+    "--set",
+    "mapping.redundant_share=1",
+];
+
+/// A recording `room` and maps `a` of its beginning and `b` of the rest, which overlap; `c` of another room, and `twice`, which
+/// holds `c` two times, as two pieces.
+static MAPS: LazyLock<TempDir> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    simulate(&dir.path().join("room"), "halfsphere", 64);
+    let other = dir.path().join("other");
+    let output = program()
+        .args(["-q", "simulate", "--jpeg", "--scene", "rpy", "--seed", "7"])
+        .args(["--frames", "40", "--out"])
+        .arg(&other)
+        .output();
+    check(&output.unwrap(), 0, &[]);
+    for (name, recording, part) in [
+        ("a", "room", &["--max-frames", "44"][..]),
+        ("b", "room", &["--start", "14"]),
+        ("c", "other", &[]),
+    ] {
+        let path = dir.path().join(name).with_extension("spmap");
+        let save = ["--save-map", path.to_str().unwrap()];
+        let output = run(&dir.path().join(recording), &[part, &save, &OFTEN].concat());
+        check(&output.0, 0, &[]);
+    }
+    let mut twice = read(&dir.path().join("c.spmap"));
+    twice.append(&read(&dir.path().join("c.spmap"))).unwrap();
+    save(&twice, &dir.path().join("twice.spmap"));
+    dir
+});
+
+fn map(name: &str) -> PathBuf {
+    MAPS.path().join(name).with_extension("spmap")
+}
+
+fn read(path: &Path) -> Map {
+    Map::from_bytes(&std::fs::read(path).unwrap()).unwrap()
+}
+
+fn save(map: &Map, path: &Path) {
+    std::fs::write(path, map.to_bytes(&[]).unwrap()).unwrap();
+}
+
+/// Runs a recording into a folder of its own.
+fn run(recording: &Path, more: &[&str]) -> (Output, TempDir) {
+    let out = tempfile::tempdir().unwrap();
+    let mut command = program();
+    command.arg("run").arg(recording).arg("--out");
+    let output = command.arg(out.path()).args(more).output().unwrap();
+    (output, out)
+}
+
+/// `stillpoint map COMMAND FILES...`.
+fn map_command(command: &str, files: &[&Path], more: &[&str]) -> Output {
+    let mut program = program();
+    program.args(["map", command]).args(files).args(more);
+    program.output().unwrap()
+}
+
+fn merge(a: &Path, b: &Path, out: &Path) -> Output {
+    map_command("merge", &[a, b], &["--out", out.to_str().unwrap()])
+}
+
+/// The first frame's line of `frames.csv`.
+fn first_frame(out: &Path) -> String {
+    let text = std::fs::read_to_string(out.join("frames.csv")).unwrap();
+    text.lines().nth(1).unwrap().to_owned()
+}
+
+#[test]
+fn a_run_goes_on_with_a_map() {
+    let dir = tempfile::tempdir().unwrap();
+    let grown = dir.path().join("grown.spmap");
+    let arguments = ["--save-map", grown.to_str().unwrap(), "--start", "14"];
+    let first = map("a");
+    let load = ["--load-map", first.to_str().unwrap()];
+    let room = MAPS.path().join("room");
+    let (output, out) = run(&room, &[&load[..], &arguments, &OFTEN].concat());
+    check(&output, 0, &["going on with map"]);
+    let line = first_frame(out.path());
+    assert!(line.contains(",relocalised,"), "{line}");
+    let (before, after) = (read(&map("a")), read(&grown));
+    assert!(after.view().keyframe_count() > before.view().keyframe_count());
+    assert_eq!(after.view().pieces().len(), 1);
+    for k in before.view().keyframes() {
+        assert!(after.view().world_from_keyframe(k.id).is_some());
+    }
+}
+
+#[test]
+fn a_camera_is_found_in_a_map_that_stays_as_it_is() {
+    let bytes = std::fs::read(map("a")).unwrap();
+    let path = map("a");
+    let arguments = ["--localize", path.to_str().unwrap(), "--start", "14"];
+    let part = ["--max-frames", "20"];
+    let (output, out) = run(&MAPS.path().join("room"), &[&arguments[..], &part].concat());
+    check(&output, 0, &["finding the camera in map"]);
+    assert!(stdout(&output).contains("20 of 20 frames tracked"));
+    let line = first_frame(out.path());
+    assert!(line.contains(",relocalised,"), "{line}");
+    assert!(std::fs::read(map("a")).unwrap() == bytes);
+
+    let dir = tempfile::tempdir().unwrap();
+    let empty = dir.path().join("empty.spmap");
+    save(&Map::new(8, 1.2), &empty);
+    let case = Case::new();
+    let arguments = ["--localize", empty.to_str().unwrap()];
+    case.fails(&arguments, &["empty.spmap: expected a map with keyframes"]);
+}
+
+#[test]
+fn two_maps_become_one_where_they_show_the_same() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = dir.path().join("whole.spmap");
+    let output = merge(&map("a"), &map("b"), &whole);
+    check(&output, 0, &[]);
+    let said = stdout(&output);
+    assert!(said.contains("1 and 1 pieces of map became 1"), "{said}");
+    let [a, b, both] = [map("a"), map("b"), whole].map(|path| read(&path));
+    let count = |m: &Map| m.view().keyframe_count();
+    assert_eq!(count(&both), count(&a) + count(&b));
+    assert_eq!(both.view().pieces().len(), 1);
+    // The same moment has the same pose, whichever of both maps it was in.
+    let mut places = BTreeMap::new();
+    for k in both.view().keyframes() {
+        let stamp = (k.data.stamp * 1e4) as i64;
+        if let Some(before) = places.insert(stamp, k.centre()) {
+            let off = (k.centre() - before).norm();
+            assert!(off < 0.02, "keyframe {} is off by {off} m", k.id);
+        }
+    }
+}
+
+#[test]
+fn maps_that_have_nothing_in_common_are_not_merged() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out.spmap");
+    let nothing = |second: &Path, code: i32, parts: &[&str]| {
+        check(&merge(&map("a"), second, &out), code, parts);
+        assert_eq!(common::files(dir.path()).len(), 1, "something was written");
+    };
+    let odd = dir.path().join("odd.spmap");
+    std::fs::copy(map("c"), &odd).unwrap();
+    nothing(
+        &odd,
+        1,
+        &["odd.spmap in", "found none", "nothing was written"],
+    );
+    // Its two pieces become one, but not with the first map.
+    std::fs::copy(map("twice"), &odd).unwrap();
+    nothing(
+        &odd,
+        1,
+        &["odd.spmap in", "found none", "nothing was written"],
+    );
+    // As if seen by another camera.
+    let mut zoomed = Map::new(8, 1.2);
+    for k in read(&map("b")).view().keyframes() {
+        let mut data = (*k.data).clone();
+        data.camera.fx += 60.0;
+        zoomed.insert_keyframe(k.id, Arc::new(data), Se3::identity(), k.parent);
+    }
+    save(&zoomed, &odd);
+    let parts = [
+        "odd.spmap: expected a map from the camera of",
+        "px elsewhere",
+    ];
+    nothing(&odd, 2, &parts);
+    let nowhere = dir.path().join("no/out.spmap");
+    let output = merge(&map("a"), &map("b"), &nowhere);
+    check(&output, 2, &["no/out.spmap", "another with --out"]);
+    // Control: the two pieces do have something in common.
+    check(&merge(&map("c"), &map("c"), &out), 0, &[]);
+}
+
+#[test]
+fn a_map_in_pieces_is_exported_piece_by_piece() {
+    let dir = tempfile::tempdir().unwrap();
+    let (path, graph) = (dir.path().join("both.spmap"), dir.path().join("map.g2o"));
+    let (large, small) = (read(&map("a")), read(&map("c")));
+    let mut both = read(&map("c"));
+    let added = both.append(&large).unwrap();
+    save(&both, &path);
+    let [of_large, of_small] = [&large, &small].map(|m| m.view().keyframe_count());
+    assert!(of_large > of_small, "{of_large} and {of_small}");
+    let other = large.view().pieces()[0].0.0 + added;
+
+    let output = map_command("info", &[&path], &[]);
+    let line = format!("pieces       2: {other} ({of_large} keyframes), 0 ({of_small} keyframes)");
+    let text = stdout(&output);
+    assert!(text.contains(&line), "{line} is not in {text}");
+    assert!(text.contains(&format!(" m, of piece {other}\n")), "{text}");
+    let info = |path: &Path| -> serde_json::Value {
+        serde_json::from_slice(&map_command("info", &[path], &["--json"]).stdout).unwrap()
+    };
+    let (of_both, of_one) = (info(&path), info(&map("a")));
+    for field in ["path_length", "extent"] {
+        assert_eq!(of_both[field], of_one[field]);
+    }
+    assert_eq!(of_both["pieces"][1]["keyframes"], of_small);
+
+    let file = ["--graph", graph.to_str().unwrap()];
+    let ids = |more: &[&str], parts: &[&str]| -> Vec<u32> {
+        let output = map_command("export", &[&path], &[&file[..], more].concat());
+        check(&output, 0, parts);
+        let text = std::fs::read_to_string(&graph).unwrap();
+        let vertices = text.lines().filter(|l| l.starts_with("VERTEX_SE3:QUAT "));
+        let id = |l: &str| l.split(' ').nth(1).unwrap().parse().unwrap();
+        vertices.map(id).collect()
+    };
+    let of_piece = |piece: u32| -> Vec<u32> {
+        let all = both.view().keyframes();
+        all.filter(|k| k.piece == PieceId(piece))
+            .map(|k| k.id.0)
+            .collect()
+    };
+    let left_out = format!("warning: {of_small} keyframes are in other pieces");
+    assert_eq!(ids(&[], &[&left_out, "--piece"]), of_piece(other));
+    let left_out = format!("warning: {of_large} keyframes are in other pieces");
+    assert_eq!(ids(&["--piece", "0"], &[&left_out]), of_piece(0));
+    let unknown = [&file[..], &["--piece", "9999"]].concat();
+    let output = map_command("export", &[&path], &unknown);
+    check(
+        &output,
+        2,
+        &[
+            "both.spmap: expected a piece",
+            "found 9999",
+            "its pieces are",
+        ],
+    );
+    // Of one in one piece there is nothing to say.
+    let output = map_command("export", &[&map("a")], &file);
+    check(&output, 0, &[]);
+    assert!(!stderr(&output).contains("piece"), "{}", stderr(&output));
+}
+
+/// What was mapped until a disk is full, or an image cannot be read, is not lost.
+#[test]
+fn a_run_that_breaks_off_saves_its_map() {
+    let case = Case::new();
+    let map = case.dir.path().join("room.spmap");
+    let save = ["--save-map", map.to_str().unwrap()];
+    let saved = |more: &[&str], parts: &[&str]| {
+        let output = case.run(&[&save[..], more].concat());
+        check(
+            &output,
+            2,
+            &[parts, &["the run ends after", "is saved to"]].concat(),
+        );
+        case.old_result_is_untouched();
+        assert!(read(&map).view().landmark_count() > 0);
+        std::fs::remove_file(&map).unwrap();
+    };
+    if cfg!(target_os = "linux") {
+        saved(&["--verdicts", "/dev/full"], &["/dev/full", "free space"]);
+    }
+    case.images(
+        "rgb",
+        |i| i == 6,
+        |path| std::fs::write(path, "no image").unwrap(),
+    );
+    saved(&["--strict"], &["the run ends after 6 frames"]);
+    // Without a frame there is nothing to save.
+    case.images(
+        "rgb",
+        |_| true,
+        |path| std::fs::write(path, "no image").unwrap(),
+    );
+    check(&case.run(&[&save[..], &["--strict"]].concat()), 2, &[]);
+    assert!(!map.exists());
+}
