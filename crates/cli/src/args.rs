@@ -220,7 +220,7 @@ pub(crate) struct RunArgs {
     /// epipolar line), magenta (depth), blue (moved before). Boxes are dashed when carried on without a detection.
     #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     pub(crate) overlay: Option<PathBuf>,
-    /// Write the map to this file when the run ends, also when Ctrl-C ends it: see map --help. An older file is replaced only
+    /// Write the map to this file when the run ends, also when Ctrl-C or an error ends it: see map --help. An older file is replaced only
     /// by a whole one.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub(crate) save_map: Option<PathBuf>,

@@ -40,7 +40,8 @@ pub(crate) struct Session {
     pub(crate) seconds: f64,
     /// Final poses of the tracked frames.
     pub(crate) final_poses: Vec<StampedPose>,
-    /// Poses of the same frames as known at each of them.
+    /// Poses as known at each of these frames; without those that were in another piece then, whose poses were in another frame of
+    /// reference.
     pub(crate) online_poses: Vec<StampedPose>,
     /// Poses in other pieces of map, each in a frame of reference of its own.
     pub(crate) other_pieces: Vec<Piece>,
