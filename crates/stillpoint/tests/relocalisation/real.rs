@@ -21,8 +21,12 @@ fn recording(name: &str) -> Option<Dataset> {
     Some(Dataset::open(&folder, &OpenOptions::default()).unwrap())
 }
 
-fn system(dataset: &Dataset) -> System {
-    System::new(Config::default(), dataset.camera().camera, Simd::detect()).unwrap()
+fn system(dataset: &Dataset, seed: u64) -> System {
+    let config = Config {
+        seed,
+        ..Config::default()
+    };
+    System::new(config, dataset.camera().camera, Simd::detect()).unwrap()
 }
 
 fn frames(dataset: &Dataset) -> impl FrameSource + use<> {
@@ -66,6 +70,21 @@ fn ate_mm(system: &System, truth: &[StampedPose]) -> f64 {
 /// The second half of a recording, a second of darkness, and the first half.
 #[test]
 fn a_kidnapped_camera_is_found_within_a_second() {
+    kidnap(0);
+}
+
+/// The figures of `docs/benchmarks.md`.
+#[test]
+#[ignore = "four minutes"]
+fn other_seeds_are_within_the_same_bounds() {
+    for seed in 1..5 {
+        println!("seed {seed}");
+        kidnap(seed);
+        walk_in_map(seed);
+    }
+}
+
+fn kidnap(seed: u64) {
     let Some(dataset) = recording("fr1_xyz") else {
         return;
     };
@@ -82,7 +101,7 @@ fn a_kidnapped_camera_is_found_within_a_second() {
     let first = count - count / 2;
     let parts = vec![half(count / 2, first), Part::Black(30), half(0, count / 2)];
     let mut splice = Splice::new(parts, 1.0 / 30.0).unwrap();
-    let (system, reports) = play(system(&dataset), &mut splice);
+    let (system, reports) = play(system(&dataset, seed), &mut splice);
     let seen = first + 30;
     let found = reports[seen..]
         .iter()
@@ -109,13 +128,19 @@ fn a_kidnapped_camera_is_found_within_a_second() {
 /// People walk through a room whose map was made without them.
 #[test]
 fn a_map_serves_when_people_walk_there() {
+    walk_in_map(0);
+}
+
+fn walk_in_map(seed: u64) {
     let (Some(still), Some(walked)) = (recording("fr1_xyz"), recording("fr1_xyz_walkers")) else {
         return;
     };
-    let (made, _) = play(system(&still), &mut frames(&still));
+    let (made, _) = play(system(&still, seed), &mut frames(&still));
     let bytes = made.map().to_bytes(&[]).unwrap();
     let map = Map::from_bytes(&bytes).unwrap();
-    let reader = system(&walked).with_map(map, MapUse::Localize).unwrap();
+    let reader = system(&walked, seed)
+        .with_map(map, MapUse::Localize)
+        .unwrap();
     let (reader, reports) = play(reader, &mut frames(&walked));
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
     let lost = reports.iter().filter(lost).count();
