@@ -19,7 +19,7 @@ const WIDE_RADIUS_PX: f32 = 8.0;
 pub(super) const RADIUS_PX: f32 = 4.0;
 
 /// Landmarks of a place that must be found there, as a share of those in the image, for two pieces of map to be joined. One poster
-/// that hangs in two places gave up to 7 %, true places from 18 % on: most landmarks are hidden, or were seen from another side.
+/// that hangs in two places gave up to 8 %, true places from 16 % on: most landmarks are hidden, or were seen from another side.
 const MIN_SHARE: f64 = 0.12;
 
 /// A motion between two keyframes that geometry confirms.
