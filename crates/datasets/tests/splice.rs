@@ -215,7 +215,7 @@ fn what_cannot_be_joined_is_an_error_that_ends_the_stream() {
     broken.frames[0].1 = false;
     check(
         vec![Part::Frames(Clip::new(broken.source())), Part::Black(1)],
-        "part 0: expected a readable frame before the black ones, found none; check the first part",
+        "part 1: expected a readable frame before the black ones, found none; check the first part",
     );
 }
 

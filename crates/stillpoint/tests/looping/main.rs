@@ -84,7 +84,7 @@ fn ate_mm(truth: &[(f64, stillpoint_geometry::Se3)], run: &Run) -> f64 {
     score.ate.statistics.rmse * 1e3
 }
 
-/// The walk through two rooms at every third frame: without looping, and with corrections that come a second late and meet a map
+/// The walk through two rooms at every fourth frame: without looping, and with corrections that come a second late and meet a map
 /// that has grown since.
 #[test]
 fn a_walk_through_two_rooms_closes() {
@@ -95,7 +95,7 @@ fn a_walk_through_two_rooms_closes() {
     .unwrap();
     let mut open = Run::new(&simulator, false, |_| ());
     let mut late = Run::new(&simulator, true, |c| {
-        c.schedule.looper = 10;
+        c.schedule.looper = 8;
         c.schedule.mapper = 1;
     });
     play(&simulator, 0, EVERY, &mut [&mut open, &mut late]);
@@ -116,14 +116,14 @@ fn a_walk_through_two_rooms_closes() {
         assert!(m < 0.1 && degrees < 5.0, "{l:?}: {m} m, {degrees} degrees");
         assert!(l.applied.is_some(), "{l:?}");
     }
-    // 0.9 m/s at 10 Hz: a frame that was left behind by the correction would show.
-    assert!(late.largest_step() < 0.16, "{} m", late.largest_step());
+    // 0.9 m/s at 7.5 Hz: a frame that was left behind by the correction would show.
+    assert!(late.largest_step() < 0.2, "{} m", late.largest_step());
     assert!(after < 30.0, "{after} mm");
     assert!(after < before, "{after} mm, without looping {before} mm");
 }
 
-/// Frames between those that are played: 10 of 30 per second are left, which keeps the test short.
-const EVERY: usize = 3;
+/// Frames between those that are played: 7.5 of 30 per second are left, which keeps the test short.
+const EVERY: usize = 4;
 
 /// Two runs with a loop give the same bytes; and so does another choice of kernels.
 #[test]
