@@ -212,6 +212,14 @@ pub struct LoopReport {
     pub applied: Option<CorrectionReport>,
 }
 
+/// Writes what a correction did into the report of its loop. Corrections are applied in the order of the loops that they close.
+pub fn tell_applied(loops: &mut [LoopReport], applied: CorrectionReport) {
+    let waits = |l: &&mut LoopReport| l.outcome == LoopOutcome::Closed && l.applied.is_none();
+    if let Some(report) = loops.iter_mut().find(waits) {
+        report.applied = Some(applied);
+    }
+}
+
 /// Whether a loop was closed, and why not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoopOutcome {

@@ -1,15 +1,19 @@
-//! The stages of the SLAM system and the inline driver that runs them.
+//! The stages of the SLAM system, and the drivers that run them in one thread: [`System`], and [`Replay`] of a live run.
 //!
 //! Answers: where the camera is and what the map becomes, frame by frame. A frame goes through [`System::step`]; what
 //! happened comes back as [`Event`]s. Knows no files, clocks or threads.
 
 mod config;
 mod event;
+mod fingerprint;
 mod join;
 mod looping;
 mod mapping;
 mod messages;
+mod replay;
+mod run_log;
 mod sensor;
+mod stages;
 mod static_filter;
 mod system;
 mod tracking;
@@ -18,7 +22,7 @@ mod trajectory;
 pub use config::{Config, ConfigError, ConfigProblem, DetectorConfig, Schedule};
 pub use event::{
     BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
-    LostReason, MappingReport, Outcome, RejudgeReport,
+    LostReason, MappingReport, Outcome, RejudgeReport, tell_applied,
 };
 pub use join::{JoinedMaps, join_maps};
 pub use looping::{Looper, LoopingConfig};
@@ -27,9 +31,12 @@ pub use messages::{
     LandmarkStatistic, LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, NewKeyframe,
     Tracked,
 };
+pub use replay::{Replay, ReplayError};
+pub use run_log::{LogEntry, LogError, RunLog};
 pub use sensor::{SensorConfig, Timing};
 pub use static_filter::{FeatureVerdict, Preset, Reasons, Segments, StaticFilterConfig};
 pub use stillpoint_imaging::Simd;
-pub use system::{MapUse, StartError, System};
+pub use stages::{MapUse, Stages, StartError};
+pub use system::System;
 pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};

@@ -1,6 +1,8 @@
 //! What the stages send each other.
 
-use crate::event::{CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport};
+use crate::event::{
+    CorrectionReport, Event, FrameReport, LoopReport, MappingReport, RejudgeReport,
+};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
@@ -68,6 +70,37 @@ pub struct MapperOut {
     pub view: Arc<MapView>,
     /// What was done.
     pub report: MapperReport,
+}
+
+impl MapperOut {
+    /// What the looper is to be told of it.
+    #[must_use]
+    pub fn for_looper(&self) -> LooperMsg {
+        let view = || Arc::clone(&self.view);
+        match &self.report {
+            MapperReport::Mapped(report) => LooperMsg::Keyframe {
+                id: report.keyframe,
+                view: view(),
+            },
+            MapperReport::Rejudged(report) => LooperMsg::Rejudged {
+                id: report.keyframe,
+                view: view(),
+            },
+            MapperReport::Corrected(report) => LooperMsg::Corrected {
+                map_version: report.map_version,
+            },
+        }
+    }
+
+    /// What the user is told of it. Nothing of a correction: that is part of its loop's report.
+    #[must_use]
+    pub fn event(&self) -> Option<Event> {
+        match &self.report {
+            MapperReport::Mapped(report) => Some(Event::Mapped(report.clone())),
+            MapperReport::Rejudged(report) => Some(Event::Rejudged(report.clone())),
+            MapperReport::Corrected(_) => None,
+        }
+    }
 }
 
 /// What the mapper did with a message.

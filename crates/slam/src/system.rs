@@ -1,17 +1,14 @@
 //! The inline driver: every stage in one thread, every reply after a fixed number of frames.
 
 use crate::config::{Config, ConfigError};
-use crate::event::{Event, LoopReport};
-use crate::looping::Looper;
-use crate::mapping::Mapper;
+use crate::event::{Event, LoopReport, tell_applied};
 use crate::messages::{LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, Tracked};
 use crate::sensor::Timing;
-use crate::tracking::Tracker;
+use crate::stages::{MapUse, Stages, StartError};
 use crate::trajectory::Trajectory;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, Detector};
-use stillpoint_features::OrbConfig;
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{Correction, KeyframeId, Map, MapView};
@@ -19,16 +16,14 @@ use stillpoint_place::PlaceIndex;
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
 pub struct System {
-    tracker: Tracker,
-    mapper: Mapper,
+    stages: Stages,
     /// Replies of the mapper that are not due yet, with the number of the step at which they are.
     replies: VecDeque<(u64, MapperOut)>,
     mapper_delay: u64,
-    looper: Looper,
     /// Known places that are not due yet, with the number of the step at which they are.
     places: VecDeque<(u64, PlaceIndex<KeyframeId>)>,
-    /// Corrections that are not due yet, with the number of the step at which they are and that of the loop's report.
-    corrections: VecDeque<(u64, usize, Correction)>,
+    /// Corrections that are not due yet, with the number of the step at which they are.
+    corrections: VecDeque<(u64, Correction)>,
     looper_delay: u64,
     loops: Vec<LoopReport>,
     detector: Option<Box<dyn Detector>>,
@@ -37,54 +32,28 @@ pub struct System {
     detector_delay: u64,
     detector_stride: u64,
     step: u64,
-    features: OrbConfig,
-    map_use: MapUse,
 }
 
-/// What is done with a map that is there before the first frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum MapUse {
-    /// It is gone on with.
-    #[default]
-    Grow,
-    /// It is only read: poses, but no keyframes and no new pieces.
-    Localize,
-}
-
-/// Why a run cannot begin with a map.
-#[derive(Clone, Debug, PartialEq)]
-#[non_exhaustive]
-pub enum StartError {
-    /// Its features come from another pyramid than this run's.
-    Features {
-        /// `features.levels` of this run.
-        levels: usize,
-        /// `features.scale_factor` of this run.
-        scale_factor: f32,
-    },
-    /// There is nothing in it to be localized in.
-    Empty,
-}
-
-impl std::fmt::Display for StartError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Features {
-                levels,
-                scale_factor,
-            } => write!(
-                f,
-                "expected a map with features from {levels} levels of factor {scale_factor}, found others: set features.levels and features.scale_factor to what the map was made with"
-            ),
-            Self::Empty => write!(
-                f,
-                "expected a map with keyframes to be localized in, found an empty one: make it again"
-            ),
+impl From<Stages> for System {
+    /// The inline driver for these stages.
+    fn from(stages: Stages) -> Self {
+        let (schedule, detector) = (stages.config().schedule, stages.config().detector);
+        Self {
+            stages,
+            replies: VecDeque::new(),
+            mapper_delay: u64::from(schedule.mapper),
+            places: VecDeque::new(),
+            corrections: VecDeque::new(),
+            looper_delay: u64::from(schedule.looper),
+            loops: Vec::new(),
+            detector: None,
+            detections: VecDeque::new(),
+            detector_delay: u64::from(schedule.detector),
+            detector_stride: u64::from(detector.stride),
+            step: 0,
         }
     }
 }
-
-impl std::error::Error for StartError {}
 
 impl System {
     /// A system for one camera.
@@ -92,27 +61,7 @@ impl System {
     /// # Errors
     /// [`ConfigError`] when a field is out of range.
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Result<Self, ConfigError> {
-        config.validate()?;
-        let detector_delay = u64::from(config.schedule.detector);
-        let detector_stride = u64::from(config.detector.stride);
-        Ok(Self {
-            mapper_delay: u64::from(config.schedule.mapper),
-            mapper: Mapper::new(&config),
-            looper: Looper::new(&config),
-            places: VecDeque::new(),
-            corrections: VecDeque::new(),
-            looper_delay: u64::from(config.schedule.looper),
-            loops: Vec::new(),
-            features: config.features.clone(),
-            map_use: MapUse::Grow,
-            tracker: Tracker::new(config, camera, simd),
-            replies: VecDeque::new(),
-            detector: None,
-            detections: VecDeque::new(),
-            detector_delay,
-            detector_stride,
-            step: 0,
-        })
+        Stages::new(config, camera, simd).map(Self::from)
     }
 
     /// The system with a detector, which looks at every frame, or at every so many (`detector.stride`) from the first on.
@@ -128,31 +77,14 @@ impl System {
     /// # Errors
     /// [`StartError`] when nothing can be recognised in that map.
     pub fn with_map(mut self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
-        let (levels, scale_factor) = (self.features.levels, self.features.scale_factor);
-        if !map.fits(levels, scale_factor) {
-            return Err(StartError::Features {
-                levels,
-                scale_factor,
-            });
-        }
-        if map.view().keyframe_count() == 0 && map_use == MapUse::Localize {
-            return Err(StartError::Empty);
-        }
-        self.mapper = self.mapper.with_map(map);
-        let view = self.mapper.publish();
-        let known = self.looper.step(LooperMsg::Known {
-            view: Arc::clone(&view),
-        });
-        self.tracker = self.tracker.in_map(view, map_use == MapUse::Grow);
-        self.tracker.receive_places(known.places);
-        self.map_use = map_use;
+        self.stages = self.stages.with_map(map, map_use)?;
         Ok(self)
     }
 
     /// The map, when the run is over.
     #[must_use]
     pub fn into_map(self) -> Map {
-        self.mapper.into_map()
+        self.stages.mapper.into_map()
     }
 
     /// The detector, if there is one.
@@ -167,12 +99,10 @@ impl System {
         self.deliver(self.step);
         self.detect(&frame, &mut events);
         self.deliver_detections(frame.id, &mut events);
-        let Tracked { report, keyframe } = self.tracker.track(&Arc::new(frame));
+        let Tracked { report, keyframe } = self.stages.tracker.track(&Arc::new(frame));
         events.insert(0, Event::Frame(report));
         if let Some(keyframe) = keyframe {
-            let id = keyframe.id;
             self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
-            self.look_for_loop(id, &mut events);
         }
         self.deliver_corrections(self.step);
         self.step += 1;
@@ -206,56 +136,46 @@ impl System {
                 return;
             };
             events.push(Event::Detected(detections.clone()));
-            let message = self.tracker.receive_detections(detections, next);
-            if let Some(message) = message.filter(|_| self.map_use == MapUse::Grow) {
-                let rejudged = match &message {
-                    MapperMsg::Rejudge { keyframe, .. } => Some(*keyframe),
-                    _ => None,
-                };
+            if let Some(message) = self.stages.tracker.receive_detections(detections, next) {
                 self.tell_mapper(message, events);
-                if let Some(id) = rejudged {
-                    let view = self.view();
-                    let LooperOut { places, .. } =
-                        self.looper.step(LooperMsg::Rejudged { id, view });
-                    let due = self.step + 1 + self.looper_delay;
-                    self.places.push_back((due, places));
-                }
             }
         }
     }
 
+    /// Tells the mapper, whose view is due some steps later, and the looper what it did.
     fn tell_mapper(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
-        let out = self.mapper.step(message);
-        match &out.report {
-            MapperReport::Mapped(report) => events.push(Event::Mapped(report.clone())),
-            MapperReport::Rejudged(report) => events.push(Event::Rejudged(report.clone())),
-            // Told by the report of the loop that it closes.
-            MapperReport::Corrected(_) => {}
+        let out = self.stages.mapper.step(message);
+        events.extend(out.event());
+        if let MapperReport::Corrected(applied) = out.report {
+            tell_applied(&mut self.loops, applied);
         }
+        let told = out.for_looper();
         self.replies
             .push_back((self.step + 1 + self.mapper_delay, out));
+        self.tell_looper(told, events);
     }
 
-    /// Shows the looper a keyframe that the map took; its correction is due some steps later.
-    fn look_for_loop(&mut self, id: KeyframeId, events: &mut Vec<Event>) {
-        let view = self.view();
+    /// Tells the looper; the places that it knows then are due some steps later, and so is its correction.
+    fn tell_looper(&mut self, message: LooperMsg, events: &mut Vec<Event>) {
+        // No place is new by that.
+        let nothing_new = matches!(message, LooperMsg::Corrected { .. });
         let LooperOut {
             correction,
             report,
             places,
-        } = self.looper.step(LooperMsg::Keyframe { id, view });
-        let due = self.step + 1 + self.looper_delay;
-        self.places.push_back((due, places));
-        let Some(report) = report else {
-            return;
-        };
+        } = self.stages.looper.step(message);
+        if !nothing_new {
+            let due = self.step + 1 + self.looper_delay;
+            self.places.push_back((due, places));
+        }
         if let Some(correction) = correction {
             let due = self.step + self.looper_delay;
-            self.corrections
-                .push_back((due, self.loops.len(), correction));
+            self.corrections.push_back((due, correction));
         }
-        events.push(Event::Looped(report.clone()));
-        self.loops.push(report);
+        if let Some(report) = report {
+            events.push(Event::Looped(report.clone()));
+            self.loops.push(report);
+        }
     }
 
     /// Hands the mapper the corrections that are due.
@@ -263,19 +183,13 @@ impl System {
         while self
             .corrections
             .front()
-            .is_some_and(|(due, ..)| *due <= now)
+            .is_some_and(|(due, _)| *due <= now)
         {
-            let Some((_, at, correction)) = self.corrections.pop_front() else {
+            let Some((_, correction)) = self.corrections.pop_front() else {
                 return;
             };
+            // What a correction did is told by the report of its loop.
             self.tell_mapper(MapperMsg::Correct(correction), &mut Vec::new());
-            if let Some((_, out)) = self.replies.back()
-                && let MapperReport::Corrected(applied) = out.report
-            {
-                self.loops[at].applied = Some(applied);
-                let map_version = applied.map_version;
-                self.looper.step(LooperMsg::Corrected { map_version });
-            }
         }
     }
 
@@ -295,12 +209,12 @@ impl System {
     fn deliver(&mut self, now: u64) {
         while self.replies.front().is_some_and(|(due, _)| *due <= now) {
             if let Some((_, out)) = self.replies.pop_front() {
-                self.tracker.receive(out.view);
+                self.stages.tracker.receive(out.view);
             }
         }
         while self.places.front().is_some_and(|(due, _)| *due <= now) {
             if let Some((_, places)) = self.places.pop_front() {
-                self.tracker.receive_places(places);
+                self.stages.tracker.receive_places(places);
             }
         }
     }
@@ -308,19 +222,19 @@ impl System {
     /// The frames tracked so far.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
-        self.tracker.trajectory()
+        self.stages.tracker.trajectory()
     }
 
     /// When the parts of a frame are exposed, as estimated so far.
     #[must_use]
     pub fn timing(&self) -> Timing {
-        self.tracker.timing()
+        self.stages.tracker.timing()
     }
 
     /// The map as the mapper has it. After [`System::finish`] it is what [`System::view`] shows.
     #[must_use]
     pub fn map(&self) -> &Map {
-        self.mapper.map()
+        self.stages.mapper.map()
     }
 
     /// The newest version of the map, whether the tracker has seen it yet or not.
@@ -328,7 +242,7 @@ impl System {
     pub fn view(&self) -> Arc<MapView> {
         self.replies
             .back()
-            .map_or_else(|| self.tracker.view(), |(_, out)| Arc::clone(&out.view))
+            .map_or_else(|| self.stages.tracker.view(), |(_, out)| Arc::clone(&out.view))
     }
 }
 

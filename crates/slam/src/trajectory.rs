@@ -1,5 +1,6 @@
 //! The trajectory: what each frame's pose was when it was tracked, and what it is after all corrections.
 
+use crate::fingerprint::Fingerprint;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
 use stillpoint_map::{KeyframeId, MapView};
@@ -51,5 +52,25 @@ impl Trajectory {
                 .map_or(e.online_world_from_camera, |w| w * e.reference_from_camera);
             (*e, pose)
         })
+    }
+    /// A number that depends on every bit of every entry and of its final pose: two runs with the same one are the same, bit
+    /// for bit.
+    #[must_use]
+    pub fn digest(&self, view: &MapView) -> u64 {
+        let mut f = Fingerprint::default();
+        for (entry, pose) in self.resolve(view) {
+            f.number(u64::from(entry.frame.0));
+            f.number(entry.stamp.to_bits());
+            f.number(u64::from(entry.reference.0));
+            f.number(u64::from(entry.inliers));
+            for pose in [
+                &entry.reference_from_camera,
+                &entry.online_world_from_camera,
+                &pose,
+            ] {
+                f.pose(pose);
+            }
+        }
+        f.value()
     }
 }

@@ -34,6 +34,8 @@ pub use stillpoint_features as features;
 pub use stillpoint_geometry as geometry;
 /// Images, pyramids, frames.
 pub use stillpoint_imaging as imaging;
+/// The system with threads, at the pace of a camera.
+pub use stillpoint_live as live;
 /// Keyframes, landmarks, views.
 pub use stillpoint_map as map;
 /// Models that are downloaded, and checkpoints turned into ONNX.

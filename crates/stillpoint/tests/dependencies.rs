@@ -27,6 +27,8 @@ const NORMAL: &[(&str, &[&str])] = &[
         ],
     ),
     ("detection", &["geometry", "imaging"]),
+    // Threads and clocks, and nothing else: what is computed is the stages' business.
+    ("live", &["imaging", "map", "place", "detection", "slam"]),
     // How a model is read is said beside it in the cache.
     ("models", &["detection"]),
     // A subscriber: of the system it reads events only.
@@ -47,6 +49,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "detection",
             "models",
             "slam",
+            "live",
             "view",
             "datasets",
             "simulator",
@@ -64,6 +67,7 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("place", &["simulator", "datasets", "imaging", "geometry"]),
     ("detection", &["simulator", "datasets"]),
     ("slam", &["simulator", "datasets", "evaluation"]),
+    ("live", &["simulator", "geometry"]),
     ("view", &["simulator"]),
     // How much the simulator's images are like real ones is measured in terms of features.
     ("simulator", &["features", "datasets"]),
@@ -81,6 +85,7 @@ const CORE: &[&str] = &[
     "slam",
 ];
 const OUTSIDE: &[&str] = &[
+    "live",
     "models",
     "datasets",
     "simulator",

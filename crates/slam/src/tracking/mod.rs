@@ -160,7 +160,8 @@ impl Tracker {
         Arc::clone(&self.view)
     }
 
-    /// Takes detections of the frame `next` to come, or late ones. Returns what the mapper is to be told of an earlier keyframe.
+    /// Takes detections of the frame `next` to come, or late ones. Returns what the mapper is to be told of an earlier keyframe;
+    /// nothing in a map that is only read.
     pub fn receive_detections(
         &mut self,
         detections: Detections,
@@ -173,7 +174,7 @@ impl Tracker {
         let keyframe = self.view.keyframe(self.keyframe_id(detections.frame));
         let data = keyframe.map(|k| Arc::clone(&k.data));
         let rejudged = self.filter.take_late(&detections, &self.view, data)?;
-        Some(MapperMsg::Rejudge {
+        self.grows.then(|| MapperMsg::Rejudge {
             keyframe: self.keyframe_id(rejudged.frame),
             features: rejudged.features,
         })

@@ -1,0 +1,22 @@
+//! The driver for cameras: tracking, detection, mapping and looping, each on a thread of its own.
+//!
+//! Answers: how the stages run side by side in real time, how long a frame took, and what happened to the threads. The only library
+//! that reads the clock, and the only crate that holds a lock (the stages' mailboxes). Decides when a stage takes a message and nothing else: what
+//! becomes of it is the stages' business, and the order in which messages were taken is logged, so that
+//! [`Replay`](stillpoint_slam::Replay) runs it again, bit for bit.
+//!
+//! Who waits for whom goes one way only: detection waits for room at tracking, tracking at mapping, mapping at looping, and
+//! looping for none. Views, places and corrections go the other way, and these are never waited for: of views and places the newest
+//! replaces the older one, and of corrections there is one at a time.
+
+mod mailbox;
+mod measure;
+mod pace;
+mod recorder;
+mod system;
+mod workers;
+
+pub use measure::{Ended, FrameTiming, LiveStatistics, Stage, WorkerEnd};
+pub use pace::{Played, Told};
+pub use system::{LiveOptions, LiveResult, LiveSystem};
+pub use workers::Hook;

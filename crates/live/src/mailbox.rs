@@ -1,0 +1,146 @@
+//! The inbox of a stage, and the only lock of the project.
+//!
+//! One box holds all that a stage may be told, because tracking and mapping wait for several things at once, which channels of
+//! the standard library cannot do. What is kept, and what the newest replaces, is up to its content.
+
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+
+/// What one stage is told by the others.
+pub(crate) struct Mailbox<T> {
+    state: Mutex<State<T>>,
+    changed: Condvar,
+}
+
+struct State<T> {
+    content: T,
+    closed: bool,
+}
+
+impl<T: Default> Default for Mailbox<T> {
+    fn default() -> Self {
+        Self {
+            state: Mutex::new(State {
+                content: T::default(),
+                closed: false,
+            }),
+            changed: Condvar::new(),
+        }
+    }
+}
+
+impl<T> Mailbox<T> {
+    /// Changes the content at once; nothing when the box is closed.
+    pub(crate) fn put<R>(&self, change: impl FnOnce(&mut T) -> R) -> Option<R> {
+        self.put_when(|_| true, change)
+    }
+
+    /// Changes the content as soon as there is room; nothing when the box is closed by then.
+    pub(crate) fn put_when<R>(
+        &self,
+        room: impl Fn(&T) -> bool,
+        change: impl FnOnce(&mut T) -> R,
+    ) -> Option<R> {
+        let mut state = self.lock();
+        while !state.closed && !room(&state.content) {
+            state = self.wait(state);
+        }
+        if state.closed {
+            return None;
+        }
+        let result = change(&mut state.content);
+        self.changed.notify_all();
+        Some(result)
+    }
+
+    /// Takes what `pick` picks, as soon as there is something; nothing when the box is closed and holds nothing to pick.
+    pub(crate) fn take<R>(&self, mut pick: impl FnMut(&mut T) -> Option<R>) -> Option<R> {
+        let mut state = self.lock();
+        loop {
+            if let Some(picked) = pick(&mut state.content) {
+                // Somebody may wait for the room.
+                self.changed.notify_all();
+                return Some(picked);
+            }
+            if state.closed {
+                return None;
+            }
+            state = self.wait(state);
+        }
+    }
+
+    /// Reads the content.
+    pub(crate) fn look<R>(&self, read: impl FnOnce(&T) -> R) -> R {
+        read(&self.lock().content)
+    }
+
+    /// Nothing more goes in. What is in it can still be taken.
+    pub(crate) fn close(&self) {
+        self.lock().closed = true;
+        self.changed.notify_all();
+    }
+
+    /// What is done under the lock moves values and cannot panic half-way, so a poisoned lock is as good as another.
+    fn lock(&self) -> MutexGuard<'_, State<T>> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn wait<'a>(&self, state: MutexGuard<'a, State<T>>) -> MutexGuard<'a, State<T>> {
+        self.changed
+            .wait(state)
+            .unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::VecDeque;
+    use std::sync::Arc;
+
+    type Queue = Mailbox<VecDeque<u32>>;
+
+    #[test]
+    fn what_is_in_a_closed_box_can_be_taken_and_nothing_goes_in() {
+        let mailbox = Queue::default();
+        assert_eq!(mailbox.put(|q| q.push_back(1)), Some(()));
+        mailbox.close();
+        assert_eq!(mailbox.put(|q| q.push_back(2)), None);
+        assert_eq!(mailbox.take(VecDeque::pop_front), Some(1));
+        assert_eq!(mailbox.take(VecDeque::pop_front), None);
+    }
+
+    #[test]
+    fn all_that_is_put_is_taken_in_order_and_never_more_than_there_is_room() {
+        let mailbox = Arc::new(Queue::default());
+        let sender = std::thread::spawn({
+            let mailbox = Arc::clone(&mailbox);
+            move || {
+                for i in 0..1000 {
+                    mailbox.put_when(|q| q.len() < 3, |q| q.push_back(i));
+                }
+                mailbox.close();
+            }
+        });
+        let mut taken = Vec::new();
+        while let Some(i) = mailbox.take(|q| {
+            assert!(q.len() <= 3);
+            q.pop_front()
+        }) {
+            taken.push(i);
+        }
+        sender.join().unwrap();
+        assert_eq!(taken, (0..1000).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn closing_wakes_whoever_waits_for_room() {
+        let mailbox = Arc::new(Queue::default());
+        let waiting = std::thread::spawn({
+            let mailbox = Arc::clone(&mailbox);
+            move || mailbox.put_when(|_| false, |q| q.push_back(1))
+        });
+        std::thread::sleep(std::time::Duration::from_millis(10));
+        mailbox.close();
+        assert_eq!(waiting.join().unwrap(), None);
+    }
+}

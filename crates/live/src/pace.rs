@@ -1,0 +1,148 @@
+//! A recording played as a camera: its frames arrive at their stamps.
+
+use crate::system::LiveSystem;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::RecvTimeoutError;
+use std::time::{Duration, Instant};
+use stillpoint_imaging::{FrameSource, SourceError};
+use stillpoint_slam::Event;
+
+/// Longest time between two frames that is waited for, s: over a longer gap, or a clock that was set, the next frame comes at once.
+const LONGEST_GAP: f64 = 5.0;
+/// How often the wish to stop is looked at.
+const NAP: Duration = Duration::from_millis(50);
+
+/// What happens while a recording is played.
+#[derive(Debug)]
+pub enum Told {
+    /// A stage told something.
+    Event(Box<Event>),
+    /// A frame could not be read and was skipped.
+    Skipped(SourceError),
+}
+
+/// How the playing of a recording ended.
+#[derive(Debug)]
+pub enum Played {
+    /// All frames went in.
+    ToTheEnd,
+    /// The user asked to stop.
+    Stopped,
+    /// The source failed for good.
+    SourceFailed(SourceError),
+    /// Tracking takes no more frames, because it panicked.
+    TrackingEnded,
+}
+
+/// Which moment a stamp stands for.
+struct Clock {
+    /// A moment and the stamp that it stands for.
+    anchor: Option<(Instant, f64)>,
+    /// The stamp before.
+    last: f64,
+}
+
+impl Clock {
+    /// The moment at which a frame with this stamp arrives.
+    fn due(&mut self, stamp: f64, now: Instant) -> Instant {
+        let gap = stamp - self.last;
+        self.last = stamp;
+        if let Some((at, first)) = self.anchor
+            && (0.0..=LONGEST_GAP).contains(&gap)
+            && stamp >= first
+        {
+            return at + Duration::from_secs_f64(stamp - first);
+        }
+        self.anchor = Some((now, stamp));
+        now
+    }
+}
+
+impl LiveSystem {
+    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps. Between them
+    /// `each` hears what happens. Ends when the source does, or soon after `stop` was set; [`LiveSystem::finish`] comes next.
+    pub fn play(
+        &mut self,
+        source: &mut dyn FrameSource,
+        stop: &AtomicBool,
+        mut each: impl FnMut(Told),
+    ) -> Played {
+        let mut clock = Clock {
+            anchor: None,
+            last: f64::NAN,
+        };
+        loop {
+            if stop.load(Ordering::Relaxed) {
+                return Played::Stopped;
+            }
+            match source.next_frame() {
+                None => return Played::ToTheEnd,
+                Some(Err(e)) if e.recoverable => each(Told::Skipped(e)),
+                Some(Err(e)) => return Played::SourceFailed(e),
+                Some(Ok(frame)) => {
+                    let due = clock.due(frame.stamp, Instant::now());
+                    if !self.wait(due, stop, &mut each) {
+                        return Played::Stopped;
+                    }
+                    if !self.push(frame) {
+                        return Played::TrackingEnded;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Waits for a moment, and tells meanwhile what happens, at least what has happened already. False when the user asked to
+    /// stop.
+    fn wait(&self, due: Instant, stop: &AtomicBool, each: &mut impl FnMut(Told)) -> bool {
+        loop {
+            for event in self.events().try_iter() {
+                each(Told::Event(Box::new(event)));
+            }
+            let left = due.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return true;
+            }
+            if stop.load(Ordering::Relaxed) {
+                return false;
+            }
+            match self.events().recv_timeout(left.min(NAP)) {
+                Ok(event) => each(Told::Event(Box::new(event))),
+                Err(RecvTimeoutError::Timeout) => {}
+                // All threads have ended.
+                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(left.min(NAP)),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_arrive_at_their_stamps_and_jumps_are_not_waited_for() {
+        let mut clock = Clock {
+            anchor: None,
+            last: f64::NAN,
+        };
+        let start = Instant::now();
+        let after = |ms: u64| start + Duration::from_millis(ms);
+        // Stamp, when it is asked about, and when it is due; ms after the start.
+        for (stamp, now, due) in [
+            (100.0, 0, 0),
+            (100.25, 10, 250),
+            (100.5, 700, 500),
+            (100.75, 700, 750),
+            // A gap that is too long, and a clock that jumps back.
+            (200.0, 800, 800),
+            (200.5, 900, 1300),
+            (50.0, 1400, 1400),
+            (50.25, 1500, 1650),
+            (f64::NAN, 1700, 1700),
+            (50.75, 1800, 1800),
+        ] {
+            assert_eq!(clock.due(stamp, after(now)), after(due), "{stamp}");
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! A live run from its first frame to its result.
+
+use crate::measure::{Ended, LiveStatistics, Stage, WorkerEnd};
+use crate::recorder::Recorder;
+use crate::workers::{
+    Arrived, Boxes, DetectionWorker, Desk, Hook, LoopingWorker, MappingWorker, TrackingWorker,
+};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use stillpoint_detection::Detector;
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{Map, MapView};
+use stillpoint_slam::{Event, LoopReport, RunLog, Stages, Timing, Trajectory, tell_applied};
+
+/// How a live run is driven.
+#[derive(Clone)]
+pub struct LiveOptions {
+    /// Whether a frame that tracking has not taken when the next one arrives gives way to it. Else the next one waits, and none
+    /// is dropped.
+    pub drop_late: bool,
+    /// How long the end of the run waits for a detector that does not answer, before its thread is left to itself.
+    pub detector_patience: Duration,
+    /// Events that wait to be fetched, at most: those that find no room are lost, and counted.
+    pub events: usize,
+    /// Called by every thread before it waits for its next message.
+    pub hook: Option<Hook>,
+}
+
+impl Default for LiveOptions {
+    fn default() -> Self {
+        Self {
+            drop_late: true,
+            detector_patience: Duration::from_secs(2),
+            // At 30 Hz about a minute of frames, with what else happens.
+            events: 4096,
+            hook: None,
+        }
+    }
+}
+
+/// What a live run gave: everything that was learned, whatever happened to its threads.
+pub struct LiveResult {
+    /// The frames tracked.
+    pub trajectory: Trajectory,
+    /// The map; none when mapping panicked and left it in a state in which it cannot be used.
+    pub map: Option<Map>,
+    /// The last version of the map that was published.
+    pub view: Arc<MapView>,
+    /// The places that were recognised, with what became of them.
+    pub loops: Vec<LoopReport>,
+    /// When the parts of a frame are exposed, as estimated.
+    pub timing: Timing,
+    /// In which order the stages took their messages.
+    pub log: RunLog,
+    /// What was measured.
+    pub statistics: LiveStatistics,
+    /// How the threads ended.
+    pub ended: Ended,
+    /// The detector; none when there was none, or when its thread did not finish.
+    pub detector: Option<Box<dyn Detector>>,
+    /// Events that were not fetched yet.
+    pub events: Receiver<Event>,
+}
+
+type Finished<W> = (W, WorkerEnd);
+
+/// A detector's thread, and where it puts itself when it is done: joining it might take forever.
+struct Detection {
+    done: Receiver<Finished<DetectionWorker>>,
+    thread: JoinHandle<()>,
+}
+
+/// SLAM at the pace of a camera: every stage on a thread of its own.
+pub struct LiveSystem {
+    boxes: Arc<Boxes>,
+    options: LiveOptions,
+    fingerprint: u64,
+    tracking: JoinHandle<Finished<TrackingWorker>>,
+    mapping: JoinHandle<Finished<MappingWorker>>,
+    looping: JoinHandle<Finished<LoopingWorker>>,
+    detection: Option<Detection>,
+    events: Receiver<Event>,
+    missed: Arc<AtomicU64>,
+    arrived: u64,
+    dropped: Vec<FrameId>,
+    /// Ends the threads of a run that nobody finishes.
+    _closing: Closing,
+}
+
+/// Closes the way in when it goes, so that every thread comes to its end.
+struct Closing(Arc<Boxes>);
+
+impl Drop for Closing {
+    fn drop(&mut self) {
+        self.0.detection.close();
+        self.0.tracking.close();
+    }
+}
+
+/// What the desks of one run have in common.
+struct Office {
+    boxes: Arc<Boxes>,
+    counter: Arc<AtomicU64>,
+    events: SyncSender<Event>,
+    missed: Arc<AtomicU64>,
+    hook: Option<Hook>,
+}
+
+impl Office {
+    fn desk(&self, stage: Stage) -> Desk {
+        Desk {
+            stage,
+            boxes: Arc::clone(&self.boxes),
+            recorder: Recorder::new(&self.counter),
+            events: self.events.clone(),
+            missed: Arc::clone(&self.missed),
+            hook: self.hook.clone(),
+        }
+    }
+}
+
+impl LiveSystem {
+    /// Starts the threads. `detector.stride` of the configuration is heeded; `schedule` is not: here time decides.
+    ///
+    /// # Errors
+    /// What the operating system says when it has no more threads.
+    pub fn start(
+        stages: Stages,
+        detector: Option<Box<dyn Detector>>,
+        options: LiveOptions,
+    ) -> std::io::Result<Self> {
+        let boxes = Arc::new(Boxes::default());
+        let closing = Closing(Arc::clone(&boxes));
+        let (sender, events) = sync_channel(options.events);
+        let office = Office {
+            boxes: Arc::clone(&boxes),
+            counter: Arc::default(),
+            events: sender,
+            missed: Arc::default(),
+            hook: options.hook.clone(),
+        };
+        let fingerprint = stages.fingerprint();
+        let stride = u64::from(stages.config().detector.stride);
+        let Stages {
+            tracker,
+            mapper,
+            looper,
+            ..
+        } = stages;
+        let view = tracker.view();
+        // In the order in which they wait for each other: whatever fails to start, those that did come to their end.
+        let looping = LoopingWorker::new(office.desk(Stage::Looping), looper);
+        let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, view);
+        let tracking = TrackingWorker::new(office.desk(Stage::Tracking), tracker, stride);
+        let detection = detector
+            .map(|detector| DetectionWorker {
+                desk: office.desk(Stage::Detection),
+                detector,
+            })
+            .map(start_detection)
+            .transpose()?;
+        let tracking = spawn("tracking", tracking, TrackingWorker::run)?;
+        let mapping = spawn("mapping", mapping, MappingWorker::run)
+            .inspect_err(|_| boxes.mapping.close())?;
+        let looping = spawn("looping", looping, LoopingWorker::run).inspect_err(|_| {
+            boxes.looping.close();
+            boxes.mapping.close();
+        })?;
+        Ok(Self {
+            _closing: closing,
+            boxes,
+            options,
+            fingerprint,
+            tracking,
+            mapping,
+            looping,
+            detection,
+            events,
+            missed: office.missed,
+            arrived: 0,
+            dropped: Vec::new(),
+        })
+    }
+
+    /// Hands over a frame that arrived just now. With [`LiveOptions::drop_late`] this returns at once; else when the frame before
+    /// was taken. False when tracking takes no more frames because it panicked.
+    pub fn push(&mut self, frame: RgbdFrame) -> bool {
+        let arrived = Arrived {
+            frame: Arc::new(frame),
+            at: Instant::now(),
+        };
+        self.arrived += 1;
+        let drop_late = self.options.drop_late;
+        let before = self.boxes.tracking.put_when(
+            |b| drop_late || b.frame.is_none(),
+            |b| b.frame.replace(arrived),
+        );
+        if let Some(Some(late)) = &before {
+            self.dropped.push(late.frame.id);
+        }
+        before.is_some()
+    }
+
+    /// What happened, as it happens: of each stage in its order. Who fetches too rarely misses events, which are counted.
+    #[must_use]
+    pub fn events(&self) -> &Receiver<Event> {
+        &self.events
+    }
+
+    /// Frames dropped so far.
+    #[must_use]
+    pub fn dropped(&self) -> usize {
+        self.dropped.len()
+    }
+
+    /// Ends the stream, lets every stage do what there is to do, and gathers the result. A detector that does not answer is
+    /// waited for as long as [`LiveOptions::detector_patience`] says.
+    #[must_use]
+    pub fn finish(self) -> LiveResult {
+        self.boxes.detection.close();
+        self.boxes.tracking.close();
+        let deadline = Instant::now() + self.options.detector_patience;
+        let (tracking, tracking_end) = join(self.tracking);
+        let (mapping, mapping_end) = join(self.mapping);
+        let (looping, looping_end) = join(self.looping);
+        let (detector, detection_end) = match self.detection {
+            None => (None, None),
+            Some(detection) => detection.finish(deadline),
+        };
+        let mut loops = looping.loops;
+        for applied in &mapping.applied {
+            tell_applied(&mut loops, *applied);
+        }
+        let trajectory = tracking.tracker.trajectory().clone();
+        let map = mapping.mapper.into_map();
+        let is_whole = mapping_end == WorkerEnd::Finished || map.check().is_ok();
+        let recorders = [
+            tracking.desk.recorder,
+            mapping.desk.recorder,
+            looping.desk.recorder,
+        ];
+        LiveResult {
+            log: RunLog {
+                fingerprint: self.fingerprint,
+                entries: Recorder::merge(recorders),
+                trajectory: trajectory.digest(&mapping.view),
+            },
+            timing: tracking.tracker.timing(),
+            trajectory,
+            map: is_whole.then_some(map),
+            view: mapping.view,
+            loops,
+            statistics: LiveStatistics {
+                arrived: self.arrived,
+                dropped: self.dropped,
+                frames: tracking.frames,
+                detections: tracking.detections,
+                events_missed: self.missed.load(Ordering::Relaxed),
+            },
+            ended: Ended {
+                tracking: tracking_end,
+                detection: detection_end,
+                mapping: mapping_end,
+                looping: looping_end,
+            },
+            detector,
+            events: self.events,
+        }
+    }
+}
+
+fn spawn<W: Send + 'static>(
+    name: &str,
+    mut worker: W,
+    run: fn(&mut W) -> WorkerEnd,
+) -> std::io::Result<JoinHandle<Finished<W>>> {
+    let thread = std::thread::Builder::new().name(name.to_owned());
+    thread.spawn(move || {
+        let end = run(&mut worker);
+        (worker, end)
+    })
+}
+
+/// Waits for a thread's end. Its panics were caught inside; one that was not is a mistake of this crate, and goes on here.
+fn join<T>(thread: JoinHandle<T>) -> T {
+    thread
+        .join()
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+fn start_detection(worker: DetectionWorker) -> std::io::Result<Detection> {
+    let (sender, done) = sync_channel(1);
+    let thread = std::thread::Builder::new().name("detection".to_owned());
+    let thread = thread.spawn(move || {
+        let mut worker = worker;
+        let end = worker.run();
+        // Nobody listens any more when the detector was given up.
+        let _ = sender.send((worker, end));
+    })?;
+    Ok(Detection { done, thread })
+}
+
+impl Detection {
+    /// The detector and how its thread ended. A thread that does not end in time is left to itself.
+    fn finish(self, deadline: Instant) -> (Option<Box<dyn Detector>>, Option<WorkerEnd>) {
+        let patience = deadline.saturating_duration_since(Instant::now());
+        match self.done.recv_timeout(patience) {
+            Ok((worker, end)) => {
+                join(self.thread);
+                let finished = end == WorkerEnd::Finished;
+                (finished.then_some(worker.detector), Some(end))
+            }
+            Err(_) => (None, Some(WorkerEnd::GivenUp)),
+        }
+    }
+}

@@ -1,0 +1,460 @@
+//! The four threads: what each takes, in which order, and whom it tells.
+
+use crate::mailbox::Mailbox;
+use crate::measure::{FrameTiming, Stage, WorkerEnd};
+use crate::recorder::Recorder;
+use std::collections::VecDeque;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::SyncSender;
+use std::time::Instant;
+use stillpoint_detection::{DetectError, Detections, Detector};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::{Correction, KeyframeId, MapView};
+use stillpoint_place::PlaceIndex;
+use stillpoint_slam::{
+    CorrectionReport, Event, LogEntry, LoopReport, Looper, LooperMsg, LooperOut, Mapper, MapperMsg,
+    MapperReport, Tracked, Tracker,
+};
+
+/// Messages that wait for one stage, at most; then whoever has another one waits. More than a stage that keeps up ever sees,
+/// and little enough for a machine's memory.
+const QUEUE: usize = 64;
+
+/// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
+/// to count, or to delay it in a test.
+pub type Hook = Arc<dyn Fn(Stage) + Send + Sync>;
+
+/// The inboxes of all stages.
+#[derive(Default)]
+pub(crate) struct Boxes {
+    pub(crate) tracking: Mailbox<TrackingBox>,
+    pub(crate) detection: Mailbox<Option<Arrived>>,
+    pub(crate) mapping: Mailbox<MappingBox>,
+    pub(crate) looping: Mailbox<LoopingBox>,
+}
+
+/// A frame, and when it arrived.
+#[derive(Clone)]
+pub(crate) struct Arrived {
+    pub(crate) frame: Arc<RgbdFrame>,
+    pub(crate) at: Instant,
+}
+
+/// A view of the map on its way to tracking.
+pub(crate) struct Published {
+    /// The mapper's answer that brought it, counted from 0.
+    answer: u64,
+    view: Arc<MapView>,
+    at: Instant,
+    /// Keyframes that the mapper had taken.
+    keyframes: u64,
+}
+
+/// What a detector said, and when its frame had arrived.
+pub(crate) struct Said {
+    answer: Result<Detections, DetectError>,
+    arrived: Instant,
+}
+
+/// What tracking is told.
+#[derive(Default)]
+pub(crate) struct TrackingBox {
+    pub(crate) frame: Option<Arrived>,
+    view: Option<Published>,
+    places: Option<(u64, PlaceIndex<KeyframeId>)>,
+    said: VecDeque<Said>,
+}
+
+/// All that tracking takes with a frame.
+struct TrackingWork {
+    arrived: Arrived,
+    news: TrackingBox,
+}
+
+impl TrackingBox {
+    /// Everything, once there is a frame.
+    fn next(&mut self) -> Option<TrackingWork> {
+        let arrived = self.frame.take()?;
+        let news = std::mem::take(self);
+        Some(TrackingWork { arrived, news })
+    }
+}
+
+/// What mapping is told.
+#[derive(Default)]
+pub(crate) struct MappingBox {
+    queue: VecDeque<MapperMsg>,
+    corrections: VecDeque<Correction>,
+    tracking_is_over: bool,
+    looping_was_told: bool,
+    looping_is_over: bool,
+}
+
+enum MappingWork {
+    Message(MapperMsg),
+    /// Tracking has no more keyframes: looping is to hear of that.
+    TrackingIsOver,
+    /// Nobody has anything more.
+    Over,
+}
+
+impl MappingBox {
+    /// A correction first: what comes after it is built on a better map.
+    fn next(&mut self) -> Option<MappingWork> {
+        if let Some(correction) = self.corrections.pop_front() {
+            return Some(MappingWork::Message(MapperMsg::Correct(correction)));
+        }
+        if let Some(message) = self.queue.pop_front() {
+            return Some(MappingWork::Message(message));
+        }
+        if !self.tracking_is_over {
+            return None;
+        }
+        if !self.looping_was_told {
+            self.looping_was_told = true;
+            return Some(MappingWork::TrackingIsOver);
+        }
+        self.looping_is_over.then_some(MappingWork::Over)
+    }
+}
+
+/// What looping is told.
+#[derive(Default)]
+pub(crate) struct LoopingBox {
+    queue: VecDeque<LooperMsg>,
+    mapping_is_over: bool,
+}
+
+enum LoopingWork {
+    Message(LooperMsg),
+    Over,
+}
+
+impl LoopingBox {
+    fn next(&mut self) -> Option<LoopingWork> {
+        let message = self.queue.pop_front().map(LoopingWork::Message);
+        message.or_else(|| self.mapping_is_over.then_some(LoopingWork::Over))
+    }
+}
+
+/// What every thread has.
+pub(crate) struct Desk {
+    pub(crate) stage: Stage,
+    pub(crate) boxes: Arc<Boxes>,
+    pub(crate) recorder: Recorder,
+    pub(crate) events: SyncSender<Event>,
+    pub(crate) missed: Arc<AtomicU64>,
+    pub(crate) hook: Option<Hook>,
+}
+
+impl Desk {
+    fn before(&self) {
+        if let Some(hook) = &self.hook {
+            hook(self.stage);
+        }
+    }
+
+    /// Tells the user. A stage does not wait for someone who does not listen.
+    fn tell(&self, event: Event) {
+        if self.events.try_send(event).is_err() {
+            self.missed.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// Runs a thread's loop, and tells how it ended. What the loop worked on is left as it was when it panicked, and only what
+/// is whole even then is used of it.
+fn guarded(run: impl FnOnce()) -> WorkerEnd {
+    let Err(panic) = catch_unwind(AssertUnwindSafe(run)) else {
+        return WorkerEnd::Finished;
+    };
+    let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+    WorkerEnd::Panicked(text.unwrap_or_else(|| "unknown reason".to_owned()))
+}
+
+/// Tracking.
+pub(crate) struct TrackingWorker {
+    pub(crate) desk: Desk,
+    pub(crate) tracker: Tracker,
+    /// The detector is shown every so many frames.
+    pub(crate) stride: u64,
+    pub(crate) frames: Vec<FrameTiming>,
+    pub(crate) detections: Vec<f64>,
+    /// Frames taken.
+    taken: u64,
+    /// Stamp of the newest detections.
+    seen: Option<f64>,
+    /// When the view in use was published.
+    view_at: Option<Instant>,
+    /// Keyframes that the view in use holds, of those sent.
+    mapped: u64,
+    sent: u64,
+}
+
+impl TrackingWorker {
+    pub(crate) fn new(desk: Desk, tracker: Tracker, stride: u64) -> Self {
+        Self {
+            desk,
+            tracker,
+            stride,
+            frames: Vec::new(),
+            detections: Vec::new(),
+            taken: 0,
+            seen: None,
+            view_at: None,
+            mapped: 0,
+            sent: 0,
+        }
+    }
+
+    /// Tracks until the stream ends.
+    pub(crate) fn run(&mut self) -> WorkerEnd {
+        let boxes = Arc::clone(&self.desk.boxes);
+        let end = guarded(|| {
+            self.desk.before();
+            while let Some(work) = boxes.tracking.take(TrackingBox::next) {
+                self.step(work);
+                self.desk.before();
+            }
+        });
+        boxes.tracking.close();
+        boxes.detection.close();
+        boxes.mapping.put(|b| b.tracking_is_over = true);
+        end
+    }
+
+    fn step(&mut self, work: TrackingWork) {
+        let TrackingWork { arrived, news } = work;
+        let waited = arrived.at.elapsed().as_secs_f64();
+        if self.taken.is_multiple_of(self.stride) {
+            let shown = arrived.clone();
+            self.desk.boxes.detection.put(|b| *b = Some(shown));
+        }
+        self.taken += 1;
+        self.hear(news, &arrived.frame);
+        self.desk.recorder.took(LogEntry::TrackFrame {
+            frame: arrived.frame.id,
+            stamp: arrived.frame.stamp,
+        });
+        let view_age = self.view_at.map(|at| at.elapsed().as_secs_f64());
+        let Tracked { report, keyframe } = self.tracker.track(&arrived.frame);
+        let latency = arrived.at.elapsed().as_secs_f64();
+        let boxes = &self.desk.boxes;
+        self.frames.push(FrameTiming {
+            frame: arrived.frame.id,
+            latency,
+            waited,
+            detections_age: self.seen.map(|stamp| arrived.frame.stamp - stamp),
+            view_age,
+            keyframes_behind: (self.sent - self.mapped) as u32,
+            mapping_queue: boxes.mapping.look(|b| b.queue.len()) as u32,
+            looping_queue: boxes.looping.look(|b| b.queue.len()) as u32,
+        });
+        self.desk.tell(Event::Frame(report));
+        if let Some(keyframe) = keyframe {
+            self.sent += 1;
+            self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)));
+        }
+    }
+
+    /// Takes what came since the frame before, in the order of the inline driver.
+    fn hear(&mut self, news: TrackingBox, next: &RgbdFrame) {
+        if let Some(published) = news.view {
+            let answer = published.answer;
+            self.desk.recorder.took(LogEntry::TrackView { answer });
+            self.view_at = Some(published.at);
+            self.mapped = published.keyframes;
+            self.tracker.receive(published.view);
+        }
+        if let Some((answer, places)) = news.places {
+            self.desk.recorder.took(LogEntry::TrackPlaces { answer });
+            self.tracker.receive_places(places);
+        }
+        for said in news.said {
+            self.desk.recorder.took(LogEntry::TrackDetections {
+                next: next.id,
+                said: said.answer.clone(),
+            });
+            self.detections.push(said.arrived.elapsed().as_secs_f64());
+            match said.answer {
+                Ok(detections) => {
+                    self.seen = Some(detections.stamp);
+                    self.desk.tell(Event::Detected(detections.clone()));
+                    if let Some(message) = self.tracker.receive_detections(detections, next.id) {
+                        self.tell_mapper(message);
+                    }
+                }
+                Err(e) => self.desk.tell(Event::DetectorFailed(e)),
+            }
+        }
+    }
+
+    fn tell_mapper(&self, message: MapperMsg) {
+        let room = |b: &MappingBox| b.queue.len() < QUEUE;
+        let mapping = &self.desk.boxes.mapping;
+        mapping.put_when(room, |b| b.queue.push_back(message));
+    }
+}
+
+/// Detection.
+pub(crate) struct DetectionWorker {
+    pub(crate) desk: Desk,
+    pub(crate) detector: Box<dyn Detector>,
+}
+
+impl DetectionWorker {
+    /// Looks at the newest frame until the stream ends.
+    pub(crate) fn run(&mut self) -> WorkerEnd {
+        let boxes = Arc::clone(&self.desk.boxes);
+        let end = guarded(|| {
+            self.desk.before();
+            while let Some(shown) = boxes.detection.take(Option::take) {
+                let span = tracing::info_span!("detect");
+                let answer = span.in_scope(|| self.detector.detect(&shown.frame));
+                let said = Said {
+                    answer,
+                    arrived: shown.at,
+                };
+                let room = |b: &TrackingBox| b.said.len() < QUEUE;
+                let told = boxes.tracking.put_when(room, |b| b.said.push_back(said));
+                if told.is_none() {
+                    break;
+                }
+                self.desk.before();
+            }
+        });
+        boxes.detection.close();
+        end
+    }
+}
+
+/// Mapping.
+pub(crate) struct MappingWorker {
+    pub(crate) desk: Desk,
+    pub(crate) mapper: Mapper,
+    /// The newest version of the map.
+    pub(crate) view: Arc<MapView>,
+    /// What corrections did, in their order.
+    pub(crate) applied: Vec<CorrectionReport>,
+    answers: u64,
+    keyframes: u64,
+}
+
+impl MappingWorker {
+    pub(crate) fn new(desk: Desk, mapper: Mapper, view: Arc<MapView>) -> Self {
+        Self {
+            desk,
+            mapper,
+            view,
+            applied: Vec::new(),
+            answers: 0,
+            keyframes: 0,
+        }
+    }
+
+    /// Maps until tracking and looping have nothing more to say.
+    pub(crate) fn run(&mut self) -> WorkerEnd {
+        let boxes = Arc::clone(&self.desk.boxes);
+        let end = guarded(|| {
+            self.desk.before();
+            while let Some(work) = boxes.mapping.take(MappingBox::next) {
+                match work {
+                    MappingWork::Message(message) => self.step(message),
+                    MappingWork::TrackingIsOver => {
+                        // Should looping be over already, it has said so.
+                        boxes.looping.put(|b| b.mapping_is_over = true);
+                    }
+                    MappingWork::Over => break,
+                }
+                self.desk.before();
+            }
+        });
+        boxes.mapping.close();
+        boxes.looping.put(|b| b.mapping_is_over = true);
+        end
+    }
+
+    fn step(&mut self, message: MapperMsg) {
+        self.desk.recorder.took(LogEntry::from(&message));
+        self.keyframes += u64::from(matches!(message, MapperMsg::Keyframe(_)));
+        let out = self.mapper.step(message);
+        if let MapperReport::Corrected(applied) = out.report {
+            self.applied.push(applied);
+        }
+        let (told, event) = (out.for_looper(), out.event());
+        self.view = Arc::clone(&out.view);
+        let published = Published {
+            answer: self.answers,
+            view: out.view,
+            at: Instant::now(),
+            keyframes: self.keyframes,
+        };
+        self.answers += 1;
+        let boxes = &self.desk.boxes;
+        boxes.tracking.put(|b| b.view = Some(published));
+        event.into_iter().for_each(|e| self.desk.tell(e));
+        let room = |b: &LoopingBox| b.queue.len() < QUEUE;
+        boxes.looping.put_when(room, |b| b.queue.push_back(told));
+    }
+}
+
+/// Looping.
+pub(crate) struct LoopingWorker {
+    pub(crate) desk: Desk,
+    pub(crate) looper: Looper,
+    /// The places that were recognised.
+    pub(crate) loops: Vec<LoopReport>,
+    answers: u64,
+}
+
+impl LoopingWorker {
+    pub(crate) fn new(desk: Desk, looper: Looper) -> Self {
+        Self {
+            desk,
+            looper,
+            loops: Vec::new(),
+            answers: 0,
+        }
+    }
+
+    /// Looks for loops until mapping has nothing more to show.
+    pub(crate) fn run(&mut self) -> WorkerEnd {
+        let boxes = Arc::clone(&self.desk.boxes);
+        let end = guarded(|| {
+            self.desk.before();
+            while let Some(LoopingWork::Message(message)) = boxes.looping.take(LoopingBox::next) {
+                self.step(message);
+                self.desk.before();
+            }
+        });
+        boxes.looping.close();
+        boxes.mapping.put(|b| b.looping_is_over = true);
+        end
+    }
+
+    fn step(&mut self, message: LooperMsg) {
+        if let Some(entry) = LogEntry::of_looper(&message) {
+            self.desk.recorder.took(entry);
+        }
+        let LooperOut {
+            correction,
+            report,
+            places,
+        } = self.looper.step(message);
+        let known = (self.answers, places);
+        self.answers += 1;
+        let boxes = &self.desk.boxes;
+        boxes.tracking.put(|b| b.places = Some(known));
+        if let Some(correction) = correction {
+            // The looper finds no other one before this one is in the map.
+            boxes.mapping.put(|b| b.corrections.push_back(correction));
+        }
+        if let Some(report) = report {
+            self.desk.tell(Event::Looped(report.clone()));
+            self.loops.push(report);
+        }
+    }
+}

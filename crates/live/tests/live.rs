@@ -1,0 +1,319 @@
+//! Live runs over a simulated scene: whatever the threads and clocks do, the log tells it, and nothing hangs.
+
+#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+
+mod world;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::Duration;
+use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, WorkerEnd};
+use stillpoint_slam::{LogEntry, Outcome, Replay, ReplayError, RunLog, System};
+use world::{Frames, Told as Heard, frames, random_delays, replay, scripted, stages, within};
+
+/// Pushes all frames, with a pause of so many ms after each, and ends the stream.
+fn run(
+    detector: Option<Box<dyn Detector>>,
+    options: LiveOptions,
+    pause_ms: u64,
+) -> (LiveResult, Heard) {
+    within(move || {
+        let mut live = LiveSystem::start(stages(), detector, options).unwrap();
+        let mut heard = Heard::default();
+        for frame in frames() {
+            if !live.push(frame.clone()) {
+                break;
+            }
+            std::thread::sleep(Duration::from_millis(pause_ms));
+            live.events().try_iter().for_each(|e| heard.take(e));
+        }
+        let result = live.finish();
+        result.events.iter().for_each(|e| heard.take(e));
+        assert_eq!(result.statistics.events_missed, 0);
+        (result, heard)
+    })
+}
+
+/// The replay of a run says what the run said, and leaves the same map.
+fn assert_reproduced(result: &LiveResult, heard: &Heard) {
+    let log = RunLog::from_bytes(result.log.to_text().as_bytes()).unwrap();
+    assert_eq!(log, result.log);
+    let (again, heard_again) = replay(log);
+    assert_eq!(heard, &heard_again);
+    assert_eq!(format!("{:?}", again.loops()), format!("{:?}", result.loops));
+    let digest = again.trajectory().digest(&again.view());
+    assert_eq!(digest, result.trajectory.digest(&result.view));
+    if let Some(map) = &result.map {
+        let bytes = |map: &stillpoint_map::Map| map.to_bytes(&[]).unwrap();
+        assert!(bytes(map) == bytes(&again.into_map()), "another map");
+    }
+}
+
+fn assert_all_finished(result: &LiveResult) {
+    let failures: Vec<_> = result.ended.failures().collect();
+    assert!(failures.is_empty(), "{failures:?}");
+}
+
+#[test]
+fn a_run_with_random_delays_is_reproduced_bit_for_bit() {
+    let mut digests = BTreeSet::new();
+    for (seed, drop_late) in [(1, false), (2, false), (3, true)] {
+        let options = LiveOptions {
+            drop_late,
+            hook: Some(random_delays(seed, 30)),
+            ..LiveOptions::default()
+        };
+        let (result, heard) = run(Some(scripted()), options, 3);
+        assert_all_finished(&result);
+        let tracked = result.statistics.frames.len() + result.statistics.dropped.len();
+        assert_eq!(tracked, frames().len());
+        assert!(result.view.keyframe_count() >= 2);
+        let late = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { next, said: Ok(d) } if d.frame < *next);
+        assert!(result.log.entries.iter().any(|e| late(&e)), "{seed}");
+        assert_reproduced(&result, &heard);
+        if !drop_late {
+            digests.insert(result.log.trajectory);
+        }
+    }
+    // Control: delays do make a difference.
+    let mut inline = System::from(stages()).with_detector(scripted());
+    for frame in frames() {
+        inline.step(frame.clone());
+    }
+    inline.finish();
+    digests.insert(inline.trajectory().digest(&inline.view()));
+    assert!(digests.len() > 1, "no run differs from another");
+}
+
+#[test]
+fn late_frames_are_dropped_and_counted() {
+    let slow: Hook = Arc::new(|stage| {
+        if stage == Stage::Tracking {
+            std::thread::sleep(Duration::from_millis(30));
+        }
+    });
+    let options = LiveOptions {
+        hook: Some(slow),
+        ..LiveOptions::default()
+    };
+    let (result, heard) = run(None, options, 4);
+    let s = &result.statistics;
+    assert!(s.dropped.len() > 5, "{:?}", s.dropped);
+    assert_eq!(s.arrived as usize, frames().len());
+    let mut all: Vec<FrameId> = s.frames.iter().map(|f| f.frame).collect();
+    // The newest frame is never the one that is dropped.
+    assert_eq!(all.last(), frames().last().map(|f| &f.id));
+    all.extend(&s.dropped);
+    all.sort_unstable();
+    assert_eq!(all, frames().iter().map(|f| f.id).collect::<Vec<_>>());
+    assert!(s.frames.iter().all(|f| f.latency >= f.waited));
+    assert_reproduced(&result, &heard);
+}
+
+#[test]
+fn no_frame_is_dropped_when_none_may_be() {
+    let options = LiveOptions {
+        drop_late: false,
+        hook: Some(random_delays(5, 8)),
+        ..LiveOptions::default()
+    };
+    let (result, heard) = run(None, options, 0);
+    assert_all_finished(&result);
+    assert_eq!(result.ended.detection, None);
+    let tracked: Vec<FrameId> = result.statistics.frames.iter().map(|f| f.frame).collect();
+    assert_eq!(tracked, frames().iter().map(|f| f.id).collect::<Vec<_>>());
+    assert!(result.statistics.dropped.is_empty());
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    assert_reproduced(&result, &heard);
+}
+
+/// A detector that does something unusual when it is asked for the third time.
+struct Odd(u32, fn(&RgbdFrame) -> Result<Detections, DetectError>);
+
+impl Detector for Odd {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        self.0 += 1;
+        if self.0 == 3 {
+            return (self.1)(frame);
+        }
+        Ok(Detections {
+            frame: frame.id,
+            stamp: frame.stamp,
+            items: Vec::new(),
+        })
+    }
+
+    fn info(&self) -> DetectorInfo {
+        DetectorInfo::new(DetectorKind::None, "")
+    }
+}
+
+fn unhurried() -> LiveOptions {
+    LiveOptions {
+        drop_late: false,
+        detector_patience: Duration::from_millis(50),
+        ..LiveOptions::default()
+    }
+}
+
+#[test]
+fn a_detector_that_panics_is_reported_and_the_others_finish() {
+    let odd = Odd(0, |_| panic!("no more boxes"));
+    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
+    let end = Some(WorkerEnd::Panicked("no more boxes".to_owned()));
+    assert_eq!(result.ended.detection, end);
+    assert_eq!(result.ended.failures().count(), 1);
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    assert!(result.statistics.detections.len() <= 2);
+    assert_reproduced(&result, &heard);
+}
+
+#[test]
+fn a_detector_that_hangs_is_given_up() {
+    let odd = Odd(0, |_| {
+        loop {
+            std::thread::park();
+        }
+    });
+    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
+    assert_eq!(result.ended.detection, Some(WorkerEnd::GivenUp));
+    assert!(result.detector.is_none());
+    assert_eq!(result.ended.failures().count(), 1);
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    assert_reproduced(&result, &heard);
+}
+
+#[test]
+fn what_a_detector_failed_at_is_in_the_log() {
+    let odd = Odd(0, |frame| {
+        Err(DetectError::Runtime {
+            frame: frame.id,
+            reason: "out of\n\"memory\" \u{1f635}".to_owned(),
+        })
+    });
+    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 5);
+    assert_all_finished(&result);
+    assert!(result.detector.is_some());
+    let failed = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { said: Err(_), .. });
+    assert_eq!(result.log.entries.iter().filter(failed).count(), 1);
+    assert_reproduced(&result, &heard);
+}
+
+#[test]
+fn whichever_stage_panics_the_others_finish() {
+    for stage in [Stage::Tracking, Stage::Mapping, Stage::Looping] {
+        let calls = AtomicU32::new(0);
+        let hook: Hook = Arc::new(move |s| {
+            let third = || calls.fetch_add(1, Ordering::Relaxed) == 2;
+            assert!(s != stage || !third(), "on purpose");
+        });
+        let options = LiveOptions {
+            hook: Some(hook),
+            ..unhurried()
+        };
+        let (result, heard) = run(Some(scripted()), options, 2);
+        let failures: Vec<_> = result.ended.failures().collect();
+        let end = WorkerEnd::Panicked("on purpose".to_owned());
+        assert_eq!(failures, [(stage, &end)]);
+        let expected = if stage == Stage::Tracking {
+            2
+        } else {
+            frames().len()
+        };
+        assert_eq!(result.statistics.frames.len(), expected);
+        assert!(result.map.as_ref().is_some_and(|m| m.check().is_ok()));
+        assert!(result.view.keyframe_count() > 0);
+        assert_reproduced(&result, &heard);
+    }
+}
+
+#[test]
+fn stopping_in_the_middle_keeps_what_was_learned() {
+    let (result, heard, played) = within(|| {
+        let mut live = LiveSystem::start(stages(), Some(scripted()), unhurried()).unwrap();
+        let stop = AtomicBool::new(false);
+        let mut heard = Heard::default();
+        let mut source = Frames::all();
+        let played = live.play(&mut source, &stop, |told| match told {
+            Told::Event(event) => {
+                heard.take(*event);
+                stop.store(heard.frames() >= 10, Ordering::Relaxed);
+            }
+            Told::Skipped(e) => panic!("{e}"),
+        });
+        let result = live.finish();
+        result.events.iter().for_each(|e| heard.take(e));
+        (result, heard, played)
+    });
+    assert!(matches!(played, Played::Stopped), "{played:?}");
+    assert_all_finished(&result);
+    let tracked = result.trajectory.entries().len();
+    assert!((10..frames().len()).contains(&tracked), "{tracked}");
+    assert!(result.view.landmark_count() > 100);
+    assert_reproduced(&result, &heard);
+}
+
+#[test]
+fn a_run_that_nobody_finishes_ends_all_the_same() {
+    within(|| {
+        let alive = Arc::new(());
+        let witness = Arc::clone(&alive);
+        let hook: Hook = Arc::new(move |_| {
+            let _ = &witness;
+        });
+        let options = LiveOptions {
+            hook: Some(hook),
+            ..unhurried()
+        };
+        let mut live = LiveSystem::start(stages(), Some(scripted()), options).unwrap();
+        live.push(frames()[0].clone());
+        drop(live);
+        // Every thread holds the hook until it ends.
+        while Arc::strong_count(&alive) > 1 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+    });
+}
+
+#[test]
+fn a_log_is_refused_with_other_frames_or_another_configuration() {
+    let (result, _) = run(None, unhurried(), 0);
+    let other = world::stages_with(|c| c.seed = 1);
+    let refused = Replay::new(other, result.log.clone()).err();
+    assert!(matches!(refused, Some(ReplayError::OtherStages)));
+
+    let mut again = Replay::new(stages(), result.log.clone()).unwrap();
+    let mut source = Frames::all();
+    source.0.remove(4);
+    let e = again.run(&mut source, |_| {}).unwrap_err();
+    let missing = matches!(e, ReplayError::NoFrame { frame, .. } if frame == FrameId(4));
+    assert!(missing, "{e}");
+
+    // One grey image is another.
+    let mut again = Replay::new(stages(), result.log.clone()).unwrap();
+    let mut source = Frames::all();
+    source.0[7].gray = source.0[12].gray.clone();
+    let e = again.run(&mut source, |_| {}).unwrap_err();
+    let noticed = matches!(e, ReplayError::OtherTrajectory | ReplayError::NotSent { .. });
+    assert!(noticed, "{e}");
+
+    // A message that was never sent.
+    let mut log = result.log;
+    let first = |e: &LogEntry| matches!(e, LogEntry::MapKeyframe { .. });
+    let at = log.entries.iter().position(first).unwrap();
+    log.entries.insert(at, log.entries[at].clone());
+    let mut again = Replay::new(stages(), log).unwrap();
+    let e = again.run(&mut Frames::all(), |_| {}).unwrap_err();
+    assert!(matches!(e, ReplayError::NotSent { .. }), "{e}");
+}
+
+#[test]
+fn every_frame_has_a_pose() {
+    let (result, heard) = run(Some(scripted()), unhurried(), 0);
+    assert_all_finished(&result);
+    let lost = |r: &&stillpoint_slam::FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+    assert_eq!(heard.reports.iter().filter(lost).count(), 0);
+}

@@ -1,0 +1,170 @@
+//! A simulated walk, its frames in memory, and what is needed to run it live and again.
+
+use std::collections::VecDeque;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::channel;
+use std::sync::{Arc, OnceLock};
+use std::time::Duration;
+use stillpoint_detection::{
+    BoundingBox, ClassId, Detection, Detector, ScriptRow, ScriptedDetector,
+};
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
+use stillpoint_live::Hook;
+use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
+use stillpoint_slam::{Config, Event, FrameReport, Replay, RunLog, Stages};
+
+const FRAMES: usize = 45;
+
+struct World {
+    camera: Camera,
+    frames: Vec<RgbdFrame>,
+    script: Vec<ScriptRow>,
+}
+
+fn world() -> &'static World {
+    static WORLD: OnceLock<World> = OnceLock::new();
+    WORLD.get_or_init(|| {
+        let simulator = Simulator::new(&SimulatorConfig {
+            scene: "walking_xyz".to_owned(),
+            frames: Some(FRAMES),
+            camera: Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]),
+            ..SimulatorConfig::default()
+        })
+        .unwrap();
+        let noise = DetectionNoise {
+            min_visible_px: 100,
+            ..DetectionNoise::default()
+        };
+        let rows = (0..FRAMES).flat_map(|i| simulator.detections(i, &noise));
+        let rows = rows.map(|d| ScriptRow {
+            stamp: d.stamp,
+            detection: Detection {
+                class: ClassId::from_name(d.class).unwrap(),
+                score: d.score,
+                bounds: BoundingBox {
+                    x0: d.x0,
+                    y0: d.y0,
+                    x1: d.x1,
+                    y1: d.y1,
+                },
+            },
+        });
+        World {
+            camera: *simulator.camera(),
+            script: rows.collect(),
+            frames: (0..FRAMES).map(|i| simulator.frame(i)).collect(),
+        }
+    })
+}
+
+pub(crate) fn frames() -> &'static [RgbdFrame] {
+    &world().frames
+}
+
+/// The detector that plays the simulator's script.
+pub(crate) fn scripted() -> Box<dyn Detector> {
+    let script = world().script.clone();
+    Box::new(ScriptedDetector::new("the simulator's", script).unwrap())
+}
+
+pub(crate) fn stages() -> Stages {
+    stages_with(|_| {})
+}
+
+/// Stages for the world's camera, with something set.
+pub(crate) fn stages_with(change: impl Fn(&mut Config)) -> Stages {
+    let mut config = Config::default();
+    config.features.features = 500;
+    // Many keyframes in few frames.
+    config.keyframes.min_tracked_share = 0.95;
+    change(&mut config);
+    Stages::new(config, world().camera, Simd::detect()).unwrap()
+}
+
+/// The frames as a source.
+pub(crate) struct Frames(pub(crate) VecDeque<RgbdFrame>);
+
+impl Frames {
+    pub(crate) fn all() -> Self {
+        Self(frames().iter().cloned().collect())
+    }
+}
+
+impl FrameSource for Frames {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        self.0.pop_front().map(Ok)
+    }
+}
+
+/// What a run told, by stage: only of one stage's events is the order known.
+#[derive(Debug, Default)]
+pub(crate) struct Told {
+    pub(crate) reports: Vec<FrameReport>,
+    tracking: Vec<String>,
+    mapping: Vec<String>,
+    looping: Vec<String>,
+}
+
+impl Told {
+    pub(crate) fn take(&mut self, event: Event) {
+        let text = format!("{event:?}");
+        match event {
+            Event::Frame(report) => {
+                self.reports.push(report);
+                self.tracking.push(text);
+            }
+            Event::Detected(_) | Event::DetectorFailed(_) => self.tracking.push(text),
+            Event::Mapped(_) | Event::Rejudged(_) => self.mapping.push(text),
+            Event::Looped(_) => self.looping.push(text),
+        }
+    }
+
+    pub(crate) fn frames(&self) -> usize {
+        self.reports.len()
+    }
+}
+
+impl PartialEq for Told {
+    fn eq(&self, other: &Self) -> bool {
+        self.tracking == other.tracking
+            && self.mapping == other.mapping
+            && self.looping == other.looping
+    }
+}
+
+/// Runs a log again over the frames.
+pub(crate) fn replay(log: RunLog) -> (Replay, Told) {
+    let mut replay = Replay::new(stages(), log).unwrap();
+    let mut told = Told::default();
+    let run = replay.run(&mut Frames::all(), |event| told.take(event));
+    run.unwrap_or_else(|e| panic!("{e}"));
+    (replay, told)
+}
+
+/// Delays every thread before each of its messages, by up to so many milliseconds; by SplitMix64.
+pub(crate) fn random_delays(seed: u64, most_ms: u64) -> Hook {
+    let state = AtomicU64::new(seed);
+    Arc::new(move |_| {
+        let step = 0x9e37_79b9_7f4a_7c15;
+        let mut z = state.fetch_add(step, Ordering::Relaxed).wrapping_add(step);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let micros = (z ^ (z >> 31)) % (1000 * most_ms);
+        std::thread::sleep(Duration::from_micros(micros));
+    })
+}
+
+/// What `work` gives. A test fails when that takes minutes, instead of hanging itself.
+pub(crate) fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    let (sender, receiver) = channel();
+    let thread = std::thread::spawn(move || sender.send(work()));
+    match receiver.recv_timeout(Duration::from_secs(120)) {
+        Ok(result) => result,
+        Err(_) if thread.is_finished() => match thread.join() {
+            Err(panic) => std::panic::resume_unwind(panic),
+            Ok(_) => unreachable!("it sends before it ends"),
+        },
+        Err(_) => panic!("the run hangs"),
+    }
+}

@@ -1,0 +1,357 @@
+//! The lines of a log.
+
+use super::{LogEntry, LogError};
+use std::fmt::Write;
+use std::str::{FromStr, Lines, SplitAsciiWhitespace};
+use stillpoint_detection::{BoundingBox, ClassId, DetectError, Detection, Detections};
+use stillpoint_imaging::FrameId;
+use stillpoint_map::KeyframeId;
+
+/// A line of a text, with its number.
+#[derive(Clone, Copy)]
+pub(super) struct Line<'a> {
+    number: usize,
+    pub(super) text: &'a str,
+}
+
+/// The lines of a text.
+pub(super) struct AllLines<'a> {
+    lines: Lines<'a>,
+    number: usize,
+}
+
+impl<'a> Iterator for AllLines<'a> {
+    type Item = Line<'a>;
+
+    fn next(&mut self) -> Option<Line<'a>> {
+        self.number += 1;
+        let number = self.number;
+        self.lines.next().map(|text| Line { number, text })
+    }
+}
+
+impl<'a> Line<'a> {
+    pub(super) fn all(text: &'a str) -> AllLines<'a> {
+        AllLines {
+            lines: text.lines(),
+            number: 0,
+        }
+    }
+
+    /// The next line of those that there must be.
+    pub(super) fn next(lines: &mut AllLines<'a>) -> Result<Self, LogError> {
+        lines.next().ok_or_else(|| LogError {
+            line: lines.number,
+            expected: "another line".to_owned(),
+            found: "the end of the text: the log was not written to its end".to_owned(),
+        })
+    }
+
+    pub(super) fn error(&self, expected: &str) -> LogError {
+        let shown: String = self.text.chars().take(80).collect();
+        LogError {
+            line: self.number,
+            expected: expected.to_owned(),
+            found: format!("{shown:?}"),
+        }
+    }
+
+    /// The words after the first, which must be `name`.
+    pub(super) fn words(&self, name: &str) -> Result<Words<'a>, LogError> {
+        let mut words = self.text.split_ascii_whitespace();
+        match words.next() {
+            Some(first) if first == name => Ok(Words { line: *self, words }),
+            _ => Err(self.error(&format!("{name:?}"))),
+        }
+    }
+
+    /// The hexadecimal number that follows `name`.
+    pub(super) fn only_hex(&self, name: &str) -> Result<u64, LogError> {
+        let mut words = self.words(name)?;
+        let value = words.hex("16 hexadecimal digits")?;
+        words.finish()?;
+        Ok(value)
+    }
+}
+
+/// The words of a line.
+pub(super) struct Words<'a> {
+    line: Line<'a>,
+    words: SplitAsciiWhitespace<'a>,
+}
+
+impl<'a> Words<'a> {
+    fn word(&mut self, expected: &str) -> Result<&'a str, LogError> {
+        self.words.next().ok_or_else(|| self.line.error(expected))
+    }
+
+    pub(super) fn number<T: FromStr>(&mut self, expected: &str) -> Result<T, LogError> {
+        let word = self.word(expected)?;
+        word.parse().map_err(|_| self.line.error(expected))
+    }
+
+    pub(super) fn hex(&mut self, expected: &str) -> Result<u64, LogError> {
+        let word = self.word(expected)?;
+        let digits = word.len() == 16 && word.bytes().all(|b| b.is_ascii_hexdigit());
+        let value = u64::from_str_radix(word, 16).ok().filter(|_| digits);
+        value.ok_or_else(|| self.line.error(expected))
+    }
+
+    fn frame(&mut self) -> Result<FrameId, LogError> {
+        self.number("the number of a frame").map(FrameId)
+    }
+
+    fn keyframe(&mut self) -> Result<KeyframeId, LogError> {
+        self.number("the number of a keyframe").map(KeyframeId)
+    }
+
+    fn version(&mut self) -> Result<u64, LogError> {
+        self.number("a version of the map")
+    }
+
+    fn class(&mut self) -> Result<ClassId, LogError> {
+        let expected = "a class from 0 to 79";
+        let class = self.number(expected)?;
+        if usize::from(class) < ClassId::COUNT {
+            Ok(ClassId(class))
+        } else {
+            Err(self.line.error(expected))
+        }
+    }
+
+    /// A text that was written with [`escaped`].
+    fn text(&mut self) -> Result<String, LogError> {
+        let word = self.word("a text in quotes")?;
+        unescaped(word).ok_or_else(|| self.line.error("a text in quotes"))
+    }
+
+    fn size(&mut self) -> Result<(usize, usize), LogError> {
+        Ok((self.number("a width")?, self.number("a height")?))
+    }
+
+    pub(super) fn finish(mut self) -> Result<(), LogError> {
+        match self.words.next() {
+            None => Ok(()),
+            Some(_) => Err(self.line.error("nothing more in this line")),
+        }
+    }
+}
+
+/// Writes an entry, and the boxes that belong to it in lines of their own.
+pub(super) fn write(text: &mut String, entry: &LogEntry) {
+    // Writing to a string cannot fail.
+    let _ = match entry {
+        LogEntry::TrackFrame { frame, stamp } => writeln!(text, "frame {frame} {stamp:?}"),
+        LogEntry::TrackView { answer } => writeln!(text, "view {answer}"),
+        LogEntry::TrackPlaces { answer } => writeln!(text, "places {answer}"),
+        LogEntry::TrackDetections { next, said } => {
+            match said {
+                Ok(detections) => write_detections(text, *next, detections),
+                Err(e) => write_failure(text, *next, e),
+            }
+            Ok(())
+        }
+        LogEntry::MapKeyframe { keyframe } => writeln!(text, "map-keyframe {}", keyframe.0),
+        LogEntry::MapRejudge { keyframe } => writeln!(text, "map-rejudge {}", keyframe.0),
+        LogEntry::MapCorrect { base_version } => writeln!(text, "map-correct {base_version}"),
+        LogEntry::LoopKeyframe {
+            keyframe,
+            map_version,
+        } => writeln!(text, "loop-keyframe {} {map_version}", keyframe.0),
+        LogEntry::LoopRejudged {
+            keyframe,
+            map_version,
+        } => writeln!(text, "loop-rejudged {} {map_version}", keyframe.0),
+        LogEntry::LoopCorrected { map_version } => writeln!(text, "loop-corrected {map_version}"),
+    };
+}
+
+fn write_detections(text: &mut String, next: FrameId, detections: &Detections) {
+    let Detections {
+        frame,
+        stamp,
+        items,
+    } = detections;
+    let _ = writeln!(text, "seen {next} {frame} {stamp:?} {}", items.len());
+    for Detection {
+        class,
+        score,
+        bounds: b,
+    } in items
+    {
+        let _ = writeln!(
+            text,
+            "  box {} {score:?} {:?} {:?} {:?} {:?}",
+            class.0, b.x0, b.y0, b.x1, b.y1
+        );
+    }
+}
+
+fn write_failure(text: &mut String, next: FrameId, error: &DetectError) {
+    let _ = match error {
+        DetectError::NoColour { frame } => writeln!(text, "failed {next} {frame} no-colour"),
+        DetectError::ImageSize {
+            frame,
+            expected: (w, h),
+            found: (fw, fh),
+        } => writeln!(text, "failed {next} {frame} image-size {w} {h} {fw} {fh}"),
+        DetectError::Runtime { frame, reason } => {
+            writeln!(text, "failed {next} {frame} runtime {}", escaped(reason))
+        }
+        DetectError::Output {
+            frame,
+            expected,
+            found,
+        } => writeln!(
+            text,
+            "failed {next} {frame} output {} {}",
+            escaped(expected),
+            escaped(found)
+        ),
+        // A failure that this crate does not know keeps its words.
+        other => writeln!(
+            text,
+            "failed {next} {next} runtime {}",
+            escaped(&other.to_string())
+        ),
+    };
+}
+
+/// Reads the entry that begins with `line`, and its boxes from those that follow.
+pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry, LogError> {
+    let name = line.text.split(' ').next().unwrap_or_default();
+    let mut words = line.words(name)?;
+    let entry = match name {
+        "frame" => LogEntry::TrackFrame {
+            frame: words.frame()?,
+            stamp: words.number("a stamp in seconds")?,
+        },
+        "view" => LogEntry::TrackView {
+            answer: words.number("the number of an answer")?,
+        },
+        "places" => LogEntry::TrackPlaces {
+            answer: words.number("the number of an answer")?,
+        },
+        "seen" => LogEntry::TrackDetections {
+            next: words.frame()?,
+            said: Ok(read_detections(&mut words, rest)?),
+        },
+        "failed" => LogEntry::TrackDetections {
+            next: words.frame()?,
+            said: Err(read_failure(&mut words)?),
+        },
+        "map-keyframe" => LogEntry::MapKeyframe {
+            keyframe: words.keyframe()?,
+        },
+        "map-rejudge" => LogEntry::MapRejudge {
+            keyframe: words.keyframe()?,
+        },
+        "map-correct" => LogEntry::MapCorrect {
+            base_version: words.version()?,
+        },
+        "loop-keyframe" => LogEntry::LoopKeyframe {
+            keyframe: words.keyframe()?,
+            map_version: words.version()?,
+        },
+        "loop-rejudged" => LogEntry::LoopRejudged {
+            keyframe: words.keyframe()?,
+            map_version: words.version()?,
+        },
+        "loop-corrected" => LogEntry::LoopCorrected {
+            map_version: words.version()?,
+        },
+        _ => return Err(line.error("an entry, or the trajectory's number after the last one")),
+    };
+    words.finish()?;
+    Ok(entry)
+}
+
+fn read_detections(
+    words: &mut Words<'_>,
+    rest: &mut AllLines<'_>,
+) -> Result<Detections, LogError> {
+    let frame = words.frame()?;
+    let stamp = words.number("a stamp in seconds")?;
+    let count: usize = words.number("the number of boxes")?;
+    // Nothing is set aside for a number that may be wrong.
+    let mut items = Vec::new();
+    for _ in 0..count {
+        let mut words = Line::next(rest)?.words("box")?;
+        items.push(Detection {
+            class: words.class()?,
+            score: words.number("a score")?,
+            bounds: BoundingBox {
+                x0: words.number("x0")?,
+                y0: words.number("y0")?,
+                x1: words.number("x1")?,
+                y1: words.number("y1")?,
+            },
+        });
+        words.finish()?;
+    }
+    Ok(Detections {
+        frame,
+        stamp,
+        items,
+    })
+}
+
+fn read_failure(words: &mut Words<'_>) -> Result<DetectError, LogError> {
+    let frame = words.frame()?;
+    let kinds = "no-colour, image-size, runtime or output";
+    Ok(match words.word(kinds)? {
+        "no-colour" => DetectError::NoColour { frame },
+        "image-size" => DetectError::ImageSize {
+            frame,
+            expected: words.size()?,
+            found: words.size()?,
+        },
+        "runtime" => DetectError::Runtime {
+            frame,
+            reason: words.text()?,
+        },
+        "output" => DetectError::Output {
+            frame,
+            expected: words.text()?,
+            found: words.text()?,
+        },
+        _ => return Err(words.line.error(kinds)),
+    })
+}
+
+/// A text as one word of ASCII: in quotes, with every character but letters, digits and some marks as `\u{..}`.
+fn escaped(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        if c.is_ascii_graphic() && c != '\\' && c != '"' {
+            out.push(c);
+        } else if c == ' ' {
+            out.push_str("\\s");
+        } else {
+            let _ = write!(out, "\\u{{{:x}}}", u32::from(c));
+        }
+    }
+    out.push('"');
+    out
+}
+
+fn unescaped(word: &str) -> Option<String> {
+    let mut rest = word.strip_prefix('"')?.strip_suffix('"')?;
+    let mut out = String::new();
+    while let Some(c) = rest.chars().next() {
+        if let Some(after) = rest.strip_prefix("\\s") {
+            out.push(' ');
+            rest = after;
+        } else if let Some(after) = rest.strip_prefix("\\u{") {
+            let (code, after) = after.split_once('}')?;
+            out.push(char::from_u32(u32::from_str_radix(code, 16).ok()?)?);
+            rest = after;
+        } else if c == '\\' {
+            return None;
+        } else {
+            out.push(c);
+            rest = &rest[c.len_utf8()..];
+        }
+    }
+    Some(out)
+}

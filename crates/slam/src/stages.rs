@@ -1,0 +1,137 @@
+//! The stages of one run, made to fit each other: what every driver begins with.
+//!
+//! Answers: how stages are made for a configuration, a camera and perhaps a map that is there already. What a stage has to
+//! tell the next is said by the answers themselves ([`MapperOut::for_looper`](crate::MapperOut::for_looper), ...); a driver
+//! only decides when it is told.
+
+use crate::config::{Config, ConfigError};
+use crate::fingerprint::Fingerprint;
+use crate::looping::Looper;
+use crate::mapping::Mapper;
+use crate::messages::LooperMsg;
+use crate::tracking::Tracker;
+use std::sync::Arc;
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::Simd;
+use stillpoint_map::Map;
+
+/// What is done with a map that is there before the first frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MapUse {
+    /// It is gone on with.
+    #[default]
+    Grow,
+    /// It is only read: poses, but no keyframes and no new pieces.
+    Localize,
+}
+
+/// Why a run cannot begin with a map.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum StartError {
+    /// Its features come from another pyramid than this run's.
+    Features {
+        /// `features.levels` of this run.
+        levels: usize,
+        /// `features.scale_factor` of this run.
+        scale_factor: f32,
+    },
+    /// There is nothing in it to be localized in.
+    Empty,
+}
+
+impl std::fmt::Display for StartError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Features {
+                levels,
+                scale_factor,
+            } => write!(
+                f,
+                "expected a map with features from {levels} levels of factor {scale_factor}, found others: set features.levels and features.scale_factor to what the map was made with"
+            ),
+            Self::Empty => write!(
+                f,
+                "expected a map with keyframes to be localized in, found an empty one: make it again"
+            ),
+        }
+    }
+}
+
+impl std::error::Error for StartError {}
+
+/// The stages of one run before its first frame.
+pub struct Stages {
+    /// Finds the pose of every frame.
+    pub tracker: Tracker,
+    /// Builds the map.
+    pub mapper: Mapper,
+    /// Closes loops.
+    pub looper: Looper,
+    config: Config,
+    fingerprint: Fingerprint,
+}
+
+impl Stages {
+    /// Stages for one camera.
+    ///
+    /// # Errors
+    /// [`ConfigError`] when a field is out of range.
+    pub fn new(config: Config, camera: Camera, simd: Simd) -> Result<Self, ConfigError> {
+        config.validate()?;
+        let mut fingerprint = Fingerprint::default();
+        fingerprint.text(&format!("{config:?} {camera:?}"));
+        Ok(Self {
+            mapper: Mapper::new(&config),
+            looper: Looper::new(&config),
+            tracker: Tracker::new(config.clone(), camera, simd),
+            config,
+            fingerprint,
+        })
+    }
+
+    /// The stages with a map that is there already, to be gone on with or to be localized in. Until a place in it is recognised
+    /// the camera is lost.
+    ///
+    /// # Errors
+    /// [`StartError`] when nothing can be recognised in that map.
+    pub fn with_map(mut self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
+        let features = &self.config.features;
+        let (levels, scale_factor) = (features.levels, features.scale_factor);
+        if !map.fits(levels, scale_factor) {
+            return Err(StartError::Features {
+                levels,
+                scale_factor,
+            });
+        }
+        if map.view().keyframe_count() == 0 && map_use == MapUse::Localize {
+            return Err(StartError::Empty);
+        }
+        self.mapper = self.mapper.with_map(map);
+        let view = self.mapper.publish();
+        let known = self.looper.step(LooperMsg::Known {
+            view: Arc::clone(&view),
+        });
+        self.fingerprint.text(&format!("{map_use:?}"));
+        for k in view.keyframes() {
+            self.fingerprint.number(u64::from(k.id.0));
+            self.fingerprint.pose(&k.world_from_camera);
+        }
+        self.fingerprint.number(view.landmark_count() as u64);
+        self.tracker = self.tracker.in_map(view, map_use == MapUse::Grow);
+        self.tracker.receive_places(known.places);
+        Ok(self)
+    }
+
+    /// The configuration.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// A number that tells this configuration, camera and first map from others: runs of two that differ are not comparable.
+    #[must_use]
+    pub fn fingerprint(&self) -> u64 {
+        self.fingerprint.value()
+    }
+}

@@ -1,0 +1,68 @@
+//! A camera of one's own, live: frames are pushed as they come, and every stage runs on a thread of its own.
+//!
+//! `cargo run --release -p stillpoint --example 05_live_camera`
+
+use std::error::Error;
+use std::io::Write;
+use std::time::{Duration, Instant};
+use stillpoint::imaging::{FrameSource, RgbdFrame, Simd, SourceError};
+use stillpoint::live::{LiveOptions, LiveSystem};
+use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::slam::{Config, Event, Stages};
+
+/// Stands for a camera's driver. A real one waits for its images in `next_frame`, numbers them 0, 1, 2, ..., states when they
+/// were exposed, in seconds, and brings depth to metres in the colour camera's image.
+struct MyCamera {
+    room: Simulator,
+    next: usize,
+    start: Instant,
+}
+
+impl FrameSource for MyCamera {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        let frame = (self.next < self.room.len()).then(|| self.room.frame(self.next))?;
+        self.next += 1;
+        let exposed = self.start + Duration::from_secs_f64(frame.stamp);
+        std::thread::sleep(exposed.saturating_duration_since(Instant::now()));
+        Some(Ok(frame))
+    }
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let room = Simulator::new(&SimulatorConfig {
+        scene: "halfsphere".to_owned(),
+        frames: Some(90),
+        ..SimulatorConfig::default()
+    })?;
+    let stages = Stages::new(Config::default(), *room.camera(), Simd::detect())?;
+    let mut live = LiveSystem::start(stages, None, LiveOptions::default())?;
+    let mut camera = MyCamera {
+        room,
+        next: 0,
+        start: Instant::now(),
+    };
+
+    let mut out = std::io::stdout().lock();
+    while let Some(frame) = camera.next_frame() {
+        // Returns at once. A frame that tracking has not taken yet gives way to this one.
+        live.push(frame?);
+        for event in live.events().try_iter() {
+            if let Event::Frame(report) = event
+                && let Some(pose) = report.world_from_camera
+            {
+                let t = pose.translation;
+                writeln!(out, "{}: {:.3} {:.3} {:.3}", report.frame, t.x, t.y, t.z)?;
+            }
+        }
+    }
+
+    let result = live.finish();
+    let dropped = result.statistics.dropped.len();
+    writeln!(out, "{dropped} frames dropped")?;
+    for (stage, end) in result.ended.failures() {
+        writeln!(out, "{stage:?} {end}")?;
+    }
+    // The log of the run: with the same frames, `slam::Replay` gives the same result, bit for bit.
+    writeln!(out, "{} messages logged", result.log.entries.len())?;
+    Ok(())
+}
