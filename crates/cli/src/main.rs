@@ -1,7 +1,7 @@
 //! The command line of Stillpoint: arguments to a resolved configuration to wiring to an exit code.
 //!
 //! Answers: what the user asked for, which parts do it, and how it ended. Holds no method of its own. This is the only
-//! place that reads the clock and the environment; results never depend on either.
+//! place that reads the environment, and but for live runs the only one that reads the clock; results never depend on either.
 
 mod ablation;
 mod ablation_report;

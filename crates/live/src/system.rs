@@ -3,7 +3,7 @@
 use crate::measure::{Ended, LiveStatistics, Stage, WorkerEnd};
 use crate::recorder::Recorder;
 use crate::workers::{
-    Arrived, Boxes, DetectionWorker, Desk, Hook, LoopingWorker, MappingWorker, TrackingWorker,
+    Arrived, Boxes, Desk, DetectionWorker, Hook, LoopingWorker, MappingWorker, TrackingWorker,
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -163,8 +163,8 @@ impl LiveSystem {
             .map(start_detection)
             .transpose()?;
         let tracking = spawn("tracking", tracking, TrackingWorker::run)?;
-        let mapping = spawn("mapping", mapping, MappingWorker::run)
-            .inspect_err(|_| boxes.mapping.close())?;
+        let mapping =
+            spawn("mapping", mapping, MappingWorker::run).inspect_err(|_| boxes.mapping.close())?;
         let looping = spawn("looping", looping, LoopingWorker::run).inspect_err(|_| {
             boxes.looping.close();
             boxes.mapping.close();

@@ -43,7 +43,10 @@ fn assert_reproduced(result: &LiveResult, heard: &Heard) {
     assert_eq!(log, result.log);
     let (again, heard_again) = replay(log);
     assert_eq!(heard, &heard_again);
-    assert_eq!(format!("{:?}", again.loops()), format!("{:?}", result.loops));
+    assert_eq!(
+        format!("{:?}", again.loops()),
+        format!("{:?}", result.loops)
+    );
     let digest = again.trajectory().digest(&again.view());
     assert_eq!(digest, result.trajectory.digest(&result.view));
     if let Some(map) = &result.map {
@@ -297,7 +300,10 @@ fn a_log_is_refused_with_other_frames_or_another_configuration() {
     let mut source = Frames::all();
     source.0[7].gray = source.0[12].gray.clone();
     let e = again.run(&mut source, |_| {}).unwrap_err();
-    let noticed = matches!(e, ReplayError::OtherTrajectory | ReplayError::NotSent { .. });
+    let noticed = matches!(
+        e,
+        ReplayError::OtherTrajectory | ReplayError::NotSent { .. }
+    );
     assert!(noticed, "{e}");
 
     // A message that was never sent.

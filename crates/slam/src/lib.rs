@@ -34,9 +34,9 @@ pub use messages::{
 pub use replay::{Replay, ReplayError};
 pub use run_log::{LogEntry, LogError, RunLog};
 pub use sensor::{SensorConfig, Timing};
+pub use stages::{MapUse, Stages, StartError};
 pub use static_filter::{FeatureVerdict, Preset, Reasons, Segments, StaticFilterConfig};
 pub use stillpoint_imaging::Simd;
-pub use stages::{MapUse, Stages, StartError};
 pub use system::System;
 pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};

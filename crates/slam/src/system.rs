@@ -180,11 +180,7 @@ impl System {
 
     /// Hands the mapper the corrections that are due.
     fn deliver_corrections(&mut self, now: u64) {
-        while self
-            .corrections
-            .front()
-            .is_some_and(|(due, _)| *due <= now)
-        {
+        while self.corrections.front().is_some_and(|(due, _)| *due <= now) {
             let Some((_, correction)) = self.corrections.pop_front() else {
                 return;
             };
@@ -240,9 +236,10 @@ impl System {
     /// The newest version of the map, whether the tracker has seen it yet or not.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
-        self.replies
-            .back()
-            .map_or_else(|| self.stages.tracker.view(), |(_, out)| Arc::clone(&out.view))
+        self.replies.back().map_or_else(
+            || self.stages.tracker.view(),
+            |(_, out)| Arc::clone(&out.view),
+        )
     }
 }
 

@@ -266,10 +266,7 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
     Ok(entry)
 }
 
-fn read_detections(
-    words: &mut Words<'_>,
-    rest: &mut AllLines<'_>,
-) -> Result<Detections, LogError> {
+fn read_detections(words: &mut Words<'_>, rest: &mut AllLines<'_>) -> Result<Detections, LogError> {
     let frame = words.frame()?;
     let stamp = words.number("a stamp in seconds")?;
     let count: usize = words.number("the number of boxes")?;

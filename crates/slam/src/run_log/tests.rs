@@ -147,8 +147,16 @@ fn errors_name_the_line() {
             "frame -3",
             "line 3: expected the number of a frame, found \"frame -3 0.1\"",
         ),
-        ("map-keyframe 3", "map-keyframe 4", "line 6: expected \"end 2 "),
-        ("end 2", "end 3", "line 6: expected 2 entries, found \"end 3"),
+        (
+            "map-keyframe 3",
+            "map-keyframe 4",
+            "line 6: expected \"end 2 ",
+        ),
+        (
+            "end 2",
+            "end 3",
+            "line 6: expected 2 entries, found \"end 3",
+        ),
         ("trajectory", "sidetrack", "line 5: expected an entry"),
     ] {
         let found = error(from, to);
