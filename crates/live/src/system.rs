@@ -157,7 +157,8 @@ impl LiveSystem {
         let tracking = TrackingWorker::new(office.desk(Stage::Tracking), tracker, stride);
         let detection = detector
             .map(|detector| DetectionWorker {
-                desk: office.desk(Stage::Detection),
+                boxes: Arc::clone(&boxes),
+                hook: options.hook.clone(),
                 detector,
             })
             .map(start_detection)

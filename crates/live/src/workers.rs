@@ -151,9 +151,7 @@ pub(crate) struct Desk {
 
 impl Desk {
     fn before(&self) {
-        if let Some(hook) = &self.hook {
-            hook(self.stage);
-        }
+        call(self.hook.as_ref(), self.stage);
     }
 
     /// Tells the user. A stage does not wait for someone who does not listen.
@@ -161,6 +159,12 @@ impl Desk {
         if self.events.try_send(event).is_err() {
             self.missed.fetch_add(1, Ordering::Relaxed);
         }
+    }
+}
+
+fn call(hook: Option<&Hook>, stage: Stage) {
+    if let Some(hook) = hook {
+        hook(stage);
     }
 }
 
@@ -299,18 +303,19 @@ impl TrackingWorker {
     }
 }
 
-/// Detection.
+/// Detection. It tells nobody but tracking, and has no desk: one that hangs would keep the channel of events open forever.
 pub(crate) struct DetectionWorker {
-    pub(crate) desk: Desk,
+    pub(crate) boxes: Arc<Boxes>,
+    pub(crate) hook: Option<Hook>,
     pub(crate) detector: Box<dyn Detector>,
 }
 
 impl DetectionWorker {
     /// Looks at the newest frame until the stream ends.
     pub(crate) fn run(&mut self) -> WorkerEnd {
-        let boxes = Arc::clone(&self.desk.boxes);
+        let boxes = Arc::clone(&self.boxes);
         let end = guarded(|| {
-            self.desk.before();
+            call(self.hook.as_ref(), Stage::Detection);
             while let Some(shown) = boxes.detection.take(Option::take) {
                 let span = tracing::info_span!("detect");
                 let answer = span.in_scope(|| self.detector.detect(&shown.frame));
@@ -323,7 +328,7 @@ impl DetectionWorker {
                 if told.is_none() {
                     break;
                 }
-                self.desk.before();
+                call(self.hook.as_ref(), Stage::Detection);
             }
         });
         boxes.detection.close();
