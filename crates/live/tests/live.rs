@@ -11,37 +11,49 @@ use std::time::Duration;
 use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, WorkerEnd};
-use stillpoint_slam::{LogEntry, Outcome, Replay, ReplayError, RunLog, System};
+use stillpoint_slam::{LogEntry, LoopReport, Outcome, Replay, ReplayError, RunLog, Stages, System};
 use world::{Frames, Told as Heard, frames, random_delays, replay, scripted, stages, within};
 
-/// Pushes all frames, with a pause of so many ms after each, and ends the stream.
+/// Pushes all frames of the world, with a pause of so many ms after each, and ends the stream.
 fn run(
     detector: Option<Box<dyn Detector>>,
     options: LiveOptions,
     pause_ms: u64,
 ) -> (LiveResult, Heard) {
-    within(move || {
-        let mut live = LiveSystem::start(stages(), detector, options).unwrap();
-        let mut heard = Heard::default();
-        for frame in frames() {
-            if !live.push(frame.clone()) {
-                break;
-            }
-            std::thread::sleep(Duration::from_millis(pause_ms));
-            live.events().try_iter().for_each(|e| heard.take(e));
-        }
-        let result = live.finish();
-        result.events.iter().for_each(|e| heard.take(e));
-        assert_eq!(result.statistics.events_missed, 0);
-        (result, heard)
-    })
+    within(move || push(stages(), detector, options, frames(), pause_ms))
 }
 
-/// The replay of a run says what the run said, and leaves the same map.
+fn push(
+    stages: Stages,
+    detector: Option<Box<dyn Detector>>,
+    options: LiveOptions,
+    frames: &[RgbdFrame],
+    pause_ms: u64,
+) -> (LiveResult, Heard) {
+    let mut live = LiveSystem::start(stages, detector, options).unwrap();
+    let mut heard = Heard::default();
+    for frame in frames {
+        if !live.push(frame.clone()) {
+            break;
+        }
+        std::thread::sleep(Duration::from_millis(pause_ms));
+        live.events().try_iter().for_each(|e| heard.take(e));
+    }
+    let result = live.finish();
+    result.events.iter().for_each(|e| heard.take(e));
+    assert_eq!(result.statistics.events_missed, 0);
+    (result, heard)
+}
+
+/// The replay of a run over the world's frames says what the run said, and leaves the same map.
 fn assert_reproduced(result: &LiveResult, heard: &Heard) {
+    assert_reproduced_by(stages(), Frames::all(), result, heard);
+}
+
+fn assert_reproduced_by(stages: Stages, frames: Frames, result: &LiveResult, heard: &Heard) {
     let log = RunLog::from_bytes(result.log.to_text().as_bytes()).unwrap();
     assert_eq!(log, result.log);
-    let (again, heard_again) = replay(log);
+    let (again, heard_again) = replay(stages, frames, log);
     assert_eq!(heard, &heard_again);
     assert_eq!(
         format!("{:?}", again.loops()),
@@ -89,6 +101,29 @@ fn a_run_with_random_delays_is_reproduced_bit_for_bit() {
     inline.finish();
     digests.insert(inline.trajectory().digest(&inline.view()));
     assert!(digests.len() > 1, "no run differs from another");
+}
+
+#[test]
+fn corrections_of_the_map_are_reproduced_too() {
+    let (camera, frames) = world::there_and_back();
+    let options = LiveOptions {
+        drop_late: false,
+        hook: Some(random_delays(7, 10)),
+        ..LiveOptions::default()
+    };
+    let (result, heard, frames) = within(move || {
+        let stages = world::stages_for_pieces(camera);
+        let (result, heard) = push(stages, None, options, &frames, 0);
+        (result, heard, frames)
+    });
+    assert_all_finished(&result);
+    let joined = |l: &&LoopReport| l.joined.is_some() && l.applied.is_some();
+    assert_eq!(result.loops.iter().filter(joined).count(), 1);
+    assert_eq!(result.view.pieces().len(), 1);
+    let took = |e: &&LogEntry| matches!(e, LogEntry::MapCorrect { .. });
+    assert_eq!(result.log.entries.iter().filter(took).count(), 1);
+    let stages = world::stages_for_pieces(camera);
+    assert_reproduced_by(stages, Frames::of(&frames), &result, &heard);
 }
 
 #[test]

@@ -9,7 +9,9 @@ use stillpoint_detection::{
     BoundingBox, ClassId, Detection, Detector, ScriptRow, ScriptedDetector,
 };
 use stillpoint_geometry::Camera;
-use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
+use stillpoint_imaging::{
+    DepthImage, FrameId, FrameSource, GrayImage, RgbdFrame, Simd, SourceError,
+};
 use stillpoint_live::Hook;
 use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, FrameReport, Replay, RunLog, Stages};
@@ -82,12 +84,52 @@ pub(crate) fn stages_with(change: impl Fn(&mut Config)) -> Stages {
     Stages::new(config, world().camera, Simd::detect()).unwrap()
 }
 
+/// A walk whose lens is covered, uncovered where nothing is known, and that goes back to where it was: a new piece of map is
+/// begun, and joined to the first by a correction.
+pub(crate) fn there_and_back() -> (Camera, Vec<RgbdFrame>) {
+    let simulator = Simulator::new(&SimulatorConfig {
+        scene: "loop_two_rooms".to_owned(),
+        frames: Some(230),
+        ..SimulatorConfig::default()
+    })
+    .unwrap();
+    let seen = (0..60).step_by(2).map(Some);
+    let back = (40..230).rev().step_by(2).map(Some);
+    let shown = seen.chain([None; 5]).chain(back);
+    let frame = |(i, shown): (usize, Option<usize>)| {
+        let mut frame = simulator.frame(shown.unwrap_or_default());
+        if shown.is_none() {
+            let (w, h) = (frame.gray.width(), frame.gray.height());
+            frame.gray = GrayImage::new(w, h);
+            frame.depth = DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap();
+        }
+        let stamp = i as f64 / 30.0;
+        frame.depth_stamp += stamp - frame.stamp;
+        frame.stamp = stamp;
+        frame.id = FrameId(i as u32);
+        frame
+    };
+    let frames = shown.enumerate().map(frame).collect();
+    (*simulator.camera(), frames)
+}
+
+/// Stages that begin a new piece of map soon.
+pub(crate) fn stages_for_pieces(camera: Camera) -> Stages {
+    let mut config = Config::default();
+    config.tracking.new_piece_after = 10;
+    Stages::new(config, camera, Simd::detect()).unwrap()
+}
+
 /// The frames as a source.
 pub(crate) struct Frames(pub(crate) VecDeque<RgbdFrame>);
 
 impl Frames {
     pub(crate) fn all() -> Self {
-        Self(frames().iter().cloned().collect())
+        Self::of(frames())
+    }
+
+    pub(crate) fn of(frames: &[RgbdFrame]) -> Self {
+        Self(frames.iter().cloned().collect())
     }
 }
 
@@ -133,11 +175,11 @@ impl PartialEq for Told {
     }
 }
 
-/// Runs a log again over the frames.
-pub(crate) fn replay(log: RunLog) -> (Replay, Told) {
-    let mut replay = Replay::new(stages(), log).unwrap();
+/// Runs a log again over frames.
+pub(crate) fn replay(stages: Stages, mut frames: Frames, log: RunLog) -> (Replay, Told) {
+    let mut replay = Replay::new(stages, log).unwrap();
     let mut told = Told::default();
-    let run = replay.run(&mut Frames::all(), |event| told.take(event));
+    let run = replay.run(&mut frames, |event| told.take(event));
     run.unwrap_or_else(|e| panic!("{e}"));
     (replay, told)
 }
