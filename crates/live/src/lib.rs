@@ -9,6 +9,7 @@
 //! looping for none. Views, places and corrections go the other way, and these are never waited for: of views and places the newest
 //! replaces the older one, and of corrections there is one at a time.
 
+mod boxes;
 mod mailbox;
 mod measure;
 mod pace;

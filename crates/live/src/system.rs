@@ -1,10 +1,9 @@
 //! A live run from its first frame to its result.
 
+use crate::boxes::{Arrived, Boxes};
 use crate::measure::{Ended, LiveStatistics, Stage, WorkerEnd};
 use crate::recorder::Recorder;
-use crate::workers::{
-    Arrived, Boxes, Desk, DetectionWorker, Hook, LoopingWorker, MappingWorker, TrackingWorker,
-};
+use crate::workers::{Desk, DetectionWorker, Hook, LoopingWorker, MappingWorker, TrackingWorker};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};

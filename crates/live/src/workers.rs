@@ -1,143 +1,27 @@
 //! The four threads: what each takes, in which order, and whom it tells.
 
-use crate::mailbox::Mailbox;
+use crate::boxes::{
+    Boxes, LoopingBox, LoopingWork, MappingBox, MappingWork, Published, QUEUE, Said, TrackingBox,
+    TrackingWork,
+};
 use crate::measure::{FrameTiming, Stage, WorkerEnd};
 use crate::recorder::Recorder;
-use std::collections::VecDeque;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::time::Instant;
-use stillpoint_detection::{DetectError, Detections, Detector};
+use stillpoint_detection::Detector;
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::{Correction, KeyframeId, MapView};
-use stillpoint_place::PlaceIndex;
+use stillpoint_map::MapView;
 use stillpoint_slam::{
     CorrectionReport, Event, LogEntry, LoopReport, Looper, LooperMsg, LooperOut, Mapper, MapperMsg,
     MapperReport, Tracked, Tracker,
 };
 
-/// Messages that wait for one stage, at most; then whoever has another one waits. More than a stage that keeps up ever sees,
-/// and little enough for a machine's memory.
-const QUEUE: usize = 64;
-
 /// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
 /// to count, or to delay it in a test.
 pub type Hook = Arc<dyn Fn(Stage) + Send + Sync>;
-
-/// The inboxes of all stages.
-#[derive(Default)]
-pub(crate) struct Boxes {
-    pub(crate) tracking: Mailbox<TrackingBox>,
-    pub(crate) detection: Mailbox<Option<Arrived>>,
-    pub(crate) mapping: Mailbox<MappingBox>,
-    pub(crate) looping: Mailbox<LoopingBox>,
-}
-
-/// A frame, and when it arrived.
-#[derive(Clone)]
-pub(crate) struct Arrived {
-    pub(crate) frame: Arc<RgbdFrame>,
-    pub(crate) at: Instant,
-}
-
-/// A view of the map on its way to tracking.
-pub(crate) struct Published {
-    /// The mapper's answer that brought it, counted from 0.
-    answer: u64,
-    view: Arc<MapView>,
-    at: Instant,
-    /// Keyframes that the mapper had taken.
-    keyframes: u64,
-}
-
-/// What a detector said, and when its frame had arrived.
-pub(crate) struct Said {
-    answer: Result<Detections, DetectError>,
-    arrived: Instant,
-}
-
-/// What tracking is told.
-#[derive(Default)]
-pub(crate) struct TrackingBox {
-    pub(crate) frame: Option<Arrived>,
-    view: Option<Published>,
-    places: Option<(u64, PlaceIndex<KeyframeId>)>,
-    said: VecDeque<Said>,
-}
-
-/// All that tracking takes with a frame.
-struct TrackingWork {
-    arrived: Arrived,
-    news: TrackingBox,
-}
-
-impl TrackingBox {
-    /// Everything, once there is a frame.
-    fn next(&mut self) -> Option<TrackingWork> {
-        let arrived = self.frame.take()?;
-        let news = std::mem::take(self);
-        Some(TrackingWork { arrived, news })
-    }
-}
-
-/// What mapping is told.
-#[derive(Default)]
-pub(crate) struct MappingBox {
-    queue: VecDeque<MapperMsg>,
-    corrections: VecDeque<Correction>,
-    tracking_is_over: bool,
-    looping_was_told: bool,
-    looping_is_over: bool,
-}
-
-enum MappingWork {
-    Message(MapperMsg),
-    /// Tracking has no more keyframes: looping is to hear of that.
-    TrackingIsOver,
-    /// Nobody has anything more.
-    Over,
-}
-
-impl MappingBox {
-    /// A correction first: what comes after it is built on a better map.
-    fn next(&mut self) -> Option<MappingWork> {
-        if let Some(correction) = self.corrections.pop_front() {
-            return Some(MappingWork::Message(MapperMsg::Correct(correction)));
-        }
-        if let Some(message) = self.queue.pop_front() {
-            return Some(MappingWork::Message(message));
-        }
-        if !self.tracking_is_over {
-            return None;
-        }
-        if !self.looping_was_told {
-            self.looping_was_told = true;
-            return Some(MappingWork::TrackingIsOver);
-        }
-        self.looping_is_over.then_some(MappingWork::Over)
-    }
-}
-
-/// What looping is told.
-#[derive(Default)]
-pub(crate) struct LoopingBox {
-    queue: VecDeque<LooperMsg>,
-    mapping_is_over: bool,
-}
-
-enum LoopingWork {
-    Message(LooperMsg),
-    Over,
-}
-
-impl LoopingBox {
-    fn next(&mut self) -> Option<LoopingWork> {
-        let message = self.queue.pop_front().map(LoopingWork::Message);
-        message.or_else(|| self.mapping_is_over.then_some(LoopingWork::Over))
-    }
-}
 
 /// What every thread has.
 pub(crate) struct Desk {
