@@ -245,6 +245,7 @@ impl LiveSystem {
         LiveResult {
             log: RunLog {
                 fingerprint: self.fingerprint,
+                about: String::new(),
                 entries: Recorder::merge(recorders),
                 trajectory: trajectory.digest(&mapping.view),
             },

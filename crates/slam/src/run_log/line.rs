@@ -65,6 +65,18 @@ impl<'a> Line<'a> {
         }
     }
 
+    /// What the line says about the run, if it is such a line.
+    pub(super) fn about(&self) -> Result<Option<String>, LogError> {
+        match self.text.strip_prefix(ABOUT) {
+            None => Ok(None),
+            Some(said) if !said.starts_with('"') => Ok(Some(said.to_owned())),
+            Some(said) => match unescaped(said) {
+                Some(said) => Ok(Some(said)),
+                None => Err(self.error("a text in quotes")),
+            },
+        }
+    }
+
     /// The hexadecimal number that follows `name`.
     pub(super) fn only_hex(&self, name: &str) -> Result<u64, LogError> {
         let mut words = self.words(name)?;
@@ -134,6 +146,24 @@ impl<'a> Words<'a> {
             None => Ok(()),
             Some(_) => Err(self.line.error("nothing more in this line")),
         }
+    }
+}
+
+/// Begins a line about the run.
+const ABOUT: &str = "| ";
+
+/// Writes what is said about a run: as it is where that is plain, else in quotes.
+pub(super) fn write_about(text: &mut String, about: &str) {
+    if about.is_empty() {
+        return;
+    }
+    for line in about.split('\n') {
+        let plain = line.bytes().all(|b| b == b' ' || b.is_ascii_graphic());
+        let _ = if plain && !line.starts_with('"') {
+            writeln!(text, "{ABOUT}{line}")
+        } else {
+            writeln!(text, "{ABOUT}{}", escaped(line))
+        };
     }
 }
 

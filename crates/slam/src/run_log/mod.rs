@@ -5,7 +5,7 @@
 //! taken its own and is done; so carrying out the entries one after the other is always possible
 //! ([`Replay`](crate::Replay)).
 //!
-//! As a text: a header, one entry per line, and a last line that tells their number and a check sum of all before it.
+//! As a text: a header, lines about the run, one entry per line, and a last line that tells their number and a check sum of all before it.
 //! Numbers are written so that they read back to the same bits.
 
 mod line;
@@ -146,6 +146,8 @@ impl std::error::Error for LogError {}
 pub struct RunLog {
     /// Tells configuration, camera and first map ([`Stages::fingerprint`](crate::Stages::fingerprint)).
     pub fingerprint: u64,
+    /// What the program that ran the stages wants to find here again, such as their configuration. Means nothing to the replay.
+    pub about: String,
     /// What was taken, in the order of taking.
     pub entries: Vec<LogEntry>,
     /// Tells the trajectory that came out ([`Trajectory::digest`](crate::Trajectory::digest)).
@@ -157,6 +159,7 @@ impl RunLog {
     #[must_use]
     pub fn to_text(&self) -> String {
         let mut text = format!("{HEADER}\nstages {:016x}\n", self.fingerprint);
+        line::write_about(&mut text, &self.about);
         for entry in &self.entries {
             line::write(&mut text, entry);
         }
@@ -199,9 +202,13 @@ impl RunLog {
             return Err(first.error(&format!("{HEADER:?}")));
         }
         let fingerprint = Line::next(&mut lines)?.only_hex("stages")?;
-        let mut entries = Vec::new();
+        let (mut about, mut entries) = (Vec::new(), Vec::new());
         let trajectory = loop {
             let line = Line::next(&mut lines)?;
+            if let Some(said) = line.about()?.filter(|_| entries.is_empty()) {
+                about.push(said);
+                continue;
+            }
             if line.text.starts_with("trajectory ") {
                 break line.only_hex("trajectory")?;
             }
@@ -218,6 +225,7 @@ impl RunLog {
         match lines.next() {
             None => Ok(Self {
                 fingerprint,
+                about: about.join("\n"),
                 entries,
                 trajectory,
             }),

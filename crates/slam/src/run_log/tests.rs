@@ -74,11 +74,15 @@ fn entry() -> impl Strategy<Value = LogEntry> {
 
 fn log() -> impl Strategy<Value = RunLog> {
     let entries = proptest::collection::vec(entry(), 0..12);
-    (any::<u64>(), entries, any::<u64>()).prop_map(|(fingerprint, entries, trajectory)| RunLog {
-        fingerprint,
-        entries,
-        trajectory,
-    })
+    let about = prop_oneof![any::<String>(), "[a-z\"|\r\n ]{0,20}"];
+    (any::<u64>(), about, entries, any::<u64>()).prop_map(
+        |(fingerprint, about, entries, trajectory)| RunLog {
+            fingerprint,
+            about,
+            entries,
+            trajectory,
+        },
+    )
 }
 
 proptest! {
@@ -118,6 +122,7 @@ proptest! {
 fn errors_name_the_line() {
     let log = RunLog {
         fingerprint: 7,
+        about: "seed = 3".to_owned(),
         entries: vec![
             LogEntry::TrackFrame {
                 frame: FrameId(3),
@@ -145,19 +150,25 @@ fn errors_name_the_line() {
         (
             "frame 3",
             "frame -3",
-            "line 3: expected the number of a frame, found \"frame -3 0.1\"",
+            "line 4: expected the number of a frame, found \"frame -3 0.1\"",
         ),
         (
             "map-keyframe 3",
             "map-keyframe 4",
-            "line 6: expected \"end 2 ",
+            "line 7: expected \"end 2 ",
         ),
         (
             "end 2",
             "end 3",
-            "line 6: expected 2 entries, found \"end 3",
+            "line 7: expected 2 entries, found \"end 3",
         ),
-        ("trajectory", "sidetrack", "line 5: expected an entry"),
+        (
+            "| seed",
+            "| \"seed",
+            "line 3: expected a text in quotes, found \"| \\\"seed = 3\"",
+        ),
+        ("| seed", "seed", "line 3: expected an entry"),
+        ("trajectory", "sidetrack", "line 6: expected an entry"),
     ] {
         let found = error(from, to);
         assert!(found.starts_with(expected), "{found}");
