@@ -7,6 +7,7 @@
 mod absolute_pose;
 mod bundle;
 mod camera_motion;
+mod covariance;
 mod degeneracy;
 mod extent;
 mod fundamental;
@@ -36,6 +37,7 @@ pub use bundle::{
     BundleObservation, BundleOptions, BundleProblem, BundleReport, BundleStop, adjust_bundle,
 };
 pub use camera_motion::{CameraMotion, MotionOptions, MotionPair, MotionPrior, find_camera_motion};
+pub use covariance::pose_covariance;
 pub use degeneracy::{Degeneracy, DegeneracyTest, test_degeneracy, transfer_squared};
 pub use fundamental::{
     Fundamental, epipolar_distance, find_fundamental, sampson_squared, seven_point,

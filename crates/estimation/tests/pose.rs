@@ -1,10 +1,10 @@
 //! Pose optimisation and triangulation on points whose truth is known.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::print_stdout)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
     Intrinsics, Measurement, PoseEstimate, PoseObservation, PoseOptions, optimise_pose,
-    triangulate_midpoint,
+    pose_covariance, triangulate_midpoint,
 };
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec2, Vec3, Vec6};
 
@@ -189,6 +189,100 @@ fn information_is_the_inverse_covariance() {
     let mean = sum / f64::from(runs);
     // 6 +- 4 sqrt(2 * 6 / 400), and a little for the linearisation.
     assert!((mean - 6.0).abs() < 0.8, "mean {mean}");
+}
+
+/// Normalised squared error of poses by the covariance that goes with them, on average over `runs` scenes.
+fn mean_nees(count: usize, outliers: f64, depth: bool, runs: u32, seed: u64) -> f64 {
+    let random = &mut Random(seed);
+    let mut sum = 0.0;
+    for _ in 0..runs {
+        let truth = Se3::exp(&Vec6::from_fn(|_, _| random.within(-0.5, 0.5)));
+        let (observations, _) = scene(&truth, count, outliers, depth, random);
+        let start = Se3::exp(&Vec6::from_fn(|_, _| random.within(-0.01, 0.01)));
+        let estimate = solve(&(start * truth), &observations);
+        let e = error(&estimate, &truth);
+        let covariance = estimate.covariance().unwrap();
+        sum += e.dot(&covariance.cholesky().unwrap().solve(&e));
+    }
+    sum / f64::from(runs)
+}
+
+/// As tracking uses it, with gates and outliers: taking out the outer 5 % of the good measurements costs some of what the
+/// information says they tell, so the mean is a little above 6, and never far from it.
+#[test]
+fn errors_are_as_large_as_the_covariance_says() {
+    for (count, outliers, depth) in [
+        (60, 0.0, true),
+        (200, 0.0, true),
+        (200, 0.3, true),
+        (60, 0.0, false),
+        (200, 0.3, false),
+    ] {
+        let mean = mean_nees(count, outliers, depth, 300, 11);
+        println!("{count} points, {outliers} wrong, depth {depth}: NEES {mean:.2}");
+        assert!(
+            (5.0..7.5).contains(&mean),
+            "{count} {outliers} {depth}: {mean}"
+        );
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// The covariance times the information is the identity, whatever the scale of the scene.
+    #[test]
+    fn the_covariance_inverts_the_information(
+        seed in any::<u64>(),
+        count in 10_usize..100,
+        scale in -3.0..3.0f64,
+    ) {
+        let (observations, _) = scene(&Se3::identity(), count, 0.0, true, &mut Random(seed));
+        let information = solve(&Se3::identity(), &observations).information * scale.exp();
+        let covariance = pose_covariance(&information).unwrap();
+        prop_assert!((covariance * information - Mat6::identity()).amax() < 1e-6);
+        prop_assert_eq!(covariance, covariance.transpose());
+        prop_assert!(covariance.cholesky().is_some());
+    }
+
+    /// What leaves a direction open has no covariance: along it the information is zero.
+    #[test]
+    fn a_singular_information_has_no_covariance(
+        rows in prop::collection::vec(prop::array::uniform6(-1.0..1.0f64), 0..6),
+        size in -8.0..8.0f64,
+    ) {
+        let mut information = Mat6::zeros();
+        for row in rows.iter().map(|r| Vec6::from(*r)) {
+            information += row * row.transpose() * size.exp();
+        }
+        prop_assert_eq!(pose_covariance(&information), None);
+    }
+
+    #[test]
+    fn any_numbers_are_inverted_or_refused(
+        values in prop::collection::vec(any::<f64>(), 36),
+    ) {
+        let covariance = pose_covariance(&Mat6::from_row_slice(&values));
+        prop_assert!(covariance.is_none_or(|c| c.iter().all(|v| v.is_finite())));
+    }
+}
+
+#[test]
+fn points_on_a_ray_leave_directions_open() {
+    let (observations, _) = scene(&Se3::identity(), 200, 0.0, false, &mut Random(3));
+    // Pixels of points on one ray: how far along it the camera is stays open.
+    let on_a_ray = |i: usize| PoseObservation {
+        point: Vec3::new(0.0, 0.0, 1.0 + i as f64 * 0.1),
+        measurement: Measurement::new(Vec2::new(320.0, 240.0), SIGMA_PX, None),
+    };
+    let line: Vec<_> = (0..20).map(on_a_ray).collect();
+    assert_eq!(solve(&Se3::identity(), &line).covariance(), None);
+    assert_eq!(solve(&Se3::identity(), &[]).covariance(), None);
+    assert!(
+        solve(&Se3::identity(), &observations)
+            .covariance()
+            .is_some()
+    );
 }
 
 #[test]
