@@ -12,7 +12,7 @@ const MAX_CELLS: usize = 512;
 /// Keypoint indices in square cells. Positions outside the bounds are held by the nearest cell at the border and are found all the same.
 #[derive(Clone, Debug, Default)]
 pub struct FeatureGrid {
-    min: [f32; 2],
+    bounds: [f32; 4],
     cells_per_px: [f32; 2],
     columns: usize,
     rows: usize,
@@ -44,7 +44,7 @@ impl FeatureGrid {
         let cells = |length: f32| ((length / CELL).ceil() as usize).clamp(1, MAX_CELLS);
         let (width, height) = (bounds[2] - bounds[0], bounds[3] - bounds[1]);
         (self.columns, self.rows) = (cells(width), cells(height));
-        self.min = [bounds[0], bounds[1]];
+        self.bounds = bounds;
         self.cells_per_px = [
             self.columns as f32 / width.max(1.0),
             self.rows as f32 / height.max(1.0),
@@ -79,6 +79,12 @@ impl FeatureGrid {
         // Every start now is its cell's end, i.e. the start of the next.
         self.starts.rotate_right(1);
         self.starts[0] = 0;
+    }
+
+    /// The bounds it was built with, px: min x, min y, max x, max y.
+    #[must_use]
+    pub fn bounds(&self) -> [f32; 4] {
+        self.bounds
     }
 
     /// Number of positions held.
@@ -138,11 +144,11 @@ impl FeatureGrid {
 
     fn column_of(&self, x: f32) -> usize {
         // The cast saturates, so far positions land in the border cells.
-        (((x - self.min[0]) * self.cells_per_px[0]) as usize).min(self.columns - 1)
+        (((x - self.bounds[0]) * self.cells_per_px[0]) as usize).min(self.columns - 1)
     }
 
     fn row_of(&self, y: f32) -> usize {
-        (((y - self.min[1]) * self.cells_per_px[1]) as usize).min(self.rows - 1)
+        (((y - self.bounds[1]) * self.cells_per_px[1]) as usize).min(self.rows - 1)
     }
 
     fn cell_of(&self, x: f32, y: f32) -> usize {

@@ -25,7 +25,8 @@ pub(crate) fn window_of(
         return None;
     }
     let px = data.camera.project(p);
-    let bounds = data.camera.undistorted_bounds();
+    // Those of the image: undistorting its border for each landmark anew would take most of mapping's time.
+    let bounds = data.grid.bounds().map(f64::from);
     if px.x < bounds[0] || px.y < bounds[1] || px.x > bounds[2] || px.y > bounds[3] {
         return None;
     }
@@ -53,7 +54,7 @@ impl Mapper {
     /// another, the one with fewer observers becomes the other; where it meets a free feature, it gains an observation.
     pub(super) fn fuse(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("fuse").entered();
-        let mut targets = self.neighbours(id, self.config.neighbours);
+        let mut targets = self.neighbours(id, self.effort.neighbours as usize);
         for i in 0..targets.len() {
             for second in self.neighbours(targets[i], 5) {
                 if second != id && !targets.contains(&second) {
