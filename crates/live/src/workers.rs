@@ -128,7 +128,11 @@ impl TrackingWorker {
             stamp: arrived.frame.stamp,
         });
         let view_age = self.view_at.map(|at| at.elapsed().as_secs_f64());
-        let Tracked { report, keyframe } = self.tracker.track(&arrived.frame);
+        let Tracked {
+            report,
+            health,
+            keyframe,
+        } = self.tracker.track(&arrived.frame);
         let latency = arrived.at.elapsed().as_secs_f64();
         let boxes = &self.desk.boxes;
         self.frames.push(FrameTiming {
@@ -142,6 +146,7 @@ impl TrackingWorker {
             looping_queue: boxes.looping.look(|b| b.queue.len()) as u32,
         });
         self.desk.tell(Event::Frame(report));
+        self.desk.tell(Event::Health(Box::new(health)));
         if let Some(keyframe) = keyframe {
             self.sent += 1;
             self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)));

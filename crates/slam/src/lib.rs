@@ -6,6 +6,7 @@
 mod config;
 mod event;
 mod fingerprint;
+mod health;
 mod join;
 mod looping;
 mod mapping;
@@ -24,6 +25,7 @@ pub use event::{
     BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
     LostReason, MappingReport, Outcome, RejudgeReport, tell_applied,
 };
+pub use health::{Health, Loss, LossCause, Quality};
 pub use join::{JoinedMaps, join_maps};
 pub use looping::{Looper, LoopingConfig};
 pub use mapping::{Mapper, MappingConfig};

@@ -3,6 +3,7 @@
 use crate::event::{
     CorrectionReport, Event, FrameReport, LoopReport, MappingReport, RejudgeReport,
 };
+use crate::health::Health;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
@@ -13,6 +14,8 @@ use stillpoint_place::PlaceIndex;
 pub struct Tracked {
     /// What became of the frame.
     pub report: FrameReport,
+    /// How well things stand at it.
+    pub health: Health,
     /// The frame as a new keyframe, when the map needs it.
     pub keyframe: Option<NewKeyframe>,
 }

@@ -267,10 +267,14 @@ impl Replay {
     }
 
     fn track(&mut self, frame: RgbdFrame) -> Vec<Event> {
-        let Tracked { report, keyframe } = self.stages.tracker.track(&Arc::new(frame));
+        let Tracked {
+            report,
+            health,
+            keyframe,
+        } = self.stages.tracker.track(&Arc::new(frame));
         let message = keyframe.map(|k| MapperMsg::Keyframe(Box::new(k)));
         self.for_mapper.extend(message);
-        vec![Event::Frame(report)]
+        vec![Event::Frame(report), Event::Health(Box::new(health))]
     }
 
     fn map(

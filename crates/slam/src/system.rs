@@ -93,14 +93,19 @@ impl System {
         self.detector.as_deref()
     }
 
-    /// Takes the next frame and says what happened, the frame's own report first.
+    /// Takes the next frame and says what happened, the frame's own report and its health first.
     pub fn step(&mut self, frame: RgbdFrame) -> Vec<Event> {
         let mut events = Vec::new();
         self.deliver(self.step);
         self.detect(&frame, &mut events);
         self.deliver_detections(frame.id, &mut events);
-        let Tracked { report, keyframe } = self.stages.tracker.track(&Arc::new(frame));
-        events.insert(0, Event::Frame(report));
+        let Tracked {
+            report,
+            health,
+            keyframe,
+        } = self.stages.tracker.track(&Arc::new(frame));
+        let first = [Event::Frame(report), Event::Health(Box::new(health))];
+        events.splice(0..0, first);
         if let Some(keyframe) = keyframe {
             self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
         }

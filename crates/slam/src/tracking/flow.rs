@@ -103,11 +103,14 @@ impl Tracker {
             return fix;
         };
         let matches = self.add_flow_points(data, &motion.pairs, verdicts, fix.matches);
-        let (matches, pose) = pose::solve(data, &start, matches);
+        let matched = matches.count;
+        let (matches, pose, information) = pose::solve_with_information(data, &start, matches);
         Fix {
             camera_from_world: pose,
             inliers: matches.count,
             matches,
+            matched,
+            information,
         }
     }
 

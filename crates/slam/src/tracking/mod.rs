@@ -25,6 +25,7 @@ pub use keyframe::KeyframeConfig;
 
 use crate::config::Config;
 use crate::event::{FrameCounts, LostReason, Outcome};
+use crate::health::{Evidence, Monitor, cells};
 use crate::messages::{MapperMsg, Tracked};
 use crate::sensor::Timing;
 use crate::static_filter::{FeatureVerdict, FrameInput, Judgement, StaticFilter};
@@ -39,7 +40,7 @@ use self_calibration::SelfCalibration;
 use statistics::Statistics;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
-use stillpoint_geometry::{Camera, Se3, Vec6};
+use stillpoint_geometry::{Camera, Mat6, Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId};
 
@@ -81,6 +82,7 @@ pub struct Tracker {
     last_keyframe: Option<FrameId>,
     statistics: Statistics,
     trajectory: Trajectory,
+    health: Monitor,
 }
 
 /// What is noted of a frame on its way.
@@ -88,6 +90,7 @@ pub struct Tracker {
 struct Notes {
     counts: FrameCounts,
     judgement: Judgement,
+    evidence: Evidence,
 }
 
 /// A pose and the matches that agree with it.
@@ -96,6 +99,10 @@ struct Fix {
     matches: Matches,
     /// How many of the matches speak for the pose.
     inliers: usize,
+    /// How many matches the pose was sought from.
+    matched: usize,
+    /// Inverse covariance of the pose.
+    information: Mat6,
 }
 
 /// A pose with all that led to it.
@@ -130,6 +137,7 @@ impl Tracker {
             last_keyframe: None,
             statistics: Statistics::default(),
             trajectory: Trajectory::default(),
+            health: Monitor::default(),
         }
     }
 
@@ -167,6 +175,7 @@ impl Tracker {
         detections: Detections,
         next: FrameId,
     ) -> Option<MapperMsg> {
+        self.health.heard(detections.stamp);
         if detections.frame >= next {
             self.filter.receive(detections);
             return None;
@@ -309,6 +318,7 @@ impl Tracker {
         let verdicts = &notes.judgement.verdicts;
         notes.counts.dynamic = verdicts.iter().filter(|v| v.dynamic).count() as u32;
         notes.counts.released = notes.judgement.released;
+        notes.evidence.judged = true;
     }
 
     /// The features that the static filter left, brought to the frame's stamp by its own motion, and their matches.
@@ -334,7 +344,9 @@ impl Tracker {
         motion: &EgoMotion,
         matches: Matches,
     ) -> Fix {
-        let (matches, pose) = pose::solve(data, &motion.camera_from_world, matches);
+        let matched = matches.count;
+        let start = &motion.camera_from_world;
+        let (matches, pose, information) = pose::solve_with_information(data, start, matches);
         self.statistics.found(&matches);
         let wanted = self.config.sensor.self_calibrate;
         if let Some(v) = motion.velocity.filter(|_| wanted) {
@@ -351,6 +363,8 @@ impl Tracker {
             camera_from_world: pose,
             matches,
             inliers,
+            matched,
+            information,
         }
     }
 
@@ -363,15 +377,22 @@ impl Tracker {
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         notes.counts.inliers = fix.inliers as u32;
+        let targets = &fix.matches.targets;
+        notes.evidence = Evidence {
+            matched: fix.matched as u32,
+            agreed: fix.matches.count as u32,
+            cells: cells(&data, |i| targets[i].is_some()),
+            information: Some(fix.information),
+            ..notes.evidence
+        };
         if fix.inliers < self.config.tracking.min_inliers {
             return Err(LostReason::FewInliers);
         }
-        let targets = fix.matches.targets.iter();
         Ok(Solution {
             data,
             camera_from_world: fix.camera_from_world,
             reference,
-            matches: targets.map(|t| t.and_then(|t| t.landmark)).collect(),
+            matches: targets.iter().map(|t| t.and_then(|t| t.landmark)).collect(),
         })
     }
 

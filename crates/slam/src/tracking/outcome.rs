@@ -3,6 +3,7 @@
 use super::ego_motion::EgoMotion;
 use super::{LastFrame, Notes, Solution, Tracker};
 use crate::event::{FrameReport, LostReason, Outcome};
+use crate::health::cells;
 use crate::messages::{NewKeyframe, Tracked};
 use crate::static_filter::Place;
 use crate::trajectory::TrajectoryEntry;
@@ -42,6 +43,9 @@ impl Tracker {
             return self.lose(frame, notes, reason);
         }
         let inliers = counts.with_depth;
+        // The pose is what the frame is said to have: all points agree with it.
+        (notes.evidence.matched, notes.evidence.agreed) = (inliers, inliers);
+        notes.evidence.cells = cells(&data, |i| data.depths[i] > 0.0);
         let id = self.keyframe_id(frame.id);
         let matches = vec![None; data.len()];
         self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
@@ -64,17 +68,16 @@ impl Tracker {
             online_world_from_camera: pose,
             inliers,
         });
-        Tracked {
-            report: self.report(frame, Outcome::Initialised, Some(pose), notes, true),
-            keyframe: Some(NewKeyframe {
-                id,
-                data,
-                reference: None,
-                reference_from_camera: pose,
-                matches,
-                statistics: Vec::new(),
-            }),
-        }
+        let keyframe = NewKeyframe {
+            id,
+            data,
+            reference: None,
+            reference_from_camera: pose,
+            matches,
+            statistics: Vec::new(),
+        };
+        let outcome = Outcome::Initialised;
+        self.tell(frame, outcome, Some(pose), notes, Some(keyframe))
     }
 
     /// Takes a pose: motion model, trajectory, keyframe decision.
@@ -135,16 +138,7 @@ impl Tracker {
             reference_from_camera,
             world_from_camera,
         );
-        Tracked {
-            report: self.report(
-                frame,
-                outcome,
-                Some(world_from_camera),
-                notes,
-                keyframe.is_some(),
-            ),
-            keyframe,
-        }
+        self.tell(frame, outcome, Some(world_from_camera), notes, keyframe)
     }
 
     /// The frame as a new keyframe, when one is due.
@@ -214,25 +208,22 @@ impl Tracker {
         self.motion.forget();
         let since = *self.lost_since.get_or_insert(frame.id);
         let outcome = Outcome::Lost { since, reason };
-        Tracked {
-            report: self.report(frame, outcome, None, notes, false),
-            keyframe: None,
-        }
+        self.tell(frame, outcome, None, notes, None)
     }
 
     /// Says what became of the frame, which ends here.
-    fn report(
+    fn tell(
         &mut self,
         frame: &RgbdFrame,
         outcome: Outcome,
         world_from_camera: Option<Se3>,
         mut notes: Notes,
-        is_keyframe: bool,
-    ) -> FrameReport {
+        keyframe: Option<NewKeyframe>,
+    ) -> Tracked {
         let unused = self.filter.end_frame();
         notes.counts.detections_too_late = unused.too_late;
         notes.counts.detections_without_pose = unused.without_pose;
-        FrameReport {
+        let report = FrameReport {
             frame: frame.id,
             stamp: frame.stamp,
             outcome,
@@ -241,9 +232,19 @@ impl Tracker {
             objects: notes.judgement.objects,
             segments: notes.judgement.segments,
             counts: notes.counts,
-            is_keyframe,
+            is_keyframe: keyframe.is_some(),
             piece: self.piece.filter(|_| world_from_camera.is_some()),
             map_version: self.view.version(),
+        };
+        let has_map = self.view.keyframe_count() > 0;
+        let config = &self.config.tracking;
+        let health = self
+            .health
+            .judge(frame, &report, &notes.evidence, config, has_map);
+        Tracked {
+            report,
+            health,
+            keyframe,
         }
     }
 }

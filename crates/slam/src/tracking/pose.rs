@@ -2,7 +2,7 @@
 
 use super::matching::Matches;
 use stillpoint_estimation::{Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose};
-use stillpoint_geometry::{Camera, Se3};
+use stillpoint_geometry::{Camera, Mat6, Se3};
 use stillpoint_map::KeyframeData;
 
 /// What a feature measured, for estimation.
@@ -36,7 +36,17 @@ pub(crate) fn measurement_in(data: &KeyframeData, feature: usize, camera: &Camer
 }
 
 /// Optimises the pose `camera_from_world` from all matches and takes out those that do not agree with it.
-pub(super) fn solve(data: &KeyframeData, initial: &Se3, mut matches: Matches) -> (Matches, Se3) {
+pub(super) fn solve(data: &KeyframeData, initial: &Se3, matches: Matches) -> (Matches, Se3) {
+    let (matches, pose, _) = solve_with_information(data, initial, matches);
+    (matches, pose)
+}
+
+/// The same, with the information of the pose: the inverse of its covariance, for a left perturbation of `camera_from_world`.
+pub(super) fn solve_with_information(
+    data: &KeyframeData,
+    initial: &Se3,
+    mut matches: Matches,
+) -> (Matches, Se3, Mat6) {
     let _span = tracing::info_span!("pose").entered();
     let mut features = Vec::with_capacity(matches.count);
     let mut observations = Vec::with_capacity(matches.count);
@@ -56,5 +66,5 @@ pub(super) fn solve(data: &KeyframeData, initial: &Se3, mut matches: Matches) ->
             matches.clear(*feature);
         }
     }
-    (matches, estimate.camera_from_world)
+    (matches, estimate.camera_from_world, estimate.information)
 }

@@ -1,0 +1,227 @@
+//! Health: how well things stand at a frame, for whoever relies on the pose.
+//!
+//! Answers: how good the pose is, how uncertain, what moves, how old is what detection and mapping know, and why the camera is lost. A
+//! pure function of the frames and messages that the tracker took, so a replay gives the same; times are the camera's own, by stamps.
+//! Says nothing of threads and clocks, which is the business of the driver that has them. Changes nothing.
+
+mod loss;
+mod quality;
+
+pub use loss::{Loss, LossCause};
+pub use quality::Quality;
+
+pub(crate) use quality::Cells;
+
+use crate::event::{FrameReport, Outcome};
+use crate::tracking::TrackingConfig;
+use loss::{Clues, Look, percent};
+use quality::Measured;
+use stillpoint_estimation::pose_covariance;
+use stillpoint_geometry::{Mat6, Se3};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::KeyframeData;
+
+/// How well things stand at a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Health {
+    /// The frame.
+    pub frame: FrameId,
+    /// Its colour stamp, s.
+    pub stamp: f64,
+    /// How well it was tracked; zeros when it is lost.
+    pub quality: Quality,
+    /// Covariance of the pose `world_from_camera`, as a twist `[translation; rotation]` (m^2, m rad, rad^2) in the axes of the
+    /// camera: `truth = world_from_camera * exp(e)` with e of this covariance. It is what the measurements of this frame leave
+    /// open against the map that it was tracked in, by the noise that the configuration states; that the map itself has
+    /// drifted is not in it. None for a frame without a pose, for one that begins a map (its pose is exact, by definition), and
+    /// when the measurements leave a direction open.
+    pub covariance: Option<Mat6>,
+    /// Share of the keypoints that stand still; 0, as [`Health::dynamic_share`], when that was not judged because the frame was
+    /// lost before.
+    pub static_share: f64,
+    /// Share of the keypoints that move, among them those that are used all the same because too few others are left.
+    pub dynamic_share: f64,
+    /// Share of the pixels that have a depth.
+    pub depth_share: f64,
+    /// By how much the frame's stamp is later than that of the newest detections that tracking knows, s; none before the first.
+    pub detections_age: Option<f64>,
+    /// Time since the frame at which tracking got its present view of the map, s; none before the first change of the map.
+    pub map_age: Option<f64>,
+    /// Why there is no pose; none when there is one.
+    pub loss: Option<Loss>,
+}
+
+impl Health {
+    /// Standard deviation of the position, m: root of the sum of its three variances.
+    #[must_use]
+    pub fn sigma_m(&self) -> Option<f64> {
+        self.covariance.as_ref().map(|c| block_sigma(c, 0))
+    }
+
+    /// Standard deviation of the direction, rad: root of the sum of its three variances.
+    #[must_use]
+    pub fn sigma_rad(&self) -> Option<f64> {
+        self.covariance.as_ref().map(|c| block_sigma(c, 3))
+    }
+
+    /// The covariance in the axes of the world, as robots' middleware wants it: of the position `[x, y, z]`, m, and of a turn
+    /// about the world's axes, rad.
+    #[must_use]
+    pub fn covariance_in_world(&self, world_from_camera: &Se3) -> Option<Mat6> {
+        let r = world_from_camera.rotation_matrix();
+        let mut turn = Mat6::zeros();
+        turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&r);
+        turn.fixed_view_mut::<3, 3>(3, 3).copy_from(&r);
+        self.covariance.map(|c| turn * c * turn.transpose())
+    }
+}
+
+fn block_sigma(covariance: &Mat6, at: usize) -> f64 {
+    let variance = |i: usize| covariance[(at + i, at + i)];
+    (variance(0) + variance(1) + variance(2)).sqrt()
+}
+
+/// One line, e.g. `quality 0.82 | +-1.3 mm 0.05 deg | static 81 % | detection 0.12 s ago | map 0.4 s ago`, or why the camera is
+/// lost.
+impl std::fmt::Display for Health {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "quality {:.2}", self.quality.value())?;
+        if let Some(loss) = &self.loss {
+            return write!(f, " | {loss}");
+        }
+        if let (Some(m), Some(rad)) = (self.sigma_m(), self.sigma_rad()) {
+            let (mm, deg) = (1e3 * m, rad.to_degrees());
+            write!(f, " | +-{mm:.1} mm {deg:.2} deg")?;
+        }
+        write!(f, " | static {} %", percent(self.static_share))?;
+        if let Some(age) = self.detections_age {
+            write!(f, " | detection {age:.2} s ago")?;
+        }
+        if let Some(age) = self.map_age {
+            write!(f, " | map {age:.1} s ago")?;
+        }
+        Ok(())
+    }
+}
+
+/// What tracking notes of a frame on its way, for its health.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Evidence {
+    /// Whether the static filter was asked.
+    pub(crate) judged: bool,
+    /// Matches that the pose was sought from.
+    pub(crate) matched: u32,
+    /// Of these, the ones that agree with it.
+    pub(crate) agreed: u32,
+    /// Where they lie.
+    pub(crate) cells: Cells,
+    /// Information of the pose.
+    pub(crate) information: Option<Mat6>,
+}
+
+/// Where the features lie for which `is_inlier` holds.
+pub(crate) fn cells(data: &KeyframeData, is_inlier: impl Fn(usize) -> bool) -> Cells {
+    let mut cells = Cells::default();
+    let (width, height) = (data.camera.width, data.camera.height);
+    for (i, k) in data.keypoints.iter().enumerate() {
+        if is_inlier(i) {
+            cells.add([k.x, k.y], width, height);
+        }
+    }
+    cells
+}
+
+/// Watches over the frames of one run.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Monitor {
+    /// Stamp of the newest detections.
+    detections: Option<f64>,
+    /// Version of the map at the frame before.
+    version: Option<u64>,
+    /// Stamp of the first frame with the present version; none before there was a change.
+    mapped: Option<f64>,
+    /// The first frame of the present loss, and its stamp.
+    lost: Option<(FrameId, f64)>,
+}
+
+impl Monitor {
+    /// Notes that detections came which have this stamp.
+    pub(crate) fn heard(&mut self, stamp: f64) {
+        // Late answers come in any order.
+        let newest = self.detections.map_or(stamp, |s| s.max(stamp));
+        self.detections = Some(newest);
+    }
+
+    /// How things stand at a frame, once it is known what became of it.
+    pub(crate) fn judge(
+        &mut self,
+        frame: &RgbdFrame,
+        report: &FrameReport,
+        evidence: &Evidence,
+        config: &TrackingConfig,
+        has_map: bool,
+    ) -> Health {
+        let stamp = report.stamp;
+        // A clock that was set back makes nothing younger than now.
+        let age = |since: f64| (stamp - since).max(0.0);
+        if self.version.is_some_and(|v| v != report.map_version) {
+            self.mapped = Some(stamp);
+        }
+        self.version = Some(report.map_version);
+        let counts = &report.counts;
+        let moving = f64::from(counts.dynamic + counts.released);
+        let dynamic_share = moving / f64::from(counts.keypoints.max(1));
+        let judged = evidence.judged && counts.keypoints > 0;
+        let look = Look::at(frame);
+        let mut health = Health {
+            frame: report.frame,
+            stamp,
+            quality: Quality::default(),
+            covariance: evidence.information.as_ref().and_then(pose_covariance),
+            static_share: if judged { 1.0 - dynamic_share } else { 0.0 },
+            dynamic_share,
+            depth_share: look.depth,
+            detections_age: self.detections.map(age),
+            map_age: self.mapped.map(age),
+            loss: None,
+        };
+        let Outcome::Lost { reason, since } = report.outcome else {
+            self.lost = None;
+            let begins = report.outcome == Outcome::Initialised;
+            let known = health.sigma_m().zip(health.sigma_rad());
+            health.quality = Quality::of(&Measured {
+                agreed: evidence.agreed,
+                matched: evidence.matched,
+                needed: config.min_inliers as u32,
+                cells: evidence.cells,
+                sigmas: if begins { Some((0.0, 0.0)) } else { known },
+            });
+            return health;
+        };
+        let lost = self.lost.filter(|(first, _)| *first == since);
+        let (_, began) = *self.lost.insert(lost.unwrap_or((since, stamp)));
+        let needed = if has_map {
+            config.min_inliers
+        } else {
+            config.min_initial_points
+        };
+        health.covariance = None;
+        health.loss = Some(Loss {
+            since,
+            seconds: age(began),
+            reason,
+            cause: loss::cause(&Clues {
+                reason,
+                counts,
+                look,
+                moving: dynamic_share,
+                needed: needed as u32,
+            }),
+            can_recognise: has_map,
+        });
+        health
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,222 @@
+//! How good a pose is: four numbers from 0 to 1, of which the least counts.
+
+/// So many times the inliers that a pose needs are as good as more.
+const PLENTY: f64 = 5.0;
+/// Share of the matches that agrees with the pose when all is well: the rest are what any matching mistakes.
+const USUAL_AGREEMENT: f64 = 0.75;
+/// Cells of the image with inliers, as a share, when all is well: walls and floors have none.
+const USUAL_SPREAD: f64 = 0.5;
+/// Standard deviations of a pose that is half certain, m and rad.
+const HALF_CERTAIN_M: f64 = 0.01;
+const HALF_CERTAIN_RAD: f64 = 0.01;
+
+/// How well a frame was tracked. Each part is 0 at worst and 1 when there is nothing to wish for; all are 0 for a frame that is
+/// lost. [`Quality::value`] is the least of them: a chain is as strong as its weakest link, and parts that depend on each other
+/// are not counted twice.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Quality {
+    /// Whether there are enough inliers: their number, by five times [`min_inliers`](crate::TrackingConfig::min_inliers), at
+    /// most 1. A pose that just counts has 0.2.
+    pub inliers: f64,
+    /// Whether the matches agree: the share of them that fits the pose, by 0.75, at most 1.
+    pub agreement: f64,
+    /// Whether the inliers lie all over the image: the share of 8x6 cells that have one, by 0.5, at most 1.
+    pub spread: f64,
+    /// Whether the pose is certain: `1 / (1 + (s_m / 1 cm)^2 + (s_rad / 10 mrad)^2)` with the standard deviations of
+    /// position and direction; 0 when the matches leave a direction open.
+    pub certainty: f64,
+}
+
+impl Quality {
+    /// Quality in `[0, 1]`: the least of the parts.
+    #[must_use]
+    pub fn value(&self) -> f64 {
+        self.weakest().1
+    }
+
+    /// The part that limits the quality, in words, and its value.
+    #[must_use]
+    pub fn weakest(&self) -> (&'static str, f64) {
+        let parts = [
+            ("few inliers", self.inliers),
+            ("matches disagree", self.agreement),
+            ("inliers in one place", self.spread),
+            ("uncertain pose", self.certainty),
+        ];
+        let mut least = parts[0];
+        for part in &parts[1..] {
+            if part.1 < least.1 {
+                least = *part;
+            }
+        }
+        least
+    }
+
+    /// The quality of a pose.
+    pub(super) fn of(measured: &Measured) -> Self {
+        let Measured {
+            agreed,
+            matched,
+            needed,
+            cells,
+            sigmas,
+        } = *measured;
+        let share = |part: u32, all: f64| (f64::from(part) / all).min(1.0);
+        Self {
+            inliers: share(agreed, PLENTY * f64::from(needed.max(1))),
+            agreement: share(agreed, USUAL_AGREEMENT * f64::from(matched.max(1))),
+            spread: share(cells.0.count_ones(), USUAL_SPREAD * f64::from(Cells::COUNT)),
+            certainty: sigmas.map_or(0.0, |(m, rad)| {
+                let (m, rad) = (m / HALF_CERTAIN_M, rad / HALF_CERTAIN_RAD);
+                1.0 / (1.0 + m * m + rad * rad)
+            }),
+        }
+    }
+}
+
+/// What the quality of a pose is told from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Measured {
+    /// Matches that agree with the pose.
+    pub(super) agreed: u32,
+    /// Matches that it was sought from.
+    pub(super) matched: u32,
+    /// Inliers without which no pose counts.
+    pub(super) needed: u32,
+    pub(super) cells: Cells,
+    /// Standard deviations of position (m) and direction (rad), when they are known.
+    pub(super) sigmas: Option<(f64, f64)>,
+}
+
+/// Which cells of the image have an inlier: a set.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Cells(u64);
+
+impl Cells {
+    const COLUMNS: u32 = 8;
+    const ROWS: u32 = 6;
+    pub(super) const COUNT: u32 = Self::COLUMNS * Self::ROWS;
+
+    /// Adds the cell of a raw pixel of an image of this size, px.
+    pub(super) fn add(&mut self, pixel: [f32; 2], width: u32, height: u32) {
+        let cell = |at: f32, size: u32, cells: u32| {
+            // What lies outside counts as at the border; a cast takes what is negative or no number to 0.
+            let i = (at / size.max(1) as f32 * cells as f32) as u32;
+            i.min(cells - 1)
+        };
+        let column = cell(pixel[0], width, Self::COLUMNS);
+        let row = cell(pixel[1], height, Self::ROWS);
+        self.0 |= 1 << (row * Self::COLUMNS + column);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn measured() -> impl Strategy<Value = Measured> {
+        let sigmas = prop::option::of((0.0..1.0f64, 0.0..1.0f64));
+        (0..500_u32, 0..500_u32, 0..100_u32, any::<u64>(), sigmas).prop_map(
+            |(agreed, others, needed, cells, sigmas)| Measured {
+                agreed,
+                matched: agreed + others,
+                needed,
+                cells: Cells(cells & ((1 << Cells::COUNT) - 1)),
+                sigmas,
+            },
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn quality_is_from_0_to_1_and_no_better_than_any_part(m in measured()) {
+            let q = Quality::of(&m);
+            for part in [q.inliers, q.agreement, q.spread, q.certainty] {
+                prop_assert!((0.0..=1.0).contains(&part));
+                prop_assert!(q.value() <= part);
+            }
+            prop_assert!(q.weakest().1 == q.value());
+        }
+
+        /// Whatever gets better, the quality does not get worse.
+        #[test]
+        fn quality_is_monotone(m in measured(), more in 1..100_u32, cell in 0..Cells::COUNT, less in 0.0..1.0f64) {
+            let before = Quality::of(&m).value();
+            let better = [
+                // A wrong match that turns out to be right, and one more that is.
+                Measured { agreed: (m.agreed + more).min(m.matched), ..m },
+                Measured { agreed: m.agreed + more, matched: m.matched + more, ..m },
+                Measured { matched: m.matched - (m.matched - m.agreed).min(more), ..m },
+                Measured { cells: Cells(m.cells.0 | 1 << cell), ..m },
+                Measured { sigmas: m.sigmas.map(|(t, r)| (t * less, r)), ..m },
+                Measured { sigmas: m.sigmas.map(|(t, r)| (t, r * less)), ..m },
+                Measured { sigmas: m.sigmas.or(Some((less, less))), ..m },
+            ];
+            for b in better {
+                prop_assert!(Quality::of(&b).value() >= before, "{b:?}");
+            }
+        }
+
+        #[test]
+        fn every_pixel_has_a_cell(x in any::<f32>(), y in any::<f32>(), w in any::<u32>(), h in any::<u32>()) {
+            let mut cells = Cells::default();
+            cells.add([x, y], w, h);
+            prop_assert_eq!(cells.0.count_ones(), 1);
+            prop_assert!(cells.0 >> Cells::COUNT == 0);
+        }
+    }
+
+    #[test]
+    fn cells_tell_where_inliers_lie() {
+        let mut cells = Cells::default();
+        for i in 0..640 {
+            cells.add([i as f32, 10.0], 640, 480);
+        }
+        assert_eq!(cells.0, 0xff);
+        for i in 0..480 {
+            cells.add([639.0, i as f32], 640, 480);
+        }
+        assert_eq!(cells.0.count_ones(), 8 + 5);
+    }
+
+    #[test]
+    fn the_weakest_part_is_told() {
+        let good = Measured {
+            agreed: 300,
+            matched: 320,
+            needed: 30,
+            cells: Cells((1 << 30) - 1),
+            sigmas: Some((0.001, 0.001)),
+        };
+        let quality = Quality::of(&good);
+        assert!(quality.value() > 0.95, "{quality:?}");
+        let worst = |m: Measured| Quality::of(&m).weakest().0;
+        let few = Measured {
+            agreed: 30,
+            matched: 32,
+            ..good
+        };
+        assert_eq!(worst(few), "few inliers");
+        assert!((Quality::of(&few).value() - 0.2).abs() < 1e-12);
+        assert_eq!(
+            worst(Measured {
+                matched: 3000,
+                ..good
+            }),
+            "matches disagree"
+        );
+        let corner = Measured {
+            cells: Cells(0b11),
+            ..good
+        };
+        assert_eq!(worst(corner), "inliers in one place");
+        let open = Measured {
+            sigmas: None,
+            ..good
+        };
+        assert_eq!(worst(open), "uncertain pose");
+        assert!(Quality::of(&open).value() == 0.0);
+        assert!(Quality::default().value() == 0.0);
+    }
+}
