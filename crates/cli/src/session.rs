@@ -173,6 +173,10 @@ impl Tally {
         for event in events {
             match event {
                 Event::Frame(report) => self.take_report(report),
+                Event::Refused(refused) => {
+                    self.skipped += 1;
+                    console::warn(&format!("skipped: {refused}"));
+                }
                 Event::Mapped(report) => tracing::debug!(
                     keyframe = %report.keyframe,
                     version = report.map_version,

@@ -39,8 +39,10 @@ pub struct FrameTiming {
 /// What was measured of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LiveStatistics {
-    /// Frames that arrived.
+    /// Frames that arrived and were not refused.
     pub arrived: u64,
+    /// Frames that came twice or out of order, or do not fit the camera.
+    pub refused: u64,
     /// Frames that a newer one replaced before tracking could take them, by their numbers.
     pub dropped: Vec<FrameId>,
     /// Every frame that was tracked, in order.

@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use stillpoint_detection::Detector;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{Map, MapView};
+use stillpoint_slam::{FrameGate, RefusedFrame};
 use stillpoint_slam::{Event, LoopReport, RunLog, Stages, Timing, Trajectory, tell_applied};
 
 /// How a live run is driven.
@@ -82,7 +83,11 @@ pub struct LiveSystem {
     looping: JoinHandle<Finished<LoopingWorker>>,
     detection: Option<Detection>,
     events: Receiver<Event>,
+    /// For what tracking never hears of.
+    teller: SyncSender<Event>,
     missed: Arc<AtomicU64>,
+    gate: FrameGate,
+    refused: u64,
     arrived: u64,
     dropped: Vec<FrameId>,
     /// Ends the threads of a run that nobody finishes.
@@ -144,6 +149,7 @@ impl LiveSystem {
         let fingerprint = stages.fingerprint();
         let stride = u64::from(stages.config().detector.stride);
         let Stages {
+            gate,
             tracker,
             mapper,
             looper,
@@ -179,15 +185,23 @@ impl LiveSystem {
             looping,
             detection,
             events,
+            teller: office.events,
             missed: office.missed,
+            gate,
+            refused: 0,
             arrived: 0,
             dropped: Vec::new(),
         })
     }
 
     /// Hands over a frame that arrived just now. With [`LiveOptions::drop_late`] this returns at once; else when the frame before
-    /// was taken. False when tracking takes no more frames because it panicked.
+    /// was taken. A frame that does not follow the one before is refused, which an event tells. False when tracking takes no more
+    /// frames because it panicked.
     pub fn push(&mut self, frame: RgbdFrame) -> bool {
+        if let Err(refused) = self.gate.admit(&frame) {
+            self.refuse(refused);
+            return true;
+        }
         let arrived = Arrived {
             frame: Arc::new(frame),
             at: Instant::now(),
@@ -202,6 +216,13 @@ impl LiveSystem {
             self.dropped.push(late.frame.id);
         }
         before.is_some()
+    }
+
+    fn refuse(&mut self, frame: RefusedFrame) {
+        self.refused += 1;
+        if self.teller.try_send(Event::Refused(frame)).is_err() {
+            self.missed.fetch_add(1, Ordering::Relaxed);
+        }
     }
 
     /// What happened, as it happens: of each stage in its order. Who fetches too rarely misses events, which are counted.
@@ -256,6 +277,7 @@ impl LiveSystem {
             loops,
             statistics: LiveStatistics {
                 arrived: self.arrived,
+                refused: self.refused,
                 dropped: self.dropped,
                 frames: tracking.frames,
                 detections: tracking.detections,

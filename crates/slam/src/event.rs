@@ -1,6 +1,7 @@
 //! What the system says about each frame. Events are values: tests, reports and viewers read the same ones.
 
 use crate::health::Health;
+use crate::gate::RefusedFrame;
 use crate::static_filter::{FeatureVerdict, Segments};
 use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections, Object};
@@ -11,8 +12,10 @@ use stillpoint_map::{Join, KeyframeId, PieceId};
 /// What happened in one step of the system.
 #[derive(Clone, Debug)]
 pub enum Event {
-    /// A frame went through tracking. Exactly one per frame.
+    /// A frame went through tracking. Exactly one per frame that was not refused.
     Frame(FrameReport),
+    /// A frame came twice or out of order, or does not fit the camera: it was not looked at, and changed nothing.
+    Refused(RefusedFrame),
     /// How well things stand at a frame. Exactly one per frame, right after [`Event::Frame`]: whoever relies on the pose has both at once,
     /// and what it costs is less than a thousandth of tracking.
     Health(Box<Health>),

@@ -6,6 +6,7 @@
 mod config;
 mod event;
 mod fingerprint;
+mod gate;
 mod health;
 mod join;
 mod looping;
@@ -26,6 +27,7 @@ pub use event::{
     LostReason, MappingReport, Outcome, RejudgeReport, tell_applied,
 };
 pub use health::{Health, Loss, LossCause, Quality};
+pub use gate::{FrameGate, RefusalReason, RefusedFrame};
 pub use join::{JoinedMaps, join_maps};
 pub use looping::{Looper, LoopingConfig};
 pub use mapping::{Mapper, MappingConfig};

@@ -6,6 +6,7 @@
 
 use crate::config::{Config, ConfigError};
 use crate::fingerprint::Fingerprint;
+use crate::gate::FrameGate;
 use crate::looping::Looper;
 use crate::mapping::Mapper;
 use crate::messages::LooperMsg;
@@ -62,6 +63,8 @@ impl std::error::Error for StartError {}
 
 /// The stages of one run before its first frame.
 pub struct Stages {
+    /// Keeps out frames that do not follow the one before. A driver asks it before anything else.
+    pub gate: FrameGate,
     /// Finds the pose of every frame.
     pub tracker: Tracker,
     /// Builds the map.
@@ -82,6 +85,7 @@ impl Stages {
         let mut fingerprint = Fingerprint::default();
         fingerprint.text(&format!("{config:?} {camera:?}"));
         Ok(Self {
+            gate: FrameGate::new(&camera),
             mapper: Mapper::new(&config),
             looper: Looper::new(&config),
             tracker: Tracker::new(config.clone(), camera, simd),

@@ -94,7 +94,11 @@ impl System {
     }
 
     /// Takes the next frame and says what happened, the frame's own report and its health first.
+    /// A frame that does not follow the one before changes nothing: [`Event::Refused`] is all that is said then.
     pub fn step(&mut self, frame: RgbdFrame) -> Vec<Event> {
+        if let Err(refused) = self.stages.gate.admit(&frame) {
+            return vec![Event::Refused(refused)];
+        }
         let mut events = Vec::new();
         self.deliver(self.step);
         self.detect(&frame, &mut events);

@@ -42,9 +42,11 @@ impl ObjectTracker {
         }
     }
 
-    /// Forgets all objects, as the frame of reference has changed: what they were measured in means nothing any more. Ids go on.
+    /// Forgets all objects, as the frame of reference or the clock has changed: what they were measured in means nothing any more.
+    /// Ids go on.
     pub fn forget(&mut self) {
         self.tracks.clear();
+        self.stamp = None;
         self.down = None;
     }
 

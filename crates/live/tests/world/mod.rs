@@ -152,6 +152,7 @@ impl Told {
     pub(crate) fn take(&mut self, event: Event) {
         let text = format!("{event:?}");
         match event {
+            Event::Refused(_) => self.tracking.push(text),
             Event::Frame(report) => {
                 self.reports.push(report);
                 self.tracking.push(text);

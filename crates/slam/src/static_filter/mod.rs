@@ -159,6 +159,11 @@ impl StaticFilter {
         self.present = None;
     }
 
+    /// Forgets what is only known by its stamp, as the clock was set back. What is remembered of earlier frames goes with the next one.
+    pub(crate) fn forget_times(&mut self) {
+        self.objects.forget();
+    }
+
     /// Takes detections of the frame to come.
     pub(crate) fn receive(&mut self, detections: Detections) {
         if self.wants_detections() {

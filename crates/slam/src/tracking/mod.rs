@@ -209,9 +209,26 @@ impl Tracker {
     /// Tracks a frame.
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
+        self.heed_clock(frame.stamp);
         let tracked = self.track_frame(frame);
         self.previous = Some(Arc::clone(frame));
         tracked
+    }
+
+    /// After a clock was set back nothing is known of the time since the frame before: there is no velocity, and what is known
+    /// of earlier stamps is brought to the new time, or forgotten where that cannot be done.
+    fn heed_clock(&mut self, stamp: f64) {
+        let Some(before) = self.previous.as_ref().map(|f| f.stamp) else {
+            return;
+        };
+        if stamp > before {
+            return;
+        }
+        self.motion.forget();
+        self.filter.forget_times();
+        if let Some(last) = &mut self.last {
+            last.stamp += stamp - before;
+        }
     }
 
     fn track_frame(&mut self, frame: &RgbdFrame) -> Tracked {
