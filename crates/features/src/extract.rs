@@ -109,6 +109,17 @@ impl OrbExtractor {
         self.describe(out);
     }
 
+    /// Keypoints wanted per image.
+    #[must_use]
+    pub fn wanted(&self) -> usize {
+        self.config.features
+    }
+
+    /// From the next image on so many keypoints are wanted.
+    pub fn set_wanted(&mut self, features: usize) {
+        self.config.features = features;
+    }
+
     /// The pyramid of the last image.
     #[must_use]
     pub fn pyramid(&self) -> &Pyramid {

@@ -4,6 +4,7 @@
 //! happened comes back as [`Event`]s. Knows no files, clocks or threads.
 
 mod config;
+mod effort;
 mod event;
 mod fingerprint;
 mod gate;
@@ -22,12 +23,13 @@ mod tracking;
 mod trajectory;
 
 pub use config::{Config, ConfigError, ConfigProblem, DetectorConfig, Schedule};
+pub use effort::{CostTable, MIN_FEATURES, MappingEffort, Plan};
 pub use event::{
     BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
     LostReason, MappingReport, Outcome, RejudgeReport, tell_applied,
 };
-pub use health::{Health, Loss, LossCause, Quality};
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};
+pub use health::{Health, Loss, LossCause, Quality};
 pub use join::{JoinedMaps, join_maps};
 pub use looping::{Looper, LoopingConfig};
 pub use mapping::{Mapper, MappingConfig};

@@ -225,6 +225,14 @@ impl Replay {
                 }
                 Err(e) => Ok(vec![Event::DetectorFailed(e)]),
             },
+            LogEntry::TrackEffort { features } => {
+                tracker.set_features(features);
+                Ok(Vec::new())
+            }
+            LogEntry::MapEffort { effort } => {
+                self.stages.mapper.set_effort(effort);
+                Ok(Vec::new())
+            }
             LogEntry::MapKeyframe { .. } | LogEntry::MapRejudge { .. } => {
                 let message = self.for_mapper.pop_front();
                 self.map(entry, message)

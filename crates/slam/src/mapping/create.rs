@@ -51,7 +51,7 @@ impl Mapper {
     pub(super) fn triangulate(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("triangulate").entered();
         let mut created = 0;
-        for neighbour in self.neighbours(id, self.config.neighbours) {
+        for neighbour in self.neighbours(id, self.effort.neighbours as usize) {
             let view = self.map.view();
             let (Some(a), Some(b)) = (view.keyframe(id), view.keyframe(neighbour)) else {
                 continue;

@@ -8,6 +8,7 @@ pub(crate) mod fuse;
 mod refine;
 
 use crate::config::{Checker, Config};
+use crate::effort::MappingEffort;
 use crate::event::CorrectionReport;
 use crate::event::{MappingReport, RejudgeReport};
 use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
@@ -78,6 +79,8 @@ impl MappingConfig {
 /// Builds the map.
 pub struct Mapper {
     config: MappingConfig,
+    /// Work per keyframe as of now; at most what is configured.
+    effort: MappingEffort,
     sensor: SensorConfig,
     scale_factor: f64,
     map: Map,
@@ -93,6 +96,7 @@ impl Mapper {
     pub fn new(config: &Config) -> Self {
         Self {
             config: config.mapping.clone(),
+            effort: MappingEffort::of(config),
             sensor: config.sensor.clone(),
             scale_factor: f64::from(config.features.scale_factor),
             map: Map::new(config.features.levels, config.features.scale_factor),
@@ -107,6 +111,20 @@ impl Mapper {
         self.order = map.view().keyframes().map(|k| k.id).collect();
         self.map = map;
         self
+    }
+
+    /// From now on so much work goes into a keyframe: what is configured at most, and one keyframe of adjustment at least.
+    pub fn set_effort(&mut self, effort: MappingEffort) {
+        self.effort = MappingEffort {
+            neighbours: effort.neighbours.min(self.config.neighbours as u32),
+            window: effort.window.clamp(1, self.config.window as u32),
+        };
+    }
+
+    /// Fixed keyframes of local bundle adjustment, at most: of those configured the share that the free ones have.
+    fn fixed_window(&self) -> usize {
+        let share = self.config.fixed_window * self.effort.window as usize;
+        share.div_ceil(self.config.window)
     }
 
     /// The map.

@@ -64,7 +64,7 @@ impl Mapper {
         let view = self.map.view();
         let first = self.order.first().copied();
         let mut free: Vec<KeyframeId> = vec![id];
-        free.extend(self.neighbours(id, self.config.window.saturating_sub(1)));
+        free.extend(self.neighbours(id, self.effort.window.saturating_sub(1) as usize));
         free.retain(|k| Some(*k) != first);
         let mut landmarks: Vec<LandmarkId> = free
             .iter()
@@ -84,7 +84,7 @@ impl Mapper {
         }
         let mut fixed: Vec<(u32, KeyframeId)> = outside.iter().map(|(k, n)| (*n, *k)).collect();
         fixed.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
-        fixed.truncate(self.config.fixed_window);
+        fixed.truncate(self.fixed_window());
         let mut keyframes = free;
         let free = keyframes.len();
         keyframes.extend(fixed.iter().map(|f| f.1));

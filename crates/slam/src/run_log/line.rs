@@ -1,6 +1,7 @@
 //! The lines of a log.
 
 use super::{LogEntry, LogError};
+use crate::effort::MappingEffort;
 use std::fmt::Write;
 use std::str::{FromStr, Lines, SplitAsciiWhitespace};
 use stillpoint_detection::{BoundingBox, ClassId, DetectError, Detection, Detections};
@@ -181,6 +182,10 @@ pub(super) fn write(text: &mut String, entry: &LogEntry) {
             }
             Ok(())
         }
+        LogEntry::TrackEffort { features } => writeln!(text, "track-effort {features}"),
+        LogEntry::MapEffort { effort } => {
+            writeln!(text, "map-effort {} {}", effort.neighbours, effort.window)
+        }
         LogEntry::MapKeyframe { keyframe } => writeln!(text, "map-keyframe {}", keyframe.0),
         LogEntry::MapRejudge { keyframe } => writeln!(text, "map-rejudge {}", keyframe.0),
         LogEntry::MapCorrect { base_version } => writeln!(text, "map-correct {base_version}"),
@@ -269,6 +274,15 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
         "failed" => LogEntry::TrackDetections {
             next: words.frame()?,
             said: Err(read_failure(&mut words)?),
+        },
+        "track-effort" => LogEntry::TrackEffort {
+            features: words.number("a number of keypoints")?,
+        },
+        "map-effort" => LogEntry::MapEffort {
+            effort: MappingEffort {
+                neighbours: words.number("a number of neighbours")?,
+                window: words.number("a number of keyframes")?,
+            },
         },
         "map-keyframe" => LogEntry::MapKeyframe {
             keyframe: words.keyframe()?,

@@ -10,6 +10,7 @@
 
 mod line;
 
+use crate::effort::MappingEffort;
 use crate::fingerprint::Fingerprint;
 use crate::messages::{LooperMsg, MapperMsg};
 use line::Line;
@@ -46,6 +47,16 @@ pub enum LogEntry {
         next: FrameId,
         /// What the detector said; kept here, so that no network is needed to run again.
         said: Result<Detections, DetectError>,
+    },
+    /// The tracker was told how many keypoints are wanted per image from now on.
+    TrackEffort {
+        /// So many.
+        features: u32,
+    },
+    /// The mapper was told how much work goes into a keyframe from now on.
+    MapEffort {
+        /// So much.
+        effort: MappingEffort,
     },
     /// The mapper took a keyframe.
     MapKeyframe {

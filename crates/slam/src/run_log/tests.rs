@@ -57,6 +57,10 @@ fn entry() -> impl Strategy<Value = LogEntry> {
             next: FrameId(n),
             said
         }),
+        any::<u32>().prop_map(|features| LogEntry::TrackEffort { features }),
+        (any::<u32>(), any::<u32>()).prop_map(|(neighbours, window)| LogEntry::MapEffort {
+            effort: MappingEffort { neighbours, window }
+        }),
         keyframe().prop_map(|keyframe| LogEntry::MapKeyframe { keyframe }),
         keyframe().prop_map(|keyframe| LogEntry::MapRejudge { keyframe }),
         any::<u64>().prop_map(|base_version| LogEntry::MapCorrect { base_version }),

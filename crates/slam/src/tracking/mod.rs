@@ -194,6 +194,20 @@ impl Tracker {
         KeyframeId(self.first_keyframe.saturating_add(frame.0))
     }
 
+    /// Keypoints that are wanted per image.
+    #[must_use]
+    pub fn features(&self) -> u32 {
+        self.observer.extractor.wanted() as u32
+    }
+
+    /// From now on so many keypoints are wanted per image: what is configured at most, and what a configuration may say at least.
+    pub fn set_features(&mut self, features: u32) {
+        let most = self.config.features.features;
+        self.observer
+            .extractor
+            .set_wanted((features as usize).clamp(100.min(most), most));
+    }
+
     /// Takes a newer view of the map.
     pub fn receive(&mut self, view: Arc<MapView>) {
         self.view = view;

@@ -1,0 +1,201 @@
+//! How much work goes into a frame and into a keyframe, and what it costs.
+//!
+//! Answers: which counts (keypoints, neighbours, keyframes in bundle adjustment) fit a given time. The inline driver plans with a
+//! fixed table, so that a run stays the same on every machine; the live driver measures, and its log keeps what it decided.
+
+use crate::config::Config;
+
+/// Fewest keypoints per image that a plan goes down to: with fewer, people in the image leave too little to hold on to.
+pub const MIN_FEATURES: u32 = 300;
+/// Fewest neighbours of a keyframe that a plan goes down to.
+const MIN_NEIGHBOURS: u32 = 2;
+/// Fewest keyframes in local bundle adjustment that a plan goes down to.
+const MIN_WINDOW: u32 = 3;
+
+/// How much work goes into a keyframe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MappingEffort {
+    /// Neighbours with which it triangulates and fuses, at most.
+    pub neighbours: u32,
+    /// Free keyframes of its local bundle adjustment, at most; of the fixed ones the same share of the configured number.
+    pub window: u32,
+}
+
+impl MappingEffort {
+    /// The configured effort.
+    #[must_use]
+    pub fn of(config: &Config) -> Self {
+        Self {
+            neighbours: config.mapping.neighbours as u32,
+            window: config.mapping.window as u32,
+        }
+    }
+
+    /// The effort when `waiting` other keyframes want to be next: as much as for one, shared among them, but no less than
+    /// what holds the map together.
+    #[must_use]
+    pub fn shared(self, waiting: usize) -> Self {
+        let share = |all: u32, least: u32| {
+            let parts = u32::try_from(waiting).unwrap_or(u32::MAX).saturating_add(1);
+            all.div_ceil(parts).max(least.min(all))
+        };
+        Self {
+            neighbours: share(self.neighbours, MIN_NEIGHBOURS),
+            window: share(self.window, MIN_WINDOW),
+        }
+    }
+}
+
+/// What the work costs, ms of one thread.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CostTable {
+    /// Tracking a frame, whatever its number of keypoints: pyramid, corners, segments.
+    pub frame: f64,
+    /// Per keypoint: description, flow, filter, matching, pose.
+    pub feature: f64,
+    /// Mapping a keyframe without neighbours and adjustment.
+    pub keyframe: f64,
+    /// Per neighbour of a keyframe.
+    pub neighbour: f64,
+    /// Local bundle adjustment, per square of its free keyframes.
+    pub window: f64,
+    /// Keyframes per frame, where people walk.
+    pub keyframe_share: f64,
+    /// Detection in one image.
+    pub detection: f64,
+}
+
+impl CostTable {
+    /// Measured on a two-core x86-64 server (docs/benchmarks.md, "Time budget"), where OpenCV's ORB with 1000 features takes
+    /// about 8 ms.
+    pub const REFERENCE: Self = Self {
+        frame: 4.0,
+        feature: 0.01,
+        keyframe: 4.0,
+        neighbour: 1.0,
+        window: 0.02,
+        keyframe_share: 0.2,
+        detection: 60.0,
+    };
+
+    /// Mean time per frame, ms: tracking, and the frame's share in mapping.
+    #[must_use]
+    pub fn per_frame(&self, features: u32, mapping: MappingEffort) -> f64 {
+        let window = f64::from(mapping.window);
+        let keyframe = self.keyframe
+            + self.neighbour * f64::from(mapping.neighbours)
+            + self.window * window * window;
+        self.frame + self.feature * f64::from(features) + self.keyframe_share * keyframe
+    }
+}
+
+/// Counts that fit a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Keypoints wanted per image.
+    pub features: u32,
+    /// Work per keyframe.
+    pub mapping: MappingEffort,
+    /// The detector looks at every so many frames.
+    pub detector_stride: u32,
+    /// What this costs per frame by the table, ms; detection, which has its own thread, is not part of it.
+    pub per_frame_ms: f64,
+    /// Whether that fits: false when even the least does not.
+    pub fits: bool,
+}
+
+impl Plan {
+    /// The most work that fits into `budget_ms` per frame by a table, up to what is configured. Tracking and mapping give in the same
+    /// share; the detector looks at so few frames that it takes as long as the budget in the mean.
+    #[must_use]
+    pub fn new(config: &Config, budget_ms: f64, costs: &CostTable) -> Self {
+        let most = MappingEffort::of(config);
+        let at = |percent: u32| {
+            let between = |least: u32, most: u32| {
+                let least = least.min(most);
+                least + (most - least) * percent / 100
+            };
+            let features = between(MIN_FEATURES, config.features.features as u32);
+            let mapping = MappingEffort {
+                neighbours: between(MIN_NEIGHBOURS, most.neighbours),
+                window: between(MIN_WINDOW, most.window),
+            };
+            (features, mapping, costs.per_frame(features, mapping))
+        };
+        let percent = (0..=100).rev().find(|p| at(*p).2 <= budget_ms);
+        let (features, mapping, per_frame_ms) = at(percent.unwrap_or(0));
+        // Out of range (also for no or a negative budget) the cast saturates.
+        let stride = libm::ceil(costs.detection / budget_ms.max(1e-3)) as u32;
+        Self {
+            features,
+            mapping,
+            detector_stride: stride.clamp(1, 100).max(config.detector.stride),
+            per_frame_ms,
+            fits: percent.is_some(),
+        }
+    }
+
+    /// A configuration with these counts.
+    #[must_use]
+    pub fn apply(&self, config: &Config) -> Config {
+        let mut config = config.clone();
+        let fixed = config.mapping.fixed_window * self.mapping.window as usize;
+        config.mapping.fixed_window = fixed.div_ceil(config.mapping.window.max(1)).max(1);
+        config.features.features = self.features as usize;
+        config.mapping.neighbours = self.mapping.neighbours as usize;
+        config.mapping.window = self.mapping.window as usize;
+        config.detector.stride = self.detector_stride;
+        config
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn plenty_of_time_changes_nothing() {
+        let config = Config::default();
+        let plan = Plan::new(&config, 1e4, &CostTable::REFERENCE);
+        assert!(plan.fits);
+        assert_eq!(plan.apply(&config), config);
+    }
+
+    #[test]
+    fn no_time_leaves_the_least_and_says_so() {
+        let config = Config::default();
+        for budget in [0.0, -1.0, f64::NAN] {
+            let plan = Plan::new(&config, budget, &CostTable::REFERENCE);
+            assert!(!plan.fits, "{budget}");
+            assert_eq!(plan.features, MIN_FEATURES);
+            assert_eq!(plan.detector_stride, 100);
+            let least = plan.apply(&config);
+            assert!(least.validate().is_ok());
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn a_plan_keeps_to_its_time_and_more_time_is_more_work(budget in 1.0..60.0_f64, more in 0.0..30.0_f64) {
+            let config = Config::default();
+            let plan = |ms| Plan::new(&config, ms, &CostTable::REFERENCE);
+            let (tight, wide) = (plan(budget), plan(budget + more));
+            prop_assert!(!tight.fits || tight.per_frame_ms <= budget);
+            prop_assert!(tight.features <= wide.features && wide.features <= 1000);
+            prop_assert!(tight.mapping.neighbours <= wide.mapping.neighbours);
+            prop_assert!(tight.mapping.window <= wide.mapping.window);
+            prop_assert!(tight.detector_stride >= wide.detector_stride);
+            prop_assert!(tight.apply(&config).validate().is_ok());
+        }
+
+        #[test]
+        fn the_more_wait_the_less_is_done(waiting in 0..100_usize, neighbours in 0..100_u32, window in 1..100_u32) {
+            let all = MappingEffort { neighbours, window };
+            let (some, less) = (all.shared(waiting), all.shared(waiting + 1));
+            prop_assert_eq!(all.shared(0), all);
+            prop_assert!(less.neighbours <= some.neighbours && less.window <= some.window);
+            prop_assert!(less.neighbours >= neighbours.min(MIN_NEIGHBOURS) && less.window >= window.min(MIN_WINDOW));
+        }
+    }
+}
