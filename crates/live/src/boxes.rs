@@ -1,6 +1,8 @@
 //! What each stage can be told, and in which order it takes it.
 
+use crate::health::{Newest, Pulse};
 use crate::mailbox::Mailbox;
+use crate::measure::Stage;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
@@ -21,6 +23,27 @@ pub(crate) struct Boxes {
     pub(crate) detection: Mailbox<Option<Arrived>>,
     pub(crate) mapping: Mailbox<MappingBox>,
     pub(crate) looping: Mailbox<LoopingBox>,
+    /// What each thread is at, in the order of [`Stage::ALL`].
+    pulses: [Mailbox<Pulse>; 4],
+    pub(crate) newest: Mailbox<Option<Newest>>,
+}
+
+impl Boxes {
+    /// What a stage's thread is at.
+    pub(crate) fn pulse(&self, stage: Stage) -> &Mailbox<Pulse> {
+        &self.pulses[stage as usize]
+    }
+
+    /// Notes that a stage's thread took a message.
+    pub(crate) fn begins(&self, stage: Stage) {
+        self.pulse(stage)
+            .put(|p| *p = Pulse::Working(Instant::now()));
+    }
+
+    /// Notes that it is done with it.
+    pub(crate) fn rests(&self, stage: Stage) {
+        self.pulse(stage).put(|p| *p = Pulse::Waiting);
+    }
 }
 
 /// A frame, and when it arrived.

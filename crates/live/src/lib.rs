@@ -10,6 +10,8 @@
 //! replaces the older one, and of corrections there is one at a time.
 
 mod boxes;
+mod budget;
+mod health;
 mod mailbox;
 mod measure;
 mod pace;
@@ -17,6 +19,7 @@ mod recorder;
 mod system;
 mod workers;
 
+pub use health::{LiveHealth, ThreadState, Watch};
 pub use measure::{Ended, FrameTiming, LiveStatistics, Stage, WorkerEnd};
 pub use pace::{Played, Told};
 pub use system::{LiveOptions, LiveResult, LiveSystem};

@@ -15,8 +15,29 @@ pub enum Stage {
     Looping,
 }
 
+impl Stage {
+    /// All stages, by the way of the data.
+    pub const ALL: [Self; 4] = [
+        Self::Tracking,
+        Self::Detection,
+        Self::Mapping,
+        Self::Looping,
+    ];
+}
+
+impl std::fmt::Display for Stage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Tracking => "tracking",
+            Self::Detection => "detection",
+            Self::Mapping => "mapping",
+            Self::Looping => "looping",
+        })
+    }
+}
+
 /// What was measured at one frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameTiming {
     /// The frame.
     pub frame: FrameId,
@@ -28,6 +49,8 @@ pub struct FrameTiming {
     pub detections_age: Option<f64>,
     /// Time since the view of the map that was used had been published, s; none before the first one.
     pub view_age: Option<f64>,
+    /// Keypoints that were wanted.
+    pub features: u32,
     /// Keyframes that this view did not hold yet.
     pub keyframes_behind: u32,
     /// Messages that mapping had not taken yet when the pose was there.

@@ -1,6 +1,8 @@
 //! A live run from its first frame to its result.
 
 use crate::boxes::{Arrived, Boxes};
+use crate::budget::Budget;
+use crate::health::Watch;
 use crate::measure::{Ended, LiveStatistics, Stage, WorkerEnd};
 use crate::recorder::Recorder;
 use crate::workers::{Desk, DetectionWorker, Hook, LoopingWorker, MappingWorker, TrackingWorker};
@@ -12,8 +14,10 @@ use std::time::{Duration, Instant};
 use stillpoint_detection::Detector;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{Map, MapView};
+use stillpoint_slam::{
+    Event, LoopReport, MappingEffort, RunLog, Stages, Timing, Trajectory, tell_applied,
+};
 use stillpoint_slam::{FrameGate, RefusedFrame};
-use stillpoint_slam::{Event, LoopReport, RunLog, Stages, Timing, Trajectory, tell_applied};
 
 /// How a live run is driven.
 #[derive(Clone)]
@@ -25,6 +29,9 @@ pub struct LiveOptions {
     pub detector_patience: Duration,
     /// Events that wait to be fetched, at most: those that find no room are lost, and counted.
     pub events: usize,
+    /// Time that tracking may take per frame, s: it wants fewer keypoints, and asks the detector more rarely, as long as that is
+    /// exceeded. None: no limit.
+    pub budget: Option<f64>,
     /// Called by every thread before it waits for its next message.
     pub hook: Option<Hook>,
 }
@@ -36,6 +43,7 @@ impl Default for LiveOptions {
             detector_patience: Duration::from_secs(2),
             // At 30 Hz about a minute of frames, with what else happens.
             events: 4096,
+            budget: None,
             hook: None,
         }
     }
@@ -148,6 +156,9 @@ impl LiveSystem {
         };
         let fingerprint = stages.fingerprint();
         let stride = u64::from(stages.config().detector.stride);
+        let effort = MappingEffort::of(stages.config());
+        let features = stages.config().features.features as u32;
+        let budget = options.budget.map(|limit| Budget::new(limit, features));
         let Stages {
             gate,
             tracker,
@@ -158,8 +169,8 @@ impl LiveSystem {
         let view = tracker.view();
         // In the order in which they wait for each other: whatever fails to start, those that did come to their end.
         let looping = LoopingWorker::new(office.desk(Stage::Looping), looper);
-        let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, view);
-        let tracking = TrackingWorker::new(office.desk(Stage::Tracking), tracker, stride);
+        let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, view, effort);
+        let tracking = TrackingWorker::new(office.desk(Stage::Tracking), tracker, stride, budget);
         let detection = detector
             .map(|detector| DetectionWorker {
                 boxes: Arc::clone(&boxes),
@@ -229,6 +240,12 @@ impl LiveSystem {
     #[must_use]
     pub fn events(&self) -> &Receiver<Event> {
         &self.events
+    }
+
+    /// How the run is at any moment, for any thread: health of the newest frame, and whether the threads are at work.
+    #[must_use]
+    pub fn watch(&self) -> Watch {
+        Watch::new(&self.boxes, self.detection.is_some())
     }
 
     /// Frames dropped so far.

@@ -4,6 +4,8 @@ use crate::boxes::{
     Boxes, LoopingBox, LoopingWork, MappingBox, MappingWork, Published, QUEUE, Said, TrackingBox,
     TrackingWork,
 };
+use crate::budget::Budget;
+use crate::health::{Newest, Pulse};
 use crate::measure::{FrameTiming, Stage, WorkerEnd};
 use crate::recorder::Recorder;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -16,7 +18,7 @@ use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::MapView;
 use stillpoint_slam::{
     CorrectionReport, Event, LogEntry, LoopReport, Looper, LooperMsg, LooperOut, Mapper, MapperMsg,
-    MapperReport, Tracked, Tracker,
+    MapperReport, MappingEffort, Tracked, Tracker,
 };
 
 /// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
@@ -36,6 +38,7 @@ pub(crate) struct Desk {
 impl Desk {
     fn before(&self) {
         call(self.hook.as_ref(), self.stage);
+        self.boxes.rests(self.stage);
     }
 
     /// Tells the user. A stage does not wait for someone who does not listen.
@@ -54,13 +57,17 @@ fn call(hook: Option<&Hook>, stage: Stage) {
 
 /// Runs a thread's loop, and tells how it ended. What the loop worked on is left as it was when it panicked, and only what
 /// is whole even then is used of it.
-fn guarded(run: impl FnOnce()) -> WorkerEnd {
-    let Err(panic) = catch_unwind(AssertUnwindSafe(run)) else {
-        return WorkerEnd::Finished;
+fn guarded(boxes: &Boxes, stage: Stage, run: impl FnOnce()) -> WorkerEnd {
+    let end = match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(()) => WorkerEnd::Finished,
+        Err(panic) => {
+            let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+            let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+            WorkerEnd::Panicked(text.unwrap_or_else(|| "unknown reason".to_owned()))
+        }
     };
-    let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
-    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-    WorkerEnd::Panicked(text.unwrap_or_else(|| "unknown reason".to_owned()))
+    boxes.pulse(stage).put(|p| *p = Pulse::Ended(end.clone()));
+    end
 }
 
 /// Tracking.
@@ -69,6 +76,8 @@ pub(crate) struct TrackingWorker {
     pub(crate) tracker: Tracker,
     /// The detector is shown every so many frames.
     pub(crate) stride: u64,
+    /// What a frame may take; none without a limit.
+    pub(crate) budget: Option<Budget>,
     pub(crate) frames: Vec<FrameTiming>,
     pub(crate) detections: Vec<f64>,
     /// Frames taken.
@@ -83,11 +92,12 @@ pub(crate) struct TrackingWorker {
 }
 
 impl TrackingWorker {
-    pub(crate) fn new(desk: Desk, tracker: Tracker, stride: u64) -> Self {
+    pub(crate) fn new(desk: Desk, tracker: Tracker, stride: u64, budget: Option<Budget>) -> Self {
         Self {
             desk,
             tracker,
             stride,
+            budget,
             frames: Vec::new(),
             detections: Vec::new(),
             taken: 0,
@@ -101,9 +111,10 @@ impl TrackingWorker {
     /// Tracks until the stream ends.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.desk.boxes);
-        let end = guarded(|| {
+        let end = guarded(&boxes, Stage::Tracking, || {
             self.desk.before();
             while let Some(work) = boxes.tracking.take(TrackingBox::next) {
+                boxes.begins(Stage::Tracking);
                 self.step(work);
                 self.desk.before();
             }
@@ -117,7 +128,8 @@ impl TrackingWorker {
     fn step(&mut self, work: TrackingWork) {
         let TrackingWork { arrived, news } = work;
         let waited = arrived.at.elapsed().as_secs_f64();
-        if self.taken.is_multiple_of(self.stride) {
+        let rarer = self.budget.as_ref().map_or(1, Budget::rarer);
+        if self.taken.is_multiple_of(self.stride * rarer) {
             let shown = arrived.clone();
             self.desk.boxes.detection.put(|b| *b = Some(shown));
         }
@@ -135,16 +147,30 @@ impl TrackingWorker {
         } = self.tracker.track(&arrived.frame);
         let latency = arrived.at.elapsed().as_secs_f64();
         let boxes = &self.desk.boxes;
-        self.frames.push(FrameTiming {
+        let timing = FrameTiming {
             frame: arrived.frame.id,
             latency,
             waited,
             detections_age: self.seen.map(|stamp| arrived.frame.stamp - stamp),
             view_age,
+            features: self.tracker.features(),
             keyframes_behind: (self.sent - self.mapped) as u32,
             mapping_queue: boxes.mapping.look(|b| b.queue.len()) as u32,
             looping_queue: boxes.looping.look(|b| b.queue.len()) as u32,
+        };
+        self.frames.push(timing);
+        boxes.newest.put(|newest| {
+            *newest = Some(Newest {
+                health: health.clone(),
+                timing,
+                at: Instant::now(),
+            });
         });
+        let wanted = self.budget.as_mut().and_then(|b| b.hear(latency - waited));
+        if let Some(features) = wanted {
+            self.desk.recorder.took(LogEntry::TrackEffort { features });
+            self.tracker.set_features(features);
+        }
         self.desk.tell(Event::Frame(report));
         self.desk.tell(Event::Health(Box::new(health)));
         if let Some(keyframe) = keyframe {
@@ -203,9 +229,10 @@ impl DetectionWorker {
     /// Looks at the newest frame until the stream ends.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.boxes);
-        let end = guarded(|| {
+        let end = guarded(&boxes, Stage::Detection, || {
             call(self.hook.as_ref(), Stage::Detection);
             while let Some(shown) = boxes.detection.take(Option::take) {
+                boxes.begins(Stage::Detection);
                 let span = tracing::info_span!("detect");
                 let answer = span.in_scope(|| self.detector.detect(&shown.frame));
                 let said = Said {
@@ -218,6 +245,7 @@ impl DetectionWorker {
                     break;
                 }
                 call(self.hook.as_ref(), Stage::Detection);
+                boxes.rests(Stage::Detection);
             }
         });
         boxes.detection.close();
@@ -233,17 +261,22 @@ pub(crate) struct MappingWorker {
     pub(crate) view: Arc<MapView>,
     /// What corrections did, in their order.
     pub(crate) applied: Vec<CorrectionReport>,
+    /// Work per keyframe when no other one waits, and as of now.
+    full: MappingEffort,
+    effort: MappingEffort,
     answers: u64,
     keyframes: u64,
 }
 
 impl MappingWorker {
-    pub(crate) fn new(desk: Desk, mapper: Mapper, view: Arc<MapView>) -> Self {
+    pub(crate) fn new(desk: Desk, mapper: Mapper, view: Arc<MapView>, full: MappingEffort) -> Self {
         Self {
             desk,
             mapper,
             view,
             applied: Vec::new(),
+            full,
+            effort: full,
             answers: 0,
             keyframes: 0,
         }
@@ -252,9 +285,10 @@ impl MappingWorker {
     /// Maps until tracking and looping have nothing more to say.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.desk.boxes);
-        let end = guarded(|| {
+        let end = guarded(&boxes, Stage::Mapping, || {
             self.desk.before();
             while let Some(work) = boxes.mapping.take(MappingBox::next) {
+                boxes.begins(Stage::Mapping);
                 match work {
                     MappingWork::Message(message) => self.step(message),
                     MappingWork::TrackingIsOver => {
@@ -272,6 +306,9 @@ impl MappingWorker {
     }
 
     fn step(&mut self, message: MapperMsg) {
+        if matches!(message, MapperMsg::Keyframe(_)) {
+            self.hurry();
+        }
         self.desk.recorder.took(LogEntry::from(&message));
         self.keyframes += u64::from(matches!(message, MapperMsg::Keyframe(_)));
         let out = self.mapper.step(message);
@@ -292,6 +329,24 @@ impl MappingWorker {
         event.into_iter().for_each(|e| self.desk.tell(e));
         let room = |b: &LoopingBox| b.queue.len() < QUEUE;
         boxes.looping.put_when(room, |b| b.queue.push_back(told));
+    }
+}
+
+impl MappingWorker {
+    /// Shares the work with the keyframes that wait: a map that lags behind the camera is worse than one that is less refined,
+    /// as what it lacks of new places cannot be tracked.
+    fn hurry(&mut self) {
+        let is_keyframe = |m: &&MapperMsg| matches!(m, MapperMsg::Keyframe(_));
+        let boxes = &self.desk.boxes;
+        let waiting = boxes
+            .mapping
+            .look(|b| b.queue.iter().filter(is_keyframe).count());
+        let effort = self.full.shared(waiting);
+        if effort != self.effort {
+            self.effort = effort;
+            self.desk.recorder.took(LogEntry::MapEffort { effort });
+            self.mapper.set_effort(effort);
+        }
     }
 }
 
@@ -317,9 +372,10 @@ impl LoopingWorker {
     /// Looks for loops until mapping has nothing more to show.
     pub(crate) fn run(&mut self) -> WorkerEnd {
         let boxes = Arc::clone(&self.desk.boxes);
-        let end = guarded(|| {
+        let end = guarded(&boxes, Stage::Looping, || {
             self.desk.before();
             while let Some(LoopingWork::Message(message)) = boxes.looping.take(LoopingBox::next) {
+                boxes.begins(Stage::Looping);
                 self.step(message);
                 self.desk.before();
             }

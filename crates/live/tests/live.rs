@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
+mod health;
 mod world;
 
 use std::collections::BTreeSet;
@@ -149,6 +150,45 @@ fn late_frames_are_dropped_and_counted() {
     assert_eq!(all, frames().iter().map(|f| f.id).collect::<Vec<_>>());
     assert!(s.frames.iter().all(|f| f.latency >= f.waited));
     assert_reproduced(&result, &heard);
+}
+
+/// Half a frame's time, and mapping that is slower than keyframes come: less is done, and the log knows of it.
+#[test]
+fn less_is_done_where_time_is_short_and_that_is_reproduced() {
+    let efforts = |budget: Option<f64>, delay_ms: u64| {
+        let slow: Hook = Arc::new(move |stage| {
+            if stage == Stage::Mapping {
+                std::thread::sleep(Duration::from_millis(delay_ms));
+            }
+        });
+        let options = LiveOptions {
+            drop_late: false,
+            budget,
+            hook: Some(slow),
+            ..LiveOptions::default()
+        };
+        let stages = || {
+            world::stages_with(|c| {
+                c.keyframes.min_tracked_share = 1.0;
+                c.keyframes.min_gap = 1;
+            })
+        };
+        let (result, heard) = within(move || push(stages(), None, options, frames(), 0));
+        assert_all_finished(&result);
+        assert_reproduced_by(stages(), Frames::all(), &result, &heard);
+        let counts = result.statistics.frames.iter().map(|f| f.features);
+        let fewest = counts.min().unwrap();
+        let entries = result.log.entries.iter();
+        let hurried = entries.filter(|e| matches!(e, LogEntry::MapEffort { .. }));
+        (fewest, hurried.count())
+    };
+    let wanted = stages().config().features.features as u32;
+    let (features, hurried) = efforts(Some(1e-6), 30);
+    assert!(features < wanted, "{features} of {wanted}");
+    assert!(hurried > 0);
+    // Control: with time for everything, all is done.
+    assert_eq!(efforts(Some(10.0), 0).0, wanted);
+    assert_eq!(efforts(None, 0).0, wanted);
 }
 
 #[test]

@@ -157,7 +157,9 @@ impl Told {
                 self.reports.push(report);
                 self.tracking.push(text);
             }
-            Event::Health(_) | Event::Detected(_) | Event::DetectorFailed(_) => self.tracking.push(text),
+            Event::Health(_) | Event::Detected(_) | Event::DetectorFailed(_) => {
+                self.tracking.push(text)
+            }
             Event::Mapped(_) | Event::Rejudged(_) => self.mapping.push(text),
             Event::Looped(_) => self.looping.push(text),
         }

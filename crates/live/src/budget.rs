@@ -1,0 +1,116 @@
+//! A time per frame that is kept by doing less: how many keypoints are wanted, and how often the detector is asked.
+
+use stillpoint_slam::MIN_FEATURES;
+
+/// Frames after which it is decided anew: half a second at 30 Hz.
+const ROUND: usize = 15;
+/// There is room for more below this share of the limit.
+const ROOM: f64 = 0.8;
+/// The detector is asked at most this many times more rarely than configured.
+const MOST_RARELY: u64 = 8;
+
+/// Keeps tracking within a time per frame.
+#[derive(Clone, Debug)]
+pub(crate) struct Budget {
+    /// Time per frame, s.
+    limit: f64,
+    /// Keypoints wanted at most.
+    most: u32,
+    features: u32,
+    /// The detector is asked so many times more rarely than configured.
+    rarer: u64,
+    /// What the frames of this round took, s.
+    round: Vec<f64>,
+}
+
+impl Budget {
+    /// A budget of `limit` s per frame, with at most so many keypoints, which is also what it begins with.
+    pub(crate) fn new(limit: f64, most: u32) -> Self {
+        Self {
+            limit,
+            most,
+            features: most,
+            rarer: 1,
+            round: Vec::with_capacity(ROUND),
+        }
+    }
+
+    /// So many times more rarely than configured the detector is asked.
+    pub(crate) fn rarer(&self) -> u64 {
+        self.rarer
+    }
+
+    /// Hears how long a frame took, s. Answers with the number of keypoints wanted from now on when it changes.
+    pub(crate) fn hear(&mut self, took: f64) -> Option<u32> {
+        self.round.push(took);
+        if self.round.len() < ROUND {
+            return None;
+        }
+        self.round.sort_unstable_by(f64::total_cmp);
+        // The second longest: one frame that something else disturbed decides nothing.
+        let took = self.round[ROUND - 2];
+        self.round.clear();
+        let least = MIN_FEATURES.min(self.most);
+        let ratio = self.limit / took.max(1e-6);
+        let factor = if ratio < 1.0 {
+            ratio.max(0.7)
+        } else if ratio * ROOM > 1.0 {
+            (ratio * ROOM).min(1.1)
+        } else {
+            1.0
+        };
+        let wanted = f64::from(self.features) * factor;
+        let features = (wanted.round() as u32).clamp(least, self.most);
+        if ratio < 1.0 && self.features == least {
+            self.rarer = (2 * self.rarer).min(MOST_RARELY);
+        } else if factor > 1.0 {
+            self.rarer = (self.rarer / 2).max(1);
+        }
+        let changes = features != self.features;
+        self.features = features;
+        changes.then_some(features)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Frames on a machine that needs `fixed` s and `each` s per keypoint: the keypoints in the end, and how rarely detection is asked.
+    fn settle(budget: &mut Budget, fixed: f64, each: f64) -> (u32, u64) {
+        for _ in 0..50 * ROUND {
+            budget.hear(fixed + each * f64::from(budget.features));
+        }
+        (budget.features, budget.rarer)
+    }
+
+    #[test]
+    fn fast_machines_do_all_and_slow_ones_what_fits() {
+        let mut budget = Budget::new(0.010, 1000);
+        assert_eq!(settle(&mut budget, 0.002, 1e-6), (1000, 1));
+        let (features, rarer) = settle(&mut budget, 0.004, 12e-6);
+        let took = 0.004 + 12e-6 * f64::from(features);
+        assert!(took <= 0.010 && took > ROOM * 0.010 / 1.1, "{took} s");
+        assert_eq!(rarer, 1);
+        // Nothing fits: the least is done.
+        let least = settle(&mut budget, 0.012, 12e-6);
+        assert_eq!(least, (MIN_FEATURES, MOST_RARELY));
+        // And back when there is time again.
+        assert_eq!(settle(&mut budget, 0.002, 1e-6), (1000, 1));
+    }
+
+    #[test]
+    fn one_slow_frame_decides_nothing() {
+        let mut budget = Budget::new(0.010, 1000);
+        for i in 0..10 * ROUND {
+            let took = if i % ROUND == 3 { 1.0 } else { 0.009 };
+            assert_eq!(budget.hear(took), None);
+        }
+    }
+
+    #[test]
+    fn fewer_keypoints_than_the_least_are_left_alone() {
+        let mut budget = Budget::new(0.001, 200);
+        assert_eq!(settle(&mut budget, 0.004, 12e-6).0, 200);
+    }
+}

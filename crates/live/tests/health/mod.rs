@@ -1,0 +1,103 @@
+//! What a watch says of a run: from outside, whatever the threads do.
+
+use super::{Odd, unhurried};
+use crate::world::{frames, scripted, stages, within};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::time::Duration;
+use stillpoint_live::{Hook, LiveHealth, LiveSystem, Stage, ThreadState, Watch};
+
+/// Looks until what it sees is as wished.
+fn wait_for(watch: &Watch, wished: impl Fn(&LiveHealth) -> bool) -> LiveHealth {
+    loop {
+        let health = watch.health();
+        if wished(&health) {
+            return health;
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_thread_that_hangs_is_seen_while_the_others_run() {
+    within(|| {
+        let hangs = Odd(0, |_| {
+            loop {
+                std::thread::park();
+            }
+        });
+        let mut live = LiveSystem::start(stages(), Some(Box::new(hangs)), unhurried()).unwrap();
+        let watch = live.watch();
+        let at_start = watch.health();
+        assert_eq!((&at_start.health, at_start.frame_age), (&None, None));
+        assert_eq!(at_start.threads.len(), 4);
+        for frame in frames() {
+            live.push(frame.clone());
+            std::thread::sleep(Duration::from_millis(2));
+        }
+        let last = frames()[frames().len() - 1].id;
+        let seen = wait_for(&watch, |h| {
+            let newest = h.health.as_ref().map(|h| h.frame);
+            newest == Some(last) && h.troubles().count() > 0
+        });
+        let troubles: Vec<_> = seen.troubles().collect();
+        let [(Stage::Detection, ThreadState::NotAnswering { seconds })] = troubles[..] else {
+            panic!("{troubles:?}");
+        };
+        assert!(*seconds > 1.0 && seen.frame_age.is_some());
+        let health = seen.health.as_ref().unwrap();
+        assert!(health.quality.value() > 0.0, "{health}");
+        assert_eq!(seen.timing.map(|t| t.frame), Some(last));
+        let line = seen.to_string();
+        let begins = format!("{health} | latency ");
+        assert!(line.starts_with(&begins), "{line}");
+        assert!(line.contains(" | detection: not answering for "), "{line}");
+        let _ = live.finish();
+        let over = watch.health();
+        let finished = |t: &&(Stage, ThreadState)| t.1 == ThreadState::Finished;
+        assert_eq!(over.threads.iter().filter(finished).count(), 3);
+    });
+}
+
+#[test]
+fn a_thread_that_panicked_is_seen_with_its_reason() {
+    within(|| {
+        let calls = AtomicU32::new(0);
+        let hook: Hook = Arc::new(move |stage| {
+            let second = || calls.fetch_add(1, Ordering::Relaxed) == 1;
+            assert!(stage != Stage::Mapping || !second(), "on purpose");
+        });
+        let mut options = unhurried();
+        options.hook = Some(hook);
+        let mut live = LiveSystem::start(stages(), None, options).unwrap();
+        let watch = live.watch();
+        live.push(frames()[0].clone());
+        let seen = wait_for(&watch, |h| h.troubles().count() > 0);
+        assert_eq!(seen.threads.len(), 3, "{:?}", seen.threads);
+        let panicked = ThreadState::Panicked("on purpose".to_owned());
+        let troubles: Vec<_> = seen.troubles().cloned().collect();
+        assert_eq!(troubles, [(Stage::Mapping, panicked)]);
+        assert!(
+            seen.to_string()
+                .ends_with("| mapping: panicked: on purpose")
+        );
+        drop(live);
+    });
+}
+
+#[test]
+fn a_run_that_is_well_has_no_troubles() {
+    within(|| {
+        let mut live = LiveSystem::start(stages(), Some(scripted()), unhurried()).unwrap();
+        let watch = live.watch();
+        for frame in frames() {
+            live.push(frame.clone());
+            assert_eq!(watch.health().troubles().count(), 0);
+        }
+        let _ = live.finish();
+        let over = watch.health();
+        assert!(over.threads.iter().all(|t| t.1 == ThreadState::Finished));
+        let health = over.health.unwrap();
+        assert_eq!(health.frame, frames()[frames().len() - 1].id);
+    });
+}
