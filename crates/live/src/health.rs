@@ -5,6 +5,7 @@
 
 use crate::boxes::Boxes;
 use crate::measure::{FrameTiming, Stage, WorkerEnd};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use stillpoint_slam::Health;
@@ -66,6 +67,21 @@ impl Pulse {
             Self::Ended(WorkerEnd::Finished | WorkerEnd::GivenUp) => ThreadState::Finished,
         }
     }
+}
+
+/// Runs a thread's loop, and tells how it ended. What the loop worked on is left as it was when it panicked, and only what
+/// is whole even then is used of it.
+pub(crate) fn guarded(boxes: &Boxes, stage: Stage, run: impl FnOnce()) -> WorkerEnd {
+    let end = match catch_unwind(AssertUnwindSafe(run)) {
+        Ok(()) => WorkerEnd::Finished,
+        Err(panic) => {
+            let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+            let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+            WorkerEnd::Panicked(text.unwrap_or_else(|| "unknown reason".to_owned()))
+        }
+    };
+    boxes.pulse(stage).put(|p| *p = Pulse::Ended(end.clone()));
+    end
 }
 
 /// The newest frame that was tracked.

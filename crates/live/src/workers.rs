@@ -5,10 +5,9 @@ use crate::boxes::{
     TrackingWork,
 };
 use crate::budget::Budget;
-use crate::health::{Newest, Pulse};
+use crate::health::{Newest, guarded};
 use crate::measure::{FrameTiming, Stage, WorkerEnd};
 use crate::recorder::Recorder;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
@@ -53,21 +52,6 @@ fn call(hook: Option<&Hook>, stage: Stage) {
     if let Some(hook) = hook {
         hook(stage);
     }
-}
-
-/// Runs a thread's loop, and tells how it ended. What the loop worked on is left as it was when it panicked, and only what
-/// is whole even then is used of it.
-fn guarded(boxes: &Boxes, stage: Stage, run: impl FnOnce()) -> WorkerEnd {
-    let end = match catch_unwind(AssertUnwindSafe(run)) {
-        Ok(()) => WorkerEnd::Finished,
-        Err(panic) => {
-            let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
-            let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-            WorkerEnd::Panicked(text.unwrap_or_else(|| "unknown reason".to_owned()))
-        }
-    };
-    boxes.pulse(stage).put(|p| *p = Pulse::Ended(end.clone()));
-    end
 }
 
 /// Tracking.
