@@ -2,6 +2,7 @@
 
 use crate::args_map::MapCommand;
 use crate::args_models::{DetectArgs, DetectorArgs, ModelsCommand};
+use crate::args_run::{ReplayArgs, RunArgs};
 use crate::suite_catalogue::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -44,6 +45,7 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     Demo(DemoArgs),
     Run(RunArgs),
+    Replay(ReplayArgs),
     Eval(EvalArgs),
     Simulate(SimulateArgs),
     Bench(BenchArgs),
@@ -173,73 +175,6 @@ pub(crate) struct DemoArgs {
     /// Result folder.
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     pub(crate) out: PathBuf,
-    #[command(flatten)]
-    pub(crate) config: ConfigArgs,
-}
-
-/// Run SLAM on a data set folder.
-///
-/// The layout (TUM, Bonn, ICL-NUIM, 7-Scenes) and the camera are guessed, and each guess is
-/// printed. With ground truth in the folder the score is printed too.
-///
-/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
-/// least 30 inliers; TUM format), trajectory_online.txt (the poses as known at each frame),
-/// keyframes.txt, config.toml (the resolved configuration), summary.json, and plots. An older
-/// result in it is replaced only when the run has ended. Ctrl-C ends the run after the frame at
-/// hand and writes what there is; a second Ctrl-C ends it at once.
-#[derive(Debug, Args)]
-#[command(
-    verbatim_doc_comment,
-    after_help = "Examples:
-  stillpoint run rgbd_dataset_freiburg1_xyz
-  stillpoint run recording --camera camera.toml --out result
-  stillpoint run rgbd_dataset_freiburg3_long_office_household --start 100 --max-frames 500
-  stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
-  stillpoint run recording --detector yolox_nano_416.onnx --verdicts verdicts.csv
-  stillpoint run recording --overlay pictures --overlay-every 3
-  stillpoint run recording --save-map desk.spmap
-  stillpoint run another --load-map desk.spmap --save-map desk.spmap
-  stillpoint run another --localize desk.spmap
-  stillpoint run recording --set static_filter.preset=off
-
-Exit code 1 when a frame was lost, fewer than two poses were found, or Ctrl-C ended the run;
-2 when the input cannot be used, or the output folder, or another file to be written."
-)]
-pub(crate) struct RunArgs {
-    /// Data set folder.
-    #[arg(value_name = "PATH")]
-    pub(crate) path: PathBuf,
-    /// Result folder [default: out/ and the name of PATH].
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
-    #[arg(long, value_name = "FILE.csv")]
-    pub(crate) verdicts: Option<PathBuf>,
-    /// Write frames as PNG, and an animation of them as APNG, with features, objects and state drawn over them.
-    /// Features are green when static, else red (on an object), yellow (breaks the rigid motion), orange (off its
-    /// epipolar line), magenta (depth), blue (moved before). Boxes are dashed when carried on without a detection.
-    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
-    pub(crate) overlay: Option<PathBuf>,
-    /// Write the map to this file when the run ends, also when Ctrl-C or an error ends it: see map --help. An older file is replaced only
-    /// by a whole one.
-    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
-    pub(crate) save_map: Option<PathBuf>,
-    /// Go on with a map that --save-map wrote: places in it are recognised, and it grows.
-    #[arg(long, value_name = "FILE", conflicts_with = "localize")]
-    pub(crate) load_map: Option<PathBuf>,
-    /// Find the camera in a map that --save-map wrote, in that map's frame of reference. The map is only read: it does not grow.
-    #[arg(
-        long,
-        value_name = "FILE",
-        conflicts_with = "save_map",
-        verbatim_doc_comment
-    )]
-    pub(crate) localize: Option<PathBuf>,
-    /// Draw every N-th frame only.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) overlay_every: u32,
-    #[command(flatten)]
-    pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) config: ConfigArgs,
 }

@@ -24,7 +24,27 @@ pub(crate) fn print(args: &PrintArgs) -> Result<Status, Failure> {
 
 /// The configuration that the arguments ask for, checked.
 pub(crate) fn resolve(args: &ConfigArgs) -> Result<Config, Failure> {
+    over(Layers::new()?, args)
+}
+
+/// The configuration that the arguments ask for, laid over that of a log.
+pub(crate) fn resolve_over(
+    logged: &Table,
+    log: &Path,
+    args: &ConfigArgs,
+) -> Result<Config, Failure> {
     let mut layers = Layers::new()?;
+    let text = toml::to_string(logged).map_err(Failure::input)?;
+    layers.add(&text, &Origin::Log(log))?;
+    over(layers, args)
+}
+
+/// The configuration as a table. By way of the text, so that 32-bit values keep their short decimal form.
+pub(crate) fn to_table(config: &Config) -> Result<Table, Failure> {
+    plain_text(config)?.parse().map_err(Failure::input)
+}
+
+fn over(mut layers: Layers, args: &ConfigArgs) -> Result<Config, Failure> {
     if let Some(path) = &args.config {
         let text = std::fs::read_to_string(path).map_err(|e| {
             Failure::input(format!(
@@ -63,6 +83,8 @@ pub(crate) fn simd() -> Result<Simd, Failure> {
 /// Where values come from, for messages.
 enum Origin<'a> {
     File(&'a Path),
+    /// The log of a run, whose configuration stands somewhere in it.
+    Log(&'a Path),
     Set(&'a str),
 }
 
@@ -75,6 +97,7 @@ impl Origin<'_> {
                 let line = before.iter().filter(|b| **b == b'\n').count() + 1;
                 format!("{}:{line}", path.display())
             }
+            Self::Log(path) => path.display().to_string(),
             Self::Set(argument) => format!("--set {argument}"),
         }
     }
@@ -89,10 +112,7 @@ struct Layers {
 impl Layers {
     fn new() -> Result<Self, Failure> {
         let config = Config::default();
-        // By way of the text, so that 32-bit values keep their short decimal form.
-        let table = plain_text(&config)?
-            .parse::<Table>()
-            .map_err(Failure::input)?;
+        let table = to_table(&config)?;
         Ok(Self { table, config })
     }
 
@@ -101,7 +121,7 @@ impl Layers {
         let fail = |e: toml::de::Error| {
             let at = e.span().map_or(0, |s| s.start);
             let hint = match origin {
-                Origin::File(_) => "correct the file",
+                Origin::File(_) | Origin::Log(_) => "correct the file",
                 Origin::Set(_) => {
                     "write --set section.key=value; words need quotes: --set 'a.b=\"word\"'"
                 }

@@ -7,7 +7,7 @@ use crate::demo_report::{self, Pass};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
-use crate::run::{Setup, verdict, write};
+use crate::result::{Setup, verdict, write};
 use crate::session::{Driver, Outputs};
 use crate::summary::Input;
 use crate::timing::Timing;
@@ -36,12 +36,12 @@ struct Stage<'a> {
     args: &'a DemoArgs,
     scene: SimulatorConfig,
     simd: Simd,
-    timing: &'a Timing,
+    timing: &'static Timing,
     interrupt: &'a Interrupt,
 }
 
 /// `demo`.
-pub(crate) fn demo(args: &DemoArgs, timing: &Timing) -> Result<Status, Failure> {
+pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let on = config::resolve(&args.config)?;
     if on.static_filter.preset == Preset::Off {
         return Err(Failure::input(
@@ -142,6 +142,7 @@ impl Stage<'_> {
             simd: self.simd,
             timing: self.timing,
             truth: Some(&truth),
+            log: None,
         };
         let (summary, score) = write(&setup, &session, folder)?;
         let shots = outputs

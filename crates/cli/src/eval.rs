@@ -2,7 +2,7 @@
 
 use crate::args::EvalArgs;
 use crate::failure::{Failure, Status};
-use crate::run::{score_figure, timed};
+use crate::result::{score_figure, timed};
 use crate::summary::ScoreJson;
 use crate::{console, output, report};
 use std::path::Path;

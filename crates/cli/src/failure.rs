@@ -63,6 +63,21 @@ impl Failure {
         ))
     }
 
+    /// A thread could not be started.
+    pub(crate) fn thread(reason: std::io::Error) -> Self {
+        Self::input(format!(
+            "expected to start a thread, found: {reason}; end other programs"
+        ))
+    }
+
+    /// The same, with where it was found.
+    pub(crate) fn at(self, place: &str) -> Self {
+        Self {
+            message: format!("{place}: {}", self.message),
+            ..self
+        }
+    }
+
     /// What the process exits with.
     pub(crate) fn status(&self) -> Status {
         self.status

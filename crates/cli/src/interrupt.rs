@@ -23,6 +23,11 @@ impl Interrupt {
         Self(flag)
     }
 
+    /// What becomes true once the user asked to stop.
+    pub(crate) fn flag(&self) -> &AtomicBool {
+        &self.0
+    }
+
     /// True once the user asked to stop.
     pub(crate) fn requested(&self) -> bool {
         self.0.load(Ordering::Relaxed)

@@ -5,9 +5,11 @@
 
 mod ablation;
 mod ablation_report;
+mod about;
 mod args;
 mod args_map;
 mod args_models;
+mod args_run;
 mod bench;
 mod bench_runner;
 mod bench_source;
@@ -27,6 +29,7 @@ mod eval;
 mod failure;
 mod frames;
 mod interrupt;
+mod live_report;
 mod machine;
 mod map;
 mod map_export;
@@ -39,11 +42,17 @@ mod models_pull;
 mod network;
 mod output;
 mod overlay;
+mod played;
+mod priority;
+mod replay;
 mod report;
+mod result;
 mod run;
 mod runtime;
 mod session;
+mod session_live;
 mod session_outputs;
+mod session_replay;
 mod simulate;
 mod spelling;
 mod suite;
@@ -51,7 +60,9 @@ mod suite_catalogue;
 mod suite_find;
 mod suite_report;
 mod summary;
+mod tally;
 mod timing;
+mod trace;
 mod verdicts;
 
 use args::{Arguments, Command, ConfigCommand};
@@ -83,6 +94,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
     match &arguments.command {
         Command::Demo(a) => demo::demo(a, timing),
         Command::Run(a) => run::run(a, timing),
+        Command::Replay(a) => replay::replay(a, timing),
         Command::Eval(a) => eval::eval(a),
         Command::Simulate(a) => simulate::simulate(a),
         Command::Bench(a) => bench::bench(a),

@@ -10,13 +10,14 @@ use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
 
 /// Every file that a result may hold, beside those of further pieces of map.
-const FILES: [&str; 10] = [
+const FILES: [&str; 11] = [
     "trajectory.txt",
     "trajectory_online.txt",
     "keyframes.txt",
     "frames.csv",
     "config.toml",
     "summary.json",
+    "run.log",
     "plot.svg",
     "plot.png",
     "timing.svg",

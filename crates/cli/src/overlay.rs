@@ -27,6 +27,7 @@ pub(crate) struct OverlayFolder {
     every: usize,
     /// Frames that went by.
     seen: usize,
+    drawn: usize,
     weights: MotionWeights,
     animation: Animation<BufWriter<File>>,
 }
@@ -55,9 +56,15 @@ impl OverlayFolder {
             folder,
             every,
             seen: 0,
+            drawn: 0,
             weights: weights.clone(),
             animation,
         })
+    }
+
+    /// Every so many frames are drawn.
+    pub(crate) fn every(&self) -> usize {
+        self.every
     }
 
     /// Whether the next frame will be drawn.
@@ -74,12 +81,13 @@ impl OverlayFolder {
         write_png(&picture, &mut png)
             .and_then(|()| self.animation.push(&picture))
             .map_err(|e| failure(&self.out, &e))?;
+        self.drawn += 1;
         self.folder.write(&name, &png)
     }
 
     /// Ends the animation and puts everything where it belongs. Returns what there is, for the report.
     pub(crate) fn finish(self) -> Result<String, Failure> {
-        let pictures = self.seen.div_ceil(self.every);
+        let pictures = self.drawn;
         self.animation
             .finish()
             .and_then(|mut sink| Ok(sink.flush().and_then(|()| sink.get_ref().sync_all())?))

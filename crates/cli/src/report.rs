@@ -1,5 +1,6 @@
 //! What `run`, `demo` and `eval` print about a result.
 
+use crate::live_report::LiveJson;
 use crate::models::megabytes;
 use crate::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
 use stillpoint::evaluation::Table;
@@ -22,6 +23,7 @@ pub(crate) fn run_text(summary: &Summary) -> String {
         text += &format!("{} frames could not be read and were skipped\n", s.skipped);
     }
     text += &filter_text(s);
+    text += &s.live.as_ref().map_or_else(String::new, LiveJson::text);
     if s.loops != Default::default() {
         let l = s.loops;
         text += &format!("loops: {} closed, {} rejected", l.closed, l.rejected);
@@ -48,7 +50,8 @@ pub(crate) fn run_text(summary: &Summary) -> String {
     }
     text.push('\n');
     let rows = s.timing_ms.iter().map(|t| (t.stage.as_str(), t.stats()));
-    text += &timing::table(rows).to_text();
+    let live = s.live.iter().flat_map(LiveJson::rows);
+    text += &timing::table(live.chain(rows)).to_text();
     if let Some(bytes) = s.peak_memory_bytes {
         text += &format!("\npeak memory {:.0} MB\n", bytes as f64 * 1e-6);
     }

@@ -3,22 +3,24 @@
 //! Answers: which frames went in, which came out with a pose, what the map was in the end. Knows nothing of where the
 //! frames come from or where results go.
 
-use crate::console::{self, Progress};
+use crate::console::Progress;
 use crate::failure::Failure;
-use crate::frames::{self, Frames, Piece};
+use crate::frames::Piece;
 use crate::interrupt::Interrupt;
+use crate::live_report::LiveRun;
 use crate::map_file::SavedMap;
 pub(crate) use crate::session_outputs::Outputs;
 use crate::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, PieceJson};
+use crate::tally::{End, Tally};
 use crate::timing::Timing;
 use std::sync::Arc;
 use std::time::Instant;
 use stillpoint::datasets::StampedPose;
-use stillpoint::detection::{Detector, NoDetector};
+use stillpoint::detection::Detector;
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::{Map, MapView};
-use stillpoint::slam::{Config, Event, FrameReport, MapUse, System};
+use stillpoint::slam::{Config, MapUse, Stages, System};
 
 /// What a pass gave.
 pub(crate) struct Session {
@@ -55,6 +57,8 @@ pub(crate) struct Session {
     pub(crate) view: Arc<MapView>,
     /// Where it was saved, or why it could not be; nothing when it was not to be.
     pub(crate) saved: Option<Result<SavedMap, Failure>>,
+    /// What was measured of a live run.
+    pub(crate) live: Option<LiveRun>,
 }
 
 /// Means of a pass.
@@ -62,7 +66,7 @@ pub(crate) struct Driver<'a> {
     pub(crate) config: Config,
     pub(crate) camera: Camera,
     pub(crate) simd: Simd,
-    pub(crate) timing: &'a Timing,
+    pub(crate) timing: &'static Timing,
     pub(crate) interrupt: &'a Interrupt,
     pub(crate) detector: Option<Box<dyn Detector>>,
     /// A map to begin with, and what is done with it.
@@ -80,37 +84,56 @@ impl Driver<'_> {
         source: &mut dyn FrameSource,
         outputs: &mut Outputs,
     ) -> Result<Session, Failure> {
-        let mut system =
-            System::new(self.config.clone(), self.camera, self.simd).map_err(Failure::input)?;
+        let mut system = System::from(self.stages()?);
         if let Some(detector) = self.detector.take() {
             system = system.with_detector(detector);
-        }
-        if let Some((map, map_use)) = self.map.take() {
-            system = system.with_map(map, map_use).map_err(Failure::input)?;
         }
         let mut tally = Tally::default();
         let start = Instant::now();
         let taken = self.take_frames(source, outputs, &mut system, &mut tally);
         tally.take(&system.finish());
         if let Err(failure) = taken {
-            outputs.rescue_map(&system, tally.frames);
+            outputs.rescue_map(Some(system.map()), tally.frames);
             return Err(failure);
         }
-        if tally.frames == 0 && self.interrupt.requested() {
-            return Err(Failure::criteria(
-                "interrupted before the first frame: nothing was written",
-            ));
-        }
-        if tally.frames == 0 {
-            return Err(Failure::input(format!(
-                "expected frames, found none that can be read ({} skipped); check the images",
-                tally.skipped
-            )));
-        }
-        let mut session = tally.close(&system, start, self.interrupt.requested());
+        self.check_frames(&tally)?;
+        let mut session = tally.close(End {
+            trajectory: system.trajectory(),
+            view: system.view(),
+            detector: DetectorJson {
+                remark: system.detector().and_then(Detector::remark),
+                ..DetectorJson::of(system.detector())
+            },
+            interrupted: self.interrupt.requested(),
+            seconds: start.elapsed().as_secs_f64(),
+        });
         // What was found until then is worth having even when the map cannot be saved.
         session.saved = outputs.map.take().map(|map| map.save(system.map()));
         Ok(session)
+    }
+
+    /// The stages, with the map that is there before the first frame.
+    pub(crate) fn stages(&mut self) -> Result<Stages, Failure> {
+        let stages =
+            Stages::new(self.config.clone(), self.camera, self.simd).map_err(Failure::input)?;
+        match self.map.take() {
+            None => Ok(stages),
+            Some((map, map_use)) => stages.with_map(map, map_use).map_err(Failure::input),
+        }
+    }
+
+    /// Whether any frame went through the system.
+    pub(crate) fn check_frames(&self, tally: &Tally) -> Result<(), Failure> {
+        match tally.frames {
+            0 if self.interrupt.requested() => Err(Failure::criteria(
+                "interrupted before the first frame: nothing was written",
+            )),
+            0 => Err(Failure::input(format!(
+                "expected frames, found none that can be read ({} skipped); check the images",
+                tally.skipped
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Lets the frames go by.
@@ -135,198 +158,15 @@ impl Driver<'_> {
                         .inspect_err(|_| progress.finish())?;
                     self.timing.end_frame();
                 }
-                Some(Err(e)) if e.recoverable => {
-                    tally.skipped += 1;
-                    console::warn(&format!("skipped: {e}"));
-                }
+                Some(Err(e)) if e.recoverable => tally.skip(&e),
                 Some(Err(e)) => {
                     progress.finish();
                     return Err(Failure::input(e));
                 }
             }
-            let note = if tally.without_pose == 0 {
-                String::new()
-            } else {
-                format!(", {} lost", tally.without_pose)
-            };
-            progress.show(tally.frames + tally.skipped, &note);
+            progress.show(tally.frames + tally.skipped, &tally.note());
         }
         progress.finish();
         Ok(())
-    }
-}
-
-/// Counts while frames go by.
-#[derive(Default)]
-struct Tally {
-    frames: usize,
-    skipped: usize,
-    without_pose: usize,
-    each: Frames,
-    features: FeaturesJson,
-    loops: LoopsJson,
-    detector: DetectorJson,
-}
-
-impl Tally {
-    fn take(&mut self, events: &[Event]) {
-        for event in events {
-            match event {
-                Event::Frame(report) => self.take_report(report),
-                Event::Refused(refused) => {
-                    self.skipped += 1;
-                    console::warn(&format!("skipped: {refused}"));
-                }
-                Event::Mapped(report) => tracing::debug!(
-                    keyframe = %report.keyframe,
-                    version = report.map_version,
-                    keyframes = report.keyframes,
-                    landmarks = report.landmarks,
-                    "mapped"
-                ),
-                Event::Rejudged(report) => {
-                    self.features.rejudged_landmarks += u64::from(report.landmarks);
-                }
-                Event::Looped(report) => {
-                    tracing::debug!(?report, "looped");
-                    self.loops.add(report);
-                }
-                Event::Detected(detections) => {
-                    self.detector.frames += 1;
-                    self.detector.detections += detections.items.len();
-                }
-                Event::DetectorFailed(e) => {
-                    // The others are most likely the same; the number of them is told at the end.
-                    if self.detector.failed_frames == 0 {
-                        console::warn(&format!("the detector failed: {e}"));
-                    }
-                    self.detector.failed_frames += 1;
-                }
-            }
-        }
-    }
-
-    fn take_report(&mut self, report: &FrameReport) {
-        self.frames += 1;
-        self.features.add(&report.counts);
-        self.detector.too_late += u64::from(report.counts.detections_too_late);
-        self.detector.without_pose += u64::from(report.counts.detections_without_pose);
-        tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
-        self.without_pose += usize::from(self.each.take(report));
-    }
-
-    fn close(self, system: &System, start: Instant, interrupted: bool) -> Session {
-        let seconds = start.elapsed().as_secs_f64();
-        let view = system.view();
-        let mut pieces = self.each.pieces(system.trajectory(), &view);
-        let described = frames::describe(&pieces);
-        let other_pieces = pieces.split_off(pieces.len().min(1));
-        let first = pieces.pop();
-        let piece = first.as_ref().map(|p| p.id);
-        let (final_poses, online_poses) =
-            first.map_or_else(Default::default, |p| (p.final_poses, p.online_poses));
-        let keyframes = view
-            .keyframes()
-            .filter(|k| Some(k.piece) == piece)
-            .map(|k| StampedPose {
-                stamp: k.data.stamp,
-                world_from_camera: k.world_from_camera,
-            })
-            .collect();
-        let info = system
-            .detector()
-            .map_or_else(|| NoDetector.info(), Detector::info);
-        let detector = DetectorJson {
-            remark: system.detector().and_then(Detector::remark),
-            frames: self.detector.frames,
-            detections: self.detector.detections,
-            failed_frames: self.detector.failed_frames,
-            too_late: self.detector.too_late,
-            without_pose: self.detector.without_pose,
-            ..DetectorJson::new(&info)
-        };
-        Session {
-            detector,
-            features: self.features,
-            loops: self.loops,
-            frames: self.frames,
-            skipped: self.skipped,
-            lost: self.each.lost(),
-            frames_csv: self.each.to_csv(system.trajectory(), &view),
-            pieces: described,
-            other_pieces,
-            interrupted,
-            seconds,
-            final_poses,
-            online_poses,
-            keyframes,
-            view,
-            saved: None,
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use stillpoint::detection::{BoundingBox, ClassId, DetectError, Detection, Detections};
-    use stillpoint::imaging::FrameId;
-    use stillpoint::map::KeyframeId;
-    use stillpoint::slam::{FrameCounts, Outcome, RejudgeReport, Segments};
-
-    #[test]
-    fn what_the_detector_says_is_counted() {
-        let frame = FrameId(3);
-        let person = Detection {
-            class: ClassId::PERSON,
-            score: 0.5,
-            bounds: BoundingBox::default(),
-        };
-        let seen = |n: usize| {
-            Event::Detected(Detections {
-                frame,
-                stamp: 0.1,
-                items: vec![person; n],
-            })
-        };
-        let failed = Event::DetectorFailed(DetectError::NoColour { frame });
-        let rejudged = Event::Rejudged(RejudgeReport {
-            keyframe: KeyframeId(3),
-            map_version: 1,
-            landmarks: 7,
-        });
-        let mut tally = Tally::default();
-        tally.take(&[failed.clone(), failed]);
-        assert!(tally.detector.never_answered());
-        tally.take(&[seen(2), seen(0), rejudged.clone(), rejudged]);
-        let d = &tally.detector;
-        assert_eq!((d.frames, d.detections, d.failed_frames), (2, 2, 2));
-        assert!(!d.never_answered());
-        assert_eq!(tally.features.rejudged_landmarks, 14);
-    }
-
-    #[test]
-    fn answers_that_were_of_no_use_are_counted() {
-        let report = Event::Frame(FrameReport {
-            frame: FrameId(0),
-            stamp: 0.0,
-            outcome: Outcome::Initialised,
-            world_from_camera: None,
-            verdicts: [].into(),
-            segments: Segments::default(),
-            objects: [].into(),
-            counts: FrameCounts {
-                detections_too_late: 2,
-                detections_without_pose: 1,
-                ..FrameCounts::default()
-            },
-            is_keyframe: true,
-            piece: None,
-            map_version: 0,
-        });
-        let mut tally = Tally::default();
-        tally.take(&[report.clone(), report]);
-        let d = &tally.detector;
-        assert_eq!((d.too_late, d.without_pose), (4, 2));
     }
 }

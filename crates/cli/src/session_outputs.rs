@@ -5,9 +5,11 @@ use crate::demo_pictures::Shots;
 use crate::failure::Failure;
 use crate::map_file::MapOutput;
 use crate::overlay::OverlayFolder;
+use crate::trace::TraceFile;
 use crate::verdicts::VerdictFile;
 use stillpoint::imaging::RgbdFrame;
-use stillpoint::slam::{Event, System};
+use stillpoint::map::Map;
+use stillpoint::slam::Event;
 
 /// What is written while frames go by.
 #[derive(Default)]
@@ -17,6 +19,8 @@ pub(crate) struct Outputs {
     pub(crate) overlay: Option<OverlayFolder>,
     /// Pictures for the demo.
     pub(crate) shots: Option<Shots>,
+    /// What every thread does when.
+    pub(crate) trace: Option<TraceFile>,
     /// The map, at the end.
     pub(crate) map: Option<MapOutput>,
 }
@@ -52,17 +56,17 @@ impl Outputs {
                 shots.add(frame, report);
             }
         }
-        Ok(())
+        self.trace.as_mut().map_or(Ok(()), TraceFile::fetch)
     }
 
     /// Saves the map of a run that cannot go on after so many frames, if it is to be saved, and says so. What else there was is
     /// lost, and whoever mapped for an hour wants to go on from there.
-    pub(crate) fn rescue_map(&mut self, system: &System, frames: usize) {
+    pub(crate) fn rescue_map(&mut self, map: Option<&Map>, frames: usize) {
         let Some(file) = self.map.take() else { return };
-        if frames == 0 || system.map().view().keyframe_count() == 0 {
+        let Some(map) = map.filter(|m| frames > 0 && m.view().keyframe_count() > 0) else {
             return;
-        }
-        match file.save(system.map()) {
+        };
+        match file.save(map) {
             Ok(saved) => console::line(&format!(
                 "the run ends after {frames} frames; the map until then, of {} keyframes and {} landmarks, is saved to {}",
                 saved.keyframes, saved.landmarks, saved.path
@@ -79,6 +83,9 @@ impl Outputs {
         }
         if let Some(folder) = self.overlay {
             said += &folder.finish()?;
+        }
+        if let Some(file) = self.trace {
+            said += &file.finish()?;
         }
         Ok(said)
     }

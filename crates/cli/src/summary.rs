@@ -1,9 +1,10 @@
 //! The figures of a run as they stand in `summary.json`, written by `run` and `demo`, read by `bench`.
 
+use crate::live_report::LiveJson;
 use crate::machine::Machine;
 use crate::map_file::SavedMap;
 use serde::{Deserialize, Serialize};
-use stillpoint::detection::{DetectorInfo, DetectorKind};
+use stillpoint::detection::{Detector, DetectorInfo, DetectorKind, NoDetector};
 use stillpoint::evaluation::timing::Stats;
 use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
 use stillpoint::slam::{FrameCounts, LoopOutcome, LoopReport};
@@ -48,6 +49,9 @@ pub(crate) struct Summary {
     pub(crate) seconds: f64,
     /// Milliseconds per frame of each stage, over the frames in which it ran.
     pub(crate) timing_ms: Vec<StageTiming>,
+    /// What was measured of a live run.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) live: Option<LiveJson>,
     /// Largest amount of memory held, bytes; absent where the system does not say.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) peak_memory_bytes: Option<u64>,
@@ -144,6 +148,11 @@ pub(crate) struct DetectorJson {
 }
 
 impl DetectorJson {
+    /// Of this detector, or of none.
+    pub(crate) fn of(detector: Option<&dyn Detector>) -> Self {
+        Self::new(&detector.map_or_else(|| NoDetector.info(), Detector::info))
+    }
+
     pub(crate) fn new(info: &DetectorInfo) -> Self {
         let kind = match info.kind {
             DetectorKind::None => "none",

@@ -1,10 +1,11 @@
 //! Timing and log lines: the subscriber behind the spans and events of the libraries.
 //!
-//! Every span is measured by its name. Durations of a name are added up within a frame, so that a row of the table
-//! says what a stage costs per frame in which it ran; a span inside another of its own name counts once. A span costs two
-//! readings of the clock and one uncontended lock.
+//! Every span is measured by its name, on its own thread. Durations of a name are added up until the thread ends a round (a
+//! frame, a message), so that a row of the table says what a stage costs per round in which it ran; a span inside another of its own name counts
+//! once. A span costs two readings of the clock and one uncontended lock. With `--trace` each span is kept as it was, too.
 
 use crate::console;
+use crate::trace::Trace;
 use std::cell::RefCell;
 use std::fmt::Write;
 use std::sync::{Mutex, MutexGuard};
@@ -18,6 +19,8 @@ use tracing::{Event, Level, Metadata, Subscriber, subscriber::Interest};
 #[derive(Debug, Default)]
 pub(crate) struct Timing {
     table: Mutex<Stages>,
+    /// The spans themselves, when somebody wants them.
+    pub(crate) trace: Trace,
 }
 
 #[derive(Debug, Default)]
@@ -32,9 +35,7 @@ struct Stages {
 #[derive(Debug)]
 struct Stage {
     name: &'static str,
-    /// Sum within the present frame, ns; `None` when it did not run.
-    frame_ns: Option<u64>,
-    /// One per frame in which it ran: number of the frame, ms.
+    /// One per round in which it ran: number of the frame, ms.
     samples: Vec<(usize, f64)>,
 }
 
@@ -45,11 +46,8 @@ impl Stages {
         }
         let known = self.stages.iter().position(|s| s.name == name);
         let stage = known.unwrap_or_else(|| {
-            self.stages.push(Stage {
-                name,
-                frame_ns: None,
-                samples: Vec::new(),
-            });
+            let samples = Vec::new();
+            self.stages.push(Stage { name, samples });
             self.stages.len() - 1
         });
         self.sites.push((site, stage));
@@ -60,6 +58,18 @@ impl Stages {
 thread_local! {
     /// Stages entered on this thread, with the time of entry.
     static OPEN: RefCell<Vec<(u64, Instant)>> = const { RefCell::new(Vec::new()) };
+    /// By stage, the sum within the present round of this thread, ns; `None` when it did not run.
+    static SUMS: RefCell<Vec<Option<u64>>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Adds to the sum of a stage on this thread.
+fn add(stage: usize, ns: u64) {
+    SUMS.with_borrow_mut(|sums| {
+        if sums.len() <= stage {
+            sums.resize(stage + 1, None);
+        }
+        sums[stage] = Some(sums[stage].unwrap_or(0) + ns);
+    });
 }
 
 /// Makes the timing the process's subscriber. Called once; a second call gets timing that nothing feeds.
@@ -78,26 +88,45 @@ impl Timing {
         }
     }
 
-    /// Ends a frame: the sums become samples.
+    /// Ends a frame on this thread: its sums become samples. A frame in which nothing was measured is none.
     pub(crate) fn end_frame(&self) {
-        let mut table = self.lock();
-        let frame = table.frames;
-        for stage in &mut table.stages {
-            if let Some(ns) = stage.frame_ns.take() {
-                stage.samples.push((frame, ns as f64 * 1e-6));
+        self.end(true);
+    }
+
+    /// Ends what this thread did for a message, which belongs to no frame of its own: its sums become samples.
+    pub(crate) fn end_round(&self) {
+        self.end(false);
+    }
+
+    fn end(&self, is_frame: bool) {
+        SUMS.with_borrow_mut(|sums| {
+            if sums.iter().all(Option::is_none) {
+                return;
             }
-        }
-        table.frames += 1;
+            let mut table = self.lock();
+            let frame = table.frames;
+            for (stage, sum) in table.stages.iter_mut().zip(sums) {
+                if let Some(ns) = sum.take() {
+                    stage.samples.push((frame, ns as f64 * 1e-6));
+                }
+            }
+            table.frames += usize::from(is_frame);
+        });
     }
 
     /// Forgets what was measured, for another pass of the same process.
     pub(crate) fn restart(&self) {
+        SUMS.with_borrow_mut(Vec::clear);
         let mut table = self.lock();
         table.frames = 0;
         for stage in &mut table.stages {
-            stage.frame_ns = None;
             stage.samples.clear();
         }
+    }
+
+    /// The name of a stage.
+    pub(crate) fn name(&self, stage: usize) -> &'static str {
+        self.lock().stages.get(stage).map_or("?", |s| s.name)
     }
 
     /// Statistics per stage in ms, in the order in which the stages first ran.
@@ -118,7 +147,9 @@ impl Timing {
         let mut all = vec![f64::NAN; table.frames];
         for stage in table.stages.iter().filter(|s| s.name == name) {
             for (frame, ms) in &stage.samples {
-                all[*frame] = *ms;
+                if let Some(of_frame) = all.get_mut(*frame) {
+                    *of_frame = *ms;
+                }
             }
         }
         all
@@ -156,19 +187,20 @@ impl Subscriber for Recorder {
     fn exit(&self, span: &Id) {
         let now = Instant::now();
         let id = span.into_u64();
-        let entered = OPEN.with_borrow_mut(|open| {
+        let left = OPEN.with_borrow_mut(|open| {
             let at = open.iter().rposition(|(s, _)| *s == id)?;
             let (_, entered) = open.remove(at);
             // Inside another span of the same name the outer one will count this time.
             let outermost = open.iter().all(|(s, _)| *s != id);
-            outermost.then_some(entered)
+            Some((entered, outermost))
         });
-        if let Some(entered) = entered {
-            let ns = now.duration_since(entered).as_nanos() as u64;
-            let mut table = self.0.lock();
-            if let Some(stage) = table.stages.get_mut(id as usize - 1) {
-                stage.frame_ns = Some(stage.frame_ns.unwrap_or(0) + ns);
-            }
+        let Some((entered, outermost)) = left else {
+            return;
+        };
+        let stage = id as usize - 1;
+        self.0.trace.add(stage, entered, now);
+        if outermost {
+            add(stage, now.duration_since(entered).as_nanos() as u64);
         }
     }
 
@@ -260,6 +292,28 @@ mod tests {
         }
         let rare = timing.per_frame("rare");
         assert!(rare[0] > 0.0 && rare[1].is_nan() && rare[2].is_nan());
+    }
+
+    #[test]
+    fn every_thread_has_rounds_of_its_own() {
+        let timing: &'static Timing = Box::leak(Box::default());
+        let subscriber = tracing::Dispatch::new(Recorder(timing));
+        let work = |rounds: usize, is_frame: bool| {
+            tracing::dispatcher::with_default(&subscriber, || {
+                for _ in 0..rounds {
+                    tracing::info_span!("work").in_scope(|| spin(10));
+                    // Nothing was measured between the two.
+                    timing.end(is_frame);
+                    timing.end(is_frame);
+                }
+            });
+        };
+        std::thread::scope(|scope| {
+            scope.spawn(|| work(5, false));
+            work(3, true);
+        });
+        assert_eq!(timing.statistics()[0].1.n, 8);
+        assert_eq!(timing.per_frame("work").len(), 3);
     }
 
     #[test]

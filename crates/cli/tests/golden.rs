@@ -28,7 +28,7 @@ fn golden(name: &str, args: &[&str]) {
 fn help_of_every_command() {
     golden("help.txt", &["--help"]);
     for command in [
-        "demo", "run", "eval", "simulate", "bench", "detect", "map", "models", "config",
+        "demo", "run", "replay", "eval", "simulate", "bench", "detect", "map", "models", "config",
     ] {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
@@ -49,6 +49,7 @@ fn every_help_has_examples() {
         &["--help"][..],
         &["demo", "--help"],
         &["run", "--help"],
+        &["replay", "--help"],
         &["eval", "--help"],
         &["simulate", "--help"],
         &["bench", "--help"],

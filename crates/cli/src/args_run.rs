@@ -1,0 +1,164 @@
+//! Arguments of the commands that run the system on a data set.
+
+use crate::args::{ConfigArgs, InputArgs};
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Which frames of a live run are tracked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LiveChoice {
+    /// A frame that comes too late gives way to the next one.
+    Newest,
+    /// All.
+    All,
+}
+
+impl LiveChoice {
+    /// As it is written on the command line.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Newest => "newest",
+            Self::All => "all",
+        }
+    }
+}
+
+/// What is written, and where to.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct OutputArgs {
+    /// Result folder [default: out/ and the name of PATH; of replay with _replay].
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) verdicts: Option<PathBuf>,
+    /// Write frames as PNG, and an animation of them as APNG, with features, objects and state drawn over them.
+    /// Features are green when static, else red (on an object), yellow (breaks the rigid motion), orange (off its
+    /// epipolar line), magenta (depth), blue (moved before). Boxes are dashed when carried on without a detection.
+    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
+    pub(crate) overlay: Option<PathBuf>,
+    /// Draw every N-th frame only.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) overlay_every: u32,
+    /// Write the map to this file when the run ends, also when Ctrl-C or an error ends it: see map --help. An older file is replaced only
+    /// by a whole one.
+    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
+    pub(crate) save_map: Option<PathBuf>,
+    /// Write what every thread did when, for ui.perfetto.dev or chrome://tracing.
+    #[arg(long, value_name = "FILE.json")]
+    pub(crate) trace: Option<PathBuf>,
+}
+
+/// Run SLAM on a data set folder.
+///
+/// The layout (TUM, Bonn, ICL-NUIM, 7-Scenes) and the camera are guessed, and each guess is
+/// printed. With ground truth in the folder the score is printed too.
+///
+/// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
+/// least 30 inliers; TUM format), trajectory_online.txt (the poses as known at each frame),
+/// keyframes.txt, config.toml (the resolved configuration), summary.json, and plots. An older
+/// result in it is replaced only when the run has ended. Ctrl-C ends the run after the frame at
+/// hand and writes what there is; a second Ctrl-C ends it at once.
+///
+/// With --live the data set is played as a camera: frames arrive at their stamps, and tracking,
+/// detection, mapping and loops run on threads of their own. Where results then depend on threads
+/// and clocks, run.log in the result folder says what they decided: see replay --help.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint run rgbd_dataset_freiburg1_xyz
+  stillpoint run recording --camera camera.toml --out result
+  stillpoint run rgbd_dataset_freiburg3_long_office_household --start 100 --max-frames 500
+  stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
+  stillpoint run recording --detector yolox_nano_416.onnx --verdicts verdicts.csv
+  stillpoint run recording --overlay pictures --overlay-every 3
+  stillpoint run recording --save-map desk.spmap
+  stillpoint run another --load-map desk.spmap --save-map desk.spmap
+  stillpoint run another --localize desk.spmap
+  stillpoint run recording --set static_filter.preset=off
+  stillpoint run recording --live --trace trace.json
+  stillpoint run recording --live=all
+
+Exit code 1 when a frame was lost, fewer than two poses were found, Ctrl-C ended the run, or a thread
+of a live run did not come to its end (frames that a live run dropped are no reason);
+2 when the input cannot be used, or the output folder, or another file to be written."
+)]
+pub(crate) struct RunArgs {
+    /// Data set folder.
+    #[arg(value_name = "PATH")]
+    pub(crate) path: PathBuf,
+    /// Play the data set as a camera. A frame that tracking has not taken when the next one arrives is dropped, and counted;
+    /// with --live=all tracking takes every frame, and frames arrive later when it is late.
+    #[arg(
+        long,
+        value_name = "newest|all",
+        value_enum,
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "newest",
+        hide_possible_values = true,
+        verbatim_doc_comment
+    )]
+    pub(crate) live: Option<LiveChoice>,
+    /// Write the log of a live run to this file [default: run.log in the result folder].
+    #[arg(long, value_name = "FILE", requires = "live")]
+    pub(crate) log: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+    /// Go on with a map that --save-map wrote: places in it are recognised, and it grows.
+    #[arg(long, value_name = "FILE", conflicts_with = "localize")]
+    pub(crate) load_map: Option<PathBuf>,
+    /// Find the camera in a map that --save-map wrote, in that map's frame of reference. The map is only read: it does not grow.
+    #[arg(
+        long,
+        value_name = "FILE",
+        conflicts_with = "save_map",
+        verbatim_doc_comment
+    )]
+    pub(crate) localize: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}
+
+/// Repeat a live run, bit for bit.
+///
+/// LOG is the run.log that run --live left, and PATH the data set that it was run on. The stages take
+/// the same frames, detections and messages in the same order as then, whatever threads and clocks there
+/// are now: trajectories, frames.csv and the map are the same to the byte, as long as data set,
+/// loaded map and program are. Configuration, camera and map file are those in the log, unless other ones
+/// are named. The detector is not needed: what it said is in the log.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint replay out/recording/run.log recording
+  stillpoint replay out/recording/run.log recording --verdicts verdicts.csv --overlay pictures
+  stillpoint replay run.log /data/recording --localize maps/desk.spmap --save-map again.spmap
+
+Exit code 1 as that of run, and when another trajectory came out;
+2 when the log or the input cannot be used, or does not belong together."
+)]
+pub(crate) struct ReplayArgs {
+    /// Log of a live run.
+    #[arg(value_name = "LOG")]
+    pub(crate) log: PathBuf,
+    /// Data set folder.
+    #[arg(value_name = "PATH")]
+    pub(crate) path: PathBuf,
+    #[command(flatten)]
+    pub(crate) output: OutputArgs,
+    /// Where the map lies now that the run went on with.
+    #[arg(long, value_name = "FILE", conflicts_with = "localize")]
+    pub(crate) load_map: Option<PathBuf>,
+    /// Where the map lies now that the run found the camera in.
+    #[arg(long, value_name = "FILE", conflicts_with = "save_map")]
+    pub(crate) localize: Option<PathBuf>,
+    /// Camera file or preset [default: as in the run].
+    #[arg(long, value_name = "FILE|PRESET")]
+    pub(crate) camera: Option<String>,
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}

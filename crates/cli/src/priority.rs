@@ -1,0 +1,61 @@
+//! Priorities of threads: whoever does not track gives way to tracking.
+
+use stillpoint::live::Stage;
+
+/// By how much less urgent a stage is than tracking, as a nice value. The map must keep up with the camera; loops and detections may
+/// come late.
+fn niceness(stage: Stage) -> i32 {
+    match stage {
+        Stage::Tracking => 0,
+        Stage::Mapping => 5,
+        Stage::Looping | Stage::Detection => 10,
+    }
+}
+
+/// Lowers the priority of this thread to what its stage needs. To be called once per thread. Threads that it starts
+/// from now on have the same.
+pub(crate) fn lower(stage: Stage) {
+    let by = niceness(stage);
+    if by > 0 {
+        lower_by(by);
+    }
+}
+
+/// In Linux a nice value is a thread's, elsewhere the whole process's, which is left alone.
+#[cfg(target_os = "linux")]
+fn lower_by(by: i32) {
+    use rustix::process::{getpriority_process, setpriority_process};
+    let thread = Some(rustix::thread::gettid());
+    // What is lowered already, by whoever started the program, is lowered further. A system that does not allow even that runs all
+    // threads alike, as without this.
+    if let Ok(before) = getpriority_process(thread) {
+        let _ = setpriority_process(thread, (before + by).min(19));
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn lower_by(_: i32) {}
+
+#[cfg(test)]
+#[cfg(target_os = "linux")]
+mod tests {
+    use super::*;
+    use rustix::process::getpriority_process;
+
+    #[test]
+    fn only_the_thread_itself_and_those_it_starts_give_way() {
+        let nice = || getpriority_process(Some(rustix::thread::gettid())).unwrap();
+        let before = nice();
+        let (own, started) = std::thread::spawn(move || {
+            lower(Stage::Tracking);
+            assert_eq!(nice(), before);
+            lower(Stage::Mapping);
+            (nice(), std::thread::spawn(nice).join().unwrap())
+        })
+        .join()
+        .unwrap();
+        assert_eq!(own, (before + 5).min(19));
+        assert_eq!(started, own);
+        assert_eq!(nice(), before);
+    }
+}
