@@ -69,7 +69,7 @@ pub enum LossCause {
     },
     /// Most of what is seen moves.
     Crowd {
-        /// Share of the keypoints that move.
+        /// Share of the keypoints that move, or lie in boxes of people and the like.
         moving: f64,
     },
     /// What is seen is not in the map.
@@ -151,7 +151,7 @@ impl std::fmt::Display for LossCause {
             ),
             Self::Crowd { moving } => write!(
                 f,
-                "people or things that move fill the image: {} % of the keypoints move",
+                "people or things that move fill the image: {} % of the keypoints are on them",
                 percent(moving)
             ),
             Self::Unknown { matches, needed } => write!(
@@ -226,7 +226,7 @@ pub(super) struct Clues<'a> {
     pub(super) reason: LostReason,
     pub(super) counts: &'a FrameCounts,
     pub(super) look: Look,
-    /// Share of the keypoints that move.
+    /// Share of the keypoints that lie on what moves.
     pub(super) moving: f64,
     /// Keypoints, or of these the ones with depth, without which there is no pose.
     pub(super) needed: u32,
@@ -380,7 +380,7 @@ mod tests {
         let crowd = LossCause::Crowd { moving: 0.93 };
         assert_eq!(
             line(crowd, 2.0, false),
-            "lost for 2.0 s: people or things that move fill the image: 93 % of the keypoints move; let them pass or turn the camera away from them"
+            "lost for 2.0 s: people or things that move fill the image: 93 % of the keypoints are on them; let them pass or turn the camera away from them"
         );
         let unknown = LossCause::Unknown {
             matches: 4,

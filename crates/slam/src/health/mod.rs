@@ -4,6 +4,7 @@
 //! pure function of the frames and messages that the tracker took, so a replay gives the same; times are the camera's own, by stamps.
 //! Says nothing of threads and clocks, which is the business of the driver that has them. Changes nothing.
 
+mod crowd;
 mod loss;
 mod quality;
 
@@ -14,8 +15,10 @@ pub(crate) use quality::Cells;
 
 use crate::event::{FrameReport, Outcome};
 use crate::tracking::TrackingConfig;
+use crowd::Crowd;
 use loss::{Clues, Look, percent};
 use quality::Measured;
+use stillpoint_detection::{Detections, MotionWeights};
 use stillpoint_estimation::pose_covariance;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame};
@@ -134,8 +137,7 @@ pub(crate) fn cells(data: &KeyframeData, is_inlier: impl Fn(usize) -> bool) -> C
 /// Watches over the frames of one run.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Monitor {
-    /// Stamp of the newest detections.
-    detections: Option<f64>,
+    crowd: Crowd,
     /// Version of the map at the frame before.
     version: Option<u64>,
     /// Stamp of the first frame with the present version; none before there was a change.
@@ -145,11 +147,16 @@ pub(crate) struct Monitor {
 }
 
 impl Monitor {
-    /// Notes that detections came which have this stamp.
-    pub(crate) fn heard(&mut self, stamp: f64) {
-        // Late answers come in any order.
-        let newest = self.detections.map_or(stamp, |s| s.max(stamp));
-        self.detections = Some(newest);
+    /// Notes what a detector said.
+    pub(crate) fn heard(&mut self, detections: &Detections, weights: &MotionWeights) {
+        self.crowd.hear(detections, weights);
+    }
+
+    /// Brings what is known to a clock that was set by `by`, s.
+    pub(crate) fn set_clock(&mut self, by: f64) {
+        self.crowd.set_clock(by);
+        self.mapped = self.mapped.map(|stamp| stamp + by);
+        self.lost = self.lost.map(|(frame, stamp)| (frame, stamp + by));
     }
 
     /// How things stand at a frame, once it is known what became of it.
@@ -162,7 +169,7 @@ impl Monitor {
         has_map: bool,
     ) -> Health {
         let stamp = report.stamp;
-        // A clock that was set back makes nothing younger than now.
+        // Detections may be of a frame that is still to come.
         let age = |since: f64| (stamp - since).max(0.0);
         if self.version.is_some_and(|v| v != report.map_version) {
             self.mapped = Some(stamp);
@@ -173,6 +180,9 @@ impl Monitor {
         let dynamic_share = moving / f64::from(counts.keypoints.max(1));
         let judged = evidence.judged && counts.keypoints > 0;
         let look = Look::at(frame);
+        if judged {
+            self.crowd.judge(stamp, dynamic_share);
+        }
         let mut health = Health {
             frame: report.frame,
             stamp,
@@ -181,7 +191,7 @@ impl Monitor {
             static_share: if judged { 1.0 - dynamic_share } else { 0.0 },
             dynamic_share,
             depth_share: look.depth,
-            detections_age: self.detections.map(age),
+            detections_age: self.crowd.detected().map(age),
             map_age: self.mapped.map(age),
             loss: None,
         };
@@ -214,7 +224,7 @@ impl Monitor {
                 reason,
                 counts,
                 look,
-                moving: dynamic_share,
+                moving: self.crowd.share(stamp, &report.verdicts),
                 needed: needed as u32,
             }),
             can_recognise: has_map,

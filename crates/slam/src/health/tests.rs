@@ -1,10 +1,179 @@
 use super::*;
+use crate::event::{FrameCounts, LostReason};
+use crate::static_filter::Segments;
+use proptest::prelude::*;
+use std::sync::Arc;
+use stillpoint_geometry::Vec6;
+use stillpoint_imaging::{DepthImage, GrayImage};
+
+fn frame(id: u32, stamp: f64, gray: u8, depth: f32) -> RgbdFrame {
+    RgbdFrame {
+        id: FrameId(id),
+        stamp,
+        depth_stamp: stamp,
+        gray: GrayImage::from_vec(64, 48, vec![gray; 64 * 48]).unwrap(),
+        colour: None,
+        depth: DepthImage::from_vec(64, 48, vec![depth; 64 * 48]).unwrap(),
+    }
+}
+
+fn report(frame: &RgbdFrame, outcome: Outcome, map_version: u64) -> FrameReport {
+    FrameReport {
+        frame: frame.id,
+        stamp: frame.stamp,
+        outcome,
+        world_from_camera: None,
+        verdicts: Arc::from([]),
+        segments: Segments::default(),
+        objects: Arc::from([]),
+        counts: FrameCounts {
+            keypoints: 100,
+            dynamic: 20,
+            released: 5,
+            ..FrameCounts::default()
+        },
+        is_keyframe: false,
+        piece: None,
+        map_version,
+    }
+}
+
+fn judge(
+    monitor: &mut Monitor,
+    id: u32,
+    outcome: Outcome,
+    version: u64,
+    evidence: &Evidence,
+) -> Health {
+    let frame = frame(id, f64::from(id), 120, 1.5);
+    let report = report(&frame, outcome, version);
+    monitor.judge(&frame, &report, evidence, &TrackingConfig::default(), true)
+}
+
+fn lost(since: u32) -> Outcome {
+    Outcome::Lost {
+        since: FrameId(since),
+        reason: LostReason::FewMatches,
+    }
+}
 
 #[test]
-fn detections_that_come_late_make_nothing_older() {
+fn times_are_the_cameras() {
     let mut monitor = Monitor::default();
-    for stamp in [1.0, 3.0, 2.0] {
-        monitor.heard(stamp);
+    let evidence = Evidence::default();
+    let at = |m: &mut Monitor, id, outcome, version| judge(m, id, outcome, version, &evidence);
+    let first = at(&mut monitor, 0, Outcome::Tracked, 7);
+    assert_eq!((first.map_age, first.detections_age), (None, None));
+    let detections = Detections {
+        frame: FrameId(1),
+        stamp: 1.0,
+        items: Vec::new(),
+    };
+    monitor.heard(&detections, &MotionWeights::default());
+    let second = at(&mut monitor, 1, Outcome::Tracked, 8);
+    assert_eq!(
+        (second.map_age, second.detections_age),
+        (Some(0.0), Some(0.0))
+    );
+    let third = at(&mut monitor, 3, lost(3), 8);
+    assert_eq!(
+        (third.map_age, third.detections_age),
+        (Some(2.0), Some(2.0))
+    );
+    assert!(third.loss.is_some_and(|l| l.seconds == 0.0));
+    let fourth = at(&mut monitor, 5, lost(3), 8);
+    assert!(fourth.loss.is_some_and(|l| l.seconds == 2.0));
+    // The clock is set back by 3 s: what lasted goes on lasting.
+    monitor.set_clock(-3.0);
+    let fifth = at(&mut monitor, 4, lost(3), 9);
+    assert!(
+        fifth.loss.is_some_and(|l| l.seconds == 4.0),
+        "{:?}",
+        fifth.loss
+    );
+    assert_eq!((fifth.map_age, fifth.detections_age), (Some(0.0), None));
+    // Another loss, with a pose between or not.
+    let sixth = at(&mut monitor, 6, lost(6), 9);
+    assert!(sixth.loss.is_some_and(|l| l.seconds == 0.0));
+}
+
+#[test]
+fn shares_are_of_what_was_judged() {
+    let mut monitor = Monitor::default();
+    let blind = judge(&mut monitor, 0, lost(0), 0, &Evidence::default());
+    assert!(blind.static_share == 0.0);
+    let judged = Evidence {
+        judged: true,
+        ..Evidence::default()
+    };
+    let seen = judge(&mut monitor, 1, Outcome::Tracked, 0, &judged);
+    assert!(seen.static_share == 0.75 && seen.dynamic_share == 0.25);
+    assert!(seen.depth_share == 1.0);
+}
+
+#[test]
+fn a_black_frame_without_depth_is_told_as_such() {
+    let mut monitor = Monitor::default();
+    let black = frame(0, 0.0, 2, 0.0);
+    let report = report(&black, lost(0), 0);
+    let config = TrackingConfig::default();
+    let health = monitor.judge(&black, &report, &Evidence::default(), &config, false);
+    assert!(health.quality.value() == 0.0 && health.covariance.is_none());
+    assert_eq!(
+        health.to_string(),
+        "quality 0.00 | lost for 0.0 s: the image is black or covered (100 keypoints; 100 needed); uncover the lens or make light"
+    );
+}
+
+/// A covariance of a pose that is told in the axes of the camera, and the same one in those of the world.
+fn with_covariance(sigmas: [f64; 6]) -> Health {
+    let mut monitor = Monitor::default();
+    let weights = sigmas.map(|s| 1.0 / (s * s));
+    let evidence = Evidence {
+        information: Some(Mat6::from_diagonal(&Vec6::from(weights))),
+        judged: true,
+        matched: 200,
+        agreed: 180,
+        ..Evidence::default()
+    };
+    judge(&mut monitor, 0, Outcome::Tracked, 0, &evidence)
+}
+
+#[test]
+fn a_line_tells_all() {
+    let mut health = with_covariance([0.001, 0.002, 0.002, 0.001, 0.001, 0.001]);
+    assert!((health.sigma_m().unwrap() - 0.003).abs() < 1e-12);
+    assert_eq!(health.quality.weakest().0, "inliers in one place");
+    health.detections_age = Some(0.123);
+    health.map_age = Some(0.44);
+    assert_eq!(
+        health.to_string(),
+        "quality 0.00 | +-3.0 mm 0.10 deg | static 75 % | detection 0.12 s ago | map 0.4 s ago"
+    );
+}
+
+proptest! {
+    /// A point seen by the camera is moved by an error in the camera's axes as by the same error in the world's.
+    #[test]
+    fn the_covariance_turns_with_the_camera(
+        sigmas in prop::array::uniform6(0.001..0.1f64),
+        pose in prop::array::uniform6(-2.0..2.0f64),
+        direction in prop::array::uniform6(-1.0..1.0f64),
+    ) {
+        let pose = Se3::exp(&Vec6::from(pose));
+        let health = with_covariance(sigmas);
+        let (camera, world) = (health.covariance.unwrap(), health.covariance_in_world(&pose).unwrap());
+        // Variance along a direction, whichever axes it is told in.
+        let r = pose.rotation_matrix();
+        let inside = Vec6::from(direction);
+        let mut outside = inside;
+        outside.fixed_rows_mut::<3>(0).copy_from(&(r * inside.fixed_rows::<3>(0)));
+        outside.fixed_rows_mut::<3>(3).copy_from(&(r * inside.fixed_rows::<3>(3)));
+        let (a, b) = (inside.dot(&(camera * inside)), outside.dot(&(world * outside)));
+        prop_assert!((a - b).abs() < 1e-12, "{a} {b}");
+        // The position moves by the error's translation, turned into the world.
+        let step = inside * 1e-6;
+        let moved = (pose * Se3::exp(&step)).translation - pose.translation;
+        prop_assert!((moved - r * step.fixed_rows::<3>(0)).norm() < 1e-11);
     }
-    assert_eq!(monitor.detections, Some(3.0));
 }

@@ -19,6 +19,7 @@ mod visibility;
 
 pub use config::{Preset, StaticFilterConfig};
 pub(crate) use history::Place;
+pub(crate) use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
 use crate::config::Config;

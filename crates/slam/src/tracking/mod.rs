@@ -175,7 +175,7 @@ impl Tracker {
         detections: Detections,
         next: FrameId,
     ) -> Option<MapperMsg> {
-        self.health.heard(detections.stamp);
+        self.health.heard(&detections, &self.config.motion_weights);
         if detections.frame >= next {
             self.filter.receive(detections);
             return None;
@@ -240,6 +240,7 @@ impl Tracker {
         }
         self.motion.forget();
         self.filter.forget_times();
+        self.health.set_clock(stamp - before);
         if let Some(last) = &mut self.last {
             last.stamp += stamp - before;
         }
@@ -270,7 +271,7 @@ impl Tracker {
             let outcome = Outcome::Relocalised { since, with };
             return self.accept(frame, notes, solution, outcome);
         }
-        if self.is_piece_due(&notes) {
+        if self.is_piece_due(frame.stamp, &notes) {
             self.leave_piece();
             return self.initialise(frame, &data, notes);
         }

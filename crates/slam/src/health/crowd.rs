@@ -1,0 +1,124 @@
+//! Whether people, or things that move, fill the image: told also of a frame that is lost before its features are judged.
+
+use crate::static_filter::{FeatureVerdict, MOVER};
+use stillpoint_detection::{BoundingBox, Detections, MotionWeights};
+
+/// What was seen longer ago says nothing of now, s.
+const RECENT: f64 = 2.0;
+
+/// What was seen to move of late.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Crowd {
+    /// Boxes of what moves by itself in the newest detections, and their stamp.
+    boxes: Vec<BoundingBox>,
+    detected: Option<f64>,
+    /// Share of the keypoints that moved in the last frame in which that was judged, and its stamp.
+    judged: Option<(f64, f64)>,
+}
+
+impl Crowd {
+    /// Stamp of the newest detections.
+    pub(super) fn detected(&self) -> Option<f64> {
+        self.detected
+    }
+
+    /// Notes what a detector said.
+    pub(super) fn hear(&mut self, detections: &Detections, weights: &MotionWeights) {
+        // Late answers come in any order.
+        if self.detected.is_some_and(|s| s > detections.stamp) {
+            return;
+        }
+        self.detected = Some(detections.stamp);
+        let movers = detections.items.iter();
+        let movers = movers.filter(|d| weights.get(d.class) >= MOVER);
+        self.boxes = movers.map(|d| d.bounds).collect();
+    }
+
+    /// Notes which share of the keypoints moves.
+    pub(super) fn judge(&mut self, stamp: f64, share: f64) {
+        self.judged = Some((stamp, share));
+    }
+
+    /// Share of the keypoints that lie on what moves, as far as it is known.
+    pub(super) fn share(&self, stamp: f64, verdicts: &[FeatureVerdict]) -> f64 {
+        let is_recent = |seen: f64| (0.0..=RECENT).contains(&(stamp - seen));
+        let judged = self.judged.filter(|(seen, _)| is_recent(*seen));
+        let judged = judged.map_or(0.0, |(_, share)| share);
+        if verdicts.is_empty() || !self.detected.is_some_and(is_recent) {
+            return judged;
+        }
+        let in_box = |v: &&FeatureVerdict| {
+            let [u, v] = v.pixel.map(f64::from);
+            self.boxes.iter().any(|b| b.contains(u, v))
+        };
+        let held = verdicts.iter().filter(in_box).count();
+        judged.max(held as f64 / verdicts.len() as f64)
+    }
+
+    /// Brings stamps to a clock that was set by `by`, s. Boxes cannot be: who sent them may count on either way.
+    pub(super) fn set_clock(&mut self, by: f64) {
+        self.boxes.clear();
+        self.detected = None;
+        if let Some((stamp, _)) = &mut self.judged {
+            *stamp += by;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_detection::{ClassId, Detection};
+    use stillpoint_imaging::FrameId;
+
+    fn seen(stamp: f64, class: &str) -> Detections {
+        let item = Detection {
+            class: ClassId::from_name(class).unwrap(),
+            score: 0.9,
+            bounds: BoundingBox {
+                x0: 0.0,
+                y0: 0.0,
+                x1: 100.0,
+                y1: 100.0,
+            },
+        };
+        Detections {
+            frame: FrameId(0),
+            stamp,
+            items: vec![item],
+        }
+    }
+
+    /// Four keypoints, three of them in the box.
+    fn verdicts() -> Vec<FeatureVerdict> {
+        let at = |i: u32| FeatureVerdict::kept([40.0 * i as f32, 50.0]);
+        (0..4).map(at).collect()
+    }
+
+    #[test]
+    fn boxes_of_what_moves_hold_keypoints_for_some_time() {
+        let (mut crowd, weights) = (Crowd::default(), MotionWeights::default());
+        assert!(crowd.share(1.0, &verdicts()) == 0.0);
+        crowd.hear(&seen(1.0, "person"), &weights);
+        assert!(crowd.share(1.5, &verdicts()) == 0.75);
+        assert!(crowd.share(3.5, &verdicts()) == 0.0);
+        // An older answer that comes later changes nothing, nor does a frame without keypoints.
+        crowd.hear(&seen(0.5, "chair"), &weights);
+        assert!(crowd.share(1.5, &verdicts()) == 0.75 && crowd.share(1.5, &[]) == 0.0);
+        // A chair does not walk.
+        crowd.hear(&seen(2.0, "chair"), &weights);
+        assert!(crowd.share(2.0, &verdicts()) == 0.0);
+        assert_eq!(crowd.detected(), Some(2.0));
+    }
+
+    #[test]
+    fn what_was_judged_is_remembered_for_some_time() {
+        let mut crowd = Crowd::default();
+        crowd.judge(1.0, 0.8);
+        assert!(crowd.share(2.0, &verdicts()) == 0.8);
+        assert!(crowd.share(4.0, &verdicts()) == 0.0);
+        crowd.set_clock(-100.0);
+        assert!(crowd.share(-98.0, &verdicts()) == 0.8);
+        assert!(crowd.share(2.0, &verdicts()) == 0.0);
+    }
+}
