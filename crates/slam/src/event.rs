@@ -1,7 +1,7 @@
 //! What the system says about each frame. Events are values: tests, reports and viewers read the same ones.
 
-use crate::health::Health;
 use crate::gate::RefusedFrame;
+use crate::health::Health;
 use crate::static_filter::{FeatureVerdict, Segments};
 use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections, Object};
