@@ -104,6 +104,10 @@ pub(crate) struct RunArgs {
     /// Write the log of a live run to this file [default: run.log in the result folder].
     #[arg(long, value_name = "FILE", requires = "live")]
     pub(crate) log: Option<PathBuf>,
+    /// Keep to so many milliseconds per frame by doing less: fewer keypoints, less mapping, and the detector asked more rarely. A live run
+    /// measures what frames take; any other plans with a fixed table, and stays the same on every machine.
+    #[arg(long, value_name = "N", value_parser = budget_ms, verbatim_doc_comment)]
+    pub(crate) budget_ms: Option<f64>,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
     /// Go on with a map that --save-map wrote: places in it are recognised, and it grows.
@@ -121,6 +125,13 @@ pub(crate) struct RunArgs {
     pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) config: ConfigArgs,
+}
+
+/// A time per frame, ms.
+fn budget_ms(text: &str) -> Result<f64, String> {
+    let ms = text.parse().ok();
+    ms.filter(|ms| (1.0..=1000.0).contains(ms))
+        .ok_or_else(|| "expected 1 to 1000 milliseconds".to_owned())
 }
 
 /// Repeat a live run, bit for bit.

@@ -47,6 +47,9 @@ pub(crate) struct LiveJson {
     pub(crate) answer_ms: Figures,
     /// Time since the view of the map that a frame was tracked in had been published.
     pub(crate) view_age_ms: Figures,
+    /// Keypoints that were wanted.
+    #[serde(default)]
+    pub(crate) features: Figures,
     /// Keyframes that this view did not hold yet.
     pub(crate) keyframes_behind: Figures,
     /// Messages that waited for mapping when a pose was there.
@@ -130,6 +133,7 @@ impl LiveJson {
             detections_age_ms: ages(|f| f.detections_age),
             answer_ms: Figures::of(measured.detections.iter().map(|s| s * 1e3)),
             view_age_ms: ages(|f| f.view_age),
+            features: each(|f| f64::from(f.features)),
             keyframes_behind: each(|f| f64::from(f.keyframes_behind)),
             mapping_queue: each(|f| f64::from(f.mapping_queue)),
             looping_queue: each(|f| f64::from(f.looping_queue)),
@@ -202,6 +206,12 @@ impl LiveJson {
             queue(&self.looping_queue),
             queue(&self.keyframes_behind),
         );
+        if self.features.mean < self.features.max {
+            text += &format!(
+                "live: {:.0} keypoints wanted on average, to keep to the time per frame\n",
+                self.features.mean
+            );
+        }
         if self.threads.detection.is_some() {
             text += &format!(
                 "live: {:.1} detections per second, {:.0} ms old on average when used\n",

@@ -8,6 +8,7 @@ use std::collections::VecDeque;
 use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::Instant;
 use stillpoint::imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
 use stillpoint::live::Stage;
 use stillpoint::slam::FrameReport;
@@ -51,6 +52,34 @@ struct State {
     arrived: usize,
     dropped: usize,
     closed: bool,
+    pace: Pace,
+}
+
+/// Longest time between two frames that is waited for, s, as the driver for cameras has it.
+const LONGEST_GAP: f64 = 5.0;
+
+/// Whether frames are there when a camera would have them.
+#[derive(Default)]
+struct Pace {
+    /// A moment and the stamp that it stands for.
+    anchor: Option<(Instant, f64)>,
+    last: f64,
+    /// By how much each frame came too late, s.
+    late: Vec<f64>,
+}
+
+impl Pace {
+    fn came(&mut self, stamp: f64, now: Instant) {
+        let gap = stamp - self.last;
+        self.last = stamp;
+        match self.anchor {
+            Some((at, first)) if (0.0..=LONGEST_GAP).contains(&gap) => {
+                let late = now.duration_since(at).as_secs_f64() - (stamp - first);
+                self.late.push(late.max(0.0));
+            }
+            _ => self.anchor = Some((now, stamp)),
+        }
+    }
 }
 
 impl Passing {
@@ -75,6 +104,12 @@ impl Passing {
         let kept = wanted.then(|| frame.clone());
         state.frames.push_back((frame.id, kept));
         state.arrived += 1;
+        state.pace.came(frame.stamp, Instant::now());
+    }
+
+    /// By how much frames came later than their stamps say, s, one per frame but the first.
+    pub(crate) fn late(&self) -> Vec<f64> {
+        self.lock().pace.late.clone()
     }
 
     /// The driver has reported on a frame, and so never will on those before it. Returns its copy, if one was kept.
@@ -185,6 +220,7 @@ impl Drawing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
     use stillpoint::imaging::{DepthImage, GrayImage};
 
     struct Numbers(u32);
@@ -219,5 +255,16 @@ mod tests {
         assert_eq!(passing.dropped(), 2);
         passing.close();
         assert!(source.next_frame().is_none());
+    }
+
+    #[test]
+    fn frames_that_come_too_late_are_told_from_gaps_in_the_stamps() {
+        let mut pace = Pace::default();
+        let start = Instant::now();
+        for (stamp, ms) in [(100.0, 0), (100.5, 100), (101.0, 1250), (300.0, 1250), (300.5, 1800)] {
+            pace.came(stamp, start + Duration::from_millis(ms));
+        }
+        let late: Vec<u32> = pace.late.iter().map(|s| (s * 1e3).round() as u32).collect();
+        assert_eq!(late, [0, 250, 50]);
     }
 }

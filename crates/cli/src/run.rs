@@ -26,11 +26,14 @@ use stillpoint::geometry::Camera;
 use stillpoint::imaging::FrameSource;
 use stillpoint::live::Stage;
 use stillpoint::map::Map;
-use stillpoint::slam::{Config, MapUse, StartError};
+use stillpoint::slam::{Config, CostTable, MapUse, Plan, StartError};
 
 /// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Failure> {
-    let config = config::resolve(&args.config)?;
+    let mut config = config::resolve(&args.config)?;
+    if let (Some(ms), None) = (args.budget_ms, args.live) {
+        config = within(&config, ms);
+    }
     let simd = config::simd()?;
     let dataset = open(&args.path, &args.input)?;
     let settled = detector::settle(&args.input.detector)?;
@@ -63,7 +66,10 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
     let mut frames = ReadAhead::new(played::Reading::new(frames, timing));
     let mut session = match args.live {
         None => driver.drive(&mut frames, &mut outputs)?,
-        Some(choice) => driver.drive_live(&mut frames, &mut outputs, choice)?,
+        Some(choice) => {
+            let budget = args.budget_ms.map(|ms| ms / 1e3);
+            driver.drive_live(&mut frames, &mut outputs, choice, budget)?
+        }
     };
     session.detector.library = loaded.library;
     let written = outputs.finish()?;
@@ -90,6 +96,24 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
         Some(Err(failure)) => Err(failure),
         _ => Ok(status),
     }
+}
+
+/// The configuration with as much work as fits into a time per frame.
+fn within(config: &Config, budget_ms: f64) -> Config {
+    let plan = Plan::new(config, budget_ms, &CostTable::REFERENCE);
+    console::info(&format!(
+        "{budget_ms} ms per frame: {} keypoints, {} neighbours and {} keyframes in mapping, the detector at every {}. frame; about {:.1} ms where OpenCV's ORB takes {} ms",
+        plan.features,
+        plan.mapping.neighbours,
+        plan.mapping.window,
+        plan.detector_stride,
+        plan.per_frame_ms,
+        CostTable::REFERENCE_UNIT_MS,
+    ));
+    if !plan.fits {
+        console::warn("even the least work takes longer than that");
+    }
+    plan.apply(config)
 }
 
 /// The detector. What runs it in a live run gives way to tracking: so do the threads that a network brings, which have the priority

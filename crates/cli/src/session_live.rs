@@ -44,7 +44,7 @@ fn hook(timing: &'static Timing) -> Hook {
 }
 
 impl Driver<'_> {
-    /// Plays the stream at its pace, to its end or until the user asks to stop.
+    /// Plays the stream at its pace, to its end or until the user asks to stop. `budget`: what a frame may take, s.
     ///
     /// # Errors
     /// As [`Driver::drive`]; and no more threads.
@@ -53,8 +53,12 @@ impl Driver<'_> {
         source: &mut dyn FrameSource,
         outputs: &mut Outputs,
         choice: LiveChoice,
+        budget: Option<f64>,
     ) -> Result<Session, Failure> {
-        let options = options(choice, self.timing);
+        let options = LiveOptions {
+            budget,
+            ..options(choice, self.timing)
+        };
         self.drive_with(source, outputs, choice, options)
     }
 

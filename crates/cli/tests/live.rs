@@ -4,9 +4,10 @@
 
 mod common;
 
-use common::{check, program, simulate, stderr, stdout};
+use common::{check, files, program, simulate, stderr, stdout};
 use serde_json::Value;
 use std::collections::BTreeSet;
+use std::ffi::OsString;
 #[cfg(unix)]
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -42,10 +43,11 @@ fn write_all(mut command: Command, dir: &Path, name: &str) -> Output {
         ("--save-map", format!("{name}.spmap")),
         ("--verdicts", format!("{name}.csv")),
         ("--trace", format!("{name}.json")),
+        ("--overlay", format!("{name}_pictures")),
     ] {
         command.arg(option).arg(dir.join(file));
     }
-    command.output().unwrap()
+    command.args(["--overlay-every", "6"]).output().unwrap()
 }
 
 impl Played {
@@ -107,6 +109,14 @@ fn a_live_run_comes_out_again_to_the_byte() {
         let of = |name: &str| std::fs::read(played.path(&format!("{name}.{file}"))).unwrap();
         assert!(of("live") == of("again"), "{file} differs");
     }
+    let pictures = |name: &str| -> Vec<(OsString, Vec<u8>)> {
+        let all = files(&played.path(&format!("{name}_pictures")));
+        let named = |p: PathBuf| (p.file_name().unwrap().into(), std::fs::read(p).unwrap());
+        all.into_iter().map(named).collect()
+    };
+    // One, and the animation, at least.
+    assert!(pictures("live").len() > 1);
+    assert!(pictures("live") == pictures("again"), "pictures differ");
     // What was counted is the same, and only a live run has latencies.
     let [live, again] = ["live", "again"].map(|n| played.json(&format!("{n}/summary.json")));
     for counts in [

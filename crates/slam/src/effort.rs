@@ -66,8 +66,10 @@ pub struct CostTable {
 }
 
 impl CostTable {
-    /// Measured on a two-core x86-64 server (docs/benchmarks.md, "Time budget"), where OpenCV's ORB with 1000 features takes
-    /// about 8 ms.
+    /// What OpenCV's ORB with 1000 features takes where [`Self::REFERENCE`] holds, ms.
+    pub const REFERENCE_UNIT_MS: f64 = 8.0;
+
+    /// Measured on a two-core x86-64 server (docs/benchmarks.md, "Time budget").
     pub const REFERENCE: Self = Self {
         frame: 4.0,
         feature: 0.01,
