@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 #![allow(clippy::print_stdout)] // What was measured is worth reading.
 
+mod health;
 mod real;
 
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
