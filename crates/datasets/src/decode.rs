@@ -23,13 +23,13 @@ fn bad(path: &Path, expected: &str, found: impl Into<String>, advice: &str) -> D
 /// Bytes and format of an image file that is there, not empty and of a kind that is read.
 fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     const AGAIN: &str = "copy or export the file again, or take it off the list";
-    let bytes = std::fs::read(path).map_err(|e| {
-        let found = if e.kind() == std::io::ErrorKind::NotFound {
-            "no such file".to_owned()
-        } else {
-            e.to_string()
-        };
-        bad(path, expected, found, AGAIN)
+    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => bad(path, expected, "no such file", AGAIN),
+        // Nothing is known of the file itself: the system has no descriptor left, say.
+        _ => DatasetError::Read {
+            path: path.to_owned(),
+            source,
+        },
     })?;
     if bytes.is_empty() {
         return Err(bad(path, expected, "an empty file (0 bytes)", AGAIN));

@@ -1,6 +1,7 @@
-//! What happens to a camera in somebody's hands: a covered lens, a jump of the exposure.
+//! What happens to a camera in somebody's hands: a covered lens, a jump of the exposure, a shake, sunlight on the depth sensor.
 //!
-//! Answers: what a stream would have shown if its lens had been covered, or its exposure had jumped, for some of its frames.
+//! Answers: what a stream would have shown if its lens had been covered, its exposure had jumped, its image had been blurred or
+//! its depth had failed for some of its frames.
 //! Stamps, ids and the order of frames stay as they are, and so does the ground truth.
 
 use crate::splice::AdaptorError;
@@ -17,6 +18,14 @@ pub enum Disturbance {
     Covered,
     /// Grey levels are multiplied by this, 0 or more, and clipped at 255; depth stays.
     Exposure(f64),
+    /// Images are white everywhere, as when the camera looks into a lamp; depth stays.
+    Saturated,
+    /// Each pixel is the mean of those up to so many px from it along both axes; depth stays.
+    Blurred(usize),
+    /// No depth; images stay.
+    NoDepth,
+    /// No depth in the right half of the image; images stay.
+    HalfDepth,
 }
 
 /// A stream with disturbances. Every frame is a pure function of the source's frame.
@@ -85,18 +94,72 @@ fn apply(what: Disturbance, frame: &mut RgbdFrame) {
         }
         Disturbance::Exposure(gain) => {
             // The cast rounds down and clips at 255.
-            let table: Vec<u8> = (0..=255)
-                .map(|v| (f64::from(v) * gain + 0.5) as u8)
-                .collect();
-            for v in frame.gray.data_mut() {
-                *v = table[usize::from(*v)];
+            map_levels(frame, |v| (f64::from(v) * gain + 0.5) as u8);
+        }
+        Disturbance::Saturated => map_levels(frame, |_| 255),
+        Disturbance::Blurred(radius) => blur(frame, radius),
+        Disturbance::NoDepth => frame.depth = no_depth(w, h),
+        Disturbance::HalfDepth => {
+            let mut data = frame.depth.data().to_vec();
+            for row in data.chunks_exact_mut(w.max(1)) {
+                row[w / 2..].fill(0.0);
             }
-            frame.colour = frame.colour.take().map(|colour| {
-                let data = colour.data().iter().map(|v| table[usize::from(*v)]);
-                colour_of(w, h, data.collect())
-            });
+            frame.depth = DepthImage::from_vec(w, h, data).unwrap_or_default();
         }
     }
+}
+
+/// Gives every level of an image another one.
+fn map_levels(frame: &mut RgbdFrame, to: impl Fn(u8) -> u8) {
+    let (w, h) = (frame.gray.width(), frame.gray.height());
+    let table: Vec<u8> = (0..=255).map(to).collect();
+    for v in frame.gray.data_mut() {
+        *v = table[usize::from(*v)];
+    }
+    frame.colour = frame.colour.take().map(|colour| {
+        let data = colour.data().iter().map(|v| table[usize::from(*v)]);
+        colour_of(w, h, data.collect())
+    });
+}
+
+fn blur(frame: &mut RgbdFrame, radius: usize) {
+    let (w, h) = (frame.gray.width(), frame.gray.height());
+    if let Some(colour) = frame.colour.take() {
+        let blurred = colour_of(w, h, means(colour.data(), [w, h], 3, radius));
+        frame.gray = blurred.to_gray();
+        frame.colour = Some(blurred);
+    } else {
+        let data = means(frame.gray.data(), [w, h], 1, radius);
+        frame.gray.data_mut().copy_from_slice(&data);
+    }
+}
+
+/// The mean of the pixels around each, channel by channel, by sums over rectangles.
+fn means(data: &[u8], [w, h]: [usize; 2], channels: usize, radius: usize) -> Vec<u8> {
+    // What is left of and above each corner of a pixel.
+    let stride = (w + 1) * channels;
+    let mut sums = vec![0_u64; stride * (h + 1)];
+    for y in 0..h {
+        for i in 0..w * channels {
+            let (above, below) = (y * stride + i, (y + 1) * stride + i);
+            let own = u64::from(data[y * w * channels + i]);
+            sums[below + channels] = own + sums[below] + sums[above + channels] - sums[above];
+        }
+    }
+    let mut out = Vec::with_capacity(data.len());
+    for y in 0..h {
+        let (top, bottom) = (y.saturating_sub(radius), (y + radius + 1).min(h));
+        for x in 0..w {
+            let (left, right) = (x.saturating_sub(radius), (x + radius + 1).min(w));
+            let count = ((bottom - top) * (right - left)) as u64;
+            for c in 0..channels {
+                let at = |x: usize, y: usize| sums[y * stride + x * channels + c];
+                let sum = at(right, bottom) + at(left, top) - at(left, bottom) - at(right, top);
+                out.push(((sum + count / 2) / count) as u8);
+            }
+        }
+    }
+    out
 }
 
 /// A colour image without light.

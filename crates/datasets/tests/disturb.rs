@@ -17,7 +17,11 @@ proptest! {
         gain in 0.0..4.0_f64,
     ) {
         let ids = start..start + count;
-        for what in [Disturbance::Black, Disturbance::Covered, Disturbance::Exposure(gain)] {
+        let all = [
+            Disturbance::Black, Disturbance::Covered, Disturbance::Exposure(gain), Disturbance::Saturated,
+            Disturbance::Blurred(2), Disturbance::NoDepth, Disturbance::HalfDepth,
+        ];
+        for what in all {
             let mut source = Disturbed::new(script.source(), vec![(ids.clone(), what)]).unwrap();
             prop_assert_eq!(source.remaining(), Some(script.frames.len()));
             let mut plain = script.source();
@@ -32,13 +36,20 @@ proptest! {
                     prop_assert_eq!((frame.gray, frame.depth), (own.gray, own.depth));
                     continue;
                 }
-                let blind = !matches!(what, Disturbance::Exposure(_));
-                let no_depth = frame.depth.data().iter().all(|z| *z == 0.0);
-                prop_assert_eq!(no_depth, blind);
+                let blind = matches!(what, Disturbance::Black | Disturbance::Covered | Disturbance::NoDepth);
+                let half = what == Disturbance::HalfDepth;
+                let w = frame.depth.width();
+                for (i, (z, was)) in frame.depth.data().iter().zip(own.depth.data()).enumerate() {
+                    let gone = blind || half && i % w >= w / 2;
+                    prop_assert_eq!(*z, if gone { 0.0 } else { *was });
+                }
                 for (now, was) in frame.gray.data().iter().zip(own.gray.data()) {
                     let fits = match what {
                         Disturbance::Black => *now == 0,
                         Disturbance::Covered => (2..=6).contains(now),
+                        // One grey level is its own mean.
+                        Disturbance::Blurred(_) | Disturbance::NoDepth | Disturbance::HalfDepth => now == was,
+                        Disturbance::Saturated => *now == 255,
                         Disturbance::Exposure(g) => {
                             (f64::from(*now) - (g * f64::from(*was)).min(255.0)).abs() <= 0.5
                         }
@@ -69,4 +80,36 @@ fn impossible_disturbances_are_refused() {
         Disturbance::Exposure(f64::NAN),
         &format!("{factor}NaN"),
     );
+}
+
+#[test]
+fn a_blurred_pixel_is_the_mean_of_those_around_it() {
+    let [w, h] = scripted::SIZE;
+    let level = |i: usize| ((i * 37) % 200) as u8;
+    struct One(Option<stillpoint_imaging::RgbdFrame>);
+    impl FrameSource for One {
+        fn next_frame(
+            &mut self,
+        ) -> Option<Result<stillpoint_imaging::RgbdFrame, stillpoint_imaging::SourceError>> {
+            self.0.take().map(Ok)
+        }
+    }
+    for radius in [0, 1, 2, 9] {
+        let mut frame = Script::regular(1, 1).frame(0);
+        frame.colour = None;
+        for (i, v) in frame.gray.data_mut().iter_mut().enumerate() {
+            *v = level(i);
+        }
+        let when = vec![(0..1, Disturbance::Blurred(radius))];
+        let mut source = Disturbed::new(One(Some(frame)), when).unwrap();
+        let blurred = source.next_frame().unwrap().unwrap().gray;
+        for (i, found) in blurred.data().iter().enumerate() {
+            let near = |j: &usize| {
+                (j % w).abs_diff(i % w) <= radius && (j / w).abs_diff(i / w) <= radius
+            };
+            let around: Vec<f64> = (0..w * h).filter(near).map(|j| level(j).into()).collect();
+            let mean = around.iter().sum::<f64>() / around.len() as f64;
+            assert!((f64::from(*found) - mean).abs() <= 0.5, "{radius}, {i}");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Another map as further pieces of a map.
 
-use crate::{KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, Map, PieceId};
+use crate::{KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, Map, PieceId};
 use std::sync::Arc;
 
 /// Why a map cannot be taken into another.
@@ -80,10 +80,10 @@ impl Map {
         for slot in other.view.landmarks.iter() {
             self.view.landmarks.push(match slot {
                 LandmarkSlot::Live(l) => {
-                    let mut l = l.clone();
+                    let mut l = Landmark::clone(l);
                     l.anchor = keyframe(l.anchor);
                     l.created_at = keyframe(l.created_at);
-                    LandmarkSlot::Live(l)
+                    LandmarkSlot::Live(Arc::new(l))
                 }
                 LandmarkSlot::Merged(into) => LandmarkSlot::Merged(landmark(*into)),
                 LandmarkSlot::Culled => LandmarkSlot::Culled,

@@ -26,7 +26,7 @@ impl Map {
     /// A live landmark, to change its position or counters. Observations change only through the map's own methods.
     pub fn landmark_mut(&mut self, id: LandmarkId) -> Option<&mut Landmark> {
         match self.view.landmarks.get_mut(id.index())? {
-            LandmarkSlot::Live(l) => Some(l),
+            LandmarkSlot::Live(l) => Some(Arc::make_mut(l)),
             _ => None,
         }
     }
@@ -66,7 +66,8 @@ impl Map {
             visible: 1,
             found: 1,
         };
-        self.view.landmarks.push(LandmarkSlot::Live(landmark));
+        let slot = LandmarkSlot::Live(Arc::new(landmark));
+        self.view.landmarks.push(slot);
         self.observations.push(Vec::new());
         self.view.live_landmarks += 1;
         self.add_observation(id, keyframe, feature);

@@ -271,7 +271,7 @@ impl Tracker {
             let outcome = Outcome::Relocalised { since, with };
             return self.accept(frame, notes, solution, outcome);
         }
-        if self.is_piece_due(&notes) {
+        if self.is_piece_due(frame.stamp, &notes) {
             self.leave_piece();
             return self.initialise(frame, &data, notes);
         }

@@ -2,7 +2,7 @@
 
 use super::ego_motion::EgoMotion;
 use super::matching::{self, Candidate};
-use super::{Notes, Solution, Tracker, pose};
+use super::{LastFrame, Notes, Solution, Tracker, pose};
 use std::sync::Arc;
 use stillpoint_estimation::{
     AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
@@ -22,6 +22,8 @@ const CARRIED_S: f64 = 1.0;
 const REACH_M: f64 = 0.5;
 /// ... m/s.
 const REACH_M_S: f64 = 3.0;
+/// Time to recognise another piece of map, once the camera can be there, s.
+const RECOGNISED_S: f64 = 0.5;
 
 /// The places that can be recognised.
 pub(super) struct Places {
@@ -172,12 +174,15 @@ impl Tracker {
     }
 
     /// Whether it is time to begin a new piece of map: for so many frames there was enough to see, and none of it was known.
-    pub(super) fn is_piece_due(&mut self, notes: &Notes) -> bool {
+    /// Where there are other pieces, that is not before these had their time to be recognised.
+    pub(super) fn is_piece_due(&mut self, stamp: f64, notes: &Notes) -> bool {
         let enough = self.config.tracking.min_initial_points;
         if notes.counts.with_depth as usize >= enough {
             self.unplaced += 1;
         }
-        self.grows && self.unplaced >= self.config.tracking.new_piece_after
+        let due = self.grows && self.unplaced >= self.config.tracking.new_piece_after;
+        let recent = |last: &LastFrame| stamp - last.stamp < CARRIED_S + RECOGNISED_S;
+        due && !(self.last.as_ref().is_some_and(recent) && self.view.pieces().len() > 1)
     }
 
     /// Forgets what belongs to the piece of map that is left.

@@ -48,7 +48,7 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
             CULLED => continue,
             NONE => landmarks.next().map(|mut landmark| {
                 landmarks::count_observers(&mut landmark, &observations[id], &keyframes);
-                LandmarkSlot::Live(landmark)
+                LandmarkSlot::Live(Arc::new(landmark))
             }),
             into => Some(LandmarkSlot::Merged(LandmarkId(into))),
         };

@@ -1,0 +1,144 @@
+//! A detector that fails for good, or takes its time.
+
+use crate::world::{Baseline, Recording, Session, config, losses, small, within};
+use std::sync::OnceLock;
+use std::time::Duration;
+use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo};
+use stillpoint_imaging::{RgbdFrame, Simd};
+use stillpoint_live::{LiveOptions, LiveSystem};
+use stillpoint_slam::{Event, Stages};
+
+/// People cross before a camera that is held in a room.
+fn people() -> &'static Recording {
+    static PEOPLE: OnceLock<Recording> = OnceLock::new();
+    PEOPLE.get_or_init(|| Recording::new("walking_xyz", 20..110, small(267.5)))
+}
+
+fn without_detector() -> &'static Baseline {
+    static RUN: OnceLock<Baseline> = OnceLock::new();
+    RUN.get_or_init(|| Baseline::of(people()))
+}
+
+/// Fails for good from a frame on.
+struct Dies(Box<dyn Detector>, u32);
+
+impl Detector for Dies {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        if frame.id.0 < self.1 {
+            return self.0.detect(frame);
+        }
+        Err(DetectError::Runtime {
+            frame: frame.id,
+            reason: "the device is gone".to_owned(),
+        })
+    }
+
+    fn info(&self) -> DetectorInfo {
+        self.0.info()
+    }
+}
+
+fn failures(events: &[Event]) -> usize {
+    let failed = |e: &&Event| matches!(e, Event::DetectorFailed(_));
+    events.iter().filter(failed).count()
+}
+
+#[test]
+fn a_detector_that_dies_leaves_tracking_as_good_as_without_one() {
+    let alone = without_detector().worst;
+    let detector = Box::new(Dies(people().detector(), 30));
+    let mut session = Session::new(people(), config()).with_detector(detector);
+    let reports = session.feed(people().play(0..90));
+    assert_eq!(failures(&session.events), 60);
+    assert!(losses(&reports).is_empty());
+    let error = session.worst(people(), &reports);
+    println!(
+        "{:.1} mm, without detector {:.1} mm",
+        1e3 * error,
+        1e3 * alone
+    );
+    assert!(error < alone + 0.02, "{error} m");
+    // Objects are carried for a while, and not for good.
+    assert!(reports[29].objects.len() + reports[30].objects.len() > 0);
+    assert!(reports[89].objects.is_empty());
+
+    // One that never answers changes nothing at all.
+    let detector = Box::new(Dies(people().detector(), 0));
+    let mut session = Session::new(people(), config()).with_detector(detector);
+    session.feed(people().play(0..90));
+    assert_eq!(failures(&session.events), 90);
+    assert_eq!(session.digest(), without_detector().digest);
+}
+
+#[test]
+fn answers_that_are_two_seconds_late_do_no_harm() {
+    let alone = without_detector().worst;
+    let mut config = config();
+    (config.schedule.detector, config.detector.stride) = (60, 15);
+    let mut session = Session::new(people(), config).with_detector(people().detector());
+    let reports = session.feed(people().play(0..90));
+    let heard = |e: &&Event| matches!(e, Event::Detected(_));
+    assert_eq!(session.events.iter().filter(heard).count(), 2);
+    assert!(losses(&reports).is_empty());
+    // They are not too late: what is known of two seconds ago is known.
+    assert!(reports.iter().all(|r| r.counts.detections_too_late == 0));
+    let error = session.worst(people(), &reports);
+    println!(
+        "{:.1} mm, without detector {:.1} mm",
+        1e3 * error,
+        1e3 * alone
+    );
+    assert!(error < alone + 0.02, "{error} m");
+}
+
+/// Takes two seconds per answer.
+struct Slow(Box<dyn Detector>);
+
+impl Detector for Slow {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        std::thread::sleep(Duration::from_secs(2));
+        self.0.detect(frame)
+    }
+
+    fn info(&self) -> DetectorInfo {
+        self.0.info()
+    }
+}
+
+#[test]
+fn tracking_does_not_wait_for_a_slow_detector() {
+    let result = within(|| {
+        let stages = Stages::new(config(), people().camera, Simd::detect()).unwrap();
+        let options = LiveOptions {
+            drop_late: false,
+            ..LiveOptions::default()
+        };
+        let detector: Box<dyn Detector> = Box::new(Slow(people().detector()));
+        let mut live = LiveSystem::start(stages, Some(detector), options).unwrap();
+        for frame in people().play(0..90) {
+            assert!(live.push(frame));
+            std::thread::sleep(Duration::from_millis(30));
+        }
+        live.finish()
+    });
+    assert_eq!(result.ended.failures().count(), 0, "{:?}", result.ended);
+    assert_eq!(result.statistics.frames.len(), 90);
+    assert_eq!(result.trajectory.entries().len(), 90);
+    // One answer came, and some frames had none so old.
+    let ages = result
+        .statistics
+        .frames
+        .iter()
+        .filter_map(|f| f.detections_age);
+    let oldest = ages.fold(0.0, f64::max);
+    println!(
+        "answers as old as {:?} s, then {oldest:.1} s",
+        result.statistics.detections
+    );
+    assert!(!result.statistics.detections.is_empty());
+    assert!(result.statistics.detections.iter().all(|s| *s >= 2.0));
+    // Control: no frame waited as long.
+    assert!(result.statistics.frames.iter().all(|f| f.latency < 2.0));
+    let kept = result.view.landmark_count();
+    assert!(kept > 100, "{kept}");
+}

@@ -1,0 +1,148 @@
+//! Images that show little or nothing, and depth that is missing.
+
+use crate::world::{Session, assert_kept, config, losses, room, undisturbed, until_pose};
+use stillpoint_datasets::Disturbance;
+use stillpoint_imaging::{DepthImage, RgbdFrame};
+use stillpoint_slam::{LostReason, Outcome};
+
+/// Tracks 40 frames, then `frames` with something wrong, then 30 more. Returns why the bad frames were lost, and how many of those after
+/// them had no pose.
+fn through(what: Disturbance, frames: usize) -> (Vec<LostReason>, usize) {
+    let mut session = Session::new(room(), config());
+    session.feed(room().play(0..40));
+    let before = session.view();
+    let bad = session.feed(room().disturbed(40..40 + frames, what));
+    // A frame without a pose tells nothing to the map, and one with a pose has a true one.
+    let keyframes = session.view().keyframe_count() - before.keyframe_count();
+    let made = bad.iter().filter(|r| r.is_keyframe).count();
+    assert!(keyframes <= made, "{what:?}");
+    let after = session.feed(room().play(40 + frames..70 + frames));
+    let lost = losses(&bad);
+    let (during, then) = (session.worst(room(), &bad), session.worst(room(), &after));
+    println!(
+        "{what:?}: {} of {frames} frames lost, pose after {}; {:.1} mm, then {:.1} mm",
+        lost.len(),
+        until_pose(&after),
+        1e3 * during,
+        1e3 * then
+    );
+    assert!(during < 0.05 && then < 0.03, "{what:?}");
+    let since = after[0].outcome;
+    if lost.len() == frames {
+        assert!(
+            matches!(since, Outcome::Relocalised { since, .. } if since.0 == 40)
+                || until_pose(&after) > 0,
+            "{what:?}: {since:?}"
+        );
+    }
+    assert_kept(&before, &session.view());
+    (lost, losses(&after).len())
+}
+
+#[test]
+fn black_white_and_covered_images_are_lost_and_nothing_else() {
+    for what in [
+        Disturbance::Black,
+        Disturbance::Covered,
+        Disturbance::Saturated,
+    ] {
+        let (lost, after) = through(what, 8);
+        assert_eq!(lost, [LostReason::FewFeatures; 8], "{what:?}");
+        assert!(after <= 1, "{what:?}: {after}");
+    }
+}
+
+#[test]
+fn blurred_images_and_jumps_of_the_exposure_are_survived() {
+    // (what, frames lost while it lasts and after it, at most)
+    for (what, lost, after) in [
+        (Disturbance::Blurred(2), 0, 0),
+        (Disturbance::Blurred(12), 8, 1),
+        (Disturbance::Exposure(0.4), 2, 1),
+        (Disturbance::Exposure(2.0), 2, 1),
+    ] {
+        let found = through(what, 8);
+        assert!(
+            found.0.len() <= lost && found.1 <= after,
+            "{what:?}: {found:?}"
+        );
+    }
+}
+
+#[test]
+fn three_seconds_without_depth_are_tracked_on_the_map() {
+    let mut session = Session::new(room(), config());
+    session.feed(room().play(0..20));
+    let before = session.view();
+    let blind = session.feed(room().disturbed(20..110, Disturbance::NoDepth));
+    let after = session.feed(room().play(110..130));
+    let (during, then) = (session.worst(room(), &blind), session.worst(room(), &after));
+    println!(
+        "{} of 90 frames lost, {:.1} mm, then {:.1} mm",
+        losses(&blind).len(),
+        1e3 * during,
+        1e3 * then
+    );
+    assert!(losses(&blind).is_empty() && losses(&after).is_empty());
+    assert!(during < 0.06 && then < 0.04, "{during} m, {then} m");
+    assert!(blind.iter().all(|r| r.counts.with_depth == 0));
+    assert_kept(&before, &session.view());
+}
+
+#[test]
+fn a_map_begins_when_there_is_depth() {
+    let mut session = Session::new(room(), config());
+    let blind = session.feed(room().disturbed(0..10, Disturbance::NoDepth));
+    assert_eq!(losses(&blind), [LostReason::FewDepths; 10]);
+    assert_eq!(session.view().keyframe_count(), 0);
+    let after = session.feed(room().play(10..20));
+    assert_eq!(after[0].outcome, Outcome::Initialised);
+    assert!(losses(&after).is_empty());
+}
+
+#[test]
+fn half_of_the_depth_is_enough() {
+    let clean = undisturbed().worst;
+    let mut session = Session::new(room(), config());
+    let reports = session.feed(room().disturbed(0..100, Disturbance::HalfDepth));
+    let error = session.worst(room(), &reports);
+    println!(
+        "{:.1} mm, with all of it {:.1} mm",
+        1e3 * error,
+        1e3 * clean
+    );
+    assert!(losses(&reports).is_empty());
+    assert!(error < clean + 0.02, "{error} m");
+}
+
+/// What no sensor should say of depth.
+#[test]
+fn depths_that_are_no_numbers_are_not_measured() {
+    let nonsense = [
+        f32::NAN,
+        f32::INFINITY,
+        f32::NEG_INFINITY,
+        -1.0,
+        f32::MAX,
+        1e-30,
+    ];
+    let spoil = |frame: &mut RgbdFrame| {
+        let (w, h) = (frame.depth.width(), frame.depth.height());
+        let mut data = frame.depth.data().to_vec();
+        for (i, z) in data.iter_mut().enumerate() {
+            // Columns of 8 px by turns, so that both are seen whole.
+            if (i % w / 8).is_multiple_of(2) {
+                *z = nonsense[i % nonsense.len()];
+            }
+        }
+        frame.depth = DepthImage::from_vec(w, h, data).unwrap();
+    };
+    let mut frames = room().play(0..60);
+    frames.iter_mut().for_each(spoil);
+    let mut session = Session::new(room(), config());
+    let reports = session.feed(frames);
+    let error = session.worst(room(), &reports);
+    println!("{:.1} mm", 1e3 * error);
+    assert!(losses(&reports).is_empty());
+    assert!(error < 0.03, "{error} m");
+}

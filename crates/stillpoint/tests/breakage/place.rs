@@ -1,0 +1,51 @@
+//! A camera that is covered and uncovered elsewhere.
+
+use crate::world::{Session, assert_kept, config, losses, until_pose, walk};
+use stillpoint_datasets::Disturbance;
+use stillpoint_map::PieceId;
+use stillpoint_slam::Outcome;
+
+#[test]
+fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_piece() {
+    let mut config = config();
+    config.tracking.new_piece_after = 10;
+    let covered = || {
+        let mut session = Session::new(walk(), config.clone());
+        session.feed(walk().play(0..40));
+        let dark = session.feed(walk().disturbed(40..75, Disturbance::Covered));
+        assert_eq!(losses(&dark).len(), 35);
+        session
+    };
+    // Where it was half a second before.
+    let mut session = covered();
+    let before = session.view();
+    let found = session.go_on(walk().play(25..40), 0.0);
+    assert!(matches!(found[0].outcome, Outcome::Relocalised { since, .. } if since.0 == 40));
+    let (error, before_that) = (
+        session.worst(walk(), &found),
+        session.worst(walk(), &session.reports()[..40]),
+    );
+    println!(
+        "found, {:.1} mm, before that {:.1} mm",
+        1e3 * error,
+        1e3 * before_that
+    );
+    assert!(error < before_that + 0.02, "{error} m");
+    assert_kept(&before, &session.view());
+
+    // Where nothing is known.
+    let mut session = covered();
+    let before = session.view();
+    let elsewhere = session.go_on(walk().play(75..115), 0.0);
+    let lost = losses(&elsewhere).len();
+    println!(
+        "a piece is begun after {lost} frames, pose after {}",
+        until_pose(&elsewhere)
+    );
+    assert!((1..=12).contains(&lost), "{lost}");
+    assert_eq!(elsewhere[lost].outcome, Outcome::Initialised);
+    let piece = PieceId(75 + lost as u32);
+    assert!(elsewhere[lost..].iter().all(|r| r.piece == Some(piece)));
+    assert_eq!(session.view().pieces().len(), 2);
+    assert_kept(&before, &session.view());
+}

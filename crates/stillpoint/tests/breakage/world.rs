@@ -1,0 +1,317 @@
+//! Recordings, what is done to them, and what the system says of it.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::ops::Range;
+use std::sync::{Arc, OnceLock};
+use stillpoint_datasets::{Disturbance, Disturbed};
+use stillpoint_detection::{
+    BoundingBox, ClassId, Detection, Detector, ScriptRow, ScriptedDetector,
+};
+use stillpoint_geometry::{Camera, Se3};
+use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, Simd, SourceError};
+use stillpoint_map::{MapView, PieceId};
+use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
+use stillpoint_slam::{Config, Event, FrameReport, LostReason, Outcome, RefusedFrame, System};
+
+/// A recording whose frames are rendered once, for several runs over them.
+pub(crate) struct Recording {
+    pub(crate) camera: Camera,
+    pub(crate) frames: Vec<RgbdFrame>,
+    /// True poses of all frames.
+    truth: Vec<Se3>,
+    script: Vec<ScriptRow>,
+}
+
+/// A camera with a small image.
+pub(crate) fn small(focal: f64) -> Camera {
+    Camera::pinhole(320, 240, [focal, focal, 159.5, 119.5])
+}
+
+pub(crate) fn simulator(scene: &str, camera: Camera) -> Simulator {
+    Simulator::new(&SimulatorConfig {
+        scene: scene.to_owned(),
+        frames: Some(600),
+        camera,
+        ..SimulatorConfig::default()
+    })
+    .unwrap()
+}
+
+impl Recording {
+    /// The frames `range` of a scene, and what a detector says of them.
+    pub(crate) fn new(scene: &str, range: Range<usize>, camera: Camera) -> Self {
+        Self::of(scene, range.collect(), camera)
+    }
+
+    /// The same with some frames of a scene, in this order.
+    fn of(scene: &str, shown: Vec<usize>, camera: Camera) -> Self {
+        let simulator = simulator(scene, camera);
+        let noise = DetectionNoise {
+            min_visible_px: 100,
+            drop: 0.1,
+            ..DetectionNoise::default()
+        };
+        let rows = shown
+            .iter()
+            .flat_map(|i| simulator.detections(*i, &noise))
+            .map(|d| ScriptRow {
+                stamp: d.stamp,
+                detection: Detection {
+                    class: ClassId::from_name(d.class).unwrap(),
+                    score: d.score,
+                    bounds: BoundingBox {
+                        x0: d.x0,
+                        y0: d.y0,
+                        x1: d.x1,
+                        y1: d.y1,
+                    },
+                },
+            });
+        let truth = simulator.ground_truth();
+        Self {
+            camera,
+            script: rows.collect(),
+            truth: shown.iter().map(|i| truth[*i].1).collect(),
+            frames: shown
+                .iter()
+                .enumerate()
+                .map(|(k, i)| RgbdFrame {
+                    id: FrameId(k as u32),
+                    ..simulator.frame(*i)
+                })
+                .collect(),
+        }
+    }
+
+    pub(crate) fn detector(&self) -> Box<dyn Detector> {
+        Box::new(ScriptedDetector::new("the simulator's", self.script.clone()).unwrap())
+    }
+
+    /// Frames of the recording.
+    pub(crate) fn play(&self, range: Range<usize>) -> Vec<RgbdFrame> {
+        self.frames[range].to_vec()
+    }
+
+    /// Frames of the recording with something wrong with them.
+    pub(crate) fn disturbed(&self, range: Range<usize>, what: Disturbance) -> Vec<RgbdFrame> {
+        let ids = range.start as u32..range.end as u32;
+        let source = Frames::of(self.play(range));
+        let mut source = Disturbed::new(source, vec![(ids, what)]).unwrap();
+        let frames = std::iter::from_fn(|| source.next_frame());
+        frames.map(Result::unwrap).collect()
+    }
+
+    /// By how much a pose is off where the frame `of` is the recording's, m. Frame 0 is where the map begins.
+    pub(crate) fn off(&self, of: usize, pose: &Se3) -> f64 {
+        let real = self.truth[0].inverse() * self.truth[of];
+        (pose.translation - real.translation).norm()
+    }
+}
+
+/// A camera held in a room.
+pub(crate) fn room() -> &'static Recording {
+    static ROOM: OnceLock<Recording> = OnceLock::new();
+    ROOM.get_or_init(|| Recording::new("xyz", 0..130, small(267.5)))
+}
+
+/// A camera that is carried through two rooms: 75 frames, and 40 that are taken 3 s later.
+pub(crate) fn walk() -> &'static Recording {
+    static WALK: OnceLock<Recording> = OnceLock::new();
+    WALK.get_or_init(|| {
+        let shown = (0..75).chain(160..200).collect();
+        Recording::of("loop_two_rooms", shown, small(267.5))
+    })
+}
+
+/// What is said of a recording without trouble.
+pub(crate) struct Baseline {
+    pub(crate) digest: u64,
+    /// The greatest error of a pose as it was told, m.
+    pub(crate) worst: f64,
+}
+
+impl Baseline {
+    pub(crate) fn of(recording: &Recording) -> Self {
+        let mut session = Session::new(recording, config());
+        let reports = session.feed(recording.frames.clone());
+        assert!(losses(&reports).is_empty());
+        Self {
+            digest: session.digest(),
+            worst: session.worst(recording, &reports),
+        }
+    }
+}
+
+/// The room without trouble.
+pub(crate) fn undisturbed() -> &'static Baseline {
+    static RUN: OnceLock<Baseline> = OnceLock::new();
+    RUN.get_or_init(|| Baseline::of(room()))
+}
+
+/// A source of frames in memory.
+pub(crate) struct Frames(pub(crate) VecDeque<Result<RgbdFrame, SourceError>>);
+
+impl Frames {
+    pub(crate) fn of(frames: Vec<RgbdFrame>) -> Self {
+        Self(frames.into_iter().map(Ok).collect())
+    }
+}
+
+impl FrameSource for Frames {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        self.0.pop_front()
+    }
+}
+
+/// Few features, for small images.
+pub(crate) fn config() -> Config {
+    let mut config = Config::default();
+    config.features.features = 500;
+    config
+}
+
+/// A run, part by part.
+pub(crate) struct Session {
+    pub(crate) system: System,
+    pub(crate) events: Vec<Event>,
+    /// Which frame of the recording each frame shows, and the last stamp.
+    shows: BTreeMap<FrameId, usize>,
+    stamp: f64,
+}
+
+impl Session {
+    pub(crate) fn new(recording: &Recording, config: Config) -> Self {
+        Self {
+            system: System::new(config, recording.camera, Simd::detect()).unwrap(),
+            events: Vec::new(),
+            shows: BTreeMap::new(),
+            stamp: 0.0,
+        }
+    }
+
+    pub(crate) fn with_detector(mut self, detector: Box<dyn Detector>) -> Self {
+        self.system = self.system.with_detector(detector);
+        self
+    }
+
+    /// Feeds frames; returns what was said of those that were looked at.
+    pub(crate) fn feed(&mut self, frames: Vec<RgbdFrame>) -> Vec<FrameReport> {
+        let before = self.events.len();
+        for frame in frames {
+            self.stamp = frame.stamp;
+            self.shows.entry(frame.id).or_insert(frame.id.0 as usize);
+            self.events.extend(self.system.step(frame));
+        }
+        reports(&self.events[before..])
+    }
+
+    /// Feeds frames in any order as those that follow the last one, `gap` seconds later than usual.
+    pub(crate) fn go_on(&mut self, frames: Vec<RgbdFrame>, gap: f64) -> Vec<FrameReport> {
+        let next = self.shows.last_key_value().map_or(0, |(id, _)| id.0 + 1);
+        let (mut id, mut stamp) = (next, self.stamp + gap);
+        let mut renumbered = Vec::new();
+        for mut frame in frames {
+            stamp += 1.0 / 30.0;
+            self.shows.insert(FrameId(id), frame.id.0 as usize);
+            frame.depth_stamp += stamp - frame.stamp;
+            (frame.id, frame.stamp) = (FrameId(id), stamp);
+            renumbered.push(frame);
+            id += 1;
+        }
+        self.feed(renumbered)
+    }
+
+    /// The greatest error of a pose as it was told, in the first piece of map, m.
+    pub(crate) fn worst(&self, recording: &Recording, reports: &[FrameReport]) -> f64 {
+        let off = |r: &FrameReport| {
+            let pose = r
+                .world_from_camera
+                .filter(|_| r.piece == Some(PieceId(0)))?;
+            Some(recording.off(self.shows[&r.frame], &pose))
+        };
+        reports.iter().filter_map(off).fold(0.0, f64::max)
+    }
+
+    pub(crate) fn reports(&self) -> Vec<FrameReport> {
+        reports(&self.events)
+    }
+
+    pub(crate) fn refused(&self) -> Vec<RefusedFrame> {
+        let refused = |e: &Event| match e {
+            Event::Refused(refused) => Some(*refused),
+            _ => None,
+        };
+        self.events.iter().filter_map(refused).collect()
+    }
+
+    /// A number that two runs have in common when they are the same, bit for bit.
+    pub(crate) fn digest(&self) -> u64 {
+        self.system.trajectory().digest(&self.system.view())
+    }
+
+    pub(crate) fn view(&self) -> Arc<MapView> {
+        self.system.view()
+    }
+}
+
+pub(crate) fn reports(events: &[Event]) -> Vec<FrameReport> {
+    let report = |e: &Event| match e {
+        Event::Frame(report) => Some(report.clone()),
+        _ => None,
+    };
+    events.iter().filter_map(report).collect()
+}
+
+/// Why frames have no pose, one reason for each that has none.
+pub(crate) fn losses(reports: &[FrameReport]) -> Vec<LostReason> {
+    let loss = |r: &FrameReport| match r.outcome {
+        Outcome::Lost { reason, .. } => Some(reason),
+        _ => None,
+    };
+    reports.iter().filter_map(loss).collect()
+}
+
+/// How many of the frames have a pose in the first piece of map.
+pub(crate) fn at_home(reports: &[FrameReport]) -> usize {
+    let home = |r: &&FrameReport| r.piece == Some(PieceId(0));
+    reports.iter().filter(home).count()
+}
+
+/// How many frames pass until there is a pose again; all of them have none when that does not happen.
+pub(crate) fn until_pose(reports: &[FrameReport]) -> usize {
+    let found = reports.iter().position(|r| r.world_from_camera.is_some());
+    found.unwrap_or(reports.len())
+}
+
+/// The map of before is still there: every keyframe or what became of it, and of the landmarks as many as of a map that goes on
+/// without trouble, of which new ones take the places of worse ones.
+pub(crate) fn assert_kept(before: &MapView, after: &MapView) {
+    for k in before.keyframes() {
+        assert!(after.world_from_keyframe(k.id).is_some(), "{}", k.id);
+    }
+    let there = |(id, _): &(_, _)| after.resolve_landmark(*id).is_some();
+    let (all, kept) = (
+        before.landmark_count(),
+        before.landmarks().filter(there).count(),
+    );
+    let share = kept as f64 / all.max(1) as f64;
+    println!(
+        "{kept} of {all} landmarks are kept ({share:.2}), of {} now",
+        after.landmark_count()
+    );
+    assert!(all > 100 && share > 0.4 && after.landmark_count() >= all * 9 / 10);
+}
+
+/// What `work` gives. A test fails when that takes minutes, instead of hanging itself.
+pub(crate) fn within<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
+    let (sender, receiver) = std::sync::mpsc::channel();
+    let thread = std::thread::spawn(move || sender.send(work()));
+    match receiver.recv_timeout(std::time::Duration::from_secs(120)) {
+        Ok(result) => result,
+        Err(_) if thread.is_finished() => match thread.join() {
+            Err(panic) => std::panic::resume_unwind(panic),
+            Ok(_) => unreachable!("it sends before it ends"),
+        },
+        Err(_) => panic!("the run hangs"),
+    }
+}
