@@ -36,6 +36,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     })?;
     let stages = Stages::new(Config::default(), *room.camera(), Simd::detect())?;
     let mut live = LiveSystem::start(stages, None, LiveOptions::default())?;
+    let watch = live.watch();
     let mut camera = MyCamera {
         room,
         next: 0,
@@ -54,6 +55,8 @@ fn main() -> Result<(), Box<dyn Error>> {
                 writeln!(out, "{}: {:.3} {:.3} {:.3}", report.frame, t.x, t.y, t.z)?;
             }
         }
+        // How good that is, why the camera is lost, and which thread does not answer.
+        writeln!(out, "{}", watch.health())?;
     }
 
     let result = live.finish();

@@ -17,7 +17,7 @@ pub enum Event {
     /// A frame came twice or out of order, or does not fit the camera: it was not looked at, and changed nothing.
     Refused(RefusedFrame),
     /// How well things stand at a frame. Exactly one per frame, right after [`Event::Frame`]: whoever relies on the pose has both at once,
-    /// and what it costs is less than a thousandth of tracking.
+    /// and it costs less than half a percent of tracking.
     Health(Box<Health>),
     /// The mapper took a keyframe and published a new version of the map.
     Mapped(MappingReport),
