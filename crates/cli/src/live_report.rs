@@ -8,6 +8,9 @@ use stillpoint::evaluation::timing::Stats;
 use stillpoint::live::{Ended, FrameTiming, LiveStatistics, WorkerEnd};
 use stillpoint::slam::RunLog;
 
+/// Frames that arrive later than this are told, ms: a third of the time between two of them.
+const LATE_MS: f64 = 10.0;
+
 /// A live run.
 pub(crate) struct LiveRun {
     pub(crate) json: LiveJson,
@@ -47,6 +50,8 @@ pub(crate) struct LiveJson {
     pub(crate) answer_ms: Figures,
     /// Time since the view of the map that a frame was tracked in had been published.
     pub(crate) view_age_ms: Figures,
+    /// By how much frames arrived later than their stamps say.
+    pub(crate) late_ms: Figures,
     /// Keypoints that were wanted.
     #[serde(default)]
     pub(crate) features: Figures,
@@ -117,6 +122,7 @@ impl LiveJson {
         measured: &LiveStatistics,
         ended: &Ended,
         detections_per_second: f64,
+        late: &[f64],
     ) -> Self {
         let each = |of: fn(&FrameTiming) -> f64| Figures::of(measured.frames.iter().map(of));
         let ages = |of: fn(&FrameTiming) -> Option<f64>| {
@@ -133,6 +139,7 @@ impl LiveJson {
             detections_age_ms: ages(|f| f.detections_age),
             answer_ms: Figures::of(measured.detections.iter().map(|s| s * 1e3)),
             view_age_ms: ages(|f| f.view_age),
+            late_ms: Figures::of(late.iter().map(|s| s * 1e3)),
             features: each(|f| f64::from(f.features)),
             keyframes_behind: each(|f| f64::from(f.keyframes_behind)),
             mapping_queue: each(|f| f64::from(f.mapping_queue)),
@@ -212,6 +219,17 @@ impl LiveJson {
                 self.features.mean
             );
         }
+        if self.late_ms.p95 > LATE_MS {
+            text += &format!(
+                "live: frames arrived {:.0} ms late on average (at most {:.0}): {}\n",
+                self.late_ms.mean,
+                self.late_ms.max,
+                match self.frames.as_str() {
+                    "all" => "tracking and reading them took longer than the camera did",
+                    _ => "reading them took longer than the camera did",
+                }
+            );
+        }
         if self.threads.detection.is_some() {
             text += &format!(
                 "live: {:.1} detections per second, {:.0} ms old on average when used\n",
@@ -252,12 +270,16 @@ mod tests {
             mapping: WorkerEnd::Panicked("oh".to_owned()),
             looping: WorkerEnd::Finished,
         };
-        let json = LiveJson::new("newest", &measured(), &ended, 12.0);
+        let json = LiveJson::new("newest", &measured(), &ended, 12.0, &[0.0, 0.05]);
         assert!((json.latency_ms.median - 20.0).abs() < 1e-9);
         assert_eq!((json.detections_age_ms.n, json.view_age_ms.n), (2, 0));
         assert_eq!((json.dropped_share, json.mapping_queue.max), (0.25, 3.0));
         let text = json.text();
         assert!(text.contains("1 of 4 frames dropped (25.0 %)"), "{text}");
+        assert!(
+            text.contains("25 ms late on average (at most 50)"),
+            "{text}"
+        );
         assert!(
             text.contains("12.0 detections per second, 100 ms old"),
             "{text}"

@@ -261,7 +261,13 @@ mod tests {
     fn frames_that_come_too_late_are_told_from_gaps_in_the_stamps() {
         let mut pace = Pace::default();
         let start = Instant::now();
-        for (stamp, ms) in [(100.0, 0), (100.5, 100), (101.0, 1250), (300.0, 1250), (300.5, 1800)] {
+        for (stamp, ms) in [
+            (100.0, 0),
+            (100.5, 100),
+            (101.0, 1250),
+            (300.0, 1250),
+            (300.5, 1800),
+        ] {
             pace.came(stamp, start + Duration::from_millis(ms));
         }
         let late: Vec<u32> = pace.late.iter().map(|s| (s * 1e3).round() as u32).collect();

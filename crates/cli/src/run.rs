@@ -28,6 +28,10 @@ use stillpoint::live::Stage;
 use stillpoint::map::Map;
 use stillpoint::slam::{Config, CostTable, MapUse, Plan, StartError};
 
+/// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
+/// not hold up the camera; about 70 MB with colour.
+const AHEAD: usize = 30;
+
 /// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let mut config = config::resolve(&args.config)?;
@@ -63,7 +67,9 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
         detector: loaded.detector,
         map: map.transpose()?,
     };
-    let mut frames = ReadAhead::new(played::Reading::new(frames, timing));
+    let ahead = args.live.map_or(ReadAhead::DEFAULT_FRAMES, |_| AHEAD);
+    let frames = played::Reading::new(frames, timing);
+    let mut frames = ReadAhead::with_capacity(frames, ahead);
     let mut session = match args.live {
         None => driver.drive(&mut frames, &mut outputs)?,
         Some(choice) => {

@@ -111,13 +111,14 @@ impl Driver<'_> {
                 "the map is not saved: mapping ended in the midst of its work and left it in a state that cannot be used",
             )),
         });
-        session.live = Some(told(result, choice, seconds, session.detector.frames));
+        let answers = session.detector.frames as f64 / seconds;
+        session.live = Some(told(result, choice, answers, &passing.late()));
         Ok(session)
     }
 }
 
 /// What is told of a live run beside what is told of every run.
-fn told(result: LiveResult, choice: LiveChoice, seconds: f64, answers: usize) -> LiveRun {
+fn told(result: LiveResult, choice: LiveChoice, answers: f64, late: &[f64]) -> LiveRun {
     let LiveResult {
         statistics,
         ended,
@@ -125,7 +126,7 @@ fn told(result: LiveResult, choice: LiveChoice, seconds: f64, answers: usize) ->
         ..
     } = result;
     LiveRun {
-        json: LiveJson::new(choice.name(), &statistics, &ended, answers as f64 / seconds),
+        json: LiveJson::new(choice.name(), &statistics, &ended, answers, late),
         log,
         latency_ms: statistics.frames.iter().map(|f| f.latency * 1e3).collect(),
     }
