@@ -73,6 +73,19 @@ fn write_over(text: &str, end_line: bool) {
     *shown = if end_line { 0 } else { text.chars().count() };
 }
 
+/// Characters in a line of the terminal that stderr is.
+fn columns() -> usize {
+    #[cfg(target_os = "linux")]
+    let found = rustix::termios::tcgetwinsize(std::io::stderr()).map(|size| size.ws_col);
+    #[cfg(not(target_os = "linux"))]
+    let found = Err::<u16, ()>(());
+    // Some terminals do not know, and say 0.
+    found.map_or(80, |columns| match columns {
+        0 => 80,
+        n => usize::from(n),
+    })
+}
+
 /// What is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unit {
@@ -117,6 +130,7 @@ pub(crate) struct Progress {
     /// What was there before.
     before: usize,
     terminal: bool,
+    bar: bool,
     start: Instant,
     last: Instant,
 }
@@ -140,9 +154,16 @@ impl Progress {
             total,
             before,
             terminal: std::io::stderr().is_terminal(),
+            bar: true,
             start: now,
             last: now,
         }
+    }
+
+    /// Without a bar: there is more to say than how far it is.
+    pub(crate) fn without_bar(mut self) -> Self {
+        self.bar = false;
+        self
     }
 
     /// Shows how far it is, now and then. `note` is appended.
@@ -152,7 +173,11 @@ impl Progress {
             return;
         }
         self.last = Instant::now();
-        let text = self.text(done, self.start.elapsed(), note);
+        let mut text = self.text(done, self.start.elapsed(), note);
+        if self.terminal {
+            // A longer line could not be written over.
+            text = text.chars().take(columns() - 1).collect();
+        }
         write_over(&text, !self.terminal);
     }
 
@@ -177,7 +202,7 @@ impl Progress {
             "{count}/{} {name}, {speed}, {left:.0} s left{note}",
             unit.number(total)
         );
-        if self.terminal {
+        if self.terminal && self.bar {
             // As floats: the product of two counts of bytes may be too large for an integer.
             let full = (WIDTH as f64 * (done as f64 / total as f64)) as usize;
             let full = full.min(WIDTH);
@@ -214,6 +239,9 @@ mod tests {
             "=".repeat(15),
             " ".repeat(15)
         )));
+        let plain = Progress::new(Some(120)).without_bar();
+        let text = plain.text(60, Duration::from_secs(2), " | well");
+        assert_eq!(text, "60/120 frames, 30 fps, 2 s left | well");
         assert!(t(200, Some(120), true).contains(&"=".repeat(30)));
         assert_eq!(t(4, None, true), "4 frames, 2 fps, 1 lost");
     }

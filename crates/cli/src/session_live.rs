@@ -14,9 +14,9 @@ use std::cell::Cell;
 use std::sync::Arc;
 use std::time::Instant;
 use stillpoint::detection::Detector;
-use stillpoint::imaging::FrameSource;
-use stillpoint::live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told};
-use stillpoint::slam::{Event, FrameReport};
+use stillpoint::imaging::{FrameId, FrameSource};
+use stillpoint::live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, Watch};
+use stillpoint::slam::{Event, FrameReport, Health};
 
 /// What a run is driven with, unless a test says otherwise.
 pub(crate) fn options(choice: LiveChoice, timing: &'static Timing) -> LiveOptions {
@@ -76,6 +76,7 @@ impl Driver<'_> {
         listener.begin_to_draw(choice)?;
         let mut live =
             LiveSystem::start(stages, self.detector.take(), options).map_err(Failure::thread)?;
+        listener.watch = Some(live.watch());
         let start = Instant::now();
         let mut watched = passing.watch(source);
         let played = live.play(&mut watched, self.interrupt.flag(), |told| {
@@ -132,6 +133,9 @@ fn told(result: LiveResult, choice: LiveChoice, answers: f64, late: &[f64]) -> L
     }
 }
 
+/// Time after which it is said why the camera is lost, s.
+const TELL_LOSS: f64 = 1.0;
+
 /// Counts and writes while frames go by.
 struct Listener<'a> {
     outputs: &'a mut Outputs,
@@ -139,6 +143,9 @@ struct Listener<'a> {
     timing: &'static Timing,
     tally: Tally,
     progress: Progress,
+    watch: Option<Watch>,
+    /// The last loss that was told.
+    told_loss: Option<FrameId>,
     drawing: Option<Drawing>,
     /// Why the run cannot go on.
     failed: Option<Failure>,
@@ -156,7 +163,9 @@ impl<'a> Listener<'a> {
             passing,
             timing,
             tally: Tally::default(),
-            progress: Progress::new(frames),
+            progress: Progress::new(frames).without_bar(),
+            watch: None,
+            told_loss: None,
             drawing: None,
             failed: None,
         }
@@ -180,8 +189,21 @@ impl<'a> Listener<'a> {
             self.failed.get_or_insert(failure);
             self.passing.close();
         }
-        if let Event::Frame(report) = &*event {
-            self.hear_report(report);
+        match &*event {
+            Event::Frame(report) => self.hear_report(report),
+            Event::Health(health) => self.hear_health(health),
+            _ => {}
+        }
+    }
+
+    /// Says why the camera is lost, once, when that lasts.
+    fn hear_health(&mut self, health: &Health) {
+        if let Some(loss) = &health.loss
+            && loss.seconds >= TELL_LOSS
+            && self.told_loss != Some(loss.since)
+        {
+            self.told_loss = Some(loss.since);
+            console::warn(&loss.to_string());
         }
     }
 
@@ -200,7 +222,9 @@ impl<'a> Listener<'a> {
             n => format!(", {n} dropped{}", self.tally.note()),
         };
         let done = self.tally.frames + self.tally.skipped + dropped;
-        self.progress.show(done, &note);
+        let health = self.watch.as_ref().map(Watch::health);
+        let health = health.map_or_else(String::new, |h| format!(" | {h}"));
+        self.progress.show(done, &(note + &health));
     }
 
     /// What was counted, and why the run could not go on.
