@@ -86,9 +86,11 @@ impl CoarseDepth {
 
     /// The raw pixel at the middle of a cell.
     #[must_use]
+    #[inline]
     pub fn centre(&self, x: usize, y: usize) -> [f64; 2] {
         let size = self.cell as f64;
-        [x, y].map(|i| (i as f64 + 0.5) * size - 0.5)
+        let middle = |i: usize| (i as f64 + 0.5) * size - 0.5;
+        [middle(x), middle(y)]
     }
 }
 

@@ -21,6 +21,8 @@ pub(super) struct Cells {
     pinhole: [f32; 4],
     /// Cell at each point of the table's grid over undistorted pixels.
     table: Vec<u16>,
+    /// The same, without the cells at the border of the image.
+    inner_table: Vec<u16>,
     table_origin: [f32; 2],
     table_size: [usize; 2],
 }
@@ -63,9 +65,18 @@ impl Cells {
                 });
             }
         }
+        let is_inner = |cell: usize| {
+            let (x, y) = (cell % width, cell / width);
+            x > 0 && y > 0 && x + 1 < width && y + 1 < height
+        };
+        let inner = |cell: &u16| {
+            let keep = *cell != NONE && is_inner(usize::from(*cell));
+            if keep { *cell } else { NONE }
+        };
         Self {
             width,
             height,
+            inner_table: table.iter().map(inner).collect(),
             rays,
             pinhole: [camera.fx, camera.fy, camera.cx, camera.cy].map(|v| v as f32),
             table,
@@ -84,25 +95,42 @@ impl Cells {
     }
 
     /// The cell in which a point in camera coordinates appears.
-    pub(super) fn project(&self, [x, y, z]: [f32; 3]) -> Option<usize> {
-        if z <= 0.05 {
-            return None;
-        }
-        let [fx, fy, cx, cy] = self.pinhole;
-        let i = (fx * x / z + cx - self.table_origin[0]) / TABLE_STEP;
-        let j = (fy * y / z + cy - self.table_origin[1]) / TABLE_STEP;
-        let [width, height] = self.table_size;
-        if !(i >= 0.0 && j >= 0.0 && i < width as f32 && j < height as f32) {
-            return None;
-        }
-        let cell = self.table[j as usize * width + i as usize];
-        (cell != NONE).then_some(usize::from(cell))
+    #[cfg(test)]
+    pub(super) fn project(&self, p: [f32; 3]) -> Option<usize> {
+        self.at_place(self.table_place(p), p[2])
     }
 
-    /// Whether all eight neighbours of a cell exist.
-    pub(super) fn has_neighbours(&self, cell: usize) -> bool {
-        let (x, y) = (cell % self.width, cell / self.width);
-        x > 0 && y > 0 && x + 1 < self.width && y + 1 < self.height
+    /// Where a point in camera coordinates falls in the table; of no meaning for points that are not in front of the camera.
+    #[inline]
+    pub(super) fn table_place(&self, [x, y, z]: [f32; 3]) -> [f32; 2] {
+        let [fx, fy, cx, cy] = self.pinhole;
+        [
+            (fx * x / z + cx - self.table_origin[0]) / TABLE_STEP,
+            (fy * y / z + cy - self.table_origin[1]) / TABLE_STEP,
+        ]
+    }
+
+    /// The cell at a place in the table where a point at depth `z` (m) appears.
+    #[inline]
+    pub(super) fn at_place(&self, place: [f32; 2], z: f32) -> Option<usize> {
+        self.look_up(&self.table, place, z)
+    }
+
+    /// The cell at a place in the table where a point at depth `z` (m) appears, if all eight neighbours of the cell exist.
+    #[inline]
+    pub(super) fn inner_at(&self, place: [f32; 2], z: f32) -> Option<usize> {
+        self.look_up(&self.inner_table, place, z)
+    }
+
+    #[inline]
+    fn look_up(&self, table: &[u16], [i, j]: [f32; 2], z: f32) -> Option<usize> {
+        let [width, height] = self.table_size;
+        if !(z > 0.05 && i >= 0.0 && j >= 0.0 && i < width as f32 && j < height as f32) {
+            return None;
+        }
+        // Both are within 0 and the size of the table: 32 bits hold them, and are converted faster.
+        let cell = table[j as u32 as usize * width + i as u32 as usize];
+        (cell != NONE).then_some(usize::from(cell))
     }
 
     /// The cell at a raw pixel, the last one where a remainder of the image has none.
@@ -113,13 +141,15 @@ impl Cells {
         y * self.width + x
     }
 
-    /// The existing cells among the 3x3 (`reach` 1) or 5x5 (`reach` 2) ... around a cell.
-    pub(super) fn around(&self, cell: usize, reach: usize) -> impl Iterator<Item = usize> {
+    /// Calls `f` with the existing cells among the 3x3 around a cell, row by row.
+    #[inline]
+    pub(super) fn for_each_around(&self, cell: usize, mut f: impl FnMut(usize)) {
         let (x, y) = (cell % self.width, cell / self.width);
-        let columns = x.saturating_sub(reach)..(x + reach + 1).min(self.width);
-        let rows = y.saturating_sub(reach)..(y + reach + 1).min(self.height);
-        let width = self.width;
-        rows.flat_map(move |row| columns.clone().map(move |column| row * width + column))
+        for row in y.saturating_sub(1)..(y + 2).min(self.height) {
+            for column in x.saturating_sub(1)..(x + 2).min(self.width) {
+                f(row * self.width + column);
+            }
+        }
     }
 }
 
@@ -241,11 +271,20 @@ mod tests {
         assert_eq!((cells.at(7.4, 0.0), cells.at(7.6, 0.0)), (0, 1));
         assert_eq!(cells.at(0.0, 7.6), 5);
         assert_eq!(cells.at(43.0, 28.0), 14);
-        let neighbours: Vec<usize> = cells.around(0, 1).collect();
-        assert_eq!(neighbours, [0, 1, 5, 6]);
-        assert_eq!(cells.around(7, 1).count(), 9);
-        assert_eq!(cells.around(7, 2).count(), 15);
-        let inner: Vec<usize> = (0..15).filter(|c| cells.has_neighbours(*c)).collect();
+        let around = |cell| {
+            let mut found = Vec::new();
+            cells.for_each_around(cell, |c| found.push(c));
+            found
+        };
+        assert_eq!(around(0), [0, 1, 5, 6]);
+        assert_eq!(around(7), [1, 2, 3, 6, 7, 8, 11, 12, 13]);
+        assert_eq!(around(14), [8, 9, 13, 14]);
+        let inner = |cell: &usize| {
+            let [x, y] = cells.rays()[*cell];
+            let place = cells.table_place([x, y, 1.0]);
+            cells.inner_at(place, 1.0) == Some(*cell)
+        };
+        let inner: Vec<usize> = (0..15).filter(inner).collect();
         assert_eq!(inner, [6, 7, 8]);
     }
 }

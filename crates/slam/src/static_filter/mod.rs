@@ -7,6 +7,7 @@ mod cells;
 mod config;
 mod corners;
 mod depth;
+mod diagonals;
 mod epipolar;
 mod history;
 mod paper;
@@ -323,8 +324,7 @@ impl StaticFilter {
     fn measure_rigidity(&mut self, stamp: f64, grid: &CoarseDepth, movers: &[Mover]) {
         for m in movers {
             let (mut agreeing, mut tested) = (0, 0);
-            for i in m.cells(grid) {
-                let [u, v] = grid.centre(i % grid.width(), i / grid.width());
+            for (i, [u, v]) in m.cells(grid) {
                 let z = grid.data()[i];
                 let evidence = self.surfaces.evidence[i];
                 if z > 0.0 && m.holds(u, v, z) && (evidence > 0.0 || evidence <= STANDS_STILL) {

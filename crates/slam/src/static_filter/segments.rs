@@ -1,6 +1,7 @@
 //! Depth-connected regions: what is known of one part of a surface holds for its neighbours.
 
 use super::cells::Cells;
+use super::diagonals::{Diagonals, Weights};
 
 /// Bound of the log odds of a cell, so that years of evidence can be overturned in a few frames.
 pub(super) const LIMIT: f32 = 8.0;
@@ -18,57 +19,71 @@ const SHARES: [f32; 5] = [
     COUPLING / 4.0,
 ];
 
-/// Which neighbours each cell is joined to: bit 0 right, 1 below, 2 left, 3 above.
-pub(super) struct Links(Vec<u8>);
+/// Which neighbours each cell is joined to.
+pub(super) struct Links {
+    /// By cell: bit 0 right, 1 below, 2 left, 3 above.
+    bits: Vec<u8>,
+    layout: Diagonals,
+    weights: Weights,
+}
 
 impl Links {
     /// Joins neighbours whose depths differ by less than a step.
     pub(super) fn new(cells: &Cells, depth: &[f32]) -> Self {
         let joined = |a: f32, b: f32| a > 0.0 && b > 0.0 && (a - b).abs() < 0.02 + 0.025 * a.min(b);
         let (w, h) = (cells.width, cells.height);
-        let mut links = vec![0; w * h];
+        let mut bits = vec![0; w * h];
         for y in 0..h {
             for x in 0..w {
                 let i = y * w + x;
                 if x + 1 < w && joined(depth[i], depth[i + 1]) {
-                    links[i] |= 1;
-                    links[i + 1] |= 4;
+                    bits[i] |= 1;
+                    bits[i + 1] |= 4;
                 }
                 if y + 1 < h && joined(depth[i], depth[i + w]) {
-                    links[i] |= 2;
-                    links[i + w] |= 8;
+                    bits[i] |= 2;
+                    bits[i + w] |= 8;
                 }
             }
         }
-        Self(links)
+        let layout = Diagonals::new(w, h);
+        let mut weights = Weights::new(&layout);
+        let weight = |bits: u8, bit: u8| f32::from(bits >> bit & 1);
+        for (&bits, slot) in bits.iter().zip(layout.of_rows()) {
+            weights.right[slot] = weight(bits, 0);
+            weights.below[slot] = weight(bits, 1);
+            weights.left[slot] = weight(bits, 2);
+            weights.above[slot] = weight(bits, 3);
+            weights.share[slot] = SHARES[bits.count_ones() as usize];
+        }
+        Self {
+            bits,
+            layout,
+            weights,
+        }
     }
 
     /// Spreads each cell's own value over the region it belongs to: solves
     /// `x_i = clamp(own_i + COUPLING * mean of joined neighbours x_j)` by symmetric Gauss-Seidel sweeps.
-    pub(super) fn spread(&self, cells: &Cells, own: &[f32], values: &mut Vec<f32>) {
+    pub(super) fn spread(&self, own: &[f32], values: &mut Vec<f32>) {
+        let mut own_slots = vec![0.0; self.layout.slots()];
+        let mut slots = own_slots.clone();
+        for (own, slot) in own.iter().zip(self.layout.of_rows()) {
+            own_slots[slot] = *own;
+            slots[slot] = own.clamp(-LIMIT, LIMIT);
+        }
+        for _ in 0..SWEEPS {
+            self.layout
+                .sweep(&self.weights, &own_slots, &mut slots, LIMIT);
+        }
         values.clear();
-        values.extend(own.iter().map(|v| v.clamp(-LIMIT, LIMIT)));
-        self.sweep(
-            cells.width,
-            own.as_chunks::<1>().0,
-            values.as_chunks_mut::<1>().0,
-        );
-    }
-
-    /// The same for two values per cell at once.
-    pub(super) fn spread_pairs(&self, cells: &Cells, own: &[[f32; 2]]) -> Vec<[f32; 2]> {
-        let mut values: Vec<[f32; 2]> = own
-            .iter()
-            .map(|v| v.map(|v| v.clamp(-LIMIT, LIMIT)))
-            .collect();
-        self.sweep(cells.width, own, &mut values);
-        values
+        values.extend(self.layout.of_rows().map(|slot| slots[slot]));
     }
 
     /// Numbers the connected regions of chosen cells from 1, in the order of their first cells; 0 for all others.
     pub(super) fn regions(&self, cells: &Cells, chosen: impl Fn(usize) -> bool) -> Vec<u16> {
         let w = cells.width;
-        let mut labels = vec![0; self.0.len()];
+        let mut labels = vec![0; self.bits.len()];
         let (mut next, mut open) = (0_u16, Vec::new());
         for start in 0..labels.len() {
             if labels[start] != 0 || !chosen(start) {
@@ -78,7 +93,7 @@ impl Links {
             labels[start] = next;
             open.push(start);
             while let Some(i) = open.pop() {
-                let joined = |bit: u8| self.0[i] & bit != 0;
+                let joined = |bit: u8| self.bits[i] & bit != 0;
                 let neighbours = [
                     joined(1).then_some(i + 1),
                     joined(2).then_some(i + w),
@@ -94,48 +109,6 @@ impl Links {
             }
         }
         labels
-    }
-
-    fn sweep<const N: usize>(&self, w: usize, own: &[[f32; N]], values: &mut [[f32; N]]) {
-        for _ in 0..SWEEPS {
-            for i in 0..own.len() {
-                self.update(w, i, own, values);
-            }
-            for i in (0..own.len()).rev() {
-                self.update(w, i, own, values);
-            }
-        }
-    }
-
-    fn update<const N: usize>(
-        &self,
-        w: usize,
-        i: usize,
-        own: &[[f32; N]],
-        values: &mut [[f32; N]],
-    ) {
-        let links = self.0[i];
-        if links == 0 {
-            return;
-        }
-        let mut sum = [0.0; N];
-        let mut add = |from: &[f32; N]| sum.iter_mut().zip(from).for_each(|(s, v)| *s += v);
-        if links & 1 != 0 {
-            add(&values[i + 1]);
-        }
-        if links & 2 != 0 {
-            add(&values[i + w]);
-        }
-        if links & 4 != 0 {
-            add(&values[i - 1]);
-        }
-        if links & 8 != 0 {
-            add(&values[i - w]);
-        }
-        let share = SHARES[links.count_ones() as usize];
-        for (k, sum) in sum.into_iter().enumerate() {
-            values[i][k] = (own[i][k] + share * sum).clamp(-LIMIT, LIMIT);
-        }
     }
 }
 
@@ -159,7 +132,7 @@ mod tests {
     fn spread(depth: &[f32], own: &[f32]) -> Vec<f32> {
         let cells = cells();
         let mut values = Vec::new();
-        Links::new(&cells, depth).spread(&cells, own, &mut values);
+        Links::new(&cells, depth).spread(own, &mut values);
         values
     }
 
@@ -199,21 +172,40 @@ mod tests {
         assert_ne!(all[first], all[wall]);
     }
 
+    /// The sweeps by diagonals are those row by row, bit for bit.
     #[test]
-    fn pairs_spread_like_single_values() {
+    fn values_are_those_of_sweeps_row_by_row() {
         let cells = cells();
-        let links = Links::new(&cells, &room());
-        let (a, b) = (noise(1), noise(2));
-        let own: Vec<[f32; 2]> = (0..cells.count()).map(|i| [a(i), b(i)]).collect();
-        let both = links.spread_pairs(&cells, &own);
-        for k in 0..2 {
-            let (single, mut spread) = (own.iter().map(|v| v[k]).collect::<Vec<_>>(), Vec::new());
-            links.spread(&cells, &single, &mut spread);
+        for seed in 0..4 {
+            let (d, e) = (noise(seed), noise(seed + 50));
+            let depth = image(|x, y| match d(y * W + x) {
+                hole if hole > 0.9 => 0.0,
+                noise => 2.0 + 0.5 * d(y / 5 * W + x / 4) + 0.04 * noise,
+            });
+            let own = image(|x, y| 9.0 * e(y * W + x));
+            let links = Links::new(&cells, &depth);
+            let mut expected: Vec<f32> = own.iter().map(|v| v.clamp(-LIMIT, LIMIT)).collect();
+            for i in (0..2 * SWEEPS).flat_map(|s| (0..W * H).map(move |i| (s % 2, i))) {
+                let i = if i.0 == 0 { i.1 } else { W * H - 1 - i.1 };
+                let joined = |bit: u8, to: usize| {
+                    let is = links.bits[i] & bit != 0;
+                    if is { expected[to] } else { 0.0 }
+                };
+                let sum = joined(1, i + 1) + joined(2, i + W);
+                let sum = sum + joined(4, i.wrapping_sub(1)) + joined(8, i.wrapping_sub(W));
+                let share = SHARES[links.bits[i].count_ones() as usize];
+                expected[i] = (own[i] + share * sum).clamp(-LIMIT, LIMIT);
+            }
+            let mut found = Vec::new();
+            links.spread(&own, &mut found);
             assert!(
-                both.iter()
-                    .zip(&spread)
-                    .all(|(p, s)| p[k].to_bits() == s.to_bits())
+                found
+                    .iter()
+                    .zip(&expected)
+                    .all(|(f, e)| f.to_bits() == e.to_bits())
             );
+            // The rows were not all apart: something did spread.
+            assert!(found.iter().zip(&own).filter(|(f, o)| f != o).count() > W * H / 2);
         }
     }
 

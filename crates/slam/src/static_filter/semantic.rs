@@ -30,8 +30,8 @@ impl Mover {
             && (z <= 0.0 || self.range.is_none_or(|[near, far]| near <= z && z <= far))
     }
 
-    /// The cells that the box reaches into.
-    pub(super) fn cells(&self, grid: &CoarseDepth) -> impl Iterator<Item = usize> {
+    /// The cells that the box reaches into, with their middles (raw px).
+    pub(super) fn cells(&self, grid: &CoarseDepth) -> impl Iterator<Item = (usize, [f64; 2])> {
         let (size, b) = (grid.cell() as f64, &self.bounds);
         let range = |from: f64, to: f64, count: usize| {
             let first = ((from / size).max(0.0) as usize).min(count);
@@ -40,8 +40,11 @@ impl Mover {
         };
         let columns = range(b.x0, b.x1, grid.width());
         let width = grid.width();
-        range(b.y0, b.y1, grid.height())
-            .flat_map(move |y| columns.clone().map(move |x| y * width + x))
+        range(b.y0, b.y1, grid.height()).flat_map(move |y| {
+            columns
+                .clone()
+                .map(move |x| (y * width + x, grid.centre(x, y)))
+        })
     }
 
     /// Log odds of "moving" that the object lends to a surface at a raw pixel and depth `z` (m): most in the middle of the

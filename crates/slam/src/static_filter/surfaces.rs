@@ -85,23 +85,18 @@ impl Surfaces {
         for (o, e) in own.iter_mut().zip(&self.evidence) {
             *o += e;
         }
-        let pairs: Vec<[f32; 2]> = own
-            .iter()
-            .zip(&self.evidence)
-            .map(|(o, e)| [*o, *e])
-            .collect();
-        let spread = links.spread_pairs(cells, &pairs);
-        self.motion.clear();
-        self.motion.extend(spread.iter().map(|s| s[0]));
+        links.spread(&own, &mut self.motion);
+        let mut fresh = Vec::with_capacity(own.len());
+        links.spread(&self.evidence, &mut fresh);
         add_movers(now.grid, movers, &mut own);
-        links.spread(cells, &own, &mut self.odds);
+        links.spread(&own, &mut self.odds);
         let odds = &self.odds;
         self.regions = links.regions(cells, |i| odds[i] > MOVES);
         let remembered = self.moved_at.iter_mut().zip(&mut self.motion);
-        for ((t, motion), [odds, fresh]) in remembered.zip(&spread) {
-            if *odds > SURE && *fresh > 0.0 {
+        for ((t, motion), fresh) in remembered.zip(&fresh) {
+            if *motion > SURE && *fresh > 0.0 {
                 *t = Some(now.stamp);
-            } else if *odds < -SURE {
+            } else if *motion < -SURE {
                 *t = None;
             } else if t.is_some_and(|t| now.stamp - t > MEMORY) {
                 // What has stood for so long begins anew; else it would be taken to move for having been.
@@ -118,14 +113,16 @@ impl Surfaces {
             return;
         }
         // Per cell: votes for moving, and all votes.
-        let mut counts = vec![[0.0; 2]; cells.count()];
+        let (mut moving, mut all) = (vec![0.0; cells.count()], vec![0.0; cells.count()]);
         for v in votes {
-            counts[v.cell][0] += f32::from(u8::from(v.moving));
-            counts[v.cell][1] += 1.0;
+            moving[v.cell] += f32::from(u8::from(v.moving));
+            all[v.cell] += 1.0;
         }
-        let near = links.spread_pairs(cells, &counts);
+        let (mut near_moving, mut near_all) = (Vec::new(), Vec::new());
+        links.spread(&moving, &mut near_moving);
+        links.spread(&all, &mut near_all);
         let so_far = self.evidence.iter_mut().zip(own);
-        for ((e, past), [m, n]) in so_far.zip(&near) {
+        for ((e, past), (m, n)) in so_far.zip(near_moving.iter().zip(&near_all)) {
             if *n <= 0.0 {
                 continue;
             }
@@ -163,27 +160,23 @@ impl Surfaces {
         let pose = last.world_from_depth(now.view).inverse() * now.world_from_depth;
         let motion = visibility::Motion::new(&pose);
         let before = last.grid.data();
-        for (cell, &z) in now.grid.data().iter().enumerate() {
-            if z <= 0.0 {
-                continue;
-            }
-            let p = motion.apply(cells.rays()[cell], z);
-            let Some(place) = cells.project(p) else {
-                continue;
+        motion.for_each(cells, now.grid.data(), |cell, place, z| {
+            let Some(place) = cells.at_place(place, z) else {
+                return;
             };
             let (mut sum, mut count, mut moved) = (0.0, 0.0, None);
-            for near in cells.around(place, 1) {
-                if before[near] > 0.0 && (before[near] - p[2]).abs() < 0.05 + 0.01 * p[2] {
+            cells.for_each_around(place, |near| {
+                if before[near] > 0.0 && (before[near] - z).abs() < 0.05 + 0.01 * z {
                     sum += self.motion[near];
                     count += 1.0;
                     moved = later(moved, moved_before[near]);
                 }
-            }
+            });
             if count > 0.0 {
                 self.moved_at[cell] = moved;
                 own[cell] = KEEP * sum / count;
             }
-        }
+        });
         own
     }
 }
@@ -205,8 +198,7 @@ fn later(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 fn add_movers(grid: &CoarseDepth, movers: &[Mover], own: &mut [f32]) {
     let mut strongest = vec![0.0_f32; own.len()];
     for m in movers.iter().filter(|m| m.strength > 0.0) {
-        for i in m.cells(grid) {
-            let [u, v] = grid.centre(i % grid.width(), i / grid.width());
+        for (i, [u, v]) in m.cells(grid) {
             let z = grid.data()[i];
             if z > 0.0 {
                 strongest[i] = strongest[i].max(m.odds(u, v, z));

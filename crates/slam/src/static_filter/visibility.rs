@@ -17,6 +17,9 @@ const MATCH_LIMIT: f32 = 2.0;
 /// Of the neighbours of the place in the earlier frame, this many must have depth to call it empty.
 const MIN_VALID: u32 = 5;
 
+/// Cells that are moved together.
+const LANES: usize = 16;
+
 /// An earlier frame's depth, with its pose at the depth image's stamp.
 pub(super) struct Earlier<'a> {
     pub(super) grid: &'a CoarseDepth,
@@ -43,9 +46,36 @@ impl Motion {
     }
 
     /// The moved point at depth `z` (m) along a ray (x/z, y/z).
+    #[inline]
     pub(super) fn apply(&self, [x, y]: [f32; 2], z: f32) -> [f32; 3] {
         let (x, y) = (x * z, y * z);
-        [0, 1, 2].map(|i| self.r[i][0] * x + self.r[i][1] * y + self.r[i][2] * z + self.t[i])
+        let row = |r: &[f32; 3], t: f32| r[0] * x + r[1] * y + r[2] * z + t;
+        let ([r0, r1, r2], [t0, t1, t2]) = (&self.r, self.t);
+        [row(r0, t0), row(r1, t1), row(r2, t2)]
+    }
+
+    /// Calls `f` for each cell with a depth: with the cell, its place in the table after the motion, and its depth then (m).
+    #[inline]
+    pub(super) fn for_each(
+        &self,
+        cells: &Cells,
+        depth: &[f32],
+        mut f: impl FnMut(usize, [f32; 2], f32),
+    ) {
+        let rays = cells.rays().chunks(LANES);
+        for (block, (rays, depth)) in rays.zip(depth.chunks(LANES)).enumerate() {
+            // Whole blocks without a branch, so that they are computed in vectors; what has no depth is passed over below.
+            let mut moved = [[0.0; LANES]; 3];
+            let [u, v, w] = &mut moved;
+            for (k, (ray, &z)) in rays.iter().zip(depth).enumerate() {
+                let p = self.apply(*ray, z);
+                [u[k], v[k]] = cells.table_place(p);
+                w[k] = p[2];
+            }
+            for (k, _) in depth.iter().enumerate().filter(|(_, z)| **z > 0.0) {
+                f(block * LANES + k, [moved[0][k], moved[1][k]], moved[2][k]);
+            }
+        }
     }
 }
 
@@ -58,22 +88,16 @@ pub(super) fn add_evidence(
 ) {
     let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
     let motion = Motion::new(&earlier.earlier_from_now);
-    let before = earlier.grid.data();
-    let rays = cells.rays();
-    for (cell, &z) in now.data().iter().enumerate() {
-        if z <= 0.0 {
-            continue;
+    let before = (earlier.grid.data(), earlier.moving);
+    motion.for_each(cells, now.data(), |cell, place, z| {
+        if let Some(place) = cells.inner_at(place, z) {
+            match compare(before, cells.width, place, z) {
+                Seen::Through => evidence[cell] += SEEN_THROUGH,
+                Seen::Same => evidence[cell] -= weight,
+                Seen::Hidden => {}
+            }
         }
-        let p = motion.apply(rays[cell], z);
-        let Some(place) = cells.project(p).filter(|c| cells.has_neighbours(*c)) else {
-            continue;
-        };
-        match compare((before, earlier.moving), cells.width, place, p[2]) {
-            Seen::Through => evidence[cell] += SEEN_THROUGH,
-            Seen::Same => evidence[cell] -= weight,
-            Seen::Hidden => {}
-        }
-    }
+    });
 }
 
 /// What an earlier frame says of a place.

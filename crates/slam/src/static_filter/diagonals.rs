@@ -1,0 +1,133 @@
+//! The cells of the image by diagonals, so that a sweep over them is computed in vectors.
+//!
+//! In a Gauss-Seidel sweep row by row each cell waits for the one on its left and the one above. All cells of a diagonal
+//! (`x + y` equal) have these on the diagonal before, so they are computed together: with the values of the sweep row by row, bit
+//! for bit, since each cell's own arithmetic stays the same.
+
+use std::ops::Range;
+
+/// Where the cells are: a slot each, those of a diagonal next to each other, with one free slot around the image.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Diagonals {
+    width: usize,
+    height: usize,
+}
+
+/// Per slot the weight of each neighbour, 1 or 0, and the share of their sum that a cell takes over.
+pub(super) struct Weights {
+    pub(super) right: Vec<f32>,
+    pub(super) below: Vec<f32>,
+    pub(super) left: Vec<f32>,
+    pub(super) above: Vec<f32>,
+    pub(super) share: Vec<f32>,
+}
+
+impl Weights {
+    pub(super) fn new(layout: &Diagonals) -> Self {
+        let zero = || vec![0.0; layout.slots()];
+        Self {
+            right: zero(),
+            below: zero(),
+            left: zero(),
+            above: zero(),
+            share: zero(),
+        }
+    }
+}
+
+impl Diagonals {
+    pub(super) fn new(width: usize, height: usize) -> Self {
+        Self { width, height }
+    }
+
+    /// Number of slots.
+    pub(super) fn slots(&self) -> usize {
+        (self.width + self.height + 1) * self.stride()
+    }
+
+    /// Slots from one cell to the next in its row.
+    fn stride(&self) -> usize {
+        self.height + 2
+    }
+
+    /// The slots of the cells, row by row.
+    pub(super) fn of_rows(self) -> impl Iterator<Item = usize> {
+        let stride = self.stride();
+        let first = move |y: usize| (y + 1) * (stride + 1);
+        (0..self.height).flat_map(move |y| (0..self.width).map(move |x| first(y) + x * stride))
+    }
+
+    /// The slots of the cells of a diagonal.
+    fn diagonal(&self, d: usize) -> Range<usize> {
+        let first = (d + 1).saturating_sub(self.width);
+        let end = self.height.min(d + 1);
+        let start = (d + 1) * self.stride() + 1;
+        start + first..start + end
+    }
+
+    /// One sweep there and one back of `x_i = clamp(own_i + share_i * sum of neighbours x_j)`, within +-`limit`.
+    pub(super) fn sweep(&self, weights: &Weights, own: &[f32], values: &mut [f32], limit: f32) {
+        if self.width == 0 || self.height == 0 {
+            return;
+        }
+        let count = self.width + self.height - 1;
+        for d in 0..count {
+            self.update(d, weights, own, values, limit);
+        }
+        for d in (0..count).rev() {
+            self.update(d, weights, own, values, limit);
+        }
+    }
+
+    fn update(&self, d: usize, weights: &Weights, own: &[f32], values: &mut [f32], limit: f32) {
+        let (slots, stride) = (self.diagonal(d), self.stride());
+        let n = slots.len();
+        let (before, rest) = values.split_at_mut(slots.start);
+        let (now, after) = rest.split_at_mut(n);
+        let before = &before[slots.start - stride - 1..][..n + 1];
+        let after = &after[stride - n..][..n + 1];
+        let (above, left) = (&before[..n], &before[1..]);
+        let (right, below) = (&after[..n], &after[1..]);
+        let [w_right, w_below, w_left, w_above, share] = [
+            &weights.right[slots.clone()],
+            &weights.below[slots.clone()],
+            &weights.left[slots.clone()],
+            &weights.above[slots.clone()],
+            &weights.share[slots.clone()],
+        ];
+        let own = &own[slots];
+        for k in 0..n {
+            let mut sum = w_right[k] * right[k];
+            sum += w_below[k] * below[k];
+            sum += w_left[k] * left[k];
+            sum += w_above[k] * above[k];
+            now[k] = (own[k] + share[k] * sum).clamp(-limit, limit);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_cell_has_a_slot_of_its_own_and_neighbours_theirs() {
+        for (w, h) in [(7, 4), (4, 7), (1, 5), (5, 1), (1, 1)] {
+            let layout = Diagonals::new(w, h);
+            let slots: Vec<usize> = layout.of_rows().collect();
+            let mut sorted = slots.clone();
+            sorted.sort_unstable();
+            sorted.dedup();
+            assert_eq!(sorted.len(), w * h);
+            let of_diagonals: Vec<usize> =
+                (0..w + h - 1).flat_map(|d| layout.diagonal(d)).collect();
+            assert_eq!(of_diagonals, sorted);
+            let stride = layout.stride();
+            for i in 0..w * h {
+                assert!(slots[i] > stride && slots[i] + stride + 1 < layout.slots());
+                assert!(i % w == 0 || slots[i] == slots[i - 1] + stride);
+                assert!(i < w || slots[i] == slots[i - w] + stride + 1);
+            }
+        }
+    }
+}
