@@ -147,7 +147,7 @@ fn budget_ms(text: &str) -> Result<f64, String> {
     after_help = "Examples:
   stillpoint replay out/recording/run.log recording
   stillpoint replay out/recording/run.log recording --verdicts verdicts.csv --overlay pictures
-  stillpoint replay run.log /data/recording --localize maps/desk.spmap --save-map again.spmap
+  stillpoint replay run.log /data/recording --load-map maps/desk.spmap --save-map again.spmap
 
 Exit code 1 as that of run, and when another trajectory came out;
 2 when the log or the input cannot be used, or does not belong together."

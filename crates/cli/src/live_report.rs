@@ -34,8 +34,10 @@ impl LiveRun {
 pub(crate) struct LiveJson {
     /// Which frames were to be tracked: `newest` or `all`.
     pub(crate) frames: String,
-    /// Frames that arrived.
+    /// Frames that arrived and were not refused.
     pub(crate) arrived: u64,
+    /// Frames that came twice or out of order, or do not fit the camera.
+    pub(crate) refused: u64,
     /// Frames that a newer one replaced before tracking could take them.
     pub(crate) dropped: usize,
     /// Their share of those that arrived, 0 to 1.
@@ -132,6 +134,7 @@ impl LiveJson {
         Self {
             frames: frames.to_owned(),
             arrived: measured.arrived,
+            refused: measured.refused,
             dropped,
             dropped_share: dropped as f64 / measured.arrived.max(1) as f64,
             latency_ms: each(|f| f.latency * 1e3),

@@ -124,6 +124,13 @@ impl Passing {
         None
     }
 
+    /// A frame that was refused is not one that was dropped. One of the same number may still be on its way.
+    pub(crate) fn refused(&self, id: FrameId) {
+        let mut state = self.lock();
+        let last = state.frames.iter().rposition(|(passed, _)| *passed == id);
+        last.map(|i| state.frames.remove(i));
+    }
+
     /// Frames of which nothing was said, up to the last that something was said of.
     pub(crate) fn dropped(&self) -> usize {
         self.lock().dropped
@@ -252,6 +259,10 @@ mod tests {
         assert!(passing.leave(FrameId(2)).is_none());
         assert_eq!(passing.dropped(), 0);
         assert_eq!(passing.leave(FrameId(5)).unwrap().id, FrameId(5));
+        assert_eq!(passing.dropped(), 2);
+        passing.refused(FrameId(6));
+        source.next_frame();
+        passing.leave(FrameId(7));
         assert_eq!(passing.dropped(), 2);
         passing.close();
         assert!(source.next_frame().is_none());

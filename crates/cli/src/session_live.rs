@@ -192,6 +192,7 @@ impl<'a> Listener<'a> {
         match &*event {
             Event::Frame(report) => self.hear_report(report),
             Event::Health(health) => self.hear_health(health),
+            Event::Refused(refused) => self.passing.refused(refused.frame),
             _ => {}
         }
     }

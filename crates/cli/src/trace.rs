@@ -2,7 +2,8 @@
 //!
 //! Spans are kept in memory until whoever has the file fetches them, which happens at every frame, so that no stage ever waits for
 //! a disk. When nobody fetches them for long, further ones are left out and counted. The format is Chrome's "Trace Event Format",
-//! as an object: complete events (`X`) with microseconds, and names of threads as metadata (`M`).
+//! as an object: complete events (`X`) with microseconds, and names of threads as metadata (`M`). Crates that write it need
+//! the registry of `tracing-subscriber`, which would measure everything a second time.
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
