@@ -1,5 +1,6 @@
 //! Another map as further pieces of a map.
 
+use crate::observers::Observers;
 use crate::{KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, Map, PieceId};
 use std::sync::Arc;
 
@@ -91,7 +92,8 @@ impl Map {
         }
         for list in &other.observations {
             let moved = list.iter().map(|(k, feature)| (keyframe(*k), *feature));
-            self.observations.push(moved.collect());
+            self.observations
+                .push(Observers::from(moved.collect::<Vec<_>>()));
         }
         self.view.live_keyframes += other.view.live_keyframes;
         self.view.live_landmarks += other.view.live_landmarks;

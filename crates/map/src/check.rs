@@ -63,7 +63,7 @@ impl Map {
             })?;
             let anchor = self.view.keyframe(l.anchor).map(|k| k.piece);
             let mut with_depth = 0;
-            for &(keyframe, feature) in list {
+            for &(keyframe, feature) in list.iter() {
                 let k = self.view.keyframe(keyframe);
                 let back = k.and_then(|k| k.matches.get(feature as usize).copied().flatten());
                 ensure(back == Some(id), || {

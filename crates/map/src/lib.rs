@@ -14,6 +14,7 @@ mod keyframe;
 mod landmark;
 mod map;
 mod observations;
+mod observers;
 mod view;
 
 pub use append::AppendError;

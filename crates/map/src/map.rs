@@ -1,5 +1,6 @@
 //! The map, its keyframes and which of them share landmarks. How landmarks change is in `observations.rs`.
 
+use crate::observers::Observers;
 use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, MapView, PieceId};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
@@ -9,7 +10,7 @@ use stillpoint_geometry::Se3;
 pub struct Map {
     pub(crate) view: MapView,
     /// The inverse index: who observes each landmark, with which feature; by keyframe id.
-    pub(crate) observations: Vec<Vec<(KeyframeId, u32)>>,
+    pub(crate) observations: Vec<Observers>,
     /// Scale of each pyramid level, for the distances from which a landmark can be recognised.
     pub(crate) level_scales: Vec<f32>,
 }

@@ -1,5 +1,6 @@
 //! Landmarks and who observes them: every way in which they change.
 
+use crate::observers::Observers;
 use crate::{
     KeyframeData, KeyframeId, Landmark, LandmarkId, LandmarkSlot, Map, PieceId, ScaleRange,
 };
@@ -68,7 +69,7 @@ impl Map {
         };
         let slot = LandmarkSlot::Live(Arc::new(landmark));
         self.view.landmarks.push(slot);
-        self.observations.push(Vec::new());
+        self.observations.push(Observers::default());
         self.view.live_landmarks += 1;
         self.add_observation(id, keyframe, feature);
         Some(id)
@@ -158,7 +159,9 @@ impl Map {
         let Ok(at) = list.binary_search_by_key(&keyframe, |o| o.0) else {
             return;
         };
-        let (_, feature) = list.remove(at);
+        let Some((_, feature)) = list.remove(at) else {
+            return;
+        };
         let mut has_depth = false;
         if let Some(k) = self.keyframe_mut(keyframe) {
             k.matches[feature as usize] = None;
@@ -247,7 +250,7 @@ impl Map {
         let mut direction = Vec3::zeros();
         let mut scale_range = l.scale_range;
         let mut anchor_from_world = Se3::identity();
-        for &(keyframe, feature) in &self.observations[id.index()] {
+        for &(keyframe, feature) in self.observations[id.index()].iter() {
             let Some(k) = self.view.keyframe(keyframe) else {
                 continue;
             };

@@ -8,6 +8,7 @@ use super::bytes::Reader;
 use super::container::Stored;
 use super::sections::{CULLED, Counts, MAX_KEYFRAME_SLOTS, NONE, Part};
 use super::validate;
+use crate::observers::Observers;
 use crate::{Chunked, KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, Map, MapView};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -68,7 +69,7 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
     }
     Ok(Map {
         view,
-        observations,
+        observations: observations.into_iter().map(Observers::from).collect(),
         level_scales,
     })
 }
