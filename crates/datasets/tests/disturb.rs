@@ -90,7 +90,8 @@ fn a_blurred_pixel_is_the_mean_of_those_around_it() {
     impl FrameSource for One {
         fn next_frame(
             &mut self,
-        ) -> Option<Result<stillpoint_imaging::RgbdFrame, stillpoint_imaging::SourceError>> {
+        ) -> Option<Result<stillpoint_imaging::RgbdFrame, stillpoint_imaging::SourceError>>
+        {
             self.0.take().map(Ok)
         }
     }
@@ -104,9 +105,8 @@ fn a_blurred_pixel_is_the_mean_of_those_around_it() {
         let mut source = Disturbed::new(One(Some(frame)), when).unwrap();
         let blurred = source.next_frame().unwrap().unwrap().gray;
         for (i, found) in blurred.data().iter().enumerate() {
-            let near = |j: &usize| {
-                (j % w).abs_diff(i % w) <= radius && (j / w).abs_diff(i / w) <= radius
-            };
+            let near =
+                |j: &usize| (j % w).abs_diff(i % w) <= radius && (j / w).abs_diff(i / w) <= radius;
             let around: Vec<f64> = (0..w * h).filter(near).map(|j| level(j).into()).collect();
             let mean = around.iter().sum::<f64>() / around.len() as f64;
             assert!((f64::from(*found) - mean).abs() <= 0.5, "{radius}, {i}");

@@ -37,22 +37,55 @@ proptest! {
         let _ = (read_gray(&path), read_colour(&path), read_depth(&path, 5000.0));
     }
 
+    /// Whatever a text file of a data set holds, there is a data set or an error that names the file or its folder, and where it is
+    /// about a line, that line of that file.
     #[test]
-    fn mutated_folders_never_panic(
-        file in prop::sample::select(vec!["rgb.txt", "depth.txt", "camera.txt", "groundtruth.txt"]),
-        at in any::<prop::sample::Index>(), bytes in proptest::collection::vec(any::<u8>(), 0..8)
+    fn mutated_folders_never_panic_and_errors_name_the_place(
+        file in prop::sample::select(vec![
+            "rgb.txt", "depth.txt", "camera.txt", "groundtruth.txt", "camera.toml", "associations.txt",
+        ]),
+        at in any::<prop::sample::Index>(), cut in 0..8_usize,
+        bytes in prop_oneof![
+            proptest::collection::vec(any::<u8>(), 0..8),
+            "[-0-9.e# \\n=a-z\"\\[]{0,8}".prop_map(String::into_bytes),
+        ]
     ) {
         let f = Folder::tum("x", 2);
         f.text("groundtruth.txt", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n");
+        if file == "camera.toml" {
+            f.remove("camera.txt");
+            f.text(file, &camera_toml());
+        }
+        if file == "associations.txt" {
+            f.remove("rgb.txt");
+            f.remove("depth.txt");
+            f.text(file, "0.0 rgb/0.png 0.005 depth/0.png\n0.1 rgb/1.png 0.105 depth/1.png\n");
+        }
+        prop_assert!(Dataset::open(&f.path, &OpenOptions::default()).is_ok());
         let mut text = std::fs::read(f.path.join(file)).unwrap();
         let at = at.index(text.len());
-        let end = text.len().min(at + bytes.len());
+        let end = text.len().min(at + cut);
         text.splice(at..end, bytes);
+        let lines = String::from_utf8_lossy(&text).lines().count();
         f.bytes(file, &text);
-        if let Ok(d) = Dataset::open(&f.path, &OpenOptions::default()) {
-            let _ = d.ground_truth();
+        let truth = |d: Dataset| d.ground_truth().map(|_| ());
+        if let Err(e) = Dataset::open(&f.path, &OpenOptions::default()).and_then(truth) {
+            prop_assert!(e.path().starts_with(&f.path), "{e}");
+            if let Some(line) = e.line() {
+                prop_assert!(e.path().ends_with(file), "{e}");
+                // What is missing at the end is missing on the line after the last one.
+                prop_assert!((1..=lines + 1).contains(&line), "{e}: line {line} of {lines}");
+                let place = format!("{file}:{line}");
+                prop_assert!(e.to_string().contains(&place), "{e}");
+            }
         }
     }
+}
+
+/// What `camera.txt` of the small data set says, as a camera file.
+fn camera_toml() -> String {
+    "width = 32\nheight = 24\nfx = 30.0\nfy = 30.0\ncx = 16.0\ncy = 12.0\ndepth_scale = 5000.0\n"
+        .to_owned()
 }
 
 #[test]

@@ -293,6 +293,24 @@ proptest! {
         prop_assert_eq!(seen, stamps.len());
     }
 
+    /// A script that was damaged is rows or an error with its name and a line of it.
+    #[test]
+    fn errors_of_damaged_scripts_name_the_line(
+        rows in prop::collection::vec(any_row(), 1..6), at in any::<prop::sample::Index>(), cut in 0..6_usize,
+        with in prop_oneof!["[-0-9a-z,.# \n]{0,6}", "\\PC{0,3}"]
+    ) {
+        let text = format_script(&rows);
+        let at = at.index(text.len());
+        let end = (at + cut).min(text.len());
+        let damaged = format!("{}{with}{}", &text[..at], &text[end..]);
+        if let Err(e) = parse_script("boxes.csv", &damaged) {
+            let told = e.to_string();
+            let line = told.strip_prefix("boxes.csv:").and_then(|rest| rest.split(':').next());
+            let line = line.and_then(|l| l.parse::<usize>().ok());
+            prop_assert!(line.is_some_and(|l| l >= 1 && l <= damaged.lines().count()), "{told}");
+        }
+    }
+
     /// Whatever the text, the answer is rows or an error.
     #[test]
     fn no_text_makes_the_reader_panic(text in "[0-9a-z,.#\\n -]{0,200}") {

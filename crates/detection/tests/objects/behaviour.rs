@@ -367,3 +367,17 @@ fn the_configuration_tells_what_is_out_of_range() {
     assert_eq!(problems.len(), 3, "{problems:?}");
     assert_eq!(problems[2], "side_sigma: expected 0.005 to 0.5, found 2");
 }
+
+/// Another clock, or another frame of reference: what comes next is news, whatever its stamp.
+#[test]
+fn after_forgetting_earlier_stamps_are_news() {
+    let world = standing();
+    let mut t = tracker(&world);
+    feed(&mut t, &world, 100, true);
+    // Control: late detections are left out.
+    assert_eq!(feed(&mut t, &world, 50, true).len(), 0);
+    assert_eq!(t.ignored(), 1);
+    t.forget();
+    assert_eq!(feed(&mut t, &world, 50, true).len(), 1);
+    assert_eq!(t.ignored(), 1);
+}
