@@ -60,6 +60,7 @@ mod suite_catalogue;
 mod suite_find;
 mod suite_report;
 mod summary;
+mod summary_detector;
 mod tally;
 mod timing;
 mod trace;

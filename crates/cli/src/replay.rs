@@ -78,8 +78,12 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
     if let Some(Err(failure)) = session.saved {
         return Err(failure);
     }
-    Ok(match agrees {
-        // Not all was replayed.
+    Ok(judge(agrees, status, &place))
+}
+
+/// Says whether the trajectory is that of the run; nothing when not all of it was replayed.
+fn judge(agrees: Option<bool>, status: Status, log: &str) -> Status {
+    match agrees {
         None => status,
         Some(true) => {
             console::report("the trajectory is that of the run, bit for bit\n");
@@ -87,11 +91,11 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
         }
         Some(false) => {
             console::line(&format!(
-                "{place}: expected the trajectory of the run, found another; replay it with the program and on the data set of the run"
+                "{log}: expected the trajectory of the run, found another; replay it with the program and on the data set of the run"
             ));
             Status::Failed
         }
-    })
+    }
 }
 
 /// Reads a log: what it says, and its bytes.

@@ -11,7 +11,7 @@ use crate::map_file::{self, MapOutput};
 use crate::output::{ResultFolder, StreamedFile};
 use crate::overlay::OverlayFolder;
 use crate::result::{Setup, finish};
-use crate::session::{Driver, Outputs};
+use crate::session::{Driver, Outputs, Session};
 use crate::summary::Input;
 use crate::timing::Timing;
 use crate::trace::TraceFile;
@@ -79,21 +79,14 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
     };
     session.detector.library = loaded.library;
     let written = outputs.finish()?;
-    let about = || About::new(&args.input, &config, known, &session.detector);
-    let log = session.live.as_ref().map(|live| live.log_text(&about()?));
-    let mut log = log.transpose()?.map(String::into_bytes);
-    if let (Some(mut file), Some(bytes)) = (log_file, &log) {
-        file.write(|w| w.write_all(bytes))?;
-        file.finish()?;
-        log = None;
-    }
+    let about = About::new(&args.input, &config, known, &session.detector)?;
     let setup = Setup {
         input: input(&args.path, &dataset),
         config: &config,
         simd,
         timing,
         truth: truth.as_deref(),
-        log,
+        log: run_log(&session, &about, log_file)?,
     };
     let status = finish(&setup, &session, folder, &out)?;
     console::report(&written);
@@ -102,6 +95,24 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
         Some(Err(failure)) => Err(failure),
         _ => Ok(status),
     }
+}
+
+/// The log of a live run, for the result folder; where it goes to a file of its own, it is written there.
+fn run_log(
+    session: &Session,
+    about: &About,
+    file: Option<StreamedFile>,
+) -> Result<Option<Vec<u8>>, Failure> {
+    let Some(live) = &session.live else {
+        return Ok(None);
+    };
+    let text = live.log_text(about)?;
+    let Some(mut file) = file else {
+        return Ok(Some(text.into_bytes()));
+    };
+    file.write(|w| w.write_all(text.as_bytes()))?;
+    file.finish()?;
+    Ok(None)
 }
 
 /// The configuration with as much work as fits into a time per frame.
