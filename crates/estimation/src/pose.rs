@@ -175,9 +175,11 @@ impl Problem<'_> {
                 weight * m.pixel_weight,
                 weight * m.inverse_depth_weight,
             ];
-            let rows = if m.has_depth() { 3 } else { 2 };
-            for ((j, e), w) in l.by_pose.iter().zip(&l.residual).zip(&w).take(rows) {
-                sums.add(j, *e, *w);
+            let ([u, v, d], e) = (&l.by_pose, &l.residual);
+            sums.add([0, 2, 3, 4, 5], u, e[0], w[0]);
+            sums.add([1, 2, 3, 4, 5], v, e[1], w[1]);
+            if m.has_depth() {
+                sums.add([2, 3, 4], d, e[2], w[2]);
             }
         }
         sums.finish()
@@ -200,7 +202,7 @@ impl Problem<'_> {
     }
 }
 
-/// Upper triangle of `J^T W J`, row by row, and `J^T W e`.
+/// Lower triangle of `J^T W J`, row by row, and `J^T W e`.
 #[derive(Default)]
 struct Sums {
     h: [[f64; 6]; 6],
@@ -209,25 +211,21 @@ struct Sums {
 }
 
 impl Sums {
-    #[inline]
-    fn add(&mut self, j: &[f64; 6], e: f64, w: f64) {
-        let mut wj = *j;
-        for v in &mut wj {
-            *v *= w;
-        }
-        for (row, wi) in self.h.iter_mut().zip(&wj) {
-            for (h, jj) in row.iter_mut().zip(j) {
-                *h += wi * jj;
+    /// Adds a row `j` of the Jacobian, which is zero except at these places, ascending.
+    #[inline(always)]
+    fn add<const N: usize>(&mut self, places: [usize; N], j: &[f64; 6], e: f64, w: f64) {
+        for (k, &row) in places.iter().enumerate() {
+            let wj = j[row] * w;
+            for &column in &places[..=k] {
+                self.h[row][column] += wj * j[column];
             }
-        }
-        for (b, wi) in self.b.iter_mut().zip(&wj) {
-            *b += wi * e;
+            self.b[row] += wj * e;
         }
     }
 
     fn finish(self) -> Normal {
         Normal {
-            h: Mat6::from_fn(|r, c| self.h[r][c]),
+            h: Mat6::from_fn(|r, c| self.h[r.max(c)][r.min(c)]),
             b: Vec6::from_row_slice(&self.b),
             cost: self.cost,
         }

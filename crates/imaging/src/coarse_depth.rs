@@ -99,13 +99,13 @@ fn cell_depth(rows: &[&[f32]; 4], x: usize, offsets: [usize; 4]) -> f32 {
     let (mut near, mut far, mut sum, mut count) = (f32::MAX, 0.0_f32, 0.0_f32, 0_u32);
     for row in rows {
         for o in offsets {
+            // Without a branch: holes lie where no predictor expects them.
             let z = row[x + o];
-            if z > 0.0 && z < f32::INFINITY {
-                near = near.min(z);
-                far = far.max(z);
-                sum += z;
-                count += 1;
-            }
+            let valid = (z > 0.0) & (z < f32::INFINITY);
+            near = near.min(if valid { z } else { f32::MAX });
+            far = far.max(if valid { z } else { 0.0 });
+            sum += if valid { z } else { 0.0 };
+            count += u32::from(valid);
         }
     }
     if count < 4 {
