@@ -83,6 +83,31 @@ fn shifts_are_found_to_a_fraction_of_a_pixel() {
     }
 }
 
+/// Right guesses lead to the same places as a search; wrong ones are not made up for.
+#[test]
+fn looking_needs_guesses_that_are_right() {
+    let first = still(400, 300);
+    let points = corners(&first);
+    let second = render(400, 300, |x, y| (x + 17.3, y - 9.6));
+    let truth = |p: [f32; 2]| [p[0] - 17.3, p[1] + 9.6];
+    let look = |guesses: &[[f32; 2]]| {
+        let mut out = Vec::new();
+        let pyramids = (pyramid(&first), pyramid(&second));
+        let mut flow = Flow::new(FlowConfig::default(), Simd::detect());
+        flow.look(&pyramids.0, &pyramids.1, &points, guesses, &mut out);
+        assert_eq!(out.len(), points.len());
+        out
+    };
+    let beside = |p: &[f32; 2]| [truth(*p)[0] + 1.5, truth(*p)[1] - 1.0];
+    let guesses: Vec<[f32; 2]> = points.iter().map(beside).collect();
+    expect(errors(&points, &look(&guesses), truth), 0.9, 0.05, 0.2);
+    // From their own places 20 px away few are found; a search on all scales finds nearly all.
+    let (near, _) = errors(&points, &look(&[]), truth);
+    let all = track(FlowConfig::default(), (&first, &second), &points, None);
+    let (far, _) = errors(&points, &all, truth);
+    assert!(near < 0.3 && far > 0.95, "{near} and {far}");
+}
+
 /// A turn by 2 degrees with a zoom of 3 %, and 15 grey levels more light.
 #[test]
 fn small_turns_and_zooms_and_more_light_are_followed() {

@@ -72,15 +72,7 @@ impl Flow {
         out: &mut Vec<Option<FlowMatch>>,
     ) {
         out.clear();
-        let size = |pyramid: &Pyramid| {
-            let base = pyramid.level(0);
-            (
-                base.width(),
-                base.height(),
-                pyramid.scale(pyramid.levels() - 1),
-            )
-        };
-        if size(previous) != size(current) || previous.levels() != current.levels() {
+        if !are_alike(previous, current) {
             out.resize(points.len(), None);
             return;
         }
@@ -98,6 +90,28 @@ impl Flow {
             if found == Outcome::Lost && first < count {
                 found = self.track_point(pair, point, start, count);
             }
+            out.push(found.found());
+        }
+    }
+
+    /// The same for points whose guesses are right or of no interest: looks on the finest scale only, within half a window of them.
+    /// A point without a guess is looked for at its own place.
+    pub fn look(
+        &mut self,
+        previous: &Pyramid,
+        current: &Pyramid,
+        points: &[[f32; 2]],
+        guesses: &[[f32; 2]],
+        out: &mut Vec<Option<FlowMatch>>,
+    ) {
+        out.clear();
+        if !are_alike(previous, current) {
+            out.resize(points.len(), None);
+            return;
+        }
+        for (i, &point) in points.iter().enumerate() {
+            let guess = guesses.get(i).copied().unwrap_or(point);
+            let found = self.track_point((previous, current), point, guess, 1);
             out.push(found.found());
         }
     }
@@ -208,4 +222,14 @@ impl Flow {
         let moved = |p: [f32; 2]| [p[0] + shift[0], p[1] + shift[1]];
         [moved(from), moved(to), shift]
     }
+}
+
+/// Whether two pyramids have the same sizes at every level.
+fn are_alike(a: &Pyramid, b: &Pyramid) -> bool {
+    let size = |pyramid: &Pyramid| {
+        let base = pyramid.level(0);
+        let last = pyramid.scale(pyramid.levels() - 1);
+        (base.width(), base.height(), last)
+    };
+    size(a) == size(b) && a.levels() == b.levels()
 }

@@ -148,6 +148,11 @@ impl StaticFilter {
         self.config.preset != Preset::Off && self.config.geometry
     }
 
+    /// Whether flow tells it something only of features that have a depth.
+    pub(crate) fn measures_flow_by_depth(&self) -> bool {
+        self.config.preset == Preset::Default
+    }
+
     /// Whether the filter makes use of detections.
     fn wants_detections(&self) -> bool {
         self.config.preset != Preset::Off && self.config.objects

@@ -1,5 +1,6 @@
 //! How the camera moved, before anything is known of what else does.
 
+use super::flow::Guess;
 use super::matching::Matches;
 use super::{Notes, Tracker, motion};
 use crate::event::LostReason;
@@ -18,6 +19,8 @@ pub(super) struct EgoMotion {
     pub(super) matches: Matches,
     /// Where each feature was in the frame before; empty where flow is not known of any.
     pub(super) pairs: Vec<Option<FlowPair>>,
+    /// Features that were not looked for there, with where they are expected.
+    pub(super) rest: Vec<Guess>,
     /// `camera_from_world` by a vote of the flow alone.
     pub(super) by_flow: Option<Se3>,
 }
@@ -30,6 +33,7 @@ impl EgoMotion {
             velocity: None,
             matches: Matches::new(0),
             pairs: Vec::new(),
+            rest: Vec::new(),
             by_flow: None,
         }
     }
@@ -67,7 +71,7 @@ impl Tracker {
         if data.len() < self.config.tracking.min_inliers {
             return Err(LostReason::FewFeatures);
         }
-        let mut pairs = self.flow(data, predicted);
+        let (mut pairs, rest) = self.flow(data, predicted);
         let by_flow = self.pose_by_flow(frame, data, &pairs, predicted);
         let (matches, pose) = self
             .match_last_frame(data, reference, &by_flow.unwrap_or(*predicted))
@@ -79,6 +83,7 @@ impl Tracker {
             velocity: self.velocity_to(&pose, frame.stamp),
             matches,
             pairs,
+            rest,
             by_flow,
         })
     }

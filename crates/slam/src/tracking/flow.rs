@@ -26,20 +26,24 @@ const MAX_PAIRS: usize = 300;
 const MIN_WEIGHT_SHARE: f64 = 0.4;
 /// Features farther than this from where a static scene would have them are looked at again, px.
 const RECHECK_PX: f64 = 1.5;
+/// A feature and where it is expected, raw px.
+pub(super) type Guess = (usize, [f32; 2]);
+
 /// Depth taken for a feature that has none, m, where only a guess depends on it.
 const TYPICAL_DEPTH: f64 = 2.0;
 
 impl Tracker {
     /// Finds the features of the frame in the one before. The guess is that the scene stands still and the camera moves to
-    /// `camera_from_world`.
+    /// `camera_from_world`. Where the filter has no use for features without depth, these are not looked for: they are returned
+    /// with their guesses.
     pub(super) fn flow(
         &mut self,
         data: &KeyframeData,
         camera_from_world: &Se3,
-    ) -> Vec<Option<FlowPair>> {
+    ) -> (Vec<Option<FlowPair>>, Vec<Guess>) {
         let known = |_: &&LastFrame| self.lost_since.is_none() && self.filter.wants_flow();
         let Some(last) = self.last.as_ref().filter(known) else {
-            return Vec::new();
+            return (Vec::new(), Vec::new());
         };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
         let guess = |i: usize| {
@@ -47,14 +51,19 @@ impl Tracker {
             let z = data.depth(i).unwrap_or(TYPICAL_DEPTH);
             let p = last_from_now.transform(&data.camera.backproject(data.position(i), z));
             if p.z <= 0.05 {
-                return [k.x, k.y];
+                return (i, [k.x, k.y]);
             }
             // The keypoint's own lens and shutter effects are taken to be the same in both frames.
             let shift = data.camera.project(&p) - data.position(i);
-            [k.x + shift.x as f32, k.y + shift.y as f32]
+            (i, [k.x + shift.x as f32, k.y + shift.y as f32])
         };
-        let guesses: Vec<[f32; 2]> = (0..data.len()).map(guess).collect();
-        self.observer.flow_to_previous(&guesses)
+        let all = !self.filter.measures_flow_by_depth();
+        let (wanted, rest): (Vec<Guess>, Vec<Guess>) = (0..data.len())
+            .map(guess)
+            .partition(|(i, _)| all || data.depth(*i).is_some());
+        let mut pairs = vec![None; data.len()];
+        self.observer.flow_to_previous(&wanted, &mut pairs);
+        (pairs, rest)
     }
 
     /// Looks again at features that seem to move, from where a static scene would have them: on a keyboard or a shirt one key or
@@ -92,7 +101,7 @@ impl Tracker {
     /// frame's surfaces. It drifts, so it is not used where the map holds. `data` and `fix` are without the dynamic features,
     /// `motion` and `verdicts` are of all.
     pub(super) fn bridge_when_starved(
-        &self,
+        &mut self,
         data: &KeyframeData,
         motion: &EgoMotion,
         verdicts: &[FeatureVerdict],
@@ -102,7 +111,9 @@ impl Tracker {
         let Some(start) = motion.by_flow.filter(|_| starved) else {
             return fix;
         };
-        let matches = self.add_flow_points(data, &motion.pairs, verdicts, fix.matches);
+        let mut pairs = motion.pairs.clone();
+        self.observer.flow_to_previous(&motion.rest, &mut pairs);
+        let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
         let matched = matches.count;
         let (matches, pose, information) = pose::solve_with_information(data, &start, matches);
         Fix {
@@ -205,12 +216,20 @@ impl Tracker {
 }
 
 impl Observer {
-    /// Finds the features of the last image in the one before.
-    fn flow_to_previous(&mut self, guesses: &[[f32; 2]]) -> Vec<Option<FlowPair>> {
-        let points: Vec<[f32; 2]> = self.features.keypoints.iter().map(|k| [k.x, k.y]).collect();
-        let found = self.track_back(&points, guesses);
-        let pair = |(found, now): (Option<FlowMatch>, &Vec2)| Some(self.pair(&found?, now).0);
-        found.into_iter().zip(&self.undistorted).map(pair).collect()
+    /// Finds some features of the last image in the one before.
+    fn flow_to_previous(&mut self, guesses: &[Guess], pairs: &mut [Option<FlowPair>]) {
+        let _span = tracing::info_span!("flow").entered();
+        let keypoints = &self.features.keypoints;
+        let point = |(i, _): &Guess| [keypoints[*i].x, keypoints[*i].y];
+        let points: Vec<[f32; 2]> = guesses.iter().map(point).collect();
+        let expected: Vec<[f32; 2]> = guesses.iter().map(|(_, at)| *at).collect();
+        let mut found = Vec::with_capacity(points.len());
+        let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
+        self.flow
+            .track(now, before, &points, Some(&expected), &mut found);
+        for ((i, _), found) in guesses.iter().zip(found) {
+            pairs[*i] = found.map(|f| self.pair(&f, &self.undistorted[*i]).0);
+        }
     }
 
     /// The same for some features, from a raw pixel each; with what is found the raw pixel.
@@ -220,20 +239,14 @@ impl Observer {
             ([k.x, k.y], [f.1.x as f32, f.1.y as f32])
         };
         let (points, guesses): (Vec<_>, Vec<_>) = features.iter().map(raw).unzip();
-        let found = self.track_back(&points, &guesses);
+        let _span = tracing::info_span!("flow").entered();
+        let mut found = Vec::with_capacity(points.len());
+        let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
+        self.flow.look(now, before, &points, &guesses, &mut found);
         let pair = |(found, f): (Option<FlowMatch>, &(usize, Vec2))| {
             Some(self.pair(&found?, &self.undistorted[f.0]))
         };
         found.into_iter().zip(features).map(pair).collect()
-    }
-
-    fn track_back(&mut self, points: &[[f32; 2]], guesses: &[[f32; 2]]) -> Vec<Option<FlowMatch>> {
-        let _span = tracing::info_span!("flow").entered();
-        let mut found = Vec::with_capacity(points.len());
-        let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
-        self.flow
-            .track(now, before, points, Some(guesses), &mut found);
-        found
     }
 
     fn pair(&self, found: &FlowMatch, now: &Vec2) -> (FlowPair, Vec2) {
