@@ -2,7 +2,7 @@
 
 use crate::world::{
     Frames, Recording, Session, assert_kept, at_home, config, losses, room, small, undisturbed,
-    until_pose, walk,
+    until_pose, walk, within,
 };
 use stillpoint_imaging::{DepthImage, GrayImage, RgbdFrame, Simd};
 use stillpoint_live::{LiveOptions, LiveSystem};
