@@ -149,3 +149,26 @@ fn numbers_are_classes_by_the_card() {
     let classes = [0, 1, 2].map(|n| card.class(n));
     assert_eq!(classes, [None, Some(ClassId(60)), None]);
 }
+
+proptest::proptest! {
+    /// Whatever a card's file holds, there is a card that says no nonsense, or an error with its name, and with the line where it is no TOML.
+    #[test]
+    fn damaged_cards_are_cards_or_errors_that_name_the_place(
+        head in 0..Head::ALL.len(), at in proptest::prelude::any::<proptest::sample::Index>(), cut in 0..12_usize,
+        with in proptest::prop_oneof!["[-0-9.ea-z_=\"\\[\\], \n]{0,8}", "\\PC{0,4}"]
+    ) {
+        let mut text = ModelCard::new(Head::ALL[head]).to_toml();
+        let at = at.index(text.len());
+        text.replace_range(at..(at + cut).min(text.len()), &with);
+        match ModelCard::parse("m.toml", &text) {
+            Ok(card) => proptest::prop_assert!(card.problems().is_empty()),
+            Err(e) => {
+                let told = e.to_string();
+                proptest::prop_assert!(told.starts_with("m.toml: "), "{told}");
+                if let CardError::Syntax { reason, .. } = e {
+                    proptest::prop_assert!(reason.starts_with("line ") || reason.contains("missing field"), "{told}");
+                }
+            }
+        }
+    }
+}
