@@ -370,6 +370,25 @@ mod tests {
         }
     }
 
+    proptest::proptest! {
+        /// Whatever a configuration file holds, it is a configuration or an error that names the file and, but for ranges, the line.
+        #[test]
+        fn damaged_files_are_configurations_or_errors_that_name_the_place(
+            at in proptest::prelude::any::<proptest::sample::Index>(), cut in 0..12_usize,
+            with in proptest::prop_oneof!["[-0-9.ea-z_=\"\\[\\], \n]{0,8}", "\\PC{0,4}"]
+        ) {
+            let mut text = toml::to_string(&Config::default()).unwrap();
+            let at = at.index(text.len());
+            text.replace_range(at..(at + cut).min(text.len()), &with);
+            let lines = text.lines().count();
+            if let Err(told) = layered(&[(&text, true)]) {
+                let line = told.strip_prefix("my.toml:").and_then(|rest| rest.split(':').next());
+                let line = line.and_then(|l| l.parse::<usize>().ok());
+                proptest::prop_assert!(line.is_some_and(|l| (1..=lines + 1).contains(&l)), "{told}");
+            }
+        }
+    }
+
     #[test]
     fn the_printed_configuration_reads_back() {
         let mut config = Config {
