@@ -2,13 +2,13 @@
 
 use stillpoint::live::Stage;
 
-/// By how much less urgent a stage is than tracking, as a nice value. The map must keep up with the camera; loops and detections may
-/// come late.
+/// By how much less urgent a stage is than tracking, as a nice value. Mapping and detection share what tracking leaves: where that is
+/// little, mapping puts less work into each keyframe, and the detector looks at fewer frames. Loops may come late.
 fn niceness(stage: Stage) -> i32 {
     match stage {
         Stage::Tracking => 0,
-        Stage::Mapping => 5,
-        Stage::Looping | Stage::Detection => 10,
+        Stage::Mapping | Stage::Detection => 5,
+        Stage::Looping => 10,
     }
 }
 
