@@ -218,8 +218,8 @@ impl LiveJson {
         );
         if self.features.mean < self.features.max {
             text += &format!(
-                "live: {:.0} keypoints wanted on average, to keep to the time per frame\n",
-                self.features.mean
+                "live: {:.0} keypoints asked for per frame on average (at most {:.0})\n",
+                self.features.mean, self.features.max
             );
         }
         if self.late_ms.p95 > LATE_MS {

@@ -5,8 +5,9 @@
 
 use crate::config::Config;
 
-/// Fewest keypoints per image that a plan goes down to: with fewer, people in the image leave too little to hold on to.
-pub const MIN_FEATURES: u32 = 300;
+/// Fewest keypoints per image that a plan goes down to: with fewer, people who come into the image leave too little to hold on to
+/// before tracking can ask for more (docs/decisions/0017).
+pub const MIN_FEATURES: u32 = 500;
 /// Fewest neighbours of a keyframe that a plan goes down to.
 const MIN_NEIGHBOURS: u32 = 2;
 /// Fewest keyframes in local bundle adjustment that a plan goes down to.
@@ -57,7 +58,7 @@ pub struct CostTable {
     pub keyframe: f64,
     /// Per neighbour of a keyframe.
     pub neighbour: f64,
-    /// Local bundle adjustment, per square of its free keyframes.
+    /// Local bundle adjustment, per free keyframe.
     pub window: f64,
     /// Keyframes per frame, where people walk.
     pub keyframe_share: f64,
@@ -71,22 +72,21 @@ impl CostTable {
 
     /// Measured on a two-core x86-64 server (docs/benchmarks.md, "Time budget").
     pub const REFERENCE: Self = Self {
-        frame: 4.0,
-        feature: 0.01,
-        keyframe: 4.0,
-        neighbour: 1.0,
-        window: 0.02,
+        frame: 5.5,
+        feature: 0.0055,
+        keyframe: 2.0,
+        neighbour: 0.3,
+        window: 0.25,
         keyframe_share: 0.2,
-        detection: 60.0,
+        detection: 52.0,
     };
 
     /// Mean time per frame, ms: tracking, and the frame's share in mapping.
     #[must_use]
     pub fn per_frame(&self, features: u32, mapping: MappingEffort) -> f64 {
-        let window = f64::from(mapping.window);
         let keyframe = self.keyframe
             + self.neighbour * f64::from(mapping.neighbours)
-            + self.window * window * window;
+            + self.window * f64::from(mapping.window);
         self.frame + self.feature * f64::from(features) + self.keyframe_share * keyframe
     }
 }
@@ -94,7 +94,7 @@ impl CostTable {
 /// Counts that fit a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Keypoints wanted per image.
+    /// Keypoints wanted per image; tracking asks for more where few hold on to the map.
     pub features: u32,
     /// Work per keyframe.
     pub mapping: MappingEffort,

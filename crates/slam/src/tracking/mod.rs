@@ -3,9 +3,11 @@
 //! Owns the motion model and the last frame; sees the map only as a view. Does not change the map.
 
 mod config;
+mod demand;
 mod ego_motion;
 mod flow;
 mod frame;
+mod hearing;
 mod keyframe;
 mod last_frame;
 mod local_map;
@@ -26,10 +28,11 @@ pub use keyframe::KeyframeConfig;
 use crate::config::Config;
 use crate::event::{FrameCounts, LostReason, Outcome};
 use crate::health::{Evidence, Monitor, cells};
-use crate::messages::{MapperMsg, Tracked};
+use crate::messages::Tracked;
 use crate::sensor::Timing;
 use crate::static_filter::{FeatureVerdict, FrameInput, Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
+use demand::Demand;
 use ego_motion::EgoMotion;
 use frame::Observer;
 use local_map::LocalMap;
@@ -39,7 +42,6 @@ use relocalise::Places;
 use self_calibration::SelfCalibration;
 use statistics::Statistics;
 use std::sync::Arc;
-use stillpoint_detection::Detections;
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId};
@@ -59,6 +61,7 @@ struct LastFrame {
 pub struct Tracker {
     config: Config,
     observer: Observer,
+    demand: Demand,
     filter: StaticFilter,
     view: Arc<MapView>,
     motion: Motion,
@@ -121,6 +124,7 @@ impl Tracker {
             calibration: SelfCalibration::new(config.sensor.timing()),
             filter: StaticFilter::new(&config, &camera),
             observer: Observer::new(camera, config.sensor.clone(), &config.features, simd),
+            demand: Demand::new(config.features.features),
             config,
             view: Arc::default(),
             motion: Motion::default(),
@@ -168,58 +172,6 @@ impl Tracker {
         Arc::clone(&self.view)
     }
 
-    /// Takes detections of the frame `next` to come, or late ones. Returns what the mapper is to be told of an earlier keyframe;
-    /// nothing in a map that is only read.
-    pub fn receive_detections(
-        &mut self,
-        detections: Detections,
-        next: FrameId,
-    ) -> Option<MapperMsg> {
-        self.health.heard(&detections, &self.config.motion_weights);
-        if detections.frame >= next {
-            self.filter.receive(detections);
-            return None;
-        }
-        let keyframe = self.view.keyframe(self.keyframe_id(detections.frame));
-        let data = keyframe.map(|k| Arc::clone(&k.data));
-        let rejudged = self.filter.take_late(&detections, &self.view, data)?;
-        self.grows.then(|| MapperMsg::Rejudge {
-            keyframe: self.keyframe_id(rejudged.frame),
-            features: rejudged.features,
-        })
-    }
-
-    /// The id of the keyframe that a frame of this run may become.
-    fn keyframe_id(&self, frame: FrameId) -> KeyframeId {
-        KeyframeId(self.first_keyframe.saturating_add(frame.0))
-    }
-
-    /// Keypoints that are wanted per image.
-    #[must_use]
-    pub fn features(&self) -> u32 {
-        self.observer.extractor.wanted() as u32
-    }
-
-    /// From now on so many keypoints are wanted per image: what is configured at most, and what a configuration may say at least.
-    pub fn set_features(&mut self, features: u32) {
-        let most = self.config.features.features;
-        self.observer
-            .extractor
-            .set_wanted((features as usize).clamp(100.min(most), most));
-    }
-
-    /// Takes a newer view of the map.
-    pub fn receive(&mut self, view: Arc<MapView>) {
-        self.view = view;
-        let reference = self.last.as_ref().map(|l| l.reference);
-        let piece = reference.and_then(|r| self.view.piece_of(r));
-        if piece.is_some() && piece != self.piece {
-            // The piece became part of another: what moves was seen in a frame of reference that is no more.
-            self.filter.forget();
-            (self.piece, self.young) = (piece, None);
-        }
-    }
-
     /// Tracks a frame.
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
@@ -227,23 +179,6 @@ impl Tracker {
         let tracked = self.track_frame(frame);
         self.previous = Some(Arc::clone(frame));
         tracked
-    }
-
-    /// After a clock was set back nothing is known of the time since the frame before: there is no velocity, and what is known
-    /// of earlier stamps is brought to the new time, or forgotten where that cannot be done.
-    fn heed_clock(&mut self, stamp: f64) {
-        let Some(before) = self.previous.as_ref().map(|f| f.stamp) else {
-            return;
-        };
-        if stamp > before {
-            return;
-        }
-        self.motion.forget();
-        self.filter.forget_times();
-        self.health.set_clock(stamp - before);
-        if let Some(last) = &mut self.last {
-            last.stamp += stamp - before;
-        }
     }
 
     fn track_frame(&mut self, frame: &RgbdFrame) -> Tracked {
@@ -310,6 +245,8 @@ impl Tracker {
 
     /// Extracts the features of a frame and reads their depths.
     fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
+        let wanted = self.demand.next(self.config.tracking.min_inliers);
+        self.observer.extractor.set_wanted(wanted);
         self.observer.extract(frame);
         let velocity = self.motion.velocity();
         let data = self

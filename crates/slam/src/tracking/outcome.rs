@@ -220,6 +220,12 @@ impl Tracker {
         mut notes: Notes,
         keyframe: Option<NewKeyframe>,
     ) -> Tracked {
+        let has_map = self.view.keyframe_count() > 0;
+        let agreed = match outcome {
+            Outcome::Initialised => None,
+            _ => has_map.then_some(notes.counts.inliers),
+        };
+        self.demand.hear(agreed);
         let unused = self.filter.end_frame();
         notes.counts.detections_too_late = unused.too_late;
         notes.counts.detections_without_pose = unused.without_pose;
@@ -236,7 +242,6 @@ impl Tracker {
             piece: self.piece.filter(|_| world_from_camera.is_some()),
             map_version: self.view.version(),
         };
-        let has_map = self.view.keyframe_count() > 0;
         let config = &self.config.tracking;
         let health = self
             .health

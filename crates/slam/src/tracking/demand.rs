@@ -1,0 +1,80 @@
+//! How many keypoints the next image is asked for: more of them where few of the last ones held on to the map.
+
+/// Inliers that are enough, in multiples of the fewest that make a pose.
+const ENOUGH: f64 = 4.0;
+/// More keypoints than wanted, at most: so many times, ...
+const MOST_TIMES: f64 = 1.5;
+/// ... or this number where that is more, which holds where people fill half of the image.
+const MOST: usize = 1000;
+
+/// How many keypoints the next image is asked for.
+///
+/// Of the keypoints, only those on what stands still and is mapped are of use. Where people fill the image, or where it is blurred, the
+/// wanted number leaves too few of them, and tracking would be lost, so more are asked for, as many as the last image lacked.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Demand {
+    wanted: usize,
+    /// Inliers of the last image, none before there was a map.
+    found: Option<u32>,
+}
+
+impl Demand {
+    pub(super) fn new(wanted: usize) -> Self {
+        Self {
+            wanted,
+            found: None,
+        }
+    }
+
+    /// Keypoints wanted where enough of them hold.
+    pub(super) fn set(&mut self, wanted: usize) {
+        self.wanted = wanted;
+    }
+
+    /// Hears how many keypoints of an image agreed with its pose: 0 where there was no pose, none where there was no map to agree with.
+    pub(super) fn hear(&mut self, inliers: Option<u32>) {
+        self.found = inliers;
+    }
+
+    /// Keypoints to ask of the next image, where a pose needs `min_inliers`.
+    pub(super) fn next(&self, min_inliers: usize) -> usize {
+        let Some(found) = self.found else {
+            return self.wanted;
+        };
+        let wanted = self.wanted as f64;
+        let most = (MOST_TIMES * wanted).max(MOST as f64);
+        let lack = ENOUGH * min_inliers as f64 / f64::from(found.max(1));
+        (wanted * lack.max(1.0)).min(most) as usize
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_more_is_asked_for_where_enough_holds() {
+        let mut demand = Demand::new(1000);
+        assert_eq!(demand.next(30), 1000);
+        demand.hear(Some(120));
+        assert_eq!(demand.next(30), 1000);
+        demand.hear(Some(5000));
+        assert_eq!(demand.next(30), 1000);
+    }
+
+    #[test]
+    fn more_is_asked_for_as_the_last_image_lacked() {
+        let mut demand = Demand::new(300);
+        for (found, asked) in [(119, 302), (100, 360), (60, 600), (30, 1000), (0, 1000)] {
+            demand.hear(Some(found));
+            assert_eq!(demand.next(30), asked, "{found} found");
+        }
+        demand.set(1000);
+        for (found, asked) in [(100, 1200), (80, 1500), (0, 1500)] {
+            demand.hear(Some(found));
+            assert_eq!(demand.next(30), asked, "{found} found");
+        }
+        demand.hear(None);
+        assert_eq!(demand.next(30), 1000);
+    }
+}
