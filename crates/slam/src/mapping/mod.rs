@@ -79,6 +79,8 @@ impl MappingConfig {
 /// Builds the map.
 pub struct Mapper {
     config: MappingConfig,
+    /// Landmarks that a keyframe shares with others, at least, for its pose to be refined: as many as make a pose in tracking.
+    min_held: usize,
     /// Work per keyframe as of now; at most what is configured.
     effort: MappingEffort,
     sensor: SensorConfig,
@@ -96,6 +98,7 @@ impl Mapper {
     pub fn new(config: &Config) -> Self {
         Self {
             config: config.mapping.clone(),
+            min_held: config.tracking.min_inliers,
             effort: MappingEffort::of(config),
             sensor: config.sensor.clone(),
             scale_factor: f64::from(config.features.scale_factor),

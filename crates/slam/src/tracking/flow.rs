@@ -1,11 +1,9 @@
 //! Flow: where each feature was in the frame before, and how the camera moved since.
 
-use super::ego_motion::EgoMotion;
 use super::frame::Observer;
-use super::matching::Matches;
-use super::{Fix, LastFrame, Tracker, pose};
+use super::{LastFrame, Tracker};
 use crate::sensor::DepthReader;
-use crate::static_filter::{FeatureVerdict, FlowPair};
+use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
     Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
     rng,
@@ -97,63 +95,6 @@ impl Tracker {
         }
     }
 
-    /// Bridges a frame in which too few landmarks are found, in motion blur or among people, with what flow found of the last
-    /// frame's surfaces. It drifts, so it is not used where the map holds. `data` and `fix` are without the dynamic features,
-    /// `motion` and `verdicts` are of all.
-    pub(super) fn bridge_when_starved(
-        &mut self,
-        data: &KeyframeData,
-        motion: &EgoMotion,
-        verdicts: &[FeatureVerdict],
-        fix: Fix,
-    ) -> Fix {
-        let starved = fix.matches.landmarks() < self.config.tracking.min_inliers;
-        let Some(start) = motion.by_flow.filter(|_| starved) else {
-            return fix;
-        };
-        let mut pairs = motion.pairs.clone();
-        self.observer.flow_to_previous(&motion.rest, &mut pairs);
-        let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
-        let matched = matches.count;
-        let (matches, pose, information) = pose::solve_with_information(data, &start, matches);
-        Fix {
-            camera_from_world: pose,
-            inliers: matches.count,
-            matches,
-            matched,
-            information,
-        }
-    }
-
-    /// Gives features without a match the point where flow found them on a surface of the last frame.
-    fn add_flow_points(
-        &self,
-        data: &KeyframeData,
-        pairs: &[Option<FlowPair>],
-        verdicts: &[FeatureVerdict],
-        mut matches: Matches,
-    ) -> Matches {
-        let (Some(last), Some(previous)) = (&self.last, &self.previous) else {
-            return matches;
-        };
-        let sensor = &self.config.sensor;
-        let reader = DepthReader::new(sensor, &data.camera, &previous.depth, None, 0.0);
-        let kept = pairs.iter().zip(verdicts).filter(|(_, v)| !v.dynamic);
-        for (i, (pair, _)) in kept.enumerate() {
-            let Some(pair) = pair.filter(|_| matches.targets[i].is_none()) else {
-                continue;
-            };
-            let raw = pair.before_raw.map(f64::from).into();
-            if let Some(reading) = reader.read(raw, pair.before)
-                && reading.z < sensor.close_depth
-            {
-                let seen = data.camera.backproject(pair.before, reading.z);
-                matches.assign_point(i as u32, last.world_from_camera.transform(&seen));
-            }
-        }
-        matches
-    }
-
     /// The camera's motion since the last frame by a vote of the flow, as the pose it leads to. Features on surfaces that moved
     /// before have next to no say.
     pub(super) fn pose_by_flow(
@@ -217,7 +158,7 @@ impl Tracker {
 
 impl Observer {
     /// Finds some features of the last image in the one before.
-    fn flow_to_previous(&mut self, guesses: &[Guess], pairs: &mut [Option<FlowPair>]) {
+    pub(super) fn flow_to_previous(&mut self, guesses: &[Guess], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
         let keypoints = &self.features.keypoints;
         let point = |(i, _): &Guess| [keypoints[*i].x, keypoints[*i].y];

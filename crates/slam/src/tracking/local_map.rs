@@ -10,10 +10,12 @@ use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Camera, Mat3, Se3, Vec3};
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, ScaleRange};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId, ScaleRange};
 
 /// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame.
 const MAX_KEYFRAMES: usize = 40;
+/// Keyframes farther than this are not around.
+const AROUND_M: f64 = 1.5;
 /// Landmarks seen at more than 60 degrees from their mean viewing direction look different.
 const MIN_VIEW_COSINE: f64 = 0.5;
 
@@ -151,6 +153,36 @@ impl LocalMap {
             self.gather(view, keyframes);
         }
         best
+    }
+
+    /// Chooses the keyframes of a piece of map from which about the same is seen as from a pose that may be off by some decimetres, and
+    /// gathers their landmarks, whatever the matches say.
+    pub(super) fn update_around(
+        &mut self,
+        view: &Arc<MapView>,
+        piece: Option<PieceId>,
+        camera_from_world: &Se3,
+    ) {
+        let camera = camera_from_world.inverse();
+        let axis = |pose: &Se3| pose.rotation * Vec3::z();
+        let of_piece = view.keyframes().filter(|k| Some(k.piece) == piece);
+        let mut near: Vec<(f64, KeyframeId)> = of_piece
+            .filter_map(|k| {
+                let pose = &k.world_from_camera;
+                let off = (pose.translation - camera.translation).norm();
+                let cosine = axis(pose).dot(&axis(&camera));
+                // A turn by 60 degrees counts as much as a metre.
+                (off < AROUND_M && cosine > 0.5).then_some((off + 2.0 * (1.0 - cosine), k.id))
+            })
+            .collect();
+        near.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.truncate(MAX_KEYFRAMES);
+        let mut keyframes: Vec<KeyframeId> = near.iter().map(|n| n.1).collect();
+        keyframes.sort_unstable();
+        self.marks.resize(view.landmark_bound(), 0);
+        if self.version != view.version() || self.keyframes != keyframes {
+            self.gather(view, keyframes);
+        }
     }
 
     fn gather(&mut self, view: &MapView, keyframes: Vec<KeyframeId>) {

@@ -18,6 +18,7 @@ mod pose;
 mod relocalise;
 mod self_calibration;
 mod sight;
+mod starved;
 mod statistics;
 
 pub(crate) use pose::{measurement, measurement_in};
@@ -70,6 +71,8 @@ pub struct Tracker {
     /// The frame before, whatever became of it.
     previous: Option<Arc<RgbdFrame>>,
     local_map: LocalMap,
+    /// What is around, where the local map is looked for again.
+    surroundings: LocalMap,
     lost_since: Option<FrameId>,
     places: Places,
     /// The piece of map that the last pose was in.
@@ -131,6 +134,7 @@ impl Tracker {
             last: None,
             previous: None,
             local_map: LocalMap::default(),
+            surroundings: LocalMap::default(),
             lost_since: None,
             places: Places::default(),
             piece: None,
@@ -239,6 +243,7 @@ impl Tracker {
         let (reference, matches) =
             self.match_map(frame, &data, reference, motion, matches, &mut notes.counts);
         let fix = self.refine(&data, reference, motion, matches);
+        let fix = self.regain_map_when_starved(frame.id, &data, fix);
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
         self.conclude(data, reference, &fix, notes)
     }

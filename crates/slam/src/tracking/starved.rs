@@ -1,0 +1,174 @@
+//! Frames in which too few landmarks are found, in motion blur or among people: the map is looked for again, or the frame is bridged.
+
+use super::ego_motion::EgoMotion;
+use super::local_map::SearchArea;
+use super::matching::Matches;
+use super::sight::Sight;
+use super::{Fix, Tracker, pose};
+use crate::sensor::DepthReader;
+use crate::static_filter::{FeatureVerdict, FlowPair};
+use stillpoint_estimation::{
+    AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
+};
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::FrameId;
+use stillpoint_map::KeyframeData;
+
+/// Factor on the radius of the search when the map is looked for again: landmarks are then off by what was drifted meanwhile.
+const WIDER: f32 = 5.0;
+/// A pose farther than this from the one that flow tells is not what was drifted.
+const MAX_DRIFT_M: f64 = 0.5;
+const MAX_DRIFT_RAD: f64 = 0.35;
+
+impl Tracker {
+    fn is_starved(&self, fix: &Fix) -> bool {
+        fix.matches.landmarks() < self.config.tracking.min_inliers
+    }
+
+    /// Looks for the local map in a wide neighbourhood when too few landmarks agree with the pose: after some bridged frames it has
+    /// drifted away from the map, and what matches in small windows is then wrong. `data` and `fix` are without the dynamic features.
+    pub(super) fn regain_map_when_starved(
+        &mut self,
+        frame: FrameId,
+        data: &KeyframeData,
+        fix: Fix,
+    ) -> Fix {
+        if !self.is_starved(&fix) {
+            return fix;
+        }
+        let Some(regained) = self.regain_map(frame, data, &fix) else {
+            return fix;
+        };
+        self.statistics.refuse();
+        regained
+    }
+
+    fn regain_map(&mut self, frame: FrameId, data: &KeyframeData, fix: &Fix) -> Option<Fix> {
+        let _span = tracing::info_span!("regain").entered();
+        self.surroundings
+            .update_around(&self.view, self.piece, &fix.camera_from_world);
+        let wide = self.search_map(
+            data,
+            &fix.camera_from_world,
+            WIDER,
+            Matches::new(data.len()),
+        );
+        let targets = wide.targets.iter().enumerate();
+        let observations: Vec<PoseObservation> = targets
+            .filter_map(|(i, t)| {
+                Some(PoseObservation {
+                    point: (*t)?.position,
+                    measurement: pose::measurement(data, i),
+                })
+            })
+            .collect();
+        let outcome = find_absolute_pose(
+            &Intrinsics::from(&data.camera),
+            &observations,
+            &AbsolutePoseOptions::default(),
+            rng(
+                self.config.seed,
+                u64::from(frame.0),
+                Purpose::RELOCALISATION,
+            ),
+        );
+        let found = outcome.found()?.camera_from_world;
+        let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
+        let matched = matches.count;
+        let (matches, pose, information) = pose::solve_with_information(data, &found, matches);
+        let drift = fix.camera_from_world * pose.inverse();
+        let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
+        let enough = matches.count >= self.config.tracking.min_inliers;
+        (near && enough).then(|| Fix {
+            camera_from_world: pose,
+            inliers: matches.count,
+            matches,
+            matched,
+            information,
+        })
+    }
+
+    /// Searches the local map from a pose, without noting what is seen.
+    fn search_map(
+        &mut self,
+        data: &KeyframeData,
+        camera_from_world: &Se3,
+        factor: f32,
+        mut matches: Matches,
+    ) -> Matches {
+        let area = SearchArea {
+            bounds: self.observer.bounds(),
+            level_sigmas: self.observer.level_sigmas(),
+            radius_px: factor * self.config.tracking.local_radius as f32,
+        };
+        let open = |_: &_| Sight::Open;
+        self.surroundings.search(
+            data,
+            camera_from_world,
+            &area,
+            &mut matches,
+            open,
+            |_, _| {},
+        );
+        matches
+    }
+
+    /// Bridges a frame in which too few landmarks are found, in motion blur or among people, with what flow found of the last
+    /// frame's surfaces. It drifts, so it is not used where the map holds. `data` and `fix` are without the dynamic features,
+    /// `motion` and `verdicts` are of all.
+    pub(super) fn bridge_when_starved(
+        &mut self,
+        data: &KeyframeData,
+        motion: &EgoMotion,
+        verdicts: &[FeatureVerdict],
+        fix: Fix,
+    ) -> Fix {
+        let starved = self.is_starved(&fix);
+        let Some(start) = motion.by_flow.filter(|_| starved) else {
+            return fix;
+        };
+        // What should be seen from a pose that the map does not bear out says nothing against landmarks.
+        self.statistics.refuse();
+        let mut pairs = motion.pairs.clone();
+        self.observer.flow_to_previous(&motion.rest, &mut pairs);
+        let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
+        let matched = matches.count;
+        let (matches, pose, information) = pose::solve_with_information(data, &start, matches);
+        Fix {
+            camera_from_world: pose,
+            inliers: matches.count,
+            matches,
+            matched,
+            information,
+        }
+    }
+
+    /// Gives features without a match the point where flow found them on a surface of the last frame.
+    fn add_flow_points(
+        &self,
+        data: &KeyframeData,
+        pairs: &[Option<FlowPair>],
+        verdicts: &[FeatureVerdict],
+        mut matches: Matches,
+    ) -> Matches {
+        let (Some(last), Some(previous)) = (&self.last, &self.previous) else {
+            return matches;
+        };
+        let sensor = &self.config.sensor;
+        let reader = DepthReader::new(sensor, &data.camera, &previous.depth, None, 0.0);
+        let kept = pairs.iter().zip(verdicts).filter(|(_, v)| !v.dynamic);
+        for (i, (pair, _)) in kept.enumerate() {
+            let Some(pair) = pair.filter(|_| matches.targets[i].is_none()) else {
+                continue;
+            };
+            let raw = pair.before_raw.map(f64::from).into();
+            if let Some(reading) = reader.read(raw, pair.before)
+                && reading.z < sensor.close_depth
+            {
+                let seen = data.camera.backproject(pair.before, reading.z);
+                matches.assign_point(i as u32, last.world_from_camera.transform(&seen));
+            }
+        }
+        matches
+    }
+}
