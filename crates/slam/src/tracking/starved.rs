@@ -16,11 +16,13 @@ use stillpoint_map::KeyframeData;
 
 /// Factor on the radius of the search when the map is looked for again: landmarks are then off by what was drifted meanwhile.
 const WIDER: f32 = 5.0;
-/// A pose farther than this from the one that flow tells is not what was drifted.
+/// A pose farther than this from the one before the search is not what was drifted, m ...
 const MAX_DRIFT_M: f64 = 0.5;
+/// ... and rad.
 const MAX_DRIFT_RAD: f64 = 0.35;
 
 impl Tracker {
+    /// Whether fewer landmarks agree with a pose than make one.
     fn is_starved(&self, fix: &Fix) -> bool {
         fix.matches.landmarks() < self.config.tracking.min_inliers
     }
@@ -43,6 +45,8 @@ impl Tracker {
         regained
     }
 
+    /// Searches all landmarks around widely, finds the pose that most of them agree on, and searches again from there. None when it is not
+    /// near, or too few agree.
     fn regain_map(&mut self, frame: FrameId, data: &KeyframeData, fix: &Fix) -> Option<Fix> {
         let _span = tracing::info_span!("regain").entered();
         self.surroundings
