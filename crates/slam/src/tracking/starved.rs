@@ -83,7 +83,7 @@ impl Tracker {
         let drift = fix.camera_from_world * pose.inverse();
         let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
         let enough = matches.count >= self.config.tracking.min_inliers;
-        (near && enough).then(|| Fix {
+        (near && enough).then_some(Fix {
             camera_from_world: pose,
             inliers: matches.count,
             matches,
