@@ -13,7 +13,10 @@ use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, Dete
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, WorkerEnd};
 use stillpoint_slam::{LogEntry, LoopReport, Outcome, Replay, ReplayError, RunLog, Stages, System};
-use world::{Frames, Told as Heard, frames, random_delays, replay, scripted, stages, within};
+use world::{
+    Frames, Told as Heard, frames, mapping_falls_behind, random_delays, replay, scripted, stages,
+    within,
+};
 
 /// Pushes all frames of the world, with a pause of so many ms after each, and ends the stream.
 fn run(
@@ -156,16 +159,16 @@ fn late_frames_are_dropped_and_counted() {
 #[test]
 fn less_is_done_where_time_is_short_and_that_is_reproduced() {
     const WANTED: u32 = 800;
-    let efforts = |budget: Option<f64>, delay_ms: u64| {
-        let slow: Hook = Arc::new(move |stage| {
-            if stage == Stage::Mapping {
-                std::thread::sleep(Duration::from_millis(delay_ms));
-            }
-        });
+    let efforts = |budget: Option<f64>, slow: bool| {
+        let hook: Hook = if slow {
+            mapping_falls_behind(4)
+        } else {
+            Arc::new(|_| {})
+        };
         let options = LiveOptions {
             drop_late: false,
             budget,
-            hook: Some(slow),
+            hook: Some(hook),
             ..LiveOptions::default()
         };
         let stages = || {
@@ -184,12 +187,12 @@ fn less_is_done_where_time_is_short_and_that_is_reproduced() {
         let hurried = entries.filter(|e| matches!(e, LogEntry::MapEffort { .. }));
         (fewest, hurried.count())
     };
-    let (features, hurried) = efforts(Some(1e-6), 30);
+    let (features, hurried) = efforts(Some(1e-6), true);
     assert!(features < WANTED, "{features} of {WANTED}");
     assert!(hurried > 0);
     // Control: with time for everything, all is done.
-    assert_eq!(efforts(Some(10.0), 0).0, WANTED);
-    assert_eq!(efforts(None, 0).0, WANTED);
+    assert_eq!(efforts(Some(10.0), false).0, WANTED);
+    assert_eq!(efforts(None, false).0, WANTED);
 }
 
 #[test]

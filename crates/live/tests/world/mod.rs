@@ -12,7 +12,7 @@ use stillpoint_geometry::Camera;
 use stillpoint_imaging::{
     DepthImage, FrameId, FrameSource, GrayImage, RgbdFrame, Simd, SourceError,
 };
-use stillpoint_live::Hook;
+use stillpoint_live::{Hook, Stage};
 use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, FrameReport, Replay, RunLog, Stages};
 
@@ -62,6 +62,24 @@ fn world() -> &'static World {
 
 pub(crate) fn frames() -> &'static [RgbdFrame] {
     &world().frames
+}
+
+/// Mapping waits at each step until tracking has begun so many frames more, or all; but not longer than a second.
+pub(crate) fn mapping_falls_behind(frames: u64) -> Hook {
+    let tracked = AtomicU64::new(0);
+    Arc::new(move |stage| match stage {
+        Stage::Tracking => {
+            tracked.fetch_add(1, Ordering::Relaxed);
+        }
+        Stage::Mapping => {
+            let goal = (tracked.load(Ordering::Relaxed) + frames).min(FRAMES as u64);
+            let late = |_: &u32| tracked.load(Ordering::Relaxed) < goal;
+            for _ in (0..200).take_while(late) {
+                std::thread::sleep(Duration::from_millis(5));
+            }
+        }
+        _ => {}
+    })
 }
 
 /// The detector that plays the simulator's script.
