@@ -64,7 +64,7 @@ pub(crate) fn frames() -> &'static [RgbdFrame] {
     &world().frames
 }
 
-/// Mapping waits at each step until tracking has begun so many frames more, or all; but not longer than a second.
+/// Mapping waits at each step until tracking has begun so many frames more, or all; but not longer than a minute.
 pub(crate) fn mapping_falls_behind(frames: u64) -> Hook {
     let tracked = AtomicU64::new(0);
     Arc::new(move |stage| match stage {
@@ -74,7 +74,7 @@ pub(crate) fn mapping_falls_behind(frames: u64) -> Hook {
         Stage::Mapping => {
             let goal = (tracked.load(Ordering::Relaxed) + frames).min(FRAMES as u64);
             let late = |_: &u32| tracked.load(Ordering::Relaxed) < goal;
-            for _ in (0..200).take_while(late) {
+            for _ in (0..12_000).take_while(late) {
                 std::thread::sleep(Duration::from_millis(5));
             }
         }

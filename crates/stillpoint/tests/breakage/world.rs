@@ -284,7 +284,7 @@ pub(crate) fn until_pose(reports: &[FrameReport]) -> usize {
 }
 
 /// The map of before is still there: every keyframe or what became of it, and of the landmarks as many as of a map that goes on
-/// without trouble, of which new ones take the places of worse ones, and those that nothing confirms go.
+/// without trouble, of which new ones take the places of worse ones.
 pub(crate) fn assert_kept(before: &MapView, after: &MapView) {
     for k in before.keyframes() {
         assert!(after.world_from_keyframe(k.id).is_some(), "{}", k.id);
@@ -299,7 +299,7 @@ pub(crate) fn assert_kept(before: &MapView, after: &MapView) {
         "{kept} of {all} landmarks are kept ({share:.2}), of {} now",
         after.landmark_count()
     );
-    assert!(all > 100 && share > 0.4 && after.landmark_count() >= all * 8 / 10);
+    assert!(all > 100 && share > 0.4 && after.landmark_count() >= all * 9 / 10);
 }
 
 /// What `work` gives. A test fails when that takes minutes, instead of hanging itself.
