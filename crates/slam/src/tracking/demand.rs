@@ -2,10 +2,8 @@
 
 /// Inliers that are enough, in multiples of the fewest that make a pose.
 const ENOUGH: f64 = 4.0;
-/// More keypoints than wanted, at most: so many times, ...
+/// More keypoints than wanted, at most: so many times. What is found only among more of them makes landmarks that are not found again.
 const MOST_TIMES: f64 = 1.4;
-/// ... or this number where that is more, which holds where people fill half of the image.
-const MOST: usize = 1000;
 
 /// How many keypoints the next image is asked for.
 ///
@@ -41,10 +39,8 @@ impl Demand {
         let Some(found) = self.found else {
             return self.wanted;
         };
-        let wanted = self.wanted as f64;
-        let most = (MOST_TIMES * wanted).max(MOST as f64);
         let lack = ENOUGH * min_inliers as f64 / f64::from(found.max(1));
-        (wanted * lack.max(1.0)).min(most) as usize
+        (self.wanted as f64 * lack.clamp(1.0, MOST_TIMES)) as usize
     }
 }
 
@@ -65,7 +61,7 @@ mod tests {
     #[test]
     fn more_is_asked_for_as_the_last_image_lacked() {
         let mut demand = Demand::new(300);
-        for (found, asked) in [(119, 302), (100, 360), (60, 600), (30, 1000), (0, 1000)] {
+        for (found, asked) in [(119, 302), (100, 360), (60, 420), (30, 420), (0, 420)] {
             demand.hear(Some(found));
             assert_eq!(demand.next(30), asked, "{found} found");
         }
