@@ -195,20 +195,17 @@ mod tests {
         }
     }
 
-    /// A map that was begun with one calibration and goes on with another is not bent by that.
-    #[test]
-    fn keyframes_of_two_calibrations_are_refined_in_one_camera() {
-        let first = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
-        let second = Camera::pinhole(640, 480, [529.0, 527.0, 317.0, 241.5]);
+    /// A mapper with keyframes at `x` m to the right, each with its camera, and a landmark for every point, which the keyframes see
+    /// with the features that `observed` says (keyframe, point).
+    fn mapper(places: &[(f64, Camera)], observed: impl Fn(usize, usize) -> Option<u32>) -> Mapper {
         let mut mapper = Mapper::new(&Config::default());
-        let places = [0.0, 0.1, 0.2, 0.3];
-        for (id, (x, camera)) in (0..).zip(places.iter().zip([first, first, first, second])) {
+        for (id, (x, camera)) in (0..).zip(places) {
             let pose = Se3 {
                 translation: Vec3::new(*x, 0.0, 0.0),
                 ..Se3::identity()
             };
             let parent = (id > 0).then_some(KeyframeId(0));
-            let data = Arc::new(seen(camera, *x));
+            let data = Arc::new(seen(*camera, *x));
             mapper
                 .map
                 .insert_keyframe(KeyframeId(id), data, pose, parent);
@@ -220,17 +217,28 @@ mod tests {
                 observation: (KeyframeId(0), i as u32),
             };
             let landmark = mapper.map.insert_landmark(&new).unwrap();
-            for id in 1..4 {
-                assert!(
-                    mapper
-                        .map
-                        .add_observation(landmark, KeyframeId(id), i as u32)
-                );
+            for k in 1..places.len() {
+                if let Some(feature) = observed(k, i) {
+                    let id = KeyframeId(k as u32);
+                    assert!(mapper.map.add_observation(landmark, id, feature));
+                }
             }
         }
-        for id in 0..4 {
-            mapper.map.refresh_covisibility(KeyframeId(id), 15);
+        for id in 0..places.len() as u32 {
+            mapper.map.refresh_covisibility(KeyframeId(id), 5);
         }
+        mapper
+    }
+
+    /// A map that was begun with one calibration and goes on with another is not bent by that.
+    #[test]
+    fn keyframes_of_two_calibrations_are_refined_in_one_camera() {
+        let first = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
+        let second = Camera::pinhole(640, 480, [529.0, 527.0, 317.0, 241.5]);
+        let cameras = [first, first, first, second];
+        let places = [0.0, 0.1, 0.2, 0.3];
+        let placed: Vec<(f64, Camera)> = places.into_iter().zip(cameras).collect();
+        let mut mapper = mapper(&placed, |_, point| Some(point as u32));
         let report = mapper.refine(KeyframeId(3));
         assert_eq!((report.outliers, report.observations), (0, 4 * 48));
         let view = mapper.map.view();
@@ -251,36 +259,12 @@ mod tests {
     fn a_handful_of_wrong_matches_does_not_move_a_keyframe() {
         let camera = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
         let moved = |min_held: usize| {
-            let mut mapper = Mapper::new(&Config::default());
+            // The third keyframe takes the neighbour to the right for the point, as on a keyboard.
+            let mut mapper = mapper(&[0.0, 0.1, 0.2].map(|x| (x, camera)), |k, point| {
+                let wrong = (16..23).contains(&point).then_some(point as u32 + 1);
+                if k == 2 { wrong } else { Some(point as u32) }
+            });
             mapper.min_held = min_held;
-            for (id, x) in (0..).zip([0.0, 0.1, 0.2]) {
-                let pose = Se3 {
-                    translation: Vec3::new(x, 0.0, 0.0),
-                    ..Se3::identity()
-                };
-                let parent = (id > 0).then_some(KeyframeId(0));
-                let data = Arc::new(seen(camera, x));
-                mapper
-                    .map
-                    .insert_keyframe(KeyframeId(id), data, pose, parent);
-                mapper.order.push(KeyframeId(id));
-            }
-            for (i, position) in points().iter().enumerate() {
-                let new = NewLandmark {
-                    position: *position,
-                    observation: (KeyframeId(0), i as u32),
-                };
-                let landmark = mapper.map.insert_landmark(&new).unwrap();
-                let map = &mut mapper.map;
-                assert!(map.add_observation(landmark, KeyframeId(1), i as u32));
-                // The neighbour to the right is taken for the point, as on a keyboard.
-                if (16..24).contains(&i) && i % 8 < 7 {
-                    assert!(map.add_observation(landmark, KeyframeId(2), i as u32 + 1));
-                }
-            }
-            for id in 0..3 {
-                mapper.map.refresh_covisibility(KeyframeId(id), 5);
-            }
             mapper.refine(KeyframeId(2));
             let view = mapper.map.view();
             let centre = view.keyframe(KeyframeId(2)).unwrap().centre();
