@@ -152,10 +152,10 @@ pub fn read_depth(path: &Path, depth_scale: f64) -> Result<DepthImage> {
         return Err(bad(path, DEPTH_EXPECTED, describe(kind), advice));
     };
     let (w, h) = (raw.width() as usize, raw.height() as usize);
-    let to_metres = |v: &u16| match *v {
-        0 | u16::MAX => 0.0,
-        // One rounding: the quotient in f64, then f32.
-        v => (f64::from(v) / depth_scale) as f32,
+    let to_metres = |v: &u16| {
+        // One rounding: the quotient in f64, then f32. 0 stays 0.
+        let depth = (f64::from(*v) / depth_scale) as f32;
+        if *v == u16::MAX { 0.0 } else { depth }
     };
     DepthImage::from_vec(w, h, raw.as_raw().iter().map(to_metres).collect())
         .map_err(|e| bad(path, DEPTH_EXPECTED, e.to_string(), "report this"))

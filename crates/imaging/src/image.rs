@@ -186,9 +186,9 @@ impl DepthImage {
     pub fn from_vec(width: usize, height: usize, mut data: Vec<f32>) -> Result<Self, SizeError> {
         check(width * height, data.len())?;
         for z in &mut data {
-            if !(z.is_finite() && *z > 0.0) {
-                *z = 0.0;
-            }
+            // Written either way, so that it is done in vectors.
+            let usable = (*z > 0.0) & (*z < f32::INFINITY);
+            *z = if usable { *z } else { 0.0 };
         }
         Ok(Self {
             width,
