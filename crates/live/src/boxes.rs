@@ -1,5 +1,6 @@
 //! What each stage can be told, and in which order it takes it.
 
+use crate::detection::DetectionBox;
 use crate::health::{Newest, Pulse};
 use crate::mailbox::Mailbox;
 use crate::measure::Stage;
@@ -20,7 +21,7 @@ pub(crate) const QUEUE: usize = 64;
 #[derive(Default)]
 pub(crate) struct Boxes {
     pub(crate) tracking: Mailbox<TrackingBox>,
-    pub(crate) detection: Mailbox<Option<Arrived>>,
+    pub(crate) detection: Mailbox<DetectionBox<Arrived>>,
     pub(crate) mapping: Mailbox<MappingBox>,
     pub(crate) looping: Mailbox<LoopingBox>,
     /// What each thread is at, in the order of [`Stage::ALL`].
@@ -73,6 +74,8 @@ pub(crate) struct Said {
 #[derive(Default)]
 pub(crate) struct TrackingBox {
     pub(crate) frame: Option<Arrived>,
+    /// Whether frames were dropped since the last one that was taken.
+    pub(crate) dropped: bool,
     pub(crate) view: Option<Published>,
     pub(crate) places: Option<(u64, PlaceIndex<KeyframeId>)>,
     pub(crate) said: VecDeque<Said>,

@@ -6,7 +6,7 @@ use stillpoint_slam::MIN_FEATURES;
 const ROUND: usize = 15;
 /// There is room for more below this share of the limit.
 const ROOM: f64 = 0.8;
-/// The detector is asked at most this many times more rarely than configured.
+/// The detector may take at least one part in so many of the time.
 const MOST_RARELY: u64 = 8;
 
 /// Keeps tracking within a time per frame.
@@ -17,7 +17,7 @@ pub(crate) struct Budget {
     /// Keypoints wanted at most.
     most: u32,
     features: u32,
-    /// The detector is asked so many times more rarely than configured.
+    /// The detector may take one part in so many of the time.
     rarer: u64,
     /// What the frames of this round took, s.
     round: Vec<f64>,
@@ -35,7 +35,7 @@ impl Budget {
         }
     }
 
-    /// So many times more rarely than configured the detector is asked.
+    /// The part of the time that the detector may take: one in so many.
     pub(crate) fn rarer(&self) -> u64 {
         self.rarer
     }

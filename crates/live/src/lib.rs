@@ -9,8 +9,10 @@
 //! looping for none. Views, places and corrections go the other way, and these are never waited for: of views and places the newest
 //! replaces the older one, and of corrections there is one at a time.
 
+mod backoff;
 mod boxes;
 mod budget;
+mod detection;
 mod health;
 mod mailbox;
 mod measure;

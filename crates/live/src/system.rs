@@ -2,10 +2,11 @@
 
 use crate::boxes::{Arrived, Boxes};
 use crate::budget::Budget;
+use crate::detection::DetectionWorker;
 use crate::health::Watch;
 use crate::measure::{Ended, LiveStatistics, Stage, WorkerEnd};
 use crate::recorder::Recorder;
-use crate::workers::{Desk, DetectionWorker, Hook, LoopingWorker, MappingWorker, TrackingWorker};
+use crate::workers::{Desk, Hook, LoopingWorker, MappingWorker, TrackingWorker};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
@@ -221,7 +222,10 @@ impl LiveSystem {
         let drop_late = self.options.drop_late;
         let before = self.boxes.tracking.put_when(
             |b| drop_late || b.frame.is_none(),
-            |b| b.frame.replace(arrived),
+            |b| {
+                b.dropped |= b.frame.is_some();
+                b.frame.replace(arrived)
+            },
         );
         if let Some(Some(late)) = &before {
             self.dropped.push(late.frame.id);

@@ -1,7 +1,8 @@
-//! The four threads: what each takes, in which order, and whom it tells.
+//! The threads of tracking, mapping and looping: what each takes, in which order, and whom it tells.
 
+use crate::backoff::Backoff;
 use crate::boxes::{
-    Boxes, LoopingBox, LoopingWork, MappingBox, MappingWork, Published, QUEUE, Said, TrackingBox,
+    Boxes, LoopingBox, LoopingWork, MappingBox, MappingWork, Published, QUEUE, TrackingBox,
     TrackingWork,
 };
 use crate::budget::Budget;
@@ -12,7 +13,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::SyncSender;
 use std::time::Instant;
-use stillpoint_detection::Detector;
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::MapView;
 use stillpoint_slam::{
@@ -48,7 +48,7 @@ impl Desk {
     }
 }
 
-fn call(hook: Option<&Hook>, stage: Stage) {
+pub(crate) fn call(hook: Option<&Hook>, stage: Stage) {
     if let Some(hook) = hook {
         hook(stage);
     }
@@ -62,6 +62,8 @@ pub(crate) struct TrackingWorker {
     pub(crate) stride: u64,
     /// What a frame may take; none without a limit.
     pub(crate) budget: Option<Budget>,
+    /// Lets detection rest where that is too much.
+    backoff: Backoff,
     pub(crate) frames: Vec<FrameTiming>,
     pub(crate) detections: Vec<f64>,
     /// Frames taken.
@@ -82,6 +84,7 @@ impl TrackingWorker {
             tracker,
             stride,
             budget,
+            backoff: Backoff::default(),
             frames: Vec::new(),
             detections: Vec::new(),
             taken: 0,
@@ -113,9 +116,10 @@ impl TrackingWorker {
         let TrackingWork { arrived, news } = work;
         let waited = arrived.at.elapsed().as_secs_f64();
         let rarer = self.budget.as_ref().map_or(1, Budget::rarer);
-        if self.taken.is_multiple_of(self.stride * rarer) {
+        let rarer = rarer.max(self.backoff.hear(news.dropped));
+        if self.taken.is_multiple_of(self.stride) {
             let shown = arrived.clone();
-            self.desk.boxes.detection.put(|b| *b = Some(shown));
+            self.desk.boxes.detection.put(|b| b.show(shown, rarer));
         }
         self.taken += 1;
         self.hear(news, &arrived.frame);
@@ -199,41 +203,6 @@ impl TrackingWorker {
         let room = |b: &MappingBox| b.queue.len() < QUEUE;
         let mapping = &self.desk.boxes.mapping;
         mapping.put_when(room, |b| b.queue.push_back(message));
-    }
-}
-
-/// Detection. It tells nobody but tracking, and has no desk: one that hangs would keep the channel of events open forever.
-pub(crate) struct DetectionWorker {
-    pub(crate) boxes: Arc<Boxes>,
-    pub(crate) hook: Option<Hook>,
-    pub(crate) detector: Box<dyn Detector>,
-}
-
-impl DetectionWorker {
-    /// Looks at the newest frame until the stream ends.
-    pub(crate) fn run(&mut self) -> WorkerEnd {
-        let boxes = Arc::clone(&self.boxes);
-        let end = guarded(&boxes, Stage::Detection, || {
-            call(self.hook.as_ref(), Stage::Detection);
-            while let Some(shown) = boxes.detection.take(Option::take) {
-                boxes.begins(Stage::Detection);
-                let span = tracing::info_span!("detect");
-                let answer = span.in_scope(|| self.detector.detect(&shown.frame));
-                let said = Said {
-                    answer,
-                    arrived: shown.at,
-                };
-                let room = |b: &TrackingBox| b.said.len() < QUEUE;
-                let told = boxes.tracking.put_when(room, |b| b.said.push_back(said));
-                if told.is_none() {
-                    break;
-                }
-                call(self.hook.as_ref(), Stage::Detection);
-                boxes.rests(Stage::Detection);
-            }
-        });
-        boxes.detection.close();
-        end
     }
 }
 

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
+mod detection;
 mod health;
 mod world;
 
@@ -9,7 +10,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
-use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};
+use stillpoint_detection::Detector;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, WorkerEnd};
 use stillpoint_slam::{LogEntry, LoopReport, Outcome, Replay, ReplayError, RunLog, Stages, System};
@@ -208,76 +209,12 @@ fn no_frame_is_dropped_when_none_may_be() {
     assert_reproduced(&result, &heard);
 }
 
-/// A detector that does something unusual when it is asked for the third time.
-struct Odd(u32, fn(&RgbdFrame) -> Result<Detections, DetectError>);
-
-impl Detector for Odd {
-    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
-        self.0 += 1;
-        if self.0 == 3 {
-            return (self.1)(frame);
-        }
-        Ok(Detections {
-            frame: frame.id,
-            stamp: frame.stamp,
-            items: Vec::new(),
-        })
-    }
-
-    fn info(&self) -> DetectorInfo {
-        DetectorInfo::new(DetectorKind::None, "")
-    }
-}
-
 fn unhurried() -> LiveOptions {
     LiveOptions {
         drop_late: false,
         detector_patience: Duration::from_millis(50),
         ..LiveOptions::default()
     }
-}
-
-#[test]
-fn a_detector_that_panics_is_reported_and_the_others_finish() {
-    let odd = Odd(0, |_| panic!("no more boxes"));
-    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
-    let end = Some(WorkerEnd::Panicked("no more boxes".to_owned()));
-    assert_eq!(result.ended.detection, end);
-    assert_eq!(result.ended.failures().count(), 1);
-    assert_eq!(result.trajectory.entries().len(), frames().len());
-    assert!(result.statistics.detections.len() <= 2);
-    assert_reproduced(&result, &heard);
-}
-
-#[test]
-fn a_detector_that_hangs_is_given_up() {
-    let odd = Odd(0, |_| {
-        loop {
-            std::thread::park();
-        }
-    });
-    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
-    assert_eq!(result.ended.detection, Some(WorkerEnd::GivenUp));
-    assert!(result.detector.is_none());
-    assert_eq!(result.ended.failures().count(), 1);
-    assert_eq!(result.trajectory.entries().len(), frames().len());
-    assert_reproduced(&result, &heard);
-}
-
-#[test]
-fn what_a_detector_failed_at_is_in_the_log() {
-    let odd = Odd(0, |frame| {
-        Err(DetectError::Runtime {
-            frame: frame.id,
-            reason: "out of\n\"memory\" \u{1f635}".to_owned(),
-        })
-    });
-    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 5);
-    assert_all_finished(&result);
-    assert!(result.detector.is_some());
-    let failed = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { said: Err(_), .. });
-    assert_eq!(result.log.entries.iter().filter(failed).count(), 1);
-    assert_reproduced(&result, &heard);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! What a watch says of a run: from outside, whatever the threads do.
 
-use super::{Odd, unhurried};
+use super::unhurried;
+use crate::detection::Odd;
 use crate::world::{frames, scripted, stages, within};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};

@@ -1,0 +1,65 @@
+//! How much of the time detection may take: less where tracking does not keep up with the camera.
+
+/// Frames in a row that must all be tracked before the detector may do more again. Where there is never time for everything, about
+/// one frame in twice as many is dropped.
+const CALM: u32 = 60;
+/// The detector may take at least one part in so many of the time.
+const MOST_RARELY: u64 = 4;
+
+/// Lets detection give way to tracking: it may take half as much of the time when a frame was dropped, and twice as much when for
+/// a while none was.
+#[derive(Clone, Debug)]
+pub(crate) struct Backoff {
+    rarer: u64,
+    calm: u32,
+}
+
+impl Default for Backoff {
+    fn default() -> Self {
+        Self { rarer: 1, calm: 0 }
+    }
+}
+
+impl Backoff {
+    /// Hears of each frame that is tracked whether others were dropped before it. Answers with the part of the time that detection
+    /// may take: one in so many.
+    pub(crate) fn hear(&mut self, dropped: bool) -> u64 {
+        self.calm += 1;
+        if dropped {
+            self.rarer = (2 * self.rarer).min(MOST_RARELY);
+            self.calm = 0;
+        } else if self.calm == CALM {
+            self.rarer = (self.rarer / 2).max(1);
+            self.calm = 0;
+        }
+        self.rarer
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn it_gives_way_at_once_and_comes_back_slowly() {
+        let mut backoff = Backoff::default();
+        let rarer = [false, true, false, true, true].map(|dropped| backoff.hear(dropped));
+        assert_eq!(rarer, [1, 2, 2, 4, MOST_RARELY]);
+        let calm: Vec<u64> = (0..3 * CALM).map(|_| backoff.hear(false)).collect();
+        let after = |times: u32| calm[(times * CALM) as usize - 1];
+        assert_eq!([1, 2, 3].map(after), [2, 1, 1]);
+        assert_eq!(calm[CALM as usize - 2], MOST_RARELY);
+    }
+
+    #[test]
+    fn where_there_is_never_time_for_everything_one_frame_in_many_is_dropped() {
+        let mut backoff = Backoff::default();
+        let (mut rarer, mut drops) = (1, 0);
+        for _ in 0..100 * CALM {
+            let dropped = rarer < MOST_RARELY;
+            drops += u32::from(dropped);
+            rarer = backoff.hear(dropped);
+        }
+        assert!((95..=105).contains(&drops), "{drops}");
+    }
+}

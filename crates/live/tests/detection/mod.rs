@@ -1,0 +1,132 @@
+//! Detectors that do something unusual, and when a detector is asked at all.
+
+use super::{assert_all_finished, assert_reproduced, run, unhurried};
+use crate::world::frames;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_live::{LiveOptions, Stage, WorkerEnd};
+use stillpoint_slam::LogEntry;
+
+/// A detector that does something unusual when it is asked for the third time.
+pub(crate) struct Odd(
+    pub(crate) u32,
+    pub(crate) fn(&RgbdFrame) -> Result<Detections, DetectError>,
+);
+
+impl Detector for Odd {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        self.0 += 1;
+        if self.0 == 3 {
+            return (self.1)(frame);
+        }
+        Ok(Detections {
+            frame: frame.id,
+            stamp: frame.stamp,
+            items: Vec::new(),
+        })
+    }
+
+    fn info(&self) -> DetectorInfo {
+        DetectorInfo::new(DetectorKind::None, "")
+    }
+}
+
+#[test]
+fn a_detector_that_panics_is_reported_and_the_others_finish() {
+    let odd = Odd(0, |_| panic!("no more boxes"));
+    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
+    let end = Some(WorkerEnd::Panicked("no more boxes".to_owned()));
+    assert_eq!(result.ended.detection, end);
+    assert_eq!(result.ended.failures().count(), 1);
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    assert!(result.statistics.detections.len() <= 2);
+    assert_reproduced(&result, &heard);
+}
+
+#[test]
+fn a_detector_that_hangs_is_given_up() {
+    let odd = Odd(0, |_| {
+        loop {
+            std::thread::park();
+        }
+    });
+    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
+    assert_eq!(result.ended.detection, Some(WorkerEnd::GivenUp));
+    assert!(result.detector.is_none());
+    assert_eq!(result.ended.failures().count(), 1);
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    assert_reproduced(&result, &heard);
+}
+
+#[test]
+fn what_a_detector_failed_at_is_in_the_log() {
+    let odd = Odd(0, |frame| {
+        Err(DetectError::Runtime {
+            frame: frame.id,
+            reason: "out of\n\"memory\" \u{1f635}".to_owned(),
+        })
+    });
+    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 5);
+    assert_all_finished(&result);
+    assert!(result.detector.is_some());
+    let failed = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { said: Err(_), .. });
+    assert_eq!(result.log.entries.iter().filter(failed).count(), 1);
+    assert_reproduced(&result, &heard);
+}
+
+/// A detector that takes a while, and notes when it was asked for which frame.
+struct Slow(Arc<Mutex<Vec<(FrameId, Instant)>>>);
+
+/// So long.
+const WHILE: Duration = Duration::from_millis(10);
+
+impl Detector for Slow {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        self.0.lock().unwrap().push((frame.id, Instant::now()));
+        std::thread::sleep(WHILE);
+        Ok(Detections {
+            frame: frame.id,
+            stamp: frame.stamp,
+            items: Vec::new(),
+        })
+    }
+
+    fn info(&self) -> DetectorInfo {
+        DetectorInfo::new(DetectorKind::None, "")
+    }
+}
+
+/// Where frames are dropped, the detector soon works no more than a quarter of the time.
+#[test]
+fn a_detector_rests_where_frames_are_dropped() {
+    // The shortest time between two frames that it looked at, as of the frame that was the second to follow dropped ones.
+    let shortest = |tracking_sleeps: Duration| {
+        let asked = Arc::default();
+        let options = LiveOptions {
+            drop_late: !tracking_sleeps.is_zero(),
+            hook: Some(Arc::new(move |stage| {
+                if stage == Stage::Tracking {
+                    std::thread::sleep(tracking_sleeps);
+                }
+            })),
+            ..unhurried()
+        };
+        let detector = Slow(Arc::clone(&asked));
+        let (result, heard) = run(Some(Box::new(detector)), options, 10);
+        assert_all_finished(&result);
+        assert_reproduced(&result, &heard);
+        let tracked: Vec<FrameId> = result.statistics.frames.iter().map(|f| f.frame).collect();
+        let after_dropped = tracked.windows(2).filter(|w| w[1].0 > w[0].0 + 1);
+        let since = after_dropped.map(|w| w[1]).nth(1);
+        let asked = asked.lock().unwrap();
+        let gaps = asked.windows(2).filter(|w| Some(w[1].0) >= since);
+        gaps.map(|w| w[1].1 - w[0].1).min().unwrap()
+    };
+    let gap = shortest(4 * WHILE);
+    assert!(gap >= 4 * WHILE, "{gap:?}");
+    // Control: it works all the time where none is dropped.
+    let gap = shortest(Duration::ZERO);
+    assert!(gap < 4 * WHILE, "{gap:?}");
+}
