@@ -1,12 +1,11 @@
 //! What each stage can be told, and in which order it takes it.
 
-use crate::detection::DetectionBox;
 use crate::health::{Newest, Pulse};
 use crate::mailbox::Mailbox;
 use crate::measure::Stage;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{Correction, KeyframeId, MapView};
@@ -16,6 +15,8 @@ use stillpoint_slam::{LooperMsg, MapperMsg};
 /// Messages that wait for one stage, at most; then whoever has another one waits. More than a stage that keeps up ever sees,
 /// and little enough for a machine's memory.
 pub(crate) const QUEUE: usize = 64;
+/// The detector rests no longer than this.
+const LONGEST_REST: Duration = Duration::from_secs(1);
 
 /// The inboxes of all stages.
 #[derive(Default)]
@@ -96,6 +97,47 @@ impl TrackingBox {
     }
 }
 
+/// What detection is shown, and when it worked last.
+pub(crate) struct DetectionBox<T> {
+    shown: Option<T>,
+    /// It may take one part in so many of the time; all of it with 1.
+    rarer: u64,
+    /// When it was done last, and how long it had worked.
+    last: Option<(Instant, Duration)>,
+}
+
+impl<T> Default for DetectionBox<T> {
+    fn default() -> Self {
+        Self {
+            shown: None,
+            rarer: 1,
+            last: None,
+        }
+    }
+}
+
+impl<T> DetectionBox<T> {
+    /// Shows the newest frame, of which the detector is to take one part in so many of the time.
+    pub(crate) fn show(&mut self, frame: T, rarer: u64) {
+        self.shown = Some(frame);
+        self.rarer = rarer;
+    }
+
+    /// Hears when the detector was done with a frame, and how long it had worked.
+    pub(crate) fn done(&mut self, at: Instant, worked: Duration) {
+        self.last = Some((at, worked));
+    }
+
+    /// The newest frame, unless the detector is to rest still: then the frame is kept, and may give way to newer ones.
+    pub(crate) fn next(&mut self, now: Instant) -> Option<T> {
+        let rests = self.last.is_some_and(|(at, worked)| {
+            let times = u32::try_from(self.rarer.saturating_sub(1)).unwrap_or(u32::MAX);
+            now.saturating_duration_since(at) < worked.saturating_mul(times).min(LONGEST_REST)
+        });
+        if rests { None } else { self.shown.take() }
+    }
+}
+
 /// What mapping is told.
 #[derive(Default)]
 pub(crate) struct MappingBox {
@@ -150,5 +192,37 @@ impl LoopingBox {
     pub(crate) fn next(&mut self) -> Option<LoopingWork> {
         let message = self.queue.pop_front().map(LoopingWork::Message);
         message.or_else(|| self.mapping_is_over.then_some(LoopingWork::Over))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const MS: Duration = Duration::from_millis(1);
+
+    #[test]
+    fn a_detector_rests_as_long_as_it_is_told() {
+        let start = Instant::now();
+        let mut shown = DetectionBox::default();
+        // The first frame need not wait, nor does any where there is time.
+        shown.show(1, 8);
+        assert_eq!(shown.next(start), Some(1));
+        shown.done(start, 50 * MS);
+        shown.show(2, 1);
+        assert_eq!(shown.next(start), Some(2));
+        shown.done(start, 50 * MS);
+        // Three quarters of the time it rests, and then looks at the newest frame.
+        for (frame, after) in [(3, 10), (4, 149)] {
+            shown.show(frame, 4);
+            assert_eq!(shown.next(start + after * MS), None);
+        }
+        assert_eq!(shown.next(start + 150 * MS), Some(4));
+        assert_eq!(shown.next(start + 150 * MS), None);
+        // A slow one does not rest for ever.
+        shown.done(start, 3000 * MS);
+        shown.show(5, 16);
+        assert_eq!(shown.next(start + 999 * MS), None);
+        assert_eq!(shown.next(start + 1000 * MS), Some(5));
     }
 }

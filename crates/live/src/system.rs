@@ -24,7 +24,7 @@ use stillpoint_slam::{FrameGate, RefusedFrame};
 #[derive(Clone)]
 pub struct LiveOptions {
     /// Whether a frame that tracking has not taken when the next one arrives gives way to it. Else the next one waits, and none
-    /// is dropped.
+    /// is dropped. Where frames are dropped, detection takes less of the time.
     pub drop_late: bool,
     /// How long the end of the run waits for a detector that does not answer, before its thread is left to itself.
     pub detector_patience: Duration,

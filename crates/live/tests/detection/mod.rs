@@ -9,6 +9,15 @@ use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_live::{LiveOptions, Stage, WorkerEnd};
 use stillpoint_slam::LogEntry;
 
+/// What a detector says that sees nothing.
+fn nothing(frame: &RgbdFrame) -> Result<Detections, DetectError> {
+    Ok(Detections {
+        frame: frame.id,
+        stamp: frame.stamp,
+        items: Vec::new(),
+    })
+}
+
 /// A detector that does something unusual when it is asked for the third time.
 pub(crate) struct Odd(
     pub(crate) u32,
@@ -21,11 +30,7 @@ impl Detector for Odd {
         if self.0 == 3 {
             return (self.1)(frame);
         }
-        Ok(Detections {
-            frame: frame.id,
-            stamp: frame.stamp,
-            items: Vec::new(),
-        })
+        nothing(frame)
     }
 
     fn info(&self) -> DetectorInfo {
@@ -86,11 +91,7 @@ impl Detector for Slow {
     fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
         self.0.lock().unwrap().push((frame.id, Instant::now()));
         std::thread::sleep(WHILE);
-        Ok(Detections {
-            frame: frame.id,
-            stamp: frame.stamp,
-            items: Vec::new(),
-        })
+        nothing(frame)
     }
 
     fn info(&self) -> DetectorInfo {
