@@ -2,8 +2,8 @@
 
 use crate::args::EvalArgs;
 use crate::failure::{Failure, Status};
-use crate::result::{score_figure, timed};
-use crate::summary::ScoreJson;
+use crate::run::result::{score_figure, timed};
+use crate::run::summary::ScoreJson;
 use crate::{console, output, report};
 use std::path::Path;
 use stillpoint::datasets::trajectory;

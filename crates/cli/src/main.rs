@@ -3,68 +3,26 @@
 //! Answers: what the user asked for, which parts do it, and how it ended. Holds no method of its own. This is the only
 //! place that reads the environment, and but for live runs the only one that reads the clock; results never depend on either.
 
-mod ablation;
-mod ablation_report;
-mod about;
 mod args;
-mod args_map;
-mod args_models;
-mod args_run;
 mod bench;
-mod bench_runner;
-mod bench_source;
-mod cache;
 mod config;
-mod config_docs;
 mod console;
 mod demo;
-mod demo_detector;
-mod demo_pictures;
-mod demo_report;
 mod detect;
-mod detect_images;
-mod detect_output;
 mod detector;
 mod eval;
 mod failure;
-mod frames;
 mod interrupt;
-mod live_report;
 mod machine;
 mod map;
-mod map_export;
-mod map_file;
-mod map_merge;
 mod models;
-mod models_check;
-mod models_import;
-mod models_pull;
-mod network;
 mod output;
-mod overlay;
-mod played;
-mod priority;
-mod replay;
 mod report;
-mod result;
 mod run;
-mod runtime;
-mod session;
-mod session_live;
-mod session_outputs;
-mod session_replay;
 mod simulate;
 mod spelling;
-mod suite;
-mod suite_catalogue;
-mod suite_find;
-mod suite_report;
-mod summary;
-mod summary_detector;
-mod tally;
 mod timing;
 mod trace;
-mod verdicts;
 
 use args::{Arguments, Command, ConfigCommand};
 use clap::Parser;
@@ -95,7 +53,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
     match &arguments.command {
         Command::Demo(a) => demo::demo(a, timing),
         Command::Run(a) => run::run(a, timing),
-        Command::Replay(a) => replay::replay(a, timing),
+        Command::Replay(a) => run::replay::replay(a, timing),
         Command::Eval(a) => eval::eval(a),
         Command::Simulate(a) => simulate::simulate(a),
         Command::Bench(a) => bench::bench(a),

@@ -2,7 +2,7 @@
 //! an old result.
 
 use crate::failure::Failure;
-use crate::frames::is_piece_file;
+use crate::run::frames::is_piece_file;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufWriter, Write};

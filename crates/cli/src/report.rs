@@ -1,8 +1,8 @@
 //! What `run`, `demo` and `eval` print about a result.
 
-use crate::live_report::LiveJson;
 use crate::models::megabytes;
-use crate::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
+use crate::run::live_report::LiveJson;
+use crate::run::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
 use stillpoint::evaluation::Table;
 use stillpoint::evaluation::timing;
 

@@ -1,4 +1,4 @@
-//! Holds `src/config_docs.txt` against the documentation of the configuration structs. After a change of those, renew it by
+//! Holds `src/config/docs.txt` against the documentation of the configuration structs. After a change of those, renew it by
 //! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test config_docs`, then what the test `golden` compares, which
 //! holds the same text.
 #![allow(clippy::unwrap_used)]
@@ -74,7 +74,7 @@ fn documentation_is_that_of_the_source() {
     }
     let mut expected = String::new();
     describe(&all, "Config", "", &mut expected);
-    let path = here.join("src/config_docs.txt");
+    let path = here.join("src/config/docs.txt");
     if std::env::var_os("STILLPOINT_BLESS").is_some() {
         std::fs::write(&path, &expected).unwrap();
     }

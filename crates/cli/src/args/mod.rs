@@ -1,0 +1,305 @@
+//! The command line, as clap reads it. Every command's help ends with examples.
+
+pub(crate) mod map;
+pub(crate) mod models;
+pub(crate) mod run;
+
+use crate::args::map::MapCommand;
+use crate::args::models::{DetectArgs, DetectorArgs, ModelsCommand};
+use crate::args::run::{ReplayArgs, RunArgs};
+use crate::bench::suite::catalogue::Suite;
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+use stillpoint::evaluation::Delta;
+
+const EXIT_CODES: &str = "Exit codes:
+  0  all went well
+  1  it ran, but tracking was lost in some frame, or Ctrl-C ended it early
+  2  the arguments, the input or the output folder cannot be used";
+
+const ROOT_EXAMPLES: &str = "Examples:
+  stillpoint demo
+  stillpoint run rgbd_dataset_freiburg1_xyz
+  stillpoint eval groundtruth.txt out/rgbd_dataset_freiburg1_xyz/trajectory.txt
+
+";
+
+/// Visual RGB-D SLAM: from a folder of images to a trajectory and its score.
+#[derive(Debug, Parser)]
+// Width 0 leaves lines as they are: clap would wrap them or not, depending on what else is built with it.
+#[command(name = "stillpoint", version, term_width = 0, after_help = format!("{ROOT_EXAMPLES}{EXIT_CODES}"))]
+pub(crate) struct Arguments {
+    /// Say nothing but errors (results of eval and config print are still printed).
+    #[arg(
+        short,
+        long,
+        global = true,
+        conflicts_with = "verbose",
+        display_order = 900
+    )]
+    pub(crate) quiet: bool,
+    /// Say more; twice for every detail.
+    #[arg(short, long, global = true, action = ArgAction::Count, display_order = 901)]
+    pub(crate) verbose: u8,
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    Demo(DemoArgs),
+    Run(RunArgs),
+    Replay(ReplayArgs),
+    Eval(EvalArgs),
+    Simulate(SimulateArgs),
+    Bench(BenchArgs),
+    Detect(DetectArgs),
+    #[command(subcommand)]
+    Map(MapCommand),
+    #[command(subcommand)]
+    Models(ModelsCommand),
+    /// Show the configuration.
+    #[command(
+        subcommand,
+        after_help = "Examples:
+  stillpoint config print > my.toml
+  stillpoint run recording --config my.toml"
+    )]
+    Config(ConfigCommand),
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum ConfigCommand {
+    Print(PrintArgs),
+}
+
+/// Print the resolved configuration as TOML, every value with its meaning.
+///
+/// Layers, later ones win: defaults, --config, --set in the given order, --seed.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint config print > my.toml
+  stillpoint config print --config my.toml --set mapping.close=2.5"
+)]
+pub(crate) struct PrintArgs {
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}
+
+/// Layers of the configuration, shared by the commands that run the system.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct ConfigArgs {
+    /// Configuration file (TOML); what it does not name keeps its default.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) config: Option<PathBuf>,
+    /// Set one value, e.g. features.features=1500; may be repeated, and wins over the file.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<String>,
+    /// Seed of every random choice; short for --set seed=N.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(..=i64::MAX as u64))]
+    pub(crate) seed: Option<u64>,
+}
+
+/// Which frames of a data set, seen by which camera.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct InputArgs {
+    /// Camera file (camera.toml or camera.txt) or preset; guessed when not given.
+    /// Presets: tum_fr1, tum_fr2, tum_fr3, bonn, bonn_calibrated, icl_nuim, seven_scenes
+    #[arg(long, value_name = "FILE|PRESET", verbatim_doc_comment)]
+    pub(crate) camera: Option<String>,
+    /// Leave out this many frames at the start.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) start: usize,
+    /// Read at most this many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    pub(crate) max_frames: Option<u64>,
+    #[command(flatten)]
+    pub(crate) detector: DetectorArgs,
+    /// End with an error at the first unreadable frame instead of skipping it.
+    #[arg(long)]
+    pub(crate) strict: bool,
+}
+
+impl InputArgs {
+    /// The same with another detector.
+    pub(crate) fn with_detector(&self, argument: String) -> Self {
+        Self {
+            detector: DetectorArgs {
+                detector: Some(argument),
+                ..self.detector.clone()
+            },
+            ..self.clone()
+        }
+    }
+}
+
+/// Where the demo's detections come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DemoDetector {
+    /// The simulator's own.
+    Simulated,
+    /// No detector.
+    None,
+}
+
+/// Simulate a room with people in it, run SLAM on it without and with the static filter, and compare.
+///
+/// Needs no input and no download. The results, as those of `run`, are in off/ and on/ of the result
+/// folder, beside pictures of both: side_by_side.png, animation.png (APNG), comparison.svg and .png.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint demo
+  stillpoint demo --detector none
+  stillpoint demo --scene walking_halfsphere --frames 600 --out /tmp/demo
+  stillpoint demo --set static_filter.preset=paper
+
+Exit code 1 when the run with the filter lost a frame or exceeds its bound: 10 mm with detections, 15 mm without;
+or when Ctrl-C ended it."
+)]
+pub(crate) struct DemoArgs {
+    /// Scene to simulate: any of those of simulate.
+    #[arg(long, value_name = "NAME", default_value = "walking_xyz")]
+    pub(crate) scene: String,
+    /// Where detections come from: the simulator's own, of which 30 % are missing, or nowhere.
+    #[arg(
+        long,
+        value_name = "simulated|none",
+        value_enum,
+        default_value = "simulated",
+        hide_possible_values = true
+    )]
+    pub(crate) detector: DemoDetector,
+    /// Number of frames (30 per second).
+    #[arg(long, value_name = "N", default_value_t = 300, value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    pub(crate) frames: u64,
+    /// Result folder.
+    #[arg(long, value_name = "DIR", default_value = "out/demo")]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}
+
+/// Score a trajectory against ground truth: ATE and RPE.
+///
+/// Both files are in the TUM format: timestamp tx ty tz qx qy qz qw. Poses within 0.02 s belong
+/// together. ATE is taken after alignment by SE(3), with --scale by Sim(3). RPE is taken over
+/// --delta: seconds as the TUM script with a fixed delta, or frames as evo over all pairs.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint eval groundtruth.txt out/desk/trajectory.txt
+  stillpoint eval groundtruth.txt trajectory.txt --delta 30f --json
+  stillpoint eval groundtruth.txt trajectory.txt --plot errors.svg"
+)]
+pub(crate) struct EvalArgs {
+    /// Ground truth, TUM format.
+    #[arg(value_name = "GROUNDTRUTH")]
+    pub(crate) ground_truth: PathBuf,
+    /// Estimated trajectory, TUM format.
+    #[arg(value_name = "ESTIMATE")]
+    pub(crate) estimate: PathBuf,
+    /// Align with scale: Sim(3) instead of SE(3).
+    #[arg(long)]
+    pub(crate) scale: bool,
+    /// What RPE is taken over: seconds (1s) or frames (30f).
+    #[arg(long, value_name = "DELTA", default_value = "1s")]
+    pub(crate) delta: Delta,
+    /// Print JSON (metres, degrees) instead of a table.
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Write a plot: top view coloured by error, x/y/z and error over time. SVG or PNG by the name.
+    #[arg(long, value_name = "FILE.svg|png")]
+    pub(crate) plot: Option<PathBuf>,
+}
+
+/// Write a simulated data set with exact ground truth, in the TUM layout.
+///
+/// Where something moves, mask/ says which pixels belong to which mover (0: none), boxes.csv holds
+/// the boxes around them (timestamp,mover,x0,y0,x1,y1,visible_px), and detections.csv holds what a
+/// small network would find (30 % missed, borders off by 4 px), for run --detector scripted:FILE.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint simulate --scene xyz --out xyz
+  stillpoint simulate --scene halfsphere --frames 60 --seed 7 --jpeg --out small
+  stillpoint simulate --scene walking_xyz --out walking
+  stillpoint run walking --detector scripted:walking/detections.csv"
+)]
+pub(crate) struct SimulateArgs {
+    /// Scene: xyz, rpy, halfsphere, static or loop_two_rooms; with people walking_xyz, walking_rpy,
+    /// walking_halfsphere, walking_static or sitting_xyz; with a person who carries a box box_carried.
+    #[arg(long, value_name = "NAME", verbatim_doc_comment)]
+    pub(crate) scene: String,
+    /// New or empty folder to write to.
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// Number of frames (30 per second) [default: the scene's own length].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    pub(crate) frames: Option<u64>,
+    /// Seed of room, textures and noise.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) seed: u64,
+    /// Ideal images: no noise, no holes, no exposure change; detections that miss nothing.
+    #[arg(long)]
+    pub(crate) ideal: bool,
+    /// Colour images as JPEG instead of PNG: a third of the size.
+    #[arg(long)]
+    pub(crate) jpeg: bool,
+}
+
+/// Run data sets several times and report accuracy, speed and memory.
+///
+/// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the
+/// results of the runs stay in runs/ beside them.
+///
+/// With --suite, the sequences of a public data set are looked for in PATH by their names, as
+/// published, down to three folders below it; those found are run, and suite.md and suite.json
+/// put their errors beside published ones. A sequence that fails is listed with its error.
+///
+/// With --ablation, each PATH is run with six configurations of the static filter: none, objects (O),
+/// epipolar constraint (G), O+G, O+G and depth (O+G+D), as published, and the default one. Writes
+/// ablation.md and ablation.json, beside the published ablation where a name matches. Runs differ
+/// in their seeds.
+///
+/// sim:SCENE stands for a simulated scene, with the simulator's own detections unless --detector says
+/// otherwise. In --detector, {} stands for the folder: scripted:{}/detections.csv.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint bench rgbd_dataset_freiburg1_xyz
+  stillpoint bench data/* --runs 5 --out out/bench
+  stillpoint bench --suite tum-dynamic ~/data/tum --runs 1
+  stillpoint bench --ablation sim:walking_xyz sim:walking_rpy --runs 5
+  stillpoint bench --ablation rgbd_dataset_freiburg3_walking_xyz --detector yolox_nano_416.onnx
+
+Exit code 1 when a frame was lost (of an ablation: by the default filter), a run failed, or Ctrl-C ended it;
+2 when a data set, the output folder, or no sequence of a suite can be used."
+)]
+pub(crate) struct BenchArgs {
+    /// Data set folders, or sim:SCENE; with --suite, folders to look in.
+    #[arg(value_name = "PATH", required = true)]
+    pub(crate) paths: Vec<PathBuf>,
+    /// Run all sequences of a public data set that are found, and compare with published figures.
+    #[arg(long, value_name = "NAME", value_enum)]
+    pub(crate) suite: Option<Suite>,
+    /// Show what each part of the static filter is worth.
+    #[arg(long, conflicts_with = "suite")]
+    pub(crate) ablation: bool,
+    /// Runs per data set; of an ablation, per data set and configuration.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) runs: u32,
+    /// Folder to write to.
+    #[arg(long, value_name = "DIR", default_value = "out/bench")]
+    pub(crate) out: PathBuf,
+    #[command(flatten)]
+    pub(crate) input: InputArgs,
+    #[command(flatten)]
+    pub(crate) config: ConfigArgs,
+}

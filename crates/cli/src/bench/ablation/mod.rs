@@ -1,0 +1,393 @@
+//! `bench --ablation`: what each part of the static filter is worth, as published ablations show it.
+
+pub(crate) mod report;
+
+use crate::args::{BenchArgs, ConfigArgs};
+use crate::bench::runner::{Plan, Sequence, median};
+use crate::bench::source::{Prepared, Source};
+use crate::bench::suite::Figures;
+use crate::bench::suite::catalogue::{Ablated, published_ablation};
+use crate::bench::{command_line, unique_names};
+use crate::failure::{Failure, Status};
+use crate::interrupt::Interrupt;
+use crate::machine::Machine;
+use crate::run::summary::Summary;
+use crate::{config, console, output};
+use serde::Serialize;
+use std::path::Path;
+
+/// A configuration of the static filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Variant {
+    /// No filter.
+    None,
+    /// Objects.
+    O,
+    /// Epipolar constraint.
+    G,
+    /// Objects and epipolar constraint.
+    Og,
+    /// Objects, epipolar constraint and depth: all of the published method.
+    Ogd,
+    /// This project's own filter.
+    Default,
+}
+
+impl Variant {
+    /// In the order of the report.
+    pub(crate) const ALL: [Self; 6] = [
+        Self::None,
+        Self::O,
+        Self::G,
+        Self::Og,
+        Self::Ogd,
+        Self::Default,
+    ];
+
+    /// As the report says it.
+    pub(crate) fn label(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::O => "O",
+            Self::G => "G",
+            Self::Og => "O+G",
+            Self::Ogd => "O+G+D",
+            Self::Default => "default",
+        }
+    }
+
+    /// Without a detector it is the same as one with fewer letters.
+    fn needs_detector(self) -> bool {
+        matches!(self, Self::O | Self::Og | Self::Ogd)
+    }
+
+    /// What the system is told, after all that the user set.
+    fn settings(self) -> Vec<String> {
+        let paper = |objects, geometry, depth| {
+            vec![
+                "static_filter.preset=paper".to_owned(),
+                format!("static_filter.objects={objects}"),
+                format!("static_filter.geometry={geometry}"),
+                format!("static_filter.depth={depth}"),
+            ]
+        };
+        match self {
+            Self::None => vec!["static_filter.preset=off".to_owned()],
+            Self::O => paper(true, false, false),
+            Self::G => paper(false, true, false),
+            Self::Og => paper(true, true, false),
+            Self::Ogd => paper(true, true, true),
+            Self::Default => vec!["static_filter.preset=default".to_owned()],
+        }
+    }
+}
+
+/// The file `ablation.json`.
+#[derive(Debug, Serialize)]
+pub(crate) struct Report {
+    pub(crate) machine: Machine,
+    pub(crate) command: String,
+    /// Seeds of the runs of every configuration.
+    pub(crate) seeds: Vec<u64>,
+    pub(crate) sequences: Vec<Row>,
+}
+
+/// One sequence.
+#[derive(Debug, Serialize)]
+pub(crate) struct Row {
+    pub(crate) name: String,
+    pub(crate) path: String,
+    /// What objects were detected with.
+    pub(crate) detector: String,
+    /// Nothing looked at the frames.
+    pub(crate) blind: bool,
+    /// Why nothing could be run.
+    pub(crate) error: Option<String>,
+    pub(crate) variants: Vec<Cell>,
+    /// ATE RMSE that others published on the recording of this name, m.
+    pub(crate) published: Option<Ablated>,
+}
+
+/// One sequence with one configuration.
+#[derive(Debug, Serialize)]
+pub(crate) struct Cell {
+    /// Its label.
+    pub(crate) variant: &'static str,
+    pub(crate) settings: Vec<String>,
+    /// Why a run failed.
+    pub(crate) error: Option<String>,
+    /// `None` when no run came to its end.
+    pub(crate) figures: Option<Figures>,
+    /// Share of keypoints that were rejected: median over the runs.
+    pub(crate) rejected: Option<f64>,
+    pub(crate) runs: Vec<Summary>,
+}
+
+/// Runs every path with every configuration and writes the report.
+///
+/// # Errors
+/// Paths that are neither folders nor scenes, a name of no detector, an output folder that cannot be written. What fails later is a line of the
+/// report.
+pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, Failure> {
+    let sources: Result<Vec<Source>, Failure> = args.paths.iter().map(|p| Source::of(p)).collect();
+    let sources = sources?;
+    let seeds = seeds(config::resolve(&args.config)?.seed, args.runs);
+    let settled = crate::bench::source::settle(&sources, &args.input)?;
+    args.plan().prepare()?;
+    let mut sequences = Vec::new();
+    for ((source, path), name) in sources
+        .iter()
+        .zip(&args.paths)
+        .zip(unique_names(&args.paths))
+    {
+        if interrupt.requested() {
+            break;
+        }
+        let mut row = row(args, name, path);
+        match source.prepare(&args.input, &settled, &args.out, seeds[0]) {
+            Ok(prepared) => {
+                row.detector.clone_from(&prepared.words);
+                row.blind = prepared.blind;
+                row.variants = variants(args, (&row.name, &prepared), &seeds, interrupt);
+            }
+            // Ctrl-C reaches the simulation too.
+            Err(_) if interrupt.requested() => break,
+            Err(e) => {
+                console::warn(&format!("{}: {e}", row.name));
+                row.error = Some(e.to_string());
+            }
+        }
+        sequences.push(row);
+    }
+    let report = Report {
+        machine: Machine::here(),
+        command: command_line(),
+        seeds,
+        sequences,
+    };
+    write(&report, &args.out)?;
+    if interrupt.requested() {
+        console::line("interrupted: the report holds the runs that ended");
+        return Ok(Status::Failed);
+    }
+    Ok(status(&report.sequences))
+}
+
+/// Seeds of the runs: a run with the seed of another would be that run again.
+fn seeds(first: u64, runs: u32) -> Vec<u64> {
+    let last = i64::MAX as u64;
+    (0..u64::from(runs))
+        .map(|k| first.wrapping_add(k) & last)
+        .collect()
+}
+
+fn row(args: &BenchArgs, name: String, path: &Path) -> Row {
+    Row {
+        published: published_ablation(&name),
+        name,
+        path: path.display().to_string(),
+        detector: args.input.detector.detector.clone().unwrap_or_default(),
+        blind: false,
+        error: None,
+        variants: Vec::new(),
+    }
+}
+
+/// All configurations that differ on a sequence.
+fn variants(
+    args: &BenchArgs,
+    (name, prepared): (&str, &Prepared),
+    seeds: &[u64],
+    interrupt: &Interrupt,
+) -> Vec<Cell> {
+    let mut cells = Vec::new();
+    for variant in Variant::ALL {
+        if interrupt.requested() {
+            break;
+        }
+        if !(prepared.blind && variant.needs_detector()) {
+            cells.push(cell(args, (name, prepared), (variant, seeds), interrupt));
+        }
+    }
+    cells
+}
+
+/// Runs a sequence with one configuration, once per seed.
+fn cell(
+    args: &BenchArgs,
+    (name, prepared): (&str, &Prepared),
+    (variant, seeds): (Variant, &[u64]),
+    interrupt: &Interrupt,
+) -> Cell {
+    let settings = variant.settings();
+    let mut sequence = Sequence {
+        name: name.to_owned(),
+        path: prepared.path.display().to_string(),
+        detector: prepared.words.clone(),
+        identical: true,
+        runs: Vec::new(),
+    };
+    let mut first = None;
+    let mut error = None;
+    for (k, seed) in seeds.iter().enumerate() {
+        let config = ConfigArgs {
+            config: args.config.config.clone(),
+            set: [args.config.set.clone(), settings.clone()].concat(),
+            seed: Some(*seed),
+        };
+        let plan = Plan {
+            input: &prepared.input,
+            config: &config,
+            ..args.plan()
+        };
+        let label = variant.label();
+        console::info(&format!("{name}: {label}, seed {seed}"));
+        let result = plan.once(&prepared.path, &format!("{name}-{label}-{}", k + 1));
+        if interrupt.requested() {
+            break;
+        }
+        match result {
+            Ok((summary, trajectory)) => {
+                sequence.identical &=
+                    *first.get_or_insert_with(|| trajectory.clone()) == trajectory;
+                sequence.runs.push(summary);
+            }
+            Err(e) => {
+                console::warn(&format!("{name}: {label}: {e}"));
+                error = Some(e.to_string());
+                break;
+            }
+        }
+    }
+    let shares: Vec<f64> = sequence
+        .runs
+        .iter()
+        .map(|r| r.features.dynamic_share)
+        .collect();
+    Cell {
+        variant: variant.label(),
+        settings,
+        error,
+        figures: crate::bench::suite::figures(&sequence),
+        rejected: (!shares.is_empty()).then(|| median(shares)),
+        runs: sequence.runs,
+    }
+}
+
+fn write(report: &Report, out: &Path) -> Result<(), Failure> {
+    let json = serde_json::to_string_pretty(report).map_err(Failure::input)?;
+    output::write_file(&out.join("ablation.json"), format!("{json}\n").as_bytes())?;
+    let markdown = report::markdown(report);
+    output::write_file(&out.join("ablation.md"), markdown.as_bytes())?;
+    console::report(&format!("{markdown}\nwritten to {}\n", out.display()));
+    Ok(())
+}
+
+/// Well when every run came to its end with a score, and the project's own filter lost no frame: that the others do is what
+/// an ablation shows.
+fn status(rows: &[Row]) -> Status {
+    let scored = |c: &Cell| {
+        let f = c.figures.as_ref();
+        c.error.is_none() && f.is_some_and(|f| f.ate.is_some() || f.drift.is_some())
+    };
+    let whole = |c: &Cell| {
+        let own = c.variant == Variant::Default.label();
+        !own || c.figures.as_ref().is_some_and(|f| f.tracked.worst >= 1.0)
+    };
+    let mut cells = rows.iter().flat_map(|r| &r.variants);
+    if cells.clone().all(|c| c.figures.is_none()) {
+        Status::Unusable
+    } else if rows.iter().all(|r| r.error.is_none()) && cells.all(|c| scored(c) && whole(c)) {
+        Status::Ok
+    } else {
+        Status::Failed
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::runner::Spread;
+
+    #[test]
+    fn settings_are_those_of_the_configuration() {
+        for variant in Variant::ALL {
+            let args = ConfigArgs {
+                set: variant.settings(),
+                ..ConfigArgs::default()
+            };
+            let f = config::resolve(&args).unwrap().static_filter;
+            let letters = [(f.objects, "O"), (f.geometry, "G"), (f.depth, "D")];
+            let on: Vec<&str> = letters.iter().filter(|l| l.0).map(|l| l.1).collect();
+            let preset = format!("{:?}", f.preset).to_lowercase();
+            match variant {
+                Variant::None => assert_eq!(preset, "off"),
+                Variant::Default => assert_eq!(preset, "default"),
+                _ => assert_eq!(
+                    (preset.as_str(), on.join("+").as_str()),
+                    ("paper", variant.label())
+                ),
+            }
+        }
+    }
+
+    #[test]
+    fn runs_have_seeds_of_their_own() {
+        assert_eq!(seeds(7, 3), [7, 8, 9]);
+        assert_eq!(seeds(i64::MAX as u64, 2), [i64::MAX as u64, 0]);
+    }
+
+    fn rows(variant: Variant, tracked: Option<f64>, scored: bool) -> Vec<Row> {
+        let spread = |x| Spread {
+            median: x,
+            worst: x,
+        };
+        let errors = crate::bench::suite::Errors {
+            rmse: spread(0.01),
+            sd: spread(0.01),
+        };
+        let figures = tracked.map(|tracked| Figures {
+            camera: String::new(),
+            frames: 10,
+            evaluated: 10,
+            tracked: spread(tracked),
+            identical: true,
+            ate: scored.then_some(errors),
+            rpe_translation: None,
+            rpe_rotation_deg: None,
+            drift: None,
+        });
+        let cell = Cell {
+            variant: variant.label(),
+            settings: Vec::new(),
+            error: None,
+            figures,
+            rejected: None,
+            runs: Vec::new(),
+        };
+        vec![Row {
+            name: "room".into(),
+            path: "room".into(),
+            detector: "none".into(),
+            blind: true,
+            error: None,
+            variants: vec![cell],
+            published: None,
+        }]
+    }
+
+    #[test]
+    fn only_the_own_filter_has_to_keep_all_frames() {
+        assert_eq!(status(&rows(Variant::None, Some(0.5), true)), Status::Ok);
+        assert_eq!(status(&rows(Variant::Default, Some(1.0), true)), Status::Ok);
+        assert_eq!(
+            status(&rows(Variant::Default, Some(0.5), true)),
+            Status::Failed
+        );
+        assert_eq!(status(&rows(Variant::O, Some(1.0), false)), Status::Failed);
+        assert_eq!(status(&rows(Variant::O, None, false)), Status::Unusable);
+        let mut broken = rows(Variant::Default, Some(1.0), true);
+        broken[0].variants[0].error = Some("no".into());
+        assert_eq!(status(&broken), Status::Failed);
+    }
+}

@@ -1,0 +1,192 @@
+//! The report of an ablation as Markdown, which also reads well in a terminal.
+
+use crate::bench::ablation::{Cell, Report, Row, Variant};
+use crate::bench::suite::{Errors, Figures};
+use stillpoint::evaluation::{Align, Table};
+
+pub(crate) fn markdown(report: &Report) -> String {
+    let m = &report.machine;
+    let mut text = format!(
+        "# Ablation of the static filter\n\nMade by `{}`.\n\n{}, {} cores, {}; {}; Stillpoint {}.\n\n",
+        report.command, m.cpu, m.cores, m.system, m.rustc, m.stillpoint
+    );
+    text += "O: objects. G: epipolar constraint. D: depth within boxes. The first five configurations are the published method \
+             with that much of it (preset `off`, else `paper`), the last is this project's own filter (preset `default`). ATE is \
+             that of the final poses after alignment by a rigid motion; SD is its standard deviation over the frames. Frames go \
+             through tracking and mapping one after the other, with nothing dropped.\n\n";
+    text += &runs(&report.seeds);
+    text += "\n\nATE RMSE in mm, median over the runs; in brackets the share of frames with a pose where some have none.\n\n";
+    text += &overview(&report.sequences);
+    text +=
+        "\nIn detail: after the stroke the worst run. \"rejected\" is the share of keypoints.\n\n";
+    text += &details(&report.sequences);
+    let notes: String = report.sequences.iter().map(notes).collect();
+    if !notes.is_empty() {
+        text += "\n";
+        text += &notes;
+    }
+    text
+}
+
+/// How often, and what differs.
+fn runs(seeds: &[u64]) -> String {
+    match seeds {
+        [] => String::new(),
+        [one] => format!("One run each, with seed {one}."),
+        [first, .., last] => format!(
+            "{} runs each: they differ in the seed of the system's random choices ({first} to {last}) and in nothing else. The \
+             same seed gives the same result.",
+            seeds.len()
+        ),
+    }
+}
+
+/// A line per sequence, a column per configuration, as ablations are published.
+fn overview(rows: &[Row]) -> String {
+    let header = ["sequence"].into_iter();
+    let mut table = Table::new(header.chain(Variant::ALL.map(Variant::label)));
+    for row in rows {
+        let ours = Variant::ALL.map(|v| {
+            let cell = row.variants.iter().find(|c| c.variant == v.label());
+            cell.map_or_else(absent, short)
+        });
+        table.row([row.name.clone()].into_iter().chain(ours));
+        if let Some(p) = &row.published {
+            let theirs = p.ate.map(|ate| format!("{:.1}", ate * 1e3));
+            let name = format!("{} as published", p.recording);
+            table.row([name].into_iter().chain(theirs));
+        }
+    }
+    table.to_markdown()
+}
+
+fn absent() -> String {
+    "-".to_owned()
+}
+
+/// The absolute error, or the drift where the ground truth stands still.
+fn errors(figures: &Figures) -> Option<Errors> {
+    figures.ate.or(figures.drift)
+}
+
+fn short(cell: &Cell) -> String {
+    let Some(figures) = &cell.figures else {
+        return "failed".to_owned();
+    };
+    let error = errors(figures).map_or_else(absent, |e| format!("{:.1}", e.rmse.median * 1e3));
+    let tracked = figures.tracked.median;
+    if tracked < 1.0 {
+        format!("{error} ({:.0} %)", floor_percent(tracked))
+    } else {
+        error
+    }
+}
+
+/// Not rounded up to all frames.
+fn floor_percent(share: f64) -> f64 {
+    (share * 100.0).floor()
+}
+
+/// A line per sequence and configuration.
+fn details(rows: &[Row]) -> String {
+    let mut table = Table::new([
+        "sequence",
+        "filter",
+        "frames",
+        "tracked %",
+        "ATE mm",
+        "SD",
+        "rejected %",
+    ])
+    .align(1, Align::Left);
+    for row in rows {
+        for cell in &row.variants {
+            let f = cell.figures.as_ref();
+            let e = f.and_then(errors);
+            table.row([
+                row.name.clone(),
+                cell.variant.to_owned(),
+                f.map_or_else(absent, |f| f.frames.to_string()),
+                f.map_or_else(absent, |f| {
+                    let (median, worst) = (f.tracked.median * 100.0, f.tracked.worst * 100.0);
+                    format!("{median:.1} / {worst:.1}")
+                }),
+                e.map_or_else(absent, |e| {
+                    let (median, worst) = (e.rmse.median * 1e3, e.rmse.worst * 1e3);
+                    format!("{median:.1} / {worst:.1}")
+                }),
+                e.map_or_else(absent, |e| format!("{:.1}", e.sd.median * 1e3)),
+                cell.rejected
+                    .map_or_else(absent, |share| format!("{:.1}", share * 100.0)),
+            ]);
+        }
+    }
+    table.to_markdown()
+}
+
+/// What does not fit into the tables.
+fn notes(row: &Row) -> String {
+    let mut text = String::new();
+    let mut add = |note: &str| {
+        // A message of several lines would end the list.
+        let note: Vec<&str> = note.split_whitespace().collect();
+        text += &format!("- {}: {}\n", row.name, note.join(" "));
+    };
+    add(&format!("detector: {}", row.detector));
+    if row.error.is_none() && row.blind {
+        add("without a detector O, O+G and O+G+D are the same as none and G, and were left out");
+    }
+    if row.published.is_some() && row.name.starts_with("sim:") {
+        add(
+            "the published figures are about the recording of that name, which the simulated scene is modelled on",
+        );
+    }
+    if let Some(e) = &row.error {
+        add(e);
+    }
+    let same = |c: &&Cell| c.runs.len() > 1 && c.figures.as_ref().is_some_and(|f| f.identical);
+    let same: Vec<&str> = row
+        .variants
+        .iter()
+        .filter(same)
+        .map(|c| c.variant)
+        .collect();
+    if !same.is_empty() {
+        add(&format!("the seed changes nothing for {}", same.join(", ")));
+    }
+    let drift = |c: &Cell| {
+        c.figures
+            .as_ref()
+            .is_some_and(|f| f.ate.is_none() && f.drift.is_some())
+    };
+    if row.variants.iter().any(drift) {
+        add("the camera stands still in the ground truth; the error is the drift");
+    }
+    for cell in &row.variants {
+        if let Some(e) = &cell.error {
+            add(&format!("{}: {e}", cell.variant));
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn runs_are_told_by_their_seeds() {
+        assert_eq!(runs(&[4]), "One run each, with seed 4.");
+        let many = runs(&[4, 5, 6]);
+        assert!(
+            many.starts_with("3 runs each") && many.contains("(4 to 6)"),
+            "{many}"
+        );
+    }
+
+    #[test]
+    fn a_lost_frame_shows() {
+        assert_eq!(floor_percent(0.999), 99.0);
+        assert_eq!(floor_percent(1.0), 100.0);
+    }
+}

@@ -1,0 +1,260 @@
+//! One data set several times, each run in a fresh process, so that memory and timing are honest.
+
+use crate::args::models::DetectorArgs;
+use crate::args::{ConfigArgs, InputArgs};
+use crate::console;
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::run::summary::Summary;
+use serde::Serialize;
+use std::ffi::OsString;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+/// Stands for the data set's folder in the name of a detector.
+const PLACE: &str = "{}";
+
+/// All runs of one data set.
+#[derive(Debug, Serialize)]
+pub(crate) struct Sequence {
+    pub(crate) name: String,
+    pub(crate) path: String,
+    /// What objects were detected with, in words.
+    pub(crate) detector: String,
+    /// True when all runs gave the same trajectory, byte for byte.
+    pub(crate) identical: bool,
+    pub(crate) runs: Vec<Summary>,
+}
+
+/// Median and worst of several runs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(crate) struct Spread {
+    pub(crate) median: f64,
+    pub(crate) worst: f64,
+}
+
+impl Spread {
+    /// `None` without values. The worst is the largest.
+    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> Option<Self> {
+        let values: Vec<f64> = values.into_iter().collect();
+        let worst = values.iter().copied().reduce(f64::max)?;
+        let median = median(values);
+        Some(Self { median, worst })
+    }
+
+    /// Share of frames with a pose, of which the worst is the smallest. Not a number without runs.
+    pub(crate) fn of_tracked(runs: &[Summary]) -> Self {
+        let shares: Vec<f64> = runs
+            .iter()
+            .map(|r| r.tracked as f64 / r.frames.max(1) as f64)
+            .collect();
+        Self {
+            worst: shares.iter().copied().fold(f64::INFINITY, f64::min),
+            median: median(shares),
+        }
+    }
+}
+
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let n = values.len();
+    match n {
+        0 => f64::NAN,
+        _ if n % 2 == 1 => values[n / 2],
+        _ => 0.5 * (values[n / 2 - 1] + values[n / 2]),
+    }
+}
+
+/// How data sets are run.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plan<'a> {
+    /// Runs per data set.
+    pub(crate) runs: u32,
+    /// The runs' results go to `runs/` in it.
+    pub(crate) out: &'a Path,
+    /// What every run is told.
+    pub(crate) input: &'a InputArgs,
+    /// What every run is told.
+    pub(crate) config: &'a ConfigArgs,
+}
+
+impl Plan<'_> {
+    /// Makes the folder for the results, so that one that cannot be written is known before the first run.
+    pub(crate) fn prepare(&self) -> Result<(), Failure> {
+        let folder = self.out.join("runs");
+        std::fs::create_dir_all(&folder).map_err(|e| Failure::write(&folder, &e))
+    }
+
+    /// Runs a data set as often as planned, or until the user asks to stop. `name` is that of its results.
+    ///
+    /// # Errors
+    /// The first run that cannot be carried out; losing frames is none.
+    pub(crate) fn run(
+        &self,
+        path: &Path,
+        name: String,
+        interrupt: &Interrupt,
+    ) -> Result<Sequence, Failure> {
+        let mut runs = Vec::new();
+        let mut first_trajectory = None;
+        let mut identical = true;
+        for k in 1..=self.runs {
+            console::info(&format!("{name}: run {k} of {}", self.runs));
+            let (summary, trajectory) = self.once(path, &format!("{name}-{k}"))?;
+            if interrupt.requested() {
+                break;
+            }
+            identical &= *first_trajectory.get_or_insert_with(|| trajectory.clone()) == trajectory;
+            runs.push(summary);
+        }
+        Ok(Sequence {
+            name,
+            path: path.display().to_string(),
+            detector: self.input.detector.detector.clone().unwrap_or_default(),
+            identical,
+            runs,
+        })
+    }
+
+    /// One run, whose result goes to `runs/` under a name: its figures and its final trajectory.
+    pub(crate) fn once(&self, path: &Path, name: &str) -> Result<(Summary, Vec<u8>), Failure> {
+        // Not every system takes the colon of a simulated scene in the name of a folder.
+        let out = self.out.join("runs").join(name.replace(':', "_"));
+        let summary = run_once(&self.arguments(path), path, &out)?;
+        let trajectory = std::fs::read(out.join("trajectory.txt")).unwrap_or_default();
+        Ok((summary, trajectory))
+    }
+
+    /// The arguments that a run shares with the bench. Every field is named, so that one which is added cannot be forgotten.
+    fn arguments(&self, path: &Path) -> Vec<OsString> {
+        let InputArgs {
+            camera,
+            start,
+            max_frames,
+            detector:
+                DetectorArgs {
+                    detector,
+                    runtime,
+                    detector_threads,
+                },
+            strict,
+        } = self.input;
+        let ConfigArgs { config, set, seed } = self.config;
+        let mut all: Vec<OsString> = Vec::new();
+        let mut add = |option: &str, value: OsString| all.extend([option.into(), value]);
+        if let Some(camera) = camera {
+            add("--camera", camera.into());
+        }
+        add("--start", start.to_string().into());
+        if let Some(n) = max_frames {
+            add("--max-frames", n.to_string().into());
+        }
+        if let Some(detector) = detector {
+            let detector = detector.replace(PLACE, &path.display().to_string());
+            add("--detector", detector.into());
+        }
+        add("--runtime", runtime.name().into());
+        add("--detector-threads", detector_threads.to_string().into());
+        if let Some(file) = config {
+            add("--config", file.into());
+        }
+        for value in set {
+            add("--set", value.into());
+        }
+        if let Some(seed) = seed {
+            add("--seed", seed.to_string().into());
+        }
+        if *strict {
+            all.push("--strict".into());
+        }
+        all
+    }
+}
+
+/// This program, to be run in a process of its own.
+pub(crate) fn program() -> Result<Command, Failure> {
+    std::env::current_exe()
+        .map(Command::new)
+        .map_err(|e| Failure::input(format!("expected to find this program, found: {e}")))
+}
+
+/// One run in a process of its own.
+fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, Failure> {
+    let mut command = program()?;
+    let output = command
+        .args(["--quiet", "run"])
+        .arg(path)
+        .arg("--out")
+        .arg(out)
+        .args(arguments)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|e| Failure::input(format!("expected to run this program, found: {e}")))?;
+    let said = String::from_utf8_lossy(&output.stderr);
+    // 1 says that frames were lost: a figure of the report, not a failure of the bench.
+    if !matches!(output.status.code(), Some(0 | 1)) {
+        let said = said.trim().trim_start_matches("error: ");
+        return Err(Failure::input(format!(
+            "run failed ({}): {said}",
+            output.status
+        )));
+    }
+    let file = out.join("summary.json");
+    let wrong = |found: &dyn std::fmt::Display| {
+        Failure::input(format!(
+            "{}: expected the summary of a run, found: {found}",
+            file.display()
+        ))
+    };
+    let text = std::fs::read_to_string(&file).map_err(|e| wrong(&e))?;
+    serde_json::from_str(&text).map_err(|e| wrong(&e))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::models::RuntimeChoice;
+
+    #[test]
+    fn median_and_worst() {
+        let s = Spread::of([3.0, 1.0, 2.0, 10.0]).unwrap();
+        assert_eq!((s.median, s.worst), (2.5, 10.0));
+        assert_eq!(Spread::of([]), None);
+        assert_eq!(median(vec![5.0, 1.0, 3.0]), 3.0);
+    }
+
+    #[test]
+    fn runs_are_told_what_the_bench_was_told() {
+        let input = InputArgs {
+            camera: Some("tum_fr3".into()),
+            start: 5,
+            max_frames: Some(7),
+            detector: DetectorArgs {
+                detector: Some("scripted:{}/boxes.csv".into()),
+                runtime: RuntimeChoice::Rten,
+                detector_threads: 2,
+            },
+            strict: true,
+        };
+        let config = ConfigArgs {
+            config: Some("my.toml".into()),
+            set: vec!["a.b=1".into(), "a.c=2".into()],
+            seed: Some(9),
+        };
+        let plan = Plan {
+            runs: 1,
+            out: Path::new("out"),
+            input: &input,
+            config: &config,
+        };
+        let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
+                        --detector-threads 2 --config my.toml \
+                        --set a.b=1 --set a.c=2 --seed 9 --strict";
+        let found: Vec<String> = plan
+            .arguments(Path::new("a"))
+            .iter()
+            .map(|a| a.to_string_lossy().into_owned())
+            .collect();
+        assert_eq!(found.join(" "), expected);
+    }
+}

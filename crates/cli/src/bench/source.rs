@@ -1,0 +1,191 @@
+//! What a bench runs on: data set folders, and simulated scenes, which lie in a folder for as long as they are needed.
+
+use crate::args::InputArgs;
+use crate::bench::runner::program;
+use crate::console;
+use crate::demo::detector::errors_in_words;
+use crate::detector::{self, Settled};
+use crate::failure::Failure;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use stillpoint::simulator::{Simulator, SimulatorConfig};
+
+/// Begins the name of a simulated scene among the paths.
+const PREFIX: &str = "sim:";
+/// Why a scene has no detector.
+const NOBODY: &str = "nobody is in the scene";
+
+/// One of the paths.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// A data set.
+    Folder(PathBuf),
+    /// A scene of the simulator.
+    Scene(String),
+}
+
+impl Source {
+    /// Tells a scene from a folder, and refuses what is neither, before anything runs.
+    pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
+        let scene = path.to_str().and_then(|p| p.strip_prefix(PREFIX));
+        match scene {
+            // A folder of such a name can be written as ./sim:...
+            Some(scene) => {
+                // Building one frame's worth of a scene is the check that its name is one.
+                let config = SimulatorConfig {
+                    scene: scene.to_owned(),
+                    frames: Some(1),
+                    ..SimulatorConfig::default()
+                };
+                Simulator::new(&config).map_err(Failure::input)?;
+                Ok(Self::Scene(scene.to_owned()))
+            }
+            None if path.is_dir() => Ok(Self::Folder(path.to_owned())),
+            None => {
+                let found = if path.exists() { "a file" } else { "nothing" };
+                Err(Failure::input(format!(
+                    "{}: expected a data set folder or {PREFIX}SCENE, found {found}",
+                    path.display()
+                )))
+            }
+        }
+    }
+
+    /// Makes it a folder that can be run. A scene is simulated with `seed`, below `out`; unless `--detector` was given, its runs
+    /// get the simulator's own detections, and those of a scene without people none: never a model that happens to be there.
+    ///
+    /// # Errors
+    /// A simulation that could not be written.
+    pub(crate) fn prepare(
+        &self,
+        input: &InputArgs,
+        settled: &Settled,
+        out: &Path,
+        seed: u64,
+    ) -> Result<Prepared, Failure> {
+        let scene = match self {
+            Self::Folder(path) => return Ok(Prepared::of(path.clone(), input, settled)),
+            Self::Scene(scene) => scene,
+        };
+        let temporary = Temporary(out.join(format!(".simulated-{}", std::process::id())));
+        let path = temporary.0.join(scene);
+        let frames = input.max_frames.map(|n| n + input.start as u64);
+        simulate(scene, &path, frames, seed)?;
+        let script = path.join("detections.csv");
+        let mut input = input.clone();
+        // The folder says which camera it was.
+        input.camera = None;
+        let mut prepared = if input.detector.detector.is_some() {
+            Prepared::of(path, &input, settled)
+        } else if script.is_file() {
+            Prepared {
+                blind: false,
+                words: errors_in_words(),
+                input: input.with_detector(format!("scripted:{}", script.display())),
+                path,
+                _temporary: None,
+            }
+        } else {
+            // There is no script where nobody is seen.
+            Prepared::of(path, &input, &Settled::none(NOBODY))
+        };
+        prepared._temporary = Some(temporary);
+        Ok(prepared)
+    }
+}
+
+/// Which detector the runs get, settled once, so that all get the same. Where only scenes are run and nothing is said, the user's
+/// models are not looked at.
+///
+/// # Errors
+/// A name of no detector, a cache that cannot be read.
+pub(crate) fn settle(sources: &[Source], input: &InputArgs) -> Result<Settled, Failure> {
+    let folders = sources.iter().any(|s| matches!(s, Source::Folder(_)));
+    if !folders && input.detector.detector.is_none() {
+        return Ok(Settled::none(NOBODY));
+    }
+    let settled = detector::settle(&input.detector)?;
+    settled.announce();
+    Ok(settled)
+}
+
+/// A folder that can be run, and what its runs are told.
+#[derive(Debug)]
+pub(crate) struct Prepared {
+    pub(crate) path: PathBuf,
+    pub(crate) input: InputArgs,
+    /// Nothing looks at the frames.
+    pub(crate) blind: bool,
+    /// What its runs detect objects with, in words.
+    pub(crate) words: String,
+    /// Removed with this.
+    _temporary: Option<Temporary>,
+}
+
+impl Prepared {
+    fn of(path: PathBuf, input: &InputArgs, settled: &Settled) -> Self {
+        Self {
+            path,
+            blind: settled.is_none(),
+            words: settled.words(),
+            input: input.with_detector(settled.argument.clone()),
+            _temporary: None,
+        }
+    }
+}
+
+/// A folder that goes when it is dropped.
+#[derive(Debug)]
+struct Temporary(PathBuf);
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // What cannot be removed is hidden, and does no harm.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Writes a scene in a process of its own, so that its memory is not this one's.
+fn simulate(scene: &str, out: &Path, frames: Option<u64>, seed: u64) -> Result<(), Failure> {
+    console::info(&format!("simulating scene {scene}, seed {seed}"));
+    let mut command = program()?;
+    command
+        .args(["--quiet", "simulate", "--scene", scene, "--out"])
+        .arg(out)
+        .args(["--seed", &seed.to_string()])
+        .stdin(Stdio::null());
+    if let Some(n) = frames {
+        command.args(["--frames", &n.to_string()]);
+    }
+    let output = command
+        .output()
+        .map_err(|e| Failure::input(format!("expected to simulate {scene}, found: {e}")))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let said = String::from_utf8_lossy(&output.stderr);
+    let said = said.trim().trim_start_matches("error: ");
+    Err(Failure::input(format!("simulating {scene} failed: {said}")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_are_told_from_folders() {
+        let scene = Source::of(Path::new("sim:walking_xyz")).unwrap();
+        assert_eq!(scene, Source::Scene("walking_xyz".into()));
+        let dir = tempfile::tempdir().unwrap();
+        let folder = Source::of(dir.path()).unwrap();
+        assert_eq!(folder, Source::Folder(dir.path().to_owned()));
+        for (path, part) in [
+            ("sim:walking_xy", "did you mean \"walking_xyz\"?"),
+            ("/no/such", "found nothing"),
+            (env!("CARGO_MANIFEST_PATH"), "found a file"),
+        ] {
+            let e = Source::of(Path::new(path)).unwrap_err().to_string();
+            assert!(e.contains(part), "{e}");
+        }
+    }
+}

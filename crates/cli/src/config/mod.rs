@@ -1,0 +1,421 @@
+//! The configuration: defaults, then the file, then `--set`, then `--seed`; later ones win.
+//!
+//! Answers: what the system is run with, and which line or argument is wrong when something is. What values mean and
+//! which are valid is the business of the crates that use them.
+
+pub(crate) mod docs;
+
+use crate::args::{ConfigArgs, PrintArgs};
+use crate::config::docs::plain_text;
+pub(crate) use crate::config::docs::to_text;
+use crate::console;
+use crate::failure::{Failure, Status};
+use crate::spelling::nearest;
+use serde::Deserialize;
+use std::path::Path;
+use stillpoint::imaging::Simd;
+use stillpoint::slam::Config;
+use toml::de::{DeTable, DeValue};
+use toml::{Table, Value};
+
+/// `config print`.
+pub(crate) fn print(args: &PrintArgs) -> Result<Status, Failure> {
+    console::print(&to_text(&resolve(&args.config)?)?);
+    Ok(Status::Ok)
+}
+
+/// The configuration that the arguments ask for, checked.
+pub(crate) fn resolve(args: &ConfigArgs) -> Result<Config, Failure> {
+    over(Layers::new()?, args)
+}
+
+/// The configuration that the arguments ask for, laid over that of a log.
+pub(crate) fn resolve_over(
+    logged: &Table,
+    log: &Path,
+    args: &ConfigArgs,
+) -> Result<Config, Failure> {
+    let mut layers = Layers::new()?;
+    let text = toml::to_string(logged).map_err(Failure::input)?;
+    layers.add(&text, &Origin::Log(log))?;
+    over(layers, args)
+}
+
+/// The configuration as a table. By way of the text, so that 32-bit values keep their short decimal form.
+pub(crate) fn to_table(config: &Config) -> Result<Table, Failure> {
+    plain_text(config)?.parse().map_err(Failure::input)
+}
+
+fn over(mut layers: Layers, args: &ConfigArgs) -> Result<Config, Failure> {
+    if let Some(path) = &args.config {
+        let text = std::fs::read_to_string(path).map_err(|e| {
+            Failure::input(format!(
+                "{}: expected a configuration file, found: {e}; check the path",
+                path.display()
+            ))
+        })?;
+        layers.add(&text, &Origin::File(path))?;
+    }
+    for set in &args.set {
+        let text = layers.quoted(set);
+        layers.add(&text, &Origin::Set(set))?;
+    }
+    if let Some(seed) = args.seed {
+        let text = format!("seed={seed}");
+        layers.add(&text, &Origin::Set(&text))?;
+    }
+    let config = layers.config;
+    config.validate().map_err(Failure::input)?;
+    Ok(config)
+}
+
+/// The instruction set: that of the machine, or portable code when the environment says `STILLPOINT_SIMD=scalar`. The
+/// results are the same to the bit; only the speed differs.
+pub(crate) fn simd() -> Result<Simd, Failure> {
+    match std::env::var_os("STILLPOINT_SIMD") {
+        None => Ok(Simd::detect()),
+        Some(v) if v == "scalar" => Ok(Simd::Scalar),
+        Some(v) if v == "auto" || v.is_empty() => Ok(Simd::detect()),
+        Some(v) => Err(Failure::input(format!(
+            "STILLPOINT_SIMD: expected scalar or auto, found {v:?}; unset it or correct it"
+        ))),
+    }
+}
+
+/// Where values come from, for messages.
+enum Origin<'a> {
+    File(&'a Path),
+    /// The log of a run, whose configuration stands somewhere in it.
+    Log(&'a Path),
+    Set(&'a str),
+}
+
+impl Origin<'_> {
+    /// The place of byte `at` of the text.
+    fn place(&self, text: &str, at: usize) -> String {
+        match self {
+            Self::File(path) => {
+                let before = &text.as_bytes()[..at.min(text.len())];
+                let line = before.iter().filter(|b| **b == b'\n').count() + 1;
+                format!("{}:{line}", path.display())
+            }
+            Self::Log(path) => path.display().to_string(),
+            Self::Set(argument) => format!("--set {argument}"),
+        }
+    }
+}
+
+/// The values so far, as a table and as what it means.
+struct Layers {
+    table: Table,
+    config: Config,
+}
+
+impl Layers {
+    fn new() -> Result<Self, Failure> {
+        let config = Config::default();
+        let table = to_table(&config)?;
+        Ok(Self { table, config })
+    }
+
+    /// Lays the values of `text` (TOML) over those so far.
+    fn add(&mut self, text: &str, origin: &Origin<'_>) -> Result<(), Failure> {
+        let fail = |e: toml::de::Error| {
+            let at = e.span().map_or(0, |s| s.start);
+            let hint = match origin {
+                Origin::File(_) | Origin::Log(_) => "correct the file",
+                Origin::Set(_) => {
+                    "write --set section.key=value; words need quotes: --set 'a.b=\"word\"'"
+                }
+            };
+            Failure::input(format!(
+                "{}: expected TOML, found: {}; {hint}",
+                origin.place(text, at),
+                e.message().replace('\n', " ")
+            ))
+        };
+        let values: Table = text.parse().map_err(fail)?;
+        let spans = DeTable::parse(text).map_err(fail)?;
+        if values.is_empty() && matches!(origin, Origin::Set(_)) {
+            return Err(Failure::input(format!(
+                "{}: expected KEY=VALUE, found no value; write --set section.key=value",
+                origin.place(text, 0)
+            )));
+        }
+        let mut leaves = Vec::new();
+        flatten(&values, Some(spans.get_ref()), "", &mut leaves);
+        for (path, value, at) in leaves {
+            let place = origin.place(text, at);
+            self.set(&path, value, &place)?;
+        }
+        Ok(())
+    }
+
+    /// Sets one value.
+    fn set(&mut self, path: &str, value: &Value, place: &str) -> Result<(), Failure> {
+        let known = self.leaf_mut(path);
+        let Some(old) = known else {
+            let mut all = Vec::new();
+            flatten(&self.table, None, "", &mut all);
+            let names: Vec<&str> = all.iter().map(|l| l.0.as_str()).collect();
+            let nearest = nearest(path, &names).join("\" or \"");
+            return Err(Failure::input(format!(
+                "{place}: expected a known key, found \"{path}\"; did you mean \"{nearest}\"? stillpoint config print lists all keys"
+            )));
+        };
+        if !fits(old, value) {
+            return Err(Failure::input(format!(
+                "{place}: expected {} for {path} (as in {path} = {old}), found {} {value}; correct the value",
+                kind(old),
+                kind(value)
+            )));
+        }
+        let previous = std::mem::replace(old, value.clone());
+        match Config::deserialize(self.table.clone()) {
+            Ok(config) => {
+                self.config = config;
+                Ok(())
+            }
+            Err(e) => {
+                let message = format!(
+                    "{place}: expected another value for {path} (as in {path} = {previous}), found {value}: {}; correct the value",
+                    e.message().replace('\n', " ")
+                );
+                Err(Failure::input(message))
+            }
+        }
+    }
+
+    /// `KEY=WORD` with the word in quotes where the value is a word: shells take quotes away.
+    fn quoted(&mut self, set: &str) -> String {
+        let bare = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+        match set.split_once('=').map(|(k, w)| (k.trim(), w.trim())) {
+            Some((key, word))
+                if word.chars().all(bare)
+                    && matches!(self.leaf_mut(key), Some(Value::String(_))) =>
+            {
+                format!("{key}=\"{word}\"")
+            }
+            _ => set.to_owned(),
+        }
+    }
+
+    fn leaf_mut(&mut self, path: &str) -> Option<&mut Value> {
+        let mut parts = path.split('.');
+        let mut value = self.table.get_mut(parts.next()?)?;
+        for part in parts {
+            value = value.as_table_mut()?.get_mut(part)?;
+        }
+        (!value.is_table()).then_some(value)
+    }
+}
+
+/// All values with their dotted paths and where their keys stand in the text.
+fn flatten<'a>(
+    table: &'a Table,
+    spans: Option<&DeTable<'_>>,
+    prefix: &str,
+    leaves: &mut Vec<(String, &'a Value, usize)>,
+) {
+    for (key, value) in table {
+        let path = format!("{prefix}{key}");
+        let span = spans.and_then(|s| s.iter().find(|(k, _)| k.get_ref() == key));
+        let at = span.map_or(0, |(k, _)| k.span().start);
+        match value {
+            Value::Table(inner) if !inner.is_empty() => {
+                let inner_spans = span.and_then(|(_, v)| match v.get_ref() {
+                    DeValue::Table(t) => Some(t),
+                    _ => None,
+                });
+                flatten(inner, inner_spans, &format!("{path}."), leaves);
+            }
+            // An empty section says nothing.
+            Value::Table(_) => {}
+            _ => leaves.push((path, value, at)),
+        }
+    }
+}
+
+/// Whole numbers may stand for others; everything else needs its own kind.
+fn fits(old: &Value, new: &Value) -> bool {
+    old.same_type(new) || (old.is_float() && new.is_integer())
+}
+
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::String(_) => "a word in quotes",
+        Value::Integer(_) => "a whole number",
+        Value::Float(_) => "a number",
+        Value::Boolean(_) => "true or false",
+        Value::Datetime(_) => "a date",
+        Value::Array(_) => "a list",
+        Value::Table(_) => "a section",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::docs::doc_of;
+
+    fn layered(texts: &[(&str, bool)]) -> Result<Config, String> {
+        let mut layers = Layers::new().unwrap();
+        for (text, is_file) in texts {
+            let origin = if *is_file {
+                Origin::File(Path::new("my.toml"))
+            } else {
+                Origin::Set(text)
+            };
+            layers.add(text, &origin).map_err(|e| e.to_string())?;
+        }
+        Ok(layers.config)
+    }
+
+    #[test]
+    fn later_layers_win_and_leave_the_rest() {
+        let c = layered(&[
+            ("seed = 3\n[tracking]\nmin_inliers = 40\n", true),
+            ("tracking.min_inliers=50", false),
+        ])
+        .unwrap();
+        assert_eq!((c.seed, c.tracking.min_inliers), (3, 50));
+        assert_eq!(c.mapping, Config::default().mapping);
+    }
+
+    #[test]
+    fn words_need_no_quotes_in_arguments() {
+        let mut layers = Layers::new().unwrap();
+        for (set, text) in [
+            ("static_filter.preset=off", "static_filter.preset=\"off\""),
+            ("static_filter.preset = off", "static_filter.preset=\"off\""),
+            (
+                "static_filter.preset=\"off\"",
+                "static_filter.preset=\"off\"",
+            ),
+            ("seed=off", "seed=off"),
+            ("preset=off", "preset=off"),
+        ] {
+            assert_eq!(layers.quoted(set), text);
+        }
+        let args = |set: &str| ConfigArgs {
+            set: vec![set.to_owned()],
+            ..ConfigArgs::default()
+        };
+        let off = resolve(&args("static_filter.preset=off")).unwrap();
+        assert_eq!(off.static_filter.preset, stillpoint::slam::Preset::Off);
+        let e = resolve(&args("static_filter.preset=of"))
+            .unwrap_err()
+            .to_string();
+        for part in ["--set static_filter.preset=of", "`off`", "`paper`"] {
+            assert!(e.contains(part), "{e}");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_stand_for_others() {
+        let c = layered(&[("sensor.max_depth=6", false)]).unwrap();
+        assert_eq!(c.sensor.max_depth, 6.0);
+    }
+
+    #[test]
+    fn mistakes_name_place_path_and_remedy() {
+        for (text, is_file, parts) in [
+            (
+                "[tracking]\nmin_inlier = 40\n",
+                true,
+                &[
+                    "my.toml:2",
+                    "tracking.min_inlier\"",
+                    "\"tracking.min_inliers\"",
+                ][..],
+            ),
+            (
+                "min_inliers=4",
+                false,
+                &["--set min_inliers=4", "\"tracking.min_inliers\""],
+            ),
+            (
+                "tracking.min_inliers=true",
+                false,
+                &["a whole number", "true or false", "tracking.min_inliers"],
+            ),
+            (
+                "tracking.min_inliers=-5",
+                false,
+                &["tracking.min_inliers", "-5"],
+            ),
+            (
+                "tracking.min_inliers=4.5",
+                false,
+                &["a whole number", "4.5"],
+            ),
+            (
+                "motion_weights.persn=4",
+                false,
+                &["\"motion_weights.person\""],
+            ),
+            (
+                "motion_weights.person=9",
+                false,
+                &["motion_weights.person", "0 (ignored) to 5"],
+            ),
+            ("tracking=4", false, &["found \"tracking\""]),
+            ("seed", false, &["--set seed", "TOML"]),
+            ("seed=many", false, &["--set seed=many", "quotes"]),
+            ("\n\nseed = \n", true, &["my.toml:3"]),
+            ("", false, &["no value"]),
+        ] {
+            let e = layered(&[(text, is_file)]).unwrap_err();
+            for part in parts {
+                assert!(e.contains(part), "{e:?} lacks {part:?}");
+            }
+        }
+    }
+
+    proptest::proptest! {
+        /// Whatever a configuration file holds, it is a configuration or an error that names the file and, but for ranges, the line.
+        #[test]
+        fn damaged_files_are_configurations_or_errors_that_name_the_place(
+            at in proptest::prelude::any::<proptest::sample::Index>(), cut in 0..12_usize,
+            with in proptest::prop_oneof!["[-0-9.ea-z_=\"\\[\\], \n]{0,8}", "\\PC{0,4}"]
+        ) {
+            let mut text = toml::to_string(&Config::default()).unwrap();
+            let at = at.index(text.len());
+            text.replace_range(at..(at + cut).min(text.len()), &with);
+            let lines = text.lines().count();
+            if let Err(told) = layered(&[(&text, true)]) {
+                let line = told.strip_prefix("my.toml:").and_then(|rest| rest.split(':').next());
+                let line = line.and_then(|l| l.parse::<usize>().ok());
+                proptest::prop_assert!(line.is_some_and(|l| (1..=lines + 1).contains(&l)), "{told}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_printed_configuration_reads_back() {
+        let mut config = Config {
+            seed: 9,
+            ..Config::default()
+        };
+        config.sensor.max_depth = 5.5;
+        config.motion_weights.set("dining table", 0.5).unwrap();
+        let text = to_text(&config).unwrap();
+        assert_eq!(toml::from_str::<Config>(&text).unwrap(), config);
+        assert_eq!(layered(&[(&text, true)]).unwrap(), config);
+    }
+
+    #[test]
+    fn every_value_has_its_meaning() {
+        let table = Layers::new().unwrap().table;
+        let mut leaves = Vec::new();
+        flatten(&table, None, "", &mut leaves);
+        for (path, ..) in leaves {
+            // The names of classes are their own meaning, and the section says what the numbers are.
+            let class = path.starts_with("motion_weights.");
+            assert!(
+                class || doc_of(&path).is_some(),
+                "{path} lacks a line in config/docs.txt"
+            );
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! Pictures of both passes of the demo, and what the filter did in them against what is true.
+
+use crate::failure::Failure;
+use crate::run::overlay::picture;
+use std::io::Cursor;
+use std::sync::Arc;
+use stillpoint::detection::MotionWeights;
+use stillpoint::imaging::{FrameId, RgbdFrame};
+use stillpoint::simulator::Simulator;
+use stillpoint::slam::{FeatureVerdict, FrameReport, Reasons};
+use stillpoint::view::{Animation, AnimationOptions, Picture, side_by_side, write_png};
+
+/// Pictures of a pass, at most: some 40 MB.
+const MOST: usize = 50;
+/// Frames per second of the simulator.
+const RATE: f64 = 30.0;
+
+/// Takes every n-th frame of a pass.
+pub(crate) struct Shots {
+    every: usize,
+    /// Frames that went by.
+    seen: usize,
+    weights: MotionWeights,
+    taken: Vec<Shot>,
+}
+
+/// A frame as the system saw it.
+struct Shot {
+    frame: FrameId,
+    picture: Picture,
+    verdicts: Arc<[FeatureVerdict]>,
+}
+
+impl Shot {
+    fn rejected(&self) -> usize {
+        self.verdicts.iter().filter(|v| v.dynamic).count()
+    }
+}
+
+impl Shots {
+    /// For a pass of so many frames.
+    pub(crate) fn new(frames: usize, weights: &MotionWeights) -> Self {
+        Self {
+            every: frames.div_ceil(MOST).max(1),
+            seen: 0,
+            weights: weights.clone(),
+            taken: Vec::new(),
+        }
+    }
+
+    /// Whether the next frame will be taken.
+    pub(crate) fn wants_next(&mut self) -> bool {
+        self.seen += 1;
+        (self.seen - 1).is_multiple_of(self.every)
+    }
+
+    /// Takes a frame.
+    pub(crate) fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) {
+        self.taken.push(Shot {
+            frame: report.frame,
+            picture: picture(frame, report, &self.weights),
+            verdicts: report.verdicts.clone(),
+        });
+    }
+
+    /// How the filter did in the frames that were taken.
+    pub(crate) fn against_truth(&self, simulator: &Simulator) -> Hits {
+        let mut hits = Hits::default();
+        for shot in &self.taken {
+            let mask = simulator.truth(shot.frame.0 as usize).mask;
+            for v in shot.verdicts.iter() {
+                let [x, y] = v.pixel.map(|c| c.round().max(0.0) as usize);
+                let inside = x < mask.width() && y < mask.height();
+                if inside && mask.data()[y * mask.width() + x] > 0 {
+                    hits.people += 1;
+                    hits.people_rejected += usize::from(v.dynamic);
+                    let parked = !v.dynamic && v.reasons.has(Reasons::PARKED);
+                    hits.people_parked += usize::from(parked);
+                } else {
+                    hits.others += 1;
+                    hits.others_rejected += usize::from(v.dynamic);
+                }
+            }
+        }
+        hits
+    }
+}
+
+/// Keypoints on people and what they carry, whether these move at the time or not, and all others, by the simulator's masks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Hits {
+    pub(crate) people: usize,
+    pub(crate) people_rejected: usize,
+    /// Kept because they were seen to stand still.
+    pub(crate) people_parked: usize,
+    pub(crate) others: usize,
+    pub(crate) others_rejected: usize,
+}
+
+/// Both passes beside each other: a still, as PNG, of the frame in which most was rejected, and an animation, as APNG.
+/// Frames that only one pass has are left out.
+///
+/// # Errors
+/// Passes without any frame in common.
+pub(crate) fn beside(
+    off: &Shots,
+    on: &Shots,
+    titles: [&str; 2],
+) -> Result<(Vec<u8>, Vec<u8>), Failure> {
+    let options = AnimationOptions {
+        every: 1,
+        halve: true,
+        frames_per_second: RATE / on.every as f64,
+    };
+    let mut animation = Animation::new(Cursor::new(Vec::new()), options);
+    let mut best: Option<(usize, Picture)> = None;
+    for (a, b) in off.taken.iter().zip(&on.taken) {
+        let both = side_by_side(&a.picture, &b.picture, titles);
+        animation.push(&both).map_err(Failure::input)?;
+        let rejected = b.rejected();
+        if best.as_ref().is_none_or(|(most, _)| rejected > *most) {
+            best = Some((rejected, both));
+        }
+    }
+    let animation = animation.finish().map_err(Failure::input)?;
+    let mut still = Vec::new();
+    if let Some((_, picture)) = best {
+        write_png(&picture, &mut still).map_err(Failure::input)?;
+    }
+    Ok((still, animation.into_inner()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_passes_give_no_more_pictures() {
+        for (frames, every) in [(0, 1), (1, 1), (50, 1), (51, 2), (300, 6), (100_000, 2000)] {
+            let mut shots = Shots::new(frames, &MotionWeights::default());
+            assert_eq!(shots.every, every);
+            let wanted = (0..frames).filter(|_| shots.wants_next()).count();
+            assert!(wanted <= MOST && wanted >= frames.min(MOST / 2), "{wanted}");
+        }
+    }
+}

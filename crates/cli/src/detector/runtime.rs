@@ -1,0 +1,154 @@
+//! `--runtime`: what runs networks, and why that.
+
+use crate::args::models::RuntimeChoice;
+use crate::failure::Failure;
+use std::path::PathBuf;
+use stillpoint::detection::{OnnxRuntime, Runtime};
+use stillpoint::models::onnxruntime::candidates;
+
+/// How to get the library.
+const ADVICE: &str = "get it with `pip install onnxruntime`, or name its file in the environment variable ORT_DYLIB_PATH";
+/// Where [`candidates`] looks, in words.
+const PLACES: &str = "ORT_DYLIB_PATH, the program's folder, the Python of VIRTUAL_ENV, of CONDA_PREFIX and on PATH, the user's Python packages, and the system's libraries";
+
+/// What the libraries that were tried gave.
+#[derive(Debug, Default)]
+pub(crate) struct Libraries {
+    /// The first that can be used.
+    pub(crate) usable: Option<OnnxRuntime>,
+    /// Those before it, and why each cannot be used.
+    pub(crate) refused: Vec<String>,
+}
+
+impl Libraries {
+    /// Tries the libraries that are installed, in the order of [`candidates`], up to the first that can be used.
+    pub(crate) fn find() -> Self {
+        Self::among(candidates(&|name| std::env::var_os(name)))
+    }
+
+    fn among(files: Vec<PathBuf>) -> Self {
+        let mut found = Self::default();
+        for file in files {
+            match OnnxRuntime::load(&file) {
+                Ok(library) => {
+                    found.usable = Some(library);
+                    break;
+                }
+                Err(e) => found.refused.push(e.to_string()),
+            }
+        }
+        found
+    }
+
+    /// Why the first, which is the likeliest to be meant, cannot be used.
+    fn refusal(&self) -> String {
+        let first = self.refused.first().cloned().unwrap_or_default();
+        match self.refused.len() {
+            0 | 1 => first,
+            n => format!("{first} ({} more cannot be used either)", n - 1),
+        }
+    }
+}
+
+/// A runtime, and what the user should know about the choice.
+#[derive(Debug)]
+pub(crate) struct Chosen {
+    pub(crate) runtime: Runtime,
+    /// Why the faster one is not used although it seems to be there.
+    pub(crate) warning: Option<String>,
+}
+
+/// The runtime that the argument names.
+///
+/// # Errors
+/// `onnxruntime` without a library that can be used.
+pub(crate) fn choose(choice: RuntimeChoice) -> Result<Chosen, Failure> {
+    match choice {
+        RuntimeChoice::Rten => Ok(rten(None)),
+        _ => of_libraries(choice, Libraries::find()),
+    }
+}
+
+fn rten(warning: Option<String>) -> Chosen {
+    Chosen {
+        runtime: Runtime::Rten,
+        warning,
+    }
+}
+
+fn of_libraries(choice: RuntimeChoice, found: Libraries) -> Result<Chosen, Failure> {
+    let asked = choice == RuntimeChoice::Onnxruntime;
+    match (&found.usable, found.refused.is_empty()) {
+        (Some(library), clean) => Ok(Chosen {
+            runtime: Runtime::OnnxRuntime(library.clone()),
+            warning: (!clean).then(|| {
+                format!(
+                    "ONNX Runtime is run from {}, since another library was found first: {}",
+                    library.library().display(),
+                    found.refusal()
+                )
+            }),
+        }),
+        (None, true) if asked => Err(Failure::input(format!(
+            "--runtime onnxruntime: expected the library of ONNX Runtime, found none in {PLACES}; {ADVICE}, or use --runtime rten"
+        ))),
+        (None, false) if asked => Err(Failure::input(format!(
+            "--runtime onnxruntime: {}",
+            found.refusal()
+        ))),
+        (None, true) => Ok(rten(None)),
+        (None, false) => Ok(rten(Some(format!(
+            "the network is run by rten: {}",
+            found.refusal()
+        )))),
+    }
+}
+
+/// The library behind a runtime, for reports.
+pub(crate) fn library(runtime: &Runtime) -> Option<String> {
+    match runtime {
+        Runtime::OnnxRuntime(library) => Some(library.library().display().to_string()),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn broken(n: usize) -> Libraries {
+        Libraries {
+            usable: None,
+            refused: (1..=n).map(|k| format!("lib{k}.so: too old")).collect(),
+        }
+    }
+
+    #[test]
+    fn without_a_library_only_who_asked_for_it_is_refused() {
+        let auto = of_libraries(RuntimeChoice::Auto, broken(0)).unwrap();
+        assert_eq!((auto.runtime, auto.warning), (Runtime::Rten, None));
+        let e = of_libraries(RuntimeChoice::Onnxruntime, broken(0)).unwrap_err();
+        for part in ["found none in", "ORT_DYLIB_PATH", "pip install onnxruntime"] {
+            assert!(e.to_string().contains(part), "{e}");
+        }
+    }
+
+    #[test]
+    fn broken_libraries_are_told() {
+        let auto = of_libraries(RuntimeChoice::Auto, broken(5)).unwrap();
+        assert_eq!(auto.runtime, Runtime::Rten);
+        let said = auto.warning.unwrap();
+        assert!(said.contains("lib1.so: too old"), "{said}");
+        assert!(said.ends_with("(4 more cannot be used either)"), "{said}");
+        let e = of_libraries(RuntimeChoice::Onnxruntime, broken(1)).unwrap_err();
+        assert!(e.to_string().contains("lib1.so: too old"), "{e}");
+    }
+
+    #[test]
+    fn files_that_are_no_library_are_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        let found = Libraries::among(vec![file.path().to_owned()]);
+        assert!(found.usable.is_none());
+        assert_eq!(found.refused.len(), 1, "{found:?}");
+    }
+}

@@ -1,0 +1,178 @@
+//! `map export`: a map in formats that other programs read, piece by piece: they know one frame of reference only.
+
+use crate::args::map::MapExportArgs;
+use crate::failure::{Failure, Status};
+use crate::map::file as map_file;
+use crate::output::StreamedFile;
+use crate::{console, map};
+use std::io::Write;
+use std::path::Path;
+use std::sync::Arc;
+use stillpoint::datasets::point_cloud::{self, CloudPoint};
+use stillpoint::datasets::pose_graph::{self, GraphEdge};
+use stillpoint::datasets::{StampedPose, trajectory};
+use stillpoint::geometry::{Se3, Vec3};
+use stillpoint::map::{Keyframe, KeyframeId, Landmark, LandmarkId, MapView, PieceId};
+
+/// `map export`.
+pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
+    let loaded = map_file::load(&args.file)?;
+    let view = loaded.file.map.view();
+    let part = Part {
+        view,
+        piece: choose_piece(args, view)?,
+    };
+    if let Some(path) = &args.points {
+        let points = part.points();
+        let names = ["observers", "depth_observers", "found", "keyframe"];
+        let bytes = point_cloud::format(&points, names, "landmarks of a map of Stillpoint; metres");
+        write(path, "--points", &bytes)?;
+        told(path, points.len(), "points");
+    }
+    if let Some(path) = &args.trajectory {
+        let (poses, left_out) = part.poses();
+        write(path, "--trajectory", trajectory::format(&poses).as_bytes())?;
+        told(path, poses.len(), "poses");
+        if left_out > 0 {
+            console::warn(&format!(
+                "{left_out} keyframes have the stamp of another and were left out of {}",
+                path.display()
+            ));
+        }
+    }
+    if let Some(path) = &args.graph {
+        let vertices: Vec<(u32, Se3)> = part
+            .keyframes()
+            .map(|k| (k.id.0, k.world_from_camera))
+            .collect();
+        let edges = part.edges();
+        let text = pose_graph::format(&vertices, &edges);
+        write(path, "--graph", text.as_bytes())?;
+        told(path, edges.len(), "edges");
+    }
+    Ok(Status::Ok)
+}
+
+/// The piece to write; what it leaves out is told. None of a map without keyframes.
+fn choose_piece(args: &MapExportArgs, view: &MapView) -> Result<Option<PieceId>, Failure> {
+    let pieces = map::pieces(view);
+    let list = |pieces: &[(PieceId, usize)]| {
+        let piece = |(id, n): &(PieceId, usize)| format!("{id} ({n} keyframes)");
+        pieces.iter().map(piece).collect::<Vec<_>>().join(", ")
+    };
+    let chosen = match args.piece.map(PieceId) {
+        Some(id) if pieces.iter().all(|p| p.0 != id) => {
+            return Err(Failure::input(format!(
+                "{}: expected a piece of the map after --piece, found {id}; its pieces are {}",
+                args.file.display(),
+                list(&pieces)
+            )));
+        }
+        Some(id) => Some(id),
+        None => pieces.first().map(|p| p.0),
+    };
+    let others: Vec<_> = pieces.into_iter().filter(|p| Some(p.0) != chosen).collect();
+    if let Some(id) = chosen.filter(|_| !others.is_empty()) {
+        let keyframes: usize = others.iter().map(|p| p.1).sum();
+        console::warn(&format!(
+            "{keyframes} keyframes are in other pieces of map than {id} and were left out: {}; how they lie to it is not known, and --piece writes another",
+            list(&others)
+        ));
+    }
+    Ok(chosen)
+}
+
+fn write(path: &Path, option: &'static str, bytes: &[u8]) -> Result<(), Failure> {
+    let mut file = StreamedFile::create(path, option)?;
+    file.write(|w| w.write_all(bytes))?;
+    file.finish()
+}
+
+fn told(path: &Path, n: usize, what: &str) {
+    console::report(&format!("{}: {n} {what}\n", path.display()));
+}
+
+/// One piece of a map.
+struct Part<'a> {
+    view: &'a MapView,
+    piece: Option<PieceId>,
+}
+
+impl<'a> Part<'a> {
+    fn keyframes(&self) -> impl Iterator<Item = &'a Arc<Keyframe>> {
+        let piece = self.piece;
+        self.view
+            .keyframes()
+            .filter(move |k| Some(k.piece) == piece)
+    }
+
+    /// The landmarks, by id.
+    fn points(&self) -> Vec<CloudPoint> {
+        let view = self.view;
+        let point = |(id, l): (LandmarkId, &Landmark)| {
+            let anchor = view
+                .keyframe(l.anchor)
+                .filter(|k| Some(k.piece) == self.piece)?;
+            let direction: Vec3 = anchor.world_from_camera.rotation * l.direction_in_anchor;
+            let normal = direction.try_normalize(1e-9).map_or(Vec3::zeros(), |d| -d);
+            Some(CloudPoint {
+                position: view.landmark_position(id)?.into(),
+                normal: normal.into(),
+                counts: [l.observers, l.depth_observers, l.found, l.created_at.0],
+            })
+        };
+        view.landmarks().filter_map(point).collect()
+    }
+
+    /// The keyframes in the order of time, and how many were left out because another has the same stamp: recordings may have
+    /// been taken one after another, or twice, and a trajectory has one pose per stamp.
+    fn poses(&self) -> (Vec<StampedPose>, usize) {
+        let mut poses: Vec<StampedPose> = self
+            .keyframes()
+            .map(|k| StampedPose {
+                stamp: k.data.stamp,
+                world_from_camera: k.world_from_camera,
+            })
+            .collect();
+        poses.sort_by(|a, b| a.stamp.total_cmp(&b.stamp));
+        let before = poses.len();
+        // As far as the file tells them apart.
+        poses.dedup_by_key(|p| (p.stamp * 1e6).round());
+        let left_out = before - poses.len();
+        (poses, left_out)
+    }
+
+    /// From each keyframe to its parent, and to those later ones with which it shares landmarks.
+    fn edges(&self) -> Vec<GraphEdge> {
+        let view = self.view;
+        let mut edges = Vec::new();
+        let mut add = |from: KeyframeId, to: KeyframeId, shared: u32| {
+            let end = |id| view.keyframe(id).filter(|k| Some(k.piece) == self.piece);
+            if let (Some(a), Some(b)) = (end(from), end(to)) {
+                edges.push(GraphEdge {
+                    from: from.0,
+                    to: to.0,
+                    from_to: a.world_from_camera.inverse() * b.world_from_camera,
+                    information: f64::from(shared),
+                });
+            }
+        };
+        for k in self.keyframes() {
+            let parent = k.parent.and_then(|p| view.resolve_keyframe(p));
+            if let Some(parent) = parent.filter(|p| *p != k.id) {
+                let is_covisible = k.covisible.iter().any(|c| c.0 == parent);
+                // Else the pair comes below, from the earlier of both.
+                if !is_covisible {
+                    add(parent, k.id, 1);
+                }
+            }
+            let mut later: Vec<(KeyframeId, u32)> = k.covisible.clone();
+            later.retain(|c| c.0 > k.id);
+            later.sort_unstable();
+            for (other, shared) in later {
+                add(k.id, other, shared);
+            }
+        }
+        edges
+    }
+}

@@ -1,0 +1,119 @@
+//! The user's cache of models: what a name stands for, and what is used when none is given.
+
+use crate::detector::network::ModelFile;
+use crate::failure::Failure;
+use crate::spelling;
+use stillpoint::models::{Cache, known, known_models};
+
+/// The model that is suggested to whoever has none.
+pub(crate) const SUGGESTED: &str = "yolox-nano";
+/// More edits than this share of a name make it another name.
+const MISTYPED: f64 = 0.4;
+
+/// The cache, as the environment says.
+///
+/// # Errors
+/// An environment that does not say where the user's files are.
+pub(crate) fn user() -> Result<Cache, Failure> {
+    Cache::of_user(&|name| std::env::var_os(name)).map_err(Failure::input)
+}
+
+/// The model of this name. `option` named it, for messages.
+///
+/// # Errors
+/// There is none, or the cache cannot be read.
+pub(crate) fn model(name: &str, option: &str) -> Result<ModelFile, Failure> {
+    let cache = user()?;
+    if let Some(model) = cache.find(name).map_err(Failure::input)? {
+        return Ok(ModelFile::of_cache(model));
+    }
+    let here: Vec<String> = cache
+        .list()
+        .map_err(Failure::input)?
+        .into_iter()
+        .map(|m| m.name)
+        .collect();
+    let others = match option {
+        "--detector" => "none, scripted:FILE.csv, ",
+        _ => "",
+    };
+    let held = if here.is_empty() {
+        "which is empty".to_owned()
+    } else {
+        here.join(", ")
+    };
+    Err(Failure::input(format!(
+        "{option}: expected {others}FILE.onnx, or the name of a model in the cache ({held}), found \"{name}\"; {}",
+        advice(name, &here, !others.is_empty())
+    )))
+}
+
+/// What someone who gave the name of no model should do. `here` are those that there are.
+fn advice(name: &str, here: &[String], none: bool) -> String {
+    if known(name).is_some() {
+        return format!("`stillpoint models pull {name}` gets it");
+    }
+    let mut names: Vec<&str> = here.iter().map(String::as_str).collect();
+    names.extend(known_models().iter().map(|m| m.name));
+    if none {
+        names.push("none");
+    }
+    let lower = name.to_lowercase();
+    match spelling::near(&lower, &names, MISTYPED) {
+        Some(meant) if here.iter().any(|h| h == meant) || meant == "none" => {
+            format!("did you mean \"{meant}\"?")
+        }
+        Some(meant) => {
+            format!("did you mean \"{meant}\"? `stillpoint models pull {meant}` gets it")
+        }
+        None => "`stillpoint models list` shows what there is".to_owned(),
+    }
+}
+
+/// What is used when no model is named.
+pub(crate) enum Preferred {
+    Model(ModelFile),
+    /// None, and why.
+    None(String),
+}
+
+/// The model that is used when none is named.
+///
+/// # Errors
+/// A cache that is there and cannot be read: whether it holds a model is not known then.
+pub(crate) fn preferred() -> Result<Preferred, Failure> {
+    let cache = match Cache::of_user(&|name| std::env::var_os(name)) {
+        Ok(cache) => cache,
+        Err(e) => return Ok(Preferred::None(format!("no cache: {e}"))),
+    };
+    let model = cache.preferred().map_err(Failure::input)?;
+    Ok(match model {
+        Some(model) => Preferred::Model(ModelFile::of_cache(model)),
+        None => Preferred::None(format!(
+            "no model is in the cache; `stillpoint models pull {SUGGESTED}` gets one"
+        )),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_corrected() {
+        let here = ["office".to_owned()];
+        for (name, part) in [
+            ("yolox-nano", "`stillpoint models pull yolox-nano` gets it"),
+            ("yolox_nano", "\"yolox-nano\"? `stillpoint models pull"),
+            ("YOLOv7-tiny", "\"yolov7-tiny\"? `stillpoint"),
+            ("ofice", "did you mean \"office\"?"),
+            ("None", "did you mean \"none\"?"),
+            ("efficientdet", "models list"),
+            ("", "models list"),
+        ] {
+            let said = advice(name, &here, true);
+            assert!(said.contains(part), "{name}: {said}");
+        }
+        assert!(!advice("non", &here, false).contains("none"));
+    }
+}

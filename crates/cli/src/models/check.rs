@@ -1,0 +1,107 @@
+//! `models check`: what a model is, and whether it runs.
+
+use crate::args::models::CheckArgs;
+use crate::bench::runner::median;
+use crate::console;
+use crate::detector::network::{self, ModelFile, Running};
+use crate::failure::{Failure, Status};
+use crate::models::megabytes;
+use crate::run::summary::DetectorJson;
+use std::time::Instant;
+use stillpoint::detection::{ClassId, Detector, OnnxDetector};
+use stillpoint::imaging::{ColourImage, FrameId};
+
+const OPTION: &str = "models check";
+/// The image that is looked at, px: the size of most depth cameras' images.
+const SIZE: (usize, usize) = (640, 480);
+/// Looks of which the time is told, after a first one.
+const LOOKS: usize = 5;
+/// Classes that are named.
+const NAMED: usize = 5;
+
+/// `models check`.
+pub(crate) fn check(args: &CheckArgs) -> Result<Status, Failure> {
+    let model = ModelFile::named(&args.model, OPTION)?;
+    let network = network::open(&model, &Running::from(args.network), OPTION)?;
+    let mut detector = network.detector;
+    let times = look(&mut detector)?;
+    if let Some(remark) = detector.remark() {
+        console::warn(&remark);
+    }
+    let json = DetectorJson {
+        library: network.library,
+        ..DetectorJson::new(&detector.info())
+    };
+    let mut text = String::new();
+    let mut line = |name: &str, value: &str| text += &format!("{name:<9}{value}\n");
+    line(
+        "model",
+        &format!("{}, {}", model.name, megabytes(model.bytes()?)),
+    );
+    line("SHA-256", json.sha256.as_deref().unwrap_or_default());
+    for port in &detector.interface().inputs {
+        line("input", &port.to_string());
+    }
+    for port in &detector.interface().outputs {
+        line("output", &port.to_string());
+    }
+    line("head", detector.card().head.name());
+    line("classes", &classes(&detector));
+    line("network", &json.network().unwrap_or_default());
+    let (width, height) = SIZE;
+    line(
+        "time",
+        &format!(
+            "{:.1} ms on a grey image of {width}x{height} px (median of {LOOKS}; letterbox, network and decoding)",
+            median(times)
+        ),
+    );
+    let from = match model.card() {
+        Some(path) => path.display().to_string(),
+        None => {
+            "recognised by inputs and outputs; to change it, put this beside the model as FILE.toml"
+                .to_owned()
+        }
+    };
+    console::print(&format!(
+        "{text}\ncard ({from}):\n\n{}",
+        detector.card().to_toml()
+    ));
+    Ok(Status::Ok)
+}
+
+/// Milliseconds of several looks at a grey image. The first, which makes everything ready, is not among them.
+fn look(detector: &mut OnnxDetector) -> Result<Vec<f64>, Failure> {
+    let (width, height) = SIZE;
+    let grey = ColourImage::from_vec(width, height, vec![114; 3 * width * height])
+        .map_err(Failure::input)?;
+    let mut times = Vec::new();
+    for turn in 0..=LOOKS {
+        let start = Instant::now();
+        detector
+            .detect_image(&grey, FrameId(0))
+            .map_err(|e| Failure::input(format!("{OPTION} {e}")))?;
+        if turn > 0 {
+            times.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+    Ok(times)
+}
+
+/// How many classes there are, and what the first are called.
+fn classes(detector: &OnnxDetector) -> String {
+    let card = detector.card();
+    let all: Vec<ClassId> = (0..card.class_count())
+        .filter_map(|i| card.class(i))
+        .collect();
+    let mut names: Vec<&str> = all.iter().take(NAMED).map(|c| c.name()).collect();
+    if all.len() > NAMED {
+        names.push("...");
+    }
+    let left_out = card.class_count() - all.len();
+    let note = match left_out {
+        0 => String::new(),
+        n => format!(", and {n} that are left out"),
+    };
+    format!("{}: {}{note}", all.len(), names.join(", "))
+}

@@ -1,0 +1,142 @@
+//! `models pull`: a known model into the cache.
+
+use crate::args::models::PullArgs;
+use crate::console::{self, Unit};
+use crate::failure::{Failure, Status};
+use crate::interrupt::Interrupt;
+use crate::models::cache;
+use crate::models::megabytes;
+use crate::spelling;
+use std::ops::ControlFlow;
+use stillpoint::models::{
+    Checksum, KnownModel, Progress, PullError, PullOptions, Pulled, known, known_models,
+    pull as get,
+};
+
+/// `models pull`.
+pub(crate) fn pull(args: &PullArgs) -> Result<Status, Failure> {
+    let model = named(&args.name)?;
+    let cache = cache::user()?;
+    let options = PullOptions {
+        base: args.mirror.clone(),
+        again: args.again,
+        ..PullOptions::default()
+    };
+    if let Some(note) = licence_note(model) {
+        console::info(&note);
+    }
+    let interrupt = Interrupt::listen();
+    let mut bar = Bar::default();
+    let result = get(model, &cache, &options, &mut |progress| {
+        bar.show(&progress);
+        if interrupt.requested() {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    });
+    bar.finish();
+    match result {
+        Ok(pulled) => {
+            console::report(&text(model, &pulled));
+            Ok(Status::Ok)
+        }
+        Err(e @ PullError::Stopped { .. }) => Err(Failure::criteria(e)),
+        Err(e) => Err(Failure::input(e)),
+    }
+}
+
+fn named(name: &str) -> Result<&'static KnownModel, Failure> {
+    known(name).ok_or_else(|| {
+        let names: Vec<&str> = known_models().iter().map(|m| m.name).collect();
+        let advice = match spelling::near(&name.to_lowercase(), &names, 0.4) {
+            Some(meant) => format!("did you mean \"{meant}\"?"),
+            None => {
+                "a file of your own is put into the cache by `stillpoint models import`".to_owned()
+            }
+        };
+        Failure::input(format!(
+            "models pull: expected a known model ({}), found \"{name}\"; {advice}",
+            names.join(", ")
+        ))
+    })
+}
+
+/// What should be known of a licence that asks for more than to be named.
+fn licence_note(model: &KnownModel) -> Option<String> {
+    model.licence.starts_with("GPL").then(|| {
+        format!(
+            "the weights of {model} are their makers', under {}: this project's licence does not cover them, and who passes them on has to keep to theirs",
+            model.licence
+        )
+    })
+}
+
+/// What was had.
+fn text(model: &KnownModel, pulled: &Pulled) -> String {
+    let here = &pulled.model;
+    let checksum = match pulled.checksum {
+        Checksum::Verified => "as published",
+        Checksum::Recorded => {
+            "none is published: it was recorded, and later downloads will be compared with it"
+        }
+        Checksum::MatchesRecord => "none is published: the same as that of the first download",
+    };
+    let came = match (pulled.transferred, pulled.resumed) {
+        (0, _) => "it was here".to_owned(),
+        (bytes, 0) => format!("{} from {}", megabytes(bytes), pulled.url),
+        (bytes, before) => format!(
+            "{} from {}, after {} that were here",
+            megabytes(bytes),
+            pulled.url,
+            megabytes(before)
+        ),
+    };
+    format!(
+        "{model}: {came}\nSHA-256 {} ({checksum})\nlicence of the weights: {}\nin {}; use it by --detector {model}\n",
+        pulled.sha256,
+        model.licence,
+        here.onnx.display()
+    )
+}
+
+/// How far it is, for the user.
+#[derive(Default)]
+struct Bar {
+    receiving: Option<console::Progress>,
+}
+
+impl Bar {
+    fn show(&mut self, progress: &Progress) {
+        match progress {
+            Progress::Connecting { url } => console::info(&format!("asking {url}")),
+            Progress::Receiving {
+                received,
+                total,
+                resumed,
+            } => {
+                let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
+                let total = total.map(count);
+                self.receiving
+                    .get_or_insert_with(|| {
+                        if *resumed > 0 {
+                            console::info(&format!("going on after {}", megabytes(*resumed)));
+                        }
+                        console::Progress::of(Unit::Bytes, total, count(*resumed))
+                    })
+                    .show(count(*received), "");
+            }
+            Progress::Converting => {
+                self.finish();
+                console::info("turning the checkpoint into ONNX");
+            }
+            _ => self.finish(),
+        }
+    }
+
+    fn finish(&mut self) {
+        if let Some(bar) = self.receiving.take() {
+            bar.finish();
+        }
+    }
+}

@@ -1,0 +1,128 @@
+//! What a run log says about the run: what it was configured with, so that a replay needs the log and the data set alone.
+
+use crate::args::InputArgs;
+use crate::config;
+use crate::failure::Failure;
+use crate::run::KnownMap;
+use crate::run::summary::DetectorJson;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+use stillpoint::slam::{Config, MapUse};
+use toml::Table;
+
+/// What a replay has to know of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub(crate) struct About {
+    /// Version of the program that ran it.
+    pub(crate) stillpoint: String,
+    /// Camera file or preset, when one was named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) camera: Option<String>,
+    /// Frames left out at the start.
+    pub(crate) start: usize,
+    /// Map that was gone on with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) load_map: Option<PathBuf>,
+    /// Map that the camera was found in.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) localize: Option<PathBuf>,
+    /// What looked at the frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) detector: Option<DetectorJson>,
+    /// The whole configuration.
+    pub(crate) config: Table,
+}
+
+impl About {
+    /// Of a run with these arguments.
+    pub(crate) fn new(
+        input: &InputArgs,
+        config: &Config,
+        map: Option<KnownMap<'_>>,
+        detector: &DetectorJson,
+    ) -> Result<Self, Failure> {
+        let file = |wanted: MapUse| {
+            let map = map.filter(|k| k.map_use == wanted);
+            map.map(|k| absolute(k.path))
+        };
+        Ok(Self {
+            stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
+            camera: input.camera.as_deref().map(|named| {
+                let file = Path::new(named);
+                // A preset is no file.
+                if file.is_file() {
+                    absolute(file).display().to_string()
+                } else {
+                    named.to_owned()
+                }
+            }),
+            start: input.start,
+            load_map: file(MapUse::Grow),
+            localize: file(MapUse::Localize),
+            detector: Some(detector.clone()),
+            config: config::to_table(config)?,
+        })
+    }
+
+    /// As TOML.
+    pub(crate) fn to_text(&self) -> Result<String, Failure> {
+        toml::to_string(self)
+            .map_err(|e| Failure::input(format!("the run cannot be described as TOML: {e}")))
+    }
+
+    /// Reads what a log says; nothing is said in one that another program left. `log` is its name, for messages.
+    pub(crate) fn read(text: &str, log: &Path) -> Result<Self, Failure> {
+        toml::from_str(text).map_err(|e| {
+            Failure::input(format!(
+                "{}: expected a description of the run as TOML, found: {}; the log is of another program",
+                log.display(),
+                e.message().replace('\n', " ")
+            ))
+        })
+    }
+}
+
+/// The same from every folder.
+fn absolute(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_said_reads_back() {
+        let mut config = Config::default();
+        config.features.scale_factor = 1.1;
+        config.seed = 5;
+        let input = InputArgs {
+            camera: Some("tum_fr3".into()),
+            start: 7,
+            ..InputArgs::default()
+        };
+        let map = KnownMap {
+            path: Path::new("no such.spmap"),
+            map_use: MapUse::Localize,
+        };
+        let detector = DetectorJson {
+            kind: "onnx".into(),
+            input_px: Some((416, 320)),
+            ..DetectorJson::default()
+        };
+        let about = About::new(&input, &config, Some(map), &detector).unwrap();
+        assert_eq!(about.localize, Some("no such.spmap".into()));
+        assert_eq!(about.load_map, None);
+        let text = about.to_text().unwrap();
+        let log = Path::new("run.log");
+        assert_eq!(About::read(&text, log).unwrap(), about);
+        let none = About::read("", log).unwrap();
+        let args = crate::args::ConfigArgs::default();
+        let resolve = |about: &About| config::resolve_over(&about.config, log, &args).unwrap();
+        assert_eq!(resolve(&about), config);
+        assert_eq!(resolve(&none), Config::default());
+        let e = About::read("camera = 3", log).unwrap_err().to_string();
+        assert!(e.starts_with("run.log: expected"), "{e}");
+    }
+}

@@ -1,0 +1,299 @@
+//! What was measured of a live run: in `summary.json`, and in words.
+
+use crate::console;
+use crate::failure::Failure;
+use crate::run::about::About;
+use serde::{Deserialize, Serialize};
+use stillpoint::evaluation::timing::Stats;
+use stillpoint::live::{Ended, FrameTiming, LiveStatistics, WorkerEnd};
+use stillpoint::slam::RunLog;
+
+/// Frames that arrive later than this are told, ms: a third of the time between two of them.
+const LATE_MS: f64 = 10.0;
+
+/// A live run.
+pub(crate) struct LiveRun {
+    pub(crate) json: LiveJson,
+    /// In which order the stages took their messages.
+    pub(crate) log: RunLog,
+    /// Of every frame that was tracked, ms.
+    pub(crate) latency_ms: Vec<f64>,
+}
+
+impl LiveRun {
+    /// The log as a text, with what a replay has to know.
+    pub(crate) fn log_text(&self, about: &About) -> Result<String, Failure> {
+        let mut log = self.log.clone();
+        log.about = about.to_text()?;
+        Ok(log.to_text())
+    }
+}
+
+/// What was measured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct LiveJson {
+    /// Which frames were to be tracked: `newest` or `all`.
+    pub(crate) frames: String,
+    /// Frames that arrived and were not refused.
+    pub(crate) arrived: u64,
+    /// Frames that came twice or out of order, or do not fit the camera.
+    pub(crate) refused: u64,
+    /// Frames that a newer one replaced before tracking could take them.
+    pub(crate) dropped: usize,
+    /// Their share of those that arrived, 0 to 1.
+    pub(crate) dropped_share: f64,
+    /// From a frame's arrival to its pose.
+    pub(crate) latency_ms: Figures,
+    /// Of that, until tracking took it.
+    pub(crate) waited_ms: Figures,
+    /// By how much a frame's stamp is later than that of the newest detections that were known.
+    pub(crate) detections_age_ms: Figures,
+    /// From the arrival of a frame that the detector looked at until tracking took the answer.
+    pub(crate) answer_ms: Figures,
+    /// Time since the view of the map that a frame was tracked in had been published.
+    pub(crate) view_age_ms: Figures,
+    /// By how much frames arrived later than their stamps say.
+    pub(crate) late_ms: Figures,
+    /// Keypoints that were wanted.
+    #[serde(default)]
+    pub(crate) features: Figures,
+    /// Keyframes that this view did not hold yet.
+    pub(crate) keyframes_behind: Figures,
+    /// Messages that waited for mapping when a pose was there.
+    pub(crate) mapping_queue: Figures,
+    /// Messages that waited for looping then.
+    pub(crate) looping_queue: Figures,
+    /// Frames that the detector answered for, per second of the run.
+    pub(crate) detections_per_second: f64,
+    /// Events that were lost because they were fetched too late: what is said of single frames then lacks some.
+    pub(crate) events_missed: u64,
+    /// How every thread ended: `finished`, or why it did not.
+    pub(crate) threads: Threads,
+}
+
+/// Statistics over frames or answers; all zero where there are none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Figures {
+    pub(crate) n: usize,
+    pub(crate) median: f64,
+    pub(crate) p95: f64,
+    pub(crate) p99: f64,
+    pub(crate) max: f64,
+    pub(crate) mean: f64,
+}
+
+impl Figures {
+    fn of(values: impl Iterator<Item = f64>) -> Self {
+        let s = Stats::of(&values.collect::<Vec<f64>>());
+        Self {
+            n: s.n,
+            median: s.median,
+            p95: s.p95,
+            p99: s.p99,
+            max: s.max,
+            mean: s.mean,
+        }
+    }
+
+    fn stats(&self) -> Stats {
+        Stats {
+            n: self.n,
+            median: self.median,
+            p95: self.p95,
+            p99: self.p99,
+            max: self.max,
+            mean: self.mean,
+        }
+    }
+}
+
+/// How every thread ended.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct Threads {
+    pub(crate) tracking: String,
+    /// Absent without a detector.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) detection: Option<String>,
+    pub(crate) mapping: String,
+    pub(crate) looping: String,
+}
+
+impl LiveJson {
+    pub(crate) fn new(
+        frames: &str,
+        measured: &LiveStatistics,
+        ended: &Ended,
+        detections_per_second: f64,
+        late: &[f64],
+    ) -> Self {
+        let each = |of: fn(&FrameTiming) -> f64| Figures::of(measured.frames.iter().map(of));
+        let ages = |of: fn(&FrameTiming) -> Option<f64>| {
+            Figures::of(measured.frames.iter().filter_map(of).map(|s| s * 1e3))
+        };
+        let dropped = measured.dropped.len();
+        Self {
+            frames: frames.to_owned(),
+            arrived: measured.arrived,
+            refused: measured.refused,
+            dropped,
+            dropped_share: dropped as f64 / measured.arrived.max(1) as f64,
+            latency_ms: each(|f| f.latency * 1e3),
+            waited_ms: each(|f| f.waited * 1e3),
+            detections_age_ms: ages(|f| f.detections_age),
+            answer_ms: Figures::of(measured.detections.iter().map(|s| s * 1e3)),
+            view_age_ms: ages(|f| f.view_age),
+            late_ms: Figures::of(late.iter().map(|s| s * 1e3)),
+            features: each(|f| f64::from(f.features)),
+            keyframes_behind: each(|f| f64::from(f.keyframes_behind)),
+            mapping_queue: each(|f| f64::from(f.mapping_queue)),
+            looping_queue: each(|f| f64::from(f.looping_queue)),
+            detections_per_second,
+            events_missed: measured.events_missed,
+            threads: Threads {
+                tracking: ended.tracking.to_string(),
+                detection: ended.detection.as_ref().map(ToString::to_string),
+                mapping: ended.mapping.to_string(),
+                looping: ended.looping.to_string(),
+            },
+        }
+    }
+
+    /// Threads that did not finish, and how they ended.
+    fn failures(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let t = &self.threads;
+        let all = [
+            ("tracking", Some(&t.tracking)),
+            ("detection", t.detection.as_ref()),
+            ("mapping", Some(&t.mapping)),
+            ("looping", Some(&t.looping)),
+        ];
+        let finished = WorkerEnd::Finished.to_string();
+        all.into_iter()
+            .filter_map(|(name, end)| end.map(|end| (name, end.as_str())))
+            .filter(move |(_, end)| *end != finished)
+    }
+
+    /// Says what went wrong with threads and events. Returns how many threads did not finish.
+    pub(crate) fn tell(&self) -> usize {
+        for (name, end) in self.failures() {
+            console::line(&format!(
+                "the thread of {name} {end}; the result holds what there was"
+            ));
+        }
+        if self.events_missed > 0 {
+            console::warn(&format!(
+                "{} events were lost since this machine was too slow to count them: frames.csv lacks frames",
+                self.events_missed
+            ));
+        }
+        self.failures().count()
+    }
+
+    /// The rows that a live run adds to the table of times.
+    pub(crate) fn rows(&self) -> Vec<(&str, Stats)> {
+        let rows = [
+            ("latency", &self.latency_ms),
+            ("- waited", &self.waited_ms),
+            ("age of detections", &self.detections_age_ms),
+            ("detector's answer", &self.answer_ms),
+            ("age of the view", &self.view_age_ms),
+        ];
+        rows.into_iter()
+            .filter(|(_, figures)| figures.n > 0)
+            .map(|(name, figures)| (name, figures.stats()))
+            .collect()
+    }
+
+    /// What the report says beside the table.
+    pub(crate) fn text(&self) -> String {
+        let queue = |q: &Figures| format!("{:.1} (at most {:.0})", q.mean, q.max);
+        let mut text = format!(
+            "live: {} of {} frames dropped ({:.1} %); waiting for mapping {}, for looping {} messages; {} keyframes behind\n",
+            self.dropped,
+            self.arrived,
+            self.dropped_share * 100.0,
+            queue(&self.mapping_queue),
+            queue(&self.looping_queue),
+            queue(&self.keyframes_behind),
+        );
+        if self.features.mean < self.features.max {
+            text += &format!(
+                "live: {:.0} keypoints asked for per frame on average (at most {:.0})\n",
+                self.features.mean, self.features.max
+            );
+        }
+        if self.late_ms.p95 > LATE_MS {
+            text += &format!(
+                "live: frames arrived {:.0} ms late on average (at most {:.0}): {}\n",
+                self.late_ms.mean,
+                self.late_ms.max,
+                match self.frames.as_str() {
+                    "all" => "tracking and reading them took longer than the camera did",
+                    _ => "reading them took longer than the camera did",
+                }
+            );
+        }
+        if self.threads.detection.is_some() {
+            text += &format!(
+                "live: {:.1} detections per second, {:.0} ms old on average when used\n",
+                self.detections_per_second, self.detections_age_ms.mean
+            );
+        }
+        text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint::imaging::FrameId;
+
+    fn measured() -> LiveStatistics {
+        let frame = |n: u32| FrameTiming {
+            latency: 0.01 * f64::from(n),
+            waited: 0.001,
+            detections_age: (n > 1).then_some(0.1),
+            mapping_queue: n,
+            frame: FrameId(n),
+            ..FrameTiming::default()
+        };
+        LiveStatistics {
+            arrived: 4,
+            dropped: vec![FrameId(0)],
+            frames: (1..4).map(frame).collect(),
+            ..LiveStatistics::default()
+        }
+    }
+
+    #[test]
+    fn what_is_measured_is_told_in_milliseconds() {
+        let ended = Ended {
+            tracking: WorkerEnd::Finished,
+            detection: Some(WorkerEnd::GivenUp),
+            mapping: WorkerEnd::Panicked("oh".to_owned()),
+            looping: WorkerEnd::Finished,
+        };
+        let json = LiveJson::new("newest", &measured(), &ended, 12.0, &[0.0, 0.05]);
+        assert!((json.latency_ms.median - 20.0).abs() < 1e-9);
+        assert_eq!((json.detections_age_ms.n, json.view_age_ms.n), (2, 0));
+        assert_eq!((json.dropped_share, json.mapping_queue.max), (0.25, 3.0));
+        let text = json.text();
+        assert!(text.contains("1 of 4 frames dropped (25.0 %)"), "{text}");
+        assert!(
+            text.contains("25 ms late on average (at most 50)"),
+            "{text}"
+        );
+        assert!(
+            text.contains("12.0 detections per second, 100 ms old"),
+            "{text}"
+        );
+        // What was not measured has no row.
+        let rows: Vec<&str> = json.rows().iter().map(|r| r.0).collect();
+        assert_eq!(rows, ["latency", "- waited", "age of detections"]);
+        assert_eq!(json.tell(), 2);
+        let failures: Vec<_> = json.failures().collect();
+        assert_eq!(failures[1], ("mapping", "panicked: oh"));
+        let text = serde_json::to_string(&json).unwrap();
+        assert_eq!(serde_json::from_str::<LiveJson>(&text).unwrap(), json);
+    }
+}

@@ -1,0 +1,323 @@
+//! `run`: a data set folder through the system, frame by frame or as a camera.
+
+pub(crate) mod about;
+pub(crate) mod frames;
+pub(crate) mod live_report;
+pub(crate) mod overlay;
+pub(crate) mod played;
+pub(crate) mod priority;
+pub(crate) mod replay;
+pub(crate) mod result;
+pub(crate) mod session;
+pub(crate) mod summary;
+pub(crate) mod tally;
+pub(crate) mod verdicts;
+
+use crate::args::InputArgs;
+use crate::args::run::{OutputArgs, RunArgs};
+use crate::config;
+use crate::console;
+use crate::detector::{self, Loaded, Settled};
+use crate::failure::{Failure, Status};
+use crate::interrupt::Interrupt;
+use crate::map::file::{self, MapOutput};
+use crate::output::{ResultFolder, StreamedFile};
+use crate::run::about::About;
+use crate::run::overlay::OverlayFolder;
+use crate::run::result::{Setup, finish};
+use crate::run::session::{Driver, Outputs, Session};
+use crate::run::summary::Input;
+use crate::run::verdicts::VerdictFile;
+use crate::timing::Timing;
+use crate::trace::TraceFile;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use stillpoint::datasets::{
+    CameraChoice, Dataset, DatasetSource, Entry, FrameOptions, OpenOptions, ReadAhead,
+};
+use stillpoint::geometry::Camera;
+use stillpoint::imaging::FrameSource;
+use stillpoint::live::Stage;
+use stillpoint::map::Map;
+use stillpoint::slam::{Config, CostTable, MapUse, Plan, StartError};
+
+/// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
+/// not hold up the camera; about 70 MB with colour.
+const AHEAD: usize = 30;
+
+/// `run`.
+pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Failure> {
+    let mut config = config::resolve(&args.config)?;
+    if let (Some(ms), None) = (args.budget_ms, args.live) {
+        config = within(&config, ms);
+    }
+    let simd = config::simd()?;
+    let dataset = open(&args.path, &args.input)?;
+    let settled = detector::settle(&args.input.detector)?;
+    settled.announce();
+    let loaded = load_detector(args, &settled, &dataset)?;
+    let truth = dataset.ground_truth()?;
+    let frames = frames(args, &settled, &dataset)?;
+    let known = KnownMap::of(args.load_map.as_deref(), args.localize.as_deref());
+    // Ids of keyframes are numbers of frames.
+    let ids = frames.remaining().unwrap_or(dataset.entries().len());
+    let ids = args.output.save_map.is_some().then_some(ids);
+    let map = known.map(|k| k.load(&config, &dataset.camera().camera, ids));
+    let out = args.output.out.clone();
+    let out = out.unwrap_or_else(|| default_out(&args.path, ""));
+    let folder = ResultFolder::create(&out)?;
+    let mut outputs = outputs(&args.output, &config, &dataset, frames.remaining(), timing)?;
+    let log_file = args.log.as_deref();
+    let log_file = log_file.map(|path| StreamedFile::create(path, "--log"));
+    let log_file = log_file.transpose()?;
+    let interrupt = Interrupt::listen();
+    let driver = Driver {
+        config: config.clone(),
+        camera: dataset.camera().camera,
+        simd,
+        timing,
+        interrupt: &interrupt,
+        detector: loaded.detector,
+        map: map.transpose()?,
+    };
+    let ahead = args.live.map_or(ReadAhead::DEFAULT_FRAMES, |_| AHEAD);
+    let frames = played::Reading::new(frames, timing);
+    let mut frames = ReadAhead::with_capacity(frames, ahead);
+    let mut session = match args.live {
+        None => driver.drive(&mut frames, &mut outputs)?,
+        Some(choice) => {
+            let budget = args.budget_ms.map(|ms| ms / 1e3);
+            driver.drive_live(&mut frames, &mut outputs, choice, budget)?
+        }
+    };
+    session.detector.library = loaded.library;
+    let written = outputs.finish()?;
+    let about = About::new(&args.input, &config, known, &session.detector)?;
+    let setup = Setup {
+        input: input(&args.path, &dataset),
+        config: &config,
+        simd,
+        timing,
+        truth: truth.as_deref(),
+        log: run_log(&session, &about, log_file)?,
+    };
+    let status = finish(&setup, &session, folder, &out)?;
+    console::report(&written);
+    // Last, so that the result is there all the same.
+    match session.saved {
+        Some(Err(failure)) => Err(failure),
+        _ => Ok(status),
+    }
+}
+
+/// The log of a live run, for the result folder; where it goes to a file of its own, it is written there.
+fn run_log(
+    session: &Session,
+    about: &About,
+    file: Option<StreamedFile>,
+) -> Result<Option<Vec<u8>>, Failure> {
+    let Some(live) = &session.live else {
+        return Ok(None);
+    };
+    let text = live.log_text(about)?;
+    let Some(mut file) = file else {
+        return Ok(Some(text.into_bytes()));
+    };
+    file.write(|w| w.write_all(text.as_bytes()))?;
+    file.finish()?;
+    Ok(None)
+}
+
+/// The configuration with as much work as fits into a time per frame.
+fn within(config: &Config, budget_ms: f64) -> Config {
+    let plan = Plan::new(config, budget_ms, &CostTable::REFERENCE);
+    console::info(&format!(
+        "{budget_ms} ms per frame: {} keypoints, {} neighbours and {} keyframes in mapping, the detector at every {}. frame; about {:.1} ms where OpenCV's ORB takes {} ms",
+        plan.features,
+        plan.mapping.neighbours,
+        plan.mapping.window,
+        plan.detector_stride,
+        plan.per_frame_ms,
+        CostTable::REFERENCE_UNIT_MS,
+    ));
+    if !plan.fits {
+        console::warn("even the least work takes longer than that");
+    }
+    plan.apply(config)
+}
+
+/// The detector. What runs it in a live run gives way to tracking: so do the threads that a network brings, which have the priority
+/// of whoever starts them.
+fn load_detector(args: &RunArgs, settled: &Settled, dataset: &Dataset) -> Result<Loaded, Failure> {
+    let load = || detector::load(settled, &args.input.detector, dataset.entries());
+    if args.live.is_none() {
+        return load();
+    }
+    let load = || {
+        priority::lower(Stage::Detection);
+        load()
+    };
+    std::thread::scope(|scope| scope.spawn(load).join())
+        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+}
+
+/// The frames that are asked for.
+fn frames(args: &RunArgs, settled: &Settled, dataset: &Dataset) -> Result<DatasetSource, Failure> {
+    let options = FrameOptions {
+        start: args.input.start,
+        max_frames: args.input.max_frames.map(|n| n as usize),
+        keep_colour: args.output.overlay.is_some() || settled.needs_colour(),
+    };
+    Ok(dataset.frames(&options)?)
+}
+
+/// What a result is of.
+pub(crate) fn input(path: &Path, dataset: &Dataset) -> Input {
+    Input {
+        name: path.display().to_string(),
+        layout: dataset.layout().to_string(),
+        camera: dataset.camera().name.clone(),
+    }
+}
+
+/// A map file to begin with.
+#[derive(Clone, Copy)]
+pub(crate) struct KnownMap<'a> {
+    pub(crate) path: &'a Path,
+    pub(crate) map_use: MapUse,
+}
+
+impl<'a> KnownMap<'a> {
+    /// As the arguments have it.
+    pub(crate) fn of(load_map: Option<&'a Path>, localize: Option<&'a Path>) -> Option<Self> {
+        let (path, map_use) = match (load_map, localize) {
+            (Some(path), _) => (path, MapUse::Grow),
+            (None, Some(path)) => (path, MapUse::Localize),
+            (None, None) => return None,
+        };
+        Some(Self { path, map_use })
+    }
+
+    /// Reads it. `ids` is how many keyframe ids the run may add, if it is to be saved.
+    pub(crate) fn load(
+        &self,
+        config: &Config,
+        camera: &Camera,
+        ids: Option<usize>,
+    ) -> Result<(Map, MapUse), Failure> {
+        let Self { path, map_use } = *self;
+        let map = file::load(path)?.file.map;
+        file::check_fits(path, &map, config, camera)?;
+        if map_use == MapUse::Localize && map.view().keyframe_count() == 0 {
+            return Err(Failure::input(format!(
+                "{}: {}",
+                path.display(),
+                StartError::Empty
+            )));
+        }
+        if let Some(ids) = ids {
+            file::check_room(path, &map, ids)?;
+        }
+        console::info(&format!(
+            "{} map {} with {} keyframes and {} landmarks",
+            match map_use {
+                MapUse::Grow => "going on with",
+                MapUse::Localize => "finding the camera in",
+            },
+            path.display(),
+            map.view().keyframe_count(),
+            map.view().landmark_count()
+        ));
+        Ok((map, map_use))
+    }
+}
+
+/// What is written while frames go by. `frames` is their number where known.
+pub(crate) fn outputs(
+    args: &OutputArgs,
+    config: &Config,
+    dataset: &Dataset,
+    frames: Option<usize>,
+    timing: &'static Timing,
+) -> Result<Outputs, Failure> {
+    let overlay = |folder: &PathBuf| {
+        let every = args.overlay_every as usize;
+        let frames = frames.unwrap_or(dataset.entries().len());
+        OverlayFolder::create(
+            folder,
+            every,
+            frames,
+            rate(dataset.entries()),
+            &config.motion_weights,
+        )
+    };
+    // Folders first: the files may lie in one of them.
+    let overlay = args.overlay.as_ref().map(overlay).transpose()?;
+    let verdicts = args.verdicts.as_deref().map(VerdictFile::create);
+    let map = args.save_map.as_deref();
+    let map = map.map(|path| MapOutput::create(path, "--save-map"));
+    let trace = args.trace.as_deref();
+    let trace = trace.map(|path| TraceFile::create(path, timing));
+    Ok(Outputs {
+        verdicts: verdicts.transpose()?,
+        overlay,
+        shots: None,
+        map: map.transpose()?,
+        trace: trace.transpose()?,
+    })
+}
+
+/// Frames per second; 30 where the stamps do not tell.
+fn rate(entries: &[Entry]) -> f64 {
+    let (Some(first), Some(last)) = (entries.first(), entries.last()) else {
+        return 30.0;
+    };
+    let rate = (entries.len() - 1) as f64 / (last.stamp - first.stamp);
+    if rate.is_finite() && rate > 0.0 {
+        rate
+    } else {
+        30.0
+    }
+}
+
+/// Opens the data set and says what was guessed.
+pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<Dataset, Failure> {
+    let options = OpenOptions {
+        camera: input.camera.as_deref().map(CameraChoice::from_argument),
+        strict: input.strict,
+        ..OpenOptions::default()
+    };
+    let dataset = Dataset::open(path, &options)?;
+    for guess in dataset.guesses() {
+        console::info(guess);
+    }
+    for warning in dataset.warnings() {
+        console::warn(warning);
+    }
+    Ok(dataset)
+}
+
+/// `out/`, the folder's name, and `_` with what was done to it other than `run`.
+pub(crate) fn default_out(path: &Path, done: &str) -> PathBuf {
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let name = path.file_name().or(full.file_name());
+    let mut name = name.unwrap_or("run".as_ref()).to_owned();
+    name.push(done);
+    Path::new("out").join(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_go_beside_each_other_by_name() {
+        assert_eq!(
+            default_out(Path::new("data/desk/"), ""),
+            Path::new("out/desk")
+        );
+        let here = std::env::current_dir().unwrap();
+        let name = here.file_name().unwrap();
+        assert_eq!(default_out(Path::new("."), ""), Path::new("out").join(name));
+    }
+}

@@ -1,0 +1,220 @@
+//! What a session found: its score, its result folder, its report and how it ended. `run`, `replay` and `demo` write it
+//! in the same way.
+
+use crate::console;
+use crate::failure::{Failure, Status};
+use crate::machine::{Machine, peak_memory};
+use crate::output::ResultFolder;
+use crate::run::frames;
+use crate::run::session::Session;
+use crate::run::summary::{Accuracy, Input, ScoreJson, StageTiming, Summary};
+use crate::timing::Timing;
+use crate::{config, report};
+use std::path::Path;
+use stillpoint::datasets::{StampedPose, trajectory};
+use stillpoint::evaluation::plot::{
+    Figure, Series, drift_figure, poses_figure, timing_figure, trajectory_figure,
+};
+use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
+use stillpoint::imaging::Simd;
+use stillpoint::slam::Config;
+
+/// What a result is about.
+pub(crate) struct Setup<'a> {
+    pub(crate) input: Input,
+    pub(crate) config: &'a Config,
+    pub(crate) simd: Simd,
+    pub(crate) timing: &'a Timing,
+    pub(crate) truth: Option<&'a [StampedPose]>,
+    /// The log of a live run, as it stands in the folder.
+    pub(crate) log: Option<Vec<u8>>,
+}
+
+/// Scores a session, writes its result, prints the report, and says how it ended.
+pub(crate) fn finish(
+    setup: &Setup<'_>,
+    session: &Session,
+    folder: ResultFolder,
+    out: &Path,
+) -> Result<Status, Failure> {
+    let (summary, _) = write(setup, session, folder)?;
+    console::report(&report::run_text(&summary));
+    console::report(&format!("result in {}\n", out.display()));
+    Ok(verdict(&summary))
+}
+
+/// Scores a session and writes its result. Returns the figures and the score of the final poses.
+pub(crate) fn write(
+    setup: &Setup<'_>,
+    session: &Session,
+    mut folder: ResultFolder,
+) -> Result<(Summary, Option<Score>), Failure> {
+    let scores = setup.truth.and_then(|truth| scores(truth, session));
+    let poses = |p: &[StampedPose]| trajectory::format(p).into_bytes();
+    folder.write("trajectory.txt", &poses(&session.final_poses))?;
+    folder.write("trajectory_online.txt", &poses(&session.online_poses))?;
+    for (i, piece) in session.other_pieces.iter().enumerate() {
+        let name = frames::file_name(i + 1, piece.id);
+        folder.write(&name, &poses(&piece.final_poses))?;
+    }
+    folder.write("keyframes.txt", &poses(&session.keyframes))?;
+    folder.write("frames.csv", session.frames_csv.as_bytes())?;
+    folder.write("config.toml", config::to_text(setup.config)?.as_bytes())?;
+    if let Some(log) = &setup.log {
+        folder.write("run.log", log)?;
+    }
+    for (name, figure) in figures(setup, session, scores.as_ref()) {
+        folder.write(&format!("{name}.svg"), figure.to_svg().as_bytes())?;
+        let png = figure.to_png().map_err(Failure::input)?;
+        folder.write(&format!("{name}.png"), &png)?;
+    }
+    // Last, so that the peak of memory is that of all the work.
+    let summary = summarise(setup, session, scores.as_ref());
+    let json = serde_json::to_string_pretty(&summary).map_err(Failure::input)?;
+    folder.write("summary.json", format!("{json}\n").as_bytes())?;
+    folder.commit()?;
+    Ok((summary, scores.map(|(final_score, _)| final_score)))
+}
+
+/// The plots of a result: the final poses, against the ground truth where there is any, and the times.
+fn figures(
+    setup: &Setup<'_>,
+    session: &Session,
+    scores: Option<&(Score, Score)>,
+) -> Vec<(&'static str, Figure)> {
+    let name = &setup.input.name;
+    let mut figures = Vec::new();
+    let poses = timed(&session.final_poses);
+    figures.push((
+        "plot",
+        match scores {
+            Some((score, _)) => score_figure(name, score, &poses),
+            None => poses_figure(name, &poses),
+        },
+    ));
+    let frame = |name| (name, setup.timing.per_frame(name));
+    let whole = match &session.live {
+        Some(live) => ("latency", live.latency_ms.clone()),
+        None => frame("total"),
+    };
+    let stages = [whole, frame("frame")];
+    let series: Vec<Series<'_>> = stages
+        .iter()
+        .map(|(name, milliseconds)| Series { name, milliseconds })
+        .collect();
+    figures.push(("timing", timing_figure(name, &series)));
+    figures
+}
+
+/// The plot of a score: errors of a camera that moves, drift of one that stands still.
+pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -> Figure {
+    match score {
+        Score::Moving(e) => trajectory_figure(title, &e.ate),
+        Score::Fixed(_) => drift_figure(title, estimate),
+    }
+}
+
+/// Says what went wrong, if anything did.
+pub(crate) fn verdict(summary: &Summary) -> Status {
+    let s = summary;
+    if s.interrupted {
+        console::line(&format!(
+            "interrupted after {} frames: the result holds what there was",
+            s.frames
+        ));
+    }
+    for stretch in &s.lost {
+        console::warn(&format!(
+            "no pose in frames {} to {} ({:.2} s): {}; then {}",
+            stretch.first, stretch.last, stretch.seconds, stretch.reason, stretch.then
+        ));
+    }
+    for piece in s.pieces.iter().skip(1) {
+        console::warn(&format!(
+            "{} frames are in a piece of map that was not recognised as part of the first: their poses are in {}, in a frame of reference of their own",
+            piece.frames, piece.trajectory
+        ));
+    }
+    if let Some(remark) = &s.detector.remark {
+        console::warn(remark);
+    }
+    let d = &s.detector;
+    if d.failed_frames > 0 {
+        console::line(&format!(
+            "the detector failed on {} of {} frames",
+            d.failed_frames, s.frames
+        ));
+    }
+    let missing = s.frames - s.tracked;
+    if missing > 0 {
+        console::line(&format!(
+            "{missing} of {} frames have no pose in trajectory.txt",
+            s.frames
+        ));
+    }
+    let broken = s.live.as_ref().map_or(0, |live| live.tell());
+    if missing > 0 || s.tracked < 2 || s.interrupted || d.never_answered() || broken > 0 {
+        Status::Failed
+    } else {
+        Status::Ok
+    }
+}
+
+/// Scores of the final and the online poses. No score is no reason to lose the result.
+fn scores(truth: &[StampedPose], session: &Session) -> Option<(Score, Score)> {
+    let truth = timed(truth);
+    let options = EvalOptions::default();
+    let both = score(&truth, &timed(&session.final_poses), &options)
+        .and_then(|f| Ok((f, score(&truth, &timed(&session.online_poses), &options)?)));
+    both.map_err(|e| console::warn(&format!("no score: {e}")))
+        .ok()
+}
+
+fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score)>) -> Summary {
+    Summary {
+        input: setup.input.clone(),
+        frames: session.frames,
+        skipped: session.skipped,
+        tracked: session.final_poses.len(),
+        lost: session.lost.clone(),
+        pieces: session.pieces.clone(),
+        detector: session.detector.clone(),
+        features: session.features,
+        loops: session.loops,
+        interrupted: session.interrupted,
+        keyframes: session.view.keyframe_count(),
+        landmarks: session.view.landmark_count(),
+        map_versions: session.view.version(),
+        map: session
+            .saved
+            .as_ref()
+            .and_then(|s| s.as_ref().ok())
+            .cloned(),
+        seconds: session.seconds,
+        timing_ms: setup
+            .timing
+            .statistics()
+            .into_iter()
+            .map(|(name, s)| StageTiming::new(name, s))
+            .collect(),
+        live: session.live.as_ref().map(|live| live.json.clone()),
+        peak_memory_bytes: peak_memory(),
+        simd: format!("{:?}", setup.simd).to_lowercase(),
+        machine: Machine::here(),
+        accuracy: scores.map(|(final_score, online_score)| Accuracy {
+            final_poses: ScoreJson::new(final_score, false),
+            online: ScoreJson::new(online_score, false),
+        }),
+    }
+}
+
+/// Poses as the judge takes them.
+pub(crate) fn timed(poses: &[StampedPose]) -> Vec<TimedPose> {
+    poses
+        .iter()
+        .map(|p| TimedPose {
+            stamp: p.stamp,
+            world_from_camera: p.world_from_camera,
+        })
+        .collect()
+}

@@ -1,0 +1,176 @@
+//! One pass of a stream of frames through the system.
+//!
+//! Answers: which frames went in, which came out with a pose, what the map was in the end. Knows nothing of where the
+//! frames come from or where results go.
+
+pub(crate) mod live;
+pub(crate) mod outputs;
+pub(crate) mod replay;
+
+use crate::console::Progress;
+use crate::failure::Failure;
+use crate::interrupt::Interrupt;
+use crate::map::file::SavedMap;
+use crate::run::frames::Piece;
+use crate::run::live_report::LiveRun;
+pub(crate) use crate::run::session::outputs::Outputs;
+use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, PieceJson};
+use crate::run::tally::{End, Tally};
+use crate::timing::Timing;
+use std::sync::Arc;
+use std::time::Instant;
+use stillpoint::datasets::StampedPose;
+use stillpoint::detection::Detector;
+use stillpoint::geometry::Camera;
+use stillpoint::imaging::{FrameSource, Simd};
+use stillpoint::map::{Map, MapView};
+use stillpoint::slam::{Config, MapUse, Stages, System};
+
+/// What a pass gave.
+pub(crate) struct Session {
+    /// Frames that went through the system.
+    pub(crate) frames: usize,
+    /// Frames that could not be read.
+    pub(crate) skipped: usize,
+    /// Stretches of frames without a pose.
+    pub(crate) lost: Vec<LostStretch>,
+    /// What the detector was and did.
+    pub(crate) detector: DetectorJson,
+    /// What the static filter did.
+    pub(crate) features: FeaturesJson,
+    /// Places that were recognised.
+    pub(crate) loops: LoopsJson,
+    /// The user ended it early.
+    pub(crate) interrupted: bool,
+    /// From the first frame to the last, s.
+    pub(crate) seconds: f64,
+    /// Final poses of the tracked frames.
+    pub(crate) final_poses: Vec<StampedPose>,
+    /// Poses as known at each of these frames; without those that were in another piece then, whose poses were in another frame of
+    /// reference.
+    pub(crate) online_poses: Vec<StampedPose>,
+    /// Poses in other pieces of map, each in a frame of reference of its own.
+    pub(crate) other_pieces: Vec<Piece>,
+    /// All pieces; the first is that of the poses above.
+    pub(crate) pieces: Vec<PieceJson>,
+    /// What became of every frame, as `frames.csv` has it.
+    pub(crate) frames_csv: String,
+    /// Final poses of the keyframes of the first piece.
+    pub(crate) keyframes: Vec<StampedPose>,
+    /// The final map.
+    pub(crate) view: Arc<MapView>,
+    /// Where it was saved, or why it could not be; nothing when it was not to be.
+    pub(crate) saved: Option<Result<SavedMap, Failure>>,
+    /// What was measured of a live run.
+    pub(crate) live: Option<LiveRun>,
+}
+
+/// Means of a pass.
+pub(crate) struct Driver<'a> {
+    pub(crate) config: Config,
+    pub(crate) camera: Camera,
+    pub(crate) simd: Simd,
+    pub(crate) timing: &'static Timing,
+    pub(crate) interrupt: &'a Interrupt,
+    pub(crate) detector: Option<Box<dyn Detector>>,
+    /// A map to begin with, and what is done with it.
+    pub(crate) map: Option<(Map, MapUse)>,
+}
+
+impl Driver<'_> {
+    /// Runs the stream to its end, or until the user asks to stop.
+    ///
+    /// # Errors
+    /// A configuration out of range, a stream that fails for good, a stream without any readable frame, outputs that cannot
+    /// be written.
+    pub(crate) fn drive(
+        mut self,
+        source: &mut dyn FrameSource,
+        outputs: &mut Outputs,
+    ) -> Result<Session, Failure> {
+        let mut system = System::from(self.stages()?);
+        if let Some(detector) = self.detector.take() {
+            system = system.with_detector(detector);
+        }
+        let mut tally = Tally::default();
+        let start = Instant::now();
+        let taken = self.take_frames(source, outputs, &mut system, &mut tally);
+        tally.take(&system.finish());
+        if let Err(failure) = taken {
+            outputs.rescue_map(Some(system.map()), tally.frames);
+            return Err(failure);
+        }
+        self.check_frames(&tally)?;
+        let mut session = tally.close(End {
+            trajectory: system.trajectory(),
+            view: system.view(),
+            detector: DetectorJson {
+                remark: system.detector().and_then(Detector::remark),
+                ..DetectorJson::of(system.detector())
+            },
+            interrupted: self.interrupt.requested(),
+            seconds: start.elapsed().as_secs_f64(),
+        });
+        // What was found until then is worth having even when the map cannot be saved.
+        session.saved = outputs.map.take().map(|map| map.save(system.map()));
+        Ok(session)
+    }
+
+    /// The stages, with the map that is there before the first frame.
+    pub(crate) fn stages(&mut self) -> Result<Stages, Failure> {
+        let stages =
+            Stages::new(self.config.clone(), self.camera, self.simd).map_err(Failure::input)?;
+        match self.map.take() {
+            None => Ok(stages),
+            Some((map, map_use)) => stages.with_map(map, map_use).map_err(Failure::input),
+        }
+    }
+
+    /// Whether any frame went through the system.
+    pub(crate) fn check_frames(&self, tally: &Tally) -> Result<(), Failure> {
+        match tally.frames {
+            0 if self.interrupt.requested() => Err(Failure::criteria(
+                "interrupted before the first frame: nothing was written",
+            )),
+            0 => Err(Failure::input(format!(
+                "expected frames, found none that can be read ({} skipped); check the images",
+                tally.skipped
+            ))),
+            _ => Ok(()),
+        }
+    }
+
+    /// Lets the frames go by.
+    fn take_frames(
+        &self,
+        source: &mut dyn FrameSource,
+        outputs: &mut Outputs,
+        system: &mut System,
+        tally: &mut Tally,
+    ) -> Result<(), Failure> {
+        let mut progress = Progress::new(source.remaining());
+        while !self.interrupt.requested() {
+            let next = tracing::info_span!("wait").in_scope(|| source.next_frame());
+            match next {
+                None => break,
+                Some(Ok(frame)) => {
+                    let kept = outputs.keep(&frame);
+                    let events = tracing::info_span!("total").in_scope(|| system.step(frame));
+                    tally.take(&events);
+                    outputs
+                        .take(&events, kept.as_ref())
+                        .inspect_err(|_| progress.finish())?;
+                    self.timing.end_frame();
+                }
+                Some(Err(e)) if e.recoverable => tally.skip(&e),
+                Some(Err(e)) => {
+                    progress.finish();
+                    return Err(Failure::input(e));
+                }
+            }
+            progress.show(tally.frames + tally.skipped, &tally.note());
+        }
+        progress.finish();
+        Ok(())
+    }
+}

@@ -1,0 +1,327 @@
+//! The figures of a run as they stand in `summary.json`, written by `run` and `demo`, read by `bench`.
+
+pub(crate) mod detector;
+
+use crate::machine::Machine;
+use crate::map::file::SavedMap;
+use crate::run::live_report::LiveJson;
+pub(crate) use crate::run::summary::detector::DetectorJson;
+use serde::{Deserialize, Serialize};
+use stillpoint::evaluation::timing::Stats;
+use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
+use stillpoint::slam::{FrameCounts, LoopOutcome, LoopReport};
+
+/// All figures of one run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Summary {
+    /// What was run on.
+    pub(crate) input: Input,
+    /// Frames that went through the system.
+    pub(crate) frames: usize,
+    /// Frames that could not be read and were skipped.
+    pub(crate) skipped: usize,
+    /// Frames with a pose in `trajectory.txt`.
+    pub(crate) tracked: usize,
+    /// Stretches of frames without a pose.
+    pub(crate) lost: Vec<LostStretch>,
+    /// The pieces of map that frames have poses in; the first is that of `trajectory.txt`.
+    #[serde(default)]
+    pub(crate) pieces: Vec<PieceJson>,
+    /// The object detector.
+    #[serde(default)]
+    pub(crate) detector: DetectorJson,
+    /// The static filter's verdicts.
+    #[serde(default)]
+    pub(crate) features: FeaturesJson,
+    /// Places that were recognised.
+    #[serde(default)]
+    pub(crate) loops: LoopsJson,
+    /// True when the user ended the run early.
+    pub(crate) interrupted: bool,
+    /// Keyframes in the final map.
+    pub(crate) keyframes: usize,
+    /// Landmarks in the final map.
+    pub(crate) landmarks: usize,
+    /// Versions of the map that the mapper published.
+    pub(crate) map_versions: u64,
+    /// Where the map was saved.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) map: Option<SavedMap>,
+    /// From the first frame to the last, s, reading included.
+    pub(crate) seconds: f64,
+    /// Milliseconds per frame of each stage, over the frames in which it ran.
+    pub(crate) timing_ms: Vec<StageTiming>,
+    /// What was measured of a live run.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) live: Option<LiveJson>,
+    /// Largest amount of memory held, bytes; absent where the system does not say.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) peak_memory_bytes: Option<u64>,
+    /// Instruction set of the kernels.
+    pub(crate) simd: String,
+    /// Where it ran, and the program's version.
+    pub(crate) machine: Machine,
+    /// Against the ground truth, where there is any.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) accuracy: Option<Accuracy>,
+}
+
+/// What was run on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Input {
+    /// Folder or scene.
+    pub(crate) name: String,
+    /// Layout, or `simulated`.
+    pub(crate) layout: String,
+    /// Where the camera comes from.
+    pub(crate) camera: String,
+}
+
+/// Frames without a pose.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct LostStretch {
+    /// First frame.
+    pub(crate) first: u32,
+    /// Last frame.
+    pub(crate) last: u32,
+    /// Why the first of them has no pose.
+    pub(crate) reason: String,
+    /// From the first of them to the next frame with a pose, s.
+    #[serde(default)]
+    pub(crate) seconds: f64,
+    /// What ended it: `found again`, `a map began`, `the end`.
+    #[serde(default)]
+    pub(crate) then: String,
+}
+
+/// A piece of the final map, in a frame of reference of its own.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct PieceJson {
+    /// The keyframe that began it.
+    pub(crate) id: u32,
+    /// Frames with a pose in it.
+    pub(crate) frames: usize,
+    /// Keyframes.
+    pub(crate) keyframes: usize,
+    /// The file of their poses.
+    pub(crate) trajectory: String,
+}
+
+/// Sums over all frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FeaturesJson {
+    /// Extracted keypoints.
+    pub(crate) keypoints: u64,
+    /// Keypoints rejected because they move.
+    pub(crate) dynamic: u64,
+    /// Their share of all keypoints, 0 to 1.
+    pub(crate) dynamic_share: f64,
+    /// Keypoints that seemed to move and were used all the same because too few others were left.
+    pub(crate) released: u64,
+    /// Landmarks taken out of the map because late detections said that they move.
+    pub(crate) rejudged_landmarks: u64,
+}
+
+impl FeaturesJson {
+    /// Adds a frame.
+    pub(crate) fn add(&mut self, counts: &FrameCounts) {
+        self.keypoints += u64::from(counts.keypoints);
+        self.dynamic += u64::from(counts.dynamic);
+        self.released += u64::from(counts.released);
+        self.dynamic_share = self.dynamic as f64 / self.keypoints.max(1) as f64;
+    }
+}
+
+/// What became of the places that were recognised.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct LoopsJson {
+    /// Loops that corrected the map.
+    pub(crate) closed: u32,
+    /// Pieces of map that became part of another.
+    #[serde(default)]
+    pub(crate) joined: u32,
+    /// Keyframes that looked like older ones, where geometry or the map said no.
+    pub(crate) rejected: u32,
+}
+
+impl LoopsJson {
+    /// Counts a report.
+    pub(crate) fn add(&mut self, report: &LoopReport) {
+        match report.outcome {
+            LoopOutcome::Closed if report.joined.is_some() => self.joined += 1,
+            LoopOutcome::Closed => self.closed += 1,
+            _ => self.rejected += 1,
+        }
+    }
+}
+
+/// Milliseconds per frame of one stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct StageTiming {
+    /// Name of its span.
+    pub(crate) stage: String,
+    /// Frames in which it ran.
+    pub(crate) n: usize,
+    /// Median, ms.
+    pub(crate) median: f64,
+    /// 95th percentile, ms.
+    pub(crate) p95: f64,
+    /// 99th percentile, ms.
+    pub(crate) p99: f64,
+    /// Largest, ms.
+    pub(crate) max: f64,
+    /// Mean, ms.
+    pub(crate) mean: f64,
+}
+
+impl StageTiming {
+    pub(crate) fn new(stage: &str, s: Stats) -> Self {
+        Self {
+            stage: stage.to_owned(),
+            n: s.n,
+            median: s.median,
+            p95: s.p95,
+            p99: s.p99,
+            max: s.max,
+            mean: s.mean,
+        }
+    }
+
+    pub(crate) fn stats(&self) -> Stats {
+        Stats {
+            n: self.n,
+            median: self.median,
+            p95: self.p95,
+            p99: self.p99,
+            max: self.max,
+            mean: self.mean,
+        }
+    }
+}
+
+/// Scores of the final poses and of the poses as known at each frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Accuracy {
+    /// After all corrections.
+    #[serde(rename = "final")]
+    pub(crate) final_poses: ScoreJson,
+    /// As known at each frame.
+    pub(crate) online: ScoreJson,
+}
+
+/// A score, in metres and degrees.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub(crate) enum ScoreJson {
+    /// The camera moves.
+    Moving(MovingJson),
+    /// The camera stands still in the ground truth.
+    Fixed(FixedJson),
+}
+
+/// Absolute and relative error.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct MovingJson {
+    /// Poses with ground truth.
+    pub(crate) pairs: usize,
+    /// Absolute error, m.
+    pub(crate) ate: StatisticsJson,
+    /// Relative error; absent when the trajectory is shorter than the delta.
+    pub(crate) rpe: Option<RpeJson>,
+    /// Scale of the alignment, when it was asked for.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) scale: Option<f64>,
+}
+
+/// Drift of a camera that stands still.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FixedJson {
+    /// Distance from the first pose, m.
+    pub(crate) drift: StatisticsJson,
+    /// Distance from the mean position, m.
+    pub(crate) spread: StatisticsJson,
+    /// Angle to the first pose, degrees.
+    pub(crate) rotation_deg: StatisticsJson,
+}
+
+/// Relative error.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RpeJson {
+    /// What it was taken over, e.g. `1s`, `30f`.
+    pub(crate) delta: String,
+    /// Pairs of poses.
+    pub(crate) pairs: usize,
+    /// m per delta.
+    pub(crate) translation: StatisticsJson,
+    /// Degrees per delta.
+    pub(crate) rotation_deg: StatisticsJson,
+}
+
+/// Statistics of errors.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct StatisticsJson {
+    /// Root of the mean square.
+    pub(crate) rmse: f64,
+    /// Standard deviation.
+    pub(crate) sd: f64,
+    /// Mean.
+    pub(crate) mean: f64,
+    /// Median.
+    pub(crate) median: f64,
+    /// Largest.
+    pub(crate) max: f64,
+}
+
+impl From<&Statistics> for StatisticsJson {
+    fn from(s: &Statistics) -> Self {
+        Self {
+            rmse: s.rmse,
+            sd: s.sd,
+            mean: s.mean,
+            median: s.median,
+            max: s.max,
+        }
+    }
+}
+
+impl From<&Rpe> for RpeJson {
+    fn from(r: &Rpe) -> Self {
+        Self {
+            delta: r.delta.to_string(),
+            pairs: r.pairs,
+            translation: (&r.translation).into(),
+            rotation_deg: (&r.rotation_deg).into(),
+        }
+    }
+}
+
+impl ScoreJson {
+    /// The scale is told when it was asked for.
+    pub(crate) fn new(score: &Score, with_scale: bool) -> Self {
+        match score {
+            Score::Moving(e) => Self::Moving(MovingJson::new(e, with_scale)),
+            Score::Fixed(d) => Self::Fixed(FixedJson::from(d)),
+        }
+    }
+}
+
+impl MovingJson {
+    fn new(e: &Evaluation, with_scale: bool) -> Self {
+        Self {
+            pairs: e.pairs,
+            ate: (&e.ate.statistics).into(),
+            rpe: e.rpe.as_ref().map(RpeJson::from),
+            scale: with_scale.then_some(e.ate.alignment.scale),
+        }
+    }
+}
+
+impl From<&Drift> for FixedJson {
+    fn from(d: &Drift) -> Self {
+        Self {
+            drift: (&d.drift).into(),
+            spread: (&d.spread).into(),
+            rotation_deg: (&d.rotation_deg).into(),
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! Counts while frames go by, whoever drives them, and what a pass gave in the end.
+
+use crate::console;
+use crate::run::frames::{self, Frames};
+use crate::run::session::Session;
+use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson};
+use std::sync::Arc;
+use stillpoint::datasets::StampedPose;
+use stillpoint::map::MapView;
+use stillpoint::slam::{Event, FrameReport, Trajectory};
+
+/// Counts while frames go by.
+#[derive(Default)]
+pub(crate) struct Tally {
+    /// Frames that went through the system.
+    pub(crate) frames: usize,
+    /// Frames that could not be read.
+    pub(crate) skipped: usize,
+    without_pose: usize,
+    each: Frames,
+    features: FeaturesJson,
+    loops: LoopsJson,
+    detector: DetectorJson,
+}
+
+impl Tally {
+    pub(crate) fn take(&mut self, events: &[Event]) {
+        for event in events {
+            match event {
+                Event::Frame(report) => self.take_report(report),
+                Event::Refused(refused) => self.skip(refused),
+                Event::Mapped(report) => tracing::debug!(
+                    keyframe = %report.keyframe,
+                    version = report.map_version,
+                    keyframes = report.keyframes,
+                    landmarks = report.landmarks,
+                    "mapped"
+                ),
+                Event::Health(_) => {}
+                Event::Rejudged(report) => {
+                    self.features.rejudged_landmarks += u64::from(report.landmarks);
+                }
+                Event::Looped(report) => {
+                    tracing::debug!(?report, "looped");
+                    self.loops.add(report);
+                }
+                Event::Detected(detections) => {
+                    self.detector.frames += 1;
+                    self.detector.detections += detections.items.len();
+                }
+                Event::DetectorFailed(e) => {
+                    // The others are most likely the same; the number of them is told at the end.
+                    if self.detector.failed_frames == 0 {
+                        console::warn(&format!("the detector failed: {e}"));
+                    }
+                    self.detector.failed_frames += 1;
+                }
+            }
+        }
+    }
+
+    fn take_report(&mut self, report: &FrameReport) {
+        self.frames += 1;
+        self.features.add(&report.counts);
+        self.detector.too_late += u64::from(report.counts.detections_too_late);
+        self.detector.without_pose += u64::from(report.counts.detections_without_pose);
+        tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
+        self.without_pose += usize::from(self.each.take(report));
+    }
+
+    /// Counts a frame that could not be read, and says so.
+    pub(crate) fn skip(&mut self, reason: &dyn std::fmt::Display) {
+        self.skipped += 1;
+        console::warn(&format!("skipped: {reason}"));
+    }
+
+    /// What the progress line says beside counts.
+    pub(crate) fn note(&self) -> String {
+        match self.without_pose {
+            0 => String::new(),
+            n => format!(", {n} lost"),
+        }
+    }
+
+    /// The pass as a whole.
+    pub(crate) fn close(self, end: End<'_>) -> Session {
+        let view = end.view;
+        let mut pieces = self.each.pieces(end.trajectory, &view);
+        let described = frames::describe(&pieces);
+        let other_pieces = pieces.split_off(pieces.len().min(1));
+        let first = pieces.pop();
+        let piece = first.as_ref().map(|p| p.id);
+        let (final_poses, online_poses) =
+            first.map_or_else(Default::default, |p| (p.final_poses, p.online_poses));
+        let keyframes = view
+            .keyframes()
+            .filter(|k| Some(k.piece) == piece)
+            .map(|k| StampedPose {
+                stamp: k.data.stamp,
+                world_from_camera: k.world_from_camera,
+            })
+            .collect();
+        let detector = DetectorJson {
+            frames: self.detector.frames,
+            detections: self.detector.detections,
+            failed_frames: self.detector.failed_frames,
+            too_late: self.detector.too_late,
+            without_pose: self.detector.without_pose,
+            ..end.detector
+        };
+        Session {
+            detector,
+            features: self.features,
+            loops: self.loops,
+            frames: self.frames,
+            skipped: self.skipped,
+            lost: self.each.lost(),
+            frames_csv: self.each.to_csv(end.trajectory, &view),
+            pieces: described,
+            other_pieces,
+            interrupted: end.interrupted,
+            seconds: end.seconds,
+            final_poses,
+            online_poses,
+            keyframes,
+            view,
+            saved: None,
+            live: None,
+        }
+    }
+}
+
+/// How a pass ended.
+pub(crate) struct End<'a> {
+    pub(crate) trajectory: &'a Trajectory,
+    /// The newest version of the map.
+    pub(crate) view: Arc<MapView>,
+    /// What the detector was, without counts.
+    pub(crate) detector: DetectorJson,
+    /// The user ended it early.
+    pub(crate) interrupted: bool,
+    /// From the first frame to the last, s.
+    pub(crate) seconds: f64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint::detection::{BoundingBox, ClassId, DetectError, Detection, Detections};
+    use stillpoint::imaging::FrameId;
+    use stillpoint::map::KeyframeId;
+    use stillpoint::slam::{FrameCounts, Outcome, RejudgeReport, Segments};
+
+    #[test]
+    fn what_the_detector_says_is_counted() {
+        let frame = FrameId(3);
+        let person = Detection {
+            class: ClassId::PERSON,
+            score: 0.5,
+            bounds: BoundingBox::default(),
+        };
+        let seen = |n: usize| {
+            Event::Detected(Detections {
+                frame,
+                stamp: 0.1,
+                items: vec![person; n],
+            })
+        };
+        let failed = Event::DetectorFailed(DetectError::NoColour { frame });
+        let rejudged = Event::Rejudged(RejudgeReport {
+            keyframe: KeyframeId(3),
+            map_version: 1,
+            landmarks: 7,
+        });
+        let mut tally = Tally::default();
+        tally.take(&[failed.clone(), failed]);
+        assert!(tally.detector.never_answered());
+        tally.take(&[seen(2), seen(0), rejudged.clone(), rejudged]);
+        let d = &tally.detector;
+        assert_eq!((d.frames, d.detections, d.failed_frames), (2, 2, 2));
+        assert!(!d.never_answered());
+        assert_eq!(tally.features.rejudged_landmarks, 14);
+    }
+
+    #[test]
+    fn answers_that_were_of_no_use_are_counted() {
+        let report = Event::Frame(FrameReport {
+            frame: FrameId(0),
+            stamp: 0.0,
+            outcome: Outcome::Initialised,
+            world_from_camera: None,
+            verdicts: [].into(),
+            segments: Segments::default(),
+            objects: [].into(),
+            counts: FrameCounts {
+                detections_too_late: 2,
+                detections_without_pose: 1,
+                ..FrameCounts::default()
+            },
+            is_keyframe: true,
+            piece: None,
+            map_version: 0,
+        });
+        let mut tally = Tally::default();
+        tally.take(&[report.clone(), report]);
+        let d = &tally.detector;
+        assert_eq!((d.too_late, d.without_pose), (4, 2));
+    }
+}
