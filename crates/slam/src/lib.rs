@@ -3,6 +3,7 @@
 //! Answers: where the camera is and what the map becomes, frame by frame. A frame goes through [`System::step`]; what
 //! happened comes back as [`Event`]s. Knows no files, clocks or threads.
 
+mod association;
 mod config;
 mod effort;
 mod event;

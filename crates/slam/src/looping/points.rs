@@ -1,7 +1,7 @@
 //! What bundle adjustment of whole pieces of map is about.
 
 use super::correct::Nodes;
-use crate::tracking::measurement_in;
+use crate::association::measurement_in;
 use std::collections::BTreeMap;
 use stillpoint_estimation::BundleObservation;
 use stillpoint_geometry::{Camera, Se3, Vec3};

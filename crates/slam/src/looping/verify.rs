@@ -1,10 +1,8 @@
 //! Geometric verification: do two keyframes see the same things from two places, and from which?
 
 use super::{Looper, group_of};
+use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
 use crate::event::{LoopOutcome, LoopReport};
-use crate::mapping::fuse::window_of;
-use crate::tracking::matching::STRICT_DISTANCE;
-use crate::tracking::{measurement, measurement_in};
 use stillpoint_estimation::{
     Intrinsics, PoseObservation, PoseOptions, Purpose, RigidOptions, RigidPair, find_rigid,
     optimise_pose, rng,
@@ -51,7 +49,7 @@ impl Looper {
         let start = self
             .rigid_motion(new, old, report)
             .ok_or(LoopOutcome::NoRigidMotion)?;
-        let landmarks = landmarks_around(view, old);
+        let landmarks = landmarks_of(view, &group_of(old));
         let mut new_from_old = start;
         for radius in [WIDE_RADIUS_PX, RADIUS_PX] {
             let camera_from_world = new_from_old * old.world_from_camera.inverse();
@@ -130,19 +128,6 @@ impl Looper {
         report.rigid_inliers = found.inlier_count as u32;
         Some(found.b_from_a)
     }
-}
-
-/// Live landmarks that a keyframe and its neighbours see, by id.
-fn landmarks_around(view: &MapView, keyframe: &Keyframe) -> Vec<LandmarkId> {
-    let group = group_of(keyframe);
-    let mut landmarks: Vec<LandmarkId> = group
-        .iter()
-        .filter_map(|k| view.keyframe(*k))
-        .flat_map(|k| k.matches.iter().flatten().copied())
-        .collect();
-    landmarks.sort_unstable();
-    landmarks.dedup();
-    landmarks
 }
 
 /// A search for landmarks in a keyframe, as if it were somewhere else.

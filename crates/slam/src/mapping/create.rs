@@ -1,8 +1,7 @@
 //! New landmarks: from depth, and by triangulation between covisible keyframes.
 
 use super::Mapper;
-use crate::tracking::matching::STRICT_DISTANCE;
-use crate::tracking::measurement;
+use crate::association::{STRICT_DISTANCE, measurement};
 use std::sync::Arc;
 use stillpoint_estimation::{Intrinsics, triangulate_midpoint};
 use stillpoint_geometry::{Mat3, Se3, Vec3, robust, so3};

@@ -1,53 +1,14 @@
 //! Duplicates: landmarks of one keyframe searched in another, both ways.
 
 use super::Mapper;
-use crate::tracking::matching::STRICT_DISTANCE;
-use crate::tracking::measurement;
+use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, window_of};
 use std::sync::Arc;
 use stillpoint_estimation::Intrinsics;
-use stillpoint_features::{Window, best_two};
-use stillpoint_geometry::Vec3;
-use stillpoint_map::{KeyframeData, KeyframeId, Landmark, LandmarkId};
+use stillpoint_features::best_two;
+use stillpoint_map::{KeyframeId, LandmarkId};
 
 /// Radius of the search, px on level 0.
 const RADIUS_PX: f32 = 3.0;
-
-/// Where a keyframe should see a landmark at `p` (m, its camera coordinates): none when outside its image, or too near or far
-/// to be recognised. `radius_px` is the radius on level 0.
-pub(crate) fn window_of(
-    data: &KeyframeData,
-    landmark: &Landmark,
-    p: &Vec3,
-    radius_px: f32,
-    scale_factor: f64,
-) -> Option<Window> {
-    if p.z <= 0.05 {
-        return None;
-    }
-    let px = data.camera.project(p);
-    // Those of the image: undistorting its border for each landmark anew would take most of mapping's time.
-    let bounds = data.grid.bounds().map(f64::from);
-    if px.x < bounds[0] || px.y < bounds[1] || px.x > bounds[2] || px.y > bounds[3] {
-        return None;
-    }
-    let distance = p.norm();
-    let range = landmark.scale_range;
-    if distance < 0.8 * f64::from(range.min_distance)
-        || distance > 1.2 * f64::from(range.max_distance)
-    {
-        return None;
-    }
-    let ratio = f64::from(range.max_distance) / distance;
-    let level =
-        libm::ceil(libm::log(ratio) / libm::log(scale_factor) - 1e-3).clamp(0.0, 15.0) as u8;
-    Some(Window {
-        x: px.x as f32,
-        y: px.y as f32,
-        radius: radius_px * libm::pow(scale_factor, f64::from(level)) as f32,
-        min_level: level.saturating_sub(1),
-        max_level: level,
-    })
-}
 
 impl Mapper {
     /// Searches the keyframe's landmarks in its neighbours and their neighbours, and theirs in it. Where a landmark meets
@@ -63,30 +24,17 @@ impl Mapper {
             }
         }
         let mut fused = 0;
-        let own = self.landmarks_of(&[id]);
+        let own = landmarks_of(self.map.view(), &[id]);
         for target in &targets {
             fused += self.fuse_into(*target, &own);
         }
-        let theirs = self.landmarks_of(&targets);
+        let theirs = landmarks_of(self.map.view(), &targets);
         fused += self.fuse_into(id, &theirs);
-        for landmark in self.landmarks_of(&[id]) {
+        for landmark in landmarks_of(self.map.view(), &[id]) {
             self.map.refresh_landmark(landmark);
         }
         self.map.refresh_covisibility(id, self.config.min_shared);
         fused
-    }
-
-    /// Live landmarks of some keyframes, by id.
-    fn landmarks_of(&self, keyframes: &[KeyframeId]) -> Vec<LandmarkId> {
-        let view = self.map.view();
-        let mut ids: Vec<LandmarkId> = keyframes
-            .iter()
-            .filter_map(|k| view.keyframe(*k))
-            .flat_map(|k| k.matches.iter().flatten().copied())
-            .collect();
-        ids.sort_unstable();
-        ids.dedup();
-        ids
     }
 
     fn fuse_into(&mut self, target: KeyframeId, landmarks: &[LandmarkId]) -> u32 {

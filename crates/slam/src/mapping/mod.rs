@@ -4,7 +4,7 @@
 
 mod create;
 mod cull;
-pub(crate) mod fuse;
+mod fuse;
 mod refine;
 
 use crate::config::{Checker, Config};

@@ -1,8 +1,8 @@
 //! Local bundle adjustment: a keyframe, the ones that see the same, and what they see.
 
 use super::Mapper;
+use crate::association::{landmarks_of, measurement_in};
 use crate::event::BundleCounts;
-use crate::tracking::measurement_in;
 use std::collections::BTreeMap;
 use stillpoint_estimation::{
     BundleObservation, BundleOptions, BundleProblem, Intrinsics, adjust_bundle,
@@ -67,13 +67,7 @@ impl Mapper {
         let mut free: Vec<KeyframeId> = vec![id];
         free.extend(self.neighbours(id, self.effort.window.saturating_sub(1) as usize));
         free.retain(|k| Some(*k) != first);
-        let mut landmarks: Vec<LandmarkId> = free
-            .iter()
-            .filter_map(|k| view.keyframe(*k))
-            .flat_map(|k| k.matches.iter().flatten().copied())
-            .collect();
-        landmarks.sort_unstable();
-        landmarks.dedup();
+        let mut landmarks = landmarks_of(view, &free);
         landmarks.retain(|l| self.map.observations(*l).len() >= 2);
         let held = |k: &KeyframeId| {
             let matches = view.keyframe(*k).map(|k| k.matches.iter().flatten());
@@ -280,7 +274,7 @@ mod tests {
         let camera = Camera::pinhole(640, 480, [525.3, 524.7, 319.1, 239.9]);
         let data = seen(camera, 0.1);
         for i in 0..data.len() {
-            let own = crate::tracking::measurement(&data, i);
+            let own = crate::association::measurement(&data, i);
             assert_eq!(measurement_in(&data, i, &camera), own);
         }
     }

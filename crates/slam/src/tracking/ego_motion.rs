@@ -1,8 +1,8 @@
 //! How the camera moved, before anything is known of what else does.
 
 use super::flow::Guess;
-use super::matching::Matches;
 use super::{Notes, Tracker, motion};
+use crate::association::Matches;
 use crate::event::LostReason;
 use crate::static_filter::FlowPair;
 use stillpoint_geometry::{Se3, Vec6};

@@ -1,7 +1,9 @@
 //! Matches to the last frame, or where that fails to the reference keyframe.
 
-use super::matching::{self, Candidate, Matches};
 use super::{LastFrame, Tracker, pose};
+use crate::association::{
+    Candidate, Matches, candidates_of, match_by_descriptor, match_by_projection, measurement,
+};
 use crate::event::LostReason;
 use stillpoint_estimation::{
     Intrinsics, MotionOptions, MotionPair, Purpose, find_camera_motion, rng,
@@ -35,14 +37,7 @@ impl Tracker {
         for radius in [radius, 3.0 * radius] {
             let matches = {
                 let _span = tracing::info_span!("match").entered();
-                matching::match_by_projection(
-                    data,
-                    predicted,
-                    &last.data,
-                    &candidates,
-                    bounds,
-                    radius,
-                )
+                match_by_projection(data, predicted, &last.data, &candidates, bounds, radius)
             };
             if matches.count >= min_inliers {
                 let (matches, pose) = pose::solve(data, predicted, matches);
@@ -92,20 +87,8 @@ impl Tracker {
         let min_inliers = self.config.tracking.min_inliers.min(20);
         let (matches, votes) = {
             let _span = tracing::info_span!("match").entered();
-            let candidates: Vec<Candidate> = keyframe
-                .matches
-                .iter()
-                .enumerate()
-                .filter_map(|(i, id)| {
-                    let landmark = (*id)?;
-                    Some(Candidate {
-                        landmark: Some(landmark),
-                        position: self.view.landmark_position(landmark)?,
-                        feature: i as u32,
-                    })
-                })
-                .collect();
-            let matches = matching::match_by_descriptor(data, &keyframe.data, &candidates);
+            let candidates = candidates_of(&self.view, keyframe);
+            let matches = match_by_descriptor(data, &keyframe.data, &candidates);
             let camera_from_world = keyframe.world_from_camera.inverse();
             let votes: Vec<MotionPair> = matches
                 .targets
@@ -114,7 +97,7 @@ impl Tracker {
                 .filter_map(|(i, target)| {
                     Some(MotionPair {
                         point: camera_from_world.transform(&(*target)?.position),
-                        measurement: pose::measurement(data, i),
+                        measurement: measurement(data, i),
                         weight: 1.0,
                     })
                 })

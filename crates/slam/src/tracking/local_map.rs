@@ -2,8 +2,8 @@
 
 use super::Tracker;
 use super::ego_motion::EgoMotion;
-use super::matching::{Expected, Matches, in_bounds, match_expected};
 use super::sight::{DepthSight, Sight};
+use crate::association::{Expected, Matches, in_bounds, is_in_range, level_at, match_expected};
 use crate::event::FrameCounts;
 use crate::static_filter::Preset;
 use std::sync::Arc;
@@ -242,6 +242,7 @@ impl LocalMap {
         let viewpoint = Viewpoint::new(camera_from_world, &data.camera, bounds);
         let scale = f64::from(level_sigmas.get(1).copied().unwrap_or(1.2));
         let log_scale = libm::log(scale.max(1.01));
+        let top_level = level_sigmas.len().saturating_sub(1) as f64;
         let mut result = LocalSearch::default();
         for e in &self.entries {
             let Some(visible) = viewpoint.see(e) else {
@@ -251,9 +252,7 @@ impl LocalMap {
             if self.marks[e.id.index()] == self.round {
                 continue;
             }
-            let ratio = f64::from(e.range.max_distance) / visible.distance;
-            let level = libm::ceil(libm::log(ratio) / log_scale - 1e-3)
-                .clamp(0.0, (level_sigmas.len() - 1) as f64) as u8;
+            let level = level_at(&e.range, visible.distance, log_scale, top_level);
             let frontal = visible.cosine > 0.998;
             let expected = Expected {
                 landmark: e.id,
@@ -320,12 +319,8 @@ impl<'a> Viewpoint<'a> {
         }
         let ray = e.position - self.centre;
         let distance = ray.norm();
-        let (min, max) = (
-            0.8 * f64::from(e.range.min_distance),
-            1.2 * f64::from(e.range.max_distance),
-        );
         let cosine = ray.dot(&e.direction) / distance;
-        if distance < min || distance > max || cosine < MIN_VIEW_COSINE {
+        if !is_in_range(&e.range, distance) || cosine < MIN_VIEW_COSINE {
             return None;
         }
         Some(Visible {

@@ -11,7 +11,6 @@ mod hearing;
 mod keyframe;
 mod last_frame;
 mod local_map;
-pub(crate) mod matching;
 mod motion;
 mod outcome;
 mod pose;
@@ -21,11 +20,10 @@ mod sight;
 mod starved;
 mod statistics;
 
-pub(crate) use pose::{measurement, measurement_in};
-
 pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
 
+use crate::association::Matches;
 use crate::config::Config;
 use crate::event::{FrameCounts, LostReason, Outcome};
 use crate::health::{Evidence, Monitor, cells};
@@ -37,7 +35,6 @@ use demand::Demand;
 use ego_motion::EgoMotion;
 use frame::Observer;
 use local_map::LocalMap;
-use matching::Matches;
 use motion::Motion;
 use relocalise::Places;
 use self_calibration::SelfCalibration;
@@ -307,7 +304,8 @@ impl Tracker {
         let data =
             self.observer
                 .measure(frame, velocity, self.calibration.timing(), Some(verdicts));
-        (data, motion.matches.without_dynamic(verdicts))
+        let kept = verdicts.iter().map(|v| !v.dynamic);
+        (data, motion.matches.select(kept))
     }
 
     /// Optimises the pose with all matches, and learns from it.

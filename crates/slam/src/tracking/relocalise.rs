@@ -1,8 +1,8 @@
 //! Relocalisation: where the camera is when nothing is known of it, and what becomes of it when that is not found either.
 
 use super::ego_motion::EgoMotion;
-use super::matching::{self, Candidate};
 use super::{LastFrame, Notes, Solution, Tracker, pose};
+use crate::association::{Target, candidates_of, match_by_descriptor, measurement};
 use std::sync::Arc;
 use stillpoint_estimation::{
     AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
@@ -133,25 +133,12 @@ impl Tracker {
         keyframe: &Keyframe,
     ) -> Option<EgoMotion> {
         let _span = tracing::info_span!("verify").entered();
-        let landmark = |(i, id): (usize, &Option<_>)| {
-            let landmark = (*id)?;
-            Some(Candidate {
-                landmark: Some(landmark),
-                position: self.view.landmark_position(landmark)?,
-                feature: i as u32,
-            })
-        };
-        let candidates: Vec<Candidate> = keyframe
-            .matches
-            .iter()
-            .enumerate()
-            .filter_map(landmark)
-            .collect();
-        let matches = matching::match_by_descriptor(data, &keyframe.data, &candidates);
-        let observed = |(i, target): (usize, &Option<matching::Target>)| {
+        let candidates = candidates_of(&self.view, keyframe);
+        let matches = match_by_descriptor(data, &keyframe.data, &candidates);
+        let observed = |(i, target): (usize, &Option<Target>)| {
             Some(PoseObservation {
                 point: (*target)?.position,
-                measurement: pose::measurement(data, i),
+                measurement: measurement(data, i),
             })
         };
         let targets = matches.targets.iter().enumerate();

@@ -6,8 +6,7 @@
 //! is weak, and on simulated images the same method overestimates it by 6 to 18 ms.
 
 use super::frame::{Observer, point_velocity};
-use super::matching::Matches;
-use super::pose::measurement;
+use crate::association::{Matches, measurement};
 use crate::sensor::Timing;
 use stillpoint_estimation::{Intrinsics, linearise};
 use stillpoint_geometry::{Mat6, Se3, Vec6};

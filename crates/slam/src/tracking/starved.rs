@@ -2,9 +2,9 @@
 
 use super::ego_motion::EgoMotion;
 use super::local_map::SearchArea;
-use super::matching::Matches;
 use super::sight::Sight;
 use super::{Fix, Tracker, pose};
+use crate::association::{Matches, measurement};
 use crate::sensor::DepthReader;
 use crate::static_filter::{FeatureVerdict, FlowPair};
 use stillpoint_estimation::{
@@ -62,7 +62,7 @@ impl Tracker {
             .filter_map(|(i, t)| {
                 Some(PoseObservation {
                     point: (*t)?.position,
-                    measurement: pose::measurement(data, i),
+                    measurement: measurement(data, i),
                 })
             })
             .collect();

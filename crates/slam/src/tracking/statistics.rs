@@ -1,7 +1,7 @@
 //! How often landmarks were expected, found and seen through since the last keyframe.
 
-use super::matching::Matches;
 use super::sight::Sight;
+use crate::association::Matches;
 use crate::messages::LandmarkStatistic;
 use std::collections::BTreeMap;
 use stillpoint_map::LandmarkId;

@@ -1,12 +1,11 @@
 //! Which feature of the frame sees which point.
 
-use crate::static_filter::FeatureVerdict;
 use stillpoint_features::{Descriptor, RotationHistogram, Window, best_two};
 use stillpoint_geometry::{Mat3, Se3, Vec3};
-use stillpoint_map::{KeyframeData, LandmarkId};
+use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
 
 /// Hamming distance up to which two descriptors may be the same corner (of 256 bits; random ones differ by 128 +- 8).
-pub(super) const MAX_DISTANCE: u32 = 100;
+const MAX_DISTANCE: u32 = 100;
 /// The same where nothing but the descriptor speaks for the match.
 pub(crate) const STRICT_DISTANCE: u32 = 50;
 /// The best candidate must be this much nearer than the second.
@@ -16,24 +15,24 @@ const WINDOW_RATIO: f32 = 0.8;
 
 /// A point that a feature sees: a landmark, or a point that only the last frame's depth speaks for.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Target {
+pub(crate) struct Target {
     /// The landmark; none for a temporary point.
-    pub(super) landmark: Option<LandmarkId>,
+    pub(crate) landmark: Option<LandmarkId>,
     /// World position, m.
-    pub(super) position: Vec3,
+    pub(crate) position: Vec3,
     /// Hamming distance of the match.
     distance: u32,
 }
 
 /// Per feature of the present frame, what it sees.
 #[derive(Debug)]
-pub(super) struct Matches {
-    pub(super) targets: Vec<Option<Target>>,
-    pub(super) count: usize,
+pub(crate) struct Matches {
+    pub(crate) targets: Vec<Option<Target>>,
+    pub(crate) count: usize,
 }
 
 impl Matches {
-    pub(super) fn new(features: usize) -> Self {
+    pub(crate) fn new(features: usize) -> Self {
         Self {
             targets: vec![None; features],
             count: 0,
@@ -52,13 +51,13 @@ impl Matches {
     }
 
     /// How many features see a landmark.
-    pub(super) fn landmarks(&self) -> usize {
+    pub(crate) fn landmarks(&self) -> usize {
         let sees = |t: &&Target| t.landmark.is_some();
         self.targets.iter().flatten().filter(sees).count()
     }
 
     /// Assigns a temporary point to a feature that has no match.
-    pub(super) fn assign_point(&mut self, feature: u32, position: Vec3) {
+    pub(crate) fn assign_point(&mut self, feature: u32, position: Vec3) {
         let target = Target {
             landmark: None,
             position,
@@ -67,17 +66,18 @@ impl Matches {
         self.assign(feature, target);
     }
 
-    /// The matches of a selection of the features, numbered anew: those whose verdict is not dynamic.
-    pub(super) fn without_dynamic(&self, verdicts: &[FeatureVerdict]) -> Self {
-        let kept = self.targets.iter().zip(verdicts);
-        let targets: Vec<_> = kept.filter(|(_, v)| !v.dynamic).map(|(t, _)| *t).collect();
+    /// The matches of the features that are `kept`, which are numbered anew.
+    pub(crate) fn select(&self, kept: impl Iterator<Item = bool>) -> Self {
+        let targets = self.targets.iter().zip(kept);
+        let targets: Vec<_> = targets.filter(|(_, k)| *k).map(|(t, _)| *t).collect();
         Self {
             count: targets.iter().flatten().count(),
             targets,
         }
     }
 
-    pub(super) fn clear(&mut self, feature: usize) {
+    /// Takes the match of a feature away.
+    pub(crate) fn clear(&mut self, feature: usize) {
         if self.targets[feature].take().is_some() {
             self.count -= 1;
         }
@@ -86,17 +86,31 @@ impl Matches {
 
 /// A feature of an earlier frame with the point it saw.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Candidate {
+pub(crate) struct Candidate {
     /// The landmark; none for a temporary point.
-    pub(super) landmark: Option<LandmarkId>,
+    pub(crate) landmark: Option<LandmarkId>,
     /// World position, m.
-    pub(super) position: Vec3,
+    pub(crate) position: Vec3,
     /// The feature, in the earlier frame.
-    pub(super) feature: u32,
+    pub(crate) feature: u32,
+}
+
+/// The landmarks that a keyframe sees, where a view of the map holds them now.
+pub(crate) fn candidates_of(view: &MapView, keyframe: &Keyframe) -> Vec<Candidate> {
+    let candidate = |(i, id): (usize, &Option<LandmarkId>)| {
+        let landmark = (*id)?;
+        Some(Candidate {
+            landmark: Some(landmark),
+            position: view.landmark_position(landmark)?,
+            feature: i as u32,
+        })
+    };
+    let matches = keyframe.matches.iter().enumerate();
+    matches.filter_map(candidate).collect()
 }
 
 /// Searches each candidate of `earlier` around its projection with the predicted pose.
-pub(super) fn match_by_projection(
+pub(crate) fn match_by_projection(
     data: &KeyframeData,
     predicted: &Se3,
     earlier: &KeyframeData,
@@ -139,7 +153,7 @@ pub(super) fn match_by_projection(
 }
 
 /// Searches each candidate of `earlier` among all features, by descriptor alone.
-pub(super) fn match_by_descriptor(
+pub(crate) fn match_by_descriptor(
     data: &KeyframeData,
     earlier: &KeyframeData,
     candidates: &[Candidate],
@@ -188,20 +202,20 @@ fn keep_consistent_rotations(
 
 /// A landmark expected in the frame.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Expected<'a> {
-    pub(super) landmark: LandmarkId,
-    pub(super) position: Vec3,
-    pub(super) descriptor: &'a Descriptor,
+pub(crate) struct Expected<'a> {
+    pub(crate) landmark: LandmarkId,
+    pub(crate) position: Vec3,
+    pub(crate) descriptor: &'a Descriptor,
     /// Where it is expected, undistorted px.
-    pub(super) pixel: [f32; 2],
+    pub(crate) pixel: [f32; 2],
     /// The pyramid level on which it is expected.
-    pub(super) level: u8,
+    pub(crate) level: u8,
     /// Radius of the search on level 0, px.
-    pub(super) radius_px: f32,
+    pub(crate) radius_px: f32,
 }
 
 /// Searches an expected landmark among the features that have no match yet.
-pub(super) fn match_expected(
+pub(crate) fn match_expected(
     data: &KeyframeData,
     expected: &Expected<'_>,
     level_sigmas: &[f32],
@@ -250,6 +264,6 @@ fn inside(x: f32, y: f32, [min_x, min_y, max_x, max_y]: [f32; 4]) -> bool {
 }
 
 /// True when a pixel lies in the bounds of undistorted pixels.
-pub(super) fn in_bounds(px: [f32; 2], bounds: [f32; 4]) -> bool {
+pub(crate) fn in_bounds(px: [f32; 2], bounds: [f32; 4]) -> bool {
     inside(px[0], px[1], bounds)
 }
