@@ -163,6 +163,7 @@ impl LiveSystem {
         let Stages {
             gate,
             tracker,
+            health,
             mapper,
             looper,
             ..
@@ -171,7 +172,12 @@ impl LiveSystem {
         // In the order in which they wait for each other: whatever fails to start, those that did come to their end.
         let looping = LoopingWorker::new(office.desk(Stage::Looping), looper);
         let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, view, effort);
-        let tracking = TrackingWorker::new(office.desk(Stage::Tracking), tracker, stride, budget);
+        let tracking = TrackingWorker::new(
+            office.desk(Stage::Tracking),
+            (tracker, health),
+            stride,
+            budget,
+        );
         let detection = detector
             .map(|detector| DetectionWorker {
                 boxes: Arc::clone(&boxes),

@@ -16,8 +16,8 @@ use std::time::Instant;
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::MapView;
 use stillpoint_slam::{
-    CorrectionReport, Event, LogEntry, LoopReport, Looper, LooperMsg, LooperOut, Mapper, MapperMsg,
-    MapperReport, MappingEffort, Tracked, Tracker,
+    CorrectionReport, Event, HealthMonitor, LogEntry, LoopReport, Looper, LooperMsg, LooperOut,
+    Mapper, MapperMsg, MapperReport, MappingEffort, Tracked, Tracker,
 };
 
 /// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
@@ -58,6 +58,7 @@ pub(crate) fn call(hook: Option<&Hook>, stage: Stage) {
 pub(crate) struct TrackingWorker {
     pub(crate) desk: Desk,
     pub(crate) tracker: Tracker,
+    health: HealthMonitor,
     /// The detector is shown every so many frames.
     pub(crate) stride: u64,
     /// What a frame may take; none without a limit.
@@ -78,10 +79,16 @@ pub(crate) struct TrackingWorker {
 }
 
 impl TrackingWorker {
-    pub(crate) fn new(desk: Desk, tracker: Tracker, stride: u64, budget: Option<Budget>) -> Self {
+    pub(crate) fn new(
+        desk: Desk,
+        (tracker, health): (Tracker, HealthMonitor),
+        stride: u64,
+        budget: Option<Budget>,
+    ) -> Self {
         Self {
             desk,
             tracker,
+            health,
             stride,
             budget,
             backoff: Backoff::default(),
@@ -128,11 +135,11 @@ impl TrackingWorker {
             stamp: arrived.frame.stamp,
         });
         let view_age = self.view_at.map(|at| at.elapsed().as_secs_f64());
+        let tracked = self.tracker.track(&arrived.frame);
+        let health = self.health.judge(&arrived.frame, &tracked);
         let Tracked {
-            report,
-            health,
-            keyframe,
-        } = self.tracker.track(&arrived.frame);
+            report, keyframe, ..
+        } = tracked;
         let latency = arrived.at.elapsed().as_secs_f64();
         let boxes = &self.desk.boxes;
         let timing = FrameTiming {
@@ -189,6 +196,7 @@ impl TrackingWorker {
             match said.answer {
                 Ok(detections) => {
                     self.seen = Some(detections.stamp);
+                    self.health.receive(&detections);
                     self.desk.tell(Event::Detected(detections.clone()));
                     if let Some(message) = self.tracker.receive_detections(detections, next.id) {
                         self.tell_mapper(message);

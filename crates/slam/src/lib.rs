@@ -7,6 +7,7 @@ mod association;
 mod config;
 mod effort;
 mod event;
+mod evidence;
 mod fingerprint;
 mod gate;
 mod health;
@@ -29,8 +30,9 @@ pub use event::{
     BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
     LostReason, MappingReport, Outcome, RejudgeReport, tell_applied,
 };
+pub use evidence::{Cells, Evidence};
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};
-pub use health::{Health, Loss, LossCause, Quality};
+pub use health::{Health, HealthMonitor, Loss, LossCause, Quality};
 pub use join::{JoinedMaps, join_maps};
 pub use looping::{Looper, LoopingConfig};
 pub use mapping::{Mapper, MappingConfig};

@@ -3,7 +3,7 @@
 use crate::event::{
     CorrectionReport, Event, FrameReport, LoopReport, MappingReport, RejudgeReport,
 };
-use crate::health::Health;
+use crate::evidence::Evidence;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
@@ -14,8 +14,8 @@ use stillpoint_place::PlaceIndex;
 pub struct Tracked {
     /// What became of the frame.
     pub report: FrameReport,
-    /// How well things stand at it.
-    pub health: Health,
+    /// What was seen on the way, for whoever wants to tell how good the pose is.
+    pub evidence: Evidence,
     /// The frame as a new keyframe, when the map needs it.
     pub keyframe: Option<NewKeyframe>,
 }

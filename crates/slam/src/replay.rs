@@ -200,7 +200,7 @@ impl Replay {
         match entry {
             LogEntry::TrackFrame { frame, stamp } => {
                 let frame = self.read(frame, stamp, source)?;
-                Ok(self.track(frame))
+                Ok(self.track(&Arc::new(frame)))
             }
             LogEntry::TrackView { answer } => match self.views.take(answer) {
                 Some(view) => {
@@ -219,6 +219,7 @@ impl Replay {
             LogEntry::TrackDetections { next, said } => match said {
                 Ok(detections) => {
                     let event = Event::Detected(detections.clone());
+                    self.stages.health.receive(&detections);
                     let message = tracker.receive_detections(detections, next);
                     self.for_mapper.extend(message);
                     Ok(vec![event])
@@ -274,12 +275,12 @@ impl Replay {
         }
     }
 
-    fn track(&mut self, frame: RgbdFrame) -> Vec<Event> {
+    fn track(&mut self, frame: &Arc<RgbdFrame>) -> Vec<Event> {
+        let tracked = self.stages.tracker.track(frame);
+        let health = self.stages.health.judge(frame, &tracked);
         let Tracked {
-            report,
-            health,
-            keyframe,
-        } = self.stages.tracker.track(&Arc::new(frame));
+            report, keyframe, ..
+        } = tracked;
         let message = keyframe.map(|k| MapperMsg::Keyframe(Box::new(k)));
         self.for_mapper.extend(message);
         vec![Event::Frame(report), Event::Health(Box::new(health))]

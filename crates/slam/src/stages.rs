@@ -7,6 +7,7 @@
 use crate::config::{Config, ConfigError};
 use crate::fingerprint::Fingerprint;
 use crate::gate::FrameGate;
+use crate::health::HealthMonitor;
 use crate::looping::Looper;
 use crate::mapping::Mapper;
 use crate::messages::LooperMsg;
@@ -67,6 +68,8 @@ pub struct Stages {
     pub gate: FrameGate,
     /// Finds the pose of every frame.
     pub tracker: Tracker,
+    /// Says how well things stand at every frame, from what the tracker says of it.
+    pub health: HealthMonitor,
     /// Builds the map.
     pub mapper: Mapper,
     /// Closes loops.
@@ -86,6 +89,7 @@ impl Stages {
         fingerprint.text(&format!("{config:?} {camera:?}"));
         Ok(Self {
             gate: FrameGate::new(&camera),
+            health: HealthMonitor::new(&config),
             mapper: Mapper::new(&config),
             looper: Looper::new(&config),
             tracker: Tracker::new(config.clone(), camera, simd),

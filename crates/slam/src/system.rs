@@ -101,13 +101,14 @@ impl System {
         }
         let mut events = Vec::new();
         self.deliver(self.step);
+        let frame = Arc::new(frame);
         self.detect(&frame, &mut events);
         self.deliver_detections(frame.id, &mut events);
+        let tracked = self.stages.tracker.track(&frame);
+        let health = self.stages.health.judge(&frame, &tracked);
         let Tracked {
-            report,
-            health,
-            keyframe,
-        } = self.stages.tracker.track(&Arc::new(frame));
+            report, keyframe, ..
+        } = tracked;
         let first = [Event::Frame(report), Event::Health(Box::new(health))];
         events.splice(0..0, first);
         if let Some(keyframe) = keyframe {
@@ -145,6 +146,7 @@ impl System {
                 return;
             };
             events.push(Event::Detected(detections.clone()));
+            self.stages.health.receive(&detections);
             if let Some(message) = self.stages.tracker.receive_detections(detections, next) {
                 self.tell_mapper(message, events);
             }

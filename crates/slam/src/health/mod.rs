@@ -1,8 +1,9 @@
 //! Health: how well things stand at a frame, for whoever relies on the pose.
 //!
 //! Answers: how good the pose is, how uncertain, what moves, how old is what detection and mapping know, and why the camera is lost. A
-//! pure function of the frames and messages that the tracker took, so a replay gives the same; times are the camera's own, by stamps.
-//! Says nothing of threads and clocks, which is the business of the driver that has them. Changes nothing.
+//! pure function of the frames and detections that the tracker took and of what it said of them, so a replay gives the same; times are
+//! the camera's own, by stamps. Stands beside the stages: none of them knows of it. Says nothing of threads and clocks, which is the
+//! business of the driver that has them.
 
 mod crowd;
 mod loss;
@@ -11,10 +12,9 @@ mod quality;
 pub use loss::{Loss, LossCause};
 pub use quality::Quality;
 
-pub(crate) use quality::Cells;
-
-use crate::event::{FrameReport, Outcome};
-use crate::tracking::TrackingConfig;
+use crate::config::Config;
+use crate::event::Outcome;
+use crate::messages::Tracked;
 use crowd::Crowd;
 use loss::{Clues, Look, percent};
 use quality::Measured;
@@ -22,7 +22,6 @@ use stillpoint_detection::{Detections, MotionWeights};
 use stillpoint_estimation::pose_covariance;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame};
-use stillpoint_map::KeyframeData;
 
 /// How well things stand at a frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,37 +106,16 @@ impl std::fmt::Display for Health {
     }
 }
 
-/// What tracking notes of a frame on its way, for its health.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Evidence {
-    /// Whether the static filter was asked.
-    pub(crate) judged: bool,
-    /// Matches that the pose was sought from.
-    pub(crate) matched: u32,
-    /// Of these, the ones that agree with it.
-    pub(crate) agreed: u32,
-    /// Where they lie.
-    pub(crate) cells: Cells,
-    /// Information of the pose.
-    pub(crate) information: Option<Mat6>,
-}
-
-/// Where the features lie for which `is_inlier` holds.
-pub(crate) fn cells(data: &KeyframeData, is_inlier: impl Fn(usize) -> bool) -> Cells {
-    let mut cells = Cells::default();
-    let (width, height) = (data.camera.width, data.camera.height);
-    for (i, k) in data.keypoints.iter().enumerate() {
-        if is_inlier(i) {
-            cells.add([k.x, k.y], width, height);
-        }
-    }
-    cells
-}
-
-/// Watches over the frames of one run.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Monitor {
+/// Watches over the frames of one run. A driver shows it what the tracker hears of detectors and says of frames, in that order.
+#[derive(Clone, Debug)]
+pub struct HealthMonitor {
+    weights: MotionWeights,
+    /// Inliers without which no pose counts, and points with depth without which no map begins.
+    min_inliers: u32,
+    min_initial_points: u32,
     crowd: Crowd,
+    /// Stamp of the frame before.
+    before: Option<f64>,
     /// Version of the map at the frame before.
     version: Option<u64>,
     /// Stamp of the first frame with the present version; none before there was a change.
@@ -146,28 +124,44 @@ pub(crate) struct Monitor {
     lost: Option<(FrameId, f64)>,
 }
 
-impl Monitor {
-    /// Notes what a detector said.
-    pub(crate) fn heard(&mut self, detections: &Detections, weights: &MotionWeights) {
-        self.crowd.hear(detections, weights);
+impl HealthMonitor {
+    /// A monitor before the first frame.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        Self {
+            weights: config.motion_weights.clone(),
+            min_inliers: config.tracking.min_inliers as u32,
+            min_initial_points: config.tracking.min_initial_points as u32,
+            crowd: Crowd::default(),
+            before: None,
+            version: None,
+            mapped: None,
+            lost: None,
+        }
     }
 
-    /// Brings what is known to a clock that was set by `by`, s.
-    pub(crate) fn set_clock(&mut self, by: f64) {
+    /// Takes detections that the tracker takes.
+    pub fn receive(&mut self, detections: &Detections) {
+        self.crowd.hear(detections, &self.weights);
+    }
+
+    /// Brings what is known to the clock of a frame: nothing, unless that was set back since the frame before.
+    fn heed_clock(&mut self, stamp: f64) {
+        let Some(before) = self.before.replace(stamp).filter(|b| stamp <= *b) else {
+            return;
+        };
+        let by = stamp - before;
         self.crowd.set_clock(by);
         self.mapped = self.mapped.map(|stamp| stamp + by);
         self.lost = self.lost.map(|(frame, stamp)| (frame, stamp + by));
     }
 
-    /// How things stand at a frame, once it is known what became of it.
-    pub(crate) fn judge(
-        &mut self,
-        frame: &RgbdFrame,
-        report: &FrameReport,
-        evidence: &Evidence,
-        config: &TrackingConfig,
-        has_map: bool,
-    ) -> Health {
+    /// How things stand at a frame, by what the tracker says of it.
+    pub fn judge(&mut self, frame: &RgbdFrame, tracked: &Tracked) -> Health {
+        let Tracked {
+            report, evidence, ..
+        } = tracked;
+        self.heed_clock(report.stamp);
         let stamp = report.stamp;
         // Detections may be of a frame that is still to come.
         let age = |since: f64| (stamp - since).max(0.0);
@@ -202,7 +196,7 @@ impl Monitor {
             health.quality = Quality::of(&Measured {
                 agreed: evidence.agreed,
                 matched: evidence.matched,
-                needed: config.min_inliers as u32,
+                needed: self.min_inliers,
                 cells: evidence.cells,
                 sigmas: if begins { Some((0.0, 0.0)) } else { known },
             });
@@ -210,10 +204,10 @@ impl Monitor {
         };
         let lost = self.lost.filter(|(first, _)| *first == since);
         let (_, began) = *self.lost.insert(lost.unwrap_or((since, stamp)));
-        let needed = if has_map {
-            config.min_inliers
+        let needed = if evidence.has_map {
+            self.min_inliers
         } else {
-            config.min_initial_points
+            self.min_initial_points
         };
         health.covariance = None;
         health.loss = Some(Loss {
@@ -225,9 +219,9 @@ impl Monitor {
                 counts,
                 look,
                 moving: self.crowd.share(stamp, &report.verdicts),
-                needed: needed as u32,
+                needed,
             }),
-            can_recognise: has_map,
+            can_recognise: evidence.has_map,
         });
         health
     }

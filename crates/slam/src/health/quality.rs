@@ -10,6 +10,8 @@ const USUAL_SPREAD: f64 = 0.5;
 const HALF_CERTAIN_M: f64 = 0.01;
 const HALF_CERTAIN_RAD: f64 = 0.01;
 
+use crate::evidence::Cells;
+
 /// How well a frame was tracked. Each part is 0 at worst and 1 when there is nothing to wish for; all are 0 for a frame that is
 /// lost. [`Quality::value`] is the least of them: a chain is as strong as its weakest link, and parts that depend on each other
 /// are not counted twice.
@@ -65,7 +67,7 @@ impl Quality {
         Self {
             inliers: share(agreed, PLENTY * f64::from(needed.max(1))),
             agreement: share(agreed, USUAL_AGREEMENT * f64::from(matched.max(1))),
-            spread: share(cells.0.count_ones(), USUAL_SPREAD * f64::from(Cells::COUNT)),
+            spread: share(cells.count(), USUAL_SPREAD * f64::from(Cells::COUNT)),
             certainty: sigmas.map_or(0.0, |(m, rad)| {
                 let (m, rad) = (m / HALF_CERTAIN_M, rad / HALF_CERTAIN_RAD);
                 1.0 / (1.0 + m * m + rad * rad)
@@ -88,28 +90,6 @@ pub(super) struct Measured {
     pub(super) sigmas: Option<(f64, f64)>,
 }
 
-/// Which cells of the image have an inlier: a set.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Cells(u64);
-
-impl Cells {
-    const COLUMNS: u32 = 8;
-    const ROWS: u32 = 6;
-    pub(super) const COUNT: u32 = Self::COLUMNS * Self::ROWS;
-
-    /// Adds the cell of a raw pixel of an image of this size, px.
-    pub(super) fn add(&mut self, pixel: [f32; 2], width: u32, height: u32) {
-        let cell = |at: f32, size: u32, cells: u32| {
-            // What lies outside counts as at the border; a cast takes what is negative or no number to 0.
-            let i = (at / size.max(1) as f32 * cells as f32) as u32;
-            i.min(cells - 1)
-        };
-        let column = cell(pixel[0], width, Self::COLUMNS);
-        let row = cell(pixel[1], height, Self::ROWS);
-        self.0 |= 1 << (row * Self::COLUMNS + column);
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -122,7 +102,7 @@ mod tests {
                 agreed,
                 matched: agreed + others,
                 needed,
-                cells: Cells(cells & ((1 << Cells::COUNT) - 1)),
+                cells: Cells::of_bits(cells),
                 sigmas,
             },
         )
@@ -148,7 +128,7 @@ mod tests {
                 Measured { agreed: (m.agreed + more).min(m.matched), ..m },
                 Measured { agreed: m.agreed + more, matched: m.matched + more, ..m },
                 Measured { matched: m.matched - (m.matched - m.agreed).min(more), ..m },
-                Measured { cells: Cells(m.cells.0 | 1 << cell), ..m },
+                Measured { cells: Cells::of_bits(m.cells.bits() | 1 << cell), ..m },
                 Measured { sigmas: m.sigmas.map(|(t, r)| (t * less, r)), ..m },
                 Measured { sigmas: m.sigmas.map(|(t, r)| (t, r * less)), ..m },
                 Measured { sigmas: m.sigmas.or(Some((less, less))), ..m },
@@ -157,27 +137,6 @@ mod tests {
                 prop_assert!(Quality::of(&b).value() >= before, "{b:?}");
             }
         }
-
-        #[test]
-        fn every_pixel_has_a_cell(x in any::<f32>(), y in any::<f32>(), w in any::<u32>(), h in any::<u32>()) {
-            let mut cells = Cells::default();
-            cells.add([x, y], w, h);
-            prop_assert_eq!(cells.0.count_ones(), 1);
-            prop_assert!(cells.0 >> Cells::COUNT == 0);
-        }
-    }
-
-    #[test]
-    fn cells_tell_where_inliers_lie() {
-        let mut cells = Cells::default();
-        for i in 0..640 {
-            cells.add([i as f32, 10.0], 640, 480);
-        }
-        assert_eq!(cells.0, 0xff);
-        for i in 0..480 {
-            cells.add([639.0, i as f32], 640, 480);
-        }
-        assert_eq!(cells.0.count_ones(), 8 + 5);
     }
 
     #[test]
@@ -186,7 +145,7 @@ mod tests {
             agreed: 300,
             matched: 320,
             needed: 30,
-            cells: Cells((1 << 30) - 1),
+            cells: Cells::of_bits((1 << 30) - 1),
             sigmas: Some((0.001, 0.001)),
         };
         let quality = Quality::of(&good);
@@ -207,7 +166,7 @@ mod tests {
             "matches disagree"
         );
         let corner = Measured {
-            cells: Cells(0b11),
+            cells: Cells::of_bits(0b11),
             ..good
         };
         assert_eq!(worst(corner), "inliers in one place");

@@ -1,5 +1,6 @@
 use super::*;
-use crate::event::{FrameCounts, LostReason};
+use crate::event::{FrameCounts, FrameReport, LostReason};
+use crate::evidence::Evidence;
 use crate::static_filter::Segments;
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -38,16 +39,42 @@ fn report(frame: &RgbdFrame, outcome: Outcome, map_version: u64) -> FrameReport 
     }
 }
 
+fn monitor() -> HealthMonitor {
+    HealthMonitor::new(&Config::default())
+}
+
+/// In a map, with a frame per second.
 fn judge(
-    monitor: &mut Monitor,
+    monitor: &mut HealthMonitor,
     id: u32,
     outcome: Outcome,
     version: u64,
     evidence: &Evidence,
 ) -> Health {
-    let frame = frame(id, f64::from(id), 120, 1.5);
-    let report = report(&frame, outcome, version);
-    monitor.judge(&frame, &report, evidence, &TrackingConfig::default(), true)
+    judge_at(
+        monitor,
+        (id, f64::from(id)),
+        (outcome, version),
+        &Evidence {
+            has_map: true,
+            ..*evidence
+        },
+    )
+}
+
+fn judge_at(
+    monitor: &mut HealthMonitor,
+    (id, stamp): (u32, f64),
+    (outcome, version): (Outcome, u64),
+    evidence: &Evidence,
+) -> Health {
+    let frame = frame(id, stamp, 120, 1.5);
+    let tracked = Tracked {
+        report: report(&frame, outcome, version),
+        evidence: *evidence,
+        keyframe: None,
+    };
+    monitor.judge(&frame, &tracked)
 }
 
 fn lost(since: u32) -> Outcome {
@@ -59,9 +86,10 @@ fn lost(since: u32) -> Outcome {
 
 #[test]
 fn times_are_the_cameras() {
-    let mut monitor = Monitor::default();
+    let mut monitor = monitor();
     let evidence = Evidence::default();
-    let at = |m: &mut Monitor, id, outcome, version| judge(m, id, outcome, version, &evidence);
+    let at =
+        |m: &mut HealthMonitor, id, outcome, version| judge(m, id, outcome, version, &evidence);
     let first = at(&mut monitor, 0, Outcome::Tracked, 7);
     assert_eq!((first.map_age, first.detections_age), (None, None));
     let detections = Detections {
@@ -69,7 +97,7 @@ fn times_are_the_cameras() {
         stamp: 1.0,
         items: Vec::new(),
     };
-    monitor.heard(&detections, &MotionWeights::default());
+    monitor.receive(&detections);
     let second = at(&mut monitor, 1, Outcome::Tracked, 8);
     assert_eq!(
         (second.map_age, second.detections_age),
@@ -83,23 +111,26 @@ fn times_are_the_cameras() {
     assert!(third.loss.is_some_and(|l| l.seconds == 0.0));
     let fourth = at(&mut monitor, 5, lost(3), 8);
     assert!(fourth.loss.is_some_and(|l| l.seconds == 2.0));
-    // The clock is set back by 3 s: what lasted goes on lasting.
-    monitor.set_clock(-3.0);
-    let fifth = at(&mut monitor, 4, lost(3), 9);
+    // The clock is set back by 3 s: what lasted goes on lasting, and how long it took is not known.
+    let in_map = Evidence {
+        has_map: true,
+        ..evidence
+    };
+    let fifth = judge_at(&mut monitor, (6, 2.0), (lost(3), 8), &in_map);
     assert!(
-        fifth.loss.is_some_and(|l| l.seconds == 4.0),
+        fifth.loss.is_some_and(|l| l.seconds == 2.0),
         "{:?}",
         fifth.loss
     );
-    assert_eq!((fifth.map_age, fifth.detections_age), (Some(0.0), None));
+    assert_eq!((fifth.map_age, fifth.detections_age), (Some(4.0), None));
     // Another loss, with a pose between or not.
-    let sixth = at(&mut monitor, 6, lost(6), 9);
+    let sixth = judge_at(&mut monitor, (7, 3.0), (lost(7), 9), &in_map);
     assert!(sixth.loss.is_some_and(|l| l.seconds == 0.0));
 }
 
 #[test]
 fn shares_are_of_what_was_judged() {
-    let mut monitor = Monitor::default();
+    let mut monitor = monitor();
     let blind = judge(&mut monitor, 0, lost(0), 0, &Evidence::default());
     assert!(blind.static_share == 0.0);
     let judged = Evidence {
@@ -113,11 +144,14 @@ fn shares_are_of_what_was_judged() {
 
 #[test]
 fn a_black_frame_without_depth_is_told_as_such() {
-    let mut monitor = Monitor::default();
+    let mut monitor = monitor();
     let black = frame(0, 0.0, 2, 0.0);
-    let report = report(&black, lost(0), 0);
-    let config = TrackingConfig::default();
-    let health = monitor.judge(&black, &report, &Evidence::default(), &config, false);
+    let tracked = Tracked {
+        report: report(&black, lost(0), 0),
+        evidence: Evidence::default(),
+        keyframe: None,
+    };
+    let health = monitor.judge(&black, &tracked);
     assert!(health.quality.value() == 0.0 && health.covariance.is_none());
     assert_eq!(
         health.to_string(),
@@ -127,7 +161,7 @@ fn a_black_frame_without_depth_is_told_as_such() {
 
 /// A covariance of a pose that is told in the axes of the camera, and the same one in those of the world.
 fn with_covariance(sigmas: [f64; 6]) -> Health {
-    let mut monitor = Monitor::default();
+    let mut monitor = monitor();
     let weights = sigmas.map(|s| 1.0 / (s * s));
     let evidence = Evidence {
         information: Some(Mat6::from_diagonal(&Vec6::from(weights))),

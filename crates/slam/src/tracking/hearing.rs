@@ -15,7 +15,6 @@ impl Tracker {
         detections: Detections,
         next: FrameId,
     ) -> Option<MapperMsg> {
-        self.health.heard(&detections, &self.config.motion_weights);
         if detections.frame >= next {
             self.filter.receive(detections);
             return None;
@@ -70,7 +69,6 @@ impl Tracker {
         }
         self.motion.forget();
         self.filter.forget_times();
-        self.health.set_clock(stamp - before);
         if let Some(last) = &mut self.last {
             last.stamp += stamp - before;
         }

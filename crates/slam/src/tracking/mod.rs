@@ -26,7 +26,7 @@ pub use keyframe::KeyframeConfig;
 use crate::association::Matches;
 use crate::config::Config;
 use crate::event::{FrameCounts, LostReason, Outcome};
-use crate::health::{Evidence, Monitor, cells};
+use crate::evidence::{Cells, Evidence};
 use crate::messages::Tracked;
 use crate::sensor::Timing;
 use crate::static_filter::{FeatureVerdict, FrameInput, Judgement, StaticFilter};
@@ -85,7 +85,6 @@ pub struct Tracker {
     last_keyframe: Option<FrameId>,
     statistics: Statistics,
     trajectory: Trajectory,
-    health: Monitor,
 }
 
 /// What is noted of a frame on its way.
@@ -142,7 +141,6 @@ impl Tracker {
             last_keyframe: None,
             statistics: Statistics::default(),
             trajectory: Trajectory::default(),
-            health: Monitor::default(),
         }
     }
 
@@ -353,7 +351,7 @@ impl Tracker {
         notes.evidence = Evidence {
             matched: fix.matched as u32,
             agreed: fix.matches.count as u32,
-            cells: cells(&data, |i| targets[i].is_some()),
+            cells: Cells::of(&data, |i| targets[i].is_some()),
             information: Some(fix.information),
             ..notes.evidence
         };

@@ -3,7 +3,7 @@
 use super::ego_motion::EgoMotion;
 use super::{LastFrame, Notes, Solution, Tracker};
 use crate::event::{FrameReport, LostReason, Outcome};
-use crate::health::cells;
+use crate::evidence::Cells;
 use crate::messages::{NewKeyframe, Tracked};
 use crate::static_filter::Place;
 use crate::trajectory::TrajectoryEntry;
@@ -45,7 +45,7 @@ impl Tracker {
         let inliers = counts.with_depth;
         // The pose is what the frame is said to have: all points agree with it.
         (notes.evidence.matched, notes.evidence.agreed) = (inliers, inliers);
-        notes.evidence.cells = cells(&data, |i| data.depths[i] > 0.0);
+        notes.evidence.cells = Cells::of(&data, |i| data.depths[i] > 0.0);
         let id = self.keyframe_id(frame.id);
         let matches = vec![None; data.len()];
         self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
@@ -242,13 +242,10 @@ impl Tracker {
             piece: self.piece.filter(|_| world_from_camera.is_some()),
             map_version: self.view.version(),
         };
-        let config = &self.config.tracking;
-        let health = self
-            .health
-            .judge(frame, &report, &notes.evidence, config, has_map);
+        notes.evidence.has_map = has_map;
         Tracked {
             report,
-            health,
+            evidence: notes.evidence,
             keyframe,
         }
     }
