@@ -76,6 +76,11 @@ fn a_simulated_scene_is_run_with_six_configurations() {
         ["952.8", "16.2", "321.1", "17.8", "15.1", ""]
     );
 
+    assert!(
+        text.contains("Table 5 of [1]") && text.contains("10.1007/s11554-024-01527-4"),
+        "{text}"
+    );
+
     let report = json(&out);
     assert_eq!(
         labels(&report),

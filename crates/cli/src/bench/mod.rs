@@ -207,7 +207,7 @@ fn markdown(figures: &[SequenceFigures<'_>], machine: &Machine, command: &str) -
         "# Benchmark\n\nMade by `{command}`.\n\n{}, {} cores, {}; {}; Stillpoint {}.\n\n",
         machine.cpu, machine.cores, machine.system, machine.rustc, machine.stillpoint
     );
-    text += "Figures are median / worst over the runs. ATE and RPE are RMSE of the final poses (ATE: drift where the camera stands still; RPE over 1 s). Frames go through tracking and mapping one after the other, with nothing dropped: these are not real-time figures.\n\n";
+    text += "Figures are median / worst over the runs. ATE and RPE are RMSE of the final poses (ATE: drift where the camera stands still; RPE over 1 s). Frames go through tracking and mapping one after the other, with nothing dropped: these are not real-time figures. \"same bytes\": all runs gave the same trajectory file, which one run alone cannot say.\n\n";
     let mut table = Table::new([
         "sequence",
         "frames",
@@ -239,7 +239,12 @@ fn markdown(figures: &[SequenceFigures<'_>], machine: &Machine, command: &str) -
             spread(f.ate_rmse, 1e3, 2),
             spread(f.rpe_rmse, 1e3, 2),
             spread(f.peak_memory_bytes, 1e-6, 0),
-            if f.sequence.identical { "yes" } else { "no" }.to_owned(),
+            match f.sequence.identical {
+                Some(true) => "yes",
+                Some(false) => "no",
+                None => "-",
+            }
+            .to_owned(),
         ]);
     }
     text += &table.to_markdown();

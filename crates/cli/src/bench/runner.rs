@@ -21,8 +21,8 @@ pub(crate) struct Sequence {
     pub(crate) path: String,
     /// What objects were detected with, in words.
     pub(crate) detector: String,
-    /// True when all runs gave the same trajectory, byte for byte.
-    pub(crate) identical: bool,
+    /// True when all runs gave the same trajectory, byte for byte; absent with fewer than two runs, which say nothing of it.
+    pub(crate) identical: Option<bool>,
     pub(crate) runs: Vec<Summary>,
 }
 
@@ -65,6 +65,29 @@ pub(crate) fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
+/// Whether runs gave the same trajectory.
+#[derive(Debug, Default)]
+pub(crate) struct Trajectories {
+    first: Option<Vec<u8>>,
+    /// `None` until there are two.
+    same: Option<bool>,
+}
+
+impl Trajectories {
+    /// Takes the file that one more run wrote.
+    pub(crate) fn push(&mut self, trajectory: Vec<u8>) {
+        match &self.first {
+            None => self.first = Some(trajectory),
+            Some(first) => self.same = Some(self.same != Some(false) && *first == trajectory),
+        }
+    }
+
+    /// True when all were the same bytes; `None` with fewer than two.
+    pub(crate) fn identical(&self) -> Option<bool> {
+        self.same
+    }
+}
+
 /// How data sets are run.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Plan<'a> {
@@ -96,32 +119,40 @@ impl Plan<'_> {
         interrupt: &Interrupt,
     ) -> Result<Sequence, Failure> {
         let mut runs = Vec::new();
-        let mut first_trajectory = None;
-        let mut identical = true;
+        let mut trajectories = Trajectories::default();
         for k in 1..=self.runs {
             console::info(&format!("{name}: run {k} of {}", self.runs));
             let (summary, trajectory) = self.once(path, &format!("{name}-{k}"))?;
             if interrupt.requested() {
                 break;
             }
-            identical &= *first_trajectory.get_or_insert_with(|| trajectory.clone()) == trajectory;
+            trajectories.push(trajectory);
             runs.push(summary);
         }
         Ok(Sequence {
             name,
             path: path.display().to_string(),
             detector: self.input.detector.detector.clone().unwrap_or_default(),
-            identical,
+            identical: trajectories.identical(),
             runs,
         })
     }
 
     /// One run, whose result goes to `runs/` under a name: its figures and its final trajectory.
+    ///
+    /// # Errors
+    /// A run that failed, or whose summary or trajectory cannot be read.
     pub(crate) fn once(&self, path: &Path, name: &str) -> Result<(Summary, Vec<u8>), Failure> {
         // Not every system takes the colon of a simulated scene in the name of a folder.
         let out = self.out.join("runs").join(name.replace(':', "_"));
         let summary = run_once(&self.arguments(path), path, &out)?;
-        let trajectory = std::fs::read(out.join("trajectory.txt")).unwrap_or_default();
+        let file = out.join("trajectory.txt");
+        let trajectory = std::fs::read(&file).map_err(|e| {
+            Failure::input(format!(
+                "{}: expected the trajectory of a run, found: {e}",
+                file.display()
+            ))
+        })?;
         Ok((summary, trajectory))
     }
 
@@ -221,6 +252,19 @@ mod tests {
         assert_eq!((s.median, s.worst), (2.5, 10.0));
         assert_eq!(Spread::of([]), None);
         assert_eq!(median(vec![5.0, 1.0, 3.0]), 3.0);
+    }
+
+    #[test]
+    fn the_same_bytes_need_two_runs() {
+        let of = |runs: &[&str]| {
+            let mut t = Trajectories::default();
+            runs.iter().for_each(|r| t.push(r.as_bytes().to_vec()));
+            t.identical()
+        };
+        assert_eq!(of(&[]), None);
+        assert_eq!(of(&["a"]), None);
+        assert_eq!(of(&["a", "a", "a"]), Some(true));
+        assert_eq!(of(&["a", "b", "a"]), Some(false));
     }
 
     #[test]

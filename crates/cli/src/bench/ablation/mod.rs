@@ -3,10 +3,11 @@
 pub(crate) mod report;
 
 use crate::args::{BenchArgs, ConfigArgs};
-use crate::bench::runner::{Plan, Sequence, median};
+use crate::bench::runner::{Plan, Sequence, Trajectories, median};
 use crate::bench::source::{Prepared, Source};
 use crate::bench::suite::Figures;
-use crate::bench::suite::catalogue::{Ablated, published_ablation};
+use crate::bench::suite::catalogue::published_ablation;
+use crate::bench::suite::published::Ablated;
 use crate::bench::{command_line, unique_names};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
@@ -224,10 +225,10 @@ fn cell(
         name: name.to_owned(),
         path: prepared.path.display().to_string(),
         detector: prepared.words.clone(),
-        identical: true,
+        identical: None,
         runs: Vec::new(),
     };
-    let mut first = None;
+    let mut trajectories = Trajectories::default();
     let mut error = None;
     for (k, seed) in seeds.iter().enumerate() {
         let config = ConfigArgs {
@@ -248,8 +249,7 @@ fn cell(
         }
         match result {
             Ok((summary, trajectory)) => {
-                sequence.identical &=
-                    *first.get_or_insert_with(|| trajectory.clone()) == trajectory;
+                trajectories.push(trajectory);
                 sequence.runs.push(summary);
             }
             Err(e) => {
@@ -259,6 +259,7 @@ fn cell(
             }
         }
     }
+    sequence.identical = trajectories.identical();
     let shares: Vec<f64> = sequence
         .runs
         .iter()
@@ -351,7 +352,7 @@ mod tests {
             frames: 10,
             evaluated: 10,
             tracked: spread(tracked),
-            identical: true,
+            identical: None,
             ate: scored.then_some(errors),
             rpe_translation: None,
             rpe_rotation_deg: None,

@@ -1,6 +1,7 @@
 //! The report of an ablation as Markdown, which also reads well in a terminal.
 
 use crate::bench::ablation::{Cell, Report, Row, Variant};
+use crate::bench::suite::published::{ABLATION_TABLE, System, sources};
 use crate::bench::suite::{Errors, Figures};
 use stillpoint::evaluation::{Align, Table};
 
@@ -24,6 +25,10 @@ pub(crate) fn markdown(report: &Report) -> String {
     if !notes.is_empty() {
         text += "\n";
         text += &notes;
+    }
+    if report.sequences.iter().any(|r| r.published.is_some()) {
+        text += "\n";
+        text += &sources(&[System::Paper], ABLATION_TABLE);
     }
     text
 }
@@ -144,7 +149,11 @@ fn notes(row: &Row) -> String {
     if let Some(e) = &row.error {
         add(e);
     }
-    let same = |c: &&Cell| c.runs.len() > 1 && c.figures.as_ref().is_some_and(|f| f.identical);
+    let same = |c: &&Cell| {
+        c.figures
+            .as_ref()
+            .is_some_and(|f| f.identical == Some(true))
+    };
     let same: Vec<&str> = row
         .variants
         .iter()

@@ -2,12 +2,14 @@
 
 pub(crate) mod catalogue;
 pub(crate) mod find;
+pub(crate) mod published;
 pub(crate) mod report;
 
 use crate::bench::command_line;
 use crate::bench::runner::{Plan, Sequence, Spread};
-use crate::bench::suite::catalogue::{Published, Suite};
+use crate::bench::suite::catalogue::Suite;
 use crate::bench::suite::find::{Found, find};
+use crate::bench::suite::published::PublishedAte;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::Machine;
@@ -49,9 +51,8 @@ pub(crate) struct Row {
     pub(crate) path: Option<PathBuf>,
     pub(crate) error: Option<String>,
     pub(crate) figures: Option<Figures>,
-    /// ATE RMSE, m.
-    pub(crate) published: Published,
-    pub(crate) note: &'static str,
+    /// What others published on it.
+    pub(crate) published: Vec<PublishedAte>,
     pub(crate) runs: Vec<Summary>,
 }
 
@@ -66,8 +67,8 @@ pub(crate) struct Figures {
     pub(crate) evaluated: usize,
     /// Share of frames with a pose.
     pub(crate) tracked: Spread,
-    /// True when all runs gave the same trajectory, byte for byte.
-    pub(crate) identical: bool,
+    /// True when all runs gave the same trajectory, byte for byte; absent when there was only one run.
+    pub(crate) identical: Option<bool>,
     /// Absolute error of the final poses, m.
     pub(crate) ate: Option<Errors>,
     /// Relative error over 1 s, m.
@@ -127,9 +128,12 @@ pub(crate) fn bench(
         machine: Machine::here(),
         command: command_line(),
         detector: settled.words(),
-        sequences: found.iter().map(|f| row(f, plan, interrupt)).collect(),
+        sequences: found
+            .iter()
+            .map(|f| row(suite, f, plan, interrupt))
+            .collect(),
     };
-    write(&report, plan.out)?;
+    write(&report, suite, plan.out)?;
     if interrupt.requested() {
         console::line("interrupted: the report holds the runs that ended");
         return Ok(Status::Failed);
@@ -137,7 +141,7 @@ pub(crate) fn bench(
     Ok(status(&report.sequences))
 }
 
-fn row(found: &Found, plan: &Plan<'_>, interrupt: &Interrupt) -> Row {
+fn row(suite: Suite, found: &Found, plan: &Plan<'_>, interrupt: &Interrupt) -> Row {
     let known = found.known;
     let mut row = Row {
         name: known.name,
@@ -145,8 +149,7 @@ fn row(found: &Found, plan: &Plan<'_>, interrupt: &Interrupt) -> Row {
         path: found.path.clone(),
         error: None,
         figures: None,
-        published: known.published,
-        note: known.note,
+        published: suite.published().list(known.name),
         runs: Vec::new(),
     };
     let Some(path) = &found.path else {
@@ -208,10 +211,10 @@ pub(crate) fn figures(sequence: &Sequence) -> Option<Figures> {
     })
 }
 
-fn write(report: &Report, out: &Path) -> Result<(), Failure> {
+fn write(report: &Report, suite: Suite, out: &Path) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(report).map_err(Failure::input)?;
     output::write_file(&out.join("suite.json"), format!("{json}\n").as_bytes())?;
-    let markdown = report::markdown(report);
+    let markdown = report::markdown(report, suite);
     output::write_file(&out.join("suite.md"), markdown.as_bytes())?;
     console::report(&format!("{markdown}\nwritten to {}\n", out.display()));
     Ok(())
@@ -254,7 +257,7 @@ mod tests {
             frames: 10,
             evaluated: 10,
             tracked: spread(tracked),
-            identical: true,
+            identical: None,
             ate: scored.then_some(errors),
             rpe_translation: None,
             rpe_rotation_deg: None,
@@ -266,8 +269,7 @@ mod tests {
             path: None,
             error: None,
             figures,
-            published: Published::default(),
-            note: "",
+            published: Vec::new(),
             runs: Vec::new(),
         }
     }

@@ -1,9 +1,11 @@
 //! The report of a suite as Markdown, which also reads well in a terminal.
 
+use crate::bench::suite::catalogue::Suite;
+use crate::bench::suite::published::sources;
 use crate::bench::suite::{Errors, Report, Row, State};
 use stillpoint::evaluation::{Align, Table};
 
-pub(crate) fn markdown(report: &Report) -> String {
+pub(crate) fn markdown(report: &Report, suite: Suite) -> String {
     let m = &report.machine;
     let mut text = format!(
         "# Suite {}\n\nMade by `{}`.\n\n{}, {} cores, {}; {}; Stillpoint {}; detector: {}.\n\n",
@@ -17,10 +19,9 @@ pub(crate) fn markdown(report: &Report) -> String {
         report.detector
     );
     text += "Errors of the final poses: median over the runs, and after the stroke the worst run. ATE after alignment by a rigid \
-             motion; RPE over 1 s. \"tracked\" is the share of frames with a pose. \"published\" is the ATE RMSE of a dynamic \
-             RGB-D system of this kind, \"best\" that of a better one where there is one, \"unfiltered\" that of the published \
-             system with its rejection of moving things switched off. Published figures come from the systems' papers, \
-             not from this machine; ours go through tracking and mapping one after the other, with nothing dropped.\n\n";
+             motion; RPE over 1 s. \"tracked\" is the share of frames with a pose. Frames go through tracking and mapping one after \
+             the other, with nothing dropped. \"published\" is the ATE RMSE of the method that preset `paper` follows; the table \
+             after this one has other systems.\n\n";
     let mut table = Table::new([
         "sequence",
         "state",
@@ -33,12 +34,10 @@ pub(crate) fn markdown(report: &Report) -> String {
         "RPE deg/s",
         "SD",
         "published mm",
-        "best mm",
-        "unfiltered mm",
     ])
     .align(1, Align::Left);
     for row in &report.sequences {
-        table.row(cells(row));
+        table.row(cells(row, suite));
     }
     text += &table.to_markdown();
     let notes: Vec<String> = report.sequences.iter().flat_map(notes).collect();
@@ -46,10 +45,29 @@ pub(crate) fn markdown(report: &Report) -> String {
         text += "\n";
         text += &notes.concat();
     }
-    text
+    text + "\n" + &published(report, suite)
 }
 
-fn cells(row: &Row) -> Vec<String> {
+/// What others published on the sequences of the suite, and where.
+fn published(report: &Report, suite: Suite) -> String {
+    let errors = suite.published();
+    let header = errors.systems.map(|s| format!("{} {}", s.name(), s.mark()));
+    let mut table = Table::new(["ATE RMSE, mm".to_owned()].into_iter().chain(header));
+    for row in &report.sequences {
+        if let Some(ates) = errors.of(row.name) {
+            let ates = ates.map(|ate| ate.map_or_else(|| "-".to_owned(), millimetres));
+            table.row([row.name.to_owned()].into_iter().chain(ates));
+        }
+    }
+    let sources = sources(&errors.systems, errors.table);
+    format!("Published:\n\n{}\n{sources}", table.to_markdown())
+}
+
+fn millimetres(metres: f64) -> String {
+    format!("{:.1}", metres * 1e3)
+}
+
+fn cells(row: &Row, suite: Suite) -> Vec<String> {
     let absent = || "-".to_owned();
     let f = row.figures.as_ref();
     let both = |e: Option<Errors>, factor: f64, digits: usize| match e {
@@ -78,10 +96,11 @@ fn cells(row: &Row) -> Vec<String> {
     cells.extend(both(f.and_then(|f| f.ate), 1e3, 1));
     cells.extend(both(f.and_then(|f| f.rpe_translation), 1e3, 1));
     cells.extend(both(f.and_then(|f| f.rpe_rotation_deg), 1.0, 2));
-    let p = &row.published;
-    cells.extend(
-        [p.reference, p.best, p.unfiltered]
-            .map(|ate| ate.map_or_else(absent, |ate| format!("{:.1}", ate * 1e3))),
+    cells.push(
+        suite
+            .published()
+            .paper(row.name)
+            .map_or_else(absent, millimetres),
     );
     cells
 }
@@ -115,7 +134,7 @@ fn notes(row: &Row) -> Vec<String> {
                 d.rmse.worst * 1e3
             ));
         }
-        if !f.identical {
+        if f.identical == Some(false) {
             add("the runs differ");
         }
         if f.ate.is_some() && f.evaluated < f.frames {
@@ -124,9 +143,6 @@ fn notes(row: &Row) -> Vec<String> {
                 f.evaluated, f.frames
             ));
         }
-    }
-    if !row.note.is_empty() {
-        add(row.note);
     }
     notes
 }
