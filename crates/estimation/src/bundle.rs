@@ -49,6 +49,7 @@ pub struct BundleOptions {
 
 impl Default for BundleOptions {
     fn default() -> Self {
+        // Five iterations, outliers out, ten more: as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
         Self {
             robust_iterations: 5,
             final_iterations: 10,

@@ -28,6 +28,7 @@ pub struct PoseOptions {
 
 impl Default for PoseOptions {
     fn default() -> Self {
+        // Four rounds of ten with outliers tested anew after each are ORB-SLAM2's (Mur-Artal, Tardos 2017).
         Self {
             rounds: 4,
             plain_rounds: 2,

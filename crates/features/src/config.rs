@@ -23,6 +23,7 @@ pub struct OrbConfig {
 
 impl Default for OrbConfig {
     fn default() -> Self {
+        // Those of ORB-SLAM2's RGB-D settings (Mur-Artal, Tardos 2017); the refinement to a fraction of a pixel is our own.
         Self {
             features: 1000,
             levels: 8,

@@ -1,6 +1,7 @@
 //! An even choice of corners.
 //!
-//! A quadtree over the image is split until it has as many leaves as corners are wanted; each leaf gives its strongest corner. The corners are sorted by
+//! A quadtree over the image is split until it has as many leaves as corners are wanted; each leaf gives its strongest corner, as in ORB-SLAM2
+//! (Mur-Artal, Tardos 2017). The corners are sorted by
 //! the Morton code of their position, so a node of the tree is a range of the sorted array and splitting moves nothing.
 
 use crate::fast::Corner;

@@ -32,6 +32,7 @@ pub struct SensorConfig {
 
 impl Default for SensorConfig {
     fn default() -> Self {
+        // What is close is so after ORB-SLAM2 (Mur-Artal, Tardos 2017), whose settings for the TUM cameras say 40 baselines.
         Self {
             min_depth: 0.3,
             max_depth: 8.0,

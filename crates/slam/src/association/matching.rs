@@ -1,4 +1,5 @@
-//! Which feature of the frame sees which point.
+//! Which feature of the frame sees which point. Searches, thresholds on descriptors and the check of rotations follow ORB-SLAM2
+//! (Mur-Artal, Tardos 2017).
 
 use stillpoint_features::{Descriptor, RotationHistogram, Window, best_two};
 use stillpoint_geometry::{Mat3, Se3, Vec3};

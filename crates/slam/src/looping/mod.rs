@@ -43,6 +43,7 @@ pub struct LoopingConfig {
 
 impl Default for LoopingConfig {
     fn default() -> Self {
+        // Those of ORB-SLAM2 (Mur-Artal, Tardos 2017), but for what a loop may cost, which it does not ask.
         Self {
             enabled: true,
             min_gap: 10,

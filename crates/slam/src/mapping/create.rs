@@ -1,4 +1,5 @@
-//! New landmarks: from depth, and by triangulation between covisible keyframes.
+//! New landmarks: from depth, and by triangulation between covisible keyframes. What may become one follows ORB-SLAM2 (Mur-Artal,
+//! Tardos 2017): close points from depth and at least the nearest hundred, others from rays that differ enough.
 
 use super::Mapper;
 use crate::association::{STRICT_DISTANCE, measurement};

@@ -1,4 +1,5 @@
-//! What the map does without: landmarks that did not prove themselves, keyframes that add nothing.
+//! What the map does without: landmarks that did not prove themselves, keyframes that add nothing. Both rules are those of
+//! ORB-SLAM2 (Mur-Artal, Tardos 2017); that landmarks leave because they move, and the limit on keyframes, are not.
 
 use super::Mapper;
 use crate::messages::LandmarkStatistic;

@@ -1,4 +1,5 @@
-//! Duplicates: landmarks of one keyframe searched in another, both ways.
+//! Duplicates: landmarks of one keyframe searched in another, both ways; whose keyframes, and how far, as in ORB-SLAM2 (Mur-Artal,
+//! Tardos 2017).
 
 use super::Mapper;
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, window_of};

@@ -43,6 +43,8 @@ pub struct MappingConfig {
 
 impl Default for MappingConfig {
     fn default() -> Self {
+        // Those of ORB-SLAM2 for RGB-D cameras (Mur-Artal, Tardos 2017), but for the windows of bundle adjustment and the limit on
+        // keyframes, which it does not have.
         Self {
             min_depth_landmarks: 100,
             neighbours: 10,

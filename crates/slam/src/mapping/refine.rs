@@ -1,4 +1,5 @@
-//! Local bundle adjustment: a keyframe, the ones that see the same, and what they see.
+//! Local bundle adjustment: a keyframe, the ones that see the same, and what they see; others that see it too are fixed, as in
+//! ORB-SLAM2 (Mur-Artal, Tardos 2017).
 
 use super::Mapper;
 use crate::association::{landmarks_of, measurement_in};

@@ -1,4 +1,5 @@
-//! D: which depth separates the object in a box from the background behind it, as published.
+//! D: which depth separates the object in a box from the background behind it: Algorithm 1 of the publication that preset `paper`
+//! follows (doi:10.1007/s11554-024-01527-4).
 
 use stillpoint_estimation::{Rng, ransac_iterations};
 

@@ -1,4 +1,6 @@
-//! Preset `paper`: objects, epipolar constraint and depth fused as published (Algorithm 2).
+//! Preset `paper`: objects, epipolar constraint and depth fused as published in "A real-time visual SLAM based on semantic
+//! information and geometric information in dynamic environment" (Journal of Real-Time Image Processing, 2024,
+//! doi:10.1007/s11554-024-01527-4), Algorithm 2. What it leaves open is settled in algorithm.md, section 15.
 
 use super::semantic::{MOVER, Mover};
 use super::verdict::{FeatureVerdict, Reasons};

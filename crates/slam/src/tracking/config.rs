@@ -25,6 +25,7 @@ pub struct TrackingConfig {
 
 impl Default for TrackingConfig {
     fn default() -> Self {
+        // The numbers of inliers and the radius around the prediction are those of ORB-SLAM2 (Mur-Artal, Tardos 2017).
         Self {
             min_inliers: 30,
             min_initial_points: 100,

@@ -1,4 +1,5 @@
-//! When a frame becomes a keyframe.
+//! When a frame becomes a keyframe. The rule and its thresholds are those of ORB-SLAM2 for RGB-D cameras (Mur-Artal, Tardos 2017,
+//! section III.E), but for the gap between two keyframes: nothing here depends on whether the mapper is idle.
 
 use crate::config::Checker;
 use serde::{Deserialize, Serialize};

@@ -16,7 +16,8 @@ use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId, Sca
 const MAX_KEYFRAMES: usize = 40;
 /// Keyframes farther than this are not around.
 const AROUND_M: f64 = 1.5;
-/// Landmarks seen at more than 60 degrees from their mean viewing direction look different.
+/// Landmarks seen at more than 60 degrees from their mean viewing direction look different. The limit is that of ORB-SLAM2 (Mur-Artal,
+/// Tardos 2017), as are the range of distances and the expected level.
 const MIN_VIEW_COSINE: f64 = 0.5;
 
 /// A landmark with all that projecting needs.
@@ -253,6 +254,7 @@ impl LocalMap {
                 continue;
             }
             let level = level_at(&e.range, visible.distance, log_scale, top_level);
+            // A landmark seen from where it was seen before is where it should be: this angle and the two radii are ORB-SLAM2's.
             let frontal = visible.cosine > 0.998;
             let expected = Expected {
                 landmark: e.id,
