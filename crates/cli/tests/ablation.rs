@@ -1,9 +1,6 @@
 //! `bench --ablation` on a simulated scene and on folders, as users run it.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{check, copy, files, program, simulate, stdout};
+use crate::common::{check, copy, files, program, simulate, stdout};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;

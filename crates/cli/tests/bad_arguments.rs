@@ -1,10 +1,7 @@
 //! Every kind of bad argument gets a message that says what was expected and found, and exit code 2.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::case::Case;
-use common::{check, program, stillpoint};
+use crate::common::case::Case;
+use crate::common::{check, program, stillpoint};
 use std::path::Path;
 
 #[test]

@@ -1,11 +1,8 @@
 //! Every kind of bad data set gets a message that names the place, what was expected and found, and exit code 2; never a
 //! panic, never a half-written result.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::case::Case;
-use common::{check, stderr, stdout, stillpoint};
+use crate::common::case::Case;
+use crate::common::{check, stderr, stdout, stillpoint};
 use std::path::Path;
 
 fn replace_line(text: &str, number: usize, with: &str) -> String {

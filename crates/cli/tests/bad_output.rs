@@ -1,10 +1,7 @@
 //! Output that cannot be written ends with a message and exit code 2, and leaves what was there before.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::case::Case;
-use common::{check, files, program, shell};
+use crate::common::case::Case;
+use crate::common::{check, files, program, shell};
 use std::path::Path;
 
 #[test]

@@ -1,7 +1,6 @@
 //! Holds `src/config/docs.txt` against the documentation of the configuration structs. After a change of those, renew it by
-//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test config_docs`, then what the test `golden` compares, which
+//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all config_docs`, then what the test `golden` compares, which
 //! holds the same text.
-#![allow(clippy::unwrap_used)]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -81,6 +80,6 @@ fn documentation_is_that_of_the_source() {
     let found = std::fs::read_to_string(&path).unwrap_or_default();
     assert_eq!(
         found, expected,
-        "renew it: STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test config_docs"
+        "renew it: STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all config_docs"
     );
 }

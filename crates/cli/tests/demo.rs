@@ -1,9 +1,6 @@
 //! `demo`: a simulated scene without and with the static filter, side by side.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{check, files, program, stdout};
+use crate::common::{check, files, program, stdout};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;

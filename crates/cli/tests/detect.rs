@@ -1,9 +1,6 @@
 //! `detect` as users run it: on images, folders and data sets, with a network made in the test and with real ones.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{check, files, program, simulate, stdout, tiny_model};
+use crate::common::{check, files, program, simulate, stdout, tiny_model};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use stillpoint::detection::{ClassId, ScriptRow, parse_script};

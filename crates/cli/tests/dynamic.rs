@@ -1,9 +1,6 @@
 //! What moves: simulated movers, detectors, verdicts and pictures, as users see them.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{check, copy, files, program, simulate, stdout};
+use crate::common::{check, copy, files, program, simulate, stdout};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;

@@ -1,9 +1,6 @@
 //! The main job on simulated data: results that are complete, right, and the same to the byte every time.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{check, files, isolated, program, simulate, stdout};
+use crate::common::{check, copy, files, isolated, program, simulate, stdout};
 #[cfg(unix)]
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -150,7 +147,7 @@ fn a_result_is_complete_and_accurate() {
 #[test]
 fn without_ground_truth_everything_else_works() {
     let dir = tempfile::tempdir().unwrap();
-    common::copy(&room(), &dir.path().join("room"));
+    copy(&room(), &dir.path().join("room"));
     std::fs::remove_file(dir.path().join("room/groundtruth.txt")).unwrap();
     let out = dir.path().join("out");
     let output = program()

@@ -1,10 +1,7 @@
 //! Help and configuration as users see them. After an intended change, renew the files by
-//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test golden`, after those of the test `config_docs`.
-#![allow(clippy::unwrap_used)]
+//! `STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all golden`, after those of the test `config_docs`.
 
-mod common;
-
-use common::{check, stdout, stillpoint};
+use crate::common::{check, stdout, stillpoint};
 use std::path::Path;
 
 fn golden(name: &str, args: &[&str]) {
@@ -20,7 +17,7 @@ fn golden(name: &str, args: &[&str]) {
     let expected = std::fs::read_to_string(&path).unwrap_or_default();
     assert_eq!(
         found, expected,
-        "{name} differs; if that is intended, renew it: STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test golden"
+        "{name} differs; if that is intended, renew it: STILLPOINT_BLESS=1 cargo test -p stillpoint-cli --test all golden"
     );
 }
 

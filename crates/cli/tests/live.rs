@@ -1,10 +1,7 @@
 //! Data sets played as a camera: results that are complete, logs from which they come out again to the byte, and what is said when
 //! a log does not fit.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{check, files, program, simulate, stderr, stdout};
+use crate::common::{check, copy, files, program, simulate, stderr, stdout};
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::ffi::OsString;
@@ -323,7 +320,7 @@ fn options_of_live_runs_are_checked() {
 fn an_interrupt_keeps_what_there_is() {
     let dir = tempfile::tempdir().unwrap();
     let room = dir.path().join("room");
-    common::copy(&PLAYED.path("room"), &room);
+    copy(&PLAYED.path("room"), &room);
     // A camera that takes a frame per second, so that there is time to interrupt it.
     for list in ["rgb.txt", "depth.txt"] {
         let text = std::fs::read_to_string(room.join(list)).unwrap();

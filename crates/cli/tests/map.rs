@@ -1,9 +1,6 @@
 //! Map files as users have them: saved by a run, looked at, exported, damaged.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{case::Case, check, files, program, simulate, stdout, stillpoint};
+use crate::common::{case::Case, check, files, program, shell, simulate, stdout, stillpoint};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -262,7 +259,7 @@ fn huge_counts_take_no_memory() {
             bytes[end..].copy_from_slice(&whole.to_le_bytes());
             std::fs::write(&path, &bytes).unwrap();
             // A quarter of a gigabyte, of which the program itself takes a part.
-            let output = common::shell(
+            let output = shell(
                 "ulimit -v 262144; exec \"$0\" map check \"$1\"",
                 [path.as_os_str()],
             );
@@ -309,7 +306,7 @@ fn a_full_disk_does_not_harm_the_old_map() {
     let map = case.dir.path().join("maps/room.spmap");
     std::fs::create_dir(map.parent().unwrap()).unwrap();
     std::fs::copy(saved(), &map).unwrap();
-    let output = common::shell(
+    let output = shell(
         "trap '' XFSZ; ulimit -f 20; exec \"$0\" run \"$1\" --out \"$2\" --save-map \"$3\"",
         [case.room(), case.out(), map.clone()],
     );

@@ -1,7 +1,6 @@
 //! A process that is killed while it saves a map leaves the old map or the new one, whole.
-#![cfg(unix)]
-#![allow(clippy::unwrap_used)]
 
+#![cfg(unix)]
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -95,7 +94,7 @@ fn a_map_survives_fifty_kills() {
     let (mut in_between, mut found) = (0, [0u32; VERSIONS as usize]);
     for kill in 0..KILLS {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "child_that_saves", "--nocapture"])
+            .args(["--exact", "map_kill::child_that_saves", "--nocapture"])
             .env(FILE, &path)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

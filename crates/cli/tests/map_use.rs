@@ -1,9 +1,6 @@
 //! What maps are for: runs that go on with one or find the camera in one, maps in pieces, and two maps as one.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{case::Case, check, program, simulate, stderr, stdout};
+use crate::common::{case::Case, check, files, program, simulate, stderr, stdout};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -160,7 +157,7 @@ fn maps_that_have_nothing_in_common_are_not_merged() {
     let out = dir.path().join("out.spmap");
     let nothing = |second: &Path, code: i32, parts: &[&str]| {
         check(&merge(&map("a"), second, &out), code, parts);
-        assert_eq!(common::files(dir.path()).len(), 1, "something was written");
+        assert_eq!(files(dir.path()).len(), 1, "something was written");
     };
     let odd = dir.path().join("odd.spmap");
     std::fs::copy(map("c"), &odd).unwrap();

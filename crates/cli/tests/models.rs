@@ -1,10 +1,7 @@
 //! `models list|import|check` as users run them, with a cache of each test's own.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::model_cache::{Cache, checkpoint};
-use common::{check, simulate, stderr, stdout, tiny_model};
+use crate::common::model_cache::{Cache, checkpoint};
+use crate::common::{check, simulate, stderr, stdout, tiny_model};
 use std::path::Path;
 
 #[test]

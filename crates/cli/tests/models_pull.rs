@@ -1,11 +1,8 @@
 //! `models pull` as users run it, against a server on loopback.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::model_cache::{Cache, checkpoint};
-use common::server::{serve, serve_file, write_head};
-use common::{check, stderr, stdout};
+use crate::common::model_cache::{Cache, checkpoint};
+use crate::common::server::{serve, serve_file, write_head};
+use crate::common::{check, stderr, stdout};
 use std::io::Write;
 use std::process::Command;
 

@@ -1,9 +1,6 @@
 //! `bench --suite` on folders laid out like the public data sets, made from simulated rooms.
-#![allow(clippy::unwrap_used)]
 
-mod common;
-
-use common::{check, copy, program, simulate, stdout, stillpoint};
+use crate::common::{check, copy, files, program, simulate, stdout, stillpoint};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;
@@ -122,7 +119,7 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
     }
     assert_eq!(row(&report, "sitting_rpy")["path"], deep.to_str().unwrap());
     assert_eq!(row(&report, "walking_rpy")["state"], "not_found");
-    let runs = common::files(&out.join("runs"));
+    let runs = files(&out.join("runs"));
     assert_eq!(runs.len(), 4, "{runs:?}");
 }
 

@@ -1,9 +1,6 @@
 //! Every kind of bad input ends in a message that names the place, what was expected and what was found.
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
-mod common;
-
-use common::{Folder, depth, fails, gray};
+use crate::common::{Folder, H, W, depth, fails, gray};
 use image::{DynamicImage, ImageFormat};
 use stillpoint_datasets::{
     CameraChoice, Dataset, DatasetSource, FrameOptions, Layout, OpenOptions,
@@ -133,7 +130,7 @@ fn outcomes(f: &Folder, strict: bool) -> Vec<String> {
 
 /// Cuts off the last bytes of a colour image in another format.
 fn truncate(f: &Folder, format: ImageFormat) {
-    let noise = image::RgbImage::from_fn(common::W, common::H, |x, y| {
+    let noise = image::RgbImage::from_fn(W, H, |x, y| {
         image::Rgb([
             (x * 91 + y * 57) as u8,
             (x * y * 13) as u8,
@@ -153,7 +150,7 @@ fn a_first_image_of_another_size_does_not_set_the_size() {
         &gray(0).resize_exact(16, 24, image::imageops::Nearest),
     );
     let camera = f.open().camera().camera;
-    assert_eq!((camera.width, camera.height), (common::W, common::H));
+    assert_eq!((camera.width, camera.height), (W, H));
     assert!(outcomes(&f, false)[0].contains("32 x 24 px"));
 }
 

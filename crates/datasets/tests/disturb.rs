@@ -1,10 +1,7 @@
 //! Laws of disturbances.
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
-mod scripted;
-
+use crate::scripted::{SIZE, Script, script};
 use proptest::prelude::*;
-use scripted::{Script, script};
 use stillpoint_datasets::{Disturbance, Disturbed};
 use stillpoint_imaging::FrameSource;
 
@@ -84,7 +81,7 @@ fn impossible_disturbances_are_refused() {
 
 #[test]
 fn a_blurred_pixel_is_the_mean_of_those_around_it() {
-    let [w, h] = scripted::SIZE;
+    let [w, h] = SIZE;
     let level = |i: usize| ((i * 37) % 200) as u8;
     struct One(Option<stillpoint_imaging::RgbdFrame>);
     impl FrameSource for One {

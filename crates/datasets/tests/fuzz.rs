@@ -1,9 +1,6 @@
 //! Broken files give errors, never panics.
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
-mod common;
-
-use common::{Folder, depth, gray};
+use crate::common::{Folder, depth, gray};
 use image::ImageFormat;
 use proptest::prelude::*;
 use stillpoint_datasets::{Dataset, OpenOptions, read_colour, read_depth, read_gray};

@@ -1,9 +1,6 @@
 //! Layouts, cameras, frames and ground truth of small data sets; recording; reading ahead.
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
-mod common;
-
-use common::{Folder, depth, gray};
+use crate::common::{Folder, H, W, depth, gray};
 use image::{DynamicImage, ImageFormat};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -42,10 +39,7 @@ fn tum_lists() {
         ),
         (5, 5, 4, 1, 1)
     );
-    assert_eq!(
-        (d.camera().camera.width, d.camera().camera.height),
-        (common::W, common::H)
-    );
+    assert_eq!((d.camera().camera.width, d.camera().camera.height), (W, H));
     assert!(d.guesses()[0].starts_with("layout: TUM (rgb.txt"));
     assert!(d.guesses()[1].contains("4 of 5 colour images"));
     assert!(d.guesses()[2].contains("camera.txt (in the folder)"));

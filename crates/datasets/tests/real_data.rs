@@ -1,5 +1,5 @@
 //! Real sequences, where they are: in the folder that STILLPOINT_DATA names, else in `../shared/data` beside the workspace.
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::print_stdout)] // What was measured is worth reading.
 
 use std::path::PathBuf;
 use stillpoint_datasets::{Dataset, FrameOptions, Layout, OpenOptions, ReadAhead};

@@ -1,10 +1,8 @@
 //! Laws of splices, and the kidnapped half of a real recording.
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::print_stdout)] // What was measured is worth reading.
 
-mod scripted;
-
+use crate::scripted::{PERIOD, SIZE, Script, script};
 use proptest::prelude::*;
-use scripted::{PERIOD, SIZE, Script, script};
 use std::path::PathBuf;
 use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice, StampedPose};
 use stillpoint_geometry::{Se3, Vec3};

@@ -1,11 +1,9 @@
 //! Networks: that they are repeatable, and what is refused.
 // A test may look for its data; the library may not.
-#![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
+#![allow(clippy::disallowed_methods, clippy::print_stderr)]
 #![cfg(feature = "onnx")]
 
-mod onnx_common;
-
-use onnx_common::{Graph, conv, decode, flat, shared};
+use crate::onnx_common::{Graph, conv, decode, flat, shared};
 use std::path::Path;
 use std::sync::Arc;
 use stillpoint_detection::{

@@ -1,10 +1,8 @@
 //! Cards that are right or not for a model, and models that suppress overlaps themselves, on small graphs made by hand.
-#![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
+#![allow(clippy::disallowed_methods, clippy::print_stderr)]
 #![cfg(feature = "onnx")]
 
-mod onnx_common;
-
-use onnx_common::{Graph, STRIDES, anchors, coloured, conv, flat, maps, options, with_card};
+use crate::onnx_common::{Graph, STRIDES, anchors, coloured, conv, flat, maps, options, with_card};
 use stillpoint_detection::{
     ClassId, Classes, Detection, Head, InputSize, ModelCard, ModelError, OnnxDetector, OnnxOptions,
     Runtime,

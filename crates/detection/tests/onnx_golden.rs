@@ -1,11 +1,9 @@
 //! Detections against ONNX Runtime in Python, on the shared images where there are any. `golden/reference.py` writes the files.
 // A test may look for its data; the library may not.
-#![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
+#![allow(clippy::disallowed_methods, clippy::print_stderr)]
 #![cfg(feature = "onnx")]
 
-mod onnx_common;
-
-use onnx_common::{decode, shared};
+use crate::onnx_common::{decode, shared};
 use stillpoint_detection::{
     BoundingBox, ClassId, Detection, Head, InputSize, OnnxDetector, OnnxOptions,
 };

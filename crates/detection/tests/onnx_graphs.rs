@@ -1,11 +1,9 @@
 //! The whole way from an image to boxes, on small graphs made by hand: against an own reference, and at sizes that a graph
 //! allows or not.
-#![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
+#![allow(clippy::disallowed_methods, clippy::print_stderr)]
 #![cfg(feature = "onnx")]
 
-mod onnx_common;
-
-use onnx_common::{
+use crate::onnx_common::{
     Graph, STRIDES, anchors, coloured, detector, int, ints, maps, options, weights, with_card,
     yolov7,
 };

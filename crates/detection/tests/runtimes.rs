@@ -1,7 +1,7 @@
 //! ONNX Runtime: which libraries are refused, and that it finds what `rten` finds. The library is the one that
 //! `ORT_DYLIB_PATH` names; without it the refusals are tested alone.
 // A test may look for its library; the crate may not.
-#![allow(clippy::disallowed_methods, clippy::print_stderr, clippy::unwrap_used)]
+#![allow(clippy::disallowed_methods, clippy::print_stderr)]
 #![cfg(feature = "onnxruntime")]
 
 use std::path::{Path, PathBuf};

@@ -1,5 +1,4 @@
 //! Scripts: what they say comes out, and what they must not say is refused where it stands.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_detection::{

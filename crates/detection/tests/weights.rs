@@ -1,5 +1,4 @@
 //! Motion weights: the defaults that are published, and the table a user edits.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -1,5 +1,4 @@
 //! The pose of a camera that may be anywhere, on points whose truth is known.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{

@@ -1,7 +1,5 @@
 //! Bundle adjustment on a synthetic scene: perturbed poses and points come back, wrong observations are named.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-
 use stillpoint_estimation::{
     BundleObservation, BundleOptions, BundleProblem, BundleStop, Intrinsics, Measurement,
     adjust_bundle,

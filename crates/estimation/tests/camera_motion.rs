@@ -1,5 +1,4 @@
 //! P3P and the weighted vote on the camera's motion, on points whose truth is known.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{

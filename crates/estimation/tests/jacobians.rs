@@ -1,5 +1,4 @@
 //! Jacobians against central differences, and the measurement's own laws.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{Intrinsics, Measurement, linearise};

@@ -1,5 +1,5 @@
 //! Pose optimisation and triangulation on points whose truth is known.
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
+#![allow(clippy::print_stdout)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{

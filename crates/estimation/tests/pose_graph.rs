@@ -1,5 +1,4 @@
 //! Pose graphs on paths whose truth is known: drift goes, wrong loops have no say, broken input is refused.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{

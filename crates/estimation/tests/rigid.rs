@@ -1,5 +1,4 @@
 //! The rigid motion between two cameras with depth, on points whose truth is known.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{

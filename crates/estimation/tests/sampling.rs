@@ -1,5 +1,4 @@
 //! Addressed random numbers and the number of samples.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{Purpose, ransac_iterations, rng};

@@ -1,5 +1,4 @@
 //! Fundamental matrix, homography and the degeneracy test on pairs whose truth is known.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use stillpoint_estimation::{

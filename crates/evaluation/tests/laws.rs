@@ -1,5 +1,4 @@
 //! What must hold for any trajectory.
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 use proptest::prelude::*;
 use stillpoint_evaluation::{

@@ -1,5 +1,4 @@
 //! Figures are complete, well-formed and survive odd input.
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 use stillpoint_evaluation::plot::{
     Series, drift_figure, poses_figure, timing_figure, trajectory_figure,

@@ -1,8 +1,6 @@
 //! The extractor as its users see it.
 
-mod common;
-
-use common::{hash, render};
+use crate::common::{hash, render};
 use proptest::prelude::*;
 use stillpoint_features::{Features, OrbConfig, OrbExtractor, match_brute_force};
 use stillpoint_imaging::{GrayImage, Simd};

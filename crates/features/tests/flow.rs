@@ -1,8 +1,6 @@
 //! The flow as its users see it, on images whose motion is known.
 
-mod common;
-
-use common::{hash, render};
+use crate::common::{hash, render};
 use proptest::prelude::*;
 use stillpoint_features::{Features, Flow, FlowConfig, FlowMatch, OrbConfig, OrbExtractor};
 use stillpoint_imaging::{GrayImage, Pyramid, Simd};

@@ -1,5 +1,4 @@
 //! Laws of rotations, rigid motions, cameras, kernels and alignment, on random input.
-#![allow(clippy::unwrap_used)]
 // The functions of the standard library are the witness that the crate `libm` does not provide.
 #![allow(clippy::disallowed_methods)]
 

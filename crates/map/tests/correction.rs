@@ -1,7 +1,5 @@
 //! Corrections of a map that has changed since.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-
 use proptest::prelude::*;
 use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};

@@ -1,7 +1,5 @@
 //! Random changes to a map against its invariants and a naive model of who observes what.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::Arc;

@@ -1,5 +1,4 @@
 //! The cache: what is put there is found again, and what is damaged or foreign is told.
-#![allow(clippy::unwrap_used)]
 
 use std::path::Path;
 use stillpoint_models::{

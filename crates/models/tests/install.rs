@@ -1,5 +1,4 @@
 //! Installations that fail before anything has changed.
-#![allow(clippy::unwrap_used)]
 
 use stillpoint_models::{Cache, CacheError, LARGEST, Record, State};
 

@@ -1,10 +1,7 @@
 //! Downloads that arrive, break off and are gone on with.
+
 #![cfg(feature = "pull")]
-#![allow(clippy::unwrap_used)]
-
-mod pull_support;
-
-use pull_support::*;
+use crate::pull_support::*;
 use std::ops::ControlFlow;
 use std::sync::mpsc;
 use stillpoint_models::{

@@ -1,10 +1,7 @@
 //! A checkpoint that is downloaded becomes a network with its card.
+
 #![cfg(feature = "pull")]
-#![allow(clippy::unwrap_used)]
-
-mod pull_support;
-
-use pull_support::*;
+use crate::pull_support::*;
 use stillpoint_detection::{InputSize, ModelCard, OnnxDetector, OnnxOptions, Runtime};
 use stillpoint_models::{Checksum, Form, KnownModel, PullError, State, sha256_hex};
 

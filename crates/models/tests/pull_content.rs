@@ -1,10 +1,7 @@
 //! Files that are not what was published: longer, shorter, others, web pages; and those of which nothing is known.
+
 #![cfg(feature = "pull")]
-#![allow(clippy::unwrap_used)]
-
-mod pull_support;
-
-use pull_support::*;
+use crate::pull_support::*;
 use stillpoint_models::{Checksum, KnownModel, PullError, PullOptions, sha256_hex};
 
 #[test]

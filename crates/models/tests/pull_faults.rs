@@ -1,10 +1,7 @@
 //! Servers and networks that fail: every failure is told, leaves no half file, and leaves an older model as it was.
+
 #![cfg(feature = "pull")]
-#![allow(clippy::unwrap_used)]
-
-mod pull_support;
-
-use pull_support::*;
+use crate::pull_support::*;
 use std::net::TcpListener;
 use std::time::Duration;
 use stillpoint_models::{PullError, PullOptions};

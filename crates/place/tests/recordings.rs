@@ -1,5 +1,5 @@
 //! Places are recognised in rendered and in recorded images. How well, beside other ways, is what `examples/compare` tells.
-#![allow(clippy::print_stdout)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::print_stdout)] // What was measured is worth reading.
 
 #[path = "../examples/common/mod.rs"]
 mod common;

@@ -1,7 +1,5 @@
 //! The whole system on simulated rooms: accuracy with a control, late maps, covered lenses, and the shutter's readout.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-
 use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::Se3;

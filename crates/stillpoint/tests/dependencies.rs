@@ -1,6 +1,5 @@
 //! The dependency table is the law: which crate of the workspace may import which. Crates exist so that a forbidden import is
 //! impossible; an edge that is not in the table fails this test and needs a decision first.
-#![allow(clippy::unwrap_used)]
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

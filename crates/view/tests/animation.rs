@@ -1,5 +1,4 @@
 //! Animations as any reader of APNG decodes them.
-#![allow(clippy::unwrap_used)]
 
 use std::io::{Cursor, Seek, SeekFrom, Write};
 use stillpoint_imaging::GrayImage;

@@ -1,5 +1,4 @@
 //! What a picture shows: marks, boxes, labels, segments, captions; and that nothing that is drawn can make it fail.
-#![allow(clippy::unwrap_used)]
 
 use proptest::prelude::*;
 use std::sync::Arc;

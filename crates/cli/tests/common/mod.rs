@@ -1,5 +1,5 @@
 //! Runs the program as users do, on small simulated data sets.
-#![allow(clippy::unwrap_used, clippy::expect_used, dead_code, unreachable_pub)]
+#![allow(clippy::expect_used, unreachable_pub)] // Failing is what helpers do.
 
 pub mod case;
 pub mod model_cache;

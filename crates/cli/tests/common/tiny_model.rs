@@ -5,8 +5,6 @@ use stillpoint::detection::wire::Message;
 
 /// Width and height of its input, px.
 pub const SIZE: u64 = 64;
-/// Width and height of every box on the finest map, px.
-pub const BOX: f64 = 16.0;
 
 /// Numbers per cell: box, objectness, COCO's classes.
 const COLUMNS: u64 = 85;

@@ -1,5 +1,4 @@
 //! A small data set in the TUM layout in a temporary folder.
-#![allow(dead_code)] // Each test file uses a part of it.
 
 use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
 use std::path::{Path, PathBuf};
@@ -10,7 +9,8 @@ pub(crate) const W: u32 = 32;
 pub(crate) const H: u32 = 24;
 
 pub(crate) struct Folder {
-    pub(crate) dir: TempDir,
+    /// Holds the folder until the test ends.
+    _dir: TempDir,
     pub(crate) path: PathBuf,
 }
 
@@ -47,7 +47,7 @@ impl Folder {
         let dir = tempfile::tempdir().unwrap();
         let path = dir.path().join(name);
         std::fs::create_dir(&path).unwrap();
-        Self { dir, path }
+        Self { _dir: dir, path }
     }
 
     pub(crate) fn text(&self, name: &str, text: &str) {

@@ -1,5 +1,4 @@
 //! Recordings that are written down in a test.
-#![allow(dead_code)] // Not every test uses everything.
 
 use proptest::prelude::*;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 """Writes golden detections with ONNX Runtime, from the pixels that the crate's own tests decode:
 
-    STILLPOINT_PIXELS=DIR cargo test -p stillpoint-detection --features onnx --test onnx_golden
+    STILLPOINT_PIXELS=DIR cargo test -p stillpoint-detection --features onnx --test all onnx_golden
     pip install onnx onnxruntime numpy pillow
     cd crates/detection/tests/golden
     MODELS=../../../../../shared/models

@@ -1,6 +1,6 @@
 //! Single rules of the tracker, each on a few frames.
 
-use crate::world::{Faults, RATE, Walker, World, person};
+use super::world::{Faults, RATE, Walker, World, person};
 use stillpoint_detection::{
     BoundingBox, ClassId, Detection, Detections, Motion, Object, ObjectState, ObjectTracker,
     ObjectsConfig,

@@ -1,6 +1,6 @@
 //! What holds whatever the tracker is fed.
 
-use crate::world::{distorted, person};
+use super::world::{distorted, person};
 use proptest::prelude::*;
 use stillpoint_detection::{BoundingBox, Detections, ObjectTracker, ObjectsConfig};
 use stillpoint_geometry::Se3;

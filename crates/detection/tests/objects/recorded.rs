@@ -2,8 +2,8 @@
 // Tests may look for data sets; the library reads no files.
 #![allow(clippy::disallowed_methods)]
 
-use crate::score::{Score, judge};
-use crate::world::{normal, person, uniform};
+use super::score::{Score, judge};
+use super::world::{normal, person, uniform};
 use std::collections::BTreeMap;
 use std::path::Path;
 use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, StampedPose};

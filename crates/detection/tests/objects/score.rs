@@ -1,6 +1,6 @@
 //! Runs of the tracker, and what they showed.
 
-use crate::world::{Faults, RATE, World};
+use super::world::{Faults, RATE, World};
 use stillpoint_detection::{
     BoundingBox, Detections, Object, ObjectId, ObjectState, ObjectTracker, ObjectsConfig,
 };

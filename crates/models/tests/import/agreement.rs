@@ -1,7 +1,7 @@
 //! Recorded checkpoints, imported and run: the numbers are those of PyTorch.
 
-use crate::small::Small;
-use crate::support::{Lies, entries, fixture, fixtures, zip};
+use super::small::Small;
+use super::support::{Lies, entries, fixture, fixtures, zip};
 use rten::{Model, NodeId, ValueView};
 use rten_tensor::prelude::*;
 use std::path::Path;

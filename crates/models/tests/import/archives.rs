@@ -1,7 +1,7 @@
 //! Archives that are something else, damaged, or lie: an error each, with its place in the file.
 
-use crate::small::{Small, TensorSpec};
-use crate::support::{Entry, Lies, entries, error_of, fixture, message_of, zip};
+use super::small::{Small, TensorSpec};
+use super::support::{Entry, Lies, entries, error_of, fixture, message_of, zip};
 use stillpoint_models::import::{ImportError, import_checkpoint};
 
 #[test]

@@ -1,6 +1,6 @@
 //! Checkpoints changed at random: whatever the change, reading ends without panic.
 
-use crate::support::{error_of, fixture, program, with_pickle};
+use super::support::{error_of, fixture, program, with_pickle};
 use proptest::prelude::*;
 use stillpoint_models::import::import_checkpoint;
 

@@ -1,7 +1,7 @@
 //! Networks written value by value: what is read of them, and what is refused by its path.
 
-use crate::small::{self, Small, TensorSpec, V, ints, pool, text};
-use crate::support::{error_of, message_of, replaced, with_pickle};
+use super::small::{self, Small, TensorSpec, V, ints, pool, text};
+use super::support::{error_of, message_of, replaced, with_pickle};
 use stillpoint_detection::wire;
 use stillpoint_models::import::{ImportError, Precision, import_checkpoint};
 

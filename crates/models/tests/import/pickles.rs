@@ -1,7 +1,7 @@
 //! Pickles that are damaged, or made to harm: foreign functions, stacks that do not work out, bombs.
 
-use crate::small::{self, V, class, dict, text};
-use crate::support::{checkpoint, error_of, message_of, program, with_pickle};
+use super::small::{self, V, class, dict, text};
+use super::support::{checkpoint, error_of, message_of, program, with_pickle};
 use stillpoint_models::import::ImportError;
 
 #[test]

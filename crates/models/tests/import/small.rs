@@ -1,7 +1,7 @@
 //! A small network, written value by value: a pooling of 8 x 8 px and a head of one map, one anchor and one class. Every part can be
 //! made wrong.
 
-use crate::support::{Entry, Lies, zip};
+use super::support::{Entry, Lies, zip};
 
 /// A value to be pickled.
 #[derive(Clone, Debug)]

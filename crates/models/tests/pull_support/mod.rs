@@ -1,5 +1,5 @@
 //! A server on loopback whose every answer a test writes by hand, and models that are published there.
-#![allow(dead_code, unreachable_pub)]
+#![allow(dead_code, unreachable_pub)] // Unit tests of `pull` use a part of it.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};

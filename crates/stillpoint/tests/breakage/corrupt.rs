@@ -1,6 +1,6 @@
 //! Images that cannot be read.
 
-use crate::world::{Frames, Session, config, losses, room, undisturbed};
+use super::world::{Frames, Session, config, losses, room, undisturbed};
 use std::path::Path;
 use stillpoint_datasets::{ColourFormat, Dataset, FrameOptions, OpenOptions, Recorder};
 use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};

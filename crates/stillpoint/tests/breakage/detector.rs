@@ -1,6 +1,6 @@
 //! A detector that fails for good, or takes its time.
 
-use crate::world::{Baseline, Recording, Session, config, losses, small, within};
+use super::world::{Baseline, Recording, Session, config, losses, small, within};
 use std::sync::OnceLock;
 use std::time::Duration;
 use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo};

@@ -2,7 +2,7 @@
 //! one of its own.
 #![cfg(unix)]
 
-use crate::corrupt::record;
+use super::corrupt::record;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,7 +14,9 @@ const FOLDER: &str = "STILLPOINT_TEST_BREAKAGE";
 
 /// Runs one of the functions below under a limit; returns what it printed.
 fn under(limit: &str, test: &str, folder: &Path) -> String {
-    let script = format!("{limit}; exec \"$0\" --exact files::{test} --nocapture --test-threads=1");
+    let script = format!(
+        "{limit}; exec \"$0\" --exact breakage::files::{test} --nocapture --test-threads=1"
+    );
     let output = Command::new("sh")
         .args(["-c", &script])
         .arg(std::env::current_exe().unwrap())

@@ -1,6 +1,6 @@
 //! Images that show little or nothing, and depth that is missing.
 
-use crate::world::{Session, assert_kept, config, losses, room, undisturbed, until_pose};
+use super::world::{Session, assert_kept, config, losses, room, undisturbed, until_pose};
 use stillpoint_datasets::Disturbance;
 use stillpoint_imaging::{DepthImage, RgbdFrame};
 use stillpoint_slam::{LostReason, Outcome};

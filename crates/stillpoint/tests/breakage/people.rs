@@ -1,6 +1,6 @@
 //! People who fill the image.
 
-use crate::world::{Recording, Session, assert_kept, at_home, config, losses, small};
+use super::world::{Recording, Session, assert_kept, at_home, config, losses, small};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections, Detector, DetectorInfo};
 use stillpoint_detection::{DetectError, DetectorKind};
 use stillpoint_imaging::{DepthImage, GrayImage, RgbdFrame};
@@ -63,7 +63,7 @@ fn home_again(reports: &[FrameReport]) -> bool {
 
 #[test]
 fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
-    let room = crate::world::room();
+    let room = super::world::room();
     // (a detector sees it, px of the image that stay free)
     for (detected, free) in [(false, 24), (true, 24), (false, 0), (true, 0)] {
         let mut session = Session::new(room, config());

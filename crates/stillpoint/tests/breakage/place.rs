@@ -1,6 +1,6 @@
 //! A camera that is covered and uncovered elsewhere.
 
-use crate::world::{Session, assert_kept, config, losses, until_pose, walk};
+use super::world::{Session, assert_kept, config, losses, until_pose, walk};
 use stillpoint_datasets::Disturbance;
 use stillpoint_map::PieceId;
 use stillpoint_slam::Outcome;

@@ -1,6 +1,6 @@
 //! Frames that come twice, out of order, late, or with another clock.
 
-use crate::world::{
+use super::world::{
     Frames, Recording, Session, assert_kept, at_home, config, losses, room, small, undisturbed,
     until_pose, walk, within,
 };

@@ -1,6 +1,6 @@
 //! The same frames and detections give the same bytes, whatever the processor.
 
-use crate::world::{Recording, Run, with};
+use super::world::{Recording, Run, with};
 use stillpoint_imaging::Simd;
 use stillpoint_slam::{Preset, System};
 

@@ -1,6 +1,6 @@
 //! Detections that come late: carried forward to the present, and back to the keyframe that they are about.
 
-use crate::world::{Recording, Run, shows_mover, with};
+use super::world::{Recording, Run, shows_mover, with};
 use stillpoint_imaging::GrayImage;
 use stillpoint_map::KeyframeId;
 use stillpoint_slam::{Config, Preset, Reasons};

@@ -1,6 +1,6 @@
 //! Real recordings, where they are.
 
-use crate::world::{Recording, with};
+use super::world::{Recording, with};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, ScriptRow};
 use stillpoint_slam::Preset;
 

@@ -1,6 +1,6 @@
 //! Every simulated scene with people against its bounds, and against the system without the filter.
 
-use crate::world::{Recording, Run, Shares, with};
+use super::world::{Recording, Run, Shares, with};
 use stillpoint_slam::Preset;
 
 const FRAMES: usize = 150;

@@ -1,6 +1,6 @@
 //! Losing track is worse than a few bad points: what happens when little is left that stands still.
 
-use crate::world::{Recording, with};
+use super::world::{Recording, with};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, ScriptRow};
 use stillpoint_geometry::Camera;
 use stillpoint_slam::Preset;

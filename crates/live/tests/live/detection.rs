@@ -1,7 +1,7 @@
 //! Detectors that do something unusual, and when a detector is asked at all.
 
+use super::world::frames;
 use super::{assert_all_finished, assert_reproduced, run, unhurried};
-use crate::world::frames;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};

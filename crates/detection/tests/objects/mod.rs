@@ -1,5 +1,5 @@
 //! The object tracker on people who walk in a room, with a detector that misses, invents and doubles.
-#![allow(clippy::unwrap_used, clippy::print_stdout)] // Helpers of tests are not recognised as tests.
+#![allow(clippy::print_stdout)] // What was measured is worth reading.
 
 mod behaviour;
 mod laws;

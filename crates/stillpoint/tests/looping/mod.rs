@@ -2,8 +2,6 @@
 //!
 //! The whole walk at the full rate of frames, on five seeds, and the two equal rooms are in `examples/loops.rs`.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_imaging::Simd;
 use stillpoint_simulator::{Simulator, SimulatorConfig};

@@ -1,6 +1,5 @@
 //! A camera that is lost: found again, in a new piece of map, and when pieces become one.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 #![allow(clippy::print_stdout)] // What was measured is worth reading.
 
 mod health;

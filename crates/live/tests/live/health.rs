@@ -1,8 +1,8 @@
 //! What a watch says of a run: from outside, whatever the threads do.
 
+use super::detection::Odd;
 use super::unhurried;
-use crate::detection::Odd;
-use crate::world::{frames, scripted, stages, within};
+use super::world::{frames, scripted, stages, within};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;

@@ -1,6 +1,5 @@
 //! Import of checkpoints: recorded ones compute what PyTorch does; damaged and hostile ones end in an error that says where, without
 //! panic, endless work or memory beyond the limits. Nothing in a file is ever run, and no name in it becomes a path.
-#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 mod agreement;
 mod archives;

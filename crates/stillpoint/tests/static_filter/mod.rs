@@ -1,6 +1,5 @@
 //! The static filter in the whole system: rooms with people in them, and real recordings.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 #![allow(clippy::print_stdout)] // `--nocapture` shows what was measured beside each bound.
 
 mod determinism;

@@ -1,11 +1,13 @@
 //! Live runs over a simulated scene: whatever the threads and clocks do, the log tells it, and nothing hangs.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-
 mod detection;
 mod health;
 mod world;
 
+use self::world::{
+    Frames, Told as Heard, frames, mapping_falls_behind, random_delays, replay, scripted, stages,
+    within,
+};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -14,10 +16,6 @@ use stillpoint_detection::Detector;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, WorkerEnd};
 use stillpoint_slam::{LogEntry, LoopReport, Outcome, Replay, ReplayError, RunLog, Stages, System};
-use world::{
-    Frames, Told as Heard, frames, mapping_falls_behind, random_delays, replay, scripted, stages,
-    within,
-};
 
 /// Pushes all frames of the world, with a pause of so many ms after each, and ends the stream.
 fn run(

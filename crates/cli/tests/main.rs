@@ -1,0 +1,22 @@
+//! The program as users run it.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod ablation;
+mod bad_arguments;
+mod bad_input;
+mod bad_output;
+mod common;
+mod config_docs;
+mod demo;
+mod detect;
+mod dynamic;
+mod end_to_end;
+mod golden;
+mod live;
+mod map;
+mod map_kill;
+mod map_use;
+mod models;
+mod models_pull;
+mod suite;

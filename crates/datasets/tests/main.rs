@@ -1,0 +1,12 @@
+//! Data sets as they lie on disk, good and bad.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod bad_input;
+mod common;
+mod disturb;
+mod fuzz;
+mod layouts;
+mod real_data;
+mod scripted;
+mod splice;

@@ -1,0 +1,13 @@
+//! Solvers on made-up data whose answer is known.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod absolute_pose;
+mod bundle_adjustment;
+mod camera_motion;
+mod jacobians;
+mod pose;
+mod pose_graph;
+mod rigid;
+mod sampling;
+mod two_view;

@@ -1,0 +1,10 @@
+//! Features, matches and flow, on images that are known exactly and on recorded ones.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod common;
+mod extraction;
+mod flow;
+mod flow_truth;
+mod matching;
+mod real;

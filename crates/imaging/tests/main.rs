@@ -1,0 +1,3 @@
+//! Images and pyramids.
+
+mod pyramid;

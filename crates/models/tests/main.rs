@@ -1,0 +1,13 @@
+//! The cache of models, downloads and the import of checkpoints.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod cache;
+mod import;
+mod install;
+mod pull;
+mod pull_checkpoint;
+mod pull_content;
+mod pull_faults;
+#[cfg(feature = "pull")]
+mod pull_support;

@@ -1,0 +1,8 @@
+//! Rooms, people and the camera that looks at them.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod equal_rooms;
+mod geometry;
+mod people;
+mod simulator;

@@ -1,0 +1,5 @@
+//! Stages on made-up maps.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod closing;

@@ -1,0 +1,11 @@
+//! The whole system, and the workspace that it is made of.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod accuracy;
+mod breakage;
+mod dependencies;
+mod layout;
+mod looping;
+mod relocalisation;
+mod static_filter;
