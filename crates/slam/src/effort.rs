@@ -4,6 +4,7 @@
 //! fixed table, so that a run stays the same on every machine; the live driver measures, and its log keeps what it decided.
 
 use crate::config::Config;
+use crate::mapping::MappingEffort;
 
 /// Fewest keypoints per image that a plan goes down to: with fewer, people who come into the image leave too little to hold on to
 /// before tracking can ask for more (docs/decisions/0017).
@@ -13,23 +14,11 @@ const MIN_NEIGHBOURS: u32 = 2;
 /// Fewest keyframes in local bundle adjustment that a plan goes down to.
 const MIN_WINDOW: u32 = 3;
 
-/// How much work goes into a keyframe.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct MappingEffort {
-    /// Neighbours with which it triangulates and fuses, at most.
-    pub neighbours: u32,
-    /// Free keyframes of its local bundle adjustment, at most; of the fixed ones the same share of the configured number.
-    pub window: u32,
-}
-
 impl MappingEffort {
     /// The configured effort.
     #[must_use]
     pub fn of(config: &Config) -> Self {
-        Self {
-            neighbours: config.mapping.neighbours as u32,
-            window: config.mapping.window as u32,
-        }
+        config.mapping.effort()
     }
 
     /// The effort when `waiting` other keyframes want to be next: as much as for one, shared among them, but no less than

@@ -23,9 +23,10 @@ mod static_filter;
 mod system;
 mod tracking;
 mod trajectory;
+mod validation;
 
-pub use config::{Config, ConfigError, ConfigProblem, DetectorConfig, Schedule};
-pub use effort::{CostTable, MIN_FEATURES, MappingEffort, Plan};
+pub use config::{Config, DetectorConfig, Schedule};
+pub use effort::{CostTable, MIN_FEATURES, Plan};
 pub use event::{
     BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
     LostReason, MappingReport, Outcome, RejudgeReport, tell_applied,
@@ -34,8 +35,8 @@ pub use evidence::{Cells, Evidence};
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};
 pub use health::{Health, HealthMonitor, Loss, LossCause, Quality};
 pub use join::{JoinedMaps, join_maps};
-pub use looping::{Looper, LoopingConfig};
-pub use mapping::{Mapper, MappingConfig};
+pub use looping::{Looper, LooperSetup, LoopingConfig};
+pub use mapping::{Mapper, MapperSetup, MappingConfig, MappingEffort};
 pub use messages::{
     LandmarkStatistic, LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, NewKeyframe,
     Tracked,
@@ -44,8 +45,11 @@ pub use replay::{Replay, ReplayError};
 pub use run_log::{LogEntry, LogError, RunLog};
 pub use sensor::{SensorConfig, Timing};
 pub use stages::{MapUse, Stages, StartError};
-pub use static_filter::{FeatureVerdict, Preset, Reasons, Segments, StaticFilterConfig};
+pub use static_filter::{
+    FeatureVerdict, FilterSetup, Preset, Reasons, Segments, StaticFilterConfig,
+};
 pub use stillpoint_imaging::Simd;
 pub use system::System;
-pub use tracking::{KeyframeConfig, Tracker, TrackingConfig};
+pub use tracking::{KeyframeConfig, Tracker, TrackerSetup, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};
+pub use validation::{ConfigError, ConfigProblem};

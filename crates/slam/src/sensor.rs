@@ -1,6 +1,6 @@
 //! The depth sensor: its range, its noise, and the depth of a keypoint.
 
-use crate::config::Checker;
+use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec6};
 use stillpoint_imaging::DepthImage;

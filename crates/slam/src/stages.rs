@@ -4,7 +4,7 @@
 //! tell the next is said by the answers themselves ([`MapperOut::for_looper`](crate::MapperOut::for_looper), ...); a driver
 //! only decides when it is told.
 
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::fingerprint::Fingerprint;
 use crate::gate::FrameGate;
 use crate::health::HealthMonitor;
@@ -12,6 +12,7 @@ use crate::looping::Looper;
 use crate::mapping::Mapper;
 use crate::messages::LooperMsg;
 use crate::tracking::Tracker;
+use crate::validation::ConfigError;
 use std::sync::Arc;
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::Simd;
@@ -92,7 +93,7 @@ impl Stages {
             health: HealthMonitor::new(&config),
             mapper: Mapper::new(&config),
             looper: Looper::new(&config),
-            tracker: Tracker::new(config.clone(), camera, simd),
+            tracker: Tracker::new(&config, camera, simd),
             config,
             fingerprint,
         })

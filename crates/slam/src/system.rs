@@ -1,11 +1,12 @@
 //! The inline driver: every stage in one thread, every reply after a fixed number of frames.
 
-use crate::config::{Config, ConfigError};
+use crate::config::Config;
 use crate::event::{Event, LoopReport, tell_applied};
 use crate::messages::{LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, Tracked};
 use crate::sensor::Timing;
 use crate::stages::{MapUse, Stages, StartError};
 use crate::trajectory::Trajectory;
+use crate::validation::ConfigError;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, Detector};

@@ -2,15 +2,16 @@
 //!
 //! Owns the place index. Works on a view of the map and answers with a correction; changes nothing itself.
 
+mod config;
 mod correct;
 mod points;
 mod verify;
 
-use crate::config::{Checker, Config};
+pub use config::{LooperSetup, LoopingConfig};
+
 use crate::event::{LoopOutcome, LoopReport};
 use crate::messages::{LooperMsg, LooperOut};
 use correct::{LoopEdge, Proposal};
-use serde::{Deserialize, Serialize};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use stillpoint_map::{Correction, Keyframe, KeyframeId, MapView};
@@ -20,55 +21,6 @@ use stillpoint_place::{PlaceIndex, PlaceMatch, PlaceVector, Vocabulary};
 const CANDIDATES: usize = 5;
 /// Keyframes around one that count as the same place: so many that share most landmarks with it.
 const GROUP: usize = 10;
-
-/// How loops are closed.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct LoopingConfig {
-    /// Whether loops are closed at all.
-    pub enabled: bool,
-    /// The newest keyframes, so many, are no candidates, and so many pass between two closed loops. Range: 1 to 1000. What
-    /// was seen just now needs no loop.
-    pub min_gap: usize,
-    /// A place must be recognised by so many keyframes in a row. Range: 1 to 10. One alone may be a coincidence.
-    pub consistency: u32,
-    /// Points of both keyframes that agree on one rigid motion, at least. Range: 10 to 1000. Fewer agree by chance.
-    pub min_rigid_inliers: usize,
-    /// Landmarks around the older keyframe that are seen where that motion puts them, at least. Range: 10 to 1000.
-    pub min_inliers: usize,
-    /// What a loop may cost the pose graph: squared Mahalanobis distance to what the map can have drifted. Range: 6 to 10000.
-    /// Beyond that the two places are equal, not the same.
-    pub max_cost: f64,
-}
-
-impl Default for LoopingConfig {
-    fn default() -> Self {
-        // Those of ORB-SLAM2 (Mur-Artal, Tardos 2017), but for what a loop may cost, which it does not ask.
-        Self {
-            enabled: true,
-            min_gap: 10,
-            consistency: 3,
-            min_rigid_inliers: 20,
-            min_inliers: 40,
-            max_cost: 50.0,
-        }
-    }
-}
-
-impl LoopingConfig {
-    pub(crate) fn check(&self, c: &mut Checker<'_>) {
-        c.range("min_gap", self.min_gap as f64, 1.0, 1e3);
-        c.range("consistency", f64::from(self.consistency), 1.0, 10.0);
-        c.range(
-            "min_rigid_inliers",
-            self.min_rigid_inliers as f64,
-            10.0,
-            1e3,
-        );
-        c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
-        c.range("max_cost", self.max_cost, 6.0, 1e4);
-    }
-}
 
 /// A place that keyframe after keyframe looked like.
 struct Streak {
@@ -97,11 +49,12 @@ pub struct Looper {
 impl Looper {
     /// A looper that knows no place.
     #[must_use]
-    pub fn new(config: &Config) -> Self {
+    pub fn new(setup: impl Into<LooperSetup>) -> Self {
+        let setup = setup.into();
         Self {
-            config: config.looping.clone(),
-            seed: config.seed,
-            scale_factor: f64::from(config.features.scale_factor),
+            config: setup.looping,
+            seed: setup.seed,
+            scale_factor: f64::from(setup.scale_factor),
             vocabulary: Vocabulary::embedded(),
             index: PlaceIndex::default(),
             streaks: Vec::new(),
@@ -331,6 +284,7 @@ fn surroundings(view: &MapView, k: &Keyframe) -> BTreeSet<KeyframeId> {
 mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
     use super::*;
+    use crate::config::Config;
     use stillpoint_features::{Descriptor, FeatureGrid};
     use stillpoint_geometry::{Camera, Se3};
     use stillpoint_map::{KeyframeData, Map};

@@ -28,7 +28,7 @@ impl Mapper {
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut created = 0;
         for (rank, &(z, i)) in order.iter().enumerate() {
-            if z > self.sensor.close_depth && rank >= self.config.min_depth_landmarks {
+            if z > self.close_depth && rank >= self.config.min_depth_landmarks {
                 break;
             }
             if keyframe.matches[i].is_some() || !data.mappable[i] {

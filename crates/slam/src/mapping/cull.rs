@@ -147,7 +147,7 @@ impl Mapper {
 
     /// How redundant a keyframe is: by its close landmarks, or by all where none is close.
     fn surplus(&self, keyframe: KeyframeId) -> Surplus {
-        let (mut redundant, mut total) = self.redundancy(keyframe, self.sensor.close_depth);
+        let (mut redundant, mut total) = self.redundancy(keyframe, self.close_depth);
         if total == 0 {
             (redundant, total) = self.redundancy(keyframe, f64::INFINITY);
         }
@@ -159,7 +159,7 @@ impl Mapper {
     }
 
     fn is_redundant(&self, id: KeyframeId) -> bool {
-        let (redundant, total) = self.redundancy(id, self.sensor.close_depth);
+        let (redundant, total) = self.redundancy(id, self.close_depth);
         total > 0 && f64::from(redundant) > self.config.redundant_share * f64::from(total)
     }
 

@@ -7,12 +7,10 @@ mod cull;
 mod fuse;
 mod refine;
 
-use crate::config::{Checker, Config};
-use crate::effort::MappingEffort;
 use crate::event::CorrectionReport;
 use crate::event::{MappingReport, RejudgeReport};
 use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
-use crate::sensor::SensorConfig;
+use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
@@ -59,6 +57,15 @@ impl Default for MappingConfig {
 }
 
 impl MappingConfig {
+    /// The work per keyframe that is configured.
+    #[must_use]
+    pub fn effort(&self) -> MappingEffort {
+        MappingEffort {
+            neighbours: self.neighbours as u32,
+            window: self.window as u32,
+        }
+    }
+
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range(
             "min_depth_landmarks",
@@ -78,14 +85,39 @@ impl MappingConfig {
     }
 }
 
+/// What of the configuration concerns the mapper: made from a [`Config`](crate::Config).
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapperSetup {
+    /// How the map is built.
+    pub mapping: MappingConfig,
+    /// Landmarks that a keyframe shares with others, at least, for its pose to be refined: as many as make a pose in tracking.
+    pub min_held: usize,
+    /// Points nearer than this make landmarks from their depth alone, m.
+    pub close_depth: f64,
+    /// Levels of the features' pyramid.
+    pub levels: usize,
+    /// Factor between two of them.
+    pub scale_factor: f32,
+}
+
+/// How much work goes into a keyframe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MappingEffort {
+    /// Neighbours with which it triangulates and fuses, at most.
+    pub neighbours: u32,
+    /// Free keyframes of its local bundle adjustment, at most; of the fixed ones the same share of the configured number.
+    pub window: u32,
+}
+
 /// Builds the map.
 pub struct Mapper {
     config: MappingConfig,
-    /// Landmarks that a keyframe shares with others, at least, for its pose to be refined: as many as make a pose in tracking.
+    /// Landmarks that a keyframe shares with others, at least, for its pose to be refined.
     min_held: usize,
     /// Work per keyframe as of now; at most what is configured.
     effort: MappingEffort,
-    sensor: SensorConfig,
+    /// Points nearer than this make landmarks from their depth alone, m.
+    close_depth: f64,
     scale_factor: f64,
     map: Map,
     /// Landmarks made at recent keyframes that have not proved themselves yet.
@@ -97,14 +129,15 @@ pub struct Mapper {
 impl Mapper {
     /// A mapper with an empty map.
     #[must_use]
-    pub fn new(config: &Config) -> Self {
+    pub fn new(setup: impl Into<MapperSetup>) -> Self {
+        let setup = setup.into();
         Self {
-            config: config.mapping.clone(),
-            min_held: config.tracking.min_inliers,
-            effort: MappingEffort::of(config),
-            sensor: config.sensor.clone(),
-            scale_factor: f64::from(config.features.scale_factor),
-            map: Map::new(config.features.levels, config.features.scale_factor),
+            min_held: setup.min_held,
+            effort: setup.mapping.effort(),
+            config: setup.mapping,
+            close_depth: setup.close_depth,
+            scale_factor: f64::from(setup.scale_factor),
+            map: Map::new(setup.levels, setup.scale_factor),
             young: Vec::new(),
             order: Vec::new(),
         }

@@ -1,7 +1,7 @@
 //! The lines of a log.
 
 use super::{LogEntry, LogError};
-use crate::effort::MappingEffort;
+use crate::mapping::MappingEffort;
 use std::fmt::Write;
 use std::str::{FromStr, Lines, SplitAsciiWhitespace};
 use stillpoint_detection::{BoundingBox, ClassId, DetectError, Detection, Detections};

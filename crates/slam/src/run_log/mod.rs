@@ -10,8 +10,8 @@
 
 mod line;
 
-use crate::effort::MappingEffort;
 use crate::fingerprint::Fingerprint;
+use crate::mapping::MappingEffort;
 use crate::messages::{LooperMsg, MapperMsg};
 use line::Line;
 use stillpoint_detection::{DetectError, Detections};

@@ -1,6 +1,6 @@
 //! What the static filter can be told.
 
-use crate::config::Checker;
+use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 
 /// Which strategy rejects features.

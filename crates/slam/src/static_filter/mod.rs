@@ -23,13 +23,12 @@ pub(crate) use history::Place;
 pub(crate) use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
-use crate::config::Config;
 use cells::Cells;
 use history::{History, Snapshot};
 use rigid::Vote;
 use semantic::Mover;
 use std::sync::Arc;
-use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
+use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker, ObjectsConfig};
 use stillpoint_geometry::{Camera, Se3, Vec2};
 use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, MapView};
@@ -106,6 +105,19 @@ pub(crate) struct Rejudged {
     pub(crate) features: Vec<u32>,
 }
 
+/// What of the configuration concerns the static filter: made from a [`Config`](crate::Config).
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilterSetup {
+    /// Which strategy rejects features.
+    pub filter: StaticFilterConfig,
+    /// How likely each class is to move.
+    pub weights: MotionWeights,
+    /// How objects are tracked.
+    pub objects: ObjectsConfig,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
+
 /// Tells what stands still.
 #[derive(Clone)]
 pub(crate) struct StaticFilter {
@@ -125,17 +137,17 @@ pub(crate) struct StaticFilter {
 }
 
 impl StaticFilter {
-    pub(crate) fn new(config: &Config, camera: &Camera) -> Self {
+    pub(crate) fn new(setup: FilterSetup, camera: &Camera) -> Self {
         let cells = Cells::new(camera);
         Self {
-            config: config.static_filter.clone(),
-            weights: config.motion_weights.clone(),
-            coast: config.objects.coast_seconds,
+            config: setup.filter,
+            weights: setup.weights,
+            coast: setup.objects.coast_seconds,
             camera: *camera,
-            seed: config.seed,
+            seed: setup.seed,
             surfaces: Surfaces::new(&cells),
             cells,
-            objects: ObjectTracker::new(config.objects.clone(), *camera),
+            objects: ObjectTracker::new(setup.objects, *camera),
             waiting: None,
             unused: Unused::default(),
             history: History::default(),

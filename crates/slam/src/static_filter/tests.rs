@@ -1,6 +1,7 @@
 //! The stage as tracking uses it: a person at 1.5 m before a wall at 3 m, and what detections do at which time.
 
 use super::*;
+use crate::config::Config;
 use stillpoint_detection::{BoundingBox, ClassId, Detection};
 use stillpoint_imaging::{DepthImage, GrayImage};
 use stillpoint_map::KeyframeId;
@@ -21,7 +22,7 @@ fn camera() -> Camera {
 }
 
 fn filter(config: &Config) -> StaticFilter {
-    StaticFilter::new(config, &camera())
+    StaticFilter::new(FilterSetup::from(config), &camera())
 }
 
 fn detections(frame: u32) -> Detections {

@@ -1,6 +1,6 @@
 //! How poses are tracked.
 
-use crate::config::Checker;
+use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 
 /// How poses are tracked.

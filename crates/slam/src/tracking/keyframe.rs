@@ -1,7 +1,7 @@
 //! When a frame becomes a keyframe. The rule and its thresholds are those of ORB-SLAM2 for RGB-D cameras (Mur-Artal, Tardos 2017,
 //! section III.E), but for the gap between two keyframes: nothing here depends on whether the mapper is idle.
 
-use crate::config::Checker;
+use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
 

@@ -80,7 +80,7 @@ impl Tracker {
             camera: &data.camera,
             image: &frame.depth,
         };
-        let use_sight = self.config.static_filter.preset != Preset::Off;
+        let use_sight = self.config.filter.filter.preset != Preset::Off;
         let look = |p: &Vec3| if use_sight { sight.of(p) } else { Sight::Open };
         let pose = &motion.camera_from_world;
         let search = self

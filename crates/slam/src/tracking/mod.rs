@@ -24,12 +24,11 @@ pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
 
 use crate::association::Matches;
-use crate::config::Config;
 use crate::event::{FrameCounts, LostReason, Outcome};
 use crate::evidence::{Cells, Evidence};
 use crate::messages::Tracked;
-use crate::sensor::Timing;
-use crate::static_filter::{FeatureVerdict, FrameInput, Judgement, StaticFilter};
+use crate::sensor::{SensorConfig, Timing};
+use crate::static_filter::{FeatureVerdict, FilterSetup, FrameInput, Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
 use demand::Demand;
 use ego_motion::EgoMotion;
@@ -40,9 +39,27 @@ use relocalise::Places;
 use self_calibration::SelfCalibration;
 use statistics::Statistics;
 use std::sync::Arc;
+use stillpoint_features::OrbConfig;
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec6};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId};
+
+/// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
+#[derive(Clone, Debug, PartialEq)]
+pub struct TrackerSetup {
+    /// How poses are tracked.
+    pub tracking: TrackingConfig,
+    /// When a frame becomes a keyframe.
+    pub keyframes: KeyframeConfig,
+    /// How features are extracted.
+    pub features: OrbConfig,
+    /// The depth sensor's range and noise.
+    pub sensor: SensorConfig,
+    /// What moves.
+    pub filter: FilterSetup,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
 
 /// The last frame whose pose is known.
 struct LastFrame {
@@ -57,7 +74,7 @@ struct LastFrame {
 
 /// Tracks the camera, frame by frame.
 pub struct Tracker {
-    config: Config,
+    config: TrackerSetup,
     observer: Observer,
     demand: Demand,
     filter: StaticFilter,
@@ -118,10 +135,11 @@ struct Solution {
 impl Tracker {
     /// A tracker for one camera.
     #[must_use]
-    pub fn new(config: Config, camera: Camera, simd: Simd) -> Self {
+    pub fn new(setup: impl Into<TrackerSetup>, camera: Camera, simd: Simd) -> Self {
+        let config = setup.into();
         Self {
             calibration: SelfCalibration::new(config.sensor.timing()),
-            filter: StaticFilter::new(&config, &camera),
+            filter: StaticFilter::new(config.filter.clone(), &camera),
             observer: Observer::new(camera, config.sensor.clone(), &config.features, simd),
             demand: Demand::new(config.features.features),
             config,

@@ -1,0 +1,59 @@
+//! What of the configuration concerns which stage.
+
+use super::Config;
+use crate::looping::LooperSetup;
+use crate::mapping::MapperSetup;
+use crate::static_filter::FilterSetup;
+use crate::tracking::TrackerSetup;
+
+impl From<&Config> for TrackerSetup {
+    fn from(config: &Config) -> Self {
+        Self {
+            tracking: config.tracking.clone(),
+            keyframes: config.keyframes.clone(),
+            features: config.features.clone(),
+            sensor: config.sensor.clone(),
+            filter: FilterSetup::from(config),
+            seed: config.seed,
+        }
+    }
+}
+
+impl From<Config> for TrackerSetup {
+    fn from(config: Config) -> Self {
+        Self::from(&config)
+    }
+}
+
+impl From<&Config> for FilterSetup {
+    fn from(config: &Config) -> Self {
+        Self {
+            filter: config.static_filter.clone(),
+            weights: config.motion_weights.clone(),
+            objects: config.objects.clone(),
+            seed: config.seed,
+        }
+    }
+}
+
+impl From<&Config> for MapperSetup {
+    fn from(config: &Config) -> Self {
+        Self {
+            mapping: config.mapping.clone(),
+            min_held: config.tracking.min_inliers,
+            close_depth: config.sensor.close_depth,
+            levels: config.features.levels,
+            scale_factor: config.features.scale_factor,
+        }
+    }
+}
+
+impl From<&Config> for LooperSetup {
+    fn from(config: &Config) -> Self {
+        Self {
+            looping: config.looping.clone(),
+            seed: config.seed,
+            scale_factor: config.features.scale_factor,
+        }
+    }
+}

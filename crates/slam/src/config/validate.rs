@@ -1,0 +1,75 @@
+//! Whether a configuration makes sense: every field's range, all problems at once.
+
+use super::Config;
+use crate::validation::{Checker, ConfigError, ConfigProblem};
+
+impl Config {
+    /// Checks every field's range and reports all problems at once.
+    ///
+    /// # Errors
+    /// [`ConfigError`] with one entry per field out of range.
+    pub fn validate(&self) -> Result<(), ConfigError> {
+        let mut problems = Vec::new();
+        let mut section = |section: &'static str, f: &dyn Fn(&mut Checker<'_>)| {
+            f(&mut Checker {
+                section,
+                problems: &mut problems,
+            });
+        };
+        section("features", &|c| {
+            let f = &self.features;
+            c.range("features", f.features as f64, 100.0, 10_000.0);
+            c.range("levels", f.levels as f64, 1.0, 16.0);
+            c.range("scale_factor", f64::from(f.scale_factor), 1.05, 2.0);
+            c.range("fast_threshold", f64::from(f.fast_threshold), 1.0, 255.0);
+            c.range(
+                "fast_threshold_low",
+                f64::from(f.fast_threshold_low),
+                1.0,
+                f64::from(f.fast_threshold),
+            );
+        });
+        section("sensor", &|c| self.sensor.check(c));
+        section("static_filter", &|c| self.static_filter.check(c));
+        section("tracking", &|c| self.tracking.check(c));
+        section("keyframes", &|c| self.keyframes.check(c));
+        section("mapping", &|c| self.mapping.check(c));
+        section("looping", &|c| self.looping.check(c));
+        section("detector", &|c| {
+            c.range("stride", f64::from(self.detector.stride), 1.0, 100.0);
+        });
+        section("schedule", &|c| {
+            c.range("detector", f64::from(self.schedule.detector), 0.0, 1000.0);
+            c.range("mapper", f64::from(self.schedule.mapper), 0.0, 1000.0);
+            c.range("looper", f64::from(self.schedule.looper), 0.0, 1000.0);
+        });
+        for problem in self.objects.problems() {
+            let (field, message) = problem.split_once(": ").unwrap_or(("", &problem));
+            problems.push(ConfigProblem {
+                path: format!("objects.{field}"),
+                message: message.to_owned(),
+            });
+        }
+        if problems.is_empty() {
+            Ok(())
+        } else {
+            Err(ConfigError(problems))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strides_are_one_to_a_hundred() {
+        for (stride, valid) in [(0, false), (1, true), (100, true), (101, false)] {
+            let mut config = Config::default();
+            config.detector.stride = stride;
+            let problems = config.validate().err().map(|e| e.to_string());
+            assert_eq!(problems.is_none(), valid, "{stride}");
+            assert!(problems.is_none_or(|p| p.contains("detector.stride: expected 1 to 100")));
+        }
+    }
+}
