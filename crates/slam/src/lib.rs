@@ -43,7 +43,7 @@ pub use messages::{
 };
 pub use replay::{Replay, ReplayError};
 pub use run_log::{LogEntry, LogError, RunLog};
-pub use sensor::{SensorConfig, Timing};
+pub use sensor::{DepthNoise, SensorConfig, Timing};
 pub use stages::{MapUse, Stages, StartError};
 pub use static_filter::{
     FeatureVerdict, FilterSetup, Preset, Reasons, Segments, StaticFilterConfig,

@@ -77,6 +77,53 @@ impl SensorConfig {
     }
 }
 
+/// The depth sensor's own noise, without calibration: `scale (0.0012 + 0.0019 (z - 0.4)^2)` m (Nguyen, Izadi, Lovell, 3DIMPVT 2012).
+/// All that asks whether two depths can be of one surface asks this one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DepthNoise {
+    scale: f64,
+}
+
+/// Noise of a Kinect at the distance where it is least, m ...
+const LEAST_SIGMA: f64 = 0.0012;
+/// ... which is this, m ...
+const LEAST_AT: f64 = 0.4;
+/// ... and its growth beyond, 1/m.
+const SIGMA_GROWTH: f64 = 0.0019;
+
+impl Default for DepthNoise {
+    /// That of a Kinect.
+    fn default() -> Self {
+        Self { scale: 1.0 }
+    }
+}
+
+impl DepthNoise {
+    /// Standard deviation at a depth `z`, m.
+    #[must_use]
+    pub fn sigma(self, z: f64) -> f64 {
+        self.scale * (LEAST_SIGMA + SIGMA_GROWTH * (z - LEAST_AT) * (z - LEAST_AT))
+    }
+
+    /// The same in single precision, for what is asked of every cell of the image.
+    #[must_use]
+    #[inline]
+    pub fn sigma_f32(self, z: f32) -> f32 {
+        let beyond = z - LEAST_AT as f32;
+        self.scale as f32 * (LEAST_SIGMA as f32 + SIGMA_GROWTH as f32 * beyond * beyond)
+    }
+}
+
+impl SensorConfig {
+    /// The sensor's own noise.
+    #[must_use]
+    pub fn noise(&self) -> DepthNoise {
+        DepthNoise {
+            scale: self.noise_scale,
+        }
+    }
+}
+
 /// A depth measurement of one keypoint.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DepthReading {
@@ -124,7 +171,7 @@ impl<'a> DepthReader<'a> {
             None => self.local(self.pixel(raw)?)?,
             Some(motion) => self.compensated(raw, undistorted, motion)?,
         };
-        let sensor = self.config.noise_scale * (0.0012 + 0.0019 * (z - 0.4) * (z - 0.4));
+        let sensor = self.config.noise().sigma(z);
         let calibration = self.config.calibration_error * z;
         let sigma =
             (sensor * sensor + calibration * calibration + self.motion_sigma * self.motion_sigma)
@@ -240,6 +287,39 @@ mod tests {
         let px = Vec2::new(300.0, 200.0);
         let z = reader.read(px, px).unwrap().z;
         assert!((z - 2.01).abs() < 1e-4, "{z}");
+    }
+
+    #[test]
+    fn both_precisions_are_one_noise() {
+        let noise = SensorConfig {
+            noise_scale: 3.0,
+            ..SensorConfig::default()
+        }
+        .noise();
+        for i in 3..80 {
+            let z = 0.1 * f64::from(i);
+            let kinect = 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4);
+            assert!((noise.sigma(z) - 3.0 * kinect).abs() < 1e-12);
+            let single = f64::from(noise.sigma_f32(z as f32));
+            assert!((single / noise.sigma(z) - 1.0).abs() < 1e-5);
+        }
+        assert!((DepthNoise::default().sigma(0.4) - 0.0012).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_scale_reaches_the_reader() {
+        let (camera, image) = (camera(), flat(2.0));
+        let sigma = |noise_scale| {
+            let config = SensorConfig {
+                noise_scale,
+                calibration_error: 0.0,
+                ..SensorConfig::default()
+            };
+            let px = Vec2::new(300.0, 200.0);
+            let reader = DepthReader::new(&config, &camera, &image, None, 0.0);
+            reader.read(px, px).unwrap().sigma
+        };
+        assert!((sigma(5.0) / sigma(1.0) - 5.0).abs() < 1e-9);
     }
 
     /// A network that sorts all arrays of zeros and ones sorts everything (Knuth, The Art of Computer Programming 3, 5.3.4).

@@ -31,6 +31,7 @@ impl From<&Config> for FilterSetup {
             filter: config.static_filter.clone(),
             weights: config.motion_weights.clone(),
             objects: config.objects.clone(),
+            noise: config.sensor.noise(),
             seed: config.seed,
         }
     }
@@ -55,5 +56,19 @@ impl From<&Config> for LooperSetup {
             seed: config.seed,
             scale_factor: config.features.scale_factor,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_depth_sensors_noise_is_one_for_all() {
+        let mut config = Config::default();
+        config.sensor.noise_scale = 3.0;
+        let setup = TrackerSetup::from(&config);
+        assert_eq!(setup.filter.noise, setup.sensor.noise());
+        assert_eq!(setup.filter.noise, config.sensor.noise());
     }
 }

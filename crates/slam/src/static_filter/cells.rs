@@ -1,5 +1,6 @@
 //! The image as cells with one depth each: their rays, and where points fall among them.
 
+use crate::sensor::DepthNoise;
 use stillpoint_geometry::{Camera, Vec2};
 use stillpoint_imaging::CoarseDepth;
 
@@ -25,10 +26,11 @@ pub(super) struct Cells {
     inner_table: Vec<u16>,
     table_origin: [f32; 2],
     table_size: [usize; 2],
+    noise: DepthNoise,
 }
 
 impl Cells {
-    pub(super) fn new(camera: &Camera) -> Self {
+    pub(super) fn new(camera: &Camera, noise: DepthNoise) -> Self {
         let (width, height) = (
             camera.width as usize / CELL_PX,
             camera.height as usize / CELL_PX,
@@ -82,6 +84,7 @@ impl Cells {
             table,
             table_origin: [x0 as f32, y0 as f32],
             table_size,
+            noise,
         }
     }
 
@@ -141,6 +144,13 @@ impl Cells {
         y * self.width + x
     }
 
+    /// How much two depths of one surface may differ beyond its own slope, m: sensor noise at four sigma, calibration, and
+    /// the pose's own error, which is that of a prediction.
+    #[inline]
+    pub(super) fn depth_tolerance(&self, z: f32) -> f32 {
+        0.03 + 0.01 * z + 4.0 * self.noise.sigma_f32(z)
+    }
+
     /// Calls `f` with the existing cells among the 3x3 around a cell, row by row.
     #[inline]
     pub(super) fn for_each_around(&self, cell: usize, mut f: impl FnMut(usize)) {
@@ -151,13 +161,6 @@ impl Cells {
             }
         }
     }
-}
-
-/// How much two depths of one surface may differ beyond its own slope, m: sensor noise at four sigma, calibration, and
-/// the pose's own error, which is that of a prediction.
-pub(super) fn depth_tolerance(z: f32) -> f32 {
-    let sensor = 0.0012 + 0.0019 * (z - 0.4) * (z - 0.4);
-    0.03 + 0.01 * z + 4.0 * sensor
 }
 
 /// The coarse depth of a frame.
@@ -199,7 +202,7 @@ mod tests {
     #[test]
     fn the_table_agrees_with_the_camera_and_its_lens() {
         for camera in [straight(), bent()] {
-            let cells = Cells::new(&camera);
+            let cells = Cells::new(&camera, DepthNoise::default());
             let mut seen = 0;
             for (i, j, k) in (0..90).flat_map(|i| (0..70).flat_map(move |j| [(i, j, 1), (i, j, 4)]))
             {
@@ -234,7 +237,7 @@ mod tests {
     #[test]
     fn a_cell_sees_itself_along_its_ray() {
         for camera in [straight(), bent()] {
-            let cells = Cells::new(&camera);
+            let cells = Cells::new(&camera, DepthNoise::default());
             assert_eq!(cells.rays().len(), cells.count());
             for (cell, [x, y]) in cells.rays().iter().enumerate() {
                 for z in [0.4, 1.0, 5.0] {
@@ -246,7 +249,7 @@ mod tests {
 
     #[test]
     fn what_is_behind_or_beside_the_camera_has_no_cell() {
-        let cells = Cells::new(&bent());
+        let cells = Cells::new(&bent(), DepthNoise::default());
         for p in [[0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.1, 0.0, 0.04]] {
             assert_eq!(cells.project(p), None);
         }
@@ -265,7 +268,10 @@ mod tests {
 
     #[test]
     fn pixels_fall_into_cells_and_remainders_into_the_last() {
-        let cells = Cells::new(&Camera::pinhole(44, 29, [40.0, 40.0, 21.5, 14.0]));
+        let cells = Cells::new(
+            &Camera::pinhole(44, 29, [40.0, 40.0, 21.5, 14.0]),
+            DepthNoise::default(),
+        );
         assert_eq!((cells.width, cells.height), (5, 3));
         assert_eq!(cells.at(-0.5, -0.5), 0);
         assert_eq!((cells.at(7.4, 0.0), cells.at(7.6, 0.0)), (0, 1));

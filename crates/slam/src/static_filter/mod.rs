@@ -23,6 +23,7 @@ pub(crate) use history::Place;
 pub(crate) use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
+use crate::sensor::DepthNoise;
 use cells::Cells;
 use history::{History, Snapshot};
 use rigid::Vote;
@@ -114,6 +115,8 @@ pub struct FilterSetup {
     pub weights: MotionWeights,
     /// How objects are tracked.
     pub objects: ObjectsConfig,
+    /// The depth sensor's noise.
+    pub noise: DepthNoise,
     /// Seed of every random choice.
     pub seed: u64,
 }
@@ -138,7 +141,7 @@ pub(crate) struct StaticFilter {
 
 impl StaticFilter {
     pub(crate) fn new(setup: FilterSetup, camera: &Camera) -> Self {
-        let cells = Cells::new(camera);
+        let cells = Cells::new(camera, setup.noise);
         Self {
             config: setup.filter,
             weights: setup.weights,

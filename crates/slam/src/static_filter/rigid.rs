@@ -71,6 +71,7 @@ fn typical(distances: &[Option<f64>]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::DepthNoise;
     use stillpoint_geometry::nalgebra::UnitQuaternion;
     use stillpoint_geometry::{BrownConrady, Vec3};
 
@@ -90,7 +91,11 @@ mod tests {
         let pixels: Vec<[f32; 2]> = (0..distances.len())
             .map(|i| [(i % 640) as f32, 100.0])
             .collect();
-        votes(&Cells::new(&camera()), &pixels, distances)
+        votes(
+            &Cells::new(&camera(), DepthNoise::default()),
+            &pixels,
+            distances,
+        )
     }
 
     /// `count` features at each distance.
@@ -156,7 +161,7 @@ mod tests {
 
     #[test]
     fn a_vote_belongs_to_the_cell_of_its_feature() {
-        let cells = Cells::new(&camera());
+        let cells = Cells::new(&camera(), DepthNoise::default());
         let pixels = [[4.0, 4.0], [100.0, 50.0], [630.0, 470.0], [300.0, 10.0]];
         let votes = votes(&cells, &pixels, &[Some(0.1), Some(0.1), Some(8.0), None]);
         let expected = pixels.map(|[u, v]| cells.at(u, v));

@@ -115,6 +115,7 @@ impl Links {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::DepthNoise;
     use stillpoint_geometry::Camera;
 
     const W: usize = 24;
@@ -122,7 +123,10 @@ mod tests {
 
     fn cells() -> Cells {
         let (w, h) = (8 * W as u32, 8 * H as u32);
-        Cells::new(&Camera::pinhole(w, h, [160.0, 160.0, 95.5, 71.5]))
+        Cells::new(
+            &Camera::pinhole(w, h, [160.0, 160.0, 95.5, 71.5]),
+            DepthNoise::default(),
+        )
     }
 
     fn image(depth: impl Fn(usize, usize) -> f32) -> Vec<f32> {

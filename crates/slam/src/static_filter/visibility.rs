@@ -5,7 +5,7 @@
 //! moved; where it is nearer, the place was hidden and nothing is known. Agreement soon after says little, since slow
 //! things stay under the noise; seeing through is proof at any age. (docs/algorithm.md, free-space test.)
 
-use super::cells::{Cells, depth_tolerance};
+use super::cells::Cells;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::CoarseDepth;
 
@@ -91,7 +91,7 @@ pub(super) fn add_evidence(
     let before = (earlier.grid.data(), earlier.moving);
     motion.for_each(cells, now.data(), |cell, place, z| {
         if let Some(place) = cells.inner_at(place, z) {
-            match compare(before, cells.width, place, z) {
+            match compare(before, cells, place, z) {
                 Seen::Through => evidence[cell] += SEEN_THROUGH,
                 Seen::Same => evidence[cell] -= weight,
                 Seen::Hidden => {}
@@ -115,11 +115,11 @@ pub(super) enum Seen {
 /// same thing standing still: large things overlap with where they were.
 pub(super) fn compare(
     (before, moving): (&[f32], &[bool]),
-    width: usize,
+    cells: &Cells,
     place: usize,
     z: f32,
 ) -> Seen {
-    let tolerance = depth_tolerance(z);
+    let (width, tolerance) = (cells.width, cells.depth_tolerance(z));
     // What is seen most by far, first.
     if before[place] > 0.0 && (before[place] - z).abs() <= tolerance && !moving[place] {
         return Seen::Same;
@@ -145,6 +145,7 @@ pub(super) fn compare(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::{DepthNoise, SensorConfig};
     use stillpoint_geometry::nalgebra::UnitQuaternion;
     use stillpoint_geometry::{Camera, Vec3};
     use stillpoint_imaging::DepthImage;
@@ -152,14 +153,29 @@ mod tests {
     const W: usize = 5;
     const PLACE: usize = 2 * W + 2;
 
+    /// As many cells as the tables below, of a sensor with so many times the noise of a Kinect.
+    fn five_by_five(noise_scale: f64) -> Cells {
+        let size = (W * super::super::cells::CELL_PX) as u32;
+        let camera = Camera::pinhole(size, size, [40.0, 40.0, 19.5, 19.5]);
+        let sensor = SensorConfig {
+            noise_scale,
+            ..SensorConfig::default()
+        };
+        Cells::new(&camera, sensor.noise())
+    }
+
     /// What the 3x3 cells around the place say, with a surface at 2 m now.
     fn seen(around: [f32; 9], moving: [bool; 9]) -> Seen {
+        seen_among(&five_by_five(1.0), around, moving)
+    }
+
+    fn seen_among(cells: &Cells, around: [f32; 9], moving: [bool; 9]) -> Seen {
         let (mut before, mut label) = ([9.0; 25], [false; 25]);
         for i in 0..9 {
             let cell = (i / 3 + 1) * W + i % 3 + 1;
             (before[cell], label[cell]) = (around[i], moving[i]);
         }
-        compare((&before, &label), W, PLACE, 2.0)
+        compare((&before, &label), cells, PLACE, 2.0)
     }
 
     fn with(value: f32, rest: f32, count: usize) -> [f32; 9] {
@@ -182,12 +198,19 @@ mod tests {
 
     #[test]
     fn depths_agree_within_the_tolerance_only() {
-        let tolerance = depth_tolerance(2.0);
+        let tolerance = five_by_five(1.0).depth_tolerance(2.0);
         assert!((0.04..0.12).contains(&tolerance));
         for sign in [-1.0, 1.0] {
             assert_eq!(seen([2.0 + sign * 0.9 * tolerance; 9], STILL), Seen::Same);
             assert_ne!(seen([2.0 + sign * 1.1 * tolerance; 9], STILL), Seen::Same);
         }
+    }
+
+    #[test]
+    fn the_noise_scale_reaches_the_tolerance() {
+        assert_eq!(seen([2.15; 9], STILL), Seen::Through);
+        let noisy = five_by_five(10.0);
+        assert_eq!(seen_among(&noisy, [2.15; 9], STILL), Seen::Same);
     }
 
     #[test]
@@ -234,7 +257,10 @@ mod tests {
         age: f64,
         was_moving: bool,
     ) -> Vec<f32> {
-        let cells = Cells::new(&Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5]));
+        let cells = Cells::new(
+            &Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5]),
+            DepthNoise::default(),
+        );
         let mut evidence = vec![0.0; cells.count()];
         let earlier = Earlier {
             grid: before,

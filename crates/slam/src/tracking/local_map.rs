@@ -79,6 +79,7 @@ impl Tracker {
         let sight = DepthSight {
             camera: &data.camera,
             image: &frame.depth,
+            noise: self.config.sensor.noise(),
         };
         let use_sight = self.config.filter.filter.preset != Preset::Off;
         let look = |p: &Vec3| if use_sight { sight.of(p) } else { Sight::Open };

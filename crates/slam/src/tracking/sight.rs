@@ -1,5 +1,6 @@
 //! What the depth image says of a place where a point is expected: is it there, hidden, or gone?
 
+use crate::sensor::DepthNoise;
 use stillpoint_geometry::{Camera, Vec3};
 use stillpoint_imaging::DepthImage;
 
@@ -23,6 +24,7 @@ const MIN_VALID: u32 = 7;
 pub(super) struct DepthSight<'a> {
     pub(super) camera: &'a Camera,
     pub(super) image: &'a DepthImage,
+    pub(super) noise: DepthNoise,
 }
 
 impl DepthSight<'_> {
@@ -35,7 +37,7 @@ impl DepthSight<'_> {
             return Sight::Open;
         }
         let z = p.z as f32;
-        let tolerance = 0.05 + 0.02 * z + 4.0 * (0.0012 + 0.0019 * (z - 0.4) * (z - 0.4));
+        let tolerance = 0.05 + 0.02 * z + 4.0 * self.noise.sigma_f32(z);
         let (mut valid, mut farther, mut nearer) = (0, 0, 0);
         for y in [v - STEP, v, v + STEP] {
             for x in [u - STEP, u, u + STEP] {
@@ -60,8 +62,13 @@ impl DepthSight<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensor::SensorConfig;
 
     fn sight(z_there: impl Fn(usize, usize) -> f32) -> Sight {
+        sight_with(DepthNoise::default(), z_there)
+    }
+
+    fn sight_with(noise: DepthNoise, z_there: impl Fn(usize, usize) -> f32) -> Sight {
         let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
         let data = (0..48).flat_map(|y| (0..64).map(move |x| (x, y)));
         let data = data.map(|(x, y)| z_there(x, y)).collect();
@@ -69,6 +76,7 @@ mod tests {
         DepthSight {
             camera: &camera,
             image: &image,
+            noise,
         }
         .of(&Vec3::new(0.0, 0.0, 2.0))
     }
@@ -78,6 +86,16 @@ mod tests {
         assert_eq!(sight(|_, _| 2.05), Sight::Open);
         assert_eq!(sight(|_, _| 1.0), Sight::Hidden);
         assert_eq!(sight(|_, _| 3.0), Sight::Through);
+    }
+
+    #[test]
+    fn the_noise_scale_reaches_the_tolerance() {
+        let noisy = SensorConfig {
+            noise_scale: 10.0,
+            ..SensorConfig::default()
+        };
+        assert_eq!(sight(|_, _| 2.2), Sight::Through);
+        assert_eq!(sight_with(noisy.noise(), |_, _| 2.2), Sight::Open);
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use super::super::history::Place;
 use super::*;
+use crate::sensor::DepthNoise;
 use std::sync::Arc;
 use stillpoint_detection::{BoundingBox, ObjectId};
 use stillpoint_geometry::Camera;
@@ -22,7 +23,10 @@ fn person(cell: usize, column: usize) -> bool {
 
 impl World {
     fn new() -> Self {
-        let cells = Cells::new(&Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5]));
+        let cells = Cells::new(
+            &Camera::pinhole(320, 240, [260.0, 260.0, 159.5, 119.5]),
+            DepthNoise::default(),
+        );
         Self {
             surfaces: Surfaces::new(&cells),
             cells,
