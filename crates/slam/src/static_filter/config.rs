@@ -1,7 +1,9 @@
 //! What the static filter can be told.
 
+use crate::sensor::DepthNoise;
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
+use stillpoint_detection::{MotionWeights, ObjectsConfig};
 
 /// Which strategy rejects features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -49,4 +51,19 @@ impl StaticFilterConfig {
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range("min_features", self.min_features as f64, 0.0, 1000.0);
     }
+}
+
+/// What of the configuration concerns the static filter: made from a [`Config`](crate::Config).
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilterSetup {
+    /// Which strategy rejects features.
+    pub filter: StaticFilterConfig,
+    /// How likely each class is to move.
+    pub weights: MotionWeights,
+    /// How objects are tracked.
+    pub objects: ObjectsConfig,
+    /// The depth sensor's noise.
+    pub noise: DepthNoise,
+    /// Seed of every random choice.
+    pub seed: u64,
 }

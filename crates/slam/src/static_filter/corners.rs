@@ -59,10 +59,10 @@ impl StaticFilter {
         grid: &[f32],
     ) -> (f32, Option<usize>) {
         let z = nearest_depth(image, pixel).unwrap_or(0.0);
-        let home = self.cells.at(pixel[0], pixel[1]);
+        let home = self.rules.cells.at(pixel[0], pixel[1]);
         // Of a cell's width the surface itself may slope by this much.
         let mut best = (0.05 + 0.03 * z, None);
-        self.cells.for_each_around(home, |cell| {
+        self.rules.cells.for_each_around(home, |cell| {
             let gap = (grid[cell] - z).abs() + if cell == home { 0.0 } else { 0.01 };
             if z > 0.0 && grid[cell] > 0.0 && gap < best.0 {
                 best = (gap, Some(cell));

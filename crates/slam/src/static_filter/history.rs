@@ -10,7 +10,6 @@ use stillpoint_map::{KeyframeId, MapView};
 const SPAN: f64 = 3.2;
 
 /// A frame kept for later comparison.
-#[derive(Clone)]
 pub(super) struct Snapshot {
     pub(super) frame: FrameId,
     pub(super) stamp: f64,
@@ -51,10 +50,10 @@ pub(crate) struct Place {
     pub(crate) camera_from_depth: Se3,
 }
 
-/// The frames of the last seconds, oldest first.
+/// The frames of the last seconds, oldest first. A copy costs a pointer per frame.
 #[derive(Clone, Default)]
 pub(super) struct History {
-    frames: VecDeque<Snapshot>,
+    frames: VecDeque<Arc<Snapshot>>,
     /// The newest frame that is not kept any more.
     forgotten: Option<FrameId>,
 }
@@ -74,7 +73,7 @@ impl History {
         while self.frames.front().is_some_and(|s| !kept(s)) {
             self.forgotten = self.frames.pop_front().map(|s| s.frame);
         }
-        self.frames.push_back(Snapshot {
+        self.frames.push_back(Arc::new(Snapshot {
             frame,
             stamp,
             grid,
@@ -83,12 +82,12 @@ impl History {
             reference_from_camera: place.reference_from_camera,
             camera_from_depth: place.camera_from_depth,
             world_from_camera: place.world_from_camera,
-        });
+        }));
     }
 
     /// The last frame.
     pub(super) fn last(&self) -> Option<&Snapshot> {
-        self.frames.back()
+        self.frames.back().map(Arc::as_ref)
     }
 
     /// Whether a frame is older than all that is remembered: then it is too late to ask for it.
@@ -99,7 +98,7 @@ impl History {
     /// A frame by its id, while it is remembered.
     pub(super) fn get(&self, frame: FrameId) -> Option<&Snapshot> {
         let i = self.frames.binary_search_by_key(&frame, |s| s.frame).ok()?;
-        self.frames.get(i)
+        self.frames.get(i).map(Arc::as_ref)
     }
 
     /// The newest frames that are at least as old as each age (s, ascending) before `stamp`, without repetition.
@@ -113,7 +112,7 @@ impl History {
             })
             .collect();
         indices.dedup();
-        indices.into_iter().map(|i| &self.frames[i]).collect()
+        indices.into_iter().map(|i| &*self.frames[i]).collect()
     }
 }
 

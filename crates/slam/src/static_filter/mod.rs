@@ -18,18 +18,17 @@ mod surfaces;
 mod verdict;
 mod visibility;
 
-pub use config::{Preset, StaticFilterConfig};
+pub use config::{FilterSetup, Preset, StaticFilterConfig};
 pub(crate) use history::Place;
 pub(crate) use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
-use crate::sensor::DepthNoise;
 use cells::Cells;
 use history::{History, Snapshot};
 use rigid::Vote;
 use semantic::Mover;
 use std::sync::Arc;
-use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker, ObjectsConfig};
+use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
 use stillpoint_geometry::{Camera, Se3, Vec2};
 use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, MapView};
@@ -106,36 +105,29 @@ pub(crate) struct Rejudged {
     pub(crate) features: Vec<u32>,
 }
 
-/// What of the configuration concerns the static filter: made from a [`Config`](crate::Config).
-#[derive(Clone, Debug, PartialEq)]
-pub struct FilterSetup {
-    /// Which strategy rejects features.
-    pub filter: StaticFilterConfig,
-    /// How likely each class is to move.
-    pub weights: MotionWeights,
-    /// How objects are tracked.
-    pub objects: ObjectsConfig,
-    /// The depth sensor's noise.
-    pub noise: DepthNoise,
-    /// Seed of every random choice.
-    pub seed: u64,
-}
-
-/// Tells what stands still.
-#[derive(Clone)]
-pub(crate) struct StaticFilter {
+/// What stays the same in a run.
+struct Rules {
     config: StaticFilterConfig,
     weights: MotionWeights,
+    /// How long objects are believed in that are not seen, s.
     coast: f64,
     camera: Camera,
     seed: u64,
     cells: Cells,
+}
+
+/// Tells what stands still, and remembers what it saw. A value: judging a frame gives the filter of the frame after, so that a pose
+/// that is tried and refused leaves nothing behind. A copy costs little, as what is large is shared.
+#[derive(Clone)]
+pub(crate) struct StaticFilter {
+    rules: Arc<Rules>,
     objects: ObjectTracker,
     /// Detections of the frame to come: they wait for its first pose.
     waiting: Option<Detections>,
     unused: Unused,
     history: History,
-    surfaces: Surfaces,
+    surfaces: Arc<Surfaces>,
+    /// The frame judged last, until its pose is known.
     present: Option<(FrameId, f64, Arc<CoarseDepth>)>,
 }
 
@@ -143,13 +135,15 @@ impl StaticFilter {
     pub(crate) fn new(setup: FilterSetup, camera: &Camera) -> Self {
         let cells = Cells::new(camera, setup.noise);
         Self {
-            config: setup.filter,
-            weights: setup.weights,
-            coast: setup.objects.coast_seconds,
-            camera: *camera,
-            seed: setup.seed,
-            surfaces: Surfaces::new(&cells),
-            cells,
+            surfaces: Arc::new(Surfaces::new(&cells)),
+            rules: Arc::new(Rules {
+                config: setup.filter,
+                weights: setup.weights,
+                coast: setup.objects.coast_seconds,
+                camera: *camera,
+                seed: setup.seed,
+                cells,
+            }),
             objects: ObjectTracker::new(setup.objects, *camera),
             waiting: None,
             unused: Unused::default(),
@@ -160,23 +154,23 @@ impl StaticFilter {
 
     /// Whether the filter makes use of flow.
     pub(crate) fn wants_flow(&self) -> bool {
-        self.config.preset != Preset::Off && self.config.geometry
+        self.rules.config.preset != Preset::Off && self.rules.config.geometry
     }
 
     /// Whether flow tells it something only of features that have a depth.
     pub(crate) fn measures_flow_by_depth(&self) -> bool {
-        self.config.preset == Preset::Default
+        self.rules.config.preset == Preset::Default
     }
 
     /// Whether the filter makes use of detections.
     fn wants_detections(&self) -> bool {
-        self.config.preset != Preset::Off && self.config.objects
+        self.rules.config.preset != Preset::Off && self.rules.config.objects
     }
 
     /// Forgets what was seen so far, as it was seen in another frame of reference.
     pub(crate) fn forget(&mut self) {
         self.objects.forget();
-        self.surfaces = Surfaces::new(&self.cells);
+        self.surfaces = Arc::new(Surfaces::new(&self.rules.cells));
         self.history = History::default();
         self.present = None;
     }
@@ -200,10 +194,16 @@ impl StaticFilter {
         std::mem::take(&mut self.unused)
     }
 
-    /// Judges the features of a frame.
-    pub(crate) fn judge(&mut self, input: &FrameInput<'_>) -> Judgement {
+    /// Judges the features of a frame. Returns what is said of them, and the filter of the frame after.
+    pub(crate) fn judge(&self, input: &FrameInput<'_>) -> (Judgement, Self) {
         let _span = tracing::info_span!("filter").entered();
-        if self.config.preset == Preset::Off {
+        let mut next = self.clone();
+        let judgement = next.take_in(input);
+        (judgement, next)
+    }
+
+    fn take_in(&mut self, input: &FrameInput<'_>) -> Judgement {
+        if self.rules.config.preset == Preset::Off {
             let kept = input.features.iter().map(|f| FeatureVerdict::kept(*f));
             return Judgement {
                 verdicts: kept.collect(),
@@ -218,11 +218,18 @@ impl StaticFilter {
         }
         let objects = self.objects.predict(stamp, &input.world_from_camera);
         let movers = self.movers(&objects, stamp);
-        let mut verdicts = match self.config.preset {
-            Preset::Paper => paper::judge(&self.config, input, &self.camera, &movers, self.seed),
+        let mut verdicts = match self.rules.config.preset {
+            Preset::Paper => paper::judge(
+                &self.rules.config,
+                input,
+                &self.rules.camera,
+                &movers,
+                self.rules.seed,
+            ),
             Preset::Default | Preset::Off => self.judge_surfaces(input, &grid, &movers),
         };
-        let released = verdict::release_when_starving(&mut verdicts, self.config.min_features);
+        let released =
+            verdict::release_when_starving(&mut verdicts, self.rules.config.min_features);
         self.present = Some((input.frame.id, stamp, grid));
         Judgement {
             verdicts: verdicts.into(),
@@ -234,21 +241,21 @@ impl StaticFilter {
 
     /// The objects that may move. Without D all that is in their boxes is theirs, whatever its depth.
     fn movers(&self, objects: &[Object], stamp: f64) -> Vec<Mover> {
-        let mut movers = semantic::movers(objects, &self.weights, stamp, self.coast);
-        if !self.config.depth {
+        let mut movers = semantic::movers(objects, &self.rules.weights, stamp, self.rules.coast);
+        if !self.rules.config.depth {
             movers.iter_mut().for_each(|m| m.range = None);
         }
         movers
     }
 
     fn segments(&self) -> Segments {
-        if self.config.preset != Preset::Default {
+        if self.rules.config.preset != Preset::Default {
             return Segments::default();
         }
         Segments {
             cell_px: cells::CELL_PX,
-            width: self.cells.width,
-            height: self.cells.height,
+            width: self.rules.cells.width,
+            height: self.rules.cells.height,
             labels: self.surfaces.regions.as_slice().into(),
         }
     }
@@ -268,8 +275,11 @@ impl StaticFilter {
             view: input.view,
         };
         let votes = self.rigid_votes(input);
-        self.surfaces
-            .update(&self.cells, &self.history, &now, movers, &votes);
+        let cells = &self.rules.cells;
+        let surfaces = self
+            .surfaces
+            .next(cells, &self.history, &now, movers, &votes);
+        self.surfaces = Arc::new(surfaces);
         self.measure_rigidity(stamp, grid, movers);
         let judge =
             |pixel: &[f32; 2]| self.judge_feature(*pixel, &input.frame.depth, grid.data(), movers);
@@ -278,7 +288,7 @@ impl StaticFilter {
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
     pub(crate) fn static_probability(&self, [u, v]: [f32; 2]) -> f64 {
-        let odds = self.surfaces.odds[self.cells.at(u, v)];
+        let odds = self.surfaces.odds[self.rules.cells.at(u, v)];
         1.0 / (1.0 + libm::exp(f64::from(odds)))
     }
 
@@ -329,15 +339,15 @@ impl StaticFilter {
 
     /// What the flow of each feature says of the surface it lies on.
     fn rigid_votes(&self, input: &FrameInput<'_>) -> Vec<Vote> {
-        if !self.config.geometry {
+        if !self.rules.config.geometry {
             return Vec::new();
         }
         let distance = |(pair, z): (&Option<FlowPair>, &f32)| {
-            rigid::distance_px(&self.camera, pair.as_ref()?, *z, &input.last_from_now)
+            rigid::distance_px(&self.rules.camera, pair.as_ref()?, *z, &input.last_from_now)
         };
         let distances: Vec<Option<f64>> =
             input.pairs.iter().zip(input.depths).map(distance).collect();
-        rigid::votes(&self.cells, input.features, &distances)
+        rigid::votes(&self.rules.cells, input.features, &distances)
     }
 
     /// Tells the objects which part of their surface stands still.

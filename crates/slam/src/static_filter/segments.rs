@@ -65,7 +65,7 @@ impl Links {
 
     /// Spreads each cell's own value over the region it belongs to: solves
     /// `x_i = clamp(own_i + COUPLING * mean of joined neighbours x_j)` by symmetric Gauss-Seidel sweeps.
-    pub(super) fn spread(&self, own: &[f32], values: &mut Vec<f32>) {
+    pub(super) fn spread(&self, own: &[f32]) -> Vec<f32> {
         let mut own_slots = vec![0.0; self.layout.slots()];
         let mut slots = own_slots.clone();
         for (own, slot) in own.iter().zip(self.layout.of_rows()) {
@@ -76,8 +76,7 @@ impl Links {
             self.layout
                 .sweep(&self.weights, &own_slots, &mut slots, LIMIT);
         }
-        values.clear();
-        values.extend(self.layout.of_rows().map(|slot| slots[slot]));
+        self.layout.of_rows().map(|slot| slots[slot]).collect()
     }
 
     /// Numbers the connected regions of chosen cells from 1, in the order of their first cells; 0 for all others.
@@ -135,9 +134,7 @@ mod tests {
 
     fn spread(depth: &[f32], own: &[f32]) -> Vec<f32> {
         let cells = cells();
-        let mut values = Vec::new();
-        Links::new(&cells, depth).spread(own, &mut values);
-        values
+        Links::new(&cells, depth).spread(own)
     }
 
     /// Numbers from -1 to 1, the same in every run.
@@ -200,8 +197,7 @@ mod tests {
                 let share = SHARES[links.bits[i].count_ones() as usize];
                 expected[i] = (own[i] + share * sum).clamp(-LIMIT, LIMIT);
             }
-            let mut found = Vec::new();
-            links.spread(&own, &mut found);
+            let found = links.spread(&own);
             assert!(
                 found
                     .iter()

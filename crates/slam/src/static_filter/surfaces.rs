@@ -32,7 +32,7 @@ const MEMORY: f64 = 6.0;
 const SUSPECT: f32 = 1.5;
 
 /// Log odds of "moving" per cell.
-#[derive(Clone)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Surfaces {
     /// After spreading: the answer.
     pub(super) odds: Vec<f32>,
@@ -56,6 +56,7 @@ pub(super) struct Now<'a> {
 }
 
 impl Surfaces {
+    /// Surfaces of which nothing is known.
     pub(super) fn new(cells: &Cells) -> Self {
         Self {
             odds: vec![0.0; cells.count()],
@@ -66,96 +67,56 @@ impl Surfaces {
         }
     }
 
-    /// Judges the surfaces of a frame, given those of the frame before, the objects and what the flow of its features says.
-    pub(super) fn update(
-        &mut self,
+    /// The surfaces of the next frame, given these of the frame before, the objects and what the flow of its features says.
+    pub(super) fn next(
+        &self,
         cells: &Cells,
         history: &History,
         now: &Now<'_>,
         movers: &[Mover],
         votes: &[Vote],
-    ) {
+    ) -> Self {
         let links = Links::new(cells, now.grid.data());
-        let mut own = self.carry(cells, history, now);
-        for (o, t) in own.iter_mut().zip(&self.moved_at) {
-            *o += t.map_or(0.0, |t| suspicion(now.stamp - t));
+        let (mut past, mut moved_at) = self.carry(cells, history, now);
+        // Who has just stopped counts as moving for a while, though everything measured says that he stands still.
+        for (past, at) in past.iter_mut().zip(&moved_at) {
+            *past += at.map_or(0.0, |at| suspicion(now.stamp - at));
         }
-        self.weigh_free_space(cells, history, now);
-        self.weigh_flow(cells, &links, votes, &mut own);
-        for (o, e) in own.iter_mut().zip(&self.evidence) {
-            *o += e;
+        let mut evidence = weigh_free_space(cells, history, now);
+        weigh_flow(cells, &links, votes, &mut evidence, &mut past);
+        let mut own = past;
+        for (own, evidence) in own.iter_mut().zip(&evidence) {
+            *own += evidence;
         }
-        links.spread(&own, &mut self.motion);
-        let mut fresh = Vec::with_capacity(own.len());
-        links.spread(&self.evidence, &mut fresh);
+        // Spread before the objects are added: what a box lends is not remembered, or it would confirm itself from frame to frame.
+        let mut motion = links.spread(&own);
+        // This frame's evidence alone: whether a thing moves now, not whether it did.
+        let fresh = links.spread(&evidence);
+        remember_motion(now.stamp, &fresh, &mut motion, &mut moved_at);
         add_movers(now.grid, movers, &mut own);
-        links.spread(&own, &mut self.odds);
-        let odds = &self.odds;
-        self.regions = links.regions(cells, |i| odds[i] > MOVES);
-        let remembered = self.moved_at.iter_mut().zip(&mut self.motion);
-        for ((t, motion), fresh) in remembered.zip(&fresh) {
-            if *motion > SURE && *fresh > 0.0 {
-                *t = Some(now.stamp);
-            } else if *motion < -SURE {
-                *t = None;
-            } else if t.is_some_and(|t| now.stamp - t > MEMORY) {
-                // What has stood for so long begins anew; else it would be taken to move for having been.
-                *t = None;
-                *motion = 0.0;
-            }
+        let odds = links.spread(&own);
+        let regions = links.regions(cells, |i| odds[i] > MOVES);
+        Self {
+            odds,
+            motion,
+            evidence,
+            regions,
+            moved_at,
         }
     }
 
-    /// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
-    /// says that it moves, agreement of depths counts for nothing, now and in the past (`own`).
-    fn weigh_flow(&mut self, cells: &Cells, links: &Links, votes: &[Vote], own: &mut [f32]) {
-        if votes.is_empty() {
-            return;
-        }
-        // Per cell: votes for moving, and all votes.
-        let (mut moving, mut all) = (vec![0.0; cells.count()], vec![0.0; cells.count()]);
-        for v in votes {
-            moving[v.cell] += f32::from(u8::from(v.moving));
-            all[v.cell] += 1.0;
-        }
-        let (mut near_moving, mut near_all) = (Vec::new(), Vec::new());
-        links.spread(&moving, &mut near_moving);
-        links.spread(&all, &mut near_all);
-        let so_far = self.evidence.iter_mut().zip(own);
-        for ((e, past), (m, n)) in so_far.zip(near_moving.iter().zip(&near_all)) {
-            if *n <= 0.0 {
-                continue;
-            }
-            let (share, trust) = (m / n, n / (n + HALF_VOTES));
-            if *e < 0.0 {
-                *e *= 1.0 - trust * share;
-            }
-            if *past < 0.0 {
-                *past *= 1.0 - trust * ((share - NEUTRAL) / (1.0 - NEUTRAL)).max(0.0);
-            }
-            *e += FLOW * trust * (share - NEUTRAL);
-        }
-    }
-
-    fn weigh_free_space(&mut self, cells: &Cells, history: &History, now: &Now<'_>) {
-        self.evidence.fill(0.0);
-        for s in history.at_ages(now.stamp, &AGES) {
-            let earlier = Earlier {
-                grid: &s.grid,
-                moving: &s.moving,
-                earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
-                age: now.stamp - s.stamp,
-            };
-            visibility::add_evidence(cells, now.grid, &earlier, &mut self.evidence);
-        }
-    }
-
-    /// The log odds of the last frame, carried to this one's cells along the surfaces they belong to.
-    fn carry(&mut self, cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32> {
-        let mut own = vec![0.0; cells.count()];
-        let moved_before = std::mem::replace(&mut self.moved_at, vec![None; cells.count()]);
+    /// The log odds of the last frame, carried to this one's cells along the surfaces they belong to, and when each was last seen to
+    /// move.
+    fn carry(
+        &self,
+        cells: &Cells,
+        history: &History,
+        now: &Now<'_>,
+    ) -> (Vec<f32>, Vec<Option<f64>>) {
+        let mut past = vec![0.0; cells.count()];
+        let mut moved_at = vec![None; cells.count()];
         let Some(last) = history.last() else {
-            return own;
+            return (past, moved_at);
         };
         let pose = last.world_from_depth(now.view).inverse() * now.world_from_depth;
         let motion = visibility::Motion::new(&pose);
@@ -164,20 +125,96 @@ impl Surfaces {
             let Some(place) = cells.at_place(place, z) else {
                 return;
             };
+            // The camera's motion puts the cell between cells of the last frame, and what moves went its own way since: every
+            // neighbour at about this depth may be where the surface was.
             let (mut sum, mut count, mut moved) = (0.0, 0.0, None);
             cells.for_each_around(place, |near| {
                 if before[near] > 0.0 && (before[near] - z).abs() < 0.05 + 0.01 * z {
                     sum += self.motion[near];
                     count += 1.0;
-                    moved = later(moved, moved_before[near]);
+                    moved = later(moved, self.moved_at[near]);
                 }
             });
+            // A surface that was not seen before begins with nothing.
             if count > 0.0 {
-                self.moved_at[cell] = moved;
-                own[cell] = KEEP * sum / count;
+                moved_at[cell] = moved;
+                // Not all of it is kept: old evidence is to be overturned by new.
+                past[cell] = KEEP * sum / count;
             }
         });
-        own
+        (past, moved_at)
+    }
+}
+
+/// What earlier frames say of the places where the surfaces are now, in log odds of "moving" per cell.
+fn weigh_free_space(cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32> {
+    let mut evidence = vec![0.0; cells.count()];
+    for s in history.at_ages(now.stamp, &AGES) {
+        let earlier = Earlier {
+            grid: &s.grid,
+            moving: &s.moving,
+            // Both poses in the present view of the map: a correction in between moved them together.
+            earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
+            age: now.stamp - s.stamp,
+        };
+        visibility::add_evidence(cells, now.grid, &earlier, &mut evidence);
+    }
+    evidence
+}
+
+/// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
+/// says that it moves, agreement of depths counts for nothing, now (`evidence`) and in the past (`past`).
+fn weigh_flow(
+    cells: &Cells,
+    links: &Links,
+    votes: &[Vote],
+    evidence: &mut [f32],
+    past: &mut [f32],
+) {
+    if votes.is_empty() {
+        return;
+    }
+    // Per cell: votes for moving, and all votes.
+    let (mut moving, mut all) = (vec![0.0; cells.count()], vec![0.0; cells.count()]);
+    for v in votes {
+        moving[v.cell] += f32::from(u8::from(v.moving));
+        all[v.cell] += 1.0;
+    }
+    // A surface has corners in few of its cells, and they speak for all of it. Both counts are spread alike, so that their ratio
+    // stays a share.
+    let (near_moving, near_all) = (links.spread(&moving), links.spread(&all));
+    let so_far = evidence.iter_mut().zip(past);
+    for ((e, past), (m, n)) in so_far.zip(near_moving.iter().zip(&near_all)) {
+        if *n <= 0.0 {
+            continue;
+        }
+        let (share, trust) = (m / n, n / (n + HALF_VOTES));
+        // Only what speaks for standing still is taken back: depths that were seen through are proof whatever the flow says.
+        if *e < 0.0 {
+            *e *= 1.0 - trust * share;
+        }
+        // The past weighs more: it is taken back only where the flow itself speaks for moving.
+        if *past < 0.0 {
+            *past *= 1.0 - trust * ((share - NEUTRAL) / (1.0 - NEUTRAL)).max(0.0);
+        }
+        *e += FLOW * trust * (share - NEUTRAL);
+    }
+}
+
+/// Notes which surfaces are sure to move now, and forgets it of those that are sure not to, or have stood for long. `fresh` is this
+/// frame's evidence, spread.
+fn remember_motion(stamp: f64, fresh: &[f32], motion: &mut [f32], moved_at: &mut [Option<f64>]) {
+    for ((at, motion), fresh) in moved_at.iter_mut().zip(motion).zip(fresh) {
+        // By this frame's own evidence, too: what is only carried over would renew its own memory for ever.
+        if *motion > SURE && *fresh > 0.0 {
+            *at = Some(stamp);
+        } else if *motion < -SURE {
+            *at = None;
+        } else if at.is_some_and(|at| stamp - at > MEMORY) {
+            // What has stood for so long begins anew; else it would be taken to move for having been.
+            *at = None;
+            *motion = 0.0;
+        }
     }
 }
 
@@ -196,10 +233,12 @@ fn later(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 
 /// Adds to each cell the log odds of the strongest object that holds it.
 fn add_movers(grid: &CoarseDepth, movers: &[Mover], own: &mut [f32]) {
+    // Not their sum: two boxes of one person are no two opinions.
     let mut strongest = vec![0.0_f32; own.len()];
     for m in movers.iter().filter(|m| m.strength > 0.0) {
         for (i, [u, v]) in m.cells(grid) {
             let z = grid.data()[i];
+            // A hole in the depth image belongs to nobody: its cell is joined to no other and would stay as it is.
             if z > 0.0 {
                 strongest[i] = strongest[i].max(m.odds(u, v, z));
             }

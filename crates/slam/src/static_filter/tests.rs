@@ -51,7 +51,7 @@ fn frame(id: u32) -> RgbdFrame {
 }
 
 fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
-    filter.judge(&FrameInput {
+    let (judgement, next) = filter.judge(&FrameInput {
         frame: &frame(id),
         view: &MapView::default(),
         world_from_camera: Se3::identity(),
@@ -60,7 +60,9 @@ fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
         depths: &[1.5, 3.0, 3.0],
         pairs: &[],
         last_from_now: Se3::identity(),
-    })
+    });
+    *filter = next;
+    judgement
 }
 
 /// Judges a frame and finds its pose.
@@ -155,4 +157,38 @@ fn without_depth_all_in_the_box_is_the_object() {
         filter.receive(detections(0));
         assert_eq!(dynamic(&judge(&mut filter, 0)), expected, "depth: {depth}");
     }
+}
+
+#[test]
+fn a_judgement_that_is_refused_leaves_nothing_behind() {
+    let mut filter = filter(&config());
+    for id in 0..10 {
+        follow(&mut filter, id);
+    }
+    filter.receive(detections(10));
+    // Tried from a pose that is a metre off: all surfaces seem to have moved, and the person is somewhere else.
+    let far = Se3 {
+        translation: stillpoint_geometry::Vec3::new(0.0, 0.0, 1.0),
+        ..Se3::identity()
+    };
+    let (frame, view) = (frame(10), MapView::default());
+    let input = |world_from_camera| FrameInput {
+        frame: &frame,
+        view: &view,
+        world_from_camera,
+        camera_from_depth: Se3::identity(),
+        features: &CORNERS,
+        depths: &[1.5, 3.0, 3.0],
+        pairs: &[],
+        last_from_now: Se3::identity(),
+    };
+    let (expected, _) = filter.clone().judge(&input(Se3::identity()));
+    let (tried, refused) = filter.judge(&input(far));
+    assert_ne!(tried.verdicts, expected.verdicts);
+    assert_ne!(refused.surfaces, filter.surfaces);
+    let (found, next) = filter.judge(&input(Se3::identity()));
+    assert_eq!(found.verdicts, expected.verdicts);
+    assert_eq!(found.objects.len(), 1);
+    // The detections wait until a judgement that used them is kept.
+    assert!(filter.waiting.is_some() && next.waiting.is_none());
 }

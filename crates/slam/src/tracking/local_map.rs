@@ -3,6 +3,7 @@
 use super::Tracker;
 use super::ego_motion::EgoMotion;
 use super::sight::{DepthSight, Sight};
+use super::statistics::Sightings;
 use crate::association::{Expected, Matches, in_bounds, is_in_range, level_at, match_expected};
 use crate::event::FrameCounts;
 use crate::static_filter::Preset;
@@ -59,7 +60,8 @@ pub(super) struct LocalSearch {
 }
 
 impl Tracker {
-    /// Matches to the local map what does not match yet. Returns the new reference keyframe and all matches.
+    /// Matches to the local map what does not match yet. Returns the new reference keyframe, all matches, and what was
+    /// seen of the landmarks.
     pub(super) fn match_map(
         &mut self,
         frame: &RgbdFrame,
@@ -68,7 +70,7 @@ impl Tracker {
         motion: &EgoMotion,
         mut matches: Matches,
         counts: &mut FrameCounts,
-    ) -> (KeyframeId, Matches) {
+    ) -> (KeyframeId, Matches, Sightings) {
         let _span = tracing::info_span!("match").entered();
         let reference = self.local_map.update(&self.view, reference, &matches);
         let area = SearchArea {
@@ -84,14 +86,15 @@ impl Tracker {
         let use_sight = self.config.filter.filter.preset != Preset::Off;
         let look = |p: &Vec3| if use_sight { sight.of(p) } else { Sight::Open };
         let pose = &motion.camera_from_world;
+        let mut sightings = Sightings::default();
         let search = self
             .local_map
             .search(data, pose, &area, &mut matches, look, |id, sight| {
-                self.statistics.expected(id, sight);
+                sightings.expected(id, sight);
             });
         counts.local_visible = search.visible;
         counts.map_matches = matches.count as u32;
-        (reference, matches)
+        (reference, matches, sightings)
     }
 }
 

@@ -37,7 +37,7 @@ use local_map::LocalMap;
 use motion::Motion;
 use relocalise::Places;
 use self_calibration::SelfCalibration;
-use statistics::Statistics;
+use statistics::{Sightings, Statistics};
 use std::sync::Arc;
 use stillpoint_features::OrbConfig;
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec6};
@@ -109,6 +109,8 @@ pub struct Tracker {
 struct Notes {
     counts: FrameCounts,
     judgement: Judgement,
+    /// The static filter as of this frame, once it was asked: it takes the place of the one before when the frame ends.
+    filter: Option<StaticFilter>,
     evidence: Evidence,
 }
 
@@ -122,6 +124,8 @@ struct Fix {
     matched: usize,
     /// Inverse covariance of the pose.
     information: Mat6,
+    /// What was seen of the landmarks; empty where the map does not bear the pose out.
+    sightings: Sightings,
 }
 
 /// A pose with all that led to it.
@@ -130,6 +134,7 @@ struct Solution {
     camera_from_world: Se3,
     reference: KeyframeId,
     matches: Vec<Option<LandmarkId>>,
+    sightings: Sightings,
 }
 
 impl Tracker {
@@ -204,7 +209,6 @@ impl Tracker {
         if self.last.is_none() && self.view.keyframe_count() == 0 && self.grows {
             return self.initialise(frame, &data, notes);
         }
-        self.statistics.refuse();
         let reason = match self.locate(frame, &data, &mut notes) {
             Ok(solution) => {
                 let outcome = match self.lost_since {
@@ -224,7 +228,7 @@ impl Tracker {
             return self.accept(frame, notes, solution, outcome);
         }
         if self.is_piece_due(frame.stamp, &notes) {
-            self.leave_piece();
+            self.leave_piece(&mut notes);
             return self.initialise(frame, &data, notes);
         }
         self.lose(frame, notes, reason)
@@ -253,12 +257,12 @@ impl Tracker {
     ) -> Result<Solution, LostReason> {
         self.judge(frame, data, motion, notes);
         let (data, matches) = self.keep_static(frame, motion, notes);
-        let (reference, matches) =
+        let (reference, matches, sightings) =
             self.match_map(frame, &data, reference, motion, matches, &mut notes.counts);
-        let fix = self.refine(&data, reference, motion, matches);
+        let fix = self.refine(&data, reference, motion, matches, sightings);
         let fix = self.regain_map_when_starved(frame.id, &data, fix);
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
-        self.conclude(data, reference, &fix, notes)
+        self.conclude(data, reference, fix, notes)
     }
 
     /// Extracts the features of a frame and reads their depths.
@@ -282,17 +286,12 @@ impl Tracker {
     }
 
     /// Asks the static filter about the features `data` of a frame.
-    fn judge(
-        &mut self,
-        frame: &RgbdFrame,
-        data: &KeyframeData,
-        motion: &EgoMotion,
-        notes: &mut Notes,
-    ) {
+    fn judge(&self, frame: &RgbdFrame, data: &KeyframeData, motion: &EgoMotion, notes: &mut Notes) {
         let features: Vec<[f32; 2]> = data.keypoints.iter().map(|k| [k.x, k.y]).collect();
         let last = self.last.as_ref().map(|l| l.world_from_camera);
         let world_from_camera = motion.camera_from_world.inverse();
-        notes.judgement = self.filter.judge(&FrameInput {
+        let filter = notes.filter.as_ref().unwrap_or(&self.filter);
+        let (judgement, next) = filter.judge(&FrameInput {
             frame,
             view: &self.view,
             world_from_camera,
@@ -302,6 +301,7 @@ impl Tracker {
             pairs: &motion.pairs,
             last_from_now: last.unwrap_or_default().inverse() * world_from_camera,
         });
+        (notes.judgement, notes.filter) = (judgement, Some(next));
         let verdicts = &notes.judgement.verdicts;
         notes.counts.dynamic = verdicts.iter().filter(|v| v.dynamic).count() as u32;
         notes.counts.released = notes.judgement.released;
@@ -331,11 +331,12 @@ impl Tracker {
         reference: KeyframeId,
         motion: &EgoMotion,
         matches: Matches,
+        mut sightings: Sightings,
     ) -> Fix {
         let matched = matches.count;
         let start = &motion.camera_from_world;
         let (matches, pose, information) = pose::solve_with_information(data, start, matches);
-        self.statistics.found(&matches);
+        sightings.found(&matches);
         let wanted = self.config.sensor.self_calibrate;
         if let Some(v) = motion.velocity.filter(|_| wanted) {
             self.calibration
@@ -353,6 +354,7 @@ impl Tracker {
             inliers,
             matched,
             information,
+            sightings,
         }
     }
 
@@ -361,7 +363,7 @@ impl Tracker {
         &self,
         data: Arc<KeyframeData>,
         reference: KeyframeId,
-        fix: &Fix,
+        fix: Fix,
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         notes.counts.inliers = fix.inliers as u32;
@@ -381,6 +383,7 @@ impl Tracker {
             camera_from_world: fix.camera_from_world,
             reference,
             matches: targets.iter().map(|t| t.and_then(|t| t.landmark)).collect(),
+            sightings: fix.sightings,
         })
     }
 

@@ -43,6 +43,7 @@ impl Tracker {
             return self.lose(frame, notes, reason);
         }
         let inliers = counts.with_depth;
+        self.keep_filter(&mut notes);
         // The pose is what the frame is said to have: all points agree with it.
         (notes.evidence.matched, notes.evidence.agreed) = (inliers, inliers);
         notes.evidence.cells = Cells::of(&data, |i| data.depths[i] > 0.0);
@@ -84,18 +85,20 @@ impl Tracker {
     pub(super) fn accept(
         &mut self,
         frame: &RgbdFrame,
-        notes: Notes,
+        mut notes: Notes,
         solution: Solution,
         outcome: Outcome,
     ) -> Tracked {
-        self.statistics.count();
+        self.keep_filter(&mut notes);
         let counts = &notes.counts;
         let Solution {
             data,
             camera_from_world,
             reference,
             matches,
+            sightings,
         } = solution;
+        self.statistics.count(sightings);
         let world_from_camera = camera_from_world.inverse();
         match &self.last {
             Some(last) if self.lost_since.is_none() && outcome == Outcome::Tracked => {
@@ -204,11 +207,25 @@ impl Tracker {
     }
 
     /// Notes that the frame gave no pose.
-    pub(super) fn lose(&mut self, frame: &RgbdFrame, notes: Notes, reason: LostReason) -> Tracked {
+    pub(super) fn lose(
+        &mut self,
+        frame: &RgbdFrame,
+        mut notes: Notes,
+        reason: LostReason,
+    ) -> Tracked {
+        // What the filter saw counts, though no pose came of it: detections that it used are used up.
+        self.keep_filter(&mut notes);
         self.motion.forget();
         let since = *self.lost_since.get_or_insert(frame.id);
         let outcome = Outcome::Lost { since, reason };
         self.tell(frame, outcome, None, notes, None)
+    }
+
+    /// Takes the static filter as of this frame for the next one.
+    fn keep_filter(&mut self, notes: &mut Notes) {
+        if let Some(filter) = notes.filter.take() {
+            self.filter = filter;
+        }
     }
 
     /// Says what became of the frame, which ends here.

@@ -66,12 +66,10 @@ impl Tracker {
             let Some(motion) = self.find_at(frame, data, keyframe) else {
                 continue;
             };
-            // What is tried on the way to a pose that is refused must leave no trace.
-            let filter = self.filter.clone();
+            // What is noted on the way to a pose that is refused goes with it.
             let mut tried = notes.clone();
-            self.statistics.refuse();
             if self.piece != Some(keyframe.piece) {
-                self.filter.forget();
+                self.forget_what_moves(&mut tried);
             }
             let solution = self.settle(frame, data, candidate, &motion, &mut tried);
             if let Ok(solution) = solution
@@ -80,7 +78,6 @@ impl Tracker {
                 *notes = tried;
                 return Some((candidate, solution));
             }
-            self.filter = filter;
         }
         None
     }
@@ -173,9 +170,15 @@ impl Tracker {
     }
 
     /// Forgets what belongs to the piece of map that is left.
-    pub(super) fn leave_piece(&mut self) {
+    pub(super) fn leave_piece(&mut self, notes: &mut Notes) {
         self.last = None;
         self.motion.forget();
-        self.filter.forget();
+        self.forget_what_moves(notes);
+    }
+
+    /// Has the static filter forget what it saw, as it saw it in another frame of reference, should this frame's notes be kept.
+    fn forget_what_moves(&self, notes: &mut Notes) {
+        let filter = notes.filter.get_or_insert_with(|| self.filter.clone());
+        filter.forget();
     }
 }

@@ -3,6 +3,7 @@
 use super::ego_motion::EgoMotion;
 use super::local_map::SearchArea;
 use super::sight::Sight;
+use super::statistics::Sightings;
 use super::{Fix, Tracker, pose};
 use crate::association::{Matches, measurement};
 use crate::sensor::DepthReader;
@@ -38,11 +39,10 @@ impl Tracker {
         if !self.is_starved(&fix) {
             return fix;
         }
-        let Some(regained) = self.regain_map(frame, data, &fix) else {
-            return fix;
-        };
-        self.statistics.refuse();
-        regained
+        match self.regain_map(frame, data, &fix) {
+            Some(regained) => regained,
+            None => fix,
+        }
     }
 
     /// Searches all landmarks around widely, finds the pose that most of them agree on, and searches again from there. None when it is not
@@ -89,6 +89,8 @@ impl Tracker {
             matches,
             matched,
             information,
+            // What was expected from the pose before says nothing.
+            sightings: Sightings::default(),
         })
     }
 
@@ -131,8 +133,6 @@ impl Tracker {
         let Some(start) = motion.by_flow.filter(|_| starved) else {
             return fix;
         };
-        // What should be seen from a pose that the map does not bear out says nothing against landmarks.
-        self.statistics.refuse();
         let mut pairs = motion.pairs.clone();
         self.observer.flow_to_previous(&motion.rest, &mut pairs);
         let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
@@ -144,6 +144,8 @@ impl Tracker {
             matches,
             matched,
             information,
+            // What should be seen from a pose that the map does not bear out says nothing against landmarks.
+            sightings: Sightings::default(),
         }
     }
 

@@ -10,9 +10,11 @@ use stillpoint_map::LandmarkId;
 #[derive(Debug, Default)]
 pub(super) struct Statistics {
     counts: BTreeMap<LandmarkId, LandmarkStatistic>,
-    /// What was seen of landmarks in the present frame from a pose that may still be refused.
-    pending: Vec<(LandmarkId, Seen)>,
 }
+
+/// What was seen of landmarks in one frame, from a pose that may still be refused.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Sightings(Vec<(LandmarkId, Seen)>);
 
 /// What was seen of a landmark.
 #[derive(Clone, Copy, Debug)]
@@ -21,21 +23,23 @@ enum Seen {
     Found,
 }
 
-impl Statistics {
+impl Sightings {
     /// Notes how a landmark looked that was expected in the frame.
     pub(super) fn expected(&mut self, id: LandmarkId, sight: Sight) {
-        self.pending.push((id, Seen::Expected(sight)));
+        self.0.push((id, Seen::Expected(sight)));
     }
 
     /// Notes the landmarks whose matches agree with the pose.
     pub(super) fn found(&mut self, matches: &Matches) {
         let ids = matches.targets.iter().flatten().filter_map(|t| t.landmark);
-        self.pending.extend(ids.map(|id| (id, Seen::Found)));
+        self.0.extend(ids.map(|id| (id, Seen::Found)));
     }
+}
 
-    /// Counts what was noted: the pose of the frame is taken.
-    pub(super) fn count(&mut self) {
-        for (id, seen) in std::mem::take(&mut self.pending) {
+impl Statistics {
+    /// Counts what was seen from a pose that is taken.
+    pub(super) fn count(&mut self, sightings: Sightings) {
+        for (id, seen) in sightings.0 {
             let s = self.of(id);
             match seen {
                 // Of the landmarks that look hidden most are wrong, at the edge of something near: they must prove themselves
@@ -45,11 +49,6 @@ impl Statistics {
                 Seen::Found => s.found += 1,
             }
         }
-    }
-
-    /// Forgets what was noted: the pose that it was noted from is refused.
-    pub(super) fn refuse(&mut self) {
-        self.pending.clear();
     }
 
     /// Hands over all counts, by id, and begins anew.
@@ -80,13 +79,10 @@ mod tests {
             (7, Sight::Hidden),
             (7, Sight::Through),
         ] {
-            statistics.expected(LandmarkId(id), sight);
+            let mut sightings = Sightings::default();
+            sightings.expected(LandmarkId(id), sight);
+            statistics.count(sightings);
         }
-        statistics.count();
-        // From a pose that was refused.
-        statistics.expected(LandmarkId(3), Sight::Through);
-        statistics.refuse();
-        statistics.count();
         let counts = |s: &LandmarkStatistic| (s.id.0, s.visible, s.found, s.gone);
         let taken: Vec<_> = statistics.take().iter().map(counts).collect();
         assert_eq!(taken, [(3, 0, 0, 1), (7, 2, 0, 1)]);

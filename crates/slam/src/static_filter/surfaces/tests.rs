@@ -51,8 +51,9 @@ impl World {
             world_from_depth: Se3::identity(),
             view: &MapView::default(),
         };
-        self.surfaces
-            .update(&self.cells, &self.history, &now, movers, votes);
+        self.surfaces = self
+            .surfaces
+            .next(&self.cells, &self.history, &now, movers, votes);
         let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
         let place = Place {
             reference: KeyframeId(0),
