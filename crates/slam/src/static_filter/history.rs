@@ -39,7 +39,7 @@ impl Snapshot {
 
 /// Where a frame was taken from, as tracking found it.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place {
+pub(crate) struct CapturePose {
     /// The reference keyframe.
     pub(crate) reference: KeyframeId,
     /// The camera relative to it.
@@ -65,7 +65,7 @@ impl History {
         stamp: f64,
         grid: Arc<CoarseDepth>,
         moving: Vec<bool>,
-        place: &Place,
+        place: &CapturePose,
     ) {
         // A clock that jumps back makes everything remembered worthless for comparison by age.
         let jumped = self.last().is_some_and(|s| s.stamp >= stamp);
@@ -129,7 +129,7 @@ mod tests {
     }
 
     fn push(history: &mut History, frame: u32, stamp: f64) {
-        let place = Place {
+        let place = CapturePose {
             reference: KeyframeId(0),
             reference_from_camera: shift(0.1),
             world_from_camera: shift(0.5),

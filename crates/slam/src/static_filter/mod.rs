@@ -19,7 +19,7 @@ mod verdict;
 mod visibility;
 
 pub use config::{FilterSetup, Preset, StaticFilterConfig};
-pub(crate) use history::Place;
+pub(crate) use history::CapturePose;
 pub(crate) use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
@@ -293,7 +293,7 @@ impl StaticFilter {
     }
 
     /// Keeps the frame just judged for later comparison, once its pose is known.
-    pub(crate) fn remember(&mut self, place: &Place) {
+    pub(crate) fn remember(&mut self, place: &CapturePose) {
         if let Some((frame, stamp, grid)) = self.present.take() {
             let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
             self.history.push(frame, stamp, grid, moving, place);

@@ -119,7 +119,7 @@ impl Surfaces {
             return (past, moved_at);
         };
         let pose = last.world_from_depth(now.view).inverse() * now.world_from_depth;
-        let motion = visibility::Motion::new(&pose);
+        let motion = visibility::CellMotion::new(&pose);
         let before = last.grid.data();
         motion.for_each(cells, now.grid.data(), |cell, place, z| {
             let Some(place) = cells.at_place(place, z) else {

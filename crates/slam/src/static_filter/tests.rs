@@ -68,7 +68,7 @@ fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
 /// Judges a frame and finds its pose.
 fn follow(filter: &mut StaticFilter, id: u32) -> Unused {
     judge(filter, id);
-    filter.remember(&Place {
+    filter.remember(&CapturePose {
         reference: KeyframeId(0),
         reference_from_camera: Se3::identity(),
         world_from_camera: Se3::identity(),

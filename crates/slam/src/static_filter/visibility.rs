@@ -31,12 +31,12 @@ pub(super) struct Earlier<'a> {
 }
 
 /// A rigid motion in single precision, for points given by ray and depth.
-pub(super) struct Motion {
+pub(super) struct CellMotion {
     r: [[f32; 3]; 3],
     t: [f32; 3],
 }
 
-impl Motion {
+impl CellMotion {
     pub(super) fn new(pose: &Se3) -> Self {
         let r = pose.rotation_matrix();
         Self {
@@ -87,7 +87,7 @@ pub(super) fn add_evidence(
     evidence: &mut [f32],
 ) {
     let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
-    let motion = Motion::new(&earlier.earlier_from_now);
+    let motion = CellMotion::new(&earlier.earlier_from_now);
     let before = (earlier.grid.data(), earlier.moving);
     motion.for_each(cells, now.data(), |cell, place, z| {
         if let Some(place) = cells.inner_at(place, z) {
@@ -236,7 +236,7 @@ mod tests {
     fn motions_agree_with_rigid_transforms() {
         let turn = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
         let pose = Se3::new(turn, Vec3::new(0.2, -0.1, 0.4));
-        let p = Motion::new(&pose).apply([0.3, -0.2], 2.5);
+        let p = CellMotion::new(&pose).apply([0.3, -0.2], 2.5);
         let exact = pose.transform(&Vec3::new(0.75, -0.5, 2.5));
         for i in 0..3 {
             assert!((f64::from(p[i]) - exact[i]).abs() < 1e-5);

@@ -1,7 +1,7 @@
 //! How the camera moved, before anything is known of what else does.
 
 use super::flow::Guess;
-use super::{Notes, Tracker, motion};
+use super::{Notes, Tracker};
 use crate::association::Matches;
 use crate::event::LostReason;
 use crate::static_filter::FlowPair;
@@ -40,24 +40,6 @@ impl EgoMotion {
 }
 
 impl Tracker {
-    /// Expresses the last pose in the present view, then predicts. Returns the reference keyframe and
-    /// `camera_from_world`.
-    pub(super) fn predict(&mut self, stamp: f64) -> (KeyframeId, Se3) {
-        let Some(last) = &mut self.last else {
-            return (KeyframeId(0), Se3::identity());
-        };
-        if let Some(w) = self.view.world_from_keyframe(last.reference) {
-            last.world_from_camera = w * last.reference_from_camera;
-        }
-        let reference = self
-            .view
-            .resolve_keyframe(last.reference)
-            .unwrap_or(last.reference);
-        let last_from_world = last.world_from_camera.inverse();
-        let predicted = self.motion.predict(&last_from_world, stamp - last.stamp);
-        (reference, predicted)
-    }
-
     /// Finds the camera's motion by flow and by matches to the last frame, from the prediction `predicted`
     /// (`camera_from_world`).
     pub(super) fn estimate_motion(
@@ -68,7 +50,7 @@ impl Tracker {
         predicted: &Se3,
         notes: &mut Notes,
     ) -> Result<EgoMotion, LostReason> {
-        if data.len() < self.config.tracking.min_inliers {
+        if data.len() < self.setup.tracking.min_inliers {
             return Err(LostReason::FewFeatures);
         }
         let (mut pairs, rest) = self.flow(data, predicted);
@@ -80,21 +62,11 @@ impl Tracker {
         self.recheck_flow(data, &mut pairs, &pose);
         Ok(EgoMotion {
             camera_from_world: pose,
-            velocity: self.velocity_to(&pose, frame.stamp),
+            velocity: self.state.motion_to(&pose, frame.stamp).velocity().copied(),
             matches,
             pairs,
             rest,
             by_flow,
         })
-    }
-
-    /// The velocity that a pose of this frame amounts to.
-    fn velocity_to(&self, camera_from_world: &Se3, stamp: f64) -> Option<Vec6> {
-        let last = self.last.as_ref().filter(|_| self.lost_since.is_none())?;
-        motion::velocity(
-            &last.world_from_camera.inverse(),
-            camera_from_world,
-            stamp - last.stamp,
-        )
     }
 }

@@ -1,7 +1,7 @@
 //! Flow: where each feature was in the frame before, and how the camera moved since.
 
+use super::Tracker;
 use super::frame::Observer;
-use super::{LastFrame, Tracker};
 use crate::sensor::DepthReader;
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
@@ -39,8 +39,8 @@ impl Tracker {
         data: &KeyframeData,
         camera_from_world: &Se3,
     ) -> (Vec<Option<FlowPair>>, Vec<Guess>) {
-        let known = |_: &&LastFrame| self.lost_since.is_none() && self.filter.wants_flow();
-        let Some(last) = self.last.as_ref().filter(known) else {
+        let wanted = self.filter.wants_flow();
+        let Some(last) = self.state.tracked().filter(|_| wanted) else {
             return (Vec::new(), Vec::new());
         };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
@@ -60,7 +60,9 @@ impl Tracker {
             .map(guess)
             .partition(|(i, _)| all || data.depth(*i).is_some());
         let mut pairs = vec![None; data.len()];
-        self.observer.flow_to_previous(&wanted, &mut pairs);
+        self.front_end
+            .observer
+            .flow_to_previous(&wanted, &mut pairs);
         (pairs, rest)
     }
 
@@ -72,7 +74,9 @@ impl Tracker {
         pairs: &mut [Option<FlowPair>],
         camera_from_world: &Se3,
     ) {
-        let Some(last) = &self.last else { return };
+        let Some(last) = self.state.last() else {
+            return;
+        };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
         let mut again = Vec::new();
         for (i, pair) in pairs.iter().enumerate() {
@@ -88,7 +92,7 @@ impl Tracker {
                 again.push((i, data.camera.distort(expected)));
             }
         }
-        for ((i, expected), found) in again.iter().zip(self.observer.flow_again(&again)) {
+        for ((i, expected), found) in again.iter().zip(self.front_end.observer.flow_again(&again)) {
             if let Some(found) = found.filter(|f| (f.1 - expected).norm() < RECHECK_PX) {
                 pairs[*i] = Some(found.0);
             }
@@ -105,15 +109,9 @@ impl Tracker {
         predicted: &Se3,
     ) -> Option<Se3> {
         let _span = tracing::info_span!("motion").entered();
-        let last = self.last.as_ref().filter(|_| !pairs.is_empty())?;
+        let last = self.state.last().filter(|_| !pairs.is_empty())?;
         let previous = self.previous.as_ref()?;
-        let reader = DepthReader::new(
-            &self.config.sensor,
-            &data.camera,
-            &previous.depth,
-            None,
-            0.0,
-        );
+        let reader = DepthReader::new(&self.setup.sensor, &data.camera, &previous.depth, None, 0.0);
         let with_depth: Vec<usize> = (0..pairs.len())
             .filter(|i| pairs[*i].is_some() && data.depth(*i).is_some())
             .collect();
@@ -146,7 +144,7 @@ impl Tracker {
             Some(&prior),
             &MotionOptions::default(),
             rng(
-                self.config.seed,
+                self.setup.seed,
                 u64::from(frame.id.0),
                 Purpose::CAMERA_MOTION,
             ),

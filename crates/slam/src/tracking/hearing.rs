@@ -1,11 +1,15 @@
-//! What the tracker hears between frames: detections, views of the map, how much to do, and that a clock was set back.
+//! What the tracker hears between frames: detections, views of the map, how much to do, and that a clock was set back; and what it
+//! can be asked.
 
-use super::Tracker;
+use super::{Submap, Tracker};
 use crate::messages::MapperMsg;
+use crate::sensor::Timing;
+use crate::trajectory::Trajectory;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
 use stillpoint_imaging::FrameId;
 use stillpoint_map::{KeyframeId, MapView};
+use stillpoint_place::PlaceIndex;
 
 impl Tracker {
     /// Takes detections of the frame `next` to come, or late ones. Returns what the mapper is to be told of an earlier keyframe;
@@ -19,58 +23,73 @@ impl Tracker {
             self.filter.receive(detections);
             return None;
         }
-        let keyframe = self.view.keyframe(self.keyframe_id(detections.frame));
+        let keyframe = self
+            .map
+            .view
+            .keyframe(self.map.keyframe_id(detections.frame));
         let data = keyframe.map(|k| Arc::clone(&k.data));
-        let rejudged = self.filter.take_late(&detections, &self.view, data)?;
-        self.grows.then(|| MapperMsg::Rejudge {
-            keyframe: self.keyframe_id(rejudged.frame),
+        let rejudged = self.filter.take_late(&detections, &self.map.view, data)?;
+        self.map.grows.then(|| MapperMsg::Rejudge {
+            keyframe: self.map.keyframe_id(rejudged.frame),
             features: rejudged.features,
         })
-    }
-
-    /// The id of the keyframe that a frame of this run may become.
-    pub(super) fn keyframe_id(&self, frame: FrameId) -> KeyframeId {
-        KeyframeId(self.first_keyframe.saturating_add(frame.0))
     }
 
     /// Keypoints that the last image was asked for: as many as are wanted, and more where few of the image before held on to the map.
     #[must_use]
     pub fn features(&self) -> u32 {
-        self.observer.extractor.wanted() as u32
+        self.front_end.asked() as u32
     }
 
     /// From now on so many keypoints are wanted per image: what is configured at most, and what a configuration may say at least.
     pub fn set_features(&mut self, features: u32) {
-        let most = self.config.features.features;
-        self.demand
-            .set((features as usize).clamp(100.min(most), most));
+        let most = self.setup.features.features;
+        let wanted = (features as usize).clamp(100.min(most), most);
+        self.front_end.want(wanted);
     }
 
     /// Takes a newer view of the map.
     pub fn receive(&mut self, view: Arc<MapView>) {
-        self.view = view;
-        let reference = self.last.as_ref().map(|l| l.reference);
-        let piece = reference.and_then(|r| self.view.piece_of(r));
-        if piece.is_some() && piece != self.piece {
-            // The piece became part of another: what moves was seen in a frame of reference that is no more.
+        self.map.view = view;
+        let reference = self.state.last().map(|l| l.reference);
+        let submap = reference.and_then(|r| self.map.view.piece_of(r));
+        if let Some(id) = submap.filter(|id| self.submap.map(|s| s.id) != Some(*id)) {
+            // The submap became part of another: what moves was seen in a frame of reference that is no more.
             self.filter.forget();
-            (self.piece, self.young) = (piece, None);
+            self.submap = Some(Submap::known(id));
         }
+    }
+
+    /// Takes a newer index of the places in the map.
+    pub fn receive_places(&mut self, index: PlaceIndex<KeyframeId>) {
+        self.map.places.index = index;
+    }
+
+    /// The frames tracked so far.
+    #[must_use]
+    pub fn trajectory(&self) -> &Trajectory {
+        &self.trajectory
+    }
+
+    /// When the parts of a frame are exposed, as estimated so far.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        self.front_end.timing()
+    }
+
+    /// The view in use.
+    #[must_use]
+    pub fn view(&self) -> Arc<MapView> {
+        Arc::clone(&self.map.view)
     }
 
     /// After a clock was set back nothing is known of the time since the frame before: there is no velocity, and what is known
     /// of earlier stamps is brought to the new time, or forgotten where that cannot be done.
     pub(super) fn heed_clock(&mut self, stamp: f64) {
-        let Some(before) = self.previous.as_ref().map(|f| f.stamp) else {
-            return;
-        };
-        if stamp > before {
-            return;
-        }
-        self.motion.forget();
-        self.filter.forget_times();
-        if let Some(last) = &mut self.last {
-            last.stamp += stamp - before;
+        let before = self.previous.as_ref().map(|f| f.stamp);
+        if let Some(before) = before.filter(|before| stamp <= *before) {
+            self.filter.forget_times();
+            self.state.set_clock(stamp - before);
         }
     }
 }

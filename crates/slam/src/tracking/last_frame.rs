@@ -1,6 +1,7 @@
 //! Matches to the last frame, or where that fails to the reference keyframe.
 
-use super::{LastFrame, Tracker, pose};
+use super::state::LastFrame;
+use super::{Tracker, pose};
 use crate::association::{
     Candidate, Matches, candidates_of, match_by_descriptor, match_by_projection, measurement,
 };
@@ -24,16 +25,16 @@ impl Tracker {
         reference: KeyframeId,
         predicted: &Se3,
     ) -> Result<(Matches, Se3), LostReason> {
-        let Some(last) = &self.last else {
+        let Some(last) = self.state.last() else {
             return Err(LostReason::FewMatches);
         };
-        let min_inliers = self.config.tracking.min_inliers.min(20);
-        let bounds = self.observer.bounds();
+        let min_inliers = self.setup.tracking.min_inliers.min(20);
+        let bounds = self.front_end.observer.bounds();
         let candidates = {
             let _span = tracing::info_span!("match").entered();
             self.last_frame_points(last)
         };
-        let radius = self.config.tracking.motion_radius as f32;
+        let radius = self.setup.tracking.motion_radius as f32;
         for radius in [radius, 3.0 * radius] {
             let matches = {
                 let _span = tracing::info_span!("match").entered();
@@ -58,11 +59,11 @@ impl Tracker {
         reference: KeyframeId,
     ) -> Option<(Matches, Se3)> {
         let mut ids = vec![reference];
-        if let Some(k) = self.view.keyframe(reference) {
+        if let Some(k) = self.map.view.keyframe(reference) {
             ids.extend(k.covisible.iter().take(COVISIBLE).map(|c| c.0));
         }
-        let piece = self.view.piece_of(reference);
-        let of_piece = self.view.keyframes().filter(|k| Some(k.piece) == piece);
+        let piece = self.map.view.piece_of(reference);
+        let of_piece = self.map.view.keyframes().filter(|k| Some(k.piece) == piece);
         let newest: Vec<KeyframeId> = of_piece.map(|k| k.id).collect();
         ids.extend(newest.iter().rev().take(NEWEST));
         let mut tried: Vec<KeyframeId> = Vec::new();
@@ -72,6 +73,7 @@ impl Tracker {
             }
             tried.push(id);
             let found = self
+                .map
                 .view
                 .keyframe(id)
                 .and_then(|k| self.match_keyframe(data, k));
@@ -84,10 +86,10 @@ impl Tracker {
 
     /// Matches to one keyframe by descriptor, finds the pose by RANSAC, and refines it.
     fn match_keyframe(&self, data: &KeyframeData, keyframe: &Keyframe) -> Option<(Matches, Se3)> {
-        let min_inliers = self.config.tracking.min_inliers.min(20);
+        let min_inliers = self.setup.tracking.min_inliers.min(20);
         let (matches, votes) = {
             let _span = tracing::info_span!("match").entered();
-            let candidates = candidates_of(&self.view, keyframe);
+            let candidates = candidates_of(&self.map.view, keyframe);
             let matches = match_by_descriptor(data, &keyframe.data, &candidates);
             let camera_from_world = keyframe.world_from_camera.inverse();
             let votes: Vec<MotionPair> = matches
@@ -113,7 +115,7 @@ impl Tracker {
             None,
             &MotionOptions::default(),
             rng(
-                self.config.seed,
+                self.setup.seed,
                 u64::from(keyframe.id.0),
                 Purpose::RELOCALISATION,
             ),
@@ -126,11 +128,11 @@ impl Tracker {
     /// The points that the last frame saw: landmarks, and where there is none the point behind its depth. The latter
     /// are there at once, so a map view that comes late costs nothing.
     fn last_frame_points(&self, last: &LastFrame) -> Vec<Candidate> {
-        let close = self.config.sensor.close_depth;
+        let close = self.setup.sensor.close_depth;
         let point = |i: usize| {
-            let landmark = last.matches[i].and_then(|id| self.view.resolve_landmark(id));
+            let landmark = last.matches[i].and_then(|id| self.map.view.resolve_landmark(id));
             let position = match landmark {
-                Some(id) => self.view.landmark_position(id)?,
+                Some(id) => self.map.view.landmark_position(id)?,
                 None => {
                     last.data.depth(i).filter(|z| *z < close)?;
                     last.world_from_camera

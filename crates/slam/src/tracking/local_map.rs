@@ -72,23 +72,24 @@ impl Tracker {
         counts: &mut FrameCounts,
     ) -> (KeyframeId, Matches, Sightings) {
         let _span = tracing::info_span!("match").entered();
-        let reference = self.local_map.update(&self.view, reference, &matches);
+        let reference = self.map.local.update(&self.map.view, reference, &matches);
         let area = SearchArea {
-            bounds: self.observer.bounds(),
-            level_sigmas: self.observer.level_sigmas(),
-            radius_px: self.config.tracking.local_radius as f32,
+            bounds: self.front_end.observer.bounds(),
+            level_sigmas: self.front_end.observer.level_sigmas(),
+            radius_px: self.setup.tracking.local_radius as f32,
         };
         let sight = DepthSight {
             camera: &data.camera,
             image: &frame.depth,
-            noise: self.config.sensor.noise(),
+            noise: self.setup.sensor.noise(),
         };
-        let use_sight = self.config.filter.filter.preset != Preset::Off;
+        let use_sight = self.setup.filter.filter.preset != Preset::Off;
         let look = |p: &Vec3| if use_sight { sight.of(p) } else { Sight::Open };
         let pose = &motion.camera_from_world;
         let mut sightings = Sightings::default();
         let search = self
-            .local_map
+            .map
+            .local
             .search(data, pose, &area, &mut matches, look, |id, sight| {
                 sightings.expected(id, sight);
             });

@@ -7,8 +7,10 @@ mod demand;
 mod ego_motion;
 mod flow;
 mod frame;
+mod front_end;
 mod hearing;
 mod keyframe;
+mod known_map;
 mod last_frame;
 mod local_map;
 mod motion;
@@ -18,31 +20,30 @@ mod relocalise;
 mod self_calibration;
 mod sight;
 mod starved;
+mod state;
 mod statistics;
 
 pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
 
 use crate::association::Matches;
-use crate::event::{FrameCounts, LostReason, Outcome};
+use crate::event::{FrameCounts, LostReason};
 use crate::evidence::{Cells, Evidence};
 use crate::messages::Tracked;
-use crate::sensor::{SensorConfig, Timing};
+use crate::sensor::SensorConfig;
 use crate::static_filter::{FeatureVerdict, FilterSetup, FrameInput, Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
-use demand::Demand;
 use ego_motion::EgoMotion;
-use frame::Observer;
-use local_map::LocalMap;
-use motion::Motion;
-use relocalise::Places;
-use self_calibration::SelfCalibration;
-use statistics::{Sightings, Statistics};
+use front_end::FrontEnd;
+use known_map::{KnownMap, Submap};
+use outcome::SinceKeyframe;
+use state::State;
+use statistics::Sightings;
 use std::sync::Arc;
 use stillpoint_features::OrbConfig;
-use stillpoint_geometry::{Camera, Mat6, Se3, Vec6};
-use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId};
+use stillpoint_geometry::{Camera, Mat6, Se3};
+use stillpoint_imaging::{RgbdFrame, Simd};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
 
 /// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
@@ -61,46 +62,18 @@ pub struct TrackerSetup {
     pub seed: u64,
 }
 
-/// The last frame whose pose is known.
-struct LastFrame {
-    stamp: f64,
-    data: Arc<KeyframeData>,
-    matches: Vec<Option<LandmarkId>>,
-    reference: KeyframeId,
-    reference_from_camera: Se3,
-    /// The pose in the view of that time; used until the view holds the reference keyframe.
-    world_from_camera: Se3,
-}
-
 /// Tracks the camera, frame by frame.
 pub struct Tracker {
-    config: TrackerSetup,
-    observer: Observer,
-    demand: Demand,
+    setup: TrackerSetup,
+    front_end: FrontEnd,
     filter: StaticFilter,
-    view: Arc<MapView>,
-    motion: Motion,
-    calibration: SelfCalibration,
-    last: Option<LastFrame>,
+    map: KnownMap,
+    state: State,
+    /// The submap that the last pose was in.
+    submap: Option<Submap>,
+    since_keyframe: SinceKeyframe,
     /// The frame before, whatever became of it.
     previous: Option<Arc<RgbdFrame>>,
-    local_map: LocalMap,
-    /// What is around, where the local map is looked for again.
-    surroundings: LocalMap,
-    lost_since: Option<FrameId>,
-    places: Places,
-    /// The piece of map that the last pose was in.
-    piece: Option<PieceId>,
-    /// Whether frames become keyframes and new pieces are begun; else the map is only read.
-    grows: bool,
-    /// Keyframes of a piece that is not the first one, until it has [`YOUNG_KEYFRAMES`].
-    young: Option<u32>,
-    /// Frames of the present loss that showed enough to begin a map.
-    unplaced: u32,
-    /// Keyframe ids count on from here: below are those of a map that was there before.
-    first_keyframe: u32,
-    last_keyframe: Option<FrameId>,
-    statistics: Statistics,
     trajectory: Trajectory,
 }
 
@@ -135,34 +108,24 @@ struct Solution {
     reference: KeyframeId,
     matches: Vec<Option<LandmarkId>>,
     sightings: Sightings,
+    /// The keyframe whose place was recognised, where the camera was not just followed.
+    recognised: Option<KeyframeId>,
 }
 
 impl Tracker {
     /// A tracker for one camera.
     #[must_use]
     pub fn new(setup: impl Into<TrackerSetup>, camera: Camera, simd: Simd) -> Self {
-        let config = setup.into();
+        let setup = setup.into();
         Self {
-            calibration: SelfCalibration::new(config.sensor.timing()),
-            filter: StaticFilter::new(config.filter.clone(), &camera),
-            observer: Observer::new(camera, config.sensor.clone(), &config.features, simd),
-            demand: Demand::new(config.features.features),
-            config,
-            view: Arc::default(),
-            motion: Motion::default(),
-            last: None,
+            front_end: FrontEnd::new(&setup, camera, simd),
+            filter: StaticFilter::new(setup.filter.clone(), &camera),
+            setup,
+            map: KnownMap::new(Arc::default(), true),
+            state: State::default(),
+            submap: None,
+            since_keyframe: SinceKeyframe::default(),
             previous: None,
-            local_map: LocalMap::default(),
-            surroundings: LocalMap::default(),
-            lost_since: None,
-            places: Places::default(),
-            piece: None,
-            grows: true,
-            young: None,
-            unplaced: 0,
-            first_keyframe: 0,
-            last_keyframe: None,
-            statistics: Statistics::default(),
             trajectory: Trajectory::default(),
         }
     }
@@ -170,78 +133,42 @@ impl Tracker {
     /// The tracker in a map that is there already: it is lost until it recognises a place. Unless the map `grows`, it is only read.
     #[must_use]
     pub fn in_map(mut self, view: Arc<MapView>, grows: bool) -> Self {
-        self.first_keyframe = view.keyframe_bound() as u32;
-        self.view = view;
-        self.grows = grows;
+        self.map = KnownMap::new(view, grows);
         self
-    }
-
-    /// The frames tracked so far.
-    #[must_use]
-    pub fn trajectory(&self) -> &Trajectory {
-        &self.trajectory
-    }
-
-    /// When the parts of a frame are exposed, as estimated so far.
-    #[must_use]
-    pub fn timing(&self) -> Timing {
-        *self.calibration.timing()
-    }
-
-    /// The view in use.
-    #[must_use]
-    pub fn view(&self) -> Arc<MapView> {
-        Arc::clone(&self.view)
     }
 
     /// Tracks a frame.
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
         self.heed_clock(frame.stamp);
-        let tracked = self.track_frame(frame);
-        self.previous = Some(Arc::clone(frame));
-        tracked
-    }
-
-    fn track_frame(&mut self, frame: &RgbdFrame) -> Tracked {
         let mut notes = Notes::default();
         let data = self.observe(frame, &mut notes);
-        if self.last.is_none() && self.view.keyframe_count() == 0 && self.grows {
-            return self.initialise(frame, &data, notes);
-        }
-        let reason = match self.locate(frame, &data, &mut notes) {
-            Ok(solution) => {
-                let outcome = match self.lost_since {
-                    None => Outcome::Tracked,
-                    Some(since) => Outcome::Relocalised {
-                        since,
-                        with: solution.reference,
-                    },
-                };
-                return self.accept(frame, notes, solution, outcome);
+        let ending = if self.is_first() {
+            self.begin_submap(frame, &data, &mut notes)
+        } else {
+            let followed = self.locate(frame, &data, &mut notes);
+            match followed.or_else(|reason| self.relocalise(frame, &data, reason, &mut notes)) {
+                Ok(solution) => self.accept(frame, solution, &notes),
+                Err(reason) => self.give_up(frame, &data, reason, &mut notes),
             }
-            Err(reason) => reason,
         };
-        if let Some((with, solution)) = self.relocalise(frame, &data, &mut notes) {
-            let since = self.lost_since.unwrap_or(frame.id);
-            let outcome = Outcome::Relocalised { since, with };
-            return self.accept(frame, notes, solution, outcome);
-        }
-        if self.is_piece_due(frame.stamp, &notes) {
-            self.leave_piece(&mut notes);
-            return self.initialise(frame, &data, notes);
-        }
-        self.lose(frame, notes, reason)
+        self.previous = Some(Arc::clone(frame));
+        self.conclude(frame, notes, ending)
     }
 
-    /// Finds the pose from what stands still of the features `data`.
+    /// Whether there is nothing yet that a frame could be tracked in.
+    fn is_first(&self) -> bool {
+        self.state.last().is_none() && self.map.is_empty() && self.map.grows
+    }
+
+    /// Finds the pose from what stands still of the features `data`, following the camera from the frame before.
     fn locate(
         &mut self,
         frame: &RgbdFrame,
         data: &KeyframeData,
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
-        let (reference, predicted) = self.predict(frame.stamp);
+        let (reference, predicted) = self.state.predict(&self.map.view, frame.stamp);
         let motion = self.estimate_motion(frame, data, reference, &predicted, notes)?;
         self.settle(frame, data, reference, &motion, notes)
     }
@@ -262,18 +189,12 @@ impl Tracker {
         let fix = self.refine(&data, reference, motion, matches, sightings);
         let fix = self.regain_map_when_starved(frame.id, &data, fix);
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
-        self.conclude(data, reference, fix, notes)
+        self.confirm(data, reference, fix, notes)
     }
 
     /// Extracts the features of a frame and reads their depths.
     fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
-        let wanted = self.demand.next(self.config.tracking.min_inliers);
-        self.observer.extractor.set_wanted(wanted);
-        self.observer.extract(frame);
-        let velocity = self.motion.velocity();
-        let data = self
-            .observer
-            .measure(frame, velocity, self.calibration.timing(), None);
+        let data = self.front_end.observe(frame, self.state.velocity());
         // What is said of a frame that gives no pose: nothing against any feature.
         let kept = data
             .keypoints
@@ -288,14 +209,16 @@ impl Tracker {
     /// Asks the static filter about the features `data` of a frame.
     fn judge(&self, frame: &RgbdFrame, data: &KeyframeData, motion: &EgoMotion, notes: &mut Notes) {
         let features: Vec<[f32; 2]> = data.keypoints.iter().map(|k| [k.x, k.y]).collect();
-        let last = self.last.as_ref().map(|l| l.world_from_camera);
+        let last = self.state.last().map(|l| l.world_from_camera);
         let world_from_camera = motion.camera_from_world.inverse();
         let filter = notes.filter.as_ref().unwrap_or(&self.filter);
         let (judgement, next) = filter.judge(&FrameInput {
             frame,
-            view: &self.view,
+            view: &self.map.view,
             world_from_camera,
-            camera_from_depth: self.camera_from_depth(frame, motion.velocity.as_ref()),
+            camera_from_depth: self
+                .front_end
+                .camera_from_depth(frame, motion.velocity.as_ref()),
             features: &features,
             depths: &data.depths,
             pairs: &motion.pairs,
@@ -317,9 +240,7 @@ impl Tracker {
     ) -> (Arc<KeyframeData>, Matches) {
         let verdicts = &notes.judgement.verdicts;
         let velocity = motion.velocity.as_ref();
-        let data =
-            self.observer
-                .measure(frame, velocity, self.calibration.timing(), Some(verdicts));
+        let data = self.front_end.measure(frame, velocity, Some(verdicts));
         let kept = verdicts.iter().map(|v| !v.dynamic);
         (data, motion.matches.select(kept))
     }
@@ -337,13 +258,10 @@ impl Tracker {
         let start = &motion.camera_from_world;
         let (matches, pose, information) = pose::solve_with_information(data, start, matches);
         sightings.found(&matches);
-        let wanted = self.config.sensor.self_calibrate;
-        if let Some(v) = motion.velocity.filter(|_| wanted) {
-            self.calibration
-                .learn(&self.observer, data, &matches, &pose, &v);
-        }
+        self.front_end
+            .learn(data, &matches, &pose, motion.velocity.as_ref());
         // Until the first view of a new piece of map arrives, the last frame's own points are what there is to track.
-        let inliers = if self.view.resolve_keyframe(reference).is_none() {
+        let inliers = if self.map.view.resolve_keyframe(reference).is_none() {
             matches.count
         } else {
             matches.landmarks()
@@ -359,7 +277,7 @@ impl Tracker {
     }
 
     /// Takes the pose if enough speaks for it.
-    fn conclude(
+    fn confirm(
         &self,
         data: Arc<KeyframeData>,
         reference: KeyframeId,
@@ -375,7 +293,7 @@ impl Tracker {
             information: Some(fix.information),
             ..notes.evidence
         };
-        if fix.inliers < self.config.tracking.min_inliers {
+        if fix.inliers < self.setup.tracking.min_inliers {
             return Err(LostReason::FewInliers);
         }
         Ok(Solution {
@@ -384,12 +302,7 @@ impl Tracker {
             reference,
             matches: targets.iter().map(|t| t.and_then(|t| t.landmark)).collect(),
             sightings: fix.sightings,
+            recognised: None,
         })
-    }
-
-    /// The camera's motion from the depth image's exposure to the colour image's.
-    fn camera_from_depth(&self, frame: &RgbdFrame, velocity: Option<&Vec6>) -> Se3 {
-        let dt = frame.depth_stamp - frame.stamp - self.calibration.timing().depth_delay;
-        velocity.map_or(Se3::identity(), |v| Se3::exp(&(v * dt)).inverse())
     }
 }

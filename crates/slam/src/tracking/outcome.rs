@@ -1,16 +1,19 @@
 //! What becomes of a frame: it begins a map, its pose is taken, or it is lost.
 
 use super::ego_motion::EgoMotion;
-use super::{LastFrame, Notes, Solution, Tracker};
+use super::motion::ConstantVelocity;
+use super::state::{LastFrame, State};
+use super::statistics::Statistics;
+use super::{Notes, Solution, Submap, Tracker};
 use crate::event::{FrameReport, LostReason, Outcome};
 use crate::evidence::Cells;
 use crate::messages::{NewKeyframe, Tracked};
-use crate::static_filter::Place;
+use crate::static_filter::CapturePose;
 use crate::trajectory::TrajectoryEntry;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, PieceId};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{KeyframeData, LandmarkId, PieceId};
 
 /// Keyframes that a piece of map gets early, whether they are needed or not: only keyframes are compared with the places of other
 /// pieces, and it takes some in a row to be recognised.
@@ -18,130 +21,131 @@ const YOUNG_KEYFRAMES: u32 = 5;
 /// Frames between these.
 const YOUNG_GAP: u32 = 10;
 
+/// How the way of a frame ends.
+pub(super) struct Ending {
+    outcome: Outcome,
+    /// Where it was taken from; none when it is lost.
+    place: Option<CapturePose>,
+    keyframe: Option<NewKeyframe>,
+}
+
+impl Ending {
+    pub(super) fn lost(since: FrameId, reason: LostReason) -> Self {
+        Self {
+            outcome: Outcome::Lost { since, reason },
+            place: None,
+            keyframe: None,
+        }
+    }
+}
+
+/// What has happened since the last keyframe.
+#[derive(Default)]
+pub(super) struct SinceKeyframe {
+    /// The frame that became it.
+    frame: Option<FrameId>,
+    /// How often landmarks were expected, found and seen through.
+    statistics: Statistics,
+}
+
 impl Tracker {
-    /// Begins a map, or a piece of one, with a frame that has enough depth.
-    pub(super) fn initialise(
+    /// Begins a map, or a submap, with a frame that has enough depth.
+    pub(super) fn begin_submap(
         &mut self,
         frame: &RgbdFrame,
         data: &KeyframeData,
-        mut notes: Notes,
-    ) -> Tracked {
-        let pose = Se3::identity();
-        self.judge(frame, data, &EgoMotion::unknown(), &mut notes);
-        let timing = self.calibration.timing();
-        let data = self
-            .observer
-            .measure(frame, None, timing, Some(&notes.judgement.verdicts));
-        let counts = &notes.counts;
-        if (counts.with_depth as usize) < self.config.tracking.min_initial_points {
-            let few = (counts.keypoints as usize) < self.config.tracking.min_initial_points;
-            let reason = if few {
+        notes: &mut Notes,
+    ) -> Ending {
+        self.judge(frame, data, &EgoMotion::unknown(), notes);
+        let verdicts = Some(&*notes.judgement.verdicts);
+        let data = self.front_end.measure(frame, None, verdicts);
+        let (counts, enough) = (&notes.counts, self.setup.tracking.min_initial_points);
+        if (counts.with_depth as usize) < enough {
+            let reason = if (counts.keypoints as usize) < enough {
                 LostReason::FewFeatures
             } else {
                 LostReason::FewDepths
             };
-            return self.lose(frame, notes, reason);
+            return Ending::lost(self.state.lose(frame.id), reason);
         }
         let inliers = counts.with_depth;
-        self.keep_filter(&mut notes);
         // The pose is what the frame is said to have: all points agree with it.
         (notes.evidence.matched, notes.evidence.agreed) = (inliers, inliers);
         notes.evidence.cells = Cells::of(&data, |i| data.depths[i] > 0.0);
-        let id = self.keyframe_id(frame.id);
-        let matches = vec![None; data.len()];
-        self.remember(frame, &data, matches.clone(), id, Se3::identity(), pose);
-        self.filter.remember(&Place {
+        let id = self.map.keyframe_id(frame.id);
+        let place = CapturePose {
             reference: id,
             reference_from_camera: Se3::identity(),
-            world_from_camera: pose,
+            world_from_camera: Se3::identity(),
             camera_from_depth: Se3::identity(),
+        };
+        let matches = vec![None; data.len()];
+        self.submap = Some(Submap {
+            id: PieceId(id.0),
+            young: (!self.map.is_empty()).then_some(1),
         });
-        self.last_keyframe = Some(frame.id);
-        self.lost_since = None;
-        self.unplaced = 0;
-        self.piece = Some(PieceId(id.0));
-        self.young = (self.view.keyframe_count() > 0).then_some(1);
-        self.trajectory.push(TrajectoryEntry {
-            frame: frame.id,
-            stamp: frame.stamp,
-            reference: id,
-            reference_from_camera: Se3::identity(),
-            online_world_from_camera: pose,
-            inliers,
-        });
+        self.since_keyframe.frame = Some(frame.id);
+        self.write_down(frame, &place, inliers);
+        let motion = ConstantVelocity::default();
+        self.follow_from(frame, &data, &matches, &place, motion);
         let keyframe = NewKeyframe {
             id,
             data,
             reference: None,
-            reference_from_camera: pose,
+            reference_from_camera: place.reference_from_camera,
             matches,
             statistics: Vec::new(),
         };
-        let outcome = Outcome::Initialised;
-        self.tell(frame, outcome, Some(pose), notes, Some(keyframe))
+        Ending {
+            outcome: Outcome::Initialised,
+            place: Some(place),
+            keyframe: Some(keyframe),
+        }
     }
 
     /// Takes a pose: motion model, trajectory, keyframe decision.
     pub(super) fn accept(
         &mut self,
         frame: &RgbdFrame,
-        mut notes: Notes,
         solution: Solution,
-        outcome: Outcome,
-    ) -> Tracked {
-        self.keep_filter(&mut notes);
-        let counts = &notes.counts;
-        let Solution {
-            data,
-            camera_from_world,
-            reference,
-            matches,
-            sightings,
-        } = solution;
-        self.statistics.count(sightings);
+        notes: &Notes,
+    ) -> Ending {
+        let outcome = match (self.state.lost_since(), solution.recognised) {
+            (None, None) => Outcome::Tracked,
+            (since, with) => Outcome::Relocalised {
+                since: since.unwrap_or(frame.id),
+                with: with.unwrap_or(solution.reference),
+            },
+        };
+        let camera_from_world = &solution.camera_from_world;
+        let motion = match outcome {
+            Outcome::Tracked => self.state.motion_to(camera_from_world, frame.stamp),
+            // From where it was lost to where it was found again it did not move like that.
+            _ => ConstantVelocity::default(),
+        };
+        self.since_keyframe.statistics.count(solution.sightings);
+        let (view, reference) = (&self.map.view, solution.reference);
+        if let Some(id) = view.piece_of(reference)
+            && self.submap.map(|s| s.id) != Some(id)
+        {
+            self.submap = Some(Submap::known(id));
+        }
         let world_from_camera = camera_from_world.inverse();
-        match &self.last {
-            Some(last) if self.lost_since.is_none() && outcome == Outcome::Tracked => {
-                self.motion.learn(
-                    &last.world_from_camera.inverse(),
-                    &camera_from_world,
-                    frame.stamp - last.stamp,
-                )
-            }
-            _ => self.motion.forget(),
-        }
-        self.lost_since = None;
-        self.unplaced = 0;
-        let piece = self.view.piece_of(reference).or(self.piece);
-        if piece != self.piece {
-            (self.piece, self.young) = (piece, None);
-        }
-        let world_from_reference = self.view.world_from_keyframe(reference).unwrap_or_default();
-        let reference_from_camera = world_from_reference.inverse() * world_from_camera;
-        self.trajectory.push(TrajectoryEntry {
-            frame: frame.id,
-            stamp: frame.stamp,
+        let world_from_reference = view.world_from_keyframe(reference).unwrap_or_default();
+        let place = CapturePose {
             reference,
-            reference_from_camera,
-            online_world_from_camera: world_from_camera,
-            inliers: counts.inliers,
-        });
-        self.filter.remember(&Place {
-            reference,
-            reference_from_camera,
+            reference_from_camera: world_from_reference.inverse() * world_from_camera,
             world_from_camera,
-            camera_from_depth: self.camera_from_depth(frame, self.motion.velocity()),
-        });
-        let keyframe = self.make_keyframe(frame, &data, reference, reference_from_camera, &matches);
-        self.remember(
-            frame,
-            &data,
-            matches,
-            reference,
-            reference_from_camera,
-            world_from_camera,
-        );
-        self.tell(frame, outcome, Some(world_from_camera), notes, keyframe)
+            camera_from_depth: self.front_end.camera_from_depth(frame, motion.velocity()),
+        };
+        self.write_down(frame, &place, notes.counts.inliers);
+        let keyframe = self.make_keyframe(frame, &solution.data, &solution.matches, &place);
+        self.follow_from(frame, &solution.data, &solution.matches, &place, motion);
+        Ending {
+            outcome,
+            place: Some(place),
+            keyframe,
+        }
     }
 
     /// The frame as a new keyframe, when one is due.
@@ -149,121 +153,113 @@ impl Tracker {
         &mut self,
         frame: &RgbdFrame,
         data: &Arc<KeyframeData>,
-        reference: KeyframeId,
-        reference_from_camera: Se3,
         matches: &[Option<LandmarkId>],
+        place: &CapturePose,
     ) -> Option<NewKeyframe> {
         let _span = tracing::info_span!("keyframe").entered();
-        if !self.grows {
+        if !self.map.grows {
             return None;
         }
-        let gap = self
-            .last_keyframe
-            .map_or(u32::MAX, |id| frame.id.0.saturating_sub(id.0));
-        let config = &self.config.keyframes;
-        let of_reference = self.view.keyframe(reference)?;
-        let needed = gap >= config.min_gap
-            && config.is_due(
-                &self.view,
-                of_reference,
-                data,
-                matches,
-                self.config.sensor.close_depth,
-            );
-        let young = self.young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_GAP;
-        if !needed && !young {
+        let since = |id: FrameId| frame.id.0.saturating_sub(id.0);
+        let gap = self.since_keyframe.frame.map_or(u32::MAX, since);
+        let (config, view) = (&self.setup.keyframes, &self.map.view);
+        let of_reference = view.keyframe(place.reference)?;
+        let close_depth = self.setup.sensor.close_depth;
+        let needed =
+            gap >= config.min_gap && config.is_due(view, of_reference, data, matches, close_depth);
+        let young = self.submap.and_then(|s| s.young);
+        let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_GAP;
+        if !needed && !early {
             return None;
         }
-        self.young = self.young.map(|n| n.saturating_add(1));
-        self.last_keyframe = Some(frame.id);
+        if let Some(submap) = &mut self.submap {
+            submap.young = young.map(|n| n.saturating_add(1));
+        }
+        self.since_keyframe.frame = Some(frame.id);
         Some(NewKeyframe {
-            id: self.keyframe_id(frame.id),
+            id: self.map.keyframe_id(frame.id),
             data: Arc::clone(data),
-            reference: Some(reference),
-            reference_from_camera,
+            reference: Some(place.reference),
+            reference_from_camera: place.reference_from_camera,
             matches: matches.to_vec(),
-            statistics: self.statistics.take(),
+            statistics: self.since_keyframe.statistics.take(),
         })
     }
 
-    /// Keeps the frame as the last one with a pose.
-    fn remember(
-        &mut self,
-        frame: &RgbdFrame,
-        data: &Arc<KeyframeData>,
-        matches: Vec<Option<LandmarkId>>,
-        reference: KeyframeId,
-        reference_from_camera: Se3,
-        world_from_camera: Se3,
-    ) {
-        self.last = Some(LastFrame {
+    /// Appends the frame to the trajectory.
+    fn write_down(&mut self, frame: &RgbdFrame, place: &CapturePose, inliers: u32) {
+        self.trajectory.push(TrajectoryEntry {
+            frame: frame.id,
             stamp: frame.stamp,
-            data: Arc::clone(data),
-            matches,
-            reference,
-            reference_from_camera,
-            world_from_camera,
+            reference: place.reference,
+            reference_from_camera: place.reference_from_camera,
+            online_world_from_camera: place.world_from_camera,
+            inliers,
         });
     }
 
-    /// Notes that the frame gave no pose.
-    pub(super) fn lose(
+    /// Follows the camera from this frame on.
+    fn follow_from(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &Arc<KeyframeData>,
+        matches: &[Option<LandmarkId>],
+        place: &CapturePose,
+        motion: ConstantVelocity,
+    ) {
+        let last = LastFrame {
+            stamp: frame.stamp,
+            data: Arc::clone(data),
+            matches: matches.to_vec(),
+            reference: place.reference,
+            reference_from_camera: place.reference_from_camera,
+            world_from_camera: place.world_from_camera,
+        };
+        self.state = State::Tracking { last, motion };
+    }
+
+    /// Ends the frame, whatever became of it, and says what did.
+    pub(super) fn conclude(
         &mut self,
         frame: &RgbdFrame,
         mut notes: Notes,
-        reason: LostReason,
+        ending: Ending,
     ) -> Tracked {
-        // What the filter saw counts, though no pose came of it: detections that it used are used up.
-        self.keep_filter(&mut notes);
-        self.motion.forget();
-        let since = *self.lost_since.get_or_insert(frame.id);
-        let outcome = Outcome::Lost { since, reason };
-        self.tell(frame, outcome, None, notes, None)
-    }
-
-    /// Takes the static filter as of this frame for the next one.
-    fn keep_filter(&mut self, notes: &mut Notes) {
-        if let Some(filter) = notes.filter.take() {
-            self.filter = filter;
-        }
-    }
-
-    /// Says what became of the frame, which ends here.
-    fn tell(
-        &mut self,
-        frame: &RgbdFrame,
-        outcome: Outcome,
-        world_from_camera: Option<Se3>,
-        mut notes: Notes,
-        keyframe: Option<NewKeyframe>,
-    ) -> Tracked {
-        let has_map = self.view.keyframe_count() > 0;
-        let agreed = match outcome {
+        let has_map = !self.map.is_empty();
+        let agreed = match ending.outcome {
             Outcome::Initialised => None,
             _ => has_map.then_some(notes.counts.inliers),
         };
-        self.demand.hear(agreed);
+        self.front_end.hear(agreed);
+        // What the filter saw counts also where no pose came of it: detections that it used are used up.
+        if let Some(filter) = notes.filter {
+            self.filter = filter;
+        }
+        if let Some(place) = &ending.place {
+            self.filter.remember(place);
+        }
         let unused = self.filter.end_frame();
         notes.counts.detections_too_late = unused.too_late;
         notes.counts.detections_without_pose = unused.without_pose;
+        notes.evidence.has_map = has_map;
+        let submap = self.submap.filter(|_| ending.place.is_some());
         let report = FrameReport {
             frame: frame.id,
             stamp: frame.stamp,
-            outcome,
-            world_from_camera,
+            outcome: ending.outcome,
+            world_from_camera: ending.place.map(|p| p.world_from_camera),
             verdicts: notes.judgement.verdicts,
             objects: notes.judgement.objects,
             segments: notes.judgement.segments,
             counts: notes.counts,
-            is_keyframe: keyframe.is_some(),
-            piece: self.piece.filter(|_| world_from_camera.is_some()),
-            map_version: self.view.version(),
+            is_keyframe: ending.keyframe.is_some(),
+            piece: submap.map(|s| s.id),
+            map_version: self.map.view.version(),
         };
-        notes.evidence.has_map = has_map;
         Tracked {
             report,
             evidence: notes.evidence,
-            keyframe,
+            keyframe: ending.keyframe,
         }
     }
 }

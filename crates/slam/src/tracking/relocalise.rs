@@ -1,15 +1,17 @@
 //! Relocalisation: where the camera is when nothing is known of it, and what becomes of it when that is not found either.
 
 use super::ego_motion::EgoMotion;
-use super::{LastFrame, Notes, Solution, Tracker, pose};
+use super::outcome::Ending;
+use super::state::LastFrame;
+use super::{Notes, Solution, Tracker, pose};
 use crate::association::{Target, candidates_of, match_by_descriptor, measurement};
+use crate::event::LostReason;
 use std::sync::Arc;
 use stillpoint_estimation::{
     AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
 };
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
-use stillpoint_place::{PlaceIndex, Vocabulary};
 
 /// Keyframes that look most alike and are looked into. Neighbours look alike as well, so that these are two or three places.
 const CANDIDATES: usize = 6;
@@ -25,41 +27,22 @@ const REACH_M_S: f64 = 3.0;
 /// Time to recognise another piece of map, once the camera can be there, s.
 const RECOGNISED_S: f64 = 0.5;
 
-/// The places that can be recognised.
-pub(super) struct Places {
-    vocabulary: Vocabulary,
-    index: PlaceIndex<KeyframeId>,
-}
-
-impl Default for Places {
-    fn default() -> Self {
-        Self {
-            vocabulary: Vocabulary::embedded(),
-            index: PlaceIndex::default(),
-        }
-    }
-}
-
 impl Tracker {
-    /// Takes a newer index of the places in the map.
-    pub fn receive_places(&mut self, index: PlaceIndex<KeyframeId>) {
-        self.places.index = index;
-    }
-
     /// Looks for the camera in the whole map: candidates by place, a pose from three points of each by RANSAC, then all that
-    /// tracking does with a first pose. Returns the keyframe that was recognised along with the pose.
+    /// tracking does with a first pose. Else `reason` stays the reason why there is no pose.
     pub(super) fn relocalise(
         &mut self,
         frame: &RgbdFrame,
         data: &KeyframeData,
+        reason: LostReason,
         notes: &mut Notes,
-    ) -> Option<(KeyframeId, Solution)> {
-        let min_inliers = self.config.tracking.min_relocalisation_inliers;
+    ) -> Result<Solution, LostReason> {
+        let min_inliers = self.setup.tracking.min_relocalisation_inliers;
         if data.len() < min_inliers {
-            return None;
+            return Err(reason);
         }
         for candidate in self.recognise(data) {
-            let view = Arc::clone(&self.view);
+            let view = Arc::clone(&self.map.view);
             let Some(keyframe) = view.keyframe(candidate) else {
                 continue;
             };
@@ -68,7 +51,7 @@ impl Tracker {
             };
             // What is noted on the way to a pose that is refused goes with it.
             let mut tried = notes.clone();
-            if self.piece != Some(keyframe.piece) {
+            if self.submap.map(|s| s.id) != Some(keyframe.piece) {
                 self.forget_what_moves(&mut tried);
             }
             let solution = self.settle(frame, data, candidate, &motion, &mut tried);
@@ -76,10 +59,13 @@ impl Tracker {
                 && self.is_plausible(frame.stamp, keyframe, &solution, &tried)
             {
                 *notes = tried;
-                return Some((candidate, solution));
+                return Ok(Solution {
+                    recognised: Some(candidate),
+                    ..solution
+                });
             }
         }
-        None
+        Err(reason)
     }
 
     /// Whether a pose may be true: enough landmarks agree, of those that should be seen not too few, and the camera can have got
@@ -92,15 +78,15 @@ impl Tracker {
         tried: &Notes,
     ) -> bool {
         let (inliers, visible) = (tried.counts.inliers, tried.counts.local_visible);
-        let enough = inliers as usize >= self.config.tracking.min_relocalisation_inliers;
+        let enough = inliers as usize >= self.setup.tracking.min_relocalisation_inliers;
         let share = f64::from(inliers) / f64::from(visible.max(1));
-        let Some(last) = &self.last else {
+        let Some(last) = self.state.last() else {
             return enough && share >= MIN_SHARE;
         };
         let centre = solution.camera_from_world.inverse().translation;
         let moved = (centre - last.world_from_camera.translation).norm();
         let seconds = (stamp - last.stamp).max(0.0);
-        let other_piece = self.piece != Some(keyframe.piece);
+        let other_piece = self.submap.map(|s| s.id) != Some(keyframe.piece);
         let reachable = if other_piece {
             seconds >= CARRIED_S
         } else {
@@ -112,13 +98,13 @@ impl Tracker {
     /// The keyframes that look most like what the frame shows.
     fn recognise(&self, data: &KeyframeData) -> Vec<KeyframeId> {
         let _span = tracing::info_span!("recognise").entered();
-        if self.places.index.is_empty() {
+        if self.map.places.index.is_empty() {
             return Vec::new();
         }
-        let vocabulary = &self.places.vocabulary;
+        let vocabulary = &self.map.places.vocabulary;
         let vector = vocabulary.vector_of(&data.descriptors, |i| data.mappable[i]);
-        let is_live = |k| self.view.keyframe(k).is_some();
-        let found = self.places.index.query(&vector, is_live, CANDIDATES);
+        let is_live = |k| self.map.view.keyframe(k).is_some();
+        let found = self.map.places.index.query(&vector, is_live, CANDIDATES);
         found.into_iter().map(|m| m.key).collect()
     }
 
@@ -130,7 +116,7 @@ impl Tracker {
         keyframe: &Keyframe,
     ) -> Option<EgoMotion> {
         let _span = tracing::info_span!("verify").entered();
-        let candidates = candidates_of(&self.view, keyframe);
+        let candidates = candidates_of(&self.map.view, keyframe);
         let matches = match_by_descriptor(data, &keyframe.data, &candidates);
         let observed = |(i, target): (usize, &Option<Target>)| {
             Some(PoseObservation {
@@ -146,7 +132,7 @@ impl Tracker {
             &Intrinsics::from(&data.camera),
             &observations,
             &AbsolutePoseOptions::default(),
-            rng(self.config.seed, address, Purpose::RELOCALISATION),
+            rng(self.setup.seed, address, Purpose::RELOCALISATION),
         );
         let found = outcome.found()?;
         let (matches, camera_from_world) = pose::solve(data, &found.camera_from_world, matches);
@@ -157,23 +143,32 @@ impl Tracker {
         })
     }
 
-    /// Whether it is time to begin a new piece of map: for so many frames there was enough to see, and none of it was known.
-    /// Where there are other pieces, that is not before these had their time to be recognised.
-    pub(super) fn is_piece_due(&mut self, stamp: f64, notes: &Notes) -> bool {
-        let enough = self.config.tracking.min_initial_points;
-        if notes.counts.with_depth as usize >= enough {
-            self.unplaced += 1;
+    /// What becomes of a frame whose pose is not found: it begins a submap when that is due, or is lost.
+    pub(super) fn give_up(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        reason: LostReason,
+        notes: &mut Notes,
+    ) -> Ending {
+        let since = self.state.lose(frame.id);
+        if !self.is_submap_due(frame.stamp, notes) {
+            return Ending::lost(since, reason);
         }
-        let due = self.grows && self.unplaced >= self.config.tracking.new_piece_after;
-        let recent = |last: &LastFrame| stamp - last.stamp < CARRIED_S + RECOGNISED_S;
-        due && !(self.last.as_ref().is_some_and(recent) && self.view.pieces().len() > 1)
+        self.state.leave_submap();
+        self.forget_what_moves(notes);
+        self.begin_submap(frame, data, notes)
     }
 
-    /// Forgets what belongs to the piece of map that is left.
-    pub(super) fn leave_piece(&mut self, notes: &mut Notes) {
-        self.last = None;
-        self.motion.forget();
-        self.forget_what_moves(notes);
+    /// Whether it is time to begin a new submap: for so many frames there was enough to see, and none of it was known.
+    /// Where there are other submaps, that is not before these had their time to be recognised.
+    fn is_submap_due(&mut self, stamp: f64, notes: &Notes) -> bool {
+        let enough = self.setup.tracking.min_initial_points;
+        let shows_enough = notes.counts.with_depth as usize >= enough;
+        let unplaced = self.state.count_unplaced(shows_enough);
+        let due = self.map.grows && unplaced >= self.setup.tracking.new_piece_after;
+        let recent = |last: &LastFrame| stamp - last.stamp < CARRIED_S + RECOGNISED_S;
+        due && !(self.state.last().is_some_and(recent) && self.map.view.pieces().len() > 1)
     }
 
     /// Has the static filter forget what it saw, as it saw it in another frame of reference, should this frame's notes be kept.

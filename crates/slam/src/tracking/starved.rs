@@ -1,6 +1,7 @@
 //! Frames in which too few landmarks are found, in motion blur or among people: the map is looked for again, or the frame is bridged.
 
 use super::ego_motion::EgoMotion;
+use super::known_map::KnownMap;
 use super::local_map::SearchArea;
 use super::sight::Sight;
 use super::statistics::Sightings;
@@ -25,7 +26,7 @@ const MAX_DRIFT_RAD: f64 = 0.35;
 impl Tracker {
     /// Whether fewer landmarks agree with a pose than make one.
     fn is_starved(&self, fix: &Fix) -> bool {
-        fix.matches.landmarks() < self.config.tracking.min_inliers
+        fix.matches.landmarks() < self.setup.tracking.min_inliers
     }
 
     /// Looks for the local map in a wide neighbourhood when too few landmarks agree with the pose: after some bridged frames it has
@@ -49,8 +50,11 @@ impl Tracker {
     /// near, or too few agree.
     fn regain_map(&mut self, frame: FrameId, data: &KeyframeData, fix: &Fix) -> Option<Fix> {
         let _span = tracing::info_span!("regain").entered();
-        self.surroundings
-            .update_around(&self.view, self.piece, &fix.camera_from_world);
+        let submap = self.submap.map(|s| s.id);
+        let KnownMap {
+            surroundings, view, ..
+        } = &mut self.map;
+        surroundings.update_around(view, submap, &fix.camera_from_world);
         let wide = self.search_map(
             data,
             &fix.camera_from_world,
@@ -70,11 +74,7 @@ impl Tracker {
             &Intrinsics::from(&data.camera),
             &observations,
             &AbsolutePoseOptions::default(),
-            rng(
-                self.config.seed,
-                u64::from(frame.0),
-                Purpose::RELOCALISATION,
-            ),
+            rng(self.setup.seed, u64::from(frame.0), Purpose::RELOCALISATION),
         );
         let found = outcome.found()?.camera_from_world;
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
@@ -82,7 +82,7 @@ impl Tracker {
         let (matches, pose, information) = pose::solve_with_information(data, &found, matches);
         let drift = fix.camera_from_world * pose.inverse();
         let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
-        let enough = matches.count >= self.config.tracking.min_inliers;
+        let enough = matches.count >= self.setup.tracking.min_inliers;
         (near && enough).then_some(Fix {
             camera_from_world: pose,
             inliers: matches.count,
@@ -103,12 +103,12 @@ impl Tracker {
         mut matches: Matches,
     ) -> Matches {
         let area = SearchArea {
-            bounds: self.observer.bounds(),
-            level_sigmas: self.observer.level_sigmas(),
-            radius_px: factor * self.config.tracking.local_radius as f32,
+            bounds: self.front_end.observer.bounds(),
+            level_sigmas: self.front_end.observer.level_sigmas(),
+            radius_px: factor * self.setup.tracking.local_radius as f32,
         };
         let open = |_: &_| Sight::Open;
-        self.surroundings.search(
+        self.map.surroundings.search(
             data,
             camera_from_world,
             &area,
@@ -134,7 +134,9 @@ impl Tracker {
             return fix;
         };
         let mut pairs = motion.pairs.clone();
-        self.observer.flow_to_previous(&motion.rest, &mut pairs);
+        self.front_end
+            .observer
+            .flow_to_previous(&motion.rest, &mut pairs);
         let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
         let matched = matches.count;
         let (matches, pose, information) = pose::solve_with_information(data, &start, matches);
@@ -157,10 +159,10 @@ impl Tracker {
         verdicts: &[FeatureVerdict],
         mut matches: Matches,
     ) -> Matches {
-        let (Some(last), Some(previous)) = (&self.last, &self.previous) else {
+        let (Some(last), Some(previous)) = (self.state.last(), &self.previous) else {
             return matches;
         };
-        let sensor = &self.config.sensor;
+        let sensor = &self.setup.sensor;
         let reader = DepthReader::new(sensor, &data.camera, &previous.depth, None, 0.0);
         let kept = pairs.iter().zip(verdicts).filter(|(_, v)| !v.dynamic);
         for (i, (pair, _)) in kept.enumerate() {

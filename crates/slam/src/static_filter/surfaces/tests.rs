@@ -1,6 +1,6 @@
 //! A wall and a person of cells, frame by frame.
 
-use super::super::history::Place;
+use super::super::history::CapturePose;
 use super::*;
 use crate::sensor::DepthNoise;
 use std::sync::Arc;
@@ -55,7 +55,7 @@ impl World {
             .surfaces
             .next(&self.cells, &self.history, &now, movers, votes);
         let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
-        let place = Place {
+        let place = CapturePose {
             reference: KeyframeId(0),
             reference_from_camera: Se3::identity(),
             world_from_camera: Se3::identity(),

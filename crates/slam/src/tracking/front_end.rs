@@ -1,0 +1,100 @@
+//! The front end: from a frame to its features, where they were in the frame before, and what both are asked for.
+
+use super::TrackerSetup;
+use super::demand::Demand;
+use super::frame::Observer;
+use super::self_calibration::SelfCalibration;
+use crate::association::Matches;
+use crate::sensor::Timing;
+use crate::static_filter::FeatureVerdict;
+use std::sync::Arc;
+use stillpoint_geometry::{Camera, Se3, Vec6};
+use stillpoint_imaging::{RgbdFrame, Simd};
+use stillpoint_map::KeyframeData;
+
+/// All that looks at images: extraction, flow, undistortion, the readout of the shutter, and how many keypoints are wanted.
+pub(super) struct FrontEnd {
+    pub(super) observer: Observer,
+    demand: Demand,
+    calibration: SelfCalibration,
+    /// Whether the readout is estimated while tracking.
+    self_calibrates: bool,
+    /// Inliers that make a pose.
+    min_inliers: usize,
+}
+
+impl FrontEnd {
+    pub(super) fn new(setup: &TrackerSetup, camera: Camera, simd: Simd) -> Self {
+        Self {
+            observer: Observer::new(camera, setup.sensor.clone(), &setup.features, simd),
+            demand: Demand::new(setup.features.features),
+            calibration: SelfCalibration::new(setup.sensor.timing()),
+            self_calibrates: setup.sensor.self_calibrate,
+            min_inliers: setup.tracking.min_inliers,
+        }
+    }
+
+    /// Extracts the features of a frame and reads their depths, with the camera moving by `velocity`.
+    pub(super) fn observe(
+        &mut self,
+        frame: &RgbdFrame,
+        velocity: Option<&Vec6>,
+    ) -> Arc<KeyframeData> {
+        let wanted = self.demand.next(self.min_inliers);
+        self.observer.extractor.set_wanted(wanted);
+        self.observer.extract(frame);
+        self.measure(frame, velocity, None)
+    }
+
+    /// The features of the frame that was observed last, brought to its stamp by the camera's velocity: all of them, or without those
+    /// whose verdict is dynamic.
+    pub(super) fn measure(
+        &self,
+        frame: &RgbdFrame,
+        velocity: Option<&Vec6>,
+        verdicts: Option<&[FeatureVerdict]>,
+    ) -> Arc<KeyframeData> {
+        self.observer
+            .measure(frame, velocity, self.calibration.timing(), verdicts)
+    }
+
+    /// Learns the readout from the inliers of a frame in which the camera moves by `velocity`.
+    pub(super) fn learn(
+        &mut self,
+        data: &KeyframeData,
+        matches: &Matches,
+        camera_from_world: &Se3,
+        velocity: Option<&Vec6>,
+    ) {
+        if let Some(v) = velocity.filter(|_| self.self_calibrates) {
+            self.calibration
+                .learn(&self.observer, data, matches, camera_from_world, v);
+        }
+    }
+
+    /// Hears how many keypoints of the frame agreed with its pose, on which the demand for the next one depends.
+    pub(super) fn hear(&mut self, inliers: Option<u32>) {
+        self.demand.hear(inliers);
+    }
+
+    /// When the parts of a frame are exposed, as estimated so far.
+    pub(super) fn timing(&self) -> Timing {
+        *self.calibration.timing()
+    }
+
+    /// Keypoints that the last image was asked for.
+    pub(super) fn asked(&self) -> usize {
+        self.observer.extractor.wanted()
+    }
+
+    /// From now on so many keypoints are wanted where enough of them hold.
+    pub(super) fn want(&mut self, features: usize) {
+        self.demand.set(features);
+    }
+
+    /// The camera's motion from the depth image's exposure to the colour image's.
+    pub(super) fn camera_from_depth(&self, frame: &RgbdFrame, velocity: Option<&Vec6>) -> Se3 {
+        let dt = frame.depth_stamp - frame.stamp - self.calibration.timing().depth_delay;
+        velocity.map_or(Se3::identity(), |v| Se3::exp(&(v * dt)).inverse())
+    }
+}

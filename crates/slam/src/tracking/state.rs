@@ -1,0 +1,267 @@
+//! What is known of the camera from the frames before: the tracker's state machine.
+//!
+//! ```text
+//!  Waiting --- a map begins, or a place is recognised ---> Tracking <--- the camera is found again ---+
+//!     ^                                                       |                                       |
+//!     |                                                       +--- a frame has no pose ------------> Lost
+//!     +--- the submap is left ------------------------------------------------------------------------+
+//! ```
+
+use super::motion::ConstantVelocity;
+use std::sync::Arc;
+use stillpoint_geometry::{Se3, Vec6};
+use stillpoint_imaging::FrameId;
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
+
+/// The last frame whose pose is known.
+pub(super) struct LastFrame {
+    pub(super) stamp: f64,
+    pub(super) data: Arc<KeyframeData>,
+    pub(super) matches: Vec<Option<LandmarkId>>,
+    pub(super) reference: KeyframeId,
+    pub(super) reference_from_camera: Se3,
+    /// The pose in the view of that time; used until the view holds the reference keyframe.
+    pub(super) world_from_camera: Se3,
+}
+
+/// Where the camera is, as far as it is known.
+pub(super) enum State {
+    /// No frame had a pose in the submap that is to come: there is none yet, it was left, or it is there and no place in it was
+    /// recognised.
+    Waiting {
+        /// The first frame without a pose.
+        since: Option<FrameId>,
+        /// Frames that showed enough to begin a submap, and nothing that is known.
+        unplaced: u32,
+    },
+    /// The frame before has a pose.
+    Tracking {
+        last: LastFrame,
+        motion: ConstantVelocity,
+    },
+    /// The camera was tracked, and is not any more.
+    Lost {
+        /// The first frame without a pose.
+        since: FrameId,
+        /// The last one with a pose.
+        last: LastFrame,
+        /// Frames that showed enough to begin a submap, and nothing that is known.
+        unplaced: u32,
+    },
+}
+
+impl Default for State {
+    fn default() -> Self {
+        Self::Waiting {
+            since: None,
+            unplaced: 0,
+        }
+    }
+}
+
+impl State {
+    /// The last frame with a pose, however long ago.
+    pub(super) fn last(&self) -> Option<&LastFrame> {
+        match self {
+            Self::Waiting { .. } => None,
+            Self::Tracking { last, .. } | Self::Lost { last, .. } => Some(last),
+        }
+    }
+
+    fn last_mut(&mut self) -> Option<&mut LastFrame> {
+        match self {
+            Self::Waiting { .. } => None,
+            Self::Tracking { last, .. } | Self::Lost { last, .. } => Some(last),
+        }
+    }
+
+    /// The frame before, if it has a pose.
+    pub(super) fn tracked(&self) -> Option<&LastFrame> {
+        match self {
+            Self::Tracking { last, .. } => Some(last),
+            Self::Waiting { .. } | Self::Lost { .. } => None,
+        }
+    }
+
+    /// The camera's velocity, twist per second: known from the second tracked frame in a row on.
+    pub(super) fn velocity(&self) -> Option<&Vec6> {
+        match self {
+            Self::Tracking { motion, .. } => motion.velocity(),
+            Self::Waiting { .. } | Self::Lost { .. } => None,
+        }
+    }
+
+    /// The first frame of the present loss.
+    pub(super) fn lost_since(&self) -> Option<FrameId> {
+        match self {
+            Self::Waiting { since, .. } => *since,
+            Self::Tracking { .. } => None,
+            Self::Lost { since, .. } => Some(*since),
+        }
+    }
+
+    /// The motion that a new pose `camera_from_world` at `stamp` amounts to; unknown unless the frame before has a pose.
+    pub(super) fn motion_to(&self, camera_from_world: &Se3, stamp: f64) -> ConstantVelocity {
+        let of = |last: &LastFrame| {
+            let last_from_world = last.world_from_camera.inverse();
+            ConstantVelocity::between(&last_from_world, camera_from_world, stamp - last.stamp)
+        };
+        self.tracked().map(of).unwrap_or_default()
+    }
+
+    /// Expresses the last pose in a view of the map, then predicts that at `stamp`. Returns the reference keyframe, and
+    /// `camera_from_world`: of a camera that is lost where it was last.
+    pub(super) fn predict(&mut self, view: &MapView, stamp: f64) -> (KeyframeId, Se3) {
+        let Some(last) = self.last_mut() else {
+            return (KeyframeId(0), Se3::identity());
+        };
+        if let Some(w) = view.world_from_keyframe(last.reference) {
+            last.world_from_camera = w * last.reference_from_camera;
+        }
+        let reference = view.resolve_keyframe(last.reference);
+        let reference = reference.unwrap_or(last.reference);
+        let (last_from_world, dt) = (last.world_from_camera.inverse(), stamp - last.stamp);
+        let predicted = match self {
+            Self::Tracking { motion, .. } => motion.predict(&last_from_world, dt),
+            Self::Waiting { .. } | Self::Lost { .. } => last_from_world,
+        };
+        (reference, predicted)
+    }
+
+    /// A frame has no pose. Returns the first frame of the loss that it belongs to.
+    pub(super) fn lose(&mut self, frame: FrameId) -> FrameId {
+        if let Self::Waiting { since, .. } = self {
+            return *since.get_or_insert(frame);
+        }
+        *self = match std::mem::take(self) {
+            Self::Tracking { last, .. } => Self::Lost {
+                since: frame,
+                last,
+                unplaced: 0,
+            },
+            same => same,
+        };
+        self.lost_since().unwrap_or(frame)
+    }
+
+    /// Counts a frame without a pose that shows enough to begin a submap, if it does. Returns how many there were.
+    pub(super) fn count_unplaced(&mut self, shows_enough: bool) -> u32 {
+        match self {
+            Self::Tracking { .. } => 0,
+            Self::Waiting { unplaced, .. } | Self::Lost { unplaced, .. } => {
+                *unplaced += u32::from(shows_enough);
+                *unplaced
+            }
+        }
+    }
+
+    /// The submap is left: where the camera was in it means nothing any more.
+    pub(super) fn leave_submap(&mut self) {
+        let since = self.lost_since();
+        let unplaced = self.count_unplaced(false);
+        *self = Self::Waiting { since, unplaced };
+    }
+
+    /// The clock was set by `by`, s: nothing is known of the time in between.
+    pub(super) fn set_clock(&mut self, by: f64) {
+        if let Self::Tracking { motion, .. } = self {
+            *motion = ConstantVelocity::default();
+        }
+        if let Some(last) = self.last_mut() {
+            last.stamp += by;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_features::FeatureGrid;
+    use stillpoint_geometry::{Camera, Vec3};
+
+    fn at(x: f64) -> Se3 {
+        Se3 {
+            translation: Vec3::new(x, 0.0, 0.0),
+            ..Se3::identity()
+        }
+    }
+
+    fn last(stamp: f64, x: f64) -> LastFrame {
+        let data = KeyframeData {
+            stamp,
+            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: Vec::new(),
+            depth_sigmas: Vec::new(),
+            descriptors: Vec::new(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
+        };
+        LastFrame {
+            stamp,
+            data: Arc::new(data),
+            matches: Vec::new(),
+            reference: KeyframeId(3),
+            reference_from_camera: at(x),
+            world_from_camera: at(x),
+        }
+    }
+
+    /// Tracked at 0 s and 1 s, 1 m farther.
+    fn tracking() -> State {
+        let before = State::Tracking {
+            last: last(0.0, 0.0),
+            motion: ConstantVelocity::default(),
+        };
+        State::Tracking {
+            motion: before.motion_to(&at(1.0).inverse(), 1.0),
+            last: last(1.0, 1.0),
+        }
+    }
+
+    fn predicted_x(state: &mut State, stamp: f64) -> f64 {
+        let (reference, pose) = state.predict(&MapView::default(), stamp);
+        assert_eq!(reference, KeyframeId(3));
+        pose.inverse().translation.x
+    }
+
+    #[test]
+    fn a_tracked_camera_moves_on_and_a_lost_one_stays() {
+        let mut state = tracking();
+        assert!((predicted_x(&mut state, 1.25) - 1.25).abs() < 1e-9);
+        assert!(state.velocity().is_some() && state.lost_since().is_none());
+        assert_eq!(state.lose(FrameId(7)), FrameId(7));
+        assert!((predicted_x(&mut state, 1.25) - 1.0).abs() < 1e-9);
+        assert!(state.velocity().is_none() && state.tracked().is_none());
+        // Found again, it has no velocity before the second frame.
+        let motion = state.motion_to(&at(2.0).inverse(), 2.0);
+        assert!(motion.velocity().is_none());
+    }
+
+    #[test]
+    fn a_loss_keeps_its_first_frame() {
+        for mut state in [State::default(), tracking()] {
+            assert_eq!(state.lose(FrameId(7)), FrameId(7));
+            assert_eq!(state.lose(FrameId(8)), FrameId(7));
+            assert_eq!(state.count_unplaced(true), 1);
+            assert_eq!(state.count_unplaced(false), 1);
+            assert_eq!(state.count_unplaced(true), 2);
+            // Also beyond the submap.
+            state.leave_submap();
+            assert!(state.last().is_none());
+            assert_eq!(state.lost_since(), Some(FrameId(7)));
+            assert_eq!(state.lose(FrameId(9)), FrameId(7));
+            assert_eq!(state.count_unplaced(false), 2);
+        }
+    }
+
+    #[test]
+    fn a_clock_that_was_set_takes_the_velocity() {
+        let mut state = tracking();
+        state.set_clock(-100.0);
+        assert!(state.velocity().is_none() && state.tracked().is_some());
+        assert!((state.last().map_or(0.0, |l| l.stamp) + 99.0).abs() < 1e-9);
+    }
+}
