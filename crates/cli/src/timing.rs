@@ -27,13 +27,13 @@ pub(crate) struct Timing {
 struct Stages {
     /// Address of a call site's metadata, and its stage.
     sites: Vec<(u64, usize)>,
-    stages: Vec<Stage>,
+    stages: Vec<TimedStage>,
     /// Frames that ended.
     frames: usize,
 }
 
 #[derive(Debug)]
-struct Stage {
+struct TimedStage {
     name: &'static str,
     /// One per round in which it ran: number of the frame, ms.
     samples: Vec<(usize, f64)>,
@@ -47,7 +47,7 @@ impl Stages {
         let known = self.stages.iter().position(|s| s.name == name);
         let stage = known.unwrap_or_else(|| {
             let samples = Vec::new();
-            self.stages.push(Stage { name, samples });
+            self.stages.push(TimedStage { name, samples });
             self.stages.len() - 1
         });
         self.sites.push((site, stage));

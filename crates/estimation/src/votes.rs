@@ -70,7 +70,7 @@ impl Votes {
     /// The sum over pairs of weight times `1 - chi2 / gate`, where positive; 0 as soon as it cannot exceed `limit`, which
     /// changes no decision.
     pub(crate) fn count(&self, b_from_a: &Se3, limit: f64) -> f64 {
-        let motion = Motion::new(b_from_a);
+        let motion = BlockMotion::new(b_from_a);
         let (mut sums, mut total) = ([0.0; LANES], 0.0);
         for (group, remaining) in self.blocks.chunks(BLOCKS_PER_LOOK).zip(&self.remaining) {
             for block in group {
@@ -94,7 +94,7 @@ impl Votes {
 
     /// The weight of the pairs within their gates.
     pub(crate) fn inlier_weight(&self, b_from_a: &Se3) -> f64 {
-        let motion = Motion::new(b_from_a);
+        let motion = BlockMotion::new(b_from_a);
         let mut weight = 0.0;
         for block in &self.blocks {
             for (ratio, vote) in self.ratios(&motion, block).into_iter().zip(block.vote) {
@@ -106,7 +106,7 @@ impl Votes {
 
     /// Squared residuals divided by their gates; infinite behind the camera.
     #[inline]
-    fn ratios(&self, m: &Motion, b: &Block) -> [f64; LANES] {
+    fn ratios(&self, m: &BlockMotion, b: &Block) -> [f64; LANES] {
         let ([fx, fy], r, t) = (self.focal, &m.r, &m.t);
         std::array::from_fn(|i| {
             let (x, y, z) = (b.x[i], b.y[i], b.z[i]);
@@ -121,12 +121,12 @@ impl Votes {
     }
 }
 
-struct Motion {
+struct BlockMotion {
     r: [f64; 9],
     t: [f64; 3],
 }
 
-impl Motion {
+impl BlockMotion {
     fn new(pose: &Se3) -> Self {
         let (r, t) = (pose.rotation_matrix(), pose.translation);
         Self {

@@ -36,7 +36,7 @@ const FILES: [&str; 4] = [
 const BOUND: [f64; 2] = [0.010, 0.015];
 
 /// What both passes have in common.
-struct Stage<'a> {
+struct DemoStage<'a> {
     args: &'a DemoArgs,
     scene: SimulatorConfig,
     simd: Simd,
@@ -54,7 +54,7 @@ pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, F
     }
     let mut off = on.clone();
     off.static_filter.preset = Preset::Off;
-    let stage = Stage {
+    let stage = DemoStage {
         args,
         scene: SimulatorConfig {
             scene: args.scene.clone(),
@@ -88,7 +88,7 @@ pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, F
     Ok(report::judge(&on, bound, status))
 }
 
-impl Stage<'_> {
+impl DemoStage<'_> {
     fn simulator(&self) -> Result<Simulator, Failure> {
         Simulator::new(&self.scene).map_err(Failure::input)
     }

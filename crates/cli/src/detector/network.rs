@@ -15,11 +15,11 @@ use stillpoint::models::{CachedModel, LARGEST};
 pub(crate) struct ModelFile {
     /// As the user knows it: the file, or the name in the cache.
     pub(crate) name: String,
-    place: Place,
+    place: ModelPlace,
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Place {
+enum ModelPlace {
     File {
         onnx: PathBuf,
         card: Option<PathBuf>,
@@ -39,7 +39,7 @@ impl ModelFile {
         let card = Path::new(file).with_extension("toml");
         Self {
             name: file.to_owned(),
-            place: Place::File {
+            place: ModelPlace::File {
                 onnx: file.into(),
                 card: card.is_file().then_some(card),
             },
@@ -50,7 +50,7 @@ impl ModelFile {
     pub(crate) fn of_cache(model: CachedModel) -> Self {
         Self {
             name: model.name.clone(),
-            place: Place::Cache(Box::new(model)),
+            place: ModelPlace::Cache(Box::new(model)),
         }
     }
 
@@ -68,8 +68,8 @@ impl ModelFile {
     /// Its card, where it has one.
     pub(crate) fn card(&self) -> Option<&Path> {
         match &self.place {
-            Place::File { card, .. } => card.as_deref(),
-            Place::Cache(model) => model.card.as_deref(),
+            ModelPlace::File { card, .. } => card.as_deref(),
+            ModelPlace::Cache(model) => model.card.as_deref(),
         }
     }
 
@@ -79,14 +79,14 @@ impl ModelFile {
     /// A file that is not there any more.
     pub(crate) fn bytes(&self) -> Result<u64, Failure> {
         match &self.place {
-            Place::File { onnx, .. } => match std::fs::metadata(onnx) {
+            ModelPlace::File { onnx, .. } => match std::fs::metadata(onnx) {
                 Ok(metadata) => Ok(metadata.len()),
                 Err(e) => Err(Failure::input(format!(
                     "{}: expected to read it, found: {e}",
                     onnx.display()
                 ))),
             },
-            Place::Cache(model) => Ok(model.bytes),
+            ModelPlace::Cache(model) => Ok(model.bytes),
         }
     }
 
@@ -100,7 +100,7 @@ impl ModelFile {
             format!("{path}: expected {what}, found: {e}; check the path")
         };
         let (bytes, text) = match &self.place {
-            Place::File { onnx, card } => {
+            ModelPlace::File { onnx, card } => {
                 let bytes =
                     read_file(onnx).map_err(|e| unreadable(onnx, "the model of a detector", &e))?;
                 let text = card.as_ref().map(|card| {
@@ -109,7 +109,7 @@ impl ModelFile {
                 });
                 (bytes, text.transpose()?)
             }
-            Place::Cache(model) => (
+            ModelPlace::Cache(model) => (
                 model.read().map_err(|e| e.to_string())?,
                 model.card_text().map_err(|e| e.to_string())?,
             ),

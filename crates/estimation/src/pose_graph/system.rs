@@ -56,7 +56,7 @@ impl Gates {
 }
 
 /// Where an edge goes in the system.
-struct Place {
+struct EdgeSlots {
     a: Option<usize>,
     b: Option<usize>,
     /// Index of the block (a, b), and whether (b, a) is stored.
@@ -68,7 +68,7 @@ pub(super) struct Structure {
     /// Per unknown: its pose.
     pub(super) free: Vec<u32>,
     pub(super) pattern: Pattern,
-    places: Vec<Place>,
+    places: Vec<EdgeSlots>,
     diagonal: Vec<usize>,
 }
 
@@ -94,7 +94,7 @@ impl Structure {
             n.dedup();
         }
         let pattern = Pattern::new(neighbours);
-        let place = |(a, b): (Option<usize>, Option<usize>)| Place {
+        let place = |(a, b): (Option<usize>, Option<usize>)| EdgeSlots {
             a,
             b,
             across: match (a, b) {

@@ -5,13 +5,13 @@ use std::arch::x86_64::*;
 use stillpoint_imaging::GrayImage;
 
 use super::check;
-use crate::flow::patch::{DifferenceSums, GradientSums, LANES, Place, Row, Template};
+use crate::flow::patch::{DifferenceSums, GradientSums, LANES, Row, Template, WindowPlace};
 
 /// Twin of [`Template::sample_scalar`].
 pub(crate) fn sample_window(
     template: &mut Template,
     image: &GrayImage,
-    place: Place,
+    place: WindowPlace,
 ) -> GradientSums {
     check();
     let stride = image.width();
@@ -24,7 +24,11 @@ pub(crate) fn sample_window(
 /// # Safety
 /// `place.index > stride`, and `place.index + (side + 1) stride + 18` is inside the data.
 #[target_feature(enable = "avx2")]
-unsafe fn sample_kernel(template: &mut Template, image: &GrayImage, place: Place) -> GradientSums {
+unsafe fn sample_kernel(
+    template: &mut Template,
+    image: &GrayImage,
+    place: WindowPlace,
+) -> GradientSums {
     let (data, stride) = (image.data(), image.width());
     let (fx, fy) = (_mm256_set1_epi16(place.fx), _mm256_set1_epi16(place.fy));
     let columns = load_row(&template.columns);
@@ -72,7 +76,7 @@ unsafe fn sample_kernel(template: &mut Template, image: &GrayImage, place: Place
 pub(crate) fn compare_window(
     template: &Template,
     image: &GrayImage,
-    place: Place,
+    place: WindowPlace,
     offset: i16,
 ) -> DifferenceSums {
     check();
@@ -87,7 +91,7 @@ pub(crate) fn compare_window(
 unsafe fn compare_kernel(
     template: &Template,
     image: &GrayImage,
-    place: Place,
+    place: WindowPlace,
     offset: i16,
 ) -> DifferenceSums {
     let (data, stride) = (image.data(), image.width());

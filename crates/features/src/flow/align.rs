@@ -6,7 +6,7 @@ use stillpoint_imaging::{GrayImage, Simd};
 
 use super::{
     FlowConfig,
-    patch::{DifferenceSums, GradientSums, Place, Template},
+    patch::{DifferenceSums, GradientSums, Template, WindowPlace},
 };
 
 /// What became of a point.
@@ -79,7 +79,7 @@ impl Aligner {
         start: Start,
     ) -> Outcome<Aligned> {
         let side = self.template.side;
-        let Some(place) = Place::new(first, point[0], point[1], side) else {
+        let Some(place) = WindowPlace::new(first, point[0], point[1], side) else {
             return Outcome::Untrackable;
         };
         let sums = self.template.sample(first, place, self.simd);
@@ -92,7 +92,7 @@ impl Aligner {
         let mut residual = f32::INFINITY;
         let mut last = [0.0; 2];
         for _ in 0..self.iterations {
-            let Some(place) = Place::new(second, position[0], position[1], side) else {
+            let Some(place) = WindowPlace::new(second, position[0], position[1], side) else {
                 return Outcome::Lost;
             };
             let found = self.template.compare(second, place, offset, self.simd);

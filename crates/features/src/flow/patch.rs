@@ -53,14 +53,14 @@ pub(crate) struct DifferenceSums {
 
 /// A window's place in an image, in whole pixels and fractions of 2^-15 px.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Place {
+pub(crate) struct WindowPlace {
     /// Index of the pixel at or before the window's upper left corner.
     pub(crate) index: usize,
     pub(crate) fx: i16,
     pub(crate) fy: i16,
 }
 
-impl Place {
+impl WindowPlace {
     /// The window of `side` px around (x, y); `None` unless it is inside `image` with all pixels that its gradients need.
     pub(crate) fn new(image: &GrayImage, x: f32, y: f32, side: usize) -> Option<Self> {
         // One pixel more on each side for the gradients, and one for the interpolation.
@@ -102,7 +102,12 @@ impl Template {
     }
 
     /// Takes the window at `place` of `image`.
-    pub(crate) fn sample(&mut self, image: &GrayImage, place: Place, simd: Simd) -> GradientSums {
+    pub(crate) fn sample(
+        &mut self,
+        image: &GrayImage,
+        place: WindowPlace,
+        simd: Simd,
+    ) -> GradientSums {
         #[cfg(target_arch = "x86_64")]
         if simd.has_avx2() && place.has_whole_rows(image, self.side) {
             return crate::avx2::sample_window(self, image, place);
@@ -115,7 +120,7 @@ impl Template {
     pub(crate) fn compare(
         &self,
         image: &GrayImage,
-        place: Place,
+        place: WindowPlace,
         offset: i16,
         simd: Simd,
     ) -> DifferenceSums {
@@ -127,7 +132,7 @@ impl Template {
         self.compare_scalar(image, place, offset)
     }
 
-    pub(crate) fn sample_scalar(&mut self, image: &GrayImage, place: Place) -> GradientSums {
+    pub(crate) fn sample_scalar(&mut self, image: &GrayImage, place: WindowPlace) -> GradientSums {
         const WIDE: usize = LANES + 2;
         let (side, stride) = (self.side, image.width());
         // Rows -1..=side and columns from -1 on.
@@ -164,7 +169,7 @@ impl Template {
     pub(crate) fn compare_scalar(
         &self,
         image: &GrayImage,
-        place: Place,
+        place: WindowPlace,
         offset: i16,
     ) -> DifferenceSums {
         let stride = image.width();
@@ -251,8 +256,8 @@ mod tests {
                 let (low, high) = ((radius + 1) as f32, length as f32 - radius as f32 - 2.001);
                 (low + (high - low) * (1.2 * t - 0.1)).clamp(low, high)
             };
-            let from = Place::new(&a, along(x, width), along(y, height), side).unwrap();
-            let to = Place::new(&b, along(u, width), along(v, height), side).unwrap();
+            let from = WindowPlace::new(&a, along(x, width), along(y, height), side).unwrap();
+            let to = WindowPlace::new(&b, along(u, width), along(v, height), side).unwrap();
             let (mut scalar, mut vector) = (Template::new(radius), Template::new(radius));
             let sums = scalar.sample(&a, from, Simd::Scalar);
             prop_assert_eq!(sums, vector.sample(&a, from, Simd::detect()));
@@ -269,7 +274,7 @@ mod tests {
     #[test]
     fn windows_at_the_border_are_refused() {
         let image = image(40, 30, 1);
-        let inside = |x, y| Place::new(&image, x, y, 11).is_some();
+        let inside = |x, y| WindowPlace::new(&image, x, y, 11).is_some();
         assert!(inside(6.0, 6.0) && inside(32.9, 22.9));
         assert!(!inside(5.9, 6.0) && !inside(6.0, 5.9) && !inside(33.0, 22.0));
         assert!(!inside(32.0, 23.0) && !inside(f32::NAN, 9.0) && !inside(9.0, f32::INFINITY));
@@ -281,7 +286,7 @@ mod tests {
         let plane = |i: usize| (30 + 3 * (i % 40) + 2 * (i / 40)) as u8;
         let image = GrayImage::from_vec(40, 40, (0..1600).map(plane).collect()).unwrap();
         let mut template = Template::new(3);
-        let from = Place::new(&image, 12.25, 20.5, 7).unwrap();
+        let from = WindowPlace::new(&image, 12.25, 20.5, 7).unwrap();
         let sums = template.sample(&image, from, Simd::Scalar);
         let (gx, gy) = (3 * 8, 2 * 8);
         let expected = GradientSums {
@@ -296,7 +301,7 @@ mod tests {
         let middle = f64::from(template.gray[3].0[3]) / 64.0;
         assert!((middle - (30.0 + 3.0 * 12.25 + 2.0 * 20.5)).abs() < 1.0 / 32.0);
         // Half a pixel to the right the plane is 1.5 higher; an offset of 1.5 takes that away.
-        let to = Place::new(&image, 12.75, 20.5, 7).unwrap();
+        let to = WindowPlace::new(&image, 12.75, 20.5, 7).unwrap();
         let found = template.compare(&image, to, 0, Simd::Scalar);
         assert_eq!((found.e, found.abs_e), (49 * 24, 49 * 24));
         assert_eq!((found.gx_e, found.gy_e), (49 * 24 * gx, 49 * 24 * gy));

@@ -2,7 +2,7 @@
 
 use super::gait::{Gait, Load, SIT_BACK};
 use super::mesh::{Cover, Mesh};
-use super::route::{Route, Stage};
+use super::route::{Leg, Route};
 use super::{Body, Dress, Person};
 use crate::random::{Purpose, Stream};
 use crate::scene::{Builder, Place};
@@ -116,11 +116,11 @@ const LOAD: Load = Load {
 };
 
 /// Start and stages of a route.
-type Script = ([f64; 3], Vec<Stage>);
+type Script = ([f64; 3], Vec<Leg>);
 
 /// Crosses close before the camera, stops there with the back to it, goes on, turns round and crosses again.
 fn walker() -> Script {
-    use Stage::{Stand, Talk, To};
+    use Leg::{Stand, Talk, To};
     let stages = vec![
         To(0.12, BEFORE, 0.8),
         Talk(2.8, 1.3),
@@ -134,7 +134,7 @@ fn walker() -> Script {
 
 /// Stands behind the desk, walks there to and fro, and sits down.
 fn sitter() -> Script {
-    use Stage::{Sit, Stand, Talk, To};
+    use Leg::{Sit, Stand, Talk, To};
     let [x, y] = feet_of(SEAT);
     let stages = vec![
         Talk(1.2, TO_CAMERA),
@@ -149,12 +149,12 @@ fn sitter() -> Script {
 
 fn seated(seat: Seat) -> Script {
     let [x, y] = feet_of(seat);
-    ([x, y, seat[2]], vec![Stage::Sit(60.0, seat[2])])
+    ([x, y, seat[2]], vec![Leg::Sit(60.0, seat[2])])
 }
 
 /// Holds a box into the picture from the right, then carries it across before the desk and back behind it.
 fn carrier() -> Script {
-    use Stage::{Stand, To};
+    use Leg::{Stand, To};
     let stages = vec![
         Stand(2.5, 3.1),
         To(-1.3, BEFORE, 0.65),

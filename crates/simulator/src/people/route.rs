@@ -2,7 +2,7 @@
 
 /// A stage of a route.
 #[derive(Clone, Copy)]
-pub(crate) enum Stage {
+pub(crate) enum Leg {
     /// Walks straight to (x, y) in m at a speed in m/s.
     To(f64, f64, f64),
     /// Stands for some seconds, turned to a direction (rad, 0 along x, to the left).
@@ -54,7 +54,7 @@ const SPACING: f64 = 0.4;
 
 impl Route {
     /// The route that begins at `start` = [x, y, yaw] and time 0.
-    pub(crate) fn new([x, y, yaw]: [f64; 3], stages: &[Stage]) -> Self {
+    pub(crate) fn new([x, y, yaw]: [f64; 3], stages: &[Leg]) -> Self {
         let mut now = Doing {
             x,
             y,
@@ -90,7 +90,7 @@ impl Route {
     }
 
     /// How long a stage takes and what it ends with.
-    fn goal(from: Doing, stage: Stage) -> (f64, Doing) {
+    fn goal(from: Doing, stage: Leg) -> (f64, Doing) {
         let still = |yaw: f64, sitting: f64, talking: f64| Doing {
             yaw: nearest_turn(yaw, from.yaw),
             sitting,
@@ -98,7 +98,7 @@ impl Route {
             ..from
         };
         match stage {
-            Stage::To(x, y, speed) => {
+            Leg::To(x, y, speed) => {
                 let (dx, dy) = (x - from.x, y - from.y);
                 let to = Doing {
                     x,
@@ -107,9 +107,9 @@ impl Route {
                 };
                 (libm::hypot(dx, dy) / speed, to)
             }
-            Stage::Stand(seconds, yaw) => (seconds, still(yaw, 0.0, 0.0)),
-            Stage::Talk(seconds, yaw) => (seconds, still(yaw, 0.0, 1.0)),
-            Stage::Sit(seconds, yaw) => (seconds, still(yaw, 1.0, 1.0)),
+            Leg::Stand(seconds, yaw) => (seconds, still(yaw, 0.0, 0.0)),
+            Leg::Talk(seconds, yaw) => (seconds, still(yaw, 0.0, 1.0)),
+            Leg::Sit(seconds, yaw) => (seconds, still(yaw, 1.0, 1.0)),
         }
     }
 
