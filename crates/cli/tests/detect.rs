@@ -221,18 +221,13 @@ fn what_cannot_be_used_is_refused() {
 /// Networks and pictures of people, if they are here.
 #[test]
 fn people_are_found_in_pictures() {
-    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        PathBuf::from,
-    );
-    let shared = data.parent().unwrap();
-    let folder = shared.join("images");
+    let Some(folder) = stillpoint_testdata::beside("images") else {
+        return;
+    };
     for (model, people) in [("yolox_nano_416.onnx", 3), ("picodet_s_416_coco.onnx", 3)] {
-        let model = shared.join("models").join(model);
-        if !model.is_file() || !folder.is_dir() {
-            println!("skipped: there is no {} here", model.display());
+        let Some(model) = stillpoint_testdata::beside(&format!("models/{model}")) else {
             continue;
-        }
+        };
         let dir = tempfile::tempdir().unwrap();
         let more = ["--score", "0.4", "--out", dir.path().to_str().unwrap()];
         check(&detect(&folder, &model, &more), 0, &[]);

@@ -327,13 +327,9 @@ fn outputs_may_share_a_folder() {
 /// A network on simulated frames, where there is one.
 #[test]
 fn a_network_is_named_with_its_sum_and_runtime() {
-    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let data = std::env::var_os("STILLPOINT_DATA").map_or(shared, PathBuf::from);
-    let model = data.join("../models/yolox_nano_416.onnx");
-    if !model.exists() {
-        println!("skipped: there is no {}", model.display());
+    let Some(model) = stillpoint_testdata::beside("models/yolox_nano_416.onnx") else {
         return;
-    }
+    };
     let dir = tempfile::tempdir().unwrap();
     let model = model.to_str().unwrap();
     let more = [

@@ -70,7 +70,7 @@ fn the_same_command_gives_the_same_bytes() {
 
     let works = Command::new("taskset").args(["-c", "0", "true"]).status();
     if !works.is_ok_and(|s| s.success()) {
-        println!("skipped: there is no taskset here to pin a run to one core");
+        stillpoint_testdata::skipped("there is no taskset to pin a run to one core");
         return;
     }
     let mut pinned = isolated(Command::new("taskset"));

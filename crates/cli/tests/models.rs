@@ -245,7 +245,7 @@ fn libraries_that_cannot_be_used_are_told() {
     };
     let output = run("onnxruntime", Some(&broken));
     if output.status.code() == Some(0) {
-        println!("skipped: a library of ONNX Runtime is installed in the system");
+        stillpoint_testdata::skipped("ONNX Runtime is installed in the system");
         return;
     }
     check(

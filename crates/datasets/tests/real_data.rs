@@ -1,20 +1,10 @@
-//! Real sequences, where they are: in the folder that STILLPOINT_DATA names, else in `../shared/data` beside the workspace.
-#![allow(clippy::print_stdout)] // What was measured is worth reading.
+//! Real sequences, where they are.
 
-use std::path::PathBuf;
 use stillpoint_datasets::{Dataset, FrameOptions, Layout, OpenOptions, ReadAhead};
 use stillpoint_imaging::FrameSource;
 
 fn open(name: &str) -> Option<Dataset> {
-    let root = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let path = root.join(name);
-    if !path.is_dir() {
-        println!("skipped: {} is not there", path.display());
-        return None;
-    }
+    let path = stillpoint_testdata::recording(name)?;
     Some(Dataset::open(&path, &OpenOptions::default()).unwrap())
 }
 

@@ -1,9 +1,7 @@
 //! Laws of splices, and the kidnapped half of a real recording.
-#![allow(clippy::print_stdout)] // What was measured is worth reading.
 
 use crate::scripted::{PERIOD, SIZE, Script, script};
 use proptest::prelude::*;
-use std::path::PathBuf;
 use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice, StampedPose};
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, SourceError};
@@ -286,15 +284,9 @@ fn truth_between_frames_stays_between_them_and_outside_is_left_out() {
 /// The second half of a real recording, a second of darkness, the first half: the kidnapped camera.
 #[test]
 fn halves_of_a_real_recording_in_the_other_order() {
-    let root = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let path = root.join("fr1_xyz");
-    if !path.is_dir() {
-        println!("skipped: {} is not there", path.display());
+    let Some(path) = stillpoint_testdata::recording("fr1_xyz") else {
         return;
-    }
+    };
     let dataset = Dataset::open(&path, &OpenOptions::default()).unwrap();
     let truth = dataset.ground_truth().unwrap().unwrap();
     let half = |start| {

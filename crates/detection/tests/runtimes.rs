@@ -1,7 +1,7 @@
 //! ONNX Runtime: which libraries are refused, and that it finds what `rten` finds. The library is the one that
 //! `ORT_DYLIB_PATH` names; without it the refusals are tested alone.
 // A test may look for its library; the crate may not.
-#![allow(clippy::disallowed_methods, clippy::print_stderr)]
+#![allow(clippy::disallowed_methods)]
 #![cfg(feature = "onnxruntime")]
 
 use std::path::{Path, PathBuf};
@@ -14,24 +14,14 @@ use stillpoint_imaging::{ColourImage, FrameId};
 fn library() -> Option<PathBuf> {
     let named = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
     if named.is_none() {
-        eprintln!("SKIPPED: ORT_DYLIB_PATH names no library of ONNX Runtime");
+        stillpoint_testdata::skipped("ORT_DYLIB_PATH names no library of ONNX Runtime");
     }
     named
 }
 
 /// What a shared model finds in a shared image in this runtime, if both are there; and what ran it.
 fn found(model: &str, runtime: &Runtime, threads: usize) -> Option<(Vec<Detection>, String)> {
-    let shared = |file: &str| {
-        let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
-            || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-            PathBuf::from,
-        );
-        let bytes = std::fs::read(data.join("..").join(file)).ok();
-        if bytes.is_none() {
-            eprintln!("SKIPPED: there is no {file}");
-        }
-        bytes
-    };
+    let shared = |file: &str| Some(std::fs::read(stillpoint_testdata::beside(file)?).unwrap());
     let image = image::load_from_memory(&shared("images/bus.jpg")?)
         .unwrap()
         .to_rgb8();
@@ -172,7 +162,7 @@ fn another_library_is_refused() {
         .split_whitespace()
         .find(|word| word.starts_with('/') && word.contains("/libc.so"));
     let Some(library) = library else {
-        eprintln!("SKIPPED: this program uses no libc.so");
+        stillpoint_testdata::skipped("the test program uses no libc.so");
         return;
     };
     let error = refusal(Path::new(library));

@@ -117,23 +117,16 @@ fn flow_agrees_with_exact_depth_and_poses_of_simulated_rooms() {
     }
 }
 
-fn root() -> PathBuf {
-    std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    )
-}
-
 /// Stamped lines of a file of a TUM recording.
-fn lines(file: PathBuf) -> Option<Vec<(f64, Vec<String>)>> {
-    let text = std::fs::read_to_string(file).ok()?;
+fn lines(file: PathBuf) -> Vec<(f64, Vec<String>)> {
+    let text = std::fs::read_to_string(file).expect("a list");
     let lines = text.lines().filter(|line| !line.starts_with('#'));
     let split = lines.map(|line| {
         let mut words = line.split_whitespace();
         let stamp = words.next().and_then(|word| word.parse().ok());
         (stamp.expect("a stamp"), words.map(str::to_owned).collect())
     });
-    Some(split.collect())
+    split.collect()
 }
 
 fn pose_at(truth: &[(f64, Vec<String>)], stamp: f64) -> Se3 {
@@ -157,12 +150,11 @@ fn pose_at(truth: &[(f64, Vec<String>)], stamp: f64) -> Se3 {
 /// other it says to about half a pixel.
 #[test]
 fn flow_agrees_with_motion_capture_on_real_frames() {
-    let folder = root().join("fr1_xyz");
-    let files = ["rgb.txt", "depth.txt", "groundtruth.txt"].map(|name| lines(folder.join(name)));
-    let [Some(colour), Some(depth), Some(truth)] = files else {
-        eprintln!("skipped: no real frames in {}", folder.display());
+    let Some(folder) = stillpoint_testdata::recording("fr1_xyz") else {
         return;
     };
+    let [colour, depth, truth] =
+        ["rgb.txt", "depth.txt", "groundtruth.txt"].map(|name| lines(folder.join(name)));
     let mut camera = Camera::pinhole(640, 480, [517.306408, 516.469215, 318.64304, 255.313989]);
     camera.distortion = BrownConrady {
         k1: 0.262383,

@@ -1,4 +1,4 @@
-//! Extraction on real frames, where there are any under `STILLPOINT_DATA` (else `../shared/data`).
+//! Extraction on real frames, where there are any.
 // A test may look for its data; the library may not.
 #![allow(clippy::disallowed_methods, clippy::print_stderr)]
 
@@ -8,15 +8,10 @@ use stillpoint_features::{Features, OrbConfig, OrbExtractor, match_brute_force};
 use stillpoint_imaging::{ColourImage, GrayImage, Simd};
 
 fn frames() -> Vec<PathBuf> {
-    let root = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = root.join("fr1_xyz/rgb");
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        eprintln!("skipped: no real frames in {}", folder.display());
+    let Some(folder) = stillpoint_testdata::recording("fr1_xyz") else {
         return Vec::new();
     };
+    let entries = std::fs::read_dir(folder.join("rgb")).expect("a folder of images");
     let mut files: Vec<_> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
         .collect();

@@ -282,7 +282,7 @@ fn a_folder_that_cannot_be_written_is_told() {
     let folder = cache.folder();
     std::fs::set_permissions(&folder, PermissionsExt::from_mode(0o555)).unwrap();
     if std::fs::write(folder.join("probe"), b"").is_ok() {
-        println!("skipped: permissions do not hold for this user");
+        stillpoint_testdata::skipped("permissions do not hold for the superuser");
         return;
     }
     let e = cache

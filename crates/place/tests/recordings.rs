@@ -61,11 +61,9 @@ fn vectors(keyframes: &[Keyframe]) -> Vec<Arc<PlaceVector>> {
 /// A kitchen that the vocabulary was not trained on.
 #[test]
 fn a_kitchen_is_recognised() {
-    let folder = common::data_folder().join("kitchen");
-    if !folder.is_dir() {
-        println!("skipped: {} is not there", folder.display());
+    let Some(folder) = stillpoint_testdata::recording("kitchen") else {
         return;
-    }
+    };
     let keyframes = recorded(&folder, Some(4)).unwrap();
     let vectors = vectors(&keyframes);
     let recent = |i: usize, j: usize| keyframes[i].stamp - keyframes[j].stamp < 5.0;

@@ -161,15 +161,9 @@ fn the_readout_is_found_where_there_is_one() {
         assert!(readout < 0.004, "from {start} s: {readout} s");
     }
     // The Kinect's is not.
-    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-        Into::into,
-    );
-    let path = data.join("fr1_xyz");
-    if !path.is_dir() {
-        println!("skipped: no data set fr1_xyz in {}", data.display());
+    let Some(path) = stillpoint_testdata::recording("fr1_xyz") else {
         return;
-    }
+    };
     let dataset = Dataset::open(&path, &OpenOptions::default()).unwrap();
     let mut system =
         System::new(Config::default(), dataset.camera().camera, Simd::detect()).unwrap();

@@ -144,15 +144,7 @@ fn boxes(path: &Path) -> BTreeMap<u64, BTreeMap<u32, BoundingBox>> {
 }
 
 fn real() -> Option<(Camera, Vec<Recorded>)> {
-    let root = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data").into(),
-        std::path::PathBuf::from,
-    );
-    let path = root.join("fr1_xyz_walkers");
-    if !path.is_dir() {
-        println!("skipped: {} is not there", path.display());
-        return None;
-    }
+    let path = stillpoint_testdata::recording("fr1_xyz_walkers")?;
     let data = Dataset::open(&path, &OpenOptions::default()).unwrap();
     let truth = data.ground_truth().unwrap().unwrap();
     let mut people = boxes(&path.join("boxes.csv"));

@@ -1,6 +1,6 @@
 //! What the tests of networks share: shared files where there are any, and small graphs made by hand.
 // A test may look for its files; the crate may not.
-#![allow(clippy::disallowed_methods, clippy::print_stderr)]
+#![allow(clippy::disallowed_methods)]
 
 use std::path::{Path, PathBuf};
 use stillpoint_detection::wire::Message;
@@ -11,16 +11,7 @@ use stillpoint_imaging::ColourImage;
 
 /// A file beside the data sets, if it is there.
 pub(crate) fn shared(file: &str) -> Option<PathBuf> {
-    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let path = data.join("..").join(file);
-    if path.exists() {
-        return Some(path);
-    }
-    eprintln!("SKIPPED: there is no {}", path.display());
-    None
+    stillpoint_testdata::beside(file)
 }
 
 /// The pixels of an image file.

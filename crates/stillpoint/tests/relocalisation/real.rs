@@ -1,23 +1,14 @@
 //! The same on recordings, where they are there.
 
-use std::path::PathBuf;
 use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice, StampedPose};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_imaging::{FrameSource, Simd};
 use stillpoint_map::Map;
 use stillpoint_slam::{Config, Event, FrameReport, MapUse, Outcome, System};
 
-/// A recording; none, said aloud, where it is not there.
+/// A recording, where it is there.
 fn recording(name: &str) -> Option<Dataset> {
-    let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = data.join(name);
-    if !folder.is_dir() {
-        println!("skipped: {} is not there", folder.display());
-        return None;
-    }
+    let folder = stillpoint_testdata::recording(name)?;
     Some(Dataset::open(&folder, &OpenOptions::default()).unwrap())
 }
 

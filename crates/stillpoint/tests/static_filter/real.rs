@@ -6,7 +6,8 @@ use stillpoint_slam::Preset;
 
 /// Boxes of the people in a recording, from its file `boxes.csv`: `timestamp,walker,x0,y0,x1,y1,visible_px`.
 fn boxes(name: &str) -> Vec<ScriptRow> {
-    let text = std::fs::read_to_string(Recording::folder(name).join("boxes.csv")).unwrap();
+    let text = std::fs::read_to_string(stillpoint_testdata::folder().join(name).join("boxes.csv"))
+        .unwrap();
     let row = |line: &str| {
         let v: Vec<f64> = line.split(',').map(|x| x.parse().unwrap()).collect();
         ScriptRow {

@@ -101,22 +101,9 @@ impl Recording {
         }
     }
 
-    /// Where a data set is, if it is there.
-    pub(crate) fn folder(name: &str) -> std::path::PathBuf {
-        let data = std::env::var_os("STILLPOINT_DATA").map_or_else(
-            || std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data"),
-            std::path::PathBuf::from,
-        );
-        data.join(name)
-    }
-
-    /// A data set on disk; `None`, with a printed line, where it is not.
+    /// A recording, where it is there.
     pub(crate) fn real(name: &str) -> Option<Self> {
-        let path = Self::folder(name);
-        if !path.is_dir() {
-            println!("skipped: no data set {}", path.display());
-            return None;
-        }
+        let path = stillpoint_testdata::recording(name)?;
         let dataset = Dataset::open(&path, &OpenOptions::default()).unwrap();
         let mut source = ReadAhead::new(dataset.frames(&FrameOptions::default()).unwrap());
         let mut frames = Vec::new();

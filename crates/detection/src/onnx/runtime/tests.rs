@@ -14,7 +14,7 @@ fn runtimes() -> Vec<Runtime> {
         Some(file) => found.push(Runtime::OnnxRuntime(
             OnnxRuntime::load(std::path::Path::new(&file)).unwrap(),
         )),
-        None => eprintln!("SKIPPED for ONNX Runtime: ORT_DYLIB_PATH names no library"),
+        None => stillpoint_testdata::skipped("ORT_DYLIB_PATH names no library of ONNX Runtime"),
     }
     found
 }

@@ -1,0 +1,104 @@
+//! Where tests find what is not committed: recordings, models, pictures. Who asks is counted, with what was missing, where
+//! `STILLPOINT_SKIPS` names a file: the test runner swallows what a passing test prints, so a test that did nothing would
+//! look like one that held. `.ci/run` reads the file.
+//!
+//! A line of it is `used` or `skipped`, the test (crate and name), and what was found or why it was skipped, separated by tabs.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+/// The folder of the data sets: the one that `STILLPOINT_DATA` names, else `../shared/data` beside the workspace.
+pub fn folder() -> PathBuf {
+    std::env::var_os("STILLPOINT_DATA").map_or_else(
+        || PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
+        PathBuf::from,
+    )
+}
+
+/// The folder of a recording, by its name; none, counted as skipped, where it is not there.
+pub fn recording(name: &str) -> Option<PathBuf> {
+    found(
+        folder().join(name),
+        Path::is_dir,
+        &format!("recording {name}"),
+    )
+}
+
+/// A file in a folder beside the data sets, such as `models/yolox_nano_416.onnx`; none, counted as skipped, where it is not there.
+pub fn beside(file: &str) -> Option<PathBuf> {
+    found(folder().join("..").join(file), Path::exists, file)
+}
+
+fn found(path: PathBuf, is: fn(&Path) -> bool, what: &str) -> Option<PathBuf> {
+    if is(&path) {
+        note("used", what);
+        return Some(path);
+    }
+    skipped(&format!("there is no {what}"));
+    None
+}
+
+/// Counts the test that runs as skipped, or what is left of it, and says so to who reads its output.
+#[allow(clippy::print_stderr)]
+pub fn skipped(reason: &str) {
+    eprintln!("skipped: {reason}");
+    note("skipped", reason);
+}
+
+/// Appends a line in one write, since tests run at once, also in several processes.
+fn note(kind: &str, what: &str) {
+    let Some(file) = std::env::var_os("STILLPOINT_SKIPS") else {
+        return;
+    };
+    let thread = std::thread::current();
+    let krate = std::env::var("CARGO_PKG_NAME").unwrap_or_default();
+    let test = thread.name().unwrap_or("unnamed");
+    let line = format!("{kind}\t{krate} {test}\t{what}\n");
+    let opened = std::fs::OpenOptions::new()
+        .create(true)
+        .append(true)
+        .open(&file);
+    let written = opened.and_then(|mut file| file.write_all(line.as_bytes()));
+    assert!(
+        written.is_ok(),
+        "STILLPOINT_SKIPS: expected a file that lines can be appended to, found {}: {written:?}",
+        Path::new(&file).display()
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Runs in a process of its own, with a folder and a file of notes, and not otherwise.
+    #[test]
+    fn child_that_asks() {
+        if std::env::var_os("STILLPOINT_TEST_CHILD").is_some() {
+            assert!(recording("src").is_some() && recording("nowhere").is_none());
+            assert!(beside("testdata/Cargo.toml").is_some() && beside("models/no.onnx").is_none());
+        }
+    }
+
+    #[test]
+    fn what_is_found_and_what_is_missing_is_noted_by_test() {
+        let notes = std::env::temp_dir().join(format!("stillpoint-skips-{}", std::process::id()));
+        let output = std::process::Command::new(std::env::current_exe().expect("this program"))
+            .args(["--exact", "tests::child_that_asks"])
+            .env("STILLPOINT_TEST_CHILD", "1")
+            .env("STILLPOINT_DATA", env!("CARGO_MANIFEST_DIR"))
+            .env("CARGO_PKG_NAME", "krate")
+            .env("STILLPOINT_SKIPS", &notes)
+            .output();
+        let text = std::fs::read_to_string(&notes).unwrap_or_default();
+        let _ = std::fs::remove_file(&notes);
+        let output = output.expect("the program starts");
+        assert!(output.status.success(), "{output:?}");
+        assert_eq!(
+            text,
+            "used\tkrate tests::child_that_asks\trecording src\n\
+             skipped\tkrate tests::child_that_asks\tthere is no recording nowhere\n\
+             used\tkrate tests::child_that_asks\ttestdata/Cargo.toml\n\
+             skipped\tkrate tests::child_that_asks\tthere is no models/no.onnx\n"
+        );
+    }
+}
