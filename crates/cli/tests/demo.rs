@@ -61,15 +61,17 @@ fn both_passes_are_told_and_written_side_by_side() {
             "{config}"
         );
     }
-    for name in ["animation.png", "comparison.png", "side_by_side.png"] {
+    for name in ["comparison.png", "side_by_side.png"] {
         let image = image::open(out.join(name)).unwrap();
         assert!(image.width() > 600, "{name}");
     }
+    let animation = std::fs::read(out.join("animation.gif")).unwrap();
+    assert!(animation.starts_with(b"GIF89a"));
     let names: Vec<String> = files(&out)
         .iter()
         .map(|p| p.file_name().unwrap().to_string_lossy().into_owned())
         .collect();
-    let pictures = ["animation.png", "comparison.png", "comparison.svg"];
+    let pictures = ["animation.gif", "comparison.png", "comparison.svg"];
     assert_eq!(names[..3], pictures);
     assert_eq!(names[3..], ["off", "on", "side_by_side.png"]);
 }
@@ -84,7 +86,7 @@ fn the_same_demo_gives_the_same_pictures_and_needs_no_detector() {
         assert!(stdout(&output).contains("bound of 15 mm"));
         assert_eq!(summary(&out.join("on"))["detector"]["kind"], "none");
         [
-            "animation.png",
+            "animation.gif",
             "side_by_side.png",
             "comparison.svg",
             "on/trajectory.txt",

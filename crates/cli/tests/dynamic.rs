@@ -238,12 +238,19 @@ fn the_filter_can_be_turned_off() {
     );
 }
 
+/// Width of a GIF, px.
+fn gif_width(path: &Path) -> u16 {
+    let bytes = std::fs::read(path).unwrap();
+    assert_eq!(&bytes[..6], b"GIF89a");
+    u16::from_le_bytes([bytes[6], bytes[7]])
+}
+
 #[test]
 fn pictures_decode_and_replace_older_ones() {
     let dir = tempfile::tempdir().unwrap();
     let pictures = dir.path().join("pictures");
     std::fs::create_dir(&pictures).unwrap();
-    for name in ["000001.png", "mine.png"] {
+    for name in ["000001.png", "animation.png", "mine.png"] {
         std::fs::write(pictures.join(name), "old").unwrap();
     }
     let script = scripted(&room());
@@ -258,25 +265,25 @@ fn pictures_decode_and_replace_older_ones() {
     ];
     let output = run(&room(), &dir.path().join("out"), &more);
     check(&output, 0, &[]);
-    assert!(stdout(&output).contains("3 pictures and animation.png"));
+    assert!(stdout(&output).contains("3 pictures and animation.gif"));
     let expected = [
         "000000.png",
         "000005.png",
         "000010.png",
-        "animation.png",
+        "animation.gif",
         "mine.png",
     ];
     assert_eq!(names(&pictures), expected);
     for name in &expected[..3] {
         let picture = image::open(pictures.join(name)).unwrap().into_rgb8();
-        // The image and a line of text below.
+        // The image, and below it a line of text and the legend.
         assert_eq!(picture.width(), 640);
         assert!(
-            (481..540).contains(&picture.height()),
+            (510..560).contains(&picture.height()),
             "{}",
             picture.height()
         );
-        let green = picture.pixels().filter(|p| p.0 == [46, 204, 86]).count();
+        let green = picture.pixels().filter(|p| p.0 == [30, 200, 110]).count();
         assert!(green > 500, "{green} px of static features");
         let coloured = picture
             .rows()
@@ -285,8 +292,7 @@ fn pictures_decode_and_replace_older_ones() {
             .filter(|p| p.0[0] != p.0[1]);
         assert!(coloured.count() > 640 * 480 / 2, "the image is grey");
     }
-    let animation = image::open(pictures.join("animation.png")).unwrap();
-    assert_eq!(animation.width(), 320);
+    assert_eq!(gif_width(&pictures.join("animation.gif")), 320);
     // What is drawn does not change what is found.
     let plain = dir.path().join("plain");
     check(&run(&room(), &plain, &["--detector", &script]), 0, &[]);
@@ -314,7 +320,7 @@ fn outputs_may_share_a_folder() {
     let names = names(&out);
     for name in [
         "000009.png",
-        "animation.png",
+        "animation.gif",
         "trajectory.txt",
         "plot.png",
         "v.csv",

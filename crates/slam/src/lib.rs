@@ -46,7 +46,7 @@ pub use run_log::{LogEntry, LogError, RunLog};
 pub use sensor::{DepthNoise, SensorConfig, Timing};
 pub use stages::{MapUse, Stages, StartError};
 pub use static_filter::{
-    FeatureVerdict, FilterSetup, Preset, Reasons, Segments, StaticFilterConfig,
+    FeatureVerdict, FilterSetup, MOVER, Preset, Reasons, Segments, StaticFilterConfig,
 };
 pub use stillpoint_imaging::Simd;
 pub use system::System;

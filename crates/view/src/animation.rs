@@ -1,13 +1,14 @@
-//! Animations as APNG.
+//! Animations as GIF.
 //!
-//! APNG and not GIF: its encoder is in the tree already with the still pictures, it has all colours (256 would leave few for
-//! the image once the marks have theirs), and browsers, README pages and image viewers show it; those that know PNG only
-//! show the first frame. GIF would be streamed more simply, since APNG states the number of frames ahead of them: the sink
-//! must seek, and the number is put in at the end.
+//! GIF, because every browser, viewer, editor and messenger plays it; of APNG many show the first frame only. What it costs, a
+//! palette of 256 colours, is made up for by a palette of each frame's own ([`Palette`]), and what did not change since the
+//! frame before is not written again, which keeps resting parts of the image from flickering and the file small.
 
-use crate::encode::write_filtered;
+use crate::palette::Palette;
 use crate::{Picture, ViewError};
-use std::io::{Seek, SeekFrom, Write};
+use gif::{DisposalMethod, Encoder, Frame, Repeat};
+use std::borrow::Cow;
+use std::io::Write;
 
 /// How an animation is made of the frames that are pushed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,7 +18,7 @@ pub struct AnimationOptions {
     /// Half width and height: a quarter of the file.
     pub halve: bool,
     /// Frames that are pushed per second of the recording; the animation runs at the recording's speed. Shown frames last at
-    /// least 10 ms.
+    /// least 20 ms, below which browsers slow down.
     pub frames_per_second: f64,
 }
 
@@ -32,29 +33,36 @@ impl Default for AnimationOptions {
     }
 }
 
-/// Writes an APNG frame by frame; holds one frame at a time. It repeats for ever.
-#[derive(Debug)]
-pub struct Animation<W: Write + Seek> {
-    sink: W,
+/// Writes a GIF frame by frame; holds one frame at a time. It repeats for ever.
+pub struct Animation<W: Write> {
+    file: File<W>,
     options: AnimationOptions,
     pushed: usize,
-    /// Width and height of the pushed pictures, and where the count of frames stands in the sink.
-    begun: Option<((usize, usize), u64)>,
+    /// Width and height of the pushed pictures.
+    size: Option<(usize, usize)>,
+    /// What a viewer shows now, RGB.
+    shown: Vec<u8>,
     written: u32,
-    /// Number of the next chunk among those that are numbered.
-    sequence: u32,
 }
 
-impl<W: Write + Seek> Animation<W> {
-    /// Begins at the sink's position. Nothing is written before the first frame.
+/// The size of the first frame is in the header.
+enum File<W: Write> {
+    Waiting(W),
+    Begun(Encoder<W>),
+    /// The header could not be written.
+    Failed,
+}
+
+impl<W: Write> Animation<W> {
+    /// Begins an animation. Nothing is written before the first frame.
     pub fn new(sink: W, options: AnimationOptions) -> Self {
         Self {
-            sink,
+            file: File::Waiting(sink),
             options,
             pushed: 0,
-            begun: None,
+            size: None,
+            shown: Vec::new(),
             written: 0,
-            sequence: 0,
         }
     }
 
@@ -64,7 +72,7 @@ impl<W: Write + Seek> Animation<W> {
     /// Any [`ViewError`] but [`ViewError::NoFrames`]; sizes are compared for frames that are not shown too.
     pub fn push(&mut self, picture: &Picture) -> Result<(), ViewError> {
         let found = (picture.width(), picture.height());
-        if let Some((expected, _)) = self.begun
+        if let Some(expected) = self.size
             && expected != found
         {
             return Err(ViewError::Size { expected, found });
@@ -75,53 +83,56 @@ impl<W: Write + Seek> Animation<W> {
             return Ok(());
         }
         let small = if self.options.halve {
-            picture.halved()
+            Cow::Owned(picture.halved())
         } else {
-            picture.clone()
+            Cow::Borrowed(picture)
         };
-        let (header, pixels) = compress(&coarse(small))?;
-        if self.begun.is_none() {
-            self.sink.write_all(&SIGNATURE)?;
-            chunk(&mut self.sink, *b"IHDR", &header)?;
-            let position = self.sink.stream_position()?;
-            chunk(&mut self.sink, *b"acTL", &control(1))?;
-            self.begun = Some((found, position));
-        }
-        self.write_frame(&header, &pixels)
+        self.write_frame(&small)?;
+        self.size = Some(found);
+        Ok(())
     }
 
-    fn write_frame(&mut self, header: &[u8], pixels: &[u8]) -> Result<(), ViewError> {
-        let mut frame = self.next_number().to_vec();
-        // Width and height as in the header, no offset.
-        frame.extend(&header[..8]);
-        frame.extend([0; 8]);
-        frame.extend(self.delay_ms().to_be_bytes());
-        frame.extend(1000u16.to_be_bytes());
-        // Neither disposal nor blending: each frame replaces all of the one before.
-        frame.extend([0, 0]);
-        chunk(&mut self.sink, *b"fcTL", &frame)?;
-        if self.written == 0 {
-            chunk(&mut self.sink, *b"IDAT", pixels)?;
-        } else {
-            let mut numbered = self.next_number().to_vec();
-            numbered.extend(pixels);
-            chunk(&mut self.sink, *b"fdAT", &numbered)?;
+    fn write_frame(&mut self, picture: &Picture) -> Result<(), ViewError> {
+        let (width, height) = size(picture)?;
+        self.begin(width, height)?;
+        let palette = Palette::of(picture);
+        let frame = Frame {
+            delay: self.delay(),
+            dispose: DisposalMethod::Keep,
+            transparent: Some(Palette::UNCHANGED),
+            width,
+            height,
+            buffer: Cow::Owned(palette.indices(picture, &mut self.shown)),
+            palette: Some(palette.rgb()),
+            ..Frame::default()
+        };
+        match &mut self.file {
+            File::Begun(encoder) => encoder.write_frame(&frame)?,
+            File::Waiting(_) | File::Failed => return Err(ViewError::NoFrames),
         }
         self.written += 1;
         Ok(())
     }
 
-    fn next_number(&mut self) -> [u8; 4] {
-        let number = self.sequence;
-        self.sequence += 1;
-        number.to_be_bytes()
+    /// Writes the header, once.
+    fn begin(&mut self, width: u16, height: u16) -> Result<(), ViewError> {
+        self.file = match std::mem::replace(&mut self.file, File::Failed) {
+            File::Waiting(sink) => {
+                let mut encoder = Encoder::new(sink, width, height, &[])?;
+                encoder.set_repeat(Repeat::Infinite)?;
+                File::Begun(encoder)
+            }
+            file => file,
+        };
+        Ok(())
     }
 
-    /// How long a frame is shown, ms.
-    fn delay_ms(&self) -> u16 {
-        let ms = 1e3 * self.options.every.max(1) as f64 / self.options.frames_per_second;
+    /// How long the next frame is shown, in hundredths of a second. What rounding takes from one frame the next ones get.
+    fn delay(&self) -> u16 {
+        let hundredths = 100.0 * self.options.every.max(1) as f64 / self.options.frames_per_second;
+        let until = |frames: u32| (f64::from(frames) * hundredths).round();
         // The cast saturates, and makes 0 of what is no number.
-        (ms.round() as u16).max(10)
+        ((until(self.written + 1) - until(self.written)) as u16).max(2)
     }
 
     /// Frames written so far.
@@ -130,94 +141,24 @@ impl<W: Write + Seek> Animation<W> {
         self.written
     }
 
-    /// Ends the file and gives the sink back, at the file's end. Without this the file shows its first frame at most.
+    /// Ends the file and gives the sink back, at the file's end.
     ///
     /// # Errors
     /// [`ViewError::NoFrames`], [`ViewError::Write`].
-    pub fn finish(mut self) -> Result<W, ViewError> {
-        let (_, position) = self.begun.ok_or(ViewError::NoFrames)?;
-        chunk(&mut self.sink, *b"IEND", &[])?;
-        self.sink.seek(SeekFrom::Start(position))?;
-        chunk(&mut self.sink, *b"acTL", &control(self.written))?;
-        self.sink.seek(SeekFrom::End(0))?;
-        self.sink.flush()?;
-        Ok(self.sink)
-    }
-}
-
-const SIGNATURE: [u8; 8] = [137, 80, 78, 71, 13, 10, 26, 10];
-
-/// The content of `acTL`: number of frames, and 0 for repetition without end.
-fn control(frames: u32) -> [u8; 8] {
-    let mut control = [0; 8];
-    control[..4].copy_from_slice(&frames.to_be_bytes());
-    control
-}
-
-/// Five bits per channel: camera noise, which does not compress, mostly vanishes, and the eye misses little in motion.
-fn coarse(picture: Picture) -> Picture {
-    picture.map(|v| (v & 0xf8) | (v >> 5))
-}
-
-/// The header and the compressed pixels of a picture.
-fn compress(picture: &Picture) -> Result<(Vec<u8>, Vec<u8>), ViewError> {
-    let mut file = Vec::new();
-    // Few levels repeat more often than their differences do: a quarter less than with adaptive filters.
-    write_filtered(picture, &mut file, png::Filter::NoFilter)?;
-    let (mut header, mut pixels) = (Vec::new(), Vec::new());
-    let mut rest = file.get(SIGNATURE.len()..).unwrap_or_default();
-    // Length, type, content, checksum.
-    while let Some((length, after)) = rest.split_first_chunk::<4>() {
-        let Some((kind, after)) = after.split_first_chunk::<4>() else {
-            break;
-        };
-        let Some((content, after)) = after.split_at_checked(u32::from_be_bytes(*length) as usize)
-        else {
-            break;
-        };
-        match kind {
-            b"IHDR" => header.extend(content),
-            b"IDAT" => pixels.extend(content),
-            _ => {}
+    pub fn finish(self) -> Result<W, ViewError> {
+        match self.file {
+            File::Begun(encoder) if self.written > 0 => Ok(encoder.into_inner()?),
+            _ => Err(ViewError::NoFrames),
         }
-        rest = after.get(4..).unwrap_or_default();
     }
-    Ok((header, pixels))
 }
 
-/// Writes a chunk: length, type, content, checksum of the last two.
-fn chunk(sink: &mut impl Write, kind: [u8; 4], content: &[u8]) -> Result<(), ViewError> {
-    let length = u32::try_from(content.len()).map_err(std::io::Error::other)?;
-    sink.write_all(&length.to_be_bytes())?;
-    sink.write_all(&kind)?;
-    sink.write_all(content)?;
-    let crc = !crc32(crc32(u32::MAX, &kind), content);
-    sink.write_all(&crc.to_be_bytes())?;
-    Ok(())
-}
-
-/// Goes on with the checksum of the PNG specification, annex D, before its final complement.
-fn crc32(start: u32, bytes: &[u8]) -> u32 {
-    bytes.iter().fold(start, |crc, byte| {
-        TABLE[((crc ^ u32::from(*byte)) & 0xff) as usize] ^ (crc >> 8)
-    })
-}
-
-const TABLE: [u32; 256] = {
-    let mut table = [0; 256];
-    let mut n = 0;
-    while n < 256 {
-        let (mut c, mut k) = (n as u32, 0);
-        while k < 8 {
-            c = if c & 1 == 1 {
-                0xedb8_8320 ^ (c >> 1)
-            } else {
-                c >> 1
-            };
-            k += 1;
-        }
-        table[n] = c;
-        n += 1;
+/// Width and height as GIF holds them.
+fn size(picture: &Picture) -> Result<(u16, u16), ViewError> {
+    let (w, h) = (picture.width(), picture.height());
+    match (u16::try_from(w), u16::try_from(h)) {
+        (Ok(width), Ok(height)) if width > 0 && height > 0 => Ok((width, height)),
+        _ if w == 0 || h == 0 => Err(ViewError::Empty(w, h)),
+        _ => Err(ViewError::Large(w, h)),
     }
-    table
-};
+}

@@ -1,4 +1,7 @@
 //! Colours with a meaning, the same in every picture.
+//!
+//! Three families that do not meet: what is static is green, what was rejected has a warm colour, objects have cool ones. Warm
+//! and cool stay apart for people who cannot tell red from green, and static features differ from rejected ones in shape too.
 
 /// An RGB colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,39 +13,53 @@ impl Colour {
     /// Ink.
     pub const BLACK: Self = Self(0, 0, 0);
     /// A feature that is static: used for the pose.
-    pub const STATIC: Self = Self(46, 204, 86);
+    pub const STATIC: Self = Self(30, 200, 110);
     /// A feature that nothing was decided about, or that was not used.
     pub const UNUSED: Self = Self(150, 158, 170);
     /// Rejected for the object it lies on.
-    pub const SEMANTIC: Self = Self(240, 62, 62);
+    pub const SEMANTIC: Self = Self(238, 52, 28);
     /// Rejected for its distance from the epipolar line.
-    pub const EPIPOLAR: Self = Self(255, 153, 31);
+    pub const EPIPOLAR: Self = Self(255, 232, 40);
     /// Rejected for its depth.
-    pub const DEPTH: Self = Self(224, 86, 253);
+    pub const DEPTH: Self = Self(255, 214, 168);
     /// Rejected because its motion is not that of the rigid scene.
-    pub const RIGID: Self = Self(255, 221, 51);
+    pub const RIGID: Self = Self(255, 150, 0);
     /// Rejected for what its landmark did before.
-    pub const HISTORY: Self = Self(52, 172, 255);
+    pub const HISTORY: Self = Self(168, 92, 36);
+    /// A region of the image that moves: its tint and its border.
+    pub const REGION: Self = Self(238, 52, 28);
+    /// The ground of the lines under a picture.
+    pub const PANEL: Self = Self(20, 23, 28);
+    /// A thing that is not labelled: its frame.
+    pub const THING: Self = Self(196, 204, 214);
 
-    /// The colour of a thing with a number, such as an object or a segment: the same number always gets the same colour,
-    /// and numbers that follow each other differ clearly (steps of the golden ratio). Hues from yellow-green to green are
-    /// left out: green is what is static.
+    /// The colours of objects, from cyan over blue to purple, in an order in which neighbours differ clearly.
+    const OBJECTS: [Self; 8] = [
+        Self(56, 132, 255),
+        Self(196, 150, 255),
+        Self(0, 206, 255),
+        Self(132, 70, 240),
+        Self(20, 160, 214),
+        Self(206, 92, 255),
+        Self(150, 210, 255),
+        Self(44, 76, 226),
+    ];
+
+    /// The colour of an object: the same number always gets the same colour, and numbers that follow each other differ
+    /// clearly. None of them is green or warm, which are the colours of verdicts.
     #[must_use]
     pub fn of_number(number: u32) -> Self {
-        // The hue circle has 1536 steps here, 6 ramps of 256 from red; 384 of them around green are left out.
-        const FIRST: u64 = 704;
-        const USED: u64 = 1152;
-        let step = u64::from(number) * 381_966 * USED / 1_000_000 % USED;
-        let hue = (FIRST + step) % 1536;
-        let (ramp, up) = ((hue / 256) as u8, (hue % 256) as u8);
-        let down = 255 - up;
-        match ramp {
-            0 => Self(255, up, 0),
-            1 => Self(down, 255, 0),
-            2 => Self(0, 255, up),
-            3 => Self(0, down, 255),
-            4 => Self(up, 0, 255),
-            _ => Self(255, 0, down),
+        Self::OBJECTS[number as usize % Self::OBJECTS.len()]
+    }
+
+    /// Black on bright colours, white on dark ones.
+    #[must_use]
+    pub(crate) fn ink(self) -> Self {
+        let luma = 77 * u32::from(self.0) + 150 * u32::from(self.1) + 29 * u32::from(self.2);
+        if luma > 128 * 256 {
+            Self::BLACK
+        } else {
+            Self::WHITE
         }
     }
 }
@@ -51,9 +68,38 @@ impl Colour {
 mod tests {
     use super::*;
 
-    fn distance(a: Colour, b: Colour) -> i32 {
-        let d = |a: u8, b: u8| (i32::from(a) - i32::from(b)).abs();
-        d(a.0, b.0) + d(a.1, b.1) + d(a.2, b.2)
+    const VERDICTS: [Colour; 6] = [
+        Colour::STATIC,
+        Colour::SEMANTIC,
+        Colour::EPIPOLAR,
+        Colour::DEPTH,
+        Colour::RIGID,
+        Colour::HISTORY,
+    ];
+
+    fn distance(a: Colour, b: Colour) -> f64 {
+        let d = |a: u8, b: u8| (f64::from(a) - f64::from(b)).powi(2);
+        (d(a.0, b.0) + d(a.1, b.1) + d(a.2, b.2)).sqrt()
+    }
+
+    /// What people without the cones for long (0) or medium (1) wavelengths see. Source: Machado, Oliveira, Fernandes, A
+    /// physiologically-based model for simulation of color vision deficiency, 2009, severity 1; applied to encoded values.
+    fn seen(colour: Colour, missing: usize) -> Colour {
+        const MATRICES: [[[f64; 3]; 3]; 2] = [
+            [
+                [0.152_286, 1.052_583, -0.204_868],
+                [0.114_503, 0.786_281, 0.099_216],
+                [-0.003_882, -0.048_116, 1.051_998],
+            ],
+            [
+                [0.367_322, 0.860_646, -0.227_968],
+                [0.280_085, 0.672_501, 0.047_413],
+                [-0.011_820, 0.042_940, 0.968_881],
+            ],
+        ];
+        let [r, g, b] = [colour.0, colour.1, colour.2].map(f64::from);
+        let [r, g, b] = MATRICES[missing].map(|m| (m[0] * r + m[1] * g + m[2] * b).round() as u8);
+        Colour(r, g, b)
     }
 
     #[test]
@@ -61,28 +107,38 @@ mod tests {
         for n in 0..200 {
             for step in 1..4 {
                 let (a, b) = (Colour::of_number(n), Colour::of_number(n + step));
-                assert!(distance(a, b) > 100, "{n} {step}: {a:?} {b:?}");
+                assert!(distance(a, b) > 60.0, "{n} {step}: {a:?} {b:?}");
             }
         }
-        for n in (0..2000).chain([u32::MAX]) {
-            assert!(distance(Colour::of_number(n), Colour::STATIC) > 150, "{n}");
+        assert_eq!(Colour::of_number(u32::MAX), Colour::of_number(7));
+    }
+
+    #[test]
+    fn no_object_looks_like_a_verdict() {
+        for object in Colour::OBJECTS {
+            for verdict in VERDICTS {
+                let d = distance(object, verdict);
+                assert!(d > 100.0, "{object:?} {verdict:?}: {d}");
+                for missing in 0..2 {
+                    let d = distance(seen(object, missing), seen(verdict, missing));
+                    assert!(d > 75.0, "{object:?} {verdict:?} without {missing}: {d}");
+                }
+            }
         }
     }
 
     #[test]
     fn meanings_differ() {
-        let all = [
-            Colour::STATIC,
-            Colour::UNUSED,
-            Colour::SEMANTIC,
-            Colour::EPIPOLAR,
-            Colour::DEPTH,
-            Colour::RIGID,
-            Colour::HISTORY,
-        ];
-        for (i, a) in all.iter().enumerate() {
-            for b in &all[..i] {
-                assert!(distance(*a, *b) > 60, "{a:?} {b:?}");
+        for (i, a) in VERDICTS.iter().enumerate() {
+            for b in VERDICTS[..i].iter().chain(&[Colour::UNUSED]) {
+                assert!(distance(*a, *b) > 60.0, "{a:?} {b:?}");
+            }
+        }
+        // What is static and what is rejected differ for those too who cannot tell red from green.
+        for rejected in &VERDICTS[1..] {
+            for missing in 0..2 {
+                let d = distance(seen(Colour::STATIC, missing), seen(*rejected, missing));
+                assert!(d > 60.0, "{rejected:?} without {missing}: {d}");
             }
         }
     }

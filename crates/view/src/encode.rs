@@ -8,20 +8,11 @@ use std::io::Write;
 /// # Errors
 /// [`ViewError::Empty`], [`ViewError::Encode`] (which also tells of a sink that fails).
 pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> {
-    write_filtered(picture, sink, png::Filter::Adaptive)
-}
-
-/// The same with a choice of what is taken from each pixel before compression.
-pub(crate) fn write_filtered<W: Write>(
-    picture: &Picture,
-    sink: W,
-    filter: png::Filter,
-) -> Result<(), ViewError> {
     let (width, height) = size(picture)?;
     let mut encoder = png::Encoder::new(sink, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_filter(filter);
+    encoder.set_filter(png::Filter::Adaptive);
     let mut writer = encoder.write_header()?;
     writer.write_image_data(picture.data())?;
     writer.finish()?;

@@ -6,6 +6,9 @@ pub enum ViewError {
     /// A picture without pixels.
     #[error("expected a picture of at least 1 x 1 px, found {0} x {1}")]
     Empty(usize, usize),
+    /// A picture that an animation cannot hold.
+    #[error("expected frames of an animation of at most 65535 x 65535 px, found {0} x {1}")]
+    Large(usize, usize),
     /// Frames of an animation differ in size.
     #[error(
         "expected all frames of an animation to have {} x {} px as the first, found {} x {}; give all of them a caption or none",
@@ -23,6 +26,9 @@ pub enum ViewError {
     /// The encoder failed.
     #[error("expected to encode the picture as PNG, found: {0}")]
     Encode(#[from] png::EncodingError),
+    /// The encoder of animations failed.
+    #[error("expected to encode the animation as GIF, found: {0}")]
+    Animate(#[from] gif::EncodingError),
     /// Writing failed.
     #[error("expected to write the picture, found: {0}")]
     Write(#[from] std::io::Error),

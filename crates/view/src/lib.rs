@@ -1,10 +1,9 @@
-//! Pictures of what the system saw: features coloured by verdict, boxes of objects, depth segments, the state.
+//! Pictures of what the system saw: features coloured by verdict, boxes of objects, regions that move, the state.
 //!
 //! Answers: how a frame looks with what was found in it drawn over it. Takes plain data ([`Overlay`]) and gives pixels;
 //! decides nothing, reads no files, and nothing that it draws goes back into the system.
 //!
 //! ```
-//! use std::io::Cursor;
 //! use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 //! use stillpoint_view::{Animation, AnimationOptions, Colour, Mark, Overlay, draw, write_png};
 //!
@@ -18,17 +17,19 @@
 //! };
 //! let overlay = Overlay {
 //!     keypoints: &[(100.0, 80.0, Mark::Static), (320.5, 200.0, Mark::Dynamic(Colour::SEMANTIC))],
-//!     caption: "frame 0: tracked",
+//!     badge: Some(("TRACKED", Colour::STATIC)),
+//!     caption: "frame 0, 185 inliers",
+//!     legend: true,
 //!     ..Overlay::default()
 //! };
 //! let picture = draw(&frame, &overlay);
 //! let mut png = Vec::new();
 //! write_png(&picture, &mut png)?;
 //!
-//! let mut animation = Animation::new(Cursor::new(Vec::new()), AnimationOptions::default());
+//! let mut animation = Animation::new(Vec::new(), AnimationOptions::default());
 //! animation.push(&picture)?;
-//! let apng = animation.finish()?.into_inner();
-//! assert!(apng.starts_with(&png[..8]));
+//! let gif = animation.finish()?;
+//! assert!(gif.starts_with(b"GIF89a"));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
@@ -37,10 +38,12 @@ mod colour;
 mod draw;
 mod encode;
 mod error;
-mod font;
 mod overlay;
+mod palette;
+mod panel;
 mod picture;
 mod shapes;
+mod speed;
 mod text;
 
 pub use animation::{Animation, AnimationOptions};
@@ -50,3 +53,4 @@ pub use encode::write_png;
 pub use error::ViewError;
 pub use overlay::{CellLabels, Keypoint, Mark, Overlay, OverlayBox};
 pub use picture::Picture;
+pub use speed::certain_speed;

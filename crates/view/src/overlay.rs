@@ -25,13 +25,15 @@ pub struct OverlayBox {
     pub bounds: BoundingBox,
     /// What is written over it, such as `person 3 0.8 m/s`.
     pub label: String,
-    /// Colour of the frame and of the label's ground.
+    /// Colour of the frame and of the plate behind the label.
     pub colour: Colour,
-    /// Not seen now, but carried on: the frame is dashed.
+    /// Not seen now, but propagated: the frame is dashed.
     pub coasting: bool,
+    /// Nothing to look at: a thin pale frame, whatever its colour.
+    pub quiet: bool,
 }
 
-/// A label for every cell of a grid over the image, such as depth segments or rejected regions.
+/// A label for every cell of a grid over the image: the regions that move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CellLabels<'a> {
     /// Size of a cell, px: cell (i, j) covers the pixels from `(i * cell, j * cell)`.
@@ -40,7 +42,7 @@ pub struct CellLabels<'a> {
     pub width: usize,
     /// Rows of the grid.
     pub height: usize,
-    /// Row by row, `width * height` of them. 0 is not tinted; others by [`Colour::of_number`].
+    /// Row by row, `width * height` of them. 0 is not tinted, others with [`Colour::REGION`]; a line runs where the label changes.
     pub labels: &'a [u16],
 }
 
@@ -51,8 +53,12 @@ pub struct Overlay<'a> {
     pub keypoints: &'a [Keypoint],
     /// Objects.
     pub boxes: &'a [OverlayBox],
-    /// Segments, tinted.
+    /// Regions that move, tinted.
     pub cells: Option<CellLabels<'a>>,
+    /// One or two words on a plate of a colour, before the caption: whether all is well.
+    pub badge: Option<(&'a str, Colour)>,
     /// The state, in a line under the image; empty for none.
     pub caption: &'a str,
+    /// Whether lines under the image say what the marks mean.
+    pub legend: bool,
 }

@@ -106,14 +106,6 @@ impl Picture {
         }
     }
 
-    /// Every channel of every pixel, changed.
-    pub(crate) fn map(mut self, change: impl Fn(u8) -> u8) -> Self {
-        for v in &mut self.data {
-            *v = change(*v);
-        }
-        self
-    }
-
     fn index(&self, x: i64, y: i64) -> Option<usize> {
         let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
         (x < self.width && y < self.height).then_some(3 * (y * self.width + x))

@@ -43,37 +43,66 @@ pub(crate) fn ring(
     });
 }
 
-/// Pixels of a dash and of the gap after it.
-const DASH: i64 = 6;
+/// A line of a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Line {
+    /// Width, px.
+    pub(crate) width: i64,
+    /// Whether gaps are left in it.
+    pub(crate) dashed: bool,
+    /// How much of the colour is mixed into the pixels, 0 to 1.
+    pub(crate) coverage: f32,
+}
 
-/// A frame of lines inside the pixels from `(x0, y0)` up to but without `(x1, y1)`.
+/// A dash and the gap after it, in widths of a line of 2 px.
+const DASH: i64 = 4;
+
+/// A frame of lines inside the pixels from `(x0, y0)` up to but without `(x1, y1)`. No pixel is drawn twice.
 pub(crate) fn frame(
     picture: &mut Picture,
     (x0, y0): (i64, i64),
     (x1, y1): (i64, i64),
-    (line, dashed): (i64, bool),
+    line: Line,
     colour: Colour,
 ) {
-    let drawn = |along: i64| !dashed || (along / DASH) % 2 == 0;
+    let dash = DASH * line.width.max(2);
+    let drawn = |along: i64| !line.dashed || (along / dash) % 2 == 0;
     let (w, h) = (picture.width() as i64, picture.height() as i64);
+    let (top, bottom) = ((y0 + line.width).min(y1), (y1 - line.width).max(y0));
+    let (left, right) = ((x0 + line.width).min(x1), (x1 - line.width).max(x0));
     for x in x0.max(0)..x1.min(w) {
         if drawn(x - x0) {
-            picture.fill((x, y0), (x + 1, (y0 + line).min(y1)), colour, 1.0);
-            picture.fill((x, (y1 - line).max(y0)), (x + 1, y1), colour, 1.0);
+            picture.fill((x, y0), (x + 1, top), colour, line.coverage);
+            picture.fill((x, bottom.max(top)), (x + 1, y1), colour, line.coverage);
         }
     }
-    for y in y0.max(0)..y1.min(h) {
+    for y in top.max(0)..bottom.min(h) {
         if drawn(y - y0) {
-            picture.fill((x0, y), ((x0 + line).min(x1), y + 1), colour, 1.0);
-            picture.fill(((x1 - line).max(x0), y), (x1, y + 1), colour, 1.0);
+            picture.fill((x0, y), (left, y + 1), colour, line.coverage);
+            picture.fill((right.max(left), y), (x1, y + 1), colour, line.coverage);
         }
     }
 }
 
-/// How much of a cell's colour is mixed into its pixels.
-const TINT: f32 = 0.3;
+/// A filled rectangle with corners cut off by a pixel or two: the plate behind a text.
+pub(crate) fn plate(
+    picture: &mut Picture,
+    (x0, y0): (i64, i64),
+    (x1, y1): (i64, i64),
+    colour: Colour,
+) {
+    let cut = ((y1 - y0) / 12).clamp(1, 4);
+    for y in y0..y1 {
+        let from_edge = (y - y0).min(y1 - 1 - y);
+        let inset = (cut - from_edge).max(0);
+        picture.fill((x0 + inset, y), (x1 - inset, y + 1), colour, 1.0);
+    }
+}
+
+/// How much of the colour is mixed into the pixels of a cell: what is below can still be seen.
+pub(crate) const TINT: f32 = 0.26;
 /// The same at the border to another label.
-const BORDER: f32 = 0.8;
+const BORDER: f32 = 0.75;
 
 /// Tints labelled cells, with a line of one pixel where the label changes. Cells without a label stay as they are.
 pub(crate) fn cells(picture: &mut Picture, cells: &CellLabels<'_>) {
@@ -97,7 +126,7 @@ pub(crate) fn cells(picture: &mut Picture, cells: &CellLabels<'_>) {
             if own == 0 {
                 continue;
             }
-            let colour = Colour::of_number(u32::from(own));
+            let colour = Colour::REGION;
             let (x, y, size) = ((i * size) as i64, (j * size) as i64, size as i64);
             picture.fill((x, y), (x + size, y + size), colour, TINT);
             // Each border is drawn once by the cell before it, and by the cell behind it where the one before has no label.
@@ -173,15 +202,30 @@ mod tests {
 
     #[test]
     fn dashes_leave_half_of_a_frame_out() {
+        let line = |dashed, coverage| Line {
+            width: 1,
+            dashed,
+            coverage,
+        };
         let (mut full, mut dashed) = (grey(), grey());
-        frame(&mut full, (5, 5), (53, 35), (1, false), Colour::RIGID);
-        frame(&mut dashed, (5, 5), (53, 35), (1, true), Colour::RIGID);
+        frame(&mut full, (5, 5), (53, 35), line(false, 1.0), Colour::RIGID);
+        frame(
+            &mut dashed,
+            (5, 5),
+            (53, 35),
+            line(true, 1.0),
+            Colour::RIGID,
+        );
         assert_eq!(count(&full, Colour::RIGID), 2 * 48 + 2 * 30 - 4);
         let part = count(&dashed, Colour::RIGID);
         assert!((60..=100).contains(&part), "{part}");
         assert_eq!(full.at(5, 5), Some(Colour::RIGID));
         assert_eq!(full.at(52, 34), Some(Colour::RIGID));
         assert_eq!(full.at(6, 6), grey().at(6, 6));
+        // No pixel of a pale frame is mixed twice.
+        let mut pale = grey();
+        frame(&mut pale, (5, 5), (53, 35), line(false, 0.5), Colour::WHITE);
+        assert_eq!(count(&pale, Colour(178, 178, 178)), 2 * 48 + 2 * 30 - 4);
     }
 
     #[test]

@@ -1,94 +1,192 @@
-//! Text in pixels.
+//! Text: lines of an embedded font with smooth edges.
 
-use crate::font;
 use crate::{Colour, Picture};
+use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
 
-/// How many pixels a pixel of the font takes, so that text is legible and small in a picture of this width: 1 up to 479 px,
-/// 2 at 640 px, and still readable then when the picture is halved.
-pub(crate) fn scale(picture_width: usize) -> usize {
-    ((picture_width + 160) / 320).clamp(1, 4)
+/// Roboto Medium, cut down to what is written here: see `font/README.md`.
+const FONT: &[u8] = include_bytes!("../font/Roboto-Medium.ttf");
+/// Height of a font of size 1 from its highest to its lowest point, which `ab_glyph` scales by.
+const HEIGHT: f32 = 2400.0 / 2048.0;
+/// Height of capitals over the size.
+const CAPITALS: f32 = 1456.0 / 2048.0;
+
+/// A size of text.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Text {
+    /// Size of the font (its em), px.
+    size: f32,
 }
 
-/// Height of a line without space around it, px.
-pub(crate) fn height(scale: usize) -> usize {
-    font::HEIGHT * scale
-}
-
-/// Width of a text, px.
-pub(crate) fn width(text: &str, scale: usize) -> usize {
-    let n = text.chars().count();
-    (n * (font::WIDTH + 1) * scale).saturating_sub(scale)
-}
-
-/// The text, with its end replaced by two dots when it is wider than that.
-pub(crate) fn cut(text: &str, scale: usize, room: usize) -> String {
-    if width(text, scale) <= room {
-        return text.to_owned();
-    }
-    let fits = (room + scale) / ((font::WIDTH + 1) * scale);
-    let kept = text.chars().take(fits.saturating_sub(2));
-    kept.chain("..".chars()).take(fits).collect()
-}
-
-/// Writes a text with its upper left corner at `(x, y)`.
-pub(crate) fn write(
-    picture: &mut Picture,
-    (x, y): (i64, i64),
-    text: &str,
-    scale: usize,
-    colour: Colour,
-) {
-    let size = scale as i64;
-    for (n, c) in text.chars().enumerate() {
-        let left = x + (n * (font::WIDTH + 1) * scale) as i64;
-        if left >= picture.width() as i64 {
-            return;
+impl Text {
+    /// Text that is legible and small in a picture of this width, px: 16.6 px at 640 px, so that it can be read when the picture is halved.
+    pub(crate) fn for_width(picture_width: usize) -> Self {
+        Self {
+            size: (picture_width as f32 * 0.026).clamp(11.0, 60.0),
         }
-        for j in 0..font::HEIGHT {
-            for i in 0..font::WIDTH {
-                if font::ink(c, i, j) {
-                    let corner = (left + i as i64 * size, y + j as i64 * size);
-                    let end = (corner.0 + size, corner.1 + size);
-                    picture.fill(corner, end, colour, 1.0);
-                }
+    }
+
+    /// Text of another size than this, by a factor.
+    pub(crate) fn scaled(self, by: f32) -> Self {
+        Self {
+            size: self.size * by,
+        }
+    }
+
+    /// A length that grows with the text: so many times its size, at least 1 px.
+    pub(crate) fn space(self, times: f32) -> usize {
+        ((self.size * times).round() as usize).max(1)
+    }
+
+    /// Height of capitals, px.
+    pub(crate) fn capitals(self) -> usize {
+        self.space(CAPITALS)
+    }
+
+    /// Height of a line with space around it, px.
+    pub(crate) fn line(self) -> usize {
+        self.capitals() + 2 * self.space(0.4)
+    }
+
+    fn scale(self) -> PxScale {
+        PxScale::from(self.size * HEIGHT)
+    }
+
+    /// Width of a text, px.
+    pub(crate) fn width(self, text: &str) -> usize {
+        let Some(font) = font() else { return 0 };
+        let font = font.as_scaled(self.scale());
+        let width = text.chars().map(|c| font.h_advance(font.glyph_id(c)));
+        width.sum::<f32>().ceil() as usize
+    }
+
+    /// The text, with its end replaced by an ellipsis where it is wider than the room, px.
+    pub(crate) fn cut(self, text: &str, room: usize) -> String {
+        if self.width(text) <= room {
+            return text.to_owned();
+        }
+        let mut kept: Vec<char> = text.chars().collect();
+        while kept.pop().is_some() {
+            let short: String = kept.iter().chain(&['\u{2026}']).collect();
+            if self.width(&short) <= room {
+                return short;
             }
         }
+        String::new()
     }
+
+    /// Writes a text; its first letter begins at `x`, and its capitals are as high as a line with space around it that begins at `y`.
+    pub(crate) fn write(self, picture: &mut Picture, (x, y): (i64, i64), text: &str, ink: Colour) {
+        let Some(font) = font() else { return };
+        let scale = self.scale();
+        let scaled = font.as_scaled(scale);
+        // Rows of whole pixels keep the edges of capitals sharp.
+        let base = (y + (self.space(0.4) + self.capitals()) as i64) as f32;
+        let mut at = x as f32;
+        for c in text.chars() {
+            if at >= picture.width() as f32 {
+                return;
+            }
+            let id = scaled.glyph_id(c);
+            let glyph = id.with_scale_and_position(scale, point(at, base));
+            if let Some(outline) = font.outline_glyph(glyph) {
+                let corner = outline.px_bounds().min;
+                let (left, top) = (corner.x as i64, corner.y as i64);
+                outline.draw(|u, v, coverage| {
+                    picture.blend(left + i64::from(u), top + i64::from(v), ink, coverage);
+                });
+            }
+            at += scaled.h_advance(id);
+        }
+    }
+}
+
+/// The font. A test holds that it can be read.
+fn font() -> Option<FontRef<'static>> {
+    FontRef::try_from_slice(FONT).ok()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::collections::BTreeMap;
+
+    fn written(text: &str, size: f32) -> Picture {
+        let t = Text { size };
+        let mut p = Picture::new(t.width(text) + 4, t.line(), Colour::BLACK);
+        t.write(&mut p, (2, 0), text, Colour::WHITE);
+        p
+    }
+
+    #[test]
+    fn every_printable_sign_has_its_own_glyph() {
+        let mut seen = BTreeMap::new();
+        for c in ('!'..='~').chain(['\u{b0}', '\u{b1}', '\u{b7}', '\u{d7}', '\u{2026}', '\u{e4}']) {
+            let picture = written(&c.to_string(), 24.0);
+            let ink = picture.data().iter().filter(|v| **v > 128).count();
+            assert!(ink > 6, "{c:?}: {ink}");
+            if let Some(other) = seen.insert(picture.data().to_vec(), c) {
+                assert!(
+                    "Il|".contains(c) && "Il|".contains(other),
+                    "{c:?} looks like {other:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn edges_are_smooth_and_rows_sharp() {
+        let p = written("Hello", 17.0);
+        let grey = p.data().iter().filter(|v| (32..224).contains(*v)).count();
+        assert!(grey > 100, "{grey}");
+        // Capitals begin and end with whole rows.
+        let t = Text { size: 17.0 };
+        let p = written("EEE", 17.0);
+        let row = |y: usize| {
+            (0..p.width())
+                .filter_map(|x| p.at(x, y))
+                .map(|c| u32::from(c.0))
+                .sum::<u32>()
+        };
+        let (top, end) = (t.space(0.4), t.space(0.4) + t.capitals());
+        assert!(row(end - 1) > 5 * row(end), "{} {}", row(end - 1), row(end));
+        assert!(row(top) > 2 * row(top - 1), "{} {}", row(top), row(top - 1));
+        assert_eq!(row(top - 2), 0);
+    }
 
     #[test]
     fn text_is_as_wide_as_it_says() {
-        for scale in 1..4 {
-            let text = "HELLO H";
-            let (w, h) = (width(text, scale), height(scale));
-            let mut p = Picture::new(w + 2, h + 2, Colour::BLACK);
-            write(&mut p, (1, 1), text, scale, Colour::WHITE);
-            let column = |x: usize| (0..p.height()).any(|y| p.at(x, y) == Some(Colour::WHITE));
-            assert!(!column(0) && column(1) && column(w) && !column(w + 1));
-            // Capitals are seven rows high.
-            let row = |y: usize| (0..p.width()).any(|x| p.at(x, y) == Some(Colour::WHITE));
-            assert!(!row(0) && row(1) && row(7 * scale) && !row(7 * scale + 1));
+        for size in [11.0, 17.0, 33.0] {
+            let p = written("HELLO H", size);
+            let ink = |x: usize| (0..p.height()).any(|y| p.at(x, y).is_some_and(|c| c.0 > 90));
+            let last = (0..p.width()).rfind(|x| ink(*x)).unwrap();
+            assert!(!ink(0) && !ink(1), "{size}");
+            assert!(
+                (p.width() - 9..p.width() - 2).contains(&last) || size > 30.0,
+                "{size}: {last} of {}",
+                p.width()
+            );
         }
     }
 
     #[test]
     fn long_text_is_cut() {
-        assert_eq!(cut("person 12", 2, 300), "person 12");
-        let short = cut("person 12", 2, 70);
-        assert_eq!(short, "pers..");
-        assert!(width(&short, 2) <= 70);
-        assert_eq!(cut("person", 1, 3), "");
-        assert_eq!(width("", 3), 0);
+        let t = Text { size: 16.0 };
+        assert_eq!(t.cut("person 12", 300), "person 12");
+        let short = t.cut("person 12", 50);
+        assert!(
+            short.starts_with("per") && short.ends_with('\u{2026}'),
+            "{short}"
+        );
+        assert!(t.width(&short) <= 50);
+        assert_eq!(t.cut("person", 3), "");
+        assert_eq!(t.width(""), 0);
     }
 
     #[test]
-    fn capitals_are_seven_pixels_high_or_more_even_when_halved() {
-        for (size, least) in [(320, 7), (640, 14), (752, 14), (1280, 28), (64, 7)] {
-            assert!(7 * scale(size) >= least, "{size}");
+    fn capitals_can_be_read_even_when_halved() {
+        for (width, least) in [(320, 7), (640, 12), (752, 13), (1280, 22), (64, 7)] {
+            let found = Text::for_width(width).capitals();
+            assert!(found >= least, "{width}: {found}");
         }
     }
 }

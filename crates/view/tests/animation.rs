@@ -1,6 +1,7 @@
-//! Animations as any reader of APNG decodes them.
+//! Animations as any reader of GIF decodes them.
 
-use std::io::{Cursor, Seek, SeekFrom, Write};
+use gif::{ColorOutput, DecodeOptions, Repeat};
+use std::io::{Cursor, Write};
 use stillpoint_imaging::GrayImage;
 use stillpoint_view::{Animation, AnimationOptions, Picture, ViewError, write_png};
 
@@ -19,35 +20,33 @@ fn picture(width: usize, height: usize, n: usize) -> Picture {
 }
 
 fn animate(options: AnimationOptions, frames: usize) -> Vec<u8> {
-    let mut animation = Animation::new(Cursor::new(Vec::new()), options);
+    let mut animation = Animation::new(Vec::new(), options);
     for n in 0..frames {
         animation.push(&picture(40, 30, n)).unwrap();
     }
-    animation.finish().unwrap().into_inner()
+    animation.finish().unwrap()
 }
 
-/// Pixels of all frames, and the delay of the first as a fraction of a second.
-fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, (u16, u16)) {
-    // The decoder checks the checksums of all chunks, and the numbers of those that are numbered.
-    let mut reader = png::Decoder::new(Cursor::new(bytes)).read_info().unwrap();
-    let count = reader.info().animation_control().unwrap().num_frames;
-    assert_eq!(reader.info().animation_control().unwrap().num_plays, 0);
-    let mut delay = (0, 0);
-    let frames = (0..count)
-        .map(|_| {
-            let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-            reader.next_frame(&mut pixels).unwrap();
-            let control = reader.info().frame_control().unwrap();
-            delay = (control.delay_num, control.delay_den);
-            pixels
-        })
-        .collect();
-    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
-    assert!(
-        reader.next_frame(&mut pixels).is_err(),
-        "more frames than stated"
-    );
-    (frames, delay)
+/// What a viewer shows at each frame, RGB, and how long, in hundredths of a second.
+fn decode(bytes: &[u8]) -> (Vec<Vec<u8>>, Vec<u16>) {
+    let mut options = DecodeOptions::new();
+    options.set_color_output(ColorOutput::RGBA);
+    let mut reader = options.read_info(Cursor::new(bytes)).unwrap();
+    let mut shown = vec![0; 3 * usize::from(reader.width()) * usize::from(reader.height())];
+    let (mut frames, mut delays) = (Vec::new(), Vec::new());
+    while let Some(frame) = reader.read_next_frame().unwrap() {
+        assert_eq!(frame.buffer.len() / 4, shown.len() / 3);
+        for (new, old) in frame.buffer.chunks_exact(4).zip(shown.chunks_exact_mut(3)) {
+            // What did not change is transparent.
+            if new[3] > 0 {
+                old.copy_from_slice(&new[..3]);
+            }
+        }
+        frames.push(shown.clone());
+        delays.push(frame.delay);
+    }
+    assert_eq!(reader.repeat(), Repeat::Infinite);
+    (frames, delays)
 }
 
 #[test]
@@ -57,23 +56,23 @@ fn every_frame_is_there() {
         halve: false,
         frames_per_second: 25.0,
     };
-    let (frames, delay) = decode(&animate(options, 7));
+    let (frames, delays) = decode(&animate(options, 7));
     assert_eq!(frames.len(), 7);
-    assert_eq!(delay, (40, 1000));
+    assert_eq!(delays, [4; 7]);
     for (n, found) in frames.iter().enumerate() {
         let drawn = picture(40, 30, n);
         assert_eq!(found.len(), drawn.data().len());
         for (a, b) in found.iter().zip(drawn.data()) {
-            assert!(a.abs_diff(*b) < 8, "frame {n}: {a} {b}");
+            assert!(a.abs_diff(*b) < 10, "frame {n}: {a} {b}");
         }
     }
 }
 
 #[test]
 fn subsampling_keeps_every_nth_frame_at_half_size_and_the_speed() {
-    let (frames, delay) = decode(&animate(AnimationOptions::default(), 10));
+    let (frames, delays) = decode(&animate(AnimationOptions::default(), 10));
     assert_eq!(frames.len(), 4);
-    assert_eq!(delay, (100, 1000));
+    assert_eq!(delays, [10; 4]);
     for (i, found) in frames.iter().enumerate() {
         assert_eq!(found.len(), 3 * 20 * 15);
         let brightest = (0..20).max_by_key(|x| found[3 * x]).unwrap();
@@ -88,41 +87,84 @@ fn one_frame_is_a_still_picture_too() {
         frames_per_second: f64::NAN,
         ..AnimationOptions::default()
     };
-    let (frames, delay) = decode(&animate(options, 1));
+    let (frames, delays) = decode(&animate(options, 1));
     assert_eq!(frames.len(), 1);
-    assert_eq!(delay, (10, 1000));
+    assert_eq!(delays, [2]);
+}
+
+#[test]
+fn rounded_delays_add_up_to_the_length_of_the_recording() {
+    let options = AnimationOptions {
+        every: 1,
+        ..AnimationOptions::default()
+    };
+    let (_, delays) = decode(&animate(options, 30));
+    assert!(delays.iter().all(|d| (3..=4).contains(d)), "{delays:?}");
+    assert_eq!(delays.iter().sum::<u16>(), 100);
 }
 
 #[test]
 fn it_begins_where_the_sink_stands() {
-    let mut sink = Cursor::new(Vec::new());
+    let mut sink = Vec::new();
     sink.write_all(b"before").unwrap();
     let mut animation = Animation::new(sink, AnimationOptions::default());
     for n in 0..4 {
         animation.push(&picture(40, 30, n)).unwrap();
     }
     assert_eq!(animation.frames(), 2);
-    let mut sink = animation.finish().unwrap();
-    let end = sink.stream_position().unwrap();
-    assert_eq!(sink.seek(SeekFrom::End(0)).unwrap(), end);
-    let bytes = sink.into_inner();
+    let bytes = animation.finish().unwrap();
     assert_eq!(&bytes[..6], b"before");
     assert_eq!(decode(&bytes[6..]).0.len(), 2);
 }
 
+/// A sink that is full.
+struct Full;
+
+impl Write for Full {
+    fn write(&mut self, _: &[u8]) -> std::io::Result<usize> {
+        Err(std::io::Error::other("no space left"))
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_full_disk_is_an_error() {
+    let options = AnimationOptions {
+        every: 1,
+        ..AnimationOptions::default()
+    };
+    let mut animation = Animation::new(Full, options);
+    let first = animation.push(&picture(40, 30, 0));
+    let text = first.unwrap_err().to_string();
+    assert!(text.contains("no space left"), "{text}");
+    assert!(animation.push(&picture(40, 30, 0)).is_err());
+    assert!(animation.finish().is_err());
+}
+
 #[test]
 fn what_cannot_be_animated_is_refused() {
-    let animation = Animation::new(Cursor::new(Vec::new()), AnimationOptions::default());
+    let animation = Animation::new(Vec::new(), AnimationOptions::default());
     assert!(matches!(animation.finish(), Err(ViewError::NoFrames)));
-    let mut animation = Animation::new(Cursor::new(Vec::new()), AnimationOptions::default());
+    let mut animation = Animation::new(Vec::new(), AnimationOptions::default());
     animation.push(&picture(40, 30, 0)).unwrap();
     let e = animation.push(&picture(40, 32, 1)).unwrap_err().to_string();
     assert!(e.contains("40 x 30") && e.contains("40 x 32"), "{e}");
-    let mut animation = Animation::new(Cursor::new(Vec::new()), AnimationOptions::default());
+    let mut animation = Animation::new(Vec::new(), AnimationOptions::default());
     assert!(matches!(
         animation.push(&picture(1, 1, 0)),
         Err(ViewError::Empty(0, 0))
     ));
+    let options = AnimationOptions {
+        halve: false,
+        ..AnimationOptions::default()
+    };
+    let mut animation = Animation::new(Vec::new(), options);
+    let wide = GrayImage::from_vec(70_000, 1, vec![0; 70_000]).unwrap();
+    let e = animation.push(&Picture::from_gray(&wide)).unwrap_err();
+    assert!(e.to_string().contains("65535"), "{e}");
 }
 
 /// Grey with the noise of a camera, from a fixed sequence.
@@ -140,17 +182,17 @@ fn an_animation_is_far_smaller_than_its_stills() {
     let picture = noisy(320, 240);
     let mut still = Vec::new();
     write_png(&picture, &mut still).unwrap();
-    let mut animation = Animation::new(Cursor::new(Vec::new()), AnimationOptions::default());
+    let mut animation = Animation::new(Vec::new(), AnimationOptions::default());
     for _ in 0..30 {
         animation.push(&picture).unwrap();
     }
-    let length = animation.finish().unwrap().into_inner().len();
+    let length = animation.finish().unwrap().len();
     let stills = 30 * still.len();
     assert!(15 * length < stills, "{length} of {stills} bytes");
 }
 
 #[test]
-fn a_still_picture_needs_no_seeking() {
+fn a_still_picture_is_png() {
     let mut bytes = Vec::new();
     write_png(&picture(40, 30, 3), &mut bytes).unwrap();
     assert!(bytes.starts_with(b"\x89PNG"));

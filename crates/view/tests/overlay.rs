@@ -1,10 +1,13 @@
-//! What a picture shows: marks, boxes, labels, segments, captions; and that nothing that is drawn can make it fail.
+//! What a picture shows: marks, boxes, labels, regions, captions, the legend; and that nothing that is drawn can make it fail.
 
 use proptest::prelude::*;
 use std::sync::Arc;
-use stillpoint_detection::BoundingBox;
+use stillpoint_detection::{BoundingBox, ClassId, Motion, Object, ObjectId, ObjectState};
+use stillpoint_geometry::{Mat6, Vec3};
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
-use stillpoint_view::{CellLabels, Colour, Mark, Overlay, OverlayBox, Picture, draw, side_by_side};
+use stillpoint_view::{
+    CellLabels, Colour, Mark, Overlay, OverlayBox, Picture, certain_speed, draw, side_by_side,
+};
 
 const GREY: u8 = 120;
 
@@ -27,6 +30,7 @@ fn object(bounds: [f64; 4], label: &str, coasting: bool) -> OverlayBox {
         label: label.to_owned(),
         colour: Colour::of_number(1),
         coasting,
+        quiet: false,
     }
 }
 
@@ -39,6 +43,23 @@ fn count(
 ) -> usize {
     y.flat_map(|y| x.clone().map(move |x| (x, y)))
         .filter(|&(x, y)| picture.at(x, y) == Some(colour))
+        .count()
+}
+
+/// The same for colours that differ by less than 60 in each channel: smooth edges mix them.
+fn count_near(
+    picture: &Picture,
+    colour: Colour,
+    x: std::ops::Range<usize>,
+    y: std::ops::Range<usize>,
+) -> usize {
+    y.flat_map(|y| x.clone().map(move |x| (x, y)))
+        .filter_map(|(x, y)| picture.at(x, y))
+        .filter(|c| {
+            c.0.abs_diff(colour.0) < 60
+                && c.1.abs_diff(colour.1) < 60
+                && c.2.abs_diff(colour.2) < 60
+        })
         .count()
 }
 
@@ -61,7 +82,7 @@ fn marks_have_their_colours() {
         let x = 60 + 20 * i;
         assert_eq!(picture.at(x, 30), Some(*colour));
         // The ring, apart from the disc inside.
-        assert_eq!(picture.at(x + 4, 30), Some(*colour));
+        assert_eq!(count_near(&picture, *colour, x + 4..x + 5, 30..31), 1);
         assert_ne!(picture.at(x + 7, 30), Some(*colour));
     }
     let none = |x: usize, y: usize| picture.at(x, y) == Some(Colour(GREY, GREY, GREY));
@@ -100,17 +121,19 @@ fn boxes_have_frames_and_labels() {
         assert_eq!(picture.at(x, y), Some(colour), "{x} {y}");
     }
     assert_eq!(picture.at(200, 250), Some(Colour(GREY, GREY, GREY)));
-    // The label stands above the box: ink on the box's colour, at least 14 px high, so that it is legible at half size.
-    let ink = [Colour::BLACK, Colour::WHITE];
+    // The label stands above the box: ink on a plate of the box's colour, capitals at least 12 px high, so that it is legible at
+    // half size.
+    let ink = if count(&picture, Colour::WHITE, 100..300, 70..100) > 0 {
+        Colour::WHITE
+    } else {
+        Colour::BLACK
+    };
     let rows: Vec<usize> = (0..100)
-        .filter(|&y| {
-            ink.iter()
-                .any(|c| count(&picture, *c, 100..300, y..y + 1) > 0)
-        })
+        .filter(|&y| count(&picture, ink, 100..300, y..y + 1) > 0)
         .collect();
-    assert!((14..=18).contains(&rows.len()), "{rows:?}");
-    assert!(rows[0] > 75, "{rows:?}");
-    let ground = count(&picture, colour, 100..300, 79..100);
+    assert!((12..=20).contains(&rows.len()), "{rows:?}");
+    assert!(rows[0] > 74, "{rows:?}");
+    let ground = count(&picture, colour, 100..300, 74..100);
     assert!(ground > 1000, "{ground} px");
 
     // A coasting box lacks half of its frame, and nothing else changes.
@@ -125,6 +148,53 @@ fn boxes_have_frames_and_labels() {
     let full = count(&picture, colour, 100..102, 110..400);
     let part = count(&dashed, colour, 100..102, 110..400);
     assert!(part * 3 > full && part * 3 < 2 * full, "{part} of {full}");
+}
+
+#[test]
+fn a_quiet_box_is_thin_and_pale() {
+    let boxes = [OverlayBox {
+        quiet: true,
+        ..object([100.0, 100.0, 300.0, 400.0], "", false)
+    }];
+    let overlay = Overlay {
+        boxes: &boxes,
+        ..Overlay::default()
+    };
+    let picture = draw(&frame(640, 480), &overlay);
+    assert_eq!(count(&picture, boxes[0].colour, 0..640, 0..480), 0);
+    let grey = Some(Colour(GREY, GREY, GREY));
+    let line: Vec<_> = (95..106).map(|x| picture.at(x, 250)).collect();
+    let line: Vec<_> = line.into_iter().filter(|c| *c != grey).flatten().collect();
+    // A pale line lets the image through.
+    assert_eq!(line.len(), 1);
+    assert!(line[0].0 > GREY && line[0].0 < Colour::THING.0);
+}
+
+#[test]
+fn labels_stay_clear_of_each_other() {
+    let bounds = [200.0, 200.0, 320.0, 420.0];
+    let boxes = [1, 2, 3].map(|n| OverlayBox {
+        colour: Colour::of_number(n),
+        ..object(bounds, "person 7", false)
+    });
+    let of = |boxes: &[OverlayBox]| {
+        let overlay = Overlay {
+            boxes,
+            ..Overlay::default()
+        };
+        draw(&frame(640, 480), &overlay)
+    };
+    let together = of(&boxes);
+    for b in &boxes {
+        let alone = of(&[OverlayBox {
+            label: String::new(),
+            ..b.clone()
+        }]);
+        let frame = count(&alone, b.colour, 0..640, 0..480);
+        let plate = count(&of(std::slice::from_ref(b)), b.colour, 0..640, 0..480) - frame;
+        let found = count(&together, b.colour, 0..640, 0..480);
+        assert!(found * 10 > plate * 9, "{found} of {plate} px");
+    }
 }
 
 #[test]
@@ -152,14 +222,80 @@ fn labels_stay_in_the_picture() {
 #[test]
 fn a_caption_adds_a_line_below() {
     let overlay = Overlay {
-        caption: "frame 12  tracked  static 611  dynamic 204",
+        badge: Some(("TRACKED", Colour::STATIC)),
+        caption: "frame 12, 185 inliers",
         ..Overlay::default()
     };
     let picture = draw(&frame(320, 240), &overlay);
     assert!(picture.height() > 240 + 7);
     let rows = 240..picture.height();
-    assert!(count(&picture, Colour::WHITE, 0..320, rows) > 200);
+    assert!(count_near(&picture, Colour::WHITE, 0..320, rows.clone()) > 150);
+    assert!(count(&picture, Colour::STATIC, 0..320, rows) > 300);
     assert_eq!(count(&picture, Colour::WHITE, 0..320, 0..240), 0);
+}
+
+#[test]
+fn a_legend_adds_lines_of_the_same_height_to_every_picture() {
+    let of = |caption, legend| {
+        let overlay = Overlay {
+            caption,
+            legend,
+            ..Overlay::default()
+        };
+        draw(&frame(640, 480), &overlay)
+    };
+    let (none, caption, both) = (of("", false), of("a", false), of("a", true));
+    assert_eq!(none.height(), 480);
+    assert!(both.height() > caption.height() + 10);
+    assert_eq!(both.height(), of("something longer", true).height());
+    let legend = caption.height()..both.height();
+    for colour in [Colour::STATIC, Colour::SEMANTIC, Colour::RIGID] {
+        assert!(
+            count(&both, colour, 0..640, legend.clone()) > 3,
+            "{colour:?}"
+        );
+    }
+    assert!(count(&both, Colour::WHITE, 0..640, legend) > 200);
+}
+
+#[test]
+fn a_speed_counts_only_above_its_standard_deviation() {
+    let object = |velocity: [f64; 3], sigmas: [f64; 3]| {
+        let mut covariance = Mat6::identity();
+        for i in 0..3 {
+            covariance[(3 + i, 3 + i)] = sigmas[i] * sigmas[i];
+        }
+        Object {
+            id: ObjectId(3),
+            class: ClassId(0),
+            score: 0.9,
+            state: ObjectState::Confirmed,
+            bounds: BoundingBox::default(),
+            bounds_sigma: [0.0; 2],
+            depth_range: None,
+            position: Some(Vec3::zeros()),
+            velocity: Some(Vec3::from(velocity)),
+            covariance: Some(covariance),
+            size: None,
+            last_seen: 0.0,
+            motion: Motion::Moving,
+        }
+    };
+    let walker = object([0.6, 0.0, 0.8], [0.1, 0.1, 0.5]);
+    assert!(certain_speed(&walker, 1.0).is_some_and(|v| (v - 1.0).abs() < 1e-12));
+    // Along its direction the standard deviation is 0.4 m/s.
+    assert!(certain_speed(&walker, 2.4).is_some());
+    assert!(certain_speed(&walker, 2.6).is_none());
+    // A chair.
+    assert!(certain_speed(&object([0.8, 0.0, 0.0], [0.9; 3]), 1.0).is_none());
+    assert!(certain_speed(&object([0.0; 3], [0.0; 3]), 1.0).is_none());
+    assert!(certain_speed(&object([f64::NAN; 3], [0.1; 3]), 1.0).is_none());
+    assert!(certain_speed(&object([1.0; 3], [f64::NAN; 3]), 1.0).is_none());
+    let unknown = Object {
+        velocity: None,
+        ..walker
+    };
+    assert!(certain_speed(&unknown, 1.0).is_none());
 }
 
 #[test]
@@ -185,7 +321,7 @@ fn pictures_stand_side_by_side_under_their_titles() {
         Some(Colour::RIGID)
     );
     for columns in [0..320, both.width() - 320..both.width()] {
-        assert!(count(&both, Colour::BLACK, columns, 0..top) > 50);
+        assert!(count_near(&both, Colour::BLACK, columns, 0..top) > 80);
     }
 }
 
@@ -223,7 +359,9 @@ proptest! {
             keypoints: &keypoints,
             boxes: &boxes,
             cells: Some(CellLabels { cell, width: columns, height: rows, labels: &labels }),
+            badge: (caption.len() > 20).then_some((&caption, Colour::STATIC)),
             caption: &caption,
+            legend: caption.len() % 2 == 0,
         };
         let picture = draw(&frame(width, height), &overlay);
         prop_assert_eq!(picture.width(), width);

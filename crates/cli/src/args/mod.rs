@@ -147,7 +147,7 @@ pub(crate) enum DemoDetector {
 /// Simulate a room with people in it, run SLAM on it without and with the static filter, and compare.
 ///
 /// Needs no input and no download. The results, as those of `run`, are in off/ and on/ of the result
-/// folder, beside pictures of both: side_by_side.png, animation.png (APNG), comparison.svg and .png.
+/// folder, beside pictures of both: side_by_side.png, animation.gif, comparison.svg and .png.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,

@@ -1,6 +1,7 @@
 //! Arguments of the commands that run the system on a data set.
 
 use crate::args::{ConfigArgs, InputArgs};
+use crate::run::overlay::Labels;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -32,14 +33,17 @@ pub(crate) struct OutputArgs {
     /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
     #[arg(long, value_name = "FILE.csv")]
     pub(crate) verdicts: Option<PathBuf>,
-    /// Write frames as PNG, and an animation of them as APNG, with features, objects and state drawn over them.
-    /// Features are green when static, else red (on an object), yellow (breaks the rigid motion), orange (off its
-    /// epipolar line), magenta (depth), blue (moved before). Boxes are dashed when carried on without a detection.
+    /// Write frames as PNG, and an animation of them as GIF, with features, objects and state drawn over them. A legend
+    /// in each picture says what the marks mean. Boxes are dashed where an object is predicted without a detection; a
+    /// speed is shown only where the object moves and the speed is above its own standard deviation.
     #[arg(long, value_name = "DIR", verbatim_doc_comment)]
     pub(crate) overlay: Option<PathBuf>,
     /// Draw every N-th frame only.
     #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) overlay_every: u32,
+    /// Which objects are labelled: every one, only those of classes that move by themselves or are seen moving, or none.
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = Labels::Movers, requires = "overlay")]
+    pub(crate) overlay_labels: Labels,
     /// Write the map to this file when the run ends, also when Ctrl-C or an error ends it: see map --help. An older file is replaced only
     /// by a whole one.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]

@@ -24,9 +24,10 @@ use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Preset};
 
-/// Every file that stands beside the results of the two passes.
-const FILES: [&str; 4] = [
+/// Every file that stands beside the results of the two passes, and the animation of older ones.
+const FILES: [&str; 5] = [
     "side_by_side.png",
+    "animation.gif",
     "animation.png",
     "comparison.svg",
     "comparison.png",
@@ -79,7 +80,7 @@ pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, F
     stage.draw(folder, (&off, &off_shots), (&on, &on_shots))?;
     console::report(&text);
     console::report(&format!(
-        "\nresults in {} and {}; pictures of both beside them: side_by_side.png, animation.png (APNG), comparison.svg\n",
+        "\nresults in {} and {}; pictures of both beside them: side_by_side.png, animation.gif, comparison.svg\n",
         args.out.join("off").display(),
         args.out.join("on").display()
     ));
@@ -166,7 +167,7 @@ impl DemoStage<'_> {
             .map(|(name, pass)| format!("filter {name}: {}", report::error(pass)));
         let (still, animation) = beside(off_shots, on_shots, [&titles[0], &titles[1]])?;
         folder.write("side_by_side.png", &still)?;
-        folder.write("animation.png", &animation)?;
+        folder.write("animation.gif", &animation)?;
         // A camera that stands still has no alignment: the plots of both passes show its drift.
         if let (Some(Score::Moving(a)), Some(Score::Moving(b))) = (&off.score, &on.score) {
             let estimates = [("filter off", &a.ate), ("filter on", &b.ate)];

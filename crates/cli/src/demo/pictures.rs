@@ -1,8 +1,7 @@
 //! Pictures of both passes of the demo, and what the filter did in them against what is true.
 
 use crate::failure::Failure;
-use crate::run::overlay::picture;
-use std::io::Cursor;
+use crate::run::overlay::{Style, picture};
 use std::sync::Arc;
 use stillpoint::detection::MotionWeights;
 use stillpoint::imaging::{FrameId, RgbdFrame};
@@ -10,7 +9,7 @@ use stillpoint::simulator::Simulator;
 use stillpoint::slam::{FeatureVerdict, FrameReport, Reasons};
 use stillpoint::view::{Animation, AnimationOptions, Picture, side_by_side, write_png};
 
-/// Pictures of a pass, at most: some 40 MB.
+/// Pictures of a pass, at most: some 20 MB.
 const MOST: usize = 50;
 /// Frames per second of the simulator.
 const RATE: f64 = 30.0;
@@ -20,7 +19,7 @@ pub(crate) struct Shots {
     every: usize,
     /// Frames that went by.
     seen: usize,
-    weights: MotionWeights,
+    style: Style,
     taken: Vec<Shot>,
 }
 
@@ -43,7 +42,10 @@ impl Shots {
         Self {
             every: frames.div_ceil(MOST).max(1),
             seen: 0,
-            weights: weights.clone(),
+            style: Style {
+                weights: weights.clone(),
+                ..Style::default()
+            },
             taken: Vec::new(),
         }
     }
@@ -58,7 +60,7 @@ impl Shots {
     pub(crate) fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) {
         self.taken.push(Shot {
             frame: report.frame,
-            picture: picture(frame, report, &self.weights),
+            picture: picture(frame, report, &self.style),
             verdicts: report.verdicts.clone(),
         });
     }
@@ -97,7 +99,7 @@ pub(crate) struct Hits {
     pub(crate) others_rejected: usize,
 }
 
-/// Both passes beside each other: a still, as PNG, of the frame in which most was rejected, and an animation, as APNG.
+/// Both passes beside each other: a still, as PNG, of the frame in which most was rejected, and an animation, as GIF.
 /// Frames that only one pass has are left out.
 ///
 /// # Errors
@@ -112,7 +114,7 @@ pub(crate) fn beside(
         halve: true,
         frames_per_second: RATE / on.every as f64,
     };
-    let mut animation = Animation::new(Cursor::new(Vec::new()), options);
+    let mut animation = Animation::new(Vec::new(), options);
     let mut best: Option<(usize, Picture)> = None;
     for (a, b) in off.taken.iter().zip(&on.taken) {
         let both = side_by_side(&a.picture, &b.picture, titles);
@@ -127,7 +129,7 @@ pub(crate) fn beside(
     if let Some((_, picture)) = best {
         write_png(&picture, &mut still).map_err(Failure::input)?;
     }
-    Ok((still, animation.into_inner()))
+    Ok((still, animation))
 }
 
 #[cfg(test)]

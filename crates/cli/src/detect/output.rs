@@ -104,6 +104,7 @@ fn picture(image: ColourImage, found: &[Detection]) -> Picture {
             label: format!("{} {:.2}", d.class, d.score),
             colour: Colour::of_number(u32::from(d.class.0)),
             coasting: false,
+            quiet: false,
         })
         .collect();
     let frame = RgbdFrame {

@@ -23,7 +23,7 @@ use crate::interrupt::Interrupt;
 use crate::map::file::{self, MapOutput};
 use crate::output::{ResultFolder, StreamedFile};
 use crate::run::about::About;
-use crate::run::overlay::OverlayFolder;
+use crate::run::overlay::{OverlayFolder, Style};
 use crate::run::result::{Setup, finish};
 use crate::run::session::{Driver, Outputs, Session};
 use crate::run::summary::Input;
@@ -248,7 +248,10 @@ pub(crate) fn outputs(
             every,
             frames,
             rate(dataset.entries()),
-            &config.motion_weights,
+            Style {
+                labels: args.overlay_labels,
+                weights: config.motion_weights.clone(),
+            },
         )
     };
     // Folders first: the files may lie in one of them.

@@ -7,18 +7,60 @@ use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use stillpoint::detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint::imaging::RgbdFrame;
-use stillpoint::slam::{FrameReport, Outcome, Reasons};
+use stillpoint::slam::{FrameReport, MOVER, Outcome, Reasons};
 use stillpoint::view::{
     Animation, AnimationOptions, CellLabels, Colour, Keypoint, Mark, Overlay, OverlayBox, Picture,
-    ViewError, draw, write_png,
+    ViewError, certain_speed, draw, write_png,
 };
 
 const OPTION: &str = "--overlay";
-const ANIMATION: &str = "animation.png";
+const ANIMATION: &str = "animation.gif";
+/// What older results hold in its place.
+const OLD_ANIMATION: &str = "animation.png";
 /// Pictures per second of an animation, at most: that looks smooth enough.
 const SMOOTH: f64 = 10.0;
-/// Pictures of an animation, at most: some 40 MB. Longer recordings show fewer per second.
+/// Pictures of an animation, at most: some 20 MB. Longer recordings show fewer per second.
 const LONGEST: f64 = 400.0;
+
+/// Which objects are labelled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Labels {
+    /// Every object.
+    All,
+    /// Objects of classes that move by themselves, and whatever else is seen moving.
+    #[default]
+    Movers,
+    /// None.
+    None,
+}
+
+/// How objects are drawn.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Style {
+    pub(crate) labels: Labels,
+    pub(crate) weights: MotionWeights,
+}
+
+impl Style {
+    /// Whether it may move by itself at any time, or does move. The rigid test alone is not enough for a thing: features of
+    /// someone who walks past its box move too.
+    fn mover(&self, object: &Object) -> bool {
+        let moved =
+            || object.motion == Motion::Moving && certain_speed(object, FOR_THINGS).is_some();
+        self.weights.get(object.class) >= MOVER || moved()
+    }
+
+    fn labelled(&self, object: &Object) -> bool {
+        match self.labels {
+            Labels::All => true,
+            Labels::Movers => self.mover(object),
+            Labels::None => false,
+        }
+    }
+}
+
+/// Standard deviations that the speed of a thing must be above to make it a mover.
+const FOR_THINGS: f64 = 2.8;
 
 /// A folder of pictures in the making.
 pub(crate) struct OverlayFolder {
@@ -28,7 +70,7 @@ pub(crate) struct OverlayFolder {
     /// Frames that went by.
     seen: usize,
     drawn: usize,
-    weights: MotionWeights,
+    style: Style,
     animation: Animation<BufWriter<File>>,
 }
 
@@ -39,7 +81,7 @@ impl OverlayFolder {
         every: usize,
         frames: usize,
         rate: f64,
-        weights: &MotionWeights,
+        style: Style,
     ) -> Result<Self, Failure> {
         let mut folder = ResultFolder::create_of(out, OPTION, is_ours)?;
         let pictures = frames.div_ceil(every) as f64;
@@ -57,7 +99,7 @@ impl OverlayFolder {
             every,
             seen: 0,
             drawn: 0,
-            weights: weights.clone(),
+            style,
             animation,
         })
     }
@@ -75,7 +117,7 @@ impl OverlayFolder {
 
     /// Draws a frame.
     pub(crate) fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
-        let picture = picture(frame, report, &self.weights);
+        let picture = picture(frame, report, &self.style);
         let name = format!("{:06}.png", report.frame.0);
         let mut png = Vec::new();
         write_png(&picture, &mut png)
@@ -101,7 +143,7 @@ impl OverlayFolder {
 }
 
 /// A frame with what the system said of it drawn over it. Boxes of what is likelier to move are drawn over the others.
-pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, weights: &MotionWeights) -> Picture {
+pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) -> Picture {
     let keypoints: Vec<Keypoint> = report
         .verdicts
         .iter()
@@ -116,9 +158,10 @@ pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, weights: &MotionW
         })
         .collect();
     let mut objects: Vec<&Object> = report.objects.iter().collect();
-    let weight = |object: &Object| weights.get(object.class);
+    let weight = |object: &Object| style.weights.get(object.class);
     objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
-    let boxes: Vec<OverlayBox> = objects.into_iter().map(overlay_box).collect();
+    let boxes = objects.into_iter().map(|object| overlay_box(object, style));
+    let boxes: Vec<OverlayBox> = boxes.collect();
     let segments = &report.segments;
     draw(
         frame,
@@ -131,7 +174,9 @@ pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, weights: &MotionW
                 height: segments.height,
                 labels: &segments.labels,
             }),
+            badge: Some(badge(report)),
             caption: &caption(report),
+            legend: true,
         },
     )
 }
@@ -139,7 +184,7 @@ pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, weights: &MotionW
 /// The files that a folder of pictures may hold: an older result's are removed.
 fn is_ours(name: &str) -> bool {
     let frame = |number: &str| number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit());
-    name == ANIMATION || name.strip_suffix(".png").is_some_and(frame)
+    [ANIMATION, OLD_ANIMATION].contains(&name) || name.strip_suffix(".png").is_some_and(frame)
 }
 
 fn failure(path: &Path, error: &ViewError) -> Failure {
@@ -162,53 +207,81 @@ fn colour_of(reasons: Reasons) -> Colour {
     .map_or(Colour::HISTORY, |(_, colour)| colour)
 }
 
-fn overlay_box(object: &Object) -> OverlayBox {
-    let mut label = format!("{} {}", object.class, object.id.0);
-    match (object.motion, object.velocity) {
-        (Motion::Parked, _) => label += " parked",
-        (_, Some(v)) => label += &format!(" {:.1} m/s", v.norm()),
-        _ => {}
-    }
-    if object.state == ObjectState::Tentative {
-        label += "?";
-    }
+fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
+    let label = if style.labelled(object) {
+        label(object)
+    } else {
+        String::new()
+    };
     OverlayBox {
         bounds: object.bounds,
         label,
         colour: Colour::of_number(object.id.0),
         coasting: object.state == ObjectState::Coasting,
+        quiet: !style.mover(object),
     }
 }
 
-/// The state in a line: short, since a picture of 640 px has room for some fifty letters.
+/// What it is, and how fast where the rigid test says that it moves and the speed is above its own standard deviation.
+fn label(object: &Object) -> String {
+    let doubt = match object.state {
+        ObjectState::Tentative => "?",
+        ObjectState::Confirmed | ObjectState::Coasting => "",
+    };
+    let name = format!("{} {}{doubt}", object.class, object.id.0);
+    match object.motion {
+        Motion::Parked => name + " parked",
+        Motion::Unknown => name,
+        Motion::Moving => match certain_speed(object, 1.0) {
+            Some(speed) => format!("{name}  {speed:.1} m/s"),
+            None => name,
+        },
+    }
+}
+
+/// Whether all is well, in a word.
+fn badge(report: &FrameReport) -> (&'static str, Colour) {
+    match report.outcome {
+        Outcome::Initialised => ("NEW MAP", Colour::of_number(0)),
+        Outcome::Tracked => ("TRACKED", Colour::STATIC),
+        Outcome::Relocalised { .. } => ("FOUND AGAIN", Colour::of_number(0)),
+        Outcome::Lost { .. } => ("LOST", Colour::SEMANTIC),
+    }
+}
+
+/// The state in a line: short, since it stands beside the badge.
 fn caption(report: &FrameReport) -> String {
     let c = &report.counts;
-    let state = match report.outcome {
-        Outcome::Initialised => "a map begins".to_owned(),
-        Outcome::Tracked if report.is_keyframe => format!("keyframe, {} inliers", c.inliers),
-        Outcome::Tracked => format!("{} inliers", c.inliers),
-        Outcome::Relocalised { .. } => format!("found again, {} inliers", c.inliers),
-        Outcome::Lost { reason, .. } => format!("LOST, {reason}"),
-    };
-    let released = match c.released {
-        0 => String::new(),
-        n => format!(", {n} kept"),
-    };
-    format!(
-        "{}: {state}; {}/{} move{released}",
-        report.frame, c.dynamic, c.keypoints
-    )
+    let mut parts = vec![format!("frame {}", report.frame)];
+    match report.outcome {
+        Outcome::Lost { reason, .. } => parts.push(reason.to_string()),
+        Outcome::Initialised => {}
+        Outcome::Tracked | Outcome::Relocalised { .. } => {
+            parts.push(format!("{} inliers", c.inliers));
+        }
+    }
+    parts.push(format!("{} of {} keypoints move", c.dynamic, c.keypoints));
+    if c.released > 0 {
+        parts.push(format!("{} of them used", c.released));
+    }
+    if report.is_keyframe {
+        parts.push("keyframe".to_owned());
+    }
+    parts.join(" \u{b7} ")
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stillpoint::detection::{BoundingBox, ClassId, ObjectId};
+    use stillpoint::geometry::{Mat6, Vec3};
 
     #[test]
     fn only_pictures_of_an_older_result_are_removed() {
         for (name, ours) in [
             ("000012.png", true),
             ("1000000.png", true),
+            ("animation.gif", true),
             ("animation.png", true),
             ("12.png", false),
             ("holiday.png", false),
@@ -216,6 +289,53 @@ mod tests {
         ] {
             assert_eq!(is_ours(name), ours, "{name}");
         }
+    }
+
+    fn object(class: &str, motion: Motion, speed: f64) -> Object {
+        Object {
+            id: ObjectId(4),
+            class: ClassId::from_name(class).unwrap(),
+            score: 0.9,
+            state: ObjectState::Confirmed,
+            bounds: BoundingBox::default(),
+            bounds_sigma: [0.0; 2],
+            depth_range: None,
+            position: Some(Vec3::zeros()),
+            velocity: Some(Vec3::new(speed, 0.0, 0.0)),
+            // Standard deviations of 0.5 m/s.
+            covariance: Some(Mat6::identity() * 0.25),
+            size: None,
+            last_seen: 0.0,
+            motion,
+        }
+    }
+
+    #[test]
+    fn movers_are_labelled_and_certain_speeds_are_shown() {
+        let style = |labels| Style {
+            labels,
+            weights: MotionWeights::default(),
+        };
+        for (class, motion, speed, expected) in [
+            ("person", Motion::Moving, 0.8, "person 4  0.8 m/s"),
+            ("person", Motion::Moving, 0.3, "person 4"),
+            ("person", Motion::Unknown, 0.8, "person 4"),
+            ("person", Motion::Parked, 0.8, "person 4 parked"),
+            ("chair", Motion::Moving, 1.6, "chair 4  1.6 m/s"),
+            // Someone walks past it.
+            ("chair", Motion::Moving, 0.8, ""),
+            ("chair", Motion::Unknown, 0.8, ""),
+        ] {
+            let object = object(class, motion, speed);
+            let drawn = overlay_box(&object, &style(Labels::Movers));
+            assert_eq!(drawn.label, expected, "{class} {motion:?} {speed}");
+            assert_eq!(drawn.quiet, expected.is_empty());
+            assert_eq!(overlay_box(&object, &style(Labels::None)).label, "");
+            let all = overlay_box(&object, &style(Labels::All)).label;
+            assert!(all.starts_with(class), "{all}");
+        }
+        let chair = object("chair", Motion::Unknown, 0.8);
+        assert_eq!(overlay_box(&chair, &style(Labels::All)).label, "chair 4");
     }
 
     #[test]

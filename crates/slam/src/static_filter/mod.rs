@@ -20,7 +20,7 @@ mod visibility;
 
 pub use config::{FilterSetup, Preset, StaticFilterConfig};
 pub(crate) use history::CapturePose;
-pub(crate) use semantic::MOVER;
+pub use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
 use cells::Cells;

@@ -4,7 +4,7 @@ use stillpoint_detection::{BoundingBox, Motion, MotionWeights, Object, ObjectId,
 use stillpoint_imaging::CoarseDepth;
 
 /// Classes of at least this weight move by themselves; lighter things count when they were measured to move.
-pub(crate) const MOVER: f64 = 4.0;
+pub const MOVER: f64 = 4.0;
 /// Log odds of "moving" that a detector's word for a mover is worth.
 const SEEN: f32 = 2.5;
 /// The same at the end of coasting.
