@@ -10,6 +10,7 @@ mod common;
 mod config_docs;
 mod demo;
 mod detect;
+mod document;
 mod dynamic;
 mod end_to_end;
 mod golden;

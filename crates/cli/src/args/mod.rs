@@ -253,6 +253,15 @@ pub(crate) struct SimulateArgs {
     pub(crate) jpeg: bool,
 }
 
+/// A number above zero.
+fn positive(text: &str) -> Result<f64, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|x: &f64| *x > 0.0 && x.is_finite());
+    number.ok_or_else(|| "expected a number above 0".to_owned())
+}
+
 /// Run data sets several times and report accuracy, speed and memory.
 ///
 /// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the
@@ -267,6 +276,10 @@ pub(crate) struct SimulateArgs {
 /// ablation.md and ablation.json, beside the published ablation where a name matches. Runs differ
 /// in their seeds.
 ///
+/// With --document, all of docs/benchmarks.md is measured: each PATH and, where none of them is a scene,
+/// six scenes, with the filter off, without a detector and with one, an ablation, times and live runs.
+/// Writes benchmarks.md and benchmarks.json. Let nothing else run meanwhile: times are those of this machine.
+///
 /// sim:SCENE stands for a simulated scene, with the simulator's own detections unless --detector says
 /// otherwise. In --detector, {} stands for the folder: scripted:{}/detections.csv.
 #[derive(Debug, Args)]
@@ -277,14 +290,15 @@ pub(crate) struct SimulateArgs {
   stillpoint bench data/* --runs 5 --out out/bench
   stillpoint bench --suite tum-dynamic ~/data/tum --runs 1
   stillpoint bench --ablation sim:walking_xyz sim:walking_rpy --runs 5
-  stillpoint bench --ablation rgbd_dataset_freiburg3_walking_xyz --detector yolox_nano_416.onnx
+  stillpoint bench --ablation rgbd_dataset_freiburg3_walking_xyz --detector yolox-nano
+  stillpoint bench --document rgbd_dataset_freiburg3_walking_xyz --detector yolox-nano
 
 Exit code 1 when a frame was lost (of an ablation: by the default filter), a run failed, or Ctrl-C ended it;
 2 when a data set, the output folder, or no sequence of a suite can be used."
 )]
 pub(crate) struct BenchArgs {
     /// Data set folders, or sim:SCENE; with --suite, folders to look in.
-    #[arg(value_name = "PATH", required = true)]
+    #[arg(value_name = "PATH", required_unless_present = "document")]
     pub(crate) paths: Vec<PathBuf>,
     /// Run all sequences of a public data set that are found, and compare with published figures.
     #[arg(long, value_name = "NAME", value_enum)]
@@ -292,7 +306,13 @@ pub(crate) struct BenchArgs {
     /// Show what each part of the static filter is worth.
     #[arg(long, conflicts_with = "suite")]
     pub(crate) ablation: bool,
-    /// Runs per data set; of an ablation, per data set and configuration.
+    /// Measure what docs/benchmarks.md shows.
+    #[arg(long, conflicts_with_all = ["suite", "ablation"])]
+    pub(crate) document: bool,
+    /// What OpenCV's ORB (1000 features, one thread) takes on this machine, ms: the unit of the other systems' times.
+    #[arg(long, value_name = "MS", requires = "document", value_parser = positive)]
+    pub(crate) opencv_ms: Option<f64>,
+    /// Runs per data set; of an ablation, per data set and configuration; of a document, live runs.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,
     /// Folder to write to.

@@ -143,9 +143,24 @@ impl Plan<'_> {
     /// # Errors
     /// A run that failed, or whose summary or trajectory cannot be read.
     pub(crate) fn once(&self, path: &Path, name: &str) -> Result<(Summary, Vec<u8>), Failure> {
+        self.with(Vec::new(), path, name)
+    }
+
+    /// The same as a live run: with a thread per stage, at the pace of the camera.
+    pub(crate) fn live(&self, path: &Path, name: &str) -> Result<Summary, Failure> {
+        Ok(self.with(vec!["--live".into()], path, name)?.0)
+    }
+
+    /// One run with more arguments.
+    fn with(
+        &self,
+        more: Vec<OsString>,
+        path: &Path,
+        name: &str,
+    ) -> Result<(Summary, Vec<u8>), Failure> {
         // Not every system takes the colon of a simulated scene in the name of a folder.
         let out = self.out.join("runs").join(name.replace(':', "_"));
-        let summary = run_once(&self.arguments(path), path, &out)?;
+        let summary = run_once(&[self.arguments(path), more].concat(), path, &out)?;
         let file = out.join("trajectory.txt");
         let trajectory = std::fs::read(&file).map_err(|e| {
             Failure::input(format!(

@@ -182,7 +182,8 @@ fn seeds(first: u64, runs: u32) -> Vec<u64> {
         .collect()
 }
 
-fn row(args: &BenchArgs, name: String, path: &Path) -> Row {
+/// A sequence that nothing was run on yet.
+pub(crate) fn row(args: &BenchArgs, name: String, path: &Path) -> Row {
     Row {
         published: published_ablation(&name),
         name,
@@ -214,7 +215,7 @@ fn variants(
 }
 
 /// Runs a sequence with one configuration, once per seed.
-fn cell(
+pub(crate) fn cell(
     args: &BenchArgs,
     (name, prepared): (&str, &Prepared),
     (variant, seeds): (Variant, &[u64]),

@@ -47,7 +47,7 @@ fn runs(seeds: &[u64]) -> String {
 }
 
 /// A line per sequence, a column per configuration, as ablations are published.
-fn overview(rows: &[Row]) -> String {
+pub(crate) fn overview<'a>(rows: impl IntoIterator<Item = &'a Row>) -> String {
     let header = ["sequence"].into_iter();
     let mut table = Table::new(header.chain(Variant::ALL.map(Variant::label)));
     for row in rows {
