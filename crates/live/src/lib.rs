@@ -1,7 +1,7 @@
 //! The driver for cameras: tracking, detection, mapping and looping, each on a thread of its own.
 //!
 //! Answers: how the stages run side by side in real time, how long a frame took, and what happened to the threads. The only library
-//! that reads the clock, and the only crate that holds a lock (the stages' mailboxes). Decides when a stage takes a message and nothing else: what
+//! whose results depend on the clock, and the only one that holds a lock (the stages' mailboxes). Decides when a stage takes a message and nothing else: what
 //! becomes of it is the stages' business, and the order in which messages were taken is logged, so that
 //! [`Replay`](stillpoint_slam::Replay) runs it again, bit for bit.
 //!

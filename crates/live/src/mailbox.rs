@@ -1,4 +1,4 @@
-//! The inbox of a stage, and the only lock of the project.
+//! The inbox of a stage, and the only lock of the libraries.
 //!
 //! One box holds all that a stage may be told, because tracking and mapping wait for several things at once, which channels of
 //! the standard library cannot do. What is kept, and what the newest replaces, is up to its content.

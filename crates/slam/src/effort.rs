@@ -59,7 +59,8 @@ impl CostTable {
     /// What OpenCV's ORB with 1000 features takes where [`Self::REFERENCE`] holds, ms.
     pub const REFERENCE_UNIT_MS: f64 = 8.0;
 
-    /// Measured on a two-core x86-64 server (docs/benchmarks.md, "Time budget").
+    /// Medians of `stillpoint run` with 500 and 1000 features, and with windows of 4 to 20 keyframes and 4 and 10 neighbours, on a two-core
+    /// x86-64 server on which OpenCV's ORB (1000 features, one thread) takes 8 ms.
     pub const REFERENCE: Self = Self {
         frame: 5.5,
         feature: 0.0055,

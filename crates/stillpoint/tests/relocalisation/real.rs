@@ -64,7 +64,7 @@ fn a_kidnapped_camera_is_found_within_a_second() {
     kidnap(0);
 }
 
-/// The figures of `docs/benchmarks.md`.
+/// That the figures do not hang on one seed.
 #[test]
 #[ignore = "four minutes"]
 fn other_seeds_are_within_the_same_bounds() {
