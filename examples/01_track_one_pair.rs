@@ -17,9 +17,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     system.step(room.frame(0));
     let events = system.step(room.frame(3));
 
-    let Some(Event::Frame(report)) = events.first() else {
-        return Err("every frame gets a report".into());
-    };
+    let tracked = events.iter().find_map(Event::as_frame);
+    let report = &tracked.ok_or("every frame gets a report")?.report;
     let Some(found) = report.world_from_camera else {
         return Err(format!("the frame has no pose: {:?}", report.outcome).into());
     };

@@ -6,7 +6,7 @@ use std::error::Error;
 use std::io::Write;
 use std::time::{Duration, Instant};
 use stillpoint::imaging::{FrameSource, RgbdFrame, Simd, SourceError};
-use stillpoint::live::{LiveOptions, LiveSystem};
+use stillpoint::live::{Delivery, LiveOptions, LiveSystem};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, Stages};
 
@@ -37,6 +37,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let stages = Stages::new(Config::default(), *room.camera(), Simd::detect())?;
     let mut live = LiveSystem::start(stages, None, LiveOptions::default())?;
     let watch = live.watch();
+    // Whoever falls behind misses events, which are counted; no stage waits for anybody who listens.
+    let events = live.listen("poses", Delivery::until_full(1000));
     let mut camera = MyCamera {
         room,
         next: 0,
@@ -47,16 +49,21 @@ fn main() -> Result<(), Box<dyn Error>> {
     while let Some(frame) = camera.next_frame() {
         // Returns at once. A frame that tracking has not taken yet gives way to this one.
         live.push(frame?);
-        for event in live.events().try_iter() {
-            if let Event::Frame(report) = event
-                && let Some(pose) = report.world_from_camera
+        for event in events.try_iter() {
+            if let Event::Frame(tracked) = event
+                && let Some(pose) = tracked.report.world_from_camera
             {
-                let t = pose.translation;
-                writeln!(out, "{}: {:.3} {:.3} {:.3}", report.frame, t.x, t.y, t.z)?;
+                let (frame, t) = (tracked.report.frame, pose.translation);
+                writeln!(out, "{frame}: {:.3} {:.3} {:.3}", t.x, t.y, t.z)?;
             }
         }
         // How good that is, why the camera is lost, and which thread does not answer.
         writeln!(out, "{}", watch.health())?;
+    }
+
+    // A map file, at any time: the bytes of the map as it is now, while the run goes on.
+    if let Some(map) = watch.map() {
+        writeln!(out, "{} bytes of map", map.to_bytes(&[])?.len())?;
     }
 
     let result = live.finish();

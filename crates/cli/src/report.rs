@@ -9,8 +9,12 @@ use stillpoint::evaluation::timing;
 /// The report of a run: counts, score, timing.
 pub(crate) fn run_text(summary: &Summary) -> String {
     let s = summary;
+    let dropped = s
+        .live
+        .as_ref()
+        .map_or_else(String::new, LiveJson::dropped_text);
     let mut text = format!(
-        "\n{}: {} of {} frames tracked, {} keyframes, {} landmarks, {:.1} s ({:.0} frames/s)\n",
+        "\n{}: {} of {} frames tracked{dropped}, {} keyframes, {} landmarks, {:.1} s ({:.0} frames/s)\n",
         s.input.name,
         s.tracked,
         s.frames,

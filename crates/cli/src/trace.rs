@@ -7,6 +7,7 @@
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
+use crate::run::session::listeners::Writer;
 use crate::timing::Timing;
 use std::cell::Cell;
 use std::io::Write;
@@ -14,6 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
+use stillpoint::slam::Event;
 
 const OPTION: &str = "--trace";
 /// Spans that wait to be fetched, at most: some 10 MB, and minutes of a run.
@@ -98,6 +100,13 @@ pub(crate) struct TraceFile {
     /// Threads whose names are written.
     named: usize,
     spans: u64,
+}
+
+/// Every event is a chance to fetch what was kept.
+impl Writer for TraceFile {
+    fn write(&mut self, _: &Event) -> Result<(), Failure> {
+        self.fetch()
+    }
 }
 
 impl TraceFile {

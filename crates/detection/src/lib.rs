@@ -16,7 +16,9 @@ pub mod wire;
 
 pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
-pub use objects::{Motion, Object, ObjectId, ObjectState, ObjectTracker, ObjectsConfig};
+pub use objects::{
+    Motion, Object, ObjectId, ObjectInCamera, ObjectState, ObjectTracker, ObjectsConfig,
+};
 #[cfg(feature = "onnx")]
 pub use onnx::{
     CardError, CardInput, CardOutput, Classes, ColourOrder, Column, Dimension, Head, InputSize,

@@ -1,16 +1,19 @@
 //! What each stage can be told, and in which order it takes it.
 
+use crate::audience::Audience;
 use crate::health::{Newest, Pulse};
 use crate::mailbox::Mailbox;
 use crate::measure::Stage;
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::sync::atomic::AtomicU64;
+use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::{Correction, KeyframeId, MapView};
+use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
-use stillpoint_slam::{LooperMsg, MapperMsg};
+use stillpoint_slam::{LooperMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
 
 /// Messages that wait for one stage, at most; then whoever has another one waits. More than a stage that keeps up ever sees,
 /// and little enough for a machine's memory.
@@ -28,12 +31,51 @@ pub(crate) struct Boxes {
     /// What each thread is at, in the order of [`Stage::ALL`].
     pulses: [Mailbox<Pulse>; 4],
     pub(crate) newest: Mailbox<Option<Newest>>,
+    /// The newest version of the map.
+    pub(crate) view: Mailbox<Arc<MapView>>,
+    /// The places that were recognised so far.
+    pub(crate) loops: Mailbox<Loops>,
+    /// Frames tracked since somebody asked for the trajectory: tracking only ever adds to a short list ...
+    pub(crate) tracked: Mailbox<Vec<TrajectoryEntry>>,
+    /// ... and whoever asks brings them here, where it does not have to wait for a long one.
+    trajectory: Mailbox<Trajectory>,
+    /// Frames that were tracked.
+    pub(crate) frames: AtomicU64,
+    /// Frames that were dropped.
+    pub(crate) dropped: AtomicU64,
+    pub(crate) audience: Audience,
 }
 
 impl Boxes {
     /// What a stage's thread is at.
     pub(crate) fn pulse(&self, stage: Stage) -> &Mailbox<Pulse> {
         &self.pulses[stage as usize]
+    }
+
+    /// The frames tracked so far.
+    pub(crate) fn trajectory(&self) -> Trajectory {
+        self.trajectory.change(|known| {
+            known.extend(self.tracked.change(std::mem::take));
+            known.clone()
+        })
+    }
+
+    /// The map as it is now, copied between two messages that mapping takes; none when mapping has ended.
+    pub(crate) fn map(&self) -> Option<Map> {
+        const NAP: Duration = Duration::from_millis(50);
+        let (sender, map) = sync_channel(1);
+        self.mapping.put(|b| b.copies.push_back(sender))?;
+        loop {
+            match map.recv_timeout(NAP) {
+                Ok(map) => return Some(map),
+                // A thread that panics answers no more.
+                Err(RecvTimeoutError::Timeout) if self.mapping.is_closed() => {
+                    return map.try_recv().ok();
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return None,
+            }
+        }
     }
 
     /// Notes that a stage's thread took a message.
@@ -143,6 +185,8 @@ impl<T> DetectionBox<T> {
 pub(crate) struct MappingBox {
     pub(crate) queue: VecDeque<MapperMsg>,
     pub(crate) corrections: VecDeque<Correction>,
+    /// Who wants a copy of the map.
+    pub(crate) copies: VecDeque<SyncSender<Map>>,
     pub(crate) tracking_is_over: bool,
     looping_was_told: bool,
     pub(crate) looping_is_over: bool,
@@ -150,6 +194,8 @@ pub(crate) struct MappingBox {
 
 pub(crate) enum MappingWork {
     Message(MapperMsg),
+    /// Somebody wants a copy of the map. It changes nothing, and is in no log.
+    Copy(SyncSender<Map>),
     /// Tracking has no more keyframes: looping is to hear of that.
     TrackingIsOver,
     /// Nobody has anything more.
@@ -157,8 +203,11 @@ pub(crate) enum MappingWork {
 }
 
 impl MappingBox {
-    /// A correction first: what comes after it is built on a better map.
+    /// Copies first, since somebody waits for them; then corrections: what comes after it is built on a better map.
     pub(crate) fn next(&mut self) -> Option<MappingWork> {
+        if let Some(to) = self.copies.pop_front() {
+            return Some(MappingWork::Copy(to));
+        }
         if let Some(correction) = self.corrections.pop_front() {
             return Some(MappingWork::Message(MapperMsg::Correct(correction)));
         }

@@ -5,10 +5,14 @@
 
 use crate::boxes::Boxes;
 use crate::measure::{FrameTiming, Stage, WorkerEnd};
+use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use stillpoint_slam::Health;
+use stillpoint_geometry::Se3;
+use stillpoint_map::{Map, MapView};
+use stillpoint_slam::{Health, LoopReport, Trajectory, TrajectoryEntry};
 
 /// A thread that has been at one message for longer does not answer: it hangs, or has more to do than its machine can.
 const PATIENCE: Duration = Duration::from_secs(1);
@@ -74,14 +78,17 @@ impl Pulse {
 pub(crate) fn guarded(boxes: &Boxes, stage: Stage, run: impl FnOnce()) -> WorkerEnd {
     let end = match catch_unwind(AssertUnwindSafe(run)) {
         Ok(()) => WorkerEnd::Finished,
-        Err(panic) => {
-            let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
-            let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
-            WorkerEnd::Panicked(text.unwrap_or_else(|| "unknown reason".to_owned()))
-        }
+        Err(panic) => WorkerEnd::Panicked(reason_of(panic.as_ref())),
     };
     boxes.pulse(stage).put(|p| *p = Pulse::Ended(end.clone()));
     end
+}
+
+/// What a panic says.
+pub(crate) fn reason_of(panic: &(dyn Any + Send)) -> String {
+    let text = panic.downcast_ref::<&str>().map(|s| (*s).to_owned());
+    let text = text.or_else(|| panic.downcast_ref::<String>().cloned());
+    text.unwrap_or_else(|| "unknown reason".to_owned())
 }
 
 /// The newest frame that was tracked.
@@ -100,6 +107,10 @@ pub struct LiveHealth {
     pub timing: Option<FrameTiming>,
     /// How long ago its pose was there, s.
     pub frame_age: Option<f64>,
+    /// Frames that were tracked so far, whatever became of their poses.
+    pub tracked: u64,
+    /// Frames that were dropped so far.
+    pub dropped: u64,
     /// The threads; detection only with a detector.
     pub threads: Vec<(Stage, ThreadState)>,
 }
@@ -146,6 +157,40 @@ impl Watch {
         }
     }
 
+    /// The newest version of the map.
+    #[must_use]
+    pub fn view(&self) -> Arc<MapView> {
+        self.boxes.view.look(Arc::clone)
+    }
+
+    /// The frames tracked so far, each with its pose relative to a keyframe and as it was known at that frame. It is copied without
+    /// tracking ever waiting for that.
+    #[must_use]
+    pub fn trajectory(&self) -> Trajectory {
+        self.boxes.trajectory()
+    }
+
+    /// The frames tracked so far with their poses `world_from_camera` after all corrections until now: through the newest
+    /// version of the map.
+    #[must_use]
+    pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
+        self.trajectory().resolve(&self.view()).collect()
+    }
+
+    /// The places that were recognised so far, with what became of them.
+    #[must_use]
+    pub fn loops(&self) -> Vec<LoopReport> {
+        self.boxes.loops.look(|l| l.reports().to_vec())
+    }
+
+    /// A copy of the map as it is now, from which a map file can be written while the run goes on ([`Map::to_bytes`]). Mapping makes it
+    /// between two of its messages, so this waits for the one at hand; tracking waits for nothing. None once mapping has
+    /// ended: then the map comes with the run's result.
+    #[must_use]
+    pub fn map(&self) -> Option<Map> {
+        self.boxes.map()
+    }
+
     /// How the run is now.
     #[must_use]
     pub fn health(&self) -> LiveHealth {
@@ -163,6 +208,8 @@ impl Watch {
             health,
             timing,
             frame_age,
+            tracked: self.boxes.frames.load(Ordering::Relaxed),
+            dropped: self.boxes.dropped.load(Ordering::Relaxed),
             threads: Stage::ALL.into_iter().filter(is_there).map(state).collect(),
         }
     }

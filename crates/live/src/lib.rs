@@ -7,8 +7,10 @@
 //!
 //! Who waits for whom goes one way only: detection waits for room at tracking, tracking at mapping, mapping at looping, and
 //! looping for none. Views, places and corrections go the other way, and these are never waited for: of views and places the newest
-//! replaces the older one, and of corrections there is one at a time.
+//! replaces the older one, and of corrections there is one at a time. Nobody waits for whoever listens: each subscriber has a queue, and says
+//! what is left out when that is full ([`Delivery`]).
 
+mod audience;
 mod backoff;
 mod boxes;
 mod budget;
@@ -21,8 +23,9 @@ mod recorder;
 mod system;
 mod workers;
 
+pub use audience::{Delivery, Events, Missed, Subscribed};
 pub use health::{LiveHealth, ThreadState, Watch};
 pub use measure::{Ended, FrameTiming, LiveStatistics, Stage, WorkerEnd};
-pub use pace::{Played, Told};
-pub use system::{LiveOptions, LiveResult, LiveSystem};
+pub use pace::Played;
+pub use system::{LiveOptions, LiveResult, LiveSystem, SubscriberHook};
 pub use workers::Hook;

@@ -1,9 +1,10 @@
-//! The inbox of a stage, and the only lock of the libraries.
+//! The inbox of a stage or a subscriber, and the only lock of the libraries.
 //!
 //! One box holds all that a stage may be told, because tracking and mapping wait for several things at once, which channels of
 //! the standard library cannot do. What is kept, and what the newest replaces, is up to its content.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 /// What one stage is told by the others.
 pub(crate) struct Mailbox<T> {
@@ -18,17 +19,36 @@ struct State<T> {
 
 impl<T: Default> Default for Mailbox<T> {
     fn default() -> Self {
+        Self::new(T::default())
+    }
+}
+
+impl<T> Mailbox<T> {
+    /// A box with this in it.
+    pub(crate) fn new(content: T) -> Self {
         Self {
             state: Mutex::new(State {
-                content: T::default(),
+                content,
                 closed: false,
             }),
             changed: Condvar::new(),
         }
     }
-}
 
-impl<T> Mailbox<T> {
+    /// Changes the content at once, even when the box is closed.
+    pub(crate) fn change<R>(&self, change: impl FnOnce(&mut T) -> R) -> R {
+        let mut state = self.lock();
+        let result = change(&mut state.content);
+        // Somebody may wait for the room.
+        self.changed.notify_all();
+        result
+    }
+
+    /// Whether the box is closed.
+    pub(crate) fn is_closed(&self) -> bool {
+        self.lock().closed
+    }
+
     /// Changes the content at once; nothing when the box is closed.
     pub(crate) fn put<R>(&self, change: impl FnOnce(&mut T) -> R) -> Option<R> {
         self.put_when(|_| true, change)
@@ -65,6 +85,28 @@ impl<T> Mailbox<T> {
                 return None;
             }
             state = self.wait(state);
+        }
+    }
+
+    /// As [`Mailbox::take`], but no longer than for some time.
+    pub(crate) fn take_within<R>(
+        &self,
+        time: Duration,
+        mut pick: impl FnMut(&mut T) -> Option<R>,
+    ) -> Option<R> {
+        let deadline = Instant::now() + time;
+        let mut state = self.lock();
+        loop {
+            if let Some(picked) = pick(&mut state.content) {
+                self.changed.notify_all();
+                return Some(picked);
+            }
+            let left = deadline.saturating_duration_since(Instant::now());
+            if state.closed || left.is_zero() {
+                return None;
+            }
+            let waited = self.changed.wait_timeout(state, left);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 

@@ -1,5 +1,6 @@
 //! What is measured of a live run, and how its threads ended.
 
+use crate::audience::Missed;
 use stillpoint_imaging::FrameId;
 
 /// A stage with a thread of its own.
@@ -72,8 +73,8 @@ pub struct LiveStatistics {
     pub frames: Vec<FrameTiming>,
     /// Per answer of the detector, the time from its frame's arrival until tracking took the answer, s.
     pub detections: Vec<f64>,
-    /// Events that nobody fetched in time and that are lost.
-    pub events_missed: u64,
+    /// What did not reach a subscriber because it was too slow; by name, in the order in which they subscribed.
+    pub subscribers: Vec<(String, Missed)>,
 }
 
 /// How a thread ended.

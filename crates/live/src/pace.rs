@@ -2,24 +2,13 @@
 
 use crate::system::LiveSystem;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::RecvTimeoutError;
 use std::time::{Duration, Instant};
 use stillpoint_imaging::{FrameSource, SourceError};
-use stillpoint_slam::Event;
 
 /// Longest time between two frames that is waited for, s: over a longer gap, or a clock that was set, the next frame comes at once.
 const LONGEST_GAP: f64 = 5.0;
 /// How often the wish to stop is looked at.
 const NAP: Duration = Duration::from_millis(50);
-
-/// What happens while a recording is played.
-#[derive(Debug)]
-pub enum Told {
-    /// A stage told something.
-    Event(Box<Event>),
-    /// A frame could not be read and was skipped.
-    Skipped(SourceError),
-}
 
 /// How the playing of a recording ended.
 #[derive(Debug)]
@@ -59,13 +48,13 @@ impl Clock {
 }
 
 impl LiveSystem {
-    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps. Between them
-    /// `each` hears what happens. Ends when the source does, or soon after `stop` was set; [`LiveSystem::finish`] comes next.
+    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps. `skipped` hears
+    /// of frames that could not be read. Ends when the source does, or soon after `stop` was set; [`LiveSystem::finish`] comes next.
     pub fn play(
         &mut self,
         source: &mut dyn FrameSource,
         stop: &AtomicBool,
-        mut each: impl FnMut(Told),
+        mut skipped: impl FnMut(SourceError),
     ) -> Played {
         let mut clock = Clock {
             anchor: None,
@@ -77,11 +66,11 @@ impl LiveSystem {
             }
             match source.next_frame() {
                 None => return Played::ToTheEnd,
-                Some(Err(e)) if e.recoverable => each(Told::Skipped(e)),
+                Some(Err(e)) if e.recoverable => skipped(e),
                 Some(Err(e)) => return Played::SourceFailed(e),
                 Some(Ok(frame)) => {
                     let due = clock.due(frame.stamp, Instant::now());
-                    if !self.wait(due, stop, &mut each) {
+                    if !wait(due, stop) {
                         return Played::Stopped;
                     }
                     if !self.push(frame) {
@@ -91,28 +80,19 @@ impl LiveSystem {
             }
         }
     }
+}
 
-    /// Waits for a moment, and tells meanwhile what happens, at least what has happened already. False when the user asked to
-    /// stop.
-    fn wait(&self, due: Instant, stop: &AtomicBool, each: &mut impl FnMut(Told)) -> bool {
-        loop {
-            for event in self.events().try_iter() {
-                each(Told::Event(Box::new(event)));
-            }
-            let left = due.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return true;
-            }
-            if stop.load(Ordering::Relaxed) {
-                return false;
-            }
-            match self.events().recv_timeout(left.min(NAP)) {
-                Ok(event) => each(Told::Event(Box::new(event))),
-                Err(RecvTimeoutError::Timeout) => {}
-                // All threads have ended.
-                Err(RecvTimeoutError::Disconnected) => std::thread::sleep(left.min(NAP)),
-            }
+/// Waits for a moment. False when the user asked to stop.
+fn wait(due: Instant, stop: &AtomicBool) -> bool {
+    loop {
+        let left = due.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return true;
         }
+        if stop.load(Ordering::Relaxed) {
+            return false;
+        }
+        std::thread::sleep(left.min(NAP));
     }
 }
 

@@ -1,5 +1,6 @@
 //! A live run from its first frame to its result.
 
+use crate::audience::{self, Delivery, Events, Subscribed};
 use crate::boxes::{Arrived, Boxes};
 use crate::budget::Budget;
 use crate::detection::DetectionWorker;
@@ -9,16 +10,20 @@ use crate::recorder::Recorder;
 use crate::workers::{Desk, Hook, LoopingWorker, MappingWorker, TrackingWorker};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use stillpoint_detection::Detector;
+use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{Map, MapView};
 use stillpoint_slam::{
-    Event, LoopReport, MappingEffort, RunLog, Stages, Timing, Trajectory, tell_applied,
+    Event, FrameGate, LoopReport, MappingEffort, RefusedFrame, RunLog, Stages, Subscriber, Timing,
+    Trajectory, TrajectoryEntry,
 };
-use stillpoint_slam::{FrameGate, RefusedFrame};
+
+/// Called once by the thread of a subscriber, with its name.
+pub type SubscriberHook = Arc<dyn Fn(&str) + Send + Sync>;
 
 /// How a live run is driven.
 #[derive(Clone)]
@@ -28,13 +33,13 @@ pub struct LiveOptions {
     pub drop_late: bool,
     /// How long the end of the run waits for a detector that does not answer, before its thread is left to itself.
     pub detector_patience: Duration,
-    /// Events that wait to be fetched, at most: those that find no room are lost, and counted.
-    pub events: usize,
     /// Time that tracking may take per frame, s: it wants fewer keypoints, and asks the detector more rarely, as long as that is
     /// exceeded. None: no limit.
     pub budget: Option<f64>,
-    /// Called by every thread before it waits for its next message.
+    /// Called by every thread of a stage before it waits for its next message.
     pub hook: Option<Hook>,
+    /// Called by the thread of every subscriber before its first event, with its name: to set its priority.
+    pub subscriber_hook: Option<SubscriberHook>,
 }
 
 impl Default for LiveOptions {
@@ -42,10 +47,9 @@ impl Default for LiveOptions {
         Self {
             drop_late: true,
             detector_patience: Duration::from_secs(2),
-            // At 30 Hz about a minute of frames, with what else happens.
-            events: 4096,
             budget: None,
             hook: None,
+            subscriber_hook: None,
         }
     }
 }
@@ -70,8 +74,6 @@ pub struct LiveResult {
     pub ended: Ended,
     /// The detector; none when there was none, or when its thread did not finish.
     pub detector: Option<Box<dyn Detector>>,
-    /// Events that were not fetched yet.
-    pub events: Receiver<Event>,
 }
 
 type Finished<W> = (W, WorkerEnd);
@@ -91,10 +93,7 @@ pub struct LiveSystem {
     mapping: JoinHandle<Finished<MappingWorker>>,
     looping: JoinHandle<Finished<LoopingWorker>>,
     detection: Option<Detection>,
-    events: Receiver<Event>,
-    /// For what tracking never hears of.
-    teller: SyncSender<Event>,
-    missed: Arc<AtomicU64>,
+    subscribers: Vec<JoinHandle<()>>,
     gate: FrameGate,
     refused: u64,
     arrived: u64,
@@ -110,6 +109,7 @@ impl Drop for Closing {
     fn drop(&mut self) {
         self.0.detection.close();
         self.0.tracking.close();
+        self.0.audience.close();
     }
 }
 
@@ -117,8 +117,6 @@ impl Drop for Closing {
 struct Office {
     boxes: Arc<Boxes>,
     counter: Arc<AtomicU64>,
-    events: SyncSender<Event>,
-    missed: Arc<AtomicU64>,
     hook: Option<Hook>,
 }
 
@@ -128,8 +126,6 @@ impl Office {
             stage,
             boxes: Arc::clone(&self.boxes),
             recorder: Recorder::new(&self.counter),
-            events: self.events.clone(),
-            missed: Arc::clone(&self.missed),
             hook: self.hook.clone(),
         }
     }
@@ -147,12 +143,9 @@ impl LiveSystem {
     ) -> std::io::Result<Self> {
         let boxes = Arc::new(Boxes::default());
         let closing = Closing(Arc::clone(&boxes));
-        let (sender, events) = sync_channel(options.events);
         let office = Office {
             boxes: Arc::clone(&boxes),
             counter: Arc::default(),
-            events: sender,
-            missed: Arc::default(),
             hook: options.hook.clone(),
         };
         let fingerprint = stages.fingerprint();
@@ -168,10 +161,10 @@ impl LiveSystem {
             looper,
             ..
         } = stages;
-        let view = tracker.view();
+        boxes.view.put(|view| *view = tracker.view());
         // In the order in which they wait for each other: whatever fails to start, those that did come to their end.
         let looping = LoopingWorker::new(office.desk(Stage::Looping), looper);
-        let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, view, effort);
+        let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, effort);
         let tracking = TrackingWorker::new(
             office.desk(Stage::Tracking),
             (tracker, health),
@@ -202,9 +195,7 @@ impl LiveSystem {
             mapping,
             looping,
             detection,
-            events,
-            teller: office.events,
-            missed: office.missed,
+            subscribers: Vec::new(),
             gate,
             refused: 0,
             arrived: 0,
@@ -212,8 +203,38 @@ impl LiveSystem {
         })
     }
 
+    /// Has somebody listen from now on, on a thread of this name. Events come in the order that [`Event`] states, and as
+    /// `delivery` says; no stage ever waits for a subscriber. What it missed is in [`LiveStatistics::subscribers`].
+    ///
+    /// # Errors
+    /// What the operating system says when it has no more threads.
+    pub fn subscribe<S: Subscriber + Send + 'static>(
+        &mut self,
+        name: &str,
+        delivery: Delivery,
+        subscriber: S,
+    ) -> std::io::Result<Subscribed<S>> {
+        let events = self.boxes.audience.listen(name, delivery);
+        let hook = self.options.subscriber_hook.clone();
+        let named = name.to_owned();
+        let begin = move || {
+            if let Some(hook) = hook {
+                hook(&named);
+            }
+        };
+        let (subscribed, thread) = audience::start(name, events, subscriber, begin)?;
+        self.subscribers.push(thread);
+        Ok(subscribed)
+    }
+
+    /// Events from now on, for whoever would rather ask for them than be called.
+    #[must_use]
+    pub fn listen(&self, name: &str, delivery: Delivery) -> Events {
+        self.boxes.audience.listen(name, delivery)
+    }
+
     /// Hands over a frame that arrived just now. With [`LiveOptions::drop_late`] this returns at once; else when the frame before
-    /// was taken. A frame that does not follow the one before is refused, which an event tells. False when tracking takes no more
+    /// was taken, and when all who are to receive every event have room for those of this one. A frame that does not follow the one before is refused, which an event tells. False when tracking takes no more
     /// frames because it panicked.
     pub fn push(&mut self, frame: RgbdFrame) -> bool {
         if let Err(refused) = self.gate.admit(&frame) {
@@ -226,6 +247,9 @@ impl LiveSystem {
         };
         self.arrived += 1;
         let drop_late = self.options.drop_late;
+        if !drop_late {
+            self.boxes.audience.wait_for_room();
+        }
         let before = self.boxes.tracking.put_when(
             |b| drop_late || b.frame.is_none(),
             |b| {
@@ -235,27 +259,39 @@ impl LiveSystem {
         );
         if let Some(Some(late)) = &before {
             self.dropped.push(late.frame.id);
+            self.boxes.dropped.fetch_add(1, Ordering::Relaxed);
         }
         before.is_some()
     }
 
     fn refuse(&mut self, frame: RefusedFrame) {
         self.refused += 1;
-        if self.teller.try_send(Event::Refused(frame)).is_err() {
-            self.missed.fetch_add(1, Ordering::Relaxed);
-        }
+        self.boxes.audience.publish(&Event::Refused(frame));
     }
 
-    /// What happened, as it happens: of each stage in its order. Who fetches too rarely misses events, which are counted.
-    #[must_use]
-    pub fn events(&self) -> &Receiver<Event> {
-        &self.events
-    }
-
-    /// How the run is at any moment, for any thread: health of the newest frame, and whether the threads are at work.
+    /// What there is to know of the run at any moment, for any thread: health of the newest frame, whether the threads are at work,
+    /// the map and the trajectory.
     #[must_use]
     pub fn watch(&self) -> Watch {
         Watch::new(&self.boxes, self.detection.is_some())
+    }
+
+    /// The newest version of the map. As [`Watch::view`].
+    #[must_use]
+    pub fn view(&self) -> Arc<MapView> {
+        self.watch().view()
+    }
+
+    /// The frames tracked so far with their poses after all corrections until now. As [`Watch::corrected_trajectory`].
+    #[must_use]
+    pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
+        self.watch().corrected_trajectory()
+    }
+
+    /// A copy of the map as it is now, to be saved while the run goes on. As [`Watch::map`].
+    #[must_use]
+    pub fn map(&self) -> Option<Map> {
+        self.watch().map()
     }
 
     /// Frames dropped so far.
@@ -265,7 +301,8 @@ impl LiveSystem {
     }
 
     /// Ends the stream, lets every stage do what there is to do, and gathers the result. A detector that does not answer is
-    /// waited for as long as [`LiveOptions::detector_patience`] says.
+    /// waited for as long as [`LiveOptions::detector_patience`] says; subscribers are waited for until they have received what waits for
+    /// them.
     #[must_use]
     pub fn finish(self) -> LiveResult {
         self.boxes.detection.close();
@@ -278,10 +315,11 @@ impl LiveSystem {
             None => (None, None),
             Some(detection) => detection.finish(deadline),
         };
-        let mut loops = looping.loops;
-        for applied in &mapping.applied {
-            tell_applied(&mut loops, *applied);
-        }
+        // No stage has anything more to tell.
+        self.boxes.audience.close();
+        self.subscribers.into_iter().for_each(join);
+        let loops = self.boxes.loops.look(Clone::clone).into_reports();
+        let view = self.boxes.view.look(Arc::clone);
         let trajectory = tracking.tracker.trajectory().clone();
         let map = mapping.mapper.into_map();
         let is_whole = mapping_end == WorkerEnd::Finished || map.check().is_ok();
@@ -295,12 +333,12 @@ impl LiveSystem {
                 fingerprint: self.fingerprint,
                 about: String::new(),
                 entries: Recorder::merge(recorders),
-                trajectory: trajectory.digest(&mapping.view),
+                trajectory: trajectory.digest(&view),
             },
             timing: tracking.tracker.timing(),
             trajectory,
             map: is_whole.then_some(map),
-            view: mapping.view,
+            view,
             loops,
             statistics: LiveStatistics {
                 arrived: self.arrived,
@@ -308,7 +346,7 @@ impl LiveSystem {
                 dropped: self.dropped,
                 frames: tracking.frames,
                 detections: tracking.detections,
-                events_missed: self.missed.load(Ordering::Relaxed),
+                subscribers: self.boxes.audience.missed(),
             },
             ended: Ended {
                 tracking: tracking_end,
@@ -317,7 +355,6 @@ impl LiveSystem {
                 looping: looping_end,
             },
             detector,
-            events: self.events,
         }
     }
 }

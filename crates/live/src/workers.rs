@@ -10,14 +10,12 @@ use crate::health::{Newest, guarded};
 use crate::measure::{FrameTiming, Stage, WorkerEnd};
 use crate::recorder::Recorder;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::SyncSender;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::MapView;
 use stillpoint_slam::{
-    CorrectionReport, Event, HealthMonitor, LogEntry, LoopReport, Looper, LooperMsg, LooperOut,
-    Mapper, MapperMsg, MapperReport, MappingEffort, Tracked, Tracker,
+    Event, HealthMonitor, LogEntry, Looper, LooperMsg, LooperOut, Mapper, MapperMsg, MappingEffort,
+    Subscriber, Tracker, routing,
 };
 
 /// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
@@ -29,8 +27,6 @@ pub(crate) struct Desk {
     pub(crate) stage: Stage,
     pub(crate) boxes: Arc<Boxes>,
     pub(crate) recorder: Recorder,
-    pub(crate) events: SyncSender<Event>,
-    pub(crate) missed: Arc<AtomicU64>,
     pub(crate) hook: Option<Hook>,
 }
 
@@ -40,11 +36,12 @@ impl Desk {
         self.boxes.rests(self.stage);
     }
 
-    /// Tells the user. A stage does not wait for someone who does not listen.
-    fn tell(&self, event: Event) {
-        if self.events.try_send(event).is_err() {
-            self.missed.fetch_add(1, Ordering::Relaxed);
+    /// Tells everyone who listens. A stage does so before it hands on what it did, so that what follows from it is told later.
+    fn tell(&self, event: &Event) {
+        if matches!(event, Event::Looped(_) | Event::Corrected { .. }) {
+            self.boxes.loops.put(|l| l.receive(event));
         }
+        self.boxes.audience.publish(event);
     }
 }
 
@@ -76,6 +73,8 @@ pub(crate) struct TrackingWorker {
     /// Keyframes that the view in use holds, of those sent.
     mapped: u64,
     sent: u64,
+    /// Entries of the trajectory that were passed on.
+    entries: usize,
 }
 
 impl TrackingWorker {
@@ -99,6 +98,7 @@ impl TrackingWorker {
             view_at: None,
             mapped: 0,
             sent: 0,
+            entries: 0,
         }
     }
 
@@ -130,16 +130,9 @@ impl TrackingWorker {
         }
         self.taken += 1;
         self.hear(news, &arrived.frame);
-        self.desk.recorder.took(LogEntry::TrackFrame {
-            frame: arrived.frame.id,
-            stamp: arrived.frame.stamp,
-        });
+        self.desk.recorder.took(LogEntry::of_frame(&arrived.frame));
         let view_age = self.view_at.map(|at| at.elapsed().as_secs_f64());
-        let tracked = self.tracker.track(&arrived.frame);
-        let health = self.health.judge(&arrived.frame, &tracked);
-        let Tracked {
-            report, keyframe, ..
-        } = tracked;
+        let (event, message) = routing::track(&mut self.tracker, &mut self.health, &arrived.frame);
         let latency = arrived.at.elapsed().as_secs_f64();
         let boxes = &self.desk.boxes;
         let timing = FrameTiming {
@@ -154,23 +147,27 @@ impl TrackingWorker {
             looping_queue: boxes.looping.look(|b| b.queue.len()) as u32,
         };
         self.frames.push(timing);
+        boxes.frames.fetch_add(1, Ordering::Relaxed);
         boxes.newest.put(|newest| {
-            *newest = Some(Newest {
-                health: health.clone(),
+            *newest = event.as_frame().map(|frame| Newest {
+                health: frame.health.clone(),
                 timing,
                 at: Instant::now(),
             });
         });
+        let entries = self.tracker.trajectory().entries();
+        let new = &entries[self.entries..];
+        boxes.tracked.put(|t| t.extend_from_slice(new));
+        self.entries = entries.len();
         let wanted = self.budget.as_mut().and_then(|b| b.hear(latency - waited));
         if let Some(features) = wanted {
             self.desk.recorder.took(LogEntry::TrackEffort { features });
             self.tracker.set_features(features);
         }
-        self.desk.tell(Event::Frame(report));
-        self.desk.tell(Event::Health(Box::new(health)));
-        if let Some(keyframe) = keyframe {
+        self.desk.tell(&event);
+        if let Some(message) = message {
             self.sent += 1;
-            self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)));
+            self.tell_mapper(message);
         }
     }
 
@@ -193,16 +190,14 @@ impl TrackingWorker {
                 said: said.answer.clone(),
             });
             self.detections.push(said.arrived.elapsed().as_secs_f64());
-            match said.answer {
-                Ok(detections) => {
-                    self.seen = Some(detections.stamp);
-                    self.health.receive(&detections);
-                    self.desk.tell(Event::Detected(detections.clone()));
-                    if let Some(message) = self.tracker.receive_detections(detections, next.id) {
-                        self.tell_mapper(message);
-                    }
-                }
-                Err(e) => self.desk.tell(Event::DetectorFailed(e)),
+            if let Ok(detections) = &said.answer {
+                self.seen = Some(detections.stamp);
+            }
+            let (event, message) =
+                routing::hear(&mut self.tracker, &mut self.health, said.answer, next.id);
+            self.desk.tell(&event);
+            if let Some(message) = message {
+                self.tell_mapper(message);
             }
         }
     }
@@ -218,10 +213,6 @@ impl TrackingWorker {
 pub(crate) struct MappingWorker {
     pub(crate) desk: Desk,
     pub(crate) mapper: Mapper,
-    /// The newest version of the map.
-    pub(crate) view: Arc<MapView>,
-    /// What corrections did, in their order.
-    pub(crate) applied: Vec<CorrectionReport>,
     /// Work per keyframe when no other one waits, and as of now.
     full: MappingEffort,
     effort: MappingEffort,
@@ -230,12 +221,10 @@ pub(crate) struct MappingWorker {
 }
 
 impl MappingWorker {
-    pub(crate) fn new(desk: Desk, mapper: Mapper, view: Arc<MapView>, full: MappingEffort) -> Self {
+    pub(crate) fn new(desk: Desk, mapper: Mapper, full: MappingEffort) -> Self {
         Self {
             desk,
             mapper,
-            view,
-            applied: Vec::new(),
             full,
             effort: full,
             answers: 0,
@@ -252,6 +241,10 @@ impl MappingWorker {
                 boxes.begins(Stage::Mapping);
                 match work {
                     MappingWork::Message(message) => self.step(message),
+                    MappingWork::Copy(to) => {
+                        // Nobody may wait for it any more.
+                        let _ = to.send(self.mapper.map().clone());
+                    }
                     MappingWork::TrackingIsOver => {
                         // Should looping be over already, it has said so.
                         boxes.looping.put(|b| b.mapping_is_over = true);
@@ -273,21 +266,19 @@ impl MappingWorker {
         self.desk.recorder.took(LogEntry::from(&message));
         self.keyframes += u64::from(matches!(message, MapperMsg::Keyframe(_)));
         let out = self.mapper.step(message);
-        if let MapperReport::Corrected(applied) = out.report {
-            self.applied.push(applied);
-        }
-        let (told, event) = (out.for_looper(), out.event());
-        self.view = Arc::clone(&out.view);
+        let told = out.for_looper();
+        let view = Arc::clone(&out.view);
+        let boxes = &self.desk.boxes;
+        boxes.view.put(|newest| *newest = Arc::clone(&view));
+        self.desk.tell(&out.into_event());
         let published = Published {
             answer: self.answers,
-            view: out.view,
+            view,
             at: Instant::now(),
             keyframes: self.keyframes,
         };
         self.answers += 1;
-        let boxes = &self.desk.boxes;
         boxes.tracking.put(|b| b.view = Some(published));
-        event.into_iter().for_each(|e| self.desk.tell(e));
         let room = |b: &LoopingBox| b.queue.len() < QUEUE;
         boxes.looping.put_when(room, |b| b.queue.push_back(told));
     }
@@ -315,8 +306,6 @@ impl MappingWorker {
 pub(crate) struct LoopingWorker {
     pub(crate) desk: Desk,
     pub(crate) looper: Looper,
-    /// The places that were recognised.
-    pub(crate) loops: Vec<LoopReport>,
     answers: u64,
 }
 
@@ -325,7 +314,6 @@ impl LoopingWorker {
         Self {
             desk,
             looper,
-            loops: Vec::new(),
             answers: 0,
         }
     }
@@ -355,6 +343,9 @@ impl LoopingWorker {
             report,
             places,
         } = self.looper.step(message);
+        if let Some(report) = report {
+            self.desk.tell(&Event::Looped(Box::new(report)));
+        }
         let known = (self.answers, places);
         self.answers += 1;
         let boxes = &self.desk.boxes;
@@ -362,10 +353,6 @@ impl LoopingWorker {
         if let Some(correction) = correction {
             // The looper finds no other one before this one is in the map.
             boxes.mapping.put(|b| b.corrections.push_back(correction));
-        }
-        if let Some(report) = report {
-            self.desk.tell(Event::Looped(report.clone()));
-            self.loops.push(report);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use stillpoint_geometry::Se3;
 
 /// All keyframes and landmarks. Owned by the mapper alone.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Map {
     pub(crate) view: MapView,
     /// The inverse index: who observes each landmark, with which feature; by keyframe id.

@@ -1,35 +1,129 @@
 //! What the system says about each frame. Events are values: tests, reports and viewers read the same ones.
+//!
+//! # Order
+//! Every event but [`Event::Refused`] belongs to one entry of the run log ([`LogEntry`](crate::LogEntry)), and an entry has one event
+//! at most:
+//!
+//! | entry | event |
+//! |---|---|
+//! | the tracker takes detections | [`Event::Detected`] or [`Event::DetectorFailed`] |
+//! | the tracker takes a frame | [`Event::Frame`] |
+//! | the mapper takes a keyframe | [`Event::Mapped`] |
+//! | the mapper hears what moves in a keyframe | [`Event::Rejudged`] |
+//! | the mapper takes a correction | [`Event::Corrected`] |
+//! | the loop closer takes a keyframe | [`Event::Looped`], when a place was recognised |
+//!
+//! In all drivers, (1) the events of one stage come in the order in which it took its messages, and (2) an event comes after those
+//! of everything that it depends on: detections before the frame that they were used for, a frame before the
+//! [`Event::Mapped`] of its keyframe, that before the frames tracked in its view and before the [`Event::Looped`] of its keyframe, a
+//! loop before its [`Event::Corrected`]. [`System`](crate::System) and [`Replay`](crate::Replay) give the events in the order of the
+//! log. In a live run stages work at the same time: events that do not depend on each other come as they happen there, so that no
+//! frame waits for a slow map.
 
 use crate::gate::RefusedFrame;
 use crate::health::Health;
+use crate::map_shift::MapShift;
 use crate::static_filter::{FeatureVerdict, Segments};
 use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections, Object};
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::FrameId;
-use stillpoint_map::{Join, KeyframeId, PieceId};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{Join, KeyframeId, MapView, PieceId};
 
 /// What happened in one step of the system.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub enum Event {
-    /// A frame went through tracking. Exactly one per frame that was not refused.
-    Frame(FrameReport),
+    /// A frame went through tracking. Exactly one per frame that was not refused (nor dropped, in a live run).
+    Frame(Arc<FrameEvent>),
     /// A frame came twice or out of order, or does not fit the camera: it was not looked at, and changed nothing.
     Refused(RefusedFrame),
-    /// How well things stand at a frame. Exactly one per frame, right after [`Event::Frame`]: whoever relies on the pose has both at once,
-    /// and it costs less than half a percent of tracking.
-    Health(Box<Health>),
     /// The mapper took a keyframe and published a new version of the map.
-    Mapped(MappingReport),
+    Mapped {
+        /// What it did.
+        report: MappingReport,
+        /// The new version.
+        view: Arc<MapView>,
+    },
     /// The detector answered, as of the frame named in it.
     Detected(Detections),
     /// The detector failed on a frame; tracking goes on with what it said before.
     DetectorFailed(DetectError),
     /// Features of an earlier keyframe turned out to move: their landmarks were taken out.
-    Rejudged(RejudgeReport),
-    /// A place was recognised, and a loop closed or refused. What applying the correction did comes later, in
-    /// [`System::loops`](crate::System::loops).
-    Looped(LoopReport),
+    Rejudged {
+        /// What was taken out.
+        report: RejudgeReport,
+        /// The new version of the map.
+        view: Arc<MapView>,
+    },
+    /// A place was recognised, and a loop closed or refused. What applying the correction did comes later: [`Event::Corrected`].
+    Looped(Box<LoopReport>),
+    /// The correction of a loop is in the map: poses that were known before may have moved.
+    Corrected {
+        /// What moved.
+        report: CorrectionReport,
+        /// The new version of the map.
+        view: Arc<MapView>,
+    },
+}
+
+impl Event {
+    /// The frame that this event is about, if it is an [`Event::Frame`].
+    #[must_use]
+    pub fn as_frame(&self) -> Option<&FrameEvent> {
+        match self {
+            Self::Frame(frame) => Some(frame),
+            _ => None,
+        }
+    }
+
+    /// The version of the map that this event brings.
+    #[must_use]
+    pub fn view(&self) -> Option<&Arc<MapView>> {
+        match self {
+            Self::Mapped { view, .. }
+            | Self::Rejudged { view, .. }
+            | Self::Corrected { view, .. } => Some(view),
+            _ => None,
+        }
+    }
+}
+
+/// Without images and maps: of these only the numbers.
+impl std::fmt::Debug for Event {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Frame(frame) => frame.fmt(f),
+            Self::Refused(refused) => f.debug_tuple("Refused").field(refused).finish(),
+            Self::Mapped { report, .. } => f.debug_tuple("Mapped").field(report).finish(),
+            Self::Detected(detections) => f.debug_tuple("Detected").field(detections).finish(),
+            Self::DetectorFailed(e) => f.debug_tuple("DetectorFailed").field(e).finish(),
+            Self::Rejudged { report, .. } => f.debug_tuple("Rejudged").field(report).finish(),
+            Self::Looped(report) => f.debug_tuple("Looped").field(report).finish(),
+            Self::Corrected { report, .. } => f.debug_tuple("Corrected").field(report).finish(),
+        }
+    }
+}
+
+/// A frame that went through tracking.
+#[derive(Clone)]
+pub struct FrameEvent {
+    /// The frame itself. None only for a subscriber of a live run that asked for no images, or that so many wait for that this
+    /// one would be one too many.
+    pub frame: Option<Arc<RgbdFrame>>,
+    /// What became of it.
+    pub report: FrameReport,
+    /// How well things stand at it.
+    pub health: Health,
+}
+
+/// Without the images.
+impl std::fmt::Debug for FrameEvent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { report, health, .. } = self;
+        let frame = &mut f.debug_struct("Frame");
+        frame.field("report", report).field("health", health);
+        frame.finish()
+    }
 }
 
 /// What became of a frame's pose.
@@ -94,7 +188,10 @@ pub struct FrameReport {
     pub verdicts: Arc<[FeatureVerdict]>,
     /// The regions that move.
     pub segments: Segments,
-    /// The objects as they were expected in this frame.
+    /// The objects as they are expected in this frame: number, class, box in the raw image, whether they move or are parked, and where
+    /// depth was seen, position and velocity with their covariance. Those are in the world of the map version `map_version` and of
+    /// the pose that the frame had on its way; [`Object::seen_from`] brings them to a camera. None for a frame that was lost
+    /// before the static filter was asked.
     pub objects: Arc<[Object]>,
     /// Counts of each step.
     pub counts: FrameCounts,
@@ -170,7 +267,7 @@ pub struct RejudgeReport {
 }
 
 /// What became of a correction.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CorrectionReport {
     /// Version of the published view.
     pub map_version: u64,
@@ -184,6 +281,8 @@ pub struct CorrectionReport {
     pub carried: u32,
     /// Landmarks that became others.
     pub merged: u32,
+    /// What moved, however little.
+    pub moved: MapShift,
 }
 
 /// What became of a place that was recognised.
@@ -215,16 +314,8 @@ pub struct LoopReport {
     pub bundle: BundleCounts,
     /// Whether the loop was closed.
     pub outcome: LoopOutcome,
-    /// What applying the correction did; none until then.
+    /// What applying the correction did; none until then, and in [`Event::Looped`].
     pub applied: Option<CorrectionReport>,
-}
-
-/// Writes what a correction did into the report of its loop. Corrections are applied in the order of the loops that they close.
-pub fn tell_applied(loops: &mut [LoopReport], applied: CorrectionReport) {
-    let waits = |l: &&mut LoopReport| l.outcome == LoopOutcome::Closed && l.applied.is_none();
-    if let Some(report) = loops.iter_mut().find(waits) {
-        report.applied = Some(applied);
-    }
 }
 
 /// Whether a loop was closed, and why not.

@@ -8,18 +8,23 @@ mod config;
 mod effort;
 mod event;
 mod evidence;
+mod exchange;
 mod fingerprint;
 mod gate;
 mod health;
 mod join;
 mod looping;
+mod loops;
+mod map_shift;
 mod mapping;
 mod messages;
 mod replay;
+pub mod routing;
 mod run_log;
 mod sensor;
 mod stages;
 mod static_filter;
+mod subscriber;
 mod system;
 mod tracking;
 mod trajectory;
@@ -28,14 +33,17 @@ mod validation;
 pub use config::{Config, DetectorConfig, Schedule};
 pub use effort::{CostTable, MIN_FEATURES, Plan};
 pub use event::{
-    BundleCounts, CorrectionReport, Event, FrameCounts, FrameReport, LoopOutcome, LoopReport,
-    LostReason, MappingReport, Outcome, RejudgeReport, tell_applied,
+    BundleCounts, CorrectionReport, Event, FrameCounts, FrameEvent, FrameReport, LoopOutcome,
+    LoopReport, LostReason, MappingReport, Outcome, RejudgeReport,
 };
 pub use evidence::{Cells, Evidence};
+pub use exchange::{Exchange, NotSent};
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};
 pub use health::{Health, HealthMonitor, Loss, LossCause, Quality};
 pub use join::{JoinedMaps, join_maps};
 pub use looping::{Looper, LooperSetup, LoopingConfig};
+pub use loops::Loops;
+pub use map_shift::MapShift;
 pub use mapping::{Mapper, MapperSetup, MappingConfig, MappingEffort};
 pub use messages::{
     LandmarkStatistic, LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, NewKeyframe,
@@ -49,6 +57,7 @@ pub use static_filter::{
     FeatureVerdict, FilterSetup, MOVER, Preset, Reasons, Segments, StaticFilterConfig,
 };
 pub use stillpoint_imaging::Simd;
+pub use subscriber::{OnEvent, Subscriber};
 pub use system::System;
 pub use tracking::{KeyframeConfig, Tracker, TrackerSetup, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};

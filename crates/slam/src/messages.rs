@@ -95,13 +95,14 @@ impl MapperOut {
         }
     }
 
-    /// What the user is told of it. Nothing of a correction: that is part of its loop's report.
+    /// What the user is told of it.
     #[must_use]
-    pub fn event(&self) -> Option<Event> {
-        match &self.report {
-            MapperReport::Mapped(report) => Some(Event::Mapped(report.clone())),
-            MapperReport::Rejudged(report) => Some(Event::Rejudged(report.clone())),
-            MapperReport::Corrected(_) => None,
+    pub fn into_event(self) -> Event {
+        let view = self.view;
+        match self.report {
+            MapperReport::Mapped(report) => Event::Mapped { report, view },
+            MapperReport::Rejudged(report) => Event::Rejudged { report, view },
+            MapperReport::Corrected(report) => Event::Corrected { report, view },
         }
     }
 }

@@ -4,16 +4,15 @@
 //! events, trajectory and map as the run that left the log, bit for bit; no network is needed, since what the detector said
 //! is in the log.
 
-use crate::event::{Event, LoopReport, tell_applied};
-use crate::messages::{LooperMsg, LooperOut, MapperMsg, MapperReport, Tracked};
+use crate::event::{Event, LoopReport};
+use crate::exchange::{Exchange, NotSent};
 use crate::run_log::{LogEntry, RunLog};
 use crate::stages::Stages;
+use crate::subscriber::Subscriber;
 use crate::trajectory::Trajectory;
-use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
-use stillpoint_map::{Correction, KeyframeId, Map, MapView};
-use stillpoint_place::PlaceIndex;
+use stillpoint_map::{Map, MapView};
 
 /// A log cannot be run again.
 #[derive(Debug)]
@@ -36,10 +35,8 @@ pub enum ReplayError {
     NotSent {
         /// Number of the entry, from 0.
         entry: usize,
-        /// What was taken.
-        expected: Box<LogEntry>,
-        /// What was sent instead, if anything.
-        found: Option<Box<LogEntry>>,
+        /// What was taken, and what was sent instead.
+        error: NotSent,
     },
     /// All messages were taken, and another trajectory came out.
     OtherTrajectory,
@@ -61,18 +58,10 @@ impl std::fmt::Display for ReplayError {
                 "entry {entry}: expected frame {frame} with stamp {stamp:.6} s, found none; use the frames of the run that left the log"
             ),
             Self::Source(e) => e.fmt(f),
-            Self::NotSent {
-                entry,
-                expected,
-                found,
-            } => {
-                write!(f, "entry {entry}: expected {expected:?}, found ")?;
-                match found {
-                    Some(found) => write!(f, "{found:?}")?,
-                    None => write!(f, "no such message")?,
-                }
-                write!(f, "; use the frames and the program of that run")
-            }
+            Self::NotSent { entry, error } => write!(
+                f,
+                "entry {entry}: {error}; use the frames and the program of that run"
+            ),
             Self::OtherTrajectory => write!(
                 f,
                 "expected the trajectory of the run that left the log, found another; use the frames and the program of that run"
@@ -83,54 +72,12 @@ impl std::fmt::Display for ReplayError {
 
 impl std::error::Error for ReplayError {}
 
-/// Runs a log again.
+/// Runs a log again: an [`Exchange`] that carries out its entries, one after the other.
 pub struct Replay {
-    stages: Stages,
+    exchange: Exchange,
     log: RunLog,
     /// Number of the next entry.
     at: usize,
-    /// What the tracker told the mapper, and was not taken yet.
-    for_mapper: VecDeque<MapperMsg>,
-    /// What the looper told the mapper, and was not taken yet.
-    corrections: VecDeque<Correction>,
-    for_looper: VecDeque<LooperMsg>,
-    views: Numbered<Arc<MapView>>,
-    places: Numbered<PlaceIndex<KeyframeId>>,
-    /// The newest version of the map.
-    view: Arc<MapView>,
-    loops: Vec<LoopReport>,
-}
-
-/// Answers by their numbers, of which newer ones replace older ones.
-struct Numbered<T> {
-    next: u64,
-    waiting: VecDeque<(u64, T)>,
-}
-
-impl<T> Default for Numbered<T> {
-    fn default() -> Self {
-        Self {
-            next: 0,
-            waiting: VecDeque::new(),
-        }
-    }
-}
-
-impl<T> Numbered<T> {
-    fn push(&mut self, value: T) {
-        self.waiting.push_back((self.next, value));
-        self.next += 1;
-    }
-
-    /// The answer with this number; those before it are gone then.
-    fn take(&mut self, number: u64) -> Option<T> {
-        while let Some((n, value)) = self.waiting.pop_front() {
-            if n == number {
-                return Some(value);
-            }
-        }
-        None
-    }
 }
 
 impl Replay {
@@ -143,109 +90,53 @@ impl Replay {
             return Err(ReplayError::OtherStages);
         }
         Ok(Self {
-            view: stages.tracker.view(),
-            stages,
+            exchange: Exchange::from(stages),
             log,
             at: 0,
-            for_mapper: VecDeque::new(),
-            corrections: VecDeque::new(),
-            for_looper: VecDeque::new(),
-            views: Numbered::default(),
-            places: Numbered::default(),
-            loops: Vec::new(),
         })
     }
 
-    /// Carries out the next entry, for which the source is asked if it is a frame, and says what happened; `None` when there
-    /// is no further entry. The source yields the frames of the run and may yield others between them.
+    /// Carries out the next entry, for which the source is asked if it is a frame, and says what happened: one event at most. `None`
+    /// when there is no further entry. The source yields the frames of the run and may yield others between them.
     ///
     /// # Errors
-    /// [`ReplayError`] when the log does not fit the frames. There is no going on after that.
+    /// [`ReplayError`] when the log does not fit the frames. The replay cannot be resumed after that.
     pub fn step(
         &mut self,
         source: &mut dyn FrameSource,
     ) -> Result<Option<Vec<Event>>, ReplayError> {
-        let Some(entry) = self.log.entries.get(self.at).cloned() else {
+        let Some(entry) = self.log.entries.get(self.at) else {
             return Ok(None);
         };
-        let events = self.carry_out(entry, source)?;
+        let frame = match entry {
+            LogEntry::TrackFrame { frame, stamp } => Some(self.read(*frame, *stamp, source)?),
+            _ => None,
+        };
+        let event = self.exchange.take(entry, frame.as_ref());
+        let event = event.map_err(|error| ReplayError::NotSent {
+            entry: self.at,
+            error,
+        })?;
         self.at += 1;
-        Ok(Some(events))
+        Ok(Some(event.into_iter().collect()))
     }
 
-    /// Carries out all entries that are left, and compares the trajectory with that of the run. Events go to `each`.
+    /// Carries out all entries that are left, and compares the trajectory with that of the run. The subscriber receives every event.
     ///
     /// # Errors
     /// [`ReplayError`] when the log does not fit the frames, or the trajectory is another.
     pub fn run(
         &mut self,
         source: &mut dyn FrameSource,
-        mut each: impl FnMut(Event),
+        subscriber: &mut dyn Subscriber,
     ) -> Result<(), ReplayError> {
         while let Some(events) = self.step(source)? {
-            events.into_iter().for_each(&mut each);
+            events.iter().for_each(|event| subscriber.receive(event));
         }
-        if self.trajectory().digest(&self.view) != self.log.trajectory {
+        if self.trajectory().digest(&self.view()) != self.log.trajectory {
             return Err(ReplayError::OtherTrajectory);
         }
         Ok(())
-    }
-
-    fn carry_out(
-        &mut self,
-        entry: LogEntry,
-        source: &mut dyn FrameSource,
-    ) -> Result<Vec<Event>, ReplayError> {
-        let tracker = &mut self.stages.tracker;
-        match entry {
-            LogEntry::TrackFrame { frame, stamp } => {
-                let frame = self.read(frame, stamp, source)?;
-                Ok(self.track(&Arc::new(frame)))
-            }
-            LogEntry::TrackView { answer } => match self.views.take(answer) {
-                Some(view) => {
-                    tracker.receive(view);
-                    Ok(Vec::new())
-                }
-                None => Err(self.not_sent(entry, None)),
-            },
-            LogEntry::TrackPlaces { answer } => match self.places.take(answer) {
-                Some(places) => {
-                    tracker.receive_places(places);
-                    Ok(Vec::new())
-                }
-                None => Err(self.not_sent(entry, None)),
-            },
-            LogEntry::TrackDetections { next, said } => match said {
-                Ok(detections) => {
-                    let event = Event::Detected(detections.clone());
-                    self.stages.health.receive(&detections);
-                    let message = tracker.receive_detections(detections, next);
-                    self.for_mapper.extend(message);
-                    Ok(vec![event])
-                }
-                Err(e) => Ok(vec![Event::DetectorFailed(e)]),
-            },
-            LogEntry::TrackEffort { features } => {
-                tracker.set_features(features);
-                Ok(Vec::new())
-            }
-            LogEntry::MapEffort { effort } => {
-                self.stages.mapper.set_effort(effort);
-                Ok(Vec::new())
-            }
-            LogEntry::MapKeyframe { .. } | LogEntry::MapRejudge { .. } => {
-                let message = self.for_mapper.pop_front();
-                self.map(entry, message)
-            }
-            LogEntry::MapCorrect { .. } => {
-                let message = self.corrections.pop_front().map(MapperMsg::Correct);
-                self.map(entry, message)
-            }
-            LogEntry::LoopKeyframe { .. }
-            | LogEntry::LoopRejudged { .. }
-            | LogEntry::LoopCorrected { .. } => self.look_for_loop(entry),
-        }
     }
 
     /// Reads on to a frame.
@@ -254,11 +145,11 @@ impl Replay {
         frame: FrameId,
         stamp: f64,
         source: &mut dyn FrameSource,
-    ) -> Result<RgbdFrame, ReplayError> {
+    ) -> Result<Arc<RgbdFrame>, ReplayError> {
         loop {
             match source.next_frame() {
                 Some(Ok(f)) if f.id == frame && f.stamp.to_bits() == stamp.to_bits() => {
-                    return Ok(f);
+                    return Ok(Arc::new(f));
                 }
                 // Frames that the run dropped, or could not read either.
                 Some(Ok(_)) => {}
@@ -275,83 +166,39 @@ impl Replay {
         }
     }
 
-    fn track(&mut self, frame: &Arc<RgbdFrame>) -> Vec<Event> {
-        let tracked = self.stages.tracker.track(frame);
-        let health = self.stages.health.judge(frame, &tracked);
-        let Tracked {
-            report, keyframe, ..
-        } = tracked;
-        let message = keyframe.map(|k| MapperMsg::Keyframe(Box::new(k)));
-        self.for_mapper.extend(message);
-        vec![Event::Frame(report), Event::Health(Box::new(health))]
-    }
-
-    fn map(
-        &mut self,
-        entry: LogEntry,
-        message: Option<MapperMsg>,
-    ) -> Result<Vec<Event>, ReplayError> {
-        let found = message.as_ref().map(LogEntry::from);
-        let Some(message) = message.filter(|_| found.as_ref() == Some(&entry)) else {
-            return Err(self.not_sent(entry, found));
-        };
-        let out = self.stages.mapper.step(message);
-        if let MapperReport::Corrected(applied) = out.report {
-            tell_applied(&mut self.loops, applied);
-        }
-        self.for_looper.push_back(out.for_looper());
-        let event = out.event();
-        self.view = Arc::clone(&out.view);
-        self.views.push(out.view);
-        Ok(event.into_iter().collect())
-    }
-
-    fn look_for_loop(&mut self, entry: LogEntry) -> Result<Vec<Event>, ReplayError> {
-        let message = self.for_looper.pop_front();
-        let found = message.as_ref().and_then(LogEntry::of_looper);
-        let Some(message) = message.filter(|_| found.as_ref() == Some(&entry)) else {
-            return Err(self.not_sent(entry, found));
-        };
-        let LooperOut {
-            correction,
-            report,
-            places,
-        } = self.stages.looper.step(message);
-        self.places.push(places);
-        self.corrections.extend(correction);
-        self.loops.extend(report.clone());
-        Ok(report.map(Event::Looped).into_iter().collect())
-    }
-
-    fn not_sent(&self, expected: LogEntry, found: Option<LogEntry>) -> ReplayError {
-        ReplayError::NotSent {
-            entry: self.at,
-            expected: Box::new(expected),
-            found: found.map(Box::new),
-        }
+    /// Whether every entry was carried out.
+    #[must_use]
+    pub fn is_over(&self) -> bool {
+        self.at == self.log.entries.len()
     }
 
     /// The frames tracked so far.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
-        self.stages.tracker.trajectory()
+        self.exchange.trajectory()
     }
 
     /// The newest version of the map.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
-        Arc::clone(&self.view)
+        self.exchange.view()
     }
 
     /// The places that were recognised so far, with what became of them.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
-        &self.loops
+        self.exchange.loops()
+    }
+
+    /// The map as the mapper has it now: that of [`Replay::view`].
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        self.exchange.map()
     }
 
     /// The map, when the replay is over.
     #[must_use]
     pub fn into_map(self) -> Map {
-        self.stages.mapper.into_map()
+        self.exchange.into_map()
     }
 }

@@ -1,57 +1,80 @@
 //! The inline driver: every stage in one thread, every reply after a fixed number of frames.
 
-use crate::config::Config;
-use crate::event::{Event, LoopReport, tell_applied};
-use crate::messages::{LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, Tracked};
+use crate::config::{Config, Schedule};
+use crate::event::{Event, LoopReport};
+use crate::exchange::Exchange;
+use crate::run_log::{LogEntry, RunLog};
 use crate::sensor::Timing;
 use crate::stages::{MapUse, Stages, StartError};
-use crate::trajectory::Trajectory;
+use crate::trajectory::{Trajectory, TrajectoryEntry};
 use crate::validation::ConfigError;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, Detector};
-use stillpoint_geometry::Camera;
+use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_map::{Correction, KeyframeId, Map, MapView};
-use stillpoint_place::PlaceIndex;
+use stillpoint_map::{Map, MapView};
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
+///
+/// It is an [`Exchange`] with a schedule: at every frame it carries out the entries that are due.
 pub struct System {
-    stages: Stages,
-    /// Replies of the mapper that are not due yet, with the number of the step at which they are.
-    replies: VecDeque<(u64, MapperOut)>,
-    mapper_delay: u64,
-    /// Known places that are not due yet, with the number of the step at which they are.
-    places: VecDeque<(u64, PlaceIndex<KeyframeId>)>,
-    /// Corrections that are not due yet, with the number of the step at which they are.
-    corrections: VecDeque<(u64, Correction)>,
-    looper_delay: u64,
-    loops: Vec<LoopReport>,
+    exchange: Exchange,
+    schedule: Schedule,
+    /// Views that the tracker is to take, by their numbers.
+    views: Due<u64>,
+    /// Places that the tracker is to take, by their numbers.
+    places: Due<u64>,
+    /// Corrections that the mapper is to take.
+    corrections: Due<()>,
+    /// What the detector said.
+    detections: Due<Detections>,
     detector: Option<Box<dyn Detector>>,
-    /// Answers of the detector that are not due yet, with the number of the step at which they are.
-    detections: VecDeque<(u64, Detections)>,
-    detector_delay: u64,
     detector_stride: u64,
+    /// Frames taken.
     step: u64,
+    /// What was carried out, when that is wanted.
+    log: Option<Vec<LogEntry>>,
 }
+
+/// What waits until its step comes, in the order in which it came.
+struct Due<T>(VecDeque<(u64, T)>);
+
+impl<T> Default for Due<T> {
+    fn default() -> Self {
+        Self(VecDeque::new())
+    }
+}
+
+impl<T> Due<T> {
+    fn push(&mut self, step: u64, value: T) {
+        self.0.push_back((step, value));
+    }
+
+    /// The next one that is due at this step.
+    fn pop(&mut self, now: u64) -> Option<T> {
+        self.0.front().filter(|(due, _)| *due <= now)?;
+        self.0.pop_front().map(|(_, value)| value)
+    }
+}
+
+/// The step at which everything is due.
+const END: u64 = u64::MAX;
 
 impl From<Stages> for System {
     /// The inline driver for these stages.
     fn from(stages: Stages) -> Self {
-        let (schedule, detector) = (stages.config().schedule, stages.config().detector);
         Self {
-            stages,
-            replies: VecDeque::new(),
-            mapper_delay: u64::from(schedule.mapper),
-            places: VecDeque::new(),
-            corrections: VecDeque::new(),
-            looper_delay: u64::from(schedule.looper),
-            loops: Vec::new(),
+            schedule: stages.config().schedule,
+            detector_stride: u64::from(stages.config().detector.stride),
+            exchange: Exchange::from(stages),
+            views: Due::default(),
+            places: Due::default(),
+            corrections: Due::default(),
+            detections: Due::default(),
             detector: None,
-            detections: VecDeque::new(),
-            detector_delay: u64::from(schedule.detector),
-            detector_stride: u64::from(detector.stride),
             step: 0,
+            log: None,
         }
     }
 }
@@ -72,20 +95,153 @@ impl System {
         self
     }
 
-    /// The system with a map that is there already, to be gone on with or to be localized in. Until a place in it is recognised
+    /// The system with a map that is there already, to be resumed or to be localized in. Until a place in it is recognised
     /// the camera is lost. To be called before the first frame.
     ///
     /// # Errors
     /// [`StartError`] when nothing can be recognised in that map.
     pub fn with_map(mut self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
-        self.stages = self.stages.with_map(map, map_use)?;
+        self.exchange = self.exchange.with_map(map, map_use)?;
         Ok(self)
     }
 
-    /// The map, when the run is over.
+    /// The system with a log, which [`System::log`] gives at any time: with the same frames, [`Replay`](crate::Replay) gives the
+    /// same result from it, bit for bit, and needs no detector. To be called before the first frame. It takes about 300 bytes
+    /// per frame, and 30 per detection.
     #[must_use]
-    pub fn into_map(self) -> Map {
-        self.stages.mapper.into_map()
+    pub fn with_log(mut self) -> Self {
+        self.log = Some(Vec::new());
+        self
+    }
+
+    /// Takes the next frame and says what happened, in the order that [`Event`] states.
+    /// A frame that does not follow the one before changes nothing: [`Event::Refused`] is all that is said then.
+    pub fn step(&mut self, frame: RgbdFrame) -> Vec<Event> {
+        if let Err(refused) = self.exchange.admit(&frame) {
+            return vec![Event::Refused(refused)];
+        }
+        let frame = Arc::new(frame);
+        let mut events = Vec::new();
+        self.deliver_map(self.step, &mut events);
+        self.detect(&frame, &mut events);
+        self.deliver_detections(frame.id, &mut events);
+        self.carry_out(LogEntry::of_frame(&frame), Some(&frame), &mut events);
+        self.build_map(&mut events);
+        self.deliver_corrections(self.step, &mut events);
+        self.step += 1;
+        events
+    }
+
+    /// Ends the stream: delivers the corrections, views and places that are still outstanding, and says what happened.
+    pub fn finish(&mut self) -> Vec<Event> {
+        let mut events = Vec::new();
+        self.deliver_corrections(END, &mut events);
+        self.deliver_map(END, &mut events);
+        events
+    }
+
+    /// Shows the tracker the views and places that are due.
+    fn deliver_map(&mut self, now: u64, events: &mut Vec<Event>) {
+        while let Some(answer) = self.views.pop(now) {
+            self.carry_out(LogEntry::TrackView { answer }, None, events);
+        }
+        while let Some(answer) = self.places.pop(now) {
+            self.carry_out(LogEntry::TrackPlaces { answer }, None, events);
+        }
+    }
+
+    /// Lets the detector look at a frame whose turn it is. Its answer is due some steps later; that it failed is told at once.
+    fn detect(&mut self, frame: &RgbdFrame, events: &mut Vec<Event>) {
+        let Some(detector) = &mut self.detector else {
+            return;
+        };
+        if !self.step.is_multiple_of(self.detector_stride) {
+            return;
+        }
+        let span = tracing::info_span!("detect");
+        match span.in_scope(|| detector.detect(frame)) {
+            Ok(detections) => {
+                let due = self.step + u64::from(self.schedule.detector);
+                self.detections.push(due, detections);
+            }
+            Err(e) => {
+                let (next, said) = (frame.id, Err(e));
+                self.carry_out(LogEntry::TrackDetections { next, said }, None, events);
+            }
+        }
+    }
+
+    /// Tells the tracker the detections that are due, before it takes the frame `next`.
+    fn deliver_detections(&mut self, next: FrameId, events: &mut Vec<Event>) {
+        while let Some(detections) = self.detections.pop(self.step) {
+            let said = Ok(detections);
+            self.carry_out(LogEntry::TrackDetections { next, said }, None, events);
+            self.build_map(events);
+        }
+    }
+
+    /// Hands the mapper what the tracker told it.
+    fn build_map(&mut self, events: &mut Vec<Event>) {
+        while let Some(entry) = self.exchange.next_for_mapper() {
+            self.map_message(entry, events);
+        }
+    }
+
+    /// Hands the mapper the corrections that are due.
+    fn deliver_corrections(&mut self, now: u64, events: &mut Vec<Event>) {
+        while self.corrections.pop(now).is_some() {
+            if let Some(entry) = self.exchange.next_correction() {
+                self.map_message(entry, events);
+            }
+        }
+    }
+
+    /// Has the mapper take a message. Its view is due some steps later; the loop closer hears of it at once, and what that
+    /// answers is due some steps later.
+    fn map_message(&mut self, entry: LogEntry, events: &mut Vec<Event>) {
+        self.carry_out(entry, None, events);
+        let due = self.step + 1 + u64::from(self.schedule.mapper);
+        self.views.push(due, self.exchange.views_sent() - 1);
+        while let Some(entry) = self.exchange.next_for_looper() {
+            self.carry_out(entry, None, events);
+            let later = self.step + u64::from(self.schedule.looper);
+            self.places.push(later + 1, self.exchange.places_sent() - 1);
+            // The loop closer finds no other loop before this one is in the map: one correction waits at most.
+            if self.corrections.0.is_empty() && self.exchange.next_correction().is_some() {
+                self.corrections.push(later, ());
+            }
+        }
+    }
+
+    fn carry_out(
+        &mut self,
+        entry: LogEntry,
+        frame: Option<&Arc<RgbdFrame>>,
+        events: &mut Vec<Event>,
+    ) {
+        match self.exchange.take(&entry, frame) {
+            Ok(event) => {
+                events.extend(event);
+                if let Some(log) = &mut self.log {
+                    log.push(entry);
+                }
+            }
+            // Entries are made from what waits in the exchange.
+            Err(e) => debug_assert!(false, "{e}"),
+        }
+    }
+
+    /// The log of the run until now; none unless [`System::with_log`] was called. After [`System::finish`] it is that of the whole
+    /// run.
+    #[must_use]
+    pub fn log(&self) -> Option<RunLog> {
+        let entries = self.log.clone()?;
+        Some(RunLog {
+            fingerprint: self.exchange.stages().fingerprint(),
+            about: String::new(),
+            entries,
+            trajectory: self.trajectory().digest(&self.view()),
+        })
     }
 
     /// The detector, if there is one.
@@ -94,164 +250,47 @@ impl System {
         self.detector.as_deref()
     }
 
-    /// Takes the next frame and says what happened, the frame's own report and its health first.
-    /// A frame that does not follow the one before changes nothing: [`Event::Refused`] is all that is said then.
-    pub fn step(&mut self, frame: RgbdFrame) -> Vec<Event> {
-        if let Err(refused) = self.stages.gate.admit(&frame) {
-            return vec![Event::Refused(refused)];
-        }
-        let mut events = Vec::new();
-        self.deliver(self.step);
-        let frame = Arc::new(frame);
-        self.detect(&frame, &mut events);
-        self.deliver_detections(frame.id, &mut events);
-        let tracked = self.stages.tracker.track(&frame);
-        let health = self.stages.health.judge(&frame, &tracked);
-        let Tracked {
-            report, keyframe, ..
-        } = tracked;
-        let first = [Event::Frame(report), Event::Health(Box::new(health))];
-        events.splice(0..0, first);
-        if let Some(keyframe) = keyframe {
-            self.tell_mapper(MapperMsg::Keyframe(Box::new(keyframe)), &mut events);
-        }
-        self.deliver_corrections(self.step);
-        self.step += 1;
-        events
-    }
-
-    /// Lets the detector look at a frame whose turn it is; its answer is due some steps later.
-    fn detect(&mut self, frame: &RgbdFrame, events: &mut Vec<Event>) {
-        let Some(detector) = &mut self.detector else {
-            return;
-        };
-        if !self.step.is_multiple_of(self.detector_stride) {
-            return;
-        }
-        let _span = tracing::info_span!("detect").entered();
-        match detector.detect(frame) {
-            Ok(detections) => self
-                .detections
-                .push_back((self.step + self.detector_delay, detections)),
-            Err(e) => events.push(Event::DetectorFailed(e)),
-        }
-    }
-
-    fn deliver_detections(&mut self, next: FrameId, events: &mut Vec<Event>) {
-        while self
-            .detections
-            .front()
-            .is_some_and(|(due, _)| *due <= self.step)
-        {
-            let Some((_, detections)) = self.detections.pop_front() else {
-                return;
-            };
-            events.push(Event::Detected(detections.clone()));
-            self.stages.health.receive(&detections);
-            if let Some(message) = self.stages.tracker.receive_detections(detections, next) {
-                self.tell_mapper(message, events);
-            }
-        }
-    }
-
-    /// Tells the mapper, whose view is due some steps later, and the looper what it did.
-    fn tell_mapper(&mut self, message: MapperMsg, events: &mut Vec<Event>) {
-        let out = self.stages.mapper.step(message);
-        events.extend(out.event());
-        if let MapperReport::Corrected(applied) = out.report {
-            tell_applied(&mut self.loops, applied);
-        }
-        let told = out.for_looper();
-        self.replies
-            .push_back((self.step + 1 + self.mapper_delay, out));
-        self.tell_looper(told, events);
-    }
-
-    /// Tells the looper; the places that it knows then are due some steps later, and so is its correction.
-    fn tell_looper(&mut self, message: LooperMsg, events: &mut Vec<Event>) {
-        // No place is new by that.
-        let nothing_new = matches!(message, LooperMsg::Corrected { .. });
-        let LooperOut {
-            correction,
-            report,
-            places,
-        } = self.stages.looper.step(message);
-        if !nothing_new {
-            let due = self.step + 1 + self.looper_delay;
-            self.places.push_back((due, places));
-        }
-        if let Some(correction) = correction {
-            let due = self.step + self.looper_delay;
-            self.corrections.push_back((due, correction));
-        }
-        if let Some(report) = report {
-            events.push(Event::Looped(report.clone()));
-            self.loops.push(report);
-        }
-    }
-
-    /// Hands the mapper the corrections that are due.
-    fn deliver_corrections(&mut self, now: u64) {
-        while self.corrections.front().is_some_and(|(due, _)| *due <= now) {
-            let Some((_, correction)) = self.corrections.pop_front() else {
-                return;
-            };
-            // What a correction did is told by the report of its loop.
-            self.tell_mapper(MapperMsg::Correct(correction), &mut Vec::new());
-        }
-    }
-
     /// The places that were recognised so far, with what became of them, in the order of keyframes.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
-        &self.loops
+        self.exchange.loops()
     }
 
-    /// Ends the stream: delivers every reply that is still outstanding.
-    pub fn finish(&mut self) -> Vec<Event> {
-        self.deliver_corrections(u64::MAX);
-        self.deliver(u64::MAX);
-        Vec::new()
-    }
-
-    fn deliver(&mut self, now: u64) {
-        while self.replies.front().is_some_and(|(due, _)| *due <= now) {
-            if let Some((_, out)) = self.replies.pop_front() {
-                self.stages.tracker.receive(out.view);
-            }
-        }
-        while self.places.front().is_some_and(|(due, _)| *due <= now) {
-            if let Some((_, places)) = self.places.pop_front() {
-                self.stages.tracker.receive_places(places);
-            }
-        }
-    }
-
-    /// The frames tracked so far.
+    /// The frames tracked so far, each with its pose relative to a keyframe and as it was known at that frame.
     #[must_use]
     pub fn trajectory(&self) -> &Trajectory {
-        self.stages.tracker.trajectory()
+        self.exchange.trajectory()
+    }
+
+    /// The frames tracked so far with their poses `world_from_camera` after all corrections until now: through the newest
+    /// version of the map.
+    #[must_use]
+    pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
+        self.trajectory().resolve(&self.view()).collect()
     }
 
     /// When the parts of a frame are exposed, as estimated so far.
     #[must_use]
     pub fn timing(&self) -> Timing {
-        self.stages.tracker.timing()
+        self.exchange.timing()
     }
 
-    /// The map as the mapper has it. After [`System::finish`] it is what [`System::view`] shows.
+    /// The map as the mapper has it now: that of [`System::view`]. [`Map::to_bytes`] of it is a map file, at any time.
     #[must_use]
     pub fn map(&self) -> &Map {
-        self.stages.mapper.map()
+        self.exchange.map()
+    }
+
+    /// The map, when the run is over.
+    #[must_use]
+    pub fn into_map(self) -> Map {
+        self.exchange.into_map()
     }
 
     /// The newest version of the map, whether the tracker has seen it yet or not.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
-        self.replies.back().map_or_else(
-            || self.stages.tracker.view(),
-            |(_, out)| Arc::clone(&out.view),
-        )
+        self.exchange.view()
     }
 }
 

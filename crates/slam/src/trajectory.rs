@@ -28,6 +28,13 @@ pub struct Trajectory {
     entries: Vec<TrajectoryEntry>,
 }
 
+/// Frames that were tracked later.
+impl Extend<TrajectoryEntry> for Trajectory {
+    fn extend<I: IntoIterator<Item = TrajectoryEntry>>(&mut self, entries: I) {
+        self.entries.extend(entries);
+    }
+}
+
 impl Trajectory {
     /// Appends an entry.
     pub(crate) fn push(&mut self, entry: TrajectoryEntry) {
@@ -53,6 +60,7 @@ impl Trajectory {
             (*e, pose)
         })
     }
+
     /// A number that depends on every bit of every entry and of its final pose: two runs with the same one are the same, bit
     /// for bit.
     #[must_use]

@@ -146,7 +146,7 @@ fn walk(
 }
 
 fn is_lost(event: &Event) -> bool {
-    matches!(event, Event::Frame(r) if matches!(r.outcome, Outcome::Lost { .. }))
+    matches!(event, Event::Frame(f) if matches!(f.report.outcome, Outcome::Lost { .. }))
 }
 
 /// Compares the last minute with the second.

@@ -12,8 +12,8 @@
 //! let mut system = System::new(Config::default(), dataset.camera().camera, Simd::detect())?;
 //! while let Some(frame) = frames.next_frame() {
 //!     for event in system.step(frame?) {
-//!         if let Event::Frame(report) = event {
-//!             println!("{}: {:?}", report.frame, report.outcome);
+//!         if let Event::Frame(tracked) = event {
+//!             println!("{}: {:?}", tracked.report.frame, tracked.report.outcome);
 //!         }
 //!     }
 //! }

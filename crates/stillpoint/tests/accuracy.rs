@@ -28,8 +28,8 @@ fn run(
         let mut frame = simulator.frame(i);
         change(i, &mut frame);
         for event in system.step(frame) {
-            if let Event::Frame(report) = event {
-                outcomes.push(report.outcome);
+            if let Event::Frame(frame) = event {
+                outcomes.push(frame.report.outcome);
             }
         }
     }

@@ -27,7 +27,10 @@ const NORMAL: &[(&str, &[&str])] = &[
     ),
     ("detection", &["geometry", "imaging"]),
     // Threads and clocks, and nothing else: what is computed is the stages' business.
-    ("live", &["imaging", "map", "place", "detection", "slam"]),
+    (
+        "live",
+        &["geometry", "imaging", "map", "place", "detection", "slam"],
+    ),
     // How a model is read is said beside it in the cache.
     ("models", &["detection"]),
     // A subscriber: of the system it reads events only.
@@ -68,7 +71,7 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("place", &["simulator", "datasets", "imaging", "geometry"]),
     ("detection", &["simulator", "datasets"]),
     ("slam", &["simulator", "datasets", "evaluation"]),
-    ("live", &["simulator", "geometry"]),
+    ("live", &["simulator"]),
     ("view", &["simulator"]),
     // How much the simulator's images are like real ones is measured in terms of features.
     ("simulator", &["features", "datasets"]),

@@ -65,8 +65,10 @@ pub(crate) struct OutputArgs {
 /// hand and writes what there is; a second Ctrl-C ends it at once.
 ///
 /// With --live the data set is played as a camera: frames arrive at their stamps, and tracking,
-/// detection, mapping and loops run on threads of their own. Where results then depend on threads
-/// and clocks, run.log in the result folder says what they decided: see replay --help.
+/// detection, mapping and loops run on threads of their own.
+///
+/// run.log in the result folder says in which order the stages took their messages, which depends on
+/// threads and clocks in a live run, and what the detector said: see replay --help.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -105,8 +107,8 @@ pub(crate) struct RunArgs {
         verbatim_doc_comment
     )]
     pub(crate) live: Option<LiveChoice>,
-    /// Write the log of a live run to this file [default: run.log in the result folder].
-    #[arg(long, value_name = "FILE", requires = "live")]
+    /// Write the log of the run to this file [default: run.log in the result folder].
+    #[arg(long, value_name = "FILE")]
     pub(crate) log: Option<PathBuf>,
     /// Keep to so many milliseconds per frame by doing less: fewer keypoints, less mapping, and the detector asked more rarely. A live run
     /// measures what frames take; any other plans with a fixed table, and stays the same on every machine.
@@ -138,9 +140,9 @@ fn budget_ms(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "expected 1 to 1000 milliseconds".to_owned())
 }
 
-/// Repeat a live run, bit for bit.
+/// Repeat a run, bit for bit.
 ///
-/// LOG is the run.log that run --live left, and PATH the data set that it was run on. The stages take
+/// LOG is the run.log that run left, live or not, and PATH the data set that it was run on. The stages take
 /// the same frames, detections and messages in the same order as then, whatever threads and clocks there
 /// are now: trajectories, frames.csv and the map are the same to the byte, as long as data set,
 /// loaded map and program are. Configuration, camera and map file are those in the log, unless other ones
@@ -157,7 +159,7 @@ Exit code 1 as that of run, and when another trajectory came out;
 2 when the log or the input cannot be used, or does not belong together."
 )]
 pub(crate) struct ReplayArgs {
-    /// Log of a live run.
+    /// Log of a run.
     #[arg(value_name = "LOG")]
     pub(crate) log: PathBuf,
     /// Data set folder.

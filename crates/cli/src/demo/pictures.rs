@@ -2,11 +2,12 @@
 
 use crate::failure::Failure;
 use crate::run::overlay::{Style, picture};
+use crate::run::session::listeners::Writer;
 use std::sync::Arc;
 use stillpoint::detection::MotionWeights;
 use stillpoint::imaging::{FrameId, RgbdFrame};
 use stillpoint::simulator::Simulator;
-use stillpoint::slam::{FeatureVerdict, FrameReport, Reasons};
+use stillpoint::slam::{Event, FeatureVerdict, FrameReport, Reasons};
 use stillpoint::view::{Animation, AnimationOptions, Picture, side_by_side, write_png};
 
 /// Pictures of a pass, at most: some 20 MB.
@@ -21,6 +22,19 @@ pub(crate) struct Shots {
     seen: usize,
     style: Style,
     taken: Vec<Shot>,
+}
+
+impl Writer for Shots {
+    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+        if let Some(tracked) = event.as_frame()
+            && self.wants_next()
+            && let Some(frame) = &tracked.frame
+        {
+            let _span = tracing::info_span!("overlay").entered();
+            self.add(frame, &tracked.report);
+        }
+        Ok(())
+    }
 }
 
 /// A frame as the system saw it.
@@ -50,14 +64,19 @@ impl Shots {
         }
     }
 
+    /// Every so many frames are taken.
+    pub(crate) fn every(&self) -> usize {
+        self.every
+    }
+
     /// Whether the next frame will be taken.
-    pub(crate) fn wants_next(&mut self) -> bool {
+    fn wants_next(&mut self) -> bool {
         self.seen += 1;
         (self.seen - 1).is_multiple_of(self.every)
     }
 
     /// Takes a frame.
-    pub(crate) fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) {
+    fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) {
         self.taken.push(Shot {
             frame: report.frame,
             picture: picture(frame, report, &self.style),

@@ -62,8 +62,8 @@ pub(crate) struct Piece {
 }
 
 impl Frames {
-    /// Takes a frame's report. Returns whether it has no pose.
-    pub(crate) fn take(&mut self, report: &FrameReport) -> bool {
+    /// Takes a frame's report.
+    pub(crate) fn take(&mut self, report: &FrameReport) {
         let inliers = report.counts.inliers;
         let state = match report.outcome {
             Outcome::Lost { reason, .. } => State::Lost(reason.to_string()),
@@ -81,7 +81,6 @@ impl Frames {
             inliers,
             is_keyframe: report.is_keyframe,
         });
-        lost
     }
 
     /// The stretches of frames without a pose: why, how long, and what ended them.

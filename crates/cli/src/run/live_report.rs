@@ -1,12 +1,12 @@
 //! What was measured of a live run: in `summary.json`, and in words.
 
 use crate::console;
-use crate::failure::Failure;
-use crate::run::about::About;
+use crate::run::session::live::PROGRESS;
+use crate::run::session::outputs::OVERLAY;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use stillpoint::evaluation::timing::Stats;
-use stillpoint::live::{Ended, FrameTiming, LiveStatistics, WorkerEnd};
-use stillpoint::slam::RunLog;
+use stillpoint::live::{Ended, FrameTiming, LiveStatistics, Missed, WorkerEnd};
 
 /// Frames that arrive later than this are told, ms: a third of the time between two of them.
 const LATE_MS: f64 = 10.0;
@@ -14,19 +14,8 @@ const LATE_MS: f64 = 10.0;
 /// A live run.
 pub(crate) struct LiveRun {
     pub(crate) json: LiveJson,
-    /// In which order the stages took their messages.
-    pub(crate) log: RunLog,
     /// Of every frame that was tracked, ms.
     pub(crate) latency_ms: Vec<f64>,
-}
-
-impl LiveRun {
-    /// The log as a text, with what a replay has to know.
-    pub(crate) fn log_text(&self, about: &About) -> Result<String, Failure> {
-        let mut log = self.log.clone();
-        log.about = about.to_text()?;
-        Ok(log.to_text())
-    }
 }
 
 /// What was measured.
@@ -65,10 +54,29 @@ pub(crate) struct LiveJson {
     pub(crate) looping_queue: Figures,
     /// Frames that the detector answered for, per second of the run.
     pub(crate) detections_per_second: f64,
-    /// Events that were lost because they were fetched too late: what is said of single frames then lacks some.
-    pub(crate) events_missed: u64,
+    /// What did not reach those who listened because they were too slow, by their names.
+    #[serde(default)]
+    pub(crate) subscribers: BTreeMap<String, MissedJson>,
     /// How every thread ended: `finished`, or why it did not.
     pub(crate) threads: Threads,
+}
+
+/// What a subscriber missed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct MissedJson {
+    /// Events that were left out.
+    pub(crate) events: u64,
+    /// Frames that came without the image that it wanted.
+    pub(crate) images: u64,
+}
+
+impl From<Missed> for MissedJson {
+    fn from(missed: Missed) -> Self {
+        Self {
+            events: missed.events,
+            images: missed.images,
+        }
+    }
 }
 
 /// Statistics over frames or answers; all zero where there are none.
@@ -148,7 +156,11 @@ impl LiveJson {
             mapping_queue: each(|f| f64::from(f.mapping_queue)),
             looping_queue: each(|f| f64::from(f.looping_queue)),
             detections_per_second,
-            events_missed: measured.events_missed,
+            subscribers: measured
+                .subscribers
+                .iter()
+                .map(|(name, missed)| (name.clone(), MissedJson::from(*missed)))
+                .collect(),
             threads: Threads {
                 tracking: ended.tracking.to_string(),
                 detection: ended.detection.as_ref().map(ToString::to_string),
@@ -180,13 +192,31 @@ impl LiveJson {
                 "the thread of {name} {end}; the result holds what there was"
             ));
         }
-        if self.events_missed > 0 {
-            console::warn(&format!(
-                "{} events were lost since this machine was too slow to count them: frames.csv lacks frames",
-                self.events_missed
-            ));
+        for (name, missed) in &self.subscribers {
+            // Who shows what is now is to see the newest only.
+            if missed.events > 0 && name != PROGRESS {
+                console::warn(&format!(
+                    "{} events did not reach {name} since this machine was too slow: it lacks frames",
+                    missed.events
+                ));
+            }
+            if missed.images > 0 && name == OVERLAY {
+                console::warn(&format!(
+                    "{} pictures were left out, since drawing them took longer than frames came",
+                    missed.images
+                ));
+            }
         }
         self.failures().count()
+    }
+
+    /// What is to be said beside the number of tracked frames: those that were dropped are not among them.
+    pub(crate) fn dropped_text(&self) -> String {
+        match self.dropped {
+            0 => String::new(),
+            1 => " (1 more was dropped)".to_owned(),
+            n => format!(" ({n} more were dropped)"),
+        }
     }
 
     /// The rows that a live run adds to the table of times.
@@ -261,6 +291,13 @@ mod tests {
             arrived: 4,
             dropped: vec![FrameId(0)],
             frames: (1..4).map(frame).collect(),
+            subscribers: vec![(
+                "overlay".to_owned(),
+                Missed {
+                    events: 2,
+                    images: 3,
+                },
+            )],
             ..LiveStatistics::default()
         }
     }
@@ -279,6 +316,9 @@ mod tests {
         assert_eq!((json.dropped_share, json.mapping_queue.max), (0.25, 3.0));
         let text = json.text();
         assert!(text.contains("1 of 4 frames dropped (25.0 %)"), "{text}");
+        let missed = json.subscribers["overlay"];
+        assert_eq!((missed.events, missed.images), (2, 3));
+        assert_eq!(json.dropped_text(), " (1 more was dropped)");
         assert!(
             text.contains("25 ms late on average (at most 50)"),
             "{text}"

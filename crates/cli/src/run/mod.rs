@@ -110,16 +110,17 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
     }
 }
 
-/// The log of a live run, for the result folder; where it goes to a file of its own, it is written there.
+/// The log of a run, for the result folder; where it goes to a file of its own, it is written there.
 fn run_log(
     session: &Session,
     about: &About,
     file: Option<StreamedFile>,
 ) -> Result<Option<Vec<u8>>, Failure> {
-    let Some(live) = &session.live else {
+    let Some(mut log) = session.log.clone() else {
         return Ok(None);
     };
-    let text = live.log_text(about)?;
+    log.about = about.to_text()?;
+    let text = log.to_text();
     let Some(mut file) = file else {
         return Ok(Some(text.into_bytes()));
     };

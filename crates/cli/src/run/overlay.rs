@@ -2,12 +2,13 @@
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;
+use crate::run::session::listeners::Writer;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use stillpoint::detection::{Motion, MotionWeights, Object, ObjectState};
 use stillpoint::imaging::RgbdFrame;
-use stillpoint::slam::{FrameReport, MOVER, Outcome, Reasons};
+use stillpoint::slam::{Event, FrameReport, MOVER, Outcome, Reasons};
 use stillpoint::view::{
     Animation, AnimationOptions, CellLabels, Colour, Keypoint, Mark, Overlay, OverlayBox, Picture,
     ViewError, certain_speed, draw, write_png,
@@ -62,6 +63,24 @@ impl Style {
 /// Standard deviations that the speed of a thing must be above to make it a mover.
 const FOR_THINGS: f64 = 2.8;
 
+impl Writer for OverlayFolder {
+    /// Draws every so many frames that were tracked. A live run brings a frame without its image where drawing falls behind.
+    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+        let Some(tracked) = event.as_frame() else {
+            return Ok(());
+        };
+        let turn = self.seen.is_multiple_of(self.every);
+        self.seen += 1;
+        match &tracked.frame {
+            Some(frame) if turn => {
+                let _span = tracing::info_span!("overlay").entered();
+                self.add(frame, &tracked.report)
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 /// A folder of pictures in the making.
 pub(crate) struct OverlayFolder {
     out: PathBuf,
@@ -109,14 +128,8 @@ impl OverlayFolder {
         self.every
     }
 
-    /// Whether the next frame will be drawn.
-    pub(crate) fn wants_next(&mut self) -> bool {
-        self.seen += 1;
-        (self.seen - 1).is_multiple_of(self.every)
-    }
-
     /// Draws a frame.
-    pub(crate) fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
+    fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
         let picture = picture(frame, report, &self.style);
         let name = format!("{:06}.png", report.frame.0);
         let mut png = Vec::new();

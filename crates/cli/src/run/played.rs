@@ -1,17 +1,9 @@
 //! What passes between a source and a driver that takes its frames in its own time.
 
-use crate::failure::Failure;
-use crate::run::overlay::OverlayFolder;
-use crate::run::priority;
+use crate::run::session::listeners::Stop;
 use crate::timing::Timing;
-use std::collections::VecDeque;
-use std::sync::mpsc::{SyncSender, TrySendError, sync_channel};
-use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::Instant;
-use stillpoint::imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
-use stillpoint::live::Stage;
-use stillpoint::slam::FrameReport;
+use stillpoint::imaging::{FrameSource, RgbdFrame, SourceError};
 
 type Item = Result<RgbdFrame, SourceError>;
 
@@ -37,22 +29,6 @@ impl<S: FrameSource> FrameSource for Reading<S> {
     fn remaining(&self) -> Option<usize> {
         self.source.remaining()
     }
-}
-
-/// The frames that went to a driver, and of which it has said nothing yet.
-pub(crate) struct Passing {
-    /// Every so many frames a copy is kept, to be drawn; none without pictures.
-    every: Option<usize>,
-    state: Mutex<State>,
-}
-
-#[derive(Default)]
-struct State {
-    frames: VecDeque<(FrameId, Option<RgbdFrame>)>,
-    arrived: usize,
-    dropped: usize,
-    closed: bool,
-    pace: Pace,
 }
 
 /// Longest time between two frames that is waited for, s, as the driver for cameras has it.
@@ -82,81 +58,44 @@ impl Pace {
     }
 }
 
-impl Passing {
-    /// With copies of every so many frames.
-    pub(crate) fn new(every: Option<usize>) -> Self {
-        let state = Mutex::default();
-        Self { every, state }
-    }
+/// A source that is played as a camera: measures how late frames come, and ends when a listener wants the run to end.
+pub(crate) struct Watched<'a> {
+    source: &'a mut dyn FrameSource,
+    stop: Stop,
+    timing: &'static Timing,
+    pace: Pace,
+}
 
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    /// Lets no further frame in.
-    pub(crate) fn close(&self) {
-        self.lock().closed = true;
-    }
-
-    fn enter(&self, frame: &RgbdFrame) {
-        let mut state = self.lock();
-        let wanted = self.every.is_some_and(|n| state.arrived.is_multiple_of(n));
-        let kept = wanted.then(|| frame.clone());
-        state.frames.push_back((frame.id, kept));
-        state.arrived += 1;
-        state.pace.came(frame.stamp, Instant::now());
+impl<'a> Watched<'a> {
+    pub(crate) fn new(
+        source: &'a mut dyn FrameSource,
+        stop: &Stop,
+        timing: &'static Timing,
+    ) -> Self {
+        Self {
+            source,
+            stop: stop.clone(),
+            timing,
+            pace: Pace::default(),
+        }
     }
 
     /// By how much frames came later than their stamps say, s, one per frame but the first.
-    pub(crate) fn late(&self) -> Vec<f64> {
-        self.lock().pace.late.clone()
+    pub(crate) fn late(&self) -> &[f64] {
+        &self.pace.late
     }
-
-    /// The driver has reported on a frame, and so never will on those before it. Returns its copy, if one was kept.
-    pub(crate) fn leave(&self, id: FrameId) -> Option<RgbdFrame> {
-        let mut state = self.lock();
-        while let Some((passed, kept)) = state.frames.pop_front() {
-            if passed == id {
-                return kept;
-            }
-            state.dropped += 1;
-        }
-        None
-    }
-
-    /// A frame that was refused is not one that was dropped. One of the same number may still be on its way.
-    pub(crate) fn refused(&self, id: FrameId) {
-        let mut state = self.lock();
-        let last = state.frames.iter().rposition(|(passed, _)| *passed == id);
-        last.map(|i| state.frames.remove(i));
-    }
-
-    /// Frames of which nothing was said, up to the last that something was said of.
-    pub(crate) fn dropped(&self) -> usize {
-        self.lock().dropped
-    }
-
-    /// A source whose frames pass here.
-    pub(crate) fn watch<'a>(&'a self, source: &'a mut dyn FrameSource) -> Watched<'a> {
-        let passing = self;
-        Watched { source, passing }
-    }
-}
-
-/// See [`Passing::watch`].
-pub(crate) struct Watched<'a> {
-    source: &'a mut dyn FrameSource,
-    passing: &'a Passing,
 }
 
 impl FrameSource for Watched<'_> {
     fn next_frame(&mut self) -> Option<Item> {
-        if self.passing.lock().closed {
+        if self.stop.requested() {
             return None;
         }
         let next = tracing::info_span!("wait").in_scope(|| self.source.next_frame());
+        // What was waited for on this thread.
+        self.timing.end_round();
         if let Some(Ok(frame)) = &next {
-            self.passing.enter(frame);
+            self.pace.came(frame.stamp, Instant::now());
         }
         next
     }
@@ -166,69 +105,11 @@ impl FrameSource for Watched<'_> {
     }
 }
 
-/// Pictures that wait to be drawn, at most: some 20 MB.
-const PICTURES: usize = 8;
-
-/// Draws pictures on a thread of its own, so that frames still arrive in time meanwhile.
-pub(crate) struct Drawing {
-    sender: SyncSender<(RgbdFrame, FrameReport)>,
-    thread: JoinHandle<Result<OverlayFolder, Failure>>,
-    /// Whether pictures are waited for when there is no more room. Else they are left out.
-    patient: bool,
-    left_out: usize,
-}
-
-impl Drawing {
-    /// Begins to draw into a folder.
-    pub(crate) fn start(mut folder: OverlayFolder, patient: bool) -> Result<Self, Failure> {
-        let (sender, receiver) = sync_channel::<(RgbdFrame, FrameReport)>(PICTURES);
-        let thread = std::thread::Builder::new().name("drawing".to_owned());
-        let thread = thread.spawn(move || {
-            // As what else is not urgent.
-            priority::lower(Stage::Looping);
-            for (frame, report) in receiver {
-                tracing::info_span!("overlay").in_scope(|| folder.add(&frame, &report))?;
-            }
-            Ok(folder)
-        });
-        Ok(Self {
-            sender,
-            thread: thread.map_err(Failure::thread)?,
-            patient,
-            left_out: 0,
-        })
-    }
-
-    /// Has a frame drawn. False when drawing has failed: [`Drawing::finish`] says why.
-    pub(crate) fn draw(&mut self, frame: RgbdFrame, report: &FrameReport) -> bool {
-        let picture = (frame, report.clone());
-        if self.patient {
-            return self.sender.send(picture).is_ok();
-        }
-        match self.sender.try_send(picture) {
-            Ok(()) => true,
-            Err(TrySendError::Full(_)) => {
-                self.left_out += 1;
-                true
-            }
-            Err(TrySendError::Disconnected(_)) => false,
-        }
-    }
-
-    /// Waits for the pictures. Returns the folder, and how many were left out.
-    pub(crate) fn finish(self) -> Result<(OverlayFolder, usize), Failure> {
-        drop(self.sender);
-        let drawn = self.thread.join();
-        let folder = drawn.unwrap_or_else(|panic| std::panic::resume_unwind(panic))?;
-        Ok((folder, self.left_out))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::time::Duration;
-    use stillpoint::imaging::{DepthImage, GrayImage};
+    use stillpoint::imaging::{DepthImage, FrameId, GrayImage};
 
     struct Numbers(u32);
 
@@ -247,25 +128,14 @@ mod tests {
     }
 
     #[test]
-    fn frames_of_which_nothing_is_said_were_dropped() {
-        let passing = Passing::new(Some(2));
-        let mut numbers = Numbers(0);
-        let mut source = passing.watch(&mut numbers);
-        for _ in 0..6 {
-            source.next_frame();
-        }
-        // 1, 3 and 5 were kept.
-        assert_eq!(passing.leave(FrameId(1)).unwrap().id, FrameId(1));
-        assert!(passing.leave(FrameId(2)).is_none());
-        assert_eq!(passing.dropped(), 0);
-        assert_eq!(passing.leave(FrameId(5)).unwrap().id, FrameId(5));
-        assert_eq!(passing.dropped(), 2);
-        passing.refused(FrameId(6));
-        source.next_frame();
-        passing.leave(FrameId(7));
-        assert_eq!(passing.dropped(), 2);
-        passing.close();
+    fn a_listener_that_cannot_go_on_ends_the_stream() {
+        let (mut numbers, stop) = (Numbers(0), Stop::default());
+        let timing: &'static Timing = Box::leak(Box::default());
+        let mut source = Watched::new(&mut numbers, &stop, timing);
+        assert!(source.next_frame().is_some());
+        stop.request();
         assert!(source.next_frame().is_none());
+        assert_eq!(source.late().len(), 0);
     }
 
     #[test]

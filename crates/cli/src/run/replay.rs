@@ -1,4 +1,4 @@
-//! `replay`: a live run again, bit for bit, from its log and its data set.
+//! `replay`: a run again, bit for bit, from its log and its data set.
 
 use crate::args::InputArgs;
 use crate::args::run::ReplayArgs;
@@ -105,7 +105,7 @@ fn read(path: &Path) -> Result<(RunLog, Vec<u8>), Failure> {
     let found = File::open(path).and_then(|f| f.take(LARGEST + 1).read_to_end(&mut bytes));
     found.map_err(|e| {
         Failure::input(format!(
-            "{}: expected the log of a live run, found: {e}; check the path",
+            "{}: expected the log of a run, found: {e}; check the path",
             path.display()
         ))
     })?;
@@ -115,11 +115,7 @@ fn read(path: &Path) -> Result<(RunLog, Vec<u8>), Failure> {
             path.display()
         )));
     }
-    let log = RunLog::from_bytes(&bytes).map_err(|e| {
-        Failure::input(format!(
-            "{}: {e}; run --live writes such logs",
-            path.display()
-        ))
-    })?;
+    let log = RunLog::from_bytes(&bytes)
+        .map_err(|e| Failure::input(format!("{}: {e}; run writes such logs", path.display())))?;
     Ok((log, bytes))
 }

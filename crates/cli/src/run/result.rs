@@ -26,7 +26,7 @@ pub(crate) struct Setup<'a> {
     pub(crate) simd: Simd,
     pub(crate) timing: &'a Timing,
     pub(crate) truth: Option<&'a [StampedPose]>,
-    /// The log of a live run, as it stands in the folder.
+    /// The log of the run, as it stands in the folder.
     pub(crate) log: Option<Vec<u8>>,
 }
 

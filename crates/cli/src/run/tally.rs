@@ -7,7 +7,7 @@ use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson};
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::map::MapView;
-use stillpoint::slam::{Event, FrameReport, Trajectory};
+use stillpoint::slam::{Event, FrameReport, Subscriber, Trajectory};
 
 /// Counts while frames go by.
 #[derive(Default)]
@@ -16,70 +16,61 @@ pub(crate) struct Tally {
     pub(crate) frames: usize,
     /// Frames that could not be read.
     pub(crate) skipped: usize,
-    without_pose: usize,
     each: Frames,
     features: FeaturesJson,
     loops: LoopsJson,
     detector: DetectorJson,
 }
 
-impl Tally {
-    pub(crate) fn take(&mut self, events: &[Event]) {
-        for event in events {
-            match event {
-                Event::Frame(report) => self.take_report(report),
-                Event::Refused(refused) => self.skip(refused),
-                Event::Mapped(report) => tracing::debug!(
-                    keyframe = %report.keyframe,
-                    version = report.map_version,
-                    keyframes = report.keyframes,
-                    landmarks = report.landmarks,
-                    "mapped"
-                ),
-                Event::Health(_) => {}
-                Event::Rejudged(report) => {
-                    self.features.rejudged_landmarks += u64::from(report.landmarks);
+impl Subscriber for Tally {
+    fn receive(&mut self, event: &Event) {
+        match event {
+            Event::Frame(frame) => self.take_report(&frame.report),
+            Event::Refused(refused) => self.skip(refused),
+            Event::Mapped { report, .. } => tracing::debug!(
+                keyframe = %report.keyframe,
+                version = report.map_version,
+                keyframes = report.keyframes,
+                landmarks = report.landmarks,
+                "mapped"
+            ),
+            Event::Rejudged { report, .. } => {
+                self.features.rejudged_landmarks += u64::from(report.landmarks);
+            }
+            Event::Looped(report) => {
+                tracing::debug!(?report, "looped");
+                self.loops.add(report);
+            }
+            Event::Corrected { report, .. } => tracing::debug!(?report, "corrected"),
+            Event::Detected(detections) => {
+                self.detector.frames += 1;
+                self.detector.detections += detections.items.len();
+            }
+            Event::DetectorFailed(e) => {
+                // The others are most likely the same; the number of them is in the report.
+                if self.detector.failed_frames == 0 {
+                    console::warn(&format!("the detector failed: {e}"));
                 }
-                Event::Looped(report) => {
-                    tracing::debug!(?report, "looped");
-                    self.loops.add(report);
-                }
-                Event::Detected(detections) => {
-                    self.detector.frames += 1;
-                    self.detector.detections += detections.items.len();
-                }
-                Event::DetectorFailed(e) => {
-                    // The others are most likely the same; the number of them is told at the end.
-                    if self.detector.failed_frames == 0 {
-                        console::warn(&format!("the detector failed: {e}"));
-                    }
-                    self.detector.failed_frames += 1;
-                }
+                self.detector.failed_frames += 1;
             }
         }
     }
+}
 
+impl Tally {
     fn take_report(&mut self, report: &FrameReport) {
         self.frames += 1;
         self.features.add(&report.counts);
         self.detector.too_late += u64::from(report.counts.detections_too_late);
         self.detector.without_pose += u64::from(report.counts.detections_without_pose);
         tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
-        self.without_pose += usize::from(self.each.take(report));
+        self.each.take(report);
     }
 
     /// Counts a frame that could not be read, and says so.
     pub(crate) fn skip(&mut self, reason: &dyn std::fmt::Display) {
         self.skipped += 1;
         console::warn(&format!("skipped: {reason}"));
-    }
-
-    /// What the progress line says beside counts.
-    pub(crate) fn note(&self) -> String {
-        match self.without_pose {
-            0 => String::new(),
-            n => format!(", {n} lost"),
-        }
     }
 
     /// The pass as a whole.
@@ -125,6 +116,7 @@ impl Tally {
             keyframes,
             view,
             saved: None,
+            log: None,
             live: None,
         }
     }
@@ -167,15 +159,18 @@ mod tests {
             })
         };
         let failed = Event::DetectorFailed(DetectError::NoColour { frame });
-        let rejudged = Event::Rejudged(RejudgeReport {
-            keyframe: KeyframeId(3),
-            map_version: 1,
-            landmarks: 7,
-        });
+        let rejudged = Event::Rejudged {
+            report: RejudgeReport {
+                keyframe: KeyframeId(3),
+                map_version: 1,
+                landmarks: 7,
+            },
+            view: Arc::default(),
+        };
         let mut tally = Tally::default();
-        tally.take(&[failed.clone(), failed]);
+        tally.receive_all(&[failed.clone(), failed]);
         assert!(tally.detector.never_answered());
-        tally.take(&[seen(2), seen(0), rejudged.clone(), rejudged]);
+        tally.receive_all(&[seen(2), seen(0), rejudged.clone(), rejudged]);
         let d = &tally.detector;
         assert_eq!((d.frames, d.detections, d.failed_frames), (2, 2, 2));
         assert!(!d.never_answered());
@@ -184,7 +179,7 @@ mod tests {
 
     #[test]
     fn answers_that_were_of_no_use_are_counted() {
-        let report = Event::Frame(FrameReport {
+        let report = FrameReport {
             frame: FrameId(0),
             stamp: 0.0,
             outcome: Outcome::Initialised,
@@ -200,9 +195,10 @@ mod tests {
             is_keyframe: true,
             piece: None,
             map_version: 0,
-        });
+        };
         let mut tally = Tally::default();
-        tally.take(&[report.clone(), report]);
+        tally.take_report(&report);
+        tally.take_report(&report);
         let d = &tally.detector;
         assert_eq!((d.too_late, d.without_pose), (4, 2));
     }

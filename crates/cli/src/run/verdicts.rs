@@ -2,9 +2,10 @@
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
+use crate::run::session::listeners::Writer;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use stillpoint::slam::FrameReport;
+use stillpoint::slam::{Event, FrameReport};
 
 /// The columns: colour stamp, s; raw pixel; `static` or `dynamic`; reasons joined by `+`.
 const HEADER: &str = "timestamp,u,v,verdict,reasons";
@@ -15,6 +16,16 @@ pub(crate) struct VerdictFile {
     file: StreamedFile,
     path: PathBuf,
     rows: usize,
+}
+
+impl Writer for VerdictFile {
+    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+        let Some(frame) = event.as_frame() else {
+            return Ok(());
+        };
+        let _span = tracing::info_span!("verdicts").entered();
+        self.add(&frame.report)
+    }
 }
 
 impl VerdictFile {
@@ -29,7 +40,7 @@ impl VerdictFile {
     }
 
     /// One row per keypoint of a frame, whatever became of its pose.
-    pub(crate) fn add(&mut self, report: &FrameReport) -> Result<(), Failure> {
+    fn add(&mut self, report: &FrameReport) -> Result<(), Failure> {
         let stamp = report.stamp;
         self.rows += report.verdicts.len();
         self.file.write(|w| {

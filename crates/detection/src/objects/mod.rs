@@ -23,7 +23,7 @@ pub use rigidity::Motion;
 pub use tracker::ObjectTracker;
 
 use crate::{BoundingBox, ClassId};
-use stillpoint_geometry::{Mat6, Vec3};
+use stillpoint_geometry::{Mat6, Se3, Vec3};
 
 /// Number of an object; never used again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -70,4 +70,77 @@ pub struct Object {
     pub last_seen: f64,
     /// Whether it moves.
     pub motion: Motion,
+}
+
+/// Where an object is and how it moves, seen from a camera.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObjectInCamera {
+    /// Middle of its visible surface in camera coordinates, m.
+    pub position: Vec3,
+    /// Its velocity in the world, in the axes of the camera, m/s: that of the camera is not taken off.
+    pub velocity: Vec3,
+    /// Covariance of position and velocity (m^2, m^2/s, m^2/s^2), in this order, in the axes of the camera. That of the camera's pose is
+    /// not in it.
+    pub covariance: Mat6,
+}
+
+impl Object {
+    /// The object seen from a camera with this pose in the world; `None` while no depth of the object was seen.
+    #[must_use]
+    pub fn seen_from(&self, world_from_camera: &Se3) -> Option<ObjectInCamera> {
+        let (position, velocity) = (self.position?, self.velocity?);
+        let camera_from_world = world_from_camera.inverse();
+        let r = camera_from_world.rotation_matrix();
+        let mut turn = Mat6::zeros();
+        turn.fixed_view_mut::<3, 3>(0, 0).copy_from(&r);
+        turn.fixed_view_mut::<3, 3>(3, 3).copy_from(&r);
+        Some(ObjectInCamera {
+            position: camera_from_world.transform(&position),
+            velocity: r * velocity,
+            covariance: turn * self.covariance? * turn.transpose(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::Vec6;
+
+    #[test]
+    fn an_object_is_the_same_from_the_camera_and_in_the_world() {
+        let object = Object {
+            id: ObjectId(1),
+            class: ClassId::PERSON,
+            score: 0.9,
+            state: ObjectState::Confirmed,
+            bounds: BoundingBox::default(),
+            bounds_sigma: [0.0; 2],
+            depth_range: None,
+            position: Some(Vec3::new(1.0, 2.0, 3.0)),
+            velocity: Some(Vec3::new(0.0, 0.0, 0.5)),
+            covariance: Some(Mat6::from_diagonal(&Vec6::new(
+                0.01, 0.04, 0.09, 0.16, 0.25, 0.36,
+            ))),
+            size: None,
+            last_seen: 0.0,
+            motion: Motion::default(),
+        };
+        // A camera at (1, 0, 0) that looks along the world's x axis: its z is the world's x, its x the world's -z.
+        let half_pi = std::f64::consts::FRAC_PI_2;
+        let mut pose = Se3::exp(&Vec6::new(0.0, 0.0, 0.0, 0.0, half_pi, 0.0));
+        pose.translation = Vec3::new(1.0, 0.0, 0.0);
+        let seen = object.seen_from(&pose).unwrap();
+        assert!((seen.position - Vec3::new(-3.0, 2.0, 0.0)).norm() < 1e-12);
+        assert!((seen.velocity - Vec3::new(-0.5, 0.0, 0.0)).norm() < 1e-12);
+        let expected = Vec6::new(0.09, 0.04, 0.01, 0.36, 0.25, 0.16);
+        assert!((seen.covariance - Mat6::from_diagonal(&expected)).norm() < 1e-12);
+        let unseen = Object {
+            position: None,
+            velocity: None,
+            covariance: None,
+            ..object
+        };
+        assert_eq!(unseen.seen_from(&pose), None);
+    }
 }

@@ -2,6 +2,8 @@
 
 mod detection;
 mod health;
+mod inline;
+mod listeners;
 mod world;
 
 use self::world::{
@@ -14,8 +16,13 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::time::Duration;
 use stillpoint_detection::Detector;
 use stillpoint_imaging::{FrameId, RgbdFrame};
-use stillpoint_live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, WorkerEnd};
-use stillpoint_slam::{LogEntry, LoopReport, Outcome, Replay, ReplayError, RunLog, Stages, System};
+use stillpoint_live::{
+    Delivery, Hook, LiveOptions, LiveResult, LiveSystem, Missed, Played, Stage, WorkerEnd,
+};
+use stillpoint_slam::{
+    Event, LogEntry, LoopReport, Loops, OnEvent, Outcome, Replay, ReplayError, RunLog, Stages,
+    System,
+};
 
 /// Pushes all frames of the world, with a pause of so many ms after each, and ends the stream.
 fn run(
@@ -34,18 +41,17 @@ fn push(
     pause_ms: u64,
 ) -> (LiveResult, Heard) {
     let mut live = LiveSystem::start(stages, detector, options).unwrap();
-    let mut heard = Heard::default();
+    let heard = live.subscribe("test", Delivery::until_full(10_000), Heard::default());
     for frame in frames {
         if !live.push(frame.clone()) {
             break;
         }
         std::thread::sleep(Duration::from_millis(pause_ms));
-        live.events().try_iter().for_each(|e| heard.take(e));
     }
     let result = live.finish();
-    result.events.iter().for_each(|e| heard.take(e));
-    assert_eq!(result.statistics.events_missed, 0);
-    (result, heard)
+    let expected = [("test".to_owned(), Missed::default())];
+    assert_eq!(result.statistics.subscribers, expected);
+    (result, heard.unwrap().join().unwrap())
 }
 
 /// The replay of a run over the world's frames says what the run said, and leaves the same map.
@@ -247,19 +253,19 @@ fn whichever_stage_panics_the_others_finish() {
 fn stopping_in_the_middle_keeps_what_was_learned() {
     let (result, heard, played) = within(|| {
         let mut live = LiveSystem::start(stages(), Some(scripted()), unhurried()).unwrap();
-        let stop = AtomicBool::new(false);
-        let mut heard = Heard::default();
-        let mut source = Frames::all();
-        let played = live.play(&mut source, &stop, |told| match told {
-            Told::Event(event) => {
-                heard.take(*event);
-                stop.store(heard.frames() >= 10, Ordering::Relaxed);
-            }
-            Told::Skipped(e) => panic!("{e}"),
+        let stop = Arc::new(AtomicBool::new(false));
+        let heard = live.subscribe("test", Delivery::until_full(1000), Heard::default());
+        let (mut frames, stops) = (0, Arc::clone(&stop));
+        let tenth = OnEvent(move |event: &Event| {
+            frames += u32::from(event.as_frame().is_some());
+            stops.store(frames >= 10, Ordering::Relaxed);
         });
+        let tenth = live.subscribe("tenth", Delivery::until_full(1000), tenth);
+        let mut source = Frames::all();
+        let played = live.play(&mut source, &stop, |e| panic!("{e}"));
         let result = live.finish();
-        result.events.iter().for_each(|e| heard.take(e));
-        (result, heard, played)
+        assert!(tenth.unwrap().join().is_ok());
+        (result, heard.unwrap().join().unwrap(), played)
     });
     assert!(matches!(played, Played::Stopped), "{played:?}");
     assert_all_finished(&result);
@@ -301,7 +307,7 @@ fn a_log_is_refused_with_other_frames_or_another_configuration() {
     let mut again = Replay::new(stages(), result.log.clone()).unwrap();
     let mut source = Frames::all();
     source.0.remove(4);
-    let e = again.run(&mut source, |_| {}).unwrap_err();
+    let e = again.run(&mut source, &mut None::<Loops>).unwrap_err();
     let missing = matches!(e, ReplayError::NoFrame { frame, .. } if frame == FrameId(4));
     assert!(missing, "{e}");
 
@@ -309,7 +315,7 @@ fn a_log_is_refused_with_other_frames_or_another_configuration() {
     let mut again = Replay::new(stages(), result.log.clone()).unwrap();
     let mut source = Frames::all();
     source.0[7].gray = source.0[12].gray.clone();
-    let e = again.run(&mut source, |_| {}).unwrap_err();
+    let e = again.run(&mut source, &mut None::<Loops>).unwrap_err();
     let noticed = matches!(
         e,
         ReplayError::OtherTrajectory | ReplayError::NotSent { .. }
@@ -322,7 +328,9 @@ fn a_log_is_refused_with_other_frames_or_another_configuration() {
     let at = log.entries.iter().position(first).unwrap();
     log.entries.insert(at, log.entries[at].clone());
     let mut again = Replay::new(stages(), log).unwrap();
-    let e = again.run(&mut Frames::all(), |_| {}).unwrap_err();
+    let e = again
+        .run(&mut Frames::all(), &mut None::<Loops>)
+        .unwrap_err();
     assert!(matches!(e, ReplayError::NotSent { .. }), "{e}");
 }
 

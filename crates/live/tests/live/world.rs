@@ -1,6 +1,6 @@
 //! A simulated walk, its frames in memory, and what is needed to run it live and again.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 use std::sync::{Arc, OnceLock};
@@ -14,7 +14,9 @@ use stillpoint_imaging::{
 };
 use stillpoint_live::{Hook, Stage};
 use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
-use stillpoint_slam::{Config, Event, FrameReport, Replay, RunLog, Stages};
+use stillpoint_slam::{
+    Config, Event, FrameReport, LoopOutcome, Replay, RunLog, Stages, Subscriber,
+};
 
 const FRAMES: usize = 45;
 
@@ -133,8 +135,14 @@ pub(crate) fn there_and_back() -> (Camera, Vec<RgbdFrame>) {
 
 /// Stages that begin a new piece of map soon.
 pub(crate) fn stages_for_pieces(camera: Camera) -> Stages {
+    stages_for_pieces_with(camera, |_| {})
+}
+
+/// The same, with something set.
+pub(crate) fn stages_for_pieces_with(camera: Camera, change: impl Fn(&mut Config)) -> Stages {
     let mut config = Config::default();
     config.tracking.new_piece_after = 10;
+    change(&mut config);
     Stages::new(config, camera, Simd::detect()).unwrap()
 }
 
@@ -164,27 +172,85 @@ pub(crate) struct Told {
     tracking: Vec<String>,
     mapping: Vec<String>,
     looping: Vec<String>,
+    order: Order,
+}
+
+/// What an event may refer to has been told before it.
+#[derive(Debug, Default)]
+struct Order {
+    frames: BTreeSet<u32>,
+    detected: BTreeSet<u32>,
+    keyframes: BTreeSet<u32>,
+    versions: BTreeSet<u64>,
+    loops: usize,
+    corrections: usize,
+}
+
+impl Order {
+    /// Checks the order that `Event` states, of a run that began without a map.
+    fn check(&mut self, event: &Event) {
+        match event {
+            Event::Refused(_) | Event::DetectorFailed(_) => {}
+            Event::Detected(d) => {
+                self.detected.insert(d.frame.0);
+            }
+            Event::Frame(f) => {
+                let version = f.report.map_version;
+                assert!(
+                    version == 0 || self.versions.contains(&version),
+                    "{event:?}"
+                );
+                assert!(self.frames.insert(f.report.frame.0), "{event:?}");
+                assert_eq!(f.report.frame, f.health.frame);
+            }
+            Event::Mapped { report, .. } => {
+                assert!(self.frames.contains(&report.keyframe.0), "{event:?}");
+                self.keyframes.insert(report.keyframe.0);
+            }
+            Event::Rejudged { report, .. } => {
+                assert!(self.keyframes.contains(&report.keyframe.0), "{event:?}");
+                assert!(self.detected.contains(&report.keyframe.0), "{event:?}");
+            }
+            Event::Looped(report) => {
+                assert!(self.keyframes.contains(&report.keyframe.0), "{event:?}");
+                self.loops += usize::from(report.outcome == LoopOutcome::Closed);
+            }
+            Event::Corrected { report, .. } => {
+                self.corrections += 1;
+                assert!(self.corrections <= self.loops, "{event:?}");
+                assert!(self.versions.contains(&report.base_version), "{event:?}");
+            }
+        }
+        if let Some(view) = event.view() {
+            // Versions come in their order.
+            assert!(Some(&view.version()) > self.versions.last(), "{event:?}");
+            self.versions.insert(view.version());
+        }
+    }
 }
 
 impl Told {
-    pub(crate) fn take(&mut self, event: Event) {
+    pub(crate) fn take(&mut self, event: &Event) {
+        self.order.check(event);
         let text = format!("{event:?}");
         match event {
             Event::Refused(_) => self.tracking.push(text),
-            Event::Frame(report) => {
-                self.reports.push(report);
+            Event::Frame(frame) => {
+                self.reports.push(frame.report.clone());
                 self.tracking.push(text);
             }
-            Event::Health(_) | Event::Detected(_) | Event::DetectorFailed(_) => {
-                self.tracking.push(text)
+            Event::Detected(_) | Event::DetectorFailed(_) => self.tracking.push(text),
+            Event::Mapped { .. } | Event::Rejudged { .. } | Event::Corrected { .. } => {
+                self.mapping.push(text);
             }
-            Event::Mapped(_) | Event::Rejudged(_) => self.mapping.push(text),
             Event::Looped(_) => self.looping.push(text),
         }
     }
+}
 
-    pub(crate) fn frames(&self) -> usize {
-        self.reports.len()
+impl Subscriber for Told {
+    fn receive(&mut self, event: &Event) {
+        self.take(event);
     }
 }
 
@@ -200,7 +266,7 @@ impl PartialEq for Told {
 pub(crate) fn replay(stages: Stages, mut frames: Frames, log: RunLog) -> (Replay, Told) {
     let mut replay = Replay::new(stages, log).unwrap();
     let mut told = Told::default();
-    let run = replay.run(&mut frames, |event| told.take(event));
+    let run = replay.run(&mut frames, &mut told);
     run.unwrap_or_else(|e| panic!("{e}"));
     (replay, told)
 }

@@ -9,6 +9,7 @@ mod refine;
 
 use crate::event::CorrectionReport;
 use crate::event::{MappingReport, RejudgeReport};
+use crate::map_shift::MapShift;
 use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
@@ -239,6 +240,7 @@ impl Mapper {
     /// Brings a correction of an older version into the map as it is now.
     fn correct(&mut self, correction: &Correction) -> MapperOut {
         let _span = tracing::info_span!("apply").entered();
+        let before = self.map.view().clone();
         let applied = self.map.apply(correction);
         for keyframe in &applied.touched {
             self.map
@@ -255,6 +257,7 @@ impl Mapper {
             composed: applied.composed,
             carried: applied.carried,
             merged: applied.merged,
+            moved: MapShift::between(&before, &view),
         });
         MapperOut { view, report }
     }

@@ -15,8 +15,8 @@ use crate::mapping::MappingEffort;
 use crate::messages::{LooperMsg, MapperMsg};
 use line::Line;
 use stillpoint_detection::{DetectError, Detections};
-use stillpoint_imaging::FrameId;
-use stillpoint_map::KeyframeId;
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{Correction, KeyframeId};
 
 /// First line of every log; the number is the version of the format.
 const HEADER: &str = "stillpoint run log 1";
@@ -101,14 +101,29 @@ impl From<&MapperMsg> for LogEntry {
             MapperMsg::Rejudge { keyframe, .. } => Self::MapRejudge {
                 keyframe: *keyframe,
             },
-            MapperMsg::Correct(c) => Self::MapCorrect {
-                base_version: c.base_version,
-            },
+            MapperMsg::Correct(c) => Self::of_correction(c),
         }
     }
 }
 
 impl LogEntry {
+    /// That the tracker took a frame.
+    #[must_use]
+    pub fn of_frame(frame: &RgbdFrame) -> Self {
+        Self::TrackFrame {
+            frame: frame.id,
+            stamp: frame.stamp,
+        }
+    }
+
+    /// That the mapper took a correction.
+    #[must_use]
+    pub fn of_correction(correction: &Correction) -> Self {
+        Self::MapCorrect {
+            base_version: correction.base_version,
+        }
+    }
+
     /// That the looper took a message; nothing for a map that was there before the first frame.
     #[must_use]
     pub fn of_looper(message: &LooperMsg) -> Option<Self> {

@@ -5,8 +5,8 @@ use super::world::{
     until_pose, walk, within,
 };
 use stillpoint_imaging::{DepthImage, GrayImage, RgbdFrame, Simd};
-use stillpoint_live::{LiveOptions, LiveSystem};
-use stillpoint_slam::{Event, RefusalReason, Replay, Stages};
+use stillpoint_live::{Delivery, LiveOptions, LiveSystem};
+use stillpoint_slam::{Event, OnEvent, RefusalReason, Replay, Stages};
 
 /// Moves the clock of all frames.
 fn shifted(mut frames: Vec<RgbdFrame>, seconds: f64) -> Vec<RgbdFrame> {
@@ -192,23 +192,25 @@ fn a_live_run_refuses_what_an_inline_run_does() {
     let twice: Vec<RgbdFrame> = frames.into_iter().flat_map(|f| [f.clone(), f]).collect();
     let stages = || Stages::new(config(), room().camera, Simd::detect()).unwrap();
     let pushed = twice.clone();
-    let result = within(move || {
+    let (result, events) = within(move || {
         let options = LiveOptions {
             drop_late: false,
             ..LiveOptions::default()
         };
         let mut live = LiveSystem::start(stages(), None, options).unwrap();
+        let events = live.listen("test", Delivery::until_full(1000));
         for frame in pushed {
             assert!(live.push(frame));
         }
-        live.finish()
+        (live.finish(), events)
     });
     let s = &result.statistics;
     assert_eq!((s.refused, s.arrived, s.frames.len()), (41, 39, 39));
-    let told = result.events.iter();
+    let told = events.iter();
     assert_eq!(told.filter(|e| matches!(e, Event::Refused(_))).count(), 41);
     let mut replay = Replay::new(stages(), result.log).unwrap();
-    replay.run(&mut Frames::of(twice), |_| {}).unwrap();
+    let mut nobody = OnEvent(|_: &Event| {});
+    replay.run(&mut Frames::of(twice), &mut nobody).unwrap();
     let digest = result.trajectory.digest(&result.view);
     assert_eq!(replay.trajectory().digest(&replay.view()), digest);
 }

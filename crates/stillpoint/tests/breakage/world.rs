@@ -256,7 +256,7 @@ impl Session {
 
 pub(crate) fn reports(events: &[Event]) -> Vec<FrameReport> {
     let report = |e: &Event| match e {
-        Event::Frame(report) => Some(report.clone()),
+        Event::Frame(frame) => Some(frame.report.clone()),
         _ => None,
     };
     events.iter().filter_map(report).collect()

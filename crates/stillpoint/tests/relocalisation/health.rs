@@ -42,17 +42,15 @@ fn system() -> System {
 }
 
 fn step(system: &mut System, frame: &RgbdFrame) -> (FrameReport, Health) {
-    let mut events = system.step(frame.clone()).into_iter();
-    let (Some(Event::Frame(report)), Some(Event::Health(health))) = (events.next(), events.next())
-    else {
-        panic!("a frame has its report and its health first");
-    };
+    let events = system.step(frame.clone());
+    let tracked = events.iter().find_map(Event::as_frame).unwrap();
+    let (report, health) = (&tracked.report, &tracked.health);
     assert!(report.frame == health.frame && report.stamp == health.stamp);
     assert!((0.0..=1.0).contains(&health.quality.value()));
     let lost = matches!(report.outcome, Outcome::Lost { .. });
     assert_eq!(lost, health.loss.is_some());
     assert_eq!(lost, health.quality.value() == 0.0, "{health}");
-    (report, *health)
+    (report.clone(), health.clone())
 }
 
 fn nees(error: &Vec6, covariance: &Mat6) -> f64 {

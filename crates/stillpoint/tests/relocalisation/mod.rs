@@ -69,8 +69,8 @@ fn go_on(mut system: System, simulator: &Simulator, play: &Play) -> Run {
         frame.stamp = stamp;
         frame.id = FrameId(i as u32);
         for event in system.step(frame) {
-            if let Event::Frame(report) = event {
-                reports.push(report);
+            if let Event::Frame(frame) = event {
+                reports.push(frame.report.clone());
             }
         }
     }

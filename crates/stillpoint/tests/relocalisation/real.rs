@@ -28,8 +28,8 @@ fn play(mut system: System, source: &mut impl FrameSource) -> (System, Vec<Frame
     let mut reports = Vec::new();
     while let Some(frame) = source.next_frame() {
         for event in system.step(frame.unwrap()) {
-            if let Event::Frame(report) = event {
-                reports.push(report);
+            if let Event::Frame(frame) = event {
+                reports.push(frame.report.clone());
             }
         }
     }

@@ -159,8 +159,8 @@ impl Recording {
         for frame in &self.frames {
             for event in system.step(frame.clone()) {
                 match event {
-                    Event::Frame(report) => reports.push(report),
-                    Event::Rejudged(report) => rejudged.push(report),
+                    Event::Frame(frame) => reports.push(frame.report.clone()),
+                    Event::Rejudged { report, .. } => rejudged.push(report),
                     _ => {}
                 }
             }

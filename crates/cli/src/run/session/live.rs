@@ -1,28 +1,37 @@
 //! One pass of a stream as a camera: every stage on a thread of its own.
 
 use crate::args::run::LiveChoice;
-use crate::console::{self, Progress};
+use crate::console;
 use crate::failure::Failure;
 use crate::run::live_report::{LiveJson, LiveRun};
-use crate::run::played::{Drawing, Passing};
+use crate::run::played::Watched;
 use crate::run::priority;
+use crate::run::session::listeners::{LossLine, ProgressLine, Rounds, Stop};
+use crate::run::session::outputs::{EVENTS, LiveWriters, returned};
 use crate::run::session::{Driver, Outputs, Session};
 use crate::run::summary::DetectorJson;
 use crate::run::tally::{End, Tally};
 use crate::timing::Timing;
 use std::cell::Cell;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 use stillpoint::detection::Detector;
-use stillpoint::imaging::{FrameId, FrameSource};
-use stillpoint::live::{Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Told, Watch};
-use stillpoint::slam::{Event, FrameReport, Health};
+use stillpoint::imaging::FrameSource;
+use stillpoint::live::{
+    Delivery, Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Subscribed,
+};
+
+/// The subscriber that shows how far a run is.
+pub(crate) const PROGRESS: &str = "progress";
 
 /// What a run is driven with, unless a test says otherwise.
 pub(crate) fn options(choice: LiveChoice, timing: &'static Timing) -> LiveOptions {
     LiveOptions {
         drop_late: choice == LiveChoice::Newest,
         hook: Some(hook(timing)),
+        // As what else is not urgent.
+        subscriber_hook: Some(Arc::new(|_| priority::lower(Stage::Looping))),
         ..LiveOptions::default()
     }
 }
@@ -71,32 +80,32 @@ impl Driver<'_> {
     ) -> Result<Session, Failure> {
         let stages = self.stages()?;
         let detector = DetectorJson::of(self.detector.as_deref());
-        let passing = Passing::new(outputs.overlay.as_ref().map(|folder| folder.every()));
-        let mut listener = Listener::new(outputs, &passing, self.timing, source.remaining());
-        listener.begin_to_draw(choice)?;
         let mut live =
             LiveSystem::start(stages, self.detector.take(), options).map_err(Failure::thread)?;
-        listener.watch = Some(live.watch());
+        let stop = Stop::default();
+        let listeners =
+            LiveListeners::subscribe(&mut live, outputs, source.remaining(), &stop, self.timing)?;
+        let mut skipped = 0;
         let start = Instant::now();
-        let mut watched = passing.watch(source);
-        let played = live.play(&mut watched, self.interrupt.flag(), |told| {
-            listener.hear(told);
+        let mut watched = Watched::new(source, &stop, self.timing);
+        let played = live.play(&mut watched, self.interrupt.flag(), |e| {
+            console::warn(&format!("skipped: {e}"));
+            skipped += 1;
+            listeners.skipped.fetch_add(1, Ordering::Relaxed);
         });
         let seconds = start.elapsed().as_secs_f64();
         let result = live.finish();
-        for event in result.events.try_iter() {
-            listener.hear(Told::Event(Box::new(event)));
-        }
-        if let Played::SourceFailed(e) = played {
-            listener.failed.get_or_insert(Failure::input(e));
-        }
-        let tally = match listener.finish() {
-            (tally, None) => tally,
-            (tally, Some(failure)) => {
-                outputs.rescue_map(result.map.as_ref(), tally.frames);
-                return Err(failure);
-            }
+        let played = match played {
+            Played::SourceFailed(e) => Err(Failure::input(e)),
+            _ => Ok(()),
         };
+        let (mut tally, writers) = listeners.join()?;
+        tally.skipped += skipped;
+        let rejoined = outputs.rejoin_live(writers);
+        if let Err(failure) = played.and(rejoined) {
+            outputs.rescue_map(result.map.as_ref(), tally.frames);
+            return Err(failure);
+        }
         self.check_frames(&tally)?;
         let remark = result.detector.as_deref().and_then(Detector::remark);
         let mut session = tally.close(End {
@@ -113,139 +122,71 @@ impl Driver<'_> {
             )),
         });
         let answers = session.detector.frames as f64 / seconds;
-        session.live = Some(told(result, choice, answers, &passing.late()));
+        session.live = Some(LiveRun {
+            json: LiveJson::new(
+                choice.name(),
+                &result.statistics,
+                &result.ended,
+                answers,
+                watched.late(),
+            ),
+            latency_ms: latencies(&result),
+        });
+        session.log = Some(result.log);
         Ok(session)
     }
 }
 
-/// What is told of a live run beside what is told of every run.
-fn told(result: LiveResult, choice: LiveChoice, answers: f64, late: &[f64]) -> LiveRun {
-    let LiveResult {
-        statistics,
-        ended,
-        log,
-        ..
-    } = result;
-    LiveRun {
-        json: LiveJson::new(choice.name(), &statistics, &ended, answers, late),
-        log,
-        latency_ms: statistics.frames.iter().map(|f| f.latency * 1e3).collect(),
-    }
+/// From each frame's arrival to its pose, ms.
+fn latencies(result: &LiveResult) -> Vec<f64> {
+    let frames = result.statistics.frames.iter();
+    frames.map(|f| f.latency * 1e3).collect()
 }
 
-/// Time after which it is said why the camera is lost, s.
-const TELL_LOSS: f64 = 1.0;
-
-/// Counts and writes while frames go by.
-struct Listener<'a> {
-    outputs: &'a mut Outputs,
-    passing: &'a Passing,
-    timing: &'static Timing,
-    tally: Tally,
-    progress: Progress,
-    watch: Option<Watch>,
-    /// The last loss that was told.
-    told_loss: Option<FrameId>,
-    drawing: Option<Drawing>,
-    /// Why the run cannot go on.
-    failed: Option<Failure>,
+/// Who listens to a live run.
+struct LiveListeners {
+    tally: Subscribed<Rounds<(Tally, LossLine)>>,
+    writers: LiveWriters,
+    progress: Subscribed<Rounds<ProgressLine>>,
+    /// Frames that could not be read, for the progress line.
+    skipped: Arc<AtomicUsize>,
 }
 
-impl<'a> Listener<'a> {
-    fn new(
-        outputs: &'a mut Outputs,
-        passing: &'a Passing,
-        timing: &'static Timing,
+impl LiveListeners {
+    fn subscribe(
+        live: &mut LiveSystem,
+        outputs: &mut Outputs,
         frames: Option<usize>,
-    ) -> Self {
-        Self {
-            outputs,
-            passing,
+        stop: &Stop,
+        timing: &'static Timing,
+    ) -> Result<Self, Failure> {
+        let progress = ProgressLine::of_live(frames, live.watch());
+        let skipped = progress.skipped();
+        let tally = Rounds {
+            subscriber: (Tally::default(), LossLine::default()),
             timing,
-            tally: Tally::default(),
-            progress: Progress::new(frames).without_bar(),
-            watch: None,
-            told_loss: None,
-            drawing: None,
-            failed: None,
-        }
-    }
-
-    fn begin_to_draw(&mut self, choice: LiveChoice) -> Result<(), Failure> {
-        let folder = self.outputs.overlay.take();
-        let drawing = folder.map(|f| Drawing::start(f, choice == LiveChoice::All));
-        self.drawing = drawing.transpose()?;
-        Ok(())
-    }
-
-    fn hear(&mut self, told: Told) {
-        let event = match told {
-            Told::Skipped(e) => return self.tally.skip(&e),
-            Told::Event(event) => event,
         };
-        self.tally.take(std::slice::from_ref(&event));
-        let written = self.outputs.take(std::slice::from_ref(&event), None);
-        if let Err(failure) = written {
-            self.failed.get_or_insert(failure);
-            self.passing.close();
-        }
-        match &*event {
-            Event::Frame(report) => self.hear_report(report),
-            Event::Health(health) => self.hear_health(health),
-            Event::Refused(refused) => self.passing.refused(refused.frame),
-            _ => {}
-        }
-    }
-
-    /// Says why the camera is lost, once, when that lasts.
-    fn hear_health(&mut self, health: &Health) {
-        if let Some(loss) = &health.loss
-            && loss.seconds >= TELL_LOSS
-            && self.told_loss != Some(loss.since)
-        {
-            self.told_loss = Some(loss.since);
-            console::warn(&loss.to_string());
-        }
-    }
-
-    fn hear_report(&mut self, report: &FrameReport) {
-        let kept = self.passing.leave(report.frame);
-        if let (Some(drawing), Some(frame)) = (&mut self.drawing, kept)
-            && !drawing.draw(frame, report)
-        {
-            self.passing.close();
-        }
-        // What was waited for and written on this thread.
-        self.timing.end_round();
-        let dropped = self.passing.dropped();
-        let note = match dropped {
-            0 => self.tally.note(),
-            n => format!(", {n} dropped{}", self.tally.note()),
+        let progress = Rounds {
+            subscriber: progress,
+            timing,
         };
-        let done = self.tally.frames + self.tally.skipped + dropped;
-        let health = self.watch.as_ref().map(Watch::health);
-        let health = health.map_or_else(String::new, |h| format!(" | {h}"));
-        self.progress.show(done, &(note + &health));
+        Ok(Self {
+            tally: live
+                .subscribe("tally", Delivery::until_full(EVENTS), tally)
+                .map_err(Failure::thread)?,
+            writers: outputs.subscribe(live, stop, timing)?,
+            progress: live
+                .subscribe(PROGRESS, Delivery::newest(1), progress)
+                .map_err(Failure::thread)?,
+            skipped,
+        })
     }
 
-    /// What was counted, and why the run could not go on.
-    fn finish(mut self) -> (Tally, Option<Failure>) {
-        self.progress.finish();
-        match self.drawing.map(Drawing::finish).transpose() {
-            Ok(None) => {}
-            Ok(Some((folder, left_out))) => {
-                self.outputs.overlay = Some(folder);
-                if left_out > 0 {
-                    console::warn(&format!(
-                        "{left_out} pictures were left out, since drawing them took longer than frames came"
-                    ));
-                }
-            }
-            Err(failure) => {
-                self.failed.get_or_insert(failure);
-            }
-        }
-        (self.tally, self.failed)
+    /// What was counted and what was written, when the run is over.
+    fn join(self) -> Result<(Tally, LiveWriters), Failure> {
+        returned(self.progress)?.finish();
+        let (tally, _) = returned(self.tally)?;
+        Ok((tally, self.writers))
     }
 }
 
@@ -257,7 +198,7 @@ mod tests {
     use stillpoint::detection::{DetectError, Detections, DetectorInfo, DetectorKind};
     use stillpoint::imaging::{RgbdFrame, Simd};
     use stillpoint::simulator::{Simulator, SimulatorConfig};
-    use stillpoint::slam::{Config, Replay, Stages};
+    use stillpoint::slam::{Config, Loops, Replay, Stages};
 
     /// A detector that does this with every frame.
     struct Does(fn());
@@ -354,7 +295,7 @@ mod tests {
             threads(&session),
             ("finished".into(), "panicked: no room".into())
         );
-        let log = session.live.unwrap().log;
+        let log = session.log.unwrap();
         let simulator = SimulatorConfig {
             scene: "xyz".to_owned(),
             frames: Some(4),
@@ -363,6 +304,7 @@ mod tests {
         let simulator = Simulator::new(&simulator).unwrap();
         let stages = Stages::new(Config::default(), *simulator.camera(), Simd::detect());
         let mut replay = Replay::new(stages.unwrap(), log).unwrap();
-        replay.run(&mut simulator.source(), |_| {}).unwrap();
+        let mut nobody = None::<Loops>;
+        replay.run(&mut simulator.source(), &mut nobody).unwrap();
     }
 }

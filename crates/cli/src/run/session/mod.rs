@@ -3,17 +3,19 @@
 //! Answers: which frames went in, which came out with a pose, what the map was in the end. Knows nothing of where the
 //! frames come from or where results go.
 
+pub(crate) mod listeners;
 pub(crate) mod live;
 pub(crate) mod outputs;
 pub(crate) mod replay;
 
-use crate::console::Progress;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::map::file::SavedMap;
 use crate::run::frames::Piece;
 use crate::run::live_report::LiveRun;
+use crate::run::session::listeners::{Listeners, ProgressLine, Stop};
 pub(crate) use crate::run::session::outputs::Outputs;
+use crate::run::session::outputs::Writers;
 use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, PieceJson};
 use crate::run::tally::{End, Tally};
 use crate::timing::Timing;
@@ -24,7 +26,7 @@ use stillpoint::detection::Detector;
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::{Map, MapView};
-use stillpoint::slam::{Config, MapUse, Stages, System};
+use stillpoint::slam::{Config, MapUse, RunLog, Stages, Subscriber, System};
 
 /// What a pass gave.
 pub(crate) struct Session {
@@ -61,6 +63,8 @@ pub(crate) struct Session {
     pub(crate) view: Arc<MapView>,
     /// Where it was saved, or why it could not be; nothing when it was not to be.
     pub(crate) saved: Option<Result<SavedMap, Failure>>,
+    /// In which order the stages took their messages; none of a replay, which has it from the run.
+    pub(crate) log: Option<RunLog>,
     /// What was measured of a live run.
     pub(crate) live: Option<LiveRun>,
 }
@@ -88,15 +92,22 @@ impl Driver<'_> {
         source: &mut dyn FrameSource,
         outputs: &mut Outputs,
     ) -> Result<Session, Failure> {
-        let mut system = System::from(self.stages()?);
+        let mut system = System::from(self.stages()?).with_log();
         if let Some(detector) = self.detector.take() {
             system = system.with_detector(detector);
         }
-        let mut tally = Tally::default();
+        let stop = Stop::default();
+        let mut listeners = Listeners {
+            tally: Tally::default(),
+            writers: outputs.listen(&stop),
+            progress: ProgressLine::new(source.remaining()),
+        };
         let start = Instant::now();
-        let taken = self.take_frames(source, outputs, &mut system, &mut tally);
-        tally.take(&system.finish());
-        if let Err(failure) = taken {
+        let taken = self.take_frames(source, &mut system, &mut listeners, &stop);
+        listeners.receive_all(&system.finish());
+        listeners.progress.finish();
+        let Listeners { tally, writers, .. } = listeners;
+        if let Err(failure) = outputs.rejoin(writers).and(taken) {
             outputs.rescue_map(Some(system.map()), tally.frames);
             return Err(failure);
         }
@@ -111,6 +122,7 @@ impl Driver<'_> {
             interrupted: self.interrupt.requested(),
             seconds: start.elapsed().as_secs_f64(),
         });
+        session.log = system.log();
         // What was found until then is worth having even when the map cannot be saved.
         session.saved = outputs.map.take().map(|map| map.save(system.map()));
         Ok(session)
@@ -140,37 +152,27 @@ impl Driver<'_> {
         }
     }
 
-    /// Lets the frames go by.
+    /// Lets the frames go by, until the stream ends, the user asks to stop, or a listener cannot go on.
     fn take_frames(
         &self,
         source: &mut dyn FrameSource,
-        outputs: &mut Outputs,
         system: &mut System,
-        tally: &mut Tally,
+        listeners: &mut Listeners<Writers>,
+        stop: &Stop,
     ) -> Result<(), Failure> {
-        let mut progress = Progress::new(source.remaining());
-        while !self.interrupt.requested() {
+        while !self.interrupt.requested() && !stop.requested() {
             let next = tracing::info_span!("wait").in_scope(|| source.next_frame());
             match next {
                 None => break,
                 Some(Ok(frame)) => {
-                    let kept = outputs.keep(&frame);
                     let events = tracing::info_span!("total").in_scope(|| system.step(frame));
-                    tally.take(&events);
-                    outputs
-                        .take(&events, kept.as_ref())
-                        .inspect_err(|_| progress.finish())?;
+                    listeners.receive_all(&events);
                     self.timing.end_frame();
                 }
-                Some(Err(e)) if e.recoverable => tally.skip(&e),
-                Some(Err(e)) => {
-                    progress.finish();
-                    return Err(Failure::input(e));
-                }
+                Some(Err(e)) if e.recoverable => listeners.skip(&e),
+                Some(Err(e)) => return Err(Failure::input(e)),
             }
-            progress.show(tally.frames + tally.skipped, &tally.note());
         }
-        progress.finish();
         Ok(())
     }
 }

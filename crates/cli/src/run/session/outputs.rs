@@ -1,15 +1,20 @@
-//! What a session writes while frames go by, and what it saves when they cannot go on.
+//! What a session writes while frames go by, and what it saves when they cannot be continued.
 
 use crate::console;
 use crate::demo::pictures::Shots;
 use crate::failure::Failure;
 use crate::map::file::MapOutput;
 use crate::run::overlay::OverlayFolder;
+use crate::run::session::listeners::{Listening, Rounds, Stop, Writer};
 use crate::run::verdicts::VerdictFile;
+use crate::timing::Timing;
 use crate::trace::TraceFile;
-use stillpoint::imaging::RgbdFrame;
+use stillpoint::live::{Delivery, LiveSystem, Subscribed};
 use stillpoint::map::Map;
-use stillpoint::slam::Event;
+use stillpoint::slam::{Event, Subscriber};
+
+/// The subscriber that draws pictures.
+pub(crate) const OVERLAY: &str = "overlay";
 
 /// What is written while frames go by.
 #[derive(Default)]
@@ -25,38 +30,96 @@ pub(crate) struct Outputs {
     pub(crate) map: Option<MapOutput>,
 }
 
+/// What is written as subscribers.
+pub(crate) struct Writers {
+    verdicts: Option<Listening<VerdictFile>>,
+    overlay: Option<Listening<OverlayFolder>>,
+    shots: Option<Listening<Shots>>,
+    trace: Option<Listening<TraceFile>>,
+}
+
+impl Subscriber for Writers {
+    fn receive(&mut self, event: &Event) {
+        self.verdicts.receive(event);
+        self.overlay.receive(event);
+        self.shots.receive(event);
+        self.trace.receive(event);
+    }
+}
+
+/// What is written as subscribers of a live run.
+pub(crate) struct LiveWriters {
+    verdicts: Option<Subscribed<Rounds<Listening<VerdictFile>>>>,
+    overlay: Option<Subscribed<Rounds<Listening<OverlayFolder>>>>,
+    shots: Option<Subscribed<Rounds<Listening<Shots>>>>,
+    trace: Option<Subscribed<Rounds<Listening<TraceFile>>>>,
+}
+
+/// Events that wait to be written, at most: at 30 Hz about a minute of frames, with what else happens.
+pub(crate) const EVENTS: usize = 4096;
+/// Pictures that wait to be drawn, at most: some 20 MB.
+const PICTURES: usize = 8;
+
 impl Outputs {
-    /// A copy of the next frame, if it will be drawn.
-    pub(crate) fn keep(&mut self, frame: &RgbdFrame) -> Option<RgbdFrame> {
-        let overlay = self.overlay.as_mut().is_some_and(OverlayFolder::wants_next);
-        let shots = self.shots.as_mut().is_some_and(Shots::wants_next);
-        (overlay || shots).then(|| frame.clone())
+    /// Has everything that is written listen. [`Outputs::rejoin`] takes it back.
+    pub(crate) fn listen(&mut self, stop: &Stop) -> Writers {
+        Writers {
+            verdicts: self.verdicts.take().map(|w| Listening::new(w, stop)),
+            overlay: self.overlay.take().map(|w| Listening::new(w, stop)),
+            shots: self.shots.take().map(|w| Listening::new(w, stop)),
+            trace: self.trace.take().map(|w| Listening::new(w, stop)),
+        }
     }
 
-    /// Writes what is to be written of a step. `kept` is what [`Outputs::keep`] gave before it.
-    pub(crate) fn take(
+    /// Takes back what listened.
+    ///
+    /// # Errors
+    /// What could not be written.
+    pub(crate) fn rejoin(&mut self, writers: Writers) -> Result<(), Failure> {
+        self.verdicts = writers.verdicts.map(Listening::finish).transpose()?;
+        self.overlay = writers.overlay.map(Listening::finish).transpose()?;
+        self.shots = writers.shots.map(Listening::finish).transpose()?;
+        self.trace = writers.trace.map(Listening::finish).transpose()?;
+        Ok(())
+    }
+
+    /// Has everything that is written listen to a live run. [`Outputs::rejoin_live`] takes it back.
+    pub(crate) fn subscribe(
         &mut self,
-        events: &[Event],
-        kept: Option<&RgbdFrame>,
-    ) -> Result<(), Failure> {
-        for event in events {
-            let Event::Frame(report) = event else {
-                continue;
-            };
-            if let Some(file) = &mut self.verdicts {
-                let _span = tracing::info_span!("verdicts").entered();
-                file.add(report)?;
-            }
-            if let (Some(folder), Some(frame)) = (&mut self.overlay, kept) {
-                let _span = tracing::info_span!("overlay").entered();
-                folder.add(frame, report)?;
-            }
-            if let (Some(shots), Some(frame)) = (&mut self.shots, kept) {
-                let _span = tracing::info_span!("overlay").entered();
-                shots.add(frame, report);
-            }
-        }
-        self.trace.as_mut().map_or(Ok(()), TraceFile::fetch)
+        live: &mut LiveSystem,
+        stop: &Stop,
+        timing: &'static Timing,
+    ) -> Result<LiveWriters, Failure> {
+        let all = Delivery::until_full(EVENTS);
+        let every = self.overlay.as_ref().map_or(1, OverlayFolder::every);
+        let every_shot = self.shots.as_ref().map_or(1, Shots::every);
+        let mut on = Subscribing { live, stop, timing };
+        Ok(LiveWriters {
+            verdicts: on.add("verdicts", all, self.verdicts.take())?,
+            overlay: on.add(
+                OVERLAY,
+                all.with_images(PICTURES, every),
+                self.overlay.take(),
+            )?,
+            shots: on.add(
+                "shots",
+                all.with_images(PICTURES, every_shot),
+                self.shots.take(),
+            )?,
+            trace: on.add("trace", all, self.trace.take())?,
+        })
+    }
+
+    /// Takes back what listened to a live run that is over.
+    ///
+    /// # Errors
+    /// What could not be written.
+    pub(crate) fn rejoin_live(&mut self, writers: LiveWriters) -> Result<(), Failure> {
+        self.verdicts = writers.verdicts.map(rejoined).transpose()?;
+        self.overlay = writers.overlay.map(rejoined).transpose()?;
+        self.shots = writers.shots.map(rejoined).transpose()?;
+        self.trace = writers.trace.map(rejoined).transpose()?;
+        Ok(())
     }
 
     /// Saves the map of a run that cannot go on after so many frames, if it is to be saved, and says so. What else there was is
@@ -89,4 +152,44 @@ impl Outputs {
         }
         Ok(said)
     }
+}
+
+/// Where writers of a live run subscribe.
+struct Subscribing<'a> {
+    live: &'a mut LiveSystem,
+    stop: &'a Stop,
+    timing: &'static Timing,
+}
+
+impl Subscribing<'_> {
+    fn add<W: Writer + Send + 'static>(
+        &mut self,
+        name: &str,
+        delivery: Delivery,
+        writer: Option<W>,
+    ) -> Result<Option<Subscribed<Rounds<Listening<W>>>>, Failure> {
+        let Some(writer) = writer else {
+            return Ok(None);
+        };
+        let rounds = Rounds {
+            subscriber: Listening::new(writer, self.stop),
+            timing: self.timing,
+        };
+        let subscribed = self.live.subscribe(name, delivery, rounds);
+        subscribed.map(Some).map_err(Failure::thread)
+    }
+}
+
+/// A subscriber of a live run that is over.
+pub(crate) fn returned<S>(subscribed: Subscribed<Rounds<S>>) -> Result<S, Failure> {
+    let subscriber = subscribed.join();
+    subscriber.map(|s| s.subscriber).map_err(|reason| {
+        Failure::criteria(format!(
+            "a thread that writes the result panicked: {reason}"
+        ))
+    })
+}
+
+fn rejoined<W>(subscribed: Subscribed<Rounds<Listening<W>>>) -> Result<W, Failure> {
+    returned(subscribed)?.finish()
 }

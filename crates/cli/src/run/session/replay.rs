@@ -1,14 +1,14 @@
-//! One pass of a stream as the log of a live run has it.
+//! One pass of a stream as the log of a run has it.
 
-use crate::console::Progress;
 use crate::failure::Failure;
-use crate::run::played::Passing;
+use crate::run::session::listeners::{Listeners, ProgressLine, Stop};
+use crate::run::session::outputs::Writers;
 use crate::run::session::{Driver, Outputs, Session};
 use crate::run::summary::DetectorJson;
 use crate::run::tally::{End, Tally};
 use std::time::Instant;
-use stillpoint::imaging::FrameSource;
-use stillpoint::slam::{Event, LogEntry, Replay, RunLog};
+use stillpoint::imaging::{FrameSource, RgbdFrame, SourceError};
+use stillpoint::slam::{LogEntry, Replay, RunLog, Subscriber};
 
 impl Driver<'_> {
     /// Carries out a log, to its end or until the user asks to stop. Says at the end whether the trajectory is that of the
@@ -27,18 +27,22 @@ impl Driver<'_> {
         let is_frame = |entry: &&LogEntry| matches!(entry, LogEntry::TrackFrame { .. });
         let frames = log.entries.iter().filter(is_frame).count();
         let mut replay = Replay::new(self.stages()?, log).map_err(Failure::input)?;
-        let mut tally = Tally::default();
-        let start = Instant::now();
-        let progress = Progress::new(Some(frames));
-        let carried_out = self.carry_out(&mut replay, source, outputs, &mut tally, progress);
-        let view = replay.view();
-        let whole = match carried_out {
-            Ok(whole) => whole,
-            Err(failure) => {
-                outputs.rescue_map(Some(&replay.into_map()), tally.frames);
-                return Err(failure);
-            }
+        let stop = Stop::default();
+        let mut listeners = Listeners {
+            tally: Tally::default(),
+            writers: outputs.listen(&stop),
+            progress: ProgressLine::new(Some(frames)),
         };
+        let start = Instant::now();
+        let carried_out = self.carry_out(&mut replay, source, &mut listeners, &stop);
+        listeners.progress.finish();
+        let view = replay.view();
+        let Listeners { tally, writers, .. } = listeners;
+        if let Err(failure) = outputs.rejoin(writers).and(carried_out) {
+            outputs.rescue_map(Some(replay.map()), tally.frames);
+            return Err(failure);
+        }
+        let whole = replay.is_over();
         self.check_frames(&tally)?;
         let agrees = replay.trajectory().digest(&view) == expected;
         let mut session = tally.close(End {
@@ -53,37 +57,41 @@ impl Driver<'_> {
         Ok((session, whole.then_some(agrees)))
     }
 
-    /// Whether all was carried out.
+    /// Carries out entries until all are done, the user asks to stop, or a listener cannot go on.
     fn carry_out(
         &self,
         replay: &mut Replay,
         source: &mut dyn FrameSource,
-        outputs: &mut Outputs,
-        tally: &mut Tally,
-        mut progress: Progress,
-    ) -> Result<bool, Failure> {
-        let passing = Passing::new(outputs.overlay.as_ref().map(|folder| folder.every()));
-        let mut source = passing.watch(source);
-        while !self.interrupt.requested() {
+        listeners: &mut Listeners<Writers>,
+        stop: &Stop,
+    ) -> Result<(), Failure> {
+        let mut source = Waited(source);
+        while !self.interrupt.requested() && !stop.requested() {
             let step = replay.step(&mut source);
             let Some(events) = step.map_err(Failure::input)? else {
-                progress.finish();
-                return Ok(true);
+                return Ok(());
             };
-            tally.take(&events);
-            for event in &events {
-                let kept = match event {
-                    Event::Frame(report) => passing.leave(report.frame),
-                    _ => None,
-                };
-                outputs.take(std::slice::from_ref(event), kept.as_ref())?;
-                if matches!(event, Event::Frame(_)) {
-                    self.timing.end_frame();
-                    progress.show(tally.frames, &tally.note());
-                }
+            listeners.receive_all(&events);
+            // Every message is a round of its own, as on the threads of a live run.
+            if events.iter().any(|event| event.as_frame().is_some()) {
+                self.timing.end_frame();
+            } else {
+                self.timing.end_round();
             }
         }
-        progress.finish();
-        Ok(false)
+        Ok(())
+    }
+}
+
+/// A source for which it is measured how long it is waited for.
+struct Waited<'a>(&'a mut dyn FrameSource);
+
+impl FrameSource for Waited<'_> {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        tracing::info_span!("wait").in_scope(|| self.0.next_frame())
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        self.0.remaining()
     }
 }

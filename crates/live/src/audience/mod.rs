@@ -1,0 +1,321 @@
+//! Whoever listens to a live run: a queue for each, and a thread for those that want one.
+//!
+//! Answers: how events reach subscribers without any stage ever waiting for one. A stage puts an event into every queue and goes on; what
+//! finds no room there is left out by the rule that the subscriber chose, and counted.
+
+use crate::mailbox::Mailbox;
+use std::collections::VecDeque;
+use std::mem::discriminant;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::thread::JoinHandle;
+use std::time::Duration;
+use stillpoint_slam::{Event, FrameEvent, Subscriber};
+
+/// What a subscriber of a live run is to receive, and what happens when it falls behind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Delivery {
+    rule: Rule,
+    /// Events that wait, at most; with [`Rule::Newest`] so many of each kind.
+    events: usize,
+    /// Of these, frames with their image.
+    images: usize,
+    /// Every so many frames bring their image.
+    every: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rule {
+    UntilFull,
+    Newest,
+}
+
+impl Delivery {
+    /// Every event in order, as long as no more than so many wait (at least 1); those that find no room are left out. Without images.
+    /// For whoever counts or writes: at 30 Hz 4096 are about a minute.
+    #[must_use]
+    pub fn until_full(events: usize) -> Self {
+        Self {
+            rule: Rule::UntilFull,
+            events: events.max(1),
+            images: 0,
+            every: 1,
+        }
+    }
+
+    /// Of each kind of event the newest, so many at most (at least 1): older ones give way. Without images. For whoever shows what is
+    /// now.
+    #[must_use]
+    pub fn newest(events: usize) -> Self {
+        Self {
+            rule: Rule::Newest,
+            ..Self::until_full(events)
+        }
+    }
+
+    /// With the image of every `every`-th frame that is tracked, from the first on; no more than so many wait. With
+    /// [`Delivery::until_full`] a frame comes without its image where that would be one too many; with [`Delivery::newest`] older frames
+    /// give way. An image of 640x480 with depth and colour takes 2.4 MB.
+    #[must_use]
+    pub fn with_images(mut self, images: usize, every: usize) -> Self {
+        (self.images, self.every) = (images, every.max(1));
+        self
+    }
+}
+
+/// Events that wait for one subscriber.
+struct Waiting {
+    delivery: Delivery,
+    events: VecDeque<Event>,
+    /// Of these, frames with their image.
+    images: usize,
+    /// Frames that came.
+    frames: usize,
+    missed: Missed,
+}
+
+/// What did not reach a subscriber because it was too slow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Missed {
+    /// Events that were left out.
+    pub events: u64,
+    /// Frames that came without their image.
+    pub images: u64,
+}
+
+/// An event on its way to several queues: with its image, and without it once one of them wants it so.
+struct Offer<'a> {
+    event: &'a Event,
+    bare: Option<Event>,
+}
+
+impl Offer<'_> {
+    fn bare(&mut self) -> Event {
+        let event = self.event;
+        let bare = self.bare.get_or_insert_with(|| match event {
+            Event::Frame(frame) => Event::Frame(Arc::new(FrameEvent {
+                frame: None,
+                report: frame.report.clone(),
+                health: frame.health.clone(),
+            })),
+            other => other.clone(),
+        });
+        bare.clone()
+    }
+}
+
+fn has_image(event: &Event) -> bool {
+    event.as_frame().is_some_and(|f| f.frame.is_some())
+}
+
+impl Waiting {
+    fn new(delivery: Delivery) -> Self {
+        Self {
+            delivery,
+            events: VecDeque::new(),
+            images: 0,
+            frames: 0,
+            missed: Missed::default(),
+        }
+    }
+
+    /// Takes an event in, or leaves out what the rule says.
+    fn offer(&mut self, offer: &mut Offer<'_>) {
+        let wants_image = self.wants_image(offer.event);
+        match self.delivery.rule {
+            Rule::UntilFull if self.events.len() >= self.delivery.events => {
+                self.missed.events += 1;
+                return;
+            }
+            Rule::UntilFull => {}
+            Rule::Newest => self.make_room(offer.event, wants_image),
+        }
+        let fits = wants_image && self.images < self.delivery.images;
+        self.missed.images += u64::from(wants_image && !fits);
+        self.images += usize::from(fits);
+        let event = if fits {
+            offer.event.clone()
+        } else {
+            offer.bare()
+        };
+        self.events.push_back(event);
+    }
+
+    /// Whether this is a frame whose image is wanted.
+    fn wants_image(&mut self, event: &Event) -> bool {
+        if event.as_frame().is_none() {
+            return false;
+        }
+        let turn = self.frames.is_multiple_of(self.delivery.every);
+        self.frames += 1;
+        turn && self.delivery.images > 0 && has_image(event)
+    }
+
+    /// Leaves out the oldest events of the same kind, until there is room for one more.
+    fn make_room(&mut self, event: &Event, wants_image: bool) {
+        let kind = discriminant(event);
+        loop {
+            let alike = self.events.iter().filter(|e| discriminant(*e) == kind);
+            let is_full = alike.count() >= self.delivery.events
+                || (wants_image && self.images >= self.delivery.images);
+            let oldest = self.events.iter().position(|e| discriminant(e) == kind);
+            let (true, Some(oldest)) = (is_full, oldest) else {
+                return;
+            };
+            let left_out = self.events.remove(oldest);
+            self.images -= usize::from(left_out.as_ref().is_some_and(has_image));
+            self.missed.events += 1;
+        }
+    }
+
+    fn next(&mut self) -> Option<Event> {
+        let event = self.events.pop_front()?;
+        self.images -= usize::from(has_image(&event));
+        Some(event)
+    }
+
+    /// Whether the events of some more frames find room, with their images. Three of them: one is tracked, one waits for that, one is to come; each may bring
+    /// eight events with it.
+    fn has_room(&self) -> bool {
+        const FRAMES: usize = 3;
+        let fits =
+            |waiting: usize, coming: usize, most: usize| waiting == 0 || waiting + coming <= most;
+        self.delivery.rule == Rule::Newest
+            || (fits(self.events.len(), 8 * FRAMES, self.delivery.events)
+                && fits(self.images, FRAMES, self.delivery.images))
+    }
+}
+
+type Queue = Arc<Mailbox<Waiting>>;
+
+/// Everyone who listens to a run.
+#[derive(Default)]
+pub(crate) struct Audience(Mailbox<Vec<(String, Queue)>>);
+
+impl Audience {
+    /// Tells everyone. Waits for nobody.
+    pub(crate) fn publish(&self, event: &Event) {
+        let mut offer = Offer { event, bare: None };
+        self.0.look(|queues| {
+            for (_, queue) in queues {
+                queue.put(|q| q.offer(&mut offer));
+            }
+        });
+    }
+
+    /// A new listener, who hears what comes from now on.
+    pub(crate) fn listen(&self, name: &str, delivery: Delivery) -> Events {
+        let queue = Arc::new(Mailbox::new(Waiting::new(delivery)));
+        let kept = Arc::clone(&queue);
+        self.0.put(|queues| queues.push((name.to_owned(), kept)));
+        Events { queue }
+    }
+
+    /// Waits until everyone who is to get every event has room for those of the next frame.
+    pub(crate) fn wait_for_room(&self) {
+        let queues: Vec<Queue> = self.0.look(|all| all.iter().map(|q| q.1.clone()).collect());
+        for queue in queues {
+            queue.put_when(Waiting::has_room, |_| {});
+        }
+    }
+
+    /// Nothing more comes: every listener ends once it has what waits.
+    pub(crate) fn close(&self) {
+        self.0
+            .look(|queues| queues.iter().for_each(|q| q.1.close()));
+    }
+
+    /// What each listener missed so far, by name, in the order in which they came.
+    pub(crate) fn missed(&self) -> Vec<(String, Missed)> {
+        let missed = |(name, queue): &(String, Queue)| (name.clone(), queue.look(|q| q.missed));
+        self.0.look(|queues| queues.iter().map(missed).collect())
+    }
+}
+
+/// Events of a live run as they happen, for whoever asks for them. Ends when the run does; dropping it ends it as well.
+pub struct Events {
+    queue: Queue,
+}
+
+impl Events {
+    /// Waits for the next event; none when the run is over and all were taken.
+    pub fn recv(&self) -> Option<Event> {
+        self.queue.take(Waiting::next)
+    }
+
+    /// The next event if one is there by then.
+    pub fn recv_within(&self, time: Duration) -> Option<Event> {
+        self.queue.take_within(time, Waiting::next)
+    }
+
+    /// The next event if one is there.
+    pub fn try_recv(&self) -> Option<Event> {
+        self.queue.change(Waiting::next)
+    }
+
+    /// The events that are there.
+    pub fn try_iter(&self) -> impl Iterator<Item = Event> {
+        std::iter::from_fn(|| self.try_recv())
+    }
+
+    /// All events until the end of the run.
+    pub fn iter(&self) -> impl Iterator<Item = Event> {
+        std::iter::from_fn(|| self.recv())
+    }
+
+    /// What was left out so far.
+    #[must_use]
+    pub fn missed(&self) -> Missed {
+        self.queue.look(|q| q.missed)
+    }
+}
+
+impl Drop for Events {
+    fn drop(&mut self) {
+        self.queue.close();
+        // What still waits may hold images.
+        self.queue.change(|q| q.events.clear());
+    }
+}
+
+/// A subscriber on a thread of its own, to be had back when the run is over.
+pub struct Subscribed<S> {
+    done: Receiver<Result<S, String>>,
+}
+
+impl<S> Subscribed<S> {
+    /// Waits until the run is over and the subscriber has received everything, and gives it back.
+    ///
+    /// # Errors
+    /// Why it panicked, if it did. The run went on without it.
+    pub fn join(self) -> Result<S, String> {
+        let gone = || Err("its thread ended".to_owned());
+        self.done.recv().unwrap_or_else(|_| gone())
+    }
+}
+
+/// Starts the thread of a subscriber.
+pub(crate) fn start<S: Subscriber + Send + 'static>(
+    name: &str,
+    events: Events,
+    subscriber: S,
+    begin: impl FnOnce() + Send + 'static,
+) -> std::io::Result<(Subscribed<S>, JoinHandle<()>)> {
+    let (sender, done): (SyncSender<Result<S, String>>, _) = sync_channel(1);
+    let thread = std::thread::Builder::new().name(name.to_owned());
+    let thread = thread.spawn(move || {
+        let mut subscriber = subscriber;
+        let listened = catch_unwind(AssertUnwindSafe(|| {
+            begin();
+            events.iter().for_each(|event| subscriber.receive(&event));
+        }));
+        let end = listened.map(|()| subscriber);
+        // Nobody may want it back.
+        let _ = sender.send(end.map_err(|panic| crate::health::reason_of(panic.as_ref())));
+    })?;
+    Ok((Subscribed { done }, thread))
+}
+
+#[cfg(test)]
+mod tests;

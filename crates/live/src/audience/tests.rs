@@ -1,0 +1,157 @@
+//! Queues of subscribers: what waits, what is left out, and what is counted.
+
+use super::*;
+use stillpoint_detection::Detections;
+use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
+use stillpoint_slam::{FrameCounts, FrameReport, Health, OnEvent, Outcome, Quality, Segments};
+
+fn detected(n: u32) -> Event {
+    Event::Detected(Detections {
+        frame: FrameId(n),
+        stamp: 0.0,
+        items: Vec::new(),
+    })
+}
+
+fn tracked(n: u32) -> Event {
+    let (frame, stamp) = (FrameId(n), f64::from(n));
+    Event::Frame(Arc::new(FrameEvent {
+        frame: Some(Arc::new(RgbdFrame {
+            id: frame,
+            stamp,
+            depth_stamp: stamp,
+            gray: GrayImage::new(1, 1),
+            colour: None,
+            depth: DepthImage::default(),
+        })),
+        report: FrameReport {
+            frame,
+            stamp,
+            outcome: Outcome::Tracked,
+            world_from_camera: None,
+            verdicts: [].into(),
+            segments: Segments::default(),
+            objects: [].into(),
+            counts: FrameCounts::default(),
+            is_keyframe: false,
+            piece: None,
+            map_version: 0,
+        },
+        health: Health {
+            frame,
+            stamp,
+            quality: Quality::default(),
+            covariance: None,
+            static_share: 1.0,
+            dynamic_share: 0.0,
+            depth_share: 1.0,
+            detections_age: None,
+            map_age: None,
+            loss: None,
+        },
+    }))
+}
+
+/// The events that wait: `d` and `f` for detections and frames with their numbers, `F` for a frame with its image.
+fn waiting(events: &Events) -> String {
+    let named = |event: Event| match event {
+        Event::Detected(d) => format!("d{}", d.frame.0),
+        Event::Frame(f) if f.frame.is_some() => format!("F{}", f.report.frame.0),
+        Event::Frame(f) => format!("f{}", f.report.frame.0),
+        _ => "?".to_owned(),
+    };
+    events.try_iter().map(named).collect::<Vec<_>>().join(" ")
+}
+
+fn missed(events: &Events) -> (u64, u64) {
+    let missed = events.missed();
+    (missed.events, missed.images)
+}
+
+#[test]
+fn until_full_everything_comes_in_order_and_the_newest_is_left_out() {
+    let audience = Audience::default();
+    let events = audience.listen("test", Delivery::until_full(3));
+    for n in 0..5 {
+        audience.publish(&detected(n));
+    }
+    assert_eq!(waiting(&events), "d0 d1 d2");
+    assert_eq!(missed(&events), (2, 0));
+    audience.publish(&tracked(5));
+    audience.publish(&detected(6));
+    assert_eq!(waiting(&events), "f5 d6");
+    assert_eq!(audience.missed()[0].0, "test");
+    assert_eq!(audience.missed()[0].1.events, 2);
+}
+
+#[test]
+fn the_newest_of_each_kind_comes_and_older_ones_give_way() {
+    let audience = Audience::default();
+    let events = audience.listen("test", Delivery::newest(2).with_images(1, 1));
+    for n in 0..4 {
+        audience.publish(&detected(n));
+        audience.publish(&tracked(n));
+    }
+    // One image at a time: an older frame gives way to one with its image.
+    assert_eq!(waiting(&events), "d2 d3 F3");
+    assert_eq!(missed(&events), (2 + 3, 0));
+    // What was taken makes room.
+    audience.publish(&tracked(4));
+    assert_eq!(waiting(&events), "F4");
+}
+
+#[test]
+fn images_are_bounded_by_their_number_and_come_for_every_so_many_frames() {
+    let audience = Audience::default();
+    let events = audience.listen("test", Delivery::until_full(100).with_images(2, 3));
+    let others = audience.listen("others", Delivery::until_full(100));
+    for n in 0..10 {
+        audience.publish(&tracked(n));
+    }
+    assert_eq!(waiting(&events), "F0 f1 f2 F3 f4 f5 f6 f7 f8 f9");
+    assert_eq!(missed(&events), (0, 2));
+    audience.publish(&tracked(10));
+    audience.publish(&tracked(12));
+    audience.publish(&tracked(13));
+    assert_eq!(waiting(&events), "f10 f12 F13");
+    // Who wants no images misses none.
+    assert!(!waiting(&others).contains('F'));
+    assert_eq!(missed(&others), (0, 0));
+}
+
+#[test]
+fn who_does_not_listen_any_more_holds_nothing_up() {
+    let audience = Audience::default();
+    let events = audience.listen("test", Delivery::until_full(1));
+    audience.publish(&detected(0));
+    let first = tracked(1);
+    drop(events);
+    audience.publish(&first);
+    audience.wait_for_room();
+    let Event::Frame(frame) = &first else {
+        unreachable!()
+    };
+    assert_eq!(Arc::strong_count(frame), 1);
+}
+
+#[test]
+fn a_subscriber_that_panics_is_told_and_others_go_on() {
+    let audience = Audience::default();
+    let start = |name: &str, worst: u32| {
+        let events = audience.listen(name, Delivery::until_full(10));
+        let mut seen = 0;
+        let count = OnEvent(move |_: &Event| {
+            seen += 1;
+            assert!(seen < worst, "no more of this");
+        });
+        start(name, events, count, || {}).unwrap()
+    };
+    let (weak, strong) = (start("weak", 2), start("strong", 100));
+    for n in 0..5 {
+        audience.publish(&detected(n));
+    }
+    audience.close();
+    assert_eq!(weak.0.join().err().unwrap(), "no more of this");
+    assert!(strong.0.join().is_ok());
+    assert_eq!(strong.1.join().ok(), weak.1.join().ok());
+}

@@ -1,0 +1,217 @@
+//! Inline runs: what they say is complete, in the order of their logs, and their logs give the same again, bit for bit.
+
+use super::world::{self, Frames, Told, frames, scripted};
+use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::Map;
+use stillpoint_slam::{Event, LogEntry, Replay, RunLog, Schedule, Stages, Subscriber, System};
+
+/// A detector that fails at every third frame.
+struct Fails(Box<dyn Detector>);
+
+impl Detector for Fails {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        match frame.id.0 % 3 {
+            2 => Err(DetectError::NoColour { frame: frame.id }),
+            _ => self.0.detect(frame),
+        }
+    }
+
+    fn info(&self) -> DetectorInfo {
+        self.0.info()
+    }
+}
+
+/// Everything that a run said, in order.
+#[derive(Default)]
+struct Heard {
+    events: Vec<Event>,
+    checked: Told,
+}
+
+impl Subscriber for Heard {
+    fn receive(&mut self, event: &Event) {
+        // The order that all drivers keep.
+        self.checked.take(event);
+        self.events.push(event.clone());
+    }
+}
+
+fn text(events: &[Event]) -> Vec<String> {
+    events.iter().map(|e| format!("{e:?}")).collect()
+}
+
+/// Runs frames through a system with a log, to the end.
+fn run(mut system: System, frames: &[RgbdFrame]) -> (System, Heard) {
+    let mut heard = Heard::default();
+    for frame in frames {
+        heard.receive_all(&system.step(frame.clone()));
+    }
+    heard.receive_all(&system.finish());
+    (system, heard)
+}
+
+fn bytes(map: &Map) -> Vec<u8> {
+    map.to_bytes(&[]).unwrap()
+}
+
+/// The log of a run, as a text and back, gives its events in their order, its trajectory and its map.
+fn assert_replayed(system: System, heard: &Heard, stages: Stages, frames: &[RgbdFrame]) {
+    let log = system.log().unwrap();
+    let log = RunLog::from_bytes(log.to_text().as_bytes()).unwrap();
+    let mut replay = Replay::new(stages, log).unwrap();
+    let mut again = Heard::default();
+    replay.run(&mut Frames::of(frames), &mut again).unwrap();
+    assert!(replay.is_over());
+    assert_eq!(text(&heard.events), text(&again.events));
+    assert_eq!(
+        format!("{:?}", system.loops()),
+        format!("{:?}", replay.loops())
+    );
+    let digest = |t: &stillpoint_slam::Trajectory, v: &stillpoint_map::MapView| t.digest(v);
+    assert_eq!(
+        digest(system.trajectory(), &system.view()),
+        digest(replay.trajectory(), &replay.view())
+    );
+    assert!(
+        bytes(system.map()) == bytes(&replay.into_map()),
+        "another map"
+    );
+}
+
+#[test]
+fn a_run_with_delays_and_a_detector_that_fails_is_replayed() {
+    let stages = || {
+        world::stages_with(|c| {
+            c.schedule = Schedule {
+                detector: 3,
+                mapper: 2,
+                looper: 4,
+            };
+        })
+    };
+    let system = System::from(stages()).with_log();
+    let system = system.with_detector(Box::new(Fails(scripted())));
+    let (system, heard) = run(system, frames());
+    let count = |kind: fn(&Event) -> bool| heard.events.iter().filter(|e| kind(e)).count();
+    assert_eq!(count(|e| matches!(e, Event::Frame(_))), frames().len());
+    assert_eq!(
+        count(|e| matches!(e, Event::DetectorFailed(_))),
+        frames().len() / 3
+    );
+    assert!(count(|e| matches!(e, Event::Mapped { .. })) > 2);
+    let log = system.log().unwrap();
+    let late = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { next, said: Ok(d) } if d.frame.0 + 3 == next.0);
+    assert!(log.entries.iter().any(|e| late(&e)));
+    assert_replayed(system, &heard, stages(), frames());
+}
+
+#[test]
+fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
+    let (camera, frames) = world::there_and_back();
+    let stages =
+        |looper: u32| world::stages_for_pieces_with(camera, |c| c.schedule.looper = looper);
+    let (system, heard) = run(System::from(stages(4)).with_log(), &frames);
+    let corrected: Vec<_> = heard
+        .events
+        .iter()
+        .filter_map(|e| match e {
+            Event::Corrected { report, view } => Some((*report, view)),
+            _ => None,
+        })
+        .collect();
+    let [(report, view)] = corrected[..] else {
+        panic!("{} corrections", corrected.len());
+    };
+    assert_eq!(view.version(), report.map_version);
+    assert!(
+        report.moved.keyframes > 0 && report.moved.landmarks > 100,
+        "{report:?}"
+    );
+    assert_eq!(
+        system
+            .loops()
+            .iter()
+            .filter(|l| l.applied == Some(report))
+            .count(),
+        1
+    );
+    assert_replayed(system, &heard, stages(4), &frames);
+
+    // One that is outstanding when the stream ends is delivered, and reported.
+    let mut late = System::from(stages(1000)).with_log();
+    let mut heard = Heard::default();
+    for frame in &frames {
+        heard.receive_all(&late.step(frame.clone()));
+    }
+    let before = late.view().pieces().len();
+    let last = late.finish();
+    assert!(matches!(last[..], [Event::Corrected { .. }]), "{last:?}");
+    assert_eq!((before, late.view().pieces().len()), (2, 1));
+    heard.receive_all(&last);
+    assert_replayed(late, &heard, stages(1000), &frames);
+}
+
+/// Whoever listens needs nothing else: images, reports, health and maps come with the events.
+#[test]
+fn events_are_complete() {
+    let system = System::from(world::stages()).with_detector(scripted());
+    let (system, heard) = run(system, frames());
+    assert!(system.log().is_none());
+    let mut newest = None;
+    for event in &heard.events {
+        match event {
+            Event::Frame(tracked) => {
+                let frame = tracked.frame.as_ref().unwrap();
+                let of = &frames()[frame.id.0 as usize];
+                assert_eq!(frame.gray, of.gray);
+                let (report, health) = (&tracked.report, &tracked.health);
+                assert_eq!((report.frame, health.frame), (frame.id, frame.id));
+            }
+            Event::Mapped { report, view } => {
+                assert_eq!(view.version(), report.map_version);
+                assert!(view.keyframe(report.keyframe).is_some());
+            }
+            _ => {}
+        }
+        newest = event.view().cloned().or(newest);
+    }
+    assert_eq!(newest.unwrap().version(), system.view().version());
+    // People have positions in the world and seen from the camera, once their depth was seen.
+    let last = heard.events.iter().rev().find_map(Event::as_frame).unwrap();
+    let pose = last.report.world_from_camera.unwrap();
+    let seen = last
+        .report
+        .objects
+        .iter()
+        .filter_map(|o| o.seen_from(&pose));
+    let mut people = 0;
+    for person in seen {
+        people += 1;
+        assert!((0.3..10.0).contains(&person.position.z), "{person:?}");
+        assert!(person.covariance.cholesky().is_some(), "{person:?}");
+    }
+    assert!(people > 0);
+}
+
+/// The map can be saved and the trajectory read at any frame.
+#[test]
+fn what_is_known_can_be_had_at_any_time() {
+    let mut system = System::from(world::stages());
+    for frame in &frames()[..20] {
+        system.step(frame.clone());
+    }
+    let poses = system.corrected_trajectory();
+    assert_eq!(poses.len(), 20);
+    let now = bytes(system.map());
+    let map = Map::from_bytes(&now).unwrap();
+    assert_eq!(map.view().keyframe_count(), system.view().keyframe_count());
+    for frame in &frames()[20..] {
+        system.step(frame.clone());
+    }
+    system.finish();
+    assert!(bytes(system.map()) != now);
+    // Saving changed nothing.
+    let (other, _) = run(System::from(world::stages()), frames());
+    assert!(bytes(system.map()) == bytes(other.map()));
+}

@@ -1,0 +1,319 @@
+//! The exchange: the stages of one run, and what they have told each other.
+//!
+//! Answers: what happens when a stage takes a message. It owns the stages and their inboxes, carries out one entry of a run log at a
+//! time, and says what happened. When an entry is carried out is not its business: a schedule decides that in
+//! [`System`](crate::System), a log in [`Replay`](crate::Replay), and threads in a live run, which have inboxes of their own and the
+//! same [`routing`].
+
+use crate::event::{Event, LoopReport};
+use crate::gate::RefusedFrame;
+use crate::loops::Loops;
+use crate::messages::{LooperMsg, MapperMsg};
+use crate::routing;
+use crate::run_log::LogEntry;
+use crate::sensor::Timing;
+use crate::stages::{MapUse, Stages, StartError};
+use crate::subscriber::Subscriber;
+use crate::trajectory::Trajectory;
+use std::collections::VecDeque;
+use std::sync::Arc;
+use stillpoint_detection::{DetectError, Detections};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{Correction, KeyframeId, Map, MapView};
+use stillpoint_place::PlaceIndex;
+
+/// An entry takes a message that nobody sent.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NotSent {
+    /// What was to be taken.
+    pub expected: Box<LogEntry>,
+    /// What waits in that inbox instead, if anything.
+    pub found: Option<Box<LogEntry>>,
+}
+
+impl std::fmt::Display for NotSent {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "expected {:?}, found ", self.expected)?;
+        match &self.found {
+            Some(found) => write!(f, "{found:?}"),
+            None => write!(f, "no such message"),
+        }
+    }
+}
+
+impl std::error::Error for NotSent {}
+
+/// The stages of one run with their inboxes.
+///
+/// | a stage takes | it may send | to |
+/// |---|---|---|
+/// | tracker: a frame | a keyframe | mapper |
+/// | tracker: detections | what moves in an earlier keyframe | mapper |
+/// | mapper: any message | a view of the map | tracker |
+/// | | what it did | loop closer |
+/// | loop closer: any message | the known places | tracker |
+/// | | a correction | mapper |
+pub struct Exchange {
+    stages: Stages,
+    for_mapper: VecDeque<MapperMsg>,
+    corrections: VecDeque<Correction>,
+    for_looper: VecDeque<LooperMsg>,
+    views: Numbered<Arc<MapView>>,
+    places: Numbered<PlaceIndex<KeyframeId>>,
+    /// The newest version of the map.
+    view: Arc<MapView>,
+    loops: Loops,
+}
+
+/// Answers by their numbers, of which newer ones replace older ones.
+struct Numbered<T> {
+    next: u64,
+    waiting: VecDeque<(u64, T)>,
+}
+
+impl<T> Default for Numbered<T> {
+    fn default() -> Self {
+        Self {
+            next: 0,
+            waiting: VecDeque::new(),
+        }
+    }
+}
+
+impl<T> Numbered<T> {
+    fn push(&mut self, value: T) {
+        self.waiting.push_back((self.next, value));
+        self.next += 1;
+    }
+
+    /// The answer with this number; those before it are gone then.
+    fn take(&mut self, number: u64) -> Option<T> {
+        while let Some((n, value)) = self.waiting.pop_front() {
+            if n == number {
+                return Some(value);
+            }
+        }
+        None
+    }
+}
+
+impl From<Stages> for Exchange {
+    /// The exchange before the first frame.
+    fn from(stages: Stages) -> Self {
+        Self {
+            view: stages.tracker.view(),
+            stages,
+            for_mapper: VecDeque::new(),
+            corrections: VecDeque::new(),
+            for_looper: VecDeque::new(),
+            views: Numbered::default(),
+            places: Numbered::default(),
+            loops: Loops::default(),
+        }
+    }
+}
+
+impl Exchange {
+    /// The exchange with a map that is there already: see [`Stages::with_map`]. To be called before the first frame.
+    ///
+    /// # Errors
+    /// [`StartError`] when nothing can be recognised in that map.
+    pub fn with_map(self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
+        Ok(Self::from(self.stages.with_map(map, map_use)?))
+    }
+
+    /// Lets the next frame in, or says why not. To be asked before anything else is done with a frame.
+    ///
+    /// # Errors
+    /// As [`FrameGate::admit`](crate::FrameGate::admit).
+    pub fn admit(&mut self, frame: &RgbdFrame) -> Result<(), RefusedFrame> {
+        self.stages.gate.admit(frame)
+    }
+
+    /// Carries out one entry: a stage takes one message, and what it answers goes where it belongs. Says what happened; many
+    /// entries are no event. `frame` is the one that a [`LogEntry::TrackFrame`] names; other entries need none.
+    ///
+    /// # Errors
+    /// [`NotSent`] when the message that the entry names is not the next in that stage's inbox. Nothing was taken then, but for
+    /// views and places before the one that was named.
+    pub fn take(
+        &mut self,
+        entry: &LogEntry,
+        frame: Option<&Arc<RgbdFrame>>,
+    ) -> Result<Option<Event>, NotSent> {
+        let event = match entry {
+            LogEntry::TrackFrame { .. } => Some(self.track(entry, frame)?),
+            LogEntry::TrackDetections { next, said } => Some(self.hear(said.clone(), *next)),
+            LogEntry::TrackView { answer } => {
+                let view = self.views.take(*answer);
+                let view = view.ok_or_else(|| not_sent(entry, None))?;
+                self.stages.tracker.receive(view);
+                None
+            }
+            LogEntry::TrackPlaces { answer } => {
+                let places = self.places.take(*answer);
+                let places = places.ok_or_else(|| not_sent(entry, None))?;
+                self.stages.tracker.receive_places(places);
+                None
+            }
+            LogEntry::TrackEffort { features } => {
+                self.stages.tracker.set_features(*features);
+                None
+            }
+            LogEntry::MapEffort { effort } => {
+                self.stages.mapper.set_effort(*effort);
+                None
+            }
+            LogEntry::MapKeyframe { .. } | LogEntry::MapRejudge { .. } => {
+                let message = take_named(&mut self.for_mapper, entry, |m| Some(m.into()))?;
+                Some(self.build_map(message))
+            }
+            LogEntry::MapCorrect { .. } => {
+                let named = |c: &Correction| Some(LogEntry::of_correction(c));
+                let correction = take_named(&mut self.corrections, entry, named)?;
+                Some(self.build_map(MapperMsg::Correct(correction)))
+            }
+            LogEntry::LoopKeyframe { .. }
+            | LogEntry::LoopRejudged { .. }
+            | LogEntry::LoopCorrected { .. } => {
+                let message = take_named(&mut self.for_looper, entry, LogEntry::of_looper)?;
+                self.look_for_loop(message)
+            }
+        };
+        event.iter().for_each(|e| self.loops.receive(e));
+        Ok(event)
+    }
+
+    fn track(
+        &mut self,
+        entry: &LogEntry,
+        frame: Option<&Arc<RgbdFrame>>,
+    ) -> Result<Event, NotSent> {
+        let found = frame.map(|f| LogEntry::of_frame(f));
+        let frame = frame.filter(|_| found.as_ref() == Some(entry));
+        let frame = frame.ok_or_else(|| not_sent(entry, found))?;
+        let Stages {
+            tracker, health, ..
+        } = &mut self.stages;
+        let (event, message) = routing::track(tracker, health, frame);
+        self.for_mapper.extend(message);
+        Ok(event)
+    }
+
+    fn hear(&mut self, said: Result<Detections, DetectError>, next: FrameId) -> Event {
+        let Stages {
+            tracker, health, ..
+        } = &mut self.stages;
+        let (event, message) = routing::hear(tracker, health, said, next);
+        self.for_mapper.extend(message);
+        event
+    }
+
+    fn build_map(&mut self, message: MapperMsg) -> Event {
+        let out = self.stages.mapper.step(message);
+        self.for_looper.push_back(out.for_looper());
+        self.view = Arc::clone(&out.view);
+        self.views.push(Arc::clone(&out.view));
+        out.into_event()
+    }
+
+    fn look_for_loop(&mut self, message: LooperMsg) -> Option<Event> {
+        let out = self.stages.looper.step(message);
+        self.places.push(out.places);
+        self.corrections.extend(out.correction);
+        out.report.map(|report| Event::Looped(Box::new(report)))
+    }
+
+    /// The entry by which the mapper takes the next message of the tracker; none when nothing waits.
+    #[must_use]
+    pub fn next_for_mapper(&self) -> Option<LogEntry> {
+        self.for_mapper.front().map(LogEntry::from)
+    }
+
+    /// The entry by which the mapper takes the next correction; none when nothing waits.
+    #[must_use]
+    pub fn next_correction(&self) -> Option<LogEntry> {
+        self.corrections.front().map(LogEntry::of_correction)
+    }
+
+    /// The entry by which the loop closer takes its next message; none when nothing waits.
+    #[must_use]
+    pub fn next_for_looper(&self) -> Option<LogEntry> {
+        self.for_looper.front().and_then(LogEntry::of_looper)
+    }
+
+    /// How many views the mapper has sent to the tracker; the newest has this number less one.
+    #[must_use]
+    pub fn views_sent(&self) -> u64 {
+        self.views.next
+    }
+
+    /// How many times the loop closer has sent its places to the tracker; the newest have this number less one.
+    #[must_use]
+    pub fn places_sent(&self) -> u64 {
+        self.places.next
+    }
+
+    /// The stages.
+    #[must_use]
+    pub fn stages(&self) -> &Stages {
+        &self.stages
+    }
+
+    /// The frames tracked so far.
+    #[must_use]
+    pub fn trajectory(&self) -> &Trajectory {
+        self.stages.tracker.trajectory()
+    }
+
+    /// The newest version of the map, whether the tracker has seen it yet or not.
+    #[must_use]
+    pub fn view(&self) -> Arc<MapView> {
+        Arc::clone(&self.view)
+    }
+
+    /// The places that were recognised so far, with what became of them, in the order of keyframes.
+    #[must_use]
+    pub fn loops(&self) -> &[LoopReport] {
+        self.loops.reports()
+    }
+
+    /// When the parts of a frame are exposed, as estimated so far.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        self.stages.tracker.timing()
+    }
+
+    /// The map as the mapper has it: that of [`Exchange::view`].
+    #[must_use]
+    pub fn map(&self) -> &Map {
+        self.stages.mapper.map()
+    }
+
+    /// The map, when the run is over.
+    #[must_use]
+    pub fn into_map(self) -> Map {
+        self.stages.mapper.into_map()
+    }
+}
+
+/// Takes the first message of an inbox if it is the one that an entry names.
+fn take_named<M>(
+    inbox: &mut VecDeque<M>,
+    entry: &LogEntry,
+    name: impl Fn(&M) -> Option<LogEntry>,
+) -> Result<M, NotSent> {
+    let found = inbox.front().and_then(name);
+    let message = match found.as_ref() == Some(entry) {
+        true => inbox.pop_front(),
+        false => None,
+    };
+    message.ok_or_else(|| not_sent(entry, found))
+}
+
+fn not_sent(expected: &LogEntry, found: Option<LogEntry>) -> NotSent {
+    NotSent {
+        expected: Box::new(expected.clone()),
+        found: found.map(Box::new),
+    }
+}

@@ -1,0 +1,39 @@
+//! The places that were recognised in a run, gathered from its events.
+
+use crate::event::{Event, LoopOutcome, LoopReport};
+use crate::subscriber::Subscriber;
+
+/// Gathers the reports of loops, and what became of their corrections.
+#[derive(Clone, Debug, Default)]
+pub struct Loops(Vec<LoopReport>);
+
+impl Loops {
+    /// The places that were recognised so far, with what became of them, in the order of keyframes.
+    #[must_use]
+    pub fn reports(&self) -> &[LoopReport] {
+        &self.0
+    }
+
+    /// The reports, when the run is over.
+    #[must_use]
+    pub fn into_reports(self) -> Vec<LoopReport> {
+        self.0
+    }
+}
+
+impl Subscriber for Loops {
+    fn receive(&mut self, event: &Event) {
+        match event {
+            Event::Looped(report) => self.0.push(report.as_ref().clone()),
+            Event::Corrected { report, .. } => {
+                // Corrections are applied in the order of the loops that they close.
+                let waits =
+                    |l: &&mut LoopReport| l.outcome == LoopOutcome::Closed && l.applied.is_none();
+                if let Some(closed) = self.0.iter_mut().find(waits) {
+                    closed.applied = Some(*report);
+                }
+            }
+            _ => {}
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! By how much two versions of the map differ: what a correction did, in numbers.
+
+use stillpoint_map::MapView;
+
+/// By how much one version of the map differs from the one before.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MapShift {
+    /// Keyframes in both whose pose is another.
+    pub keyframes: u32,
+    /// Landmarks in both whose position is another.
+    pub landmarks: u32,
+    /// Largest distance between the positions of a keyframe that was in the same piece of map before, m: those of others had a frame
+    /// of reference of their own.
+    pub farthest_m: f64,
+    /// Largest angle between the orientations of such a keyframe, rad.
+    pub largest_turn_rad: f64,
+}
+
+impl MapShift {
+    /// What moved between two versions.
+    #[must_use]
+    pub fn between(before: &MapView, after: &MapView) -> Self {
+        let mut shift = Self::default();
+        for now in after.keyframes() {
+            let Some(was) = before.keyframe(now.id) else {
+                continue;
+            };
+            let (from, to) = (&was.world_from_camera, &now.world_from_camera);
+            if from == to {
+                continue;
+            }
+            shift.keyframes += 1;
+            if was.piece == now.piece {
+                let distance = (to.translation - from.translation).norm();
+                let turn = (from.inverse() * *to).log().fixed_rows::<3>(3).norm();
+                shift.farthest_m = shift.farthest_m.max(distance);
+                shift.largest_turn_rad = shift.largest_turn_rad.max(turn);
+            }
+        }
+        for (id, _) in after.landmarks() {
+            let was = before.landmark_position(id);
+            let moved = was.is_some() && was != after.landmark_position(id);
+            shift.landmarks += u32::from(moved);
+        }
+        shift
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use stillpoint_features::{Descriptor, FeatureGrid};
+    use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
+    use stillpoint_map::{KeyframeData, KeyframeId, Map};
+
+    #[test]
+    fn what_moved_is_counted_and_the_farthest_is_found() {
+        let data = Arc::new(KeyframeData {
+            stamp: 0.0,
+            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: Vec::new(),
+            depth_sigmas: Vec::new(),
+            descriptors: Vec::<Descriptor>::new(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
+        });
+        let mut map = Map::new(8, 1.2);
+        for k in 0..4 {
+            let parent = (k > 0).then_some(KeyframeId(0));
+            map.insert_keyframe(KeyframeId(k), Arc::clone(&data), Se3::identity(), parent);
+        }
+        let before = map.publish();
+        assert_eq!(
+            MapShift::between(&before, &map.publish()),
+            MapShift::default()
+        );
+        let at = |x: f64, turn: f64| {
+            let mut pose = Se3::exp(&Vec6::new(0.0, 0.0, 0.0, 0.0, turn, 0.0));
+            pose.translation = Vec3::new(x, 0.0, 0.0);
+            pose
+        };
+        map.set_pose(KeyframeId(1), at(0.1, 0.3));
+        map.set_pose(KeyframeId(2), at(0.2, 0.0));
+        // One that is new has not moved.
+        map.insert_keyframe(KeyframeId(4), data, at(9.0, 0.0), Some(KeyframeId(0)));
+        let shift = MapShift::between(&before, &map.publish());
+        assert_eq!((shift.keyframes, shift.landmarks), (2, 0));
+        assert!((shift.farthest_m - 0.2).abs() < 1e-12, "{shift:?}");
+        assert!((shift.largest_turn_rad - 0.3).abs() < 1e-12, "{shift:?}");
+    }
+}

@@ -1,0 +1,51 @@
+//! Routing: what follows when a stage of tracking has taken a message.
+//!
+//! Answers: which event tells of it, and what the next stage is told. The same for all drivers: [`Exchange`](crate::Exchange) and the
+//! threads of a live run call these functions. What follows from answers of the mapper and the loop closer is said by the answers
+//! themselves: [`MapperOut`](crate::MapperOut), [`LooperOut`](crate::LooperOut).
+
+use crate::event::{Event, FrameEvent};
+use crate::health::HealthMonitor;
+use crate::messages::{MapperMsg, Tracked};
+use crate::tracking::Tracker;
+use std::sync::Arc;
+use stillpoint_detection::{DetectError, Detections};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+
+/// The tracker takes a frame: [`Event::Frame`], and the keyframe that the mapper is told of.
+pub fn track(
+    tracker: &mut Tracker,
+    health: &mut HealthMonitor,
+    frame: &Arc<RgbdFrame>,
+) -> (Event, Option<MapperMsg>) {
+    let tracked = tracker.track(frame);
+    let health = health.judge(frame, &tracked);
+    let Tracked {
+        report, keyframe, ..
+    } = tracked;
+    let event = FrameEvent {
+        frame: Some(Arc::clone(frame)),
+        report,
+        health,
+    };
+    let message = keyframe.map(|k| MapperMsg::Keyframe(Box::new(k)));
+    (Event::Frame(Arc::new(event)), message)
+}
+
+/// The tracker takes what a detector said, before it takes the frame `next`: [`Event::Detected`] or [`Event::DetectorFailed`], and
+/// what turned out to move in an earlier keyframe.
+pub fn hear(
+    tracker: &mut Tracker,
+    health: &mut HealthMonitor,
+    said: Result<Detections, DetectError>,
+    next: FrameId,
+) -> (Event, Option<MapperMsg>) {
+    match said {
+        Ok(detections) => {
+            health.receive(&detections);
+            let message = tracker.receive_detections(detections.clone(), next);
+            (Event::Detected(detections), message)
+        }
+        Err(e) => (Event::DetectorFailed(e), None),
+    }
+}
