@@ -111,7 +111,7 @@ impl ClassId {
 
     /// The class whose name is most like a misspelt one, if any is near.
     #[must_use]
-    pub(crate) fn nearest(name: &str) -> Option<Self> {
+    pub fn nearest(name: &str) -> Option<Self> {
         let name = normal(name);
         let distance = |class: &Self| edits(class.name(), &name);
         let best = Self::all().min_by_key(distance)?;

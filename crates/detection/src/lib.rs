@@ -8,24 +8,14 @@ mod detections;
 mod detector;
 mod hash;
 mod objects;
-#[cfg(feature = "onnx")]
-mod onnx;
 mod scripted;
 mod weights;
-pub mod wire;
 
 pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
 pub use objects::{
     Motion, Object, ObjectId, ObjectInCamera, ObjectState, ObjectTracker, ObjectsConfig,
 };
-#[cfg(feature = "onnx")]
-pub use onnx::{
-    CardError, CardInput, CardOutput, Classes, ColourOrder, Column, Dimension, Head, InputSize,
-    Interface, ModelCard, ModelError, OnnxDetector, OnnxOptions, Port, Resize, Runtime,
-};
-#[cfg(feature = "onnxruntime")]
-pub use onnx::{OnnxRuntime, RuntimeError};
 pub use scripted::{
     SCRIPT_HEADER, ScriptError, ScriptRow, ScriptUse, ScriptedDetector, format_script, parse_script,
 };

@@ -1,15 +1,7 @@
 //! The models that are known by name: where their makers publish them, and how a download is told from a forgery.
 
 use std::fmt;
-
-/// What the published file is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
-    /// A network in the ONNX format: kept as it is.
-    Onnx,
-    /// A checkpoint of PyTorch: turned into ONNX, and not kept.
-    Checkpoint,
-}
+use stillpoint_inference::{CachedModel, Form, Record};
 
 /// A model that its maker publishes. Other programs may make their own and hand them to [`pull`](crate::pull()).
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -32,6 +24,17 @@ pub struct KnownModel {
     pub about: &'static str,
 }
 
+impl KnownModel {
+    /// The record of the published file, which came from `source` (its own address, a mirror, a file).
+    #[must_use]
+    pub fn record(&self, source: &str, published: &[u8]) -> Record {
+        Record {
+            licence: Some(self.licence.to_owned()),
+            ..Record::of(source, published)
+        }
+    }
+}
+
 impl fmt::Display for KnownModel {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name)
@@ -42,7 +45,7 @@ impl fmt::Display for KnownModel {
 #[cfg(any(test, feature = "pull"))]
 pub(crate) const UPSTREAM: &str = "https://github.com";
 
-/// From the most accurate to the fastest: the order in which [`Cache::preferred`](crate::Cache::preferred) looks.
+/// From the most accurate to the fastest.
 static KNOWN: [KnownModel; 3] = [
     KnownModel {
         name: "yolov7-tiny",
@@ -76,7 +79,8 @@ static KNOWN: [KnownModel; 3] = [
     },
 ];
 
-/// All known models, from the most accurate to the fastest.
+/// All known models, from the most accurate to the fastest: the order for
+/// [`Cache::preferred`](stillpoint_inference::Cache::preferred), since who downloads a larger network wants it used.
 #[must_use]
 pub fn known_models() -> &'static [KnownModel] {
     &KNOWN
@@ -94,15 +98,25 @@ pub fn known_by_sha256(sha256: &str) -> Option<&'static KnownModel> {
     KNOWN.iter().find(|model| model.sha256 == Some(sha256))
 }
 
+/// The licence of a model's weights, where it is known: from its record, or because the file is a known one.
+#[must_use]
+pub fn licence(model: &CachedModel) -> Option<&str> {
+    match model.record.as_ref().and_then(|r| r.licence.as_deref()) {
+        Some(licence) => Some(licence),
+        None => known_by_sha256(&model.sha256).map(|known| known.licence),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use stillpoint_inference::{Cache, sha256_hex};
 
     #[test]
     fn entries_are_sound() {
         for model in known_models() {
             assert_eq!(known(model.name), Some(model), "names are unique");
-            crate::check_name(model.name).unwrap();
+            stillpoint_inference::check_name(model.name).unwrap();
             assert!(model.url.starts_with(UPSTREAM), "{}", model.url);
             assert!(model.url.ends_with(model.file), "{}", model.url);
             let suffix = match model.form {
@@ -116,7 +130,27 @@ mod tests {
                 assert_eq!(known_by_sha256(sha256), Some(model));
             }
         }
+        let sizes = known_models().iter().filter_map(|model| model.bytes);
+        assert!(
+            sizes.is_sorted_by(|a, b| a >= b),
+            "the larger ones come first"
+        );
         assert_eq!(known("yolox-huge"), None);
         assert_eq!(known_by_sha256(""), None);
+    }
+
+    #[test]
+    fn the_licence_is_on_record_or_that_of_the_known_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::at(folder.path());
+        let nano = known("yolox-nano").unwrap();
+        let record = nano.record("https://mirror/yolox_nano.onnx", b"bytes");
+        assert_eq!(record.source_sha256, Some(sha256_hex(b"bytes")));
+        let mut model = cache.install("net", b"bytes", None, record).unwrap();
+        assert_eq!(licence(&model), Some("Apache-2.0"));
+        model.record = None;
+        assert_eq!(licence(&model), None);
+        model.sha256 = nano.sha256.unwrap().to_owned();
+        assert_eq!(licence(&model), Some("Apache-2.0"));
     }
 }

@@ -1,10 +1,8 @@
-//! The cache of models, downloads and the import of checkpoints.
+//! Downloads and the import of checkpoints.
 
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
-mod cache;
 mod import;
-mod install;
 mod pull;
 mod pull_checkpoint;
 mod pull_content;

@@ -4,9 +4,8 @@
 use crate::pull_support::*;
 use std::ops::ControlFlow;
 use std::sync::mpsc;
-use stillpoint_models::{
-    Cache, CacheError, Checksum, KnownModel, Progress, PullError, PullOptions, State, known, pull,
-};
+use stillpoint_inference::{Cache, CacheError, State};
+use stillpoint_models::{Checksum, KnownModel, Progress, PullError, PullOptions, known, pull};
 
 #[test]
 fn a_model_arrives_and_is_not_fetched_twice() {

@@ -2,8 +2,10 @@
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;
-use stillpoint_detection::{InputSize, ModelCard, OnnxDetector, OnnxOptions, Runtime};
-use stillpoint_models::{Checksum, Form, KnownModel, PullError, State, sha256_hex};
+use stillpoint_inference::{
+    Form, InputSize, ModelCard, OnnxDetector, OnnxOptions, Runtime, State, sha256_hex,
+};
+use stillpoint_models::{Checksum, KnownModel, PullError};
 
 /// A small network of the structure of YOLOv7-tiny with random weights.
 const CHECKPOINT: &[u8] = include_bytes!("fixtures/idetect.pt");

@@ -2,7 +2,8 @@
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;
-use stillpoint_models::{Checksum, KnownModel, PullError, PullOptions, sha256_hex};
+use stillpoint_inference::sha256_hex;
+use stillpoint_models::{Checksum, KnownModel, PullError, PullOptions};
 
 #[test]
 fn lengths_are_not_believed() {

@@ -34,11 +34,14 @@ pub use stillpoint_features as features;
 pub use stillpoint_geometry as geometry;
 /// Images, pyramids, frames.
 pub use stillpoint_imaging as imaging;
+/// Networks that detect, and the cache of models.
+#[cfg(feature = "inference")]
+pub use stillpoint_inference as inference;
 /// The system with threads, at the pace of a camera.
 pub use stillpoint_live as live;
 /// Keyframes, landmarks, views.
 pub use stillpoint_map as map;
-/// Models that are downloaded, and checkpoints turned into ONNX.
+/// Known models, downloads, and checkpoints turned into ONNX.
 #[cfg(feature = "models")]
 pub use stillpoint_models as models;
 /// Place recognition.

@@ -1,5 +1,6 @@
 //! The dependency table is the law: which crate of the workspace may import which. Crates exist so that a forbidden import is
-//! impossible; an edge that is not in the table fails this test and needs a decision first.
+//! impossible; an edge that is not in the table fails this test and needs a decision first, and so does a permission that no
+//! crate uses.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -8,8 +9,8 @@ use std::process::Command;
 /// Crate, and the crates it may import, without the prefix `stillpoint-`. `stillpoint` is the facade.
 const NORMAL: &[(&str, &[&str])] = &[
     ("geometry", &[]),
-    ("imaging", &["geometry"]),
-    ("features", &["geometry", "imaging"]),
+    ("imaging", &[]),
+    ("features", &["imaging"]),
     ("estimation", &["geometry"]),
     ("map", &["geometry", "features"]),
     ("place", &["features"]),
@@ -31,10 +32,12 @@ const NORMAL: &[(&str, &[&str])] = &[
         "live",
         &["geometry", "imaging", "map", "place", "detection", "slam"],
     ),
+    // Opens files and loads libraries, so that the core does not.
+    ("inference", &["detection", "imaging"]),
     // How a model is read is said beside it in the cache.
-    ("models", &["detection"]),
-    // A subscriber: of the system it reads events only.
-    ("view", &["geometry", "imaging", "detection", "slam"]),
+    ("models", &["detection", "inference"]),
+    // What it draws it is given as values.
+    ("view", &["imaging", "detection"]),
     ("datasets", &["geometry", "imaging"]),
     ("simulator", &["geometry", "imaging"]),
     // The judge does not know the player.
@@ -49,6 +52,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "map",
             "place",
             "detection",
+            "inference",
             "models",
             "slam",
             "live",
@@ -66,13 +70,12 @@ const NORMAL: &[(&str, &[&str])] = &[
 /// What tests, benchmarks and examples may import beyond that: the simulator and the data sets as input, the judge for
 /// scores, the command line for none.
 const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
-    ("features", &["simulator", "datasets"]),
-    ("map", &["imaging"]),
+    ("features", &["geometry", "simulator"]),
     ("place", &["simulator", "datasets", "imaging", "geometry"]),
     ("detection", &["simulator", "datasets"]),
-    ("slam", &["simulator", "datasets", "evaluation"]),
+    ("inference", &["datasets"]),
     ("live", &["simulator"]),
-    ("view", &["simulator"]),
+    ("view", &["geometry"]),
     // How much the simulator's images are like real ones is measured in terms of features.
     ("simulator", &["features", "datasets"]),
 ];
@@ -90,6 +93,7 @@ const CORE: &[&str] = &[
 ];
 const OUTSIDE: &[&str] = &[
     "live",
+    "inference",
     "models",
     "datasets",
     "simulator",
@@ -106,17 +110,11 @@ fn short(name: &str) -> String {
     name.strip_prefix("stillpoint-").unwrap_or(name).to_owned()
 }
 
-/// Names of all crates, normal and build edges, edges of tests.
-fn workspace() -> (BTreeSet<String>, Edges, Edges) {
+/// What cargo prints.
+fn cargo(arguments: &[&str]) -> String {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
-        .args([
-            "metadata",
-            "--no-deps",
-            "--format-version",
-            "1",
-            "--offline",
-        ])
+        .args(arguments)
         .current_dir(Path::new(env!("CARGO_MANIFEST_DIR")))
         .output()
         .unwrap();
@@ -125,7 +123,19 @@ fn workspace() -> (BTreeSet<String>, Edges, Edges) {
         "{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Names of all crates, normal and build edges, edges of tests.
+fn workspace() -> (BTreeSet<String>, Edges, Edges) {
+    let text = cargo(&[
+        "metadata",
+        "--no-deps",
+        "--format-version",
+        "1",
+        "--offline",
+    ]);
+    let metadata: serde_json::Value = serde_json::from_str(&text).unwrap();
     let packages = metadata["packages"].as_array().unwrap();
     let text = |v: &serde_json::Value| short(v.as_str().unwrap());
     let names: BTreeSet<String> = packages.iter().map(|p| text(&p["name"])).collect();
@@ -154,24 +164,115 @@ fn allowed(table: &[(&str, &[&str])]) -> Edges {
         .collect()
 }
 
+/// Edges of `found` that are not in `table`, and permissions of `table` that `found` does not use.
+fn compare(what: &str, found: &Edges, table: &Edges) {
+    let forbidden: Vec<_> = found.difference(table).collect();
+    assert!(
+        forbidden.is_empty(),
+        "{what} that the table does not allow (from, to): {forbidden:?}"
+    );
+    let unused: Vec<_> = table.difference(found).collect();
+    assert!(
+        unused.is_empty(),
+        "{what} that the table allows and no crate has (from, to): {unused:?}; take them out of the table"
+    );
+}
+
 #[test]
-fn every_edge_is_in_the_table() {
+fn every_edge_is_in_the_table_and_every_permission_is_used() {
     let (names, normal, tests) = workspace();
-    let table = allowed(NORMAL);
     let known: BTreeSet<String> = NORMAL.iter().map(|(name, _)| (*name).to_owned()).collect();
     assert_eq!(names, known, "crates of the workspace and of the table");
-    let forbidden: Vec<_> = normal.difference(&table).collect();
+    let (table, tests_table) = (allowed(NORMAL), allowed(TESTS_MAY_ADD));
+    compare("imports", &normal, &table);
+    let added = tests.difference(&table).filter(|(_, to)| to != "testdata");
+    let added: Edges = added.cloned().collect();
+    compare("imports by tests", &added, &tests_table);
+    let twice: Vec<_> = tests_table.intersection(&table).collect();
     assert!(
-        forbidden.is_empty(),
-        "imports that the table does not allow (from, to): {forbidden:?}"
+        twice.is_empty(),
+        "imports that tests may add and the crate has anyway (from, to): {twice:?}"
     );
-    let table: Edges = table.union(&allowed(TESTS_MAY_ADD)).cloned().collect();
-    let tests = tests.into_iter().filter(|(_, to)| to != "testdata");
-    let tests: Edges = tests.collect();
-    let forbidden: Vec<_> = tests.difference(&table).collect();
+}
+
+/// What a manifest names and no source mentions holds a permission open for nobody.
+#[test]
+fn every_import_is_mentioned_in_the_source() {
+    let (_, normal, tests) = workspace();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let mentioned = |(from, to): &(String, String), folders: &[&str]| {
+        let library = match to.as_str() {
+            "stillpoint" => "stillpoint::".to_owned(),
+            to => format!("stillpoint_{to}"),
+        };
+        let folders = folders.iter();
+        folders
+            .map(|folder| root.join("crates").join(from).join(folder))
+            .any(|folder| any_source(&folder, &|text| text.contains(&library)))
+    };
+    let everywhere = ["src", "tests", "benches", "examples"];
+    let normal_only = normal.iter().filter(|edge| !mentioned(edge, &["src"]));
+    let of_tests = tests.difference(&normal);
+    let of_tests = of_tests.filter(|edge| !mentioned(edge, &everywhere));
+    let idle: Vec<_> = normal_only.chain(of_tests).collect();
     assert!(
-        forbidden.is_empty(),
-        "imports by tests that the table does not allow (from, to): {forbidden:?}"
+        idle.is_empty(),
+        "imports that no source mentions (from, to): {idle:?}; take them out of Cargo.toml"
+    );
+}
+
+/// Whether a Rust file in the folder or below it is as asked.
+fn any_source(folder: &Path, asked: &dyn Fn(&str) -> bool) -> bool {
+    let entries = std::fs::read_dir(folder).into_iter().flatten();
+    entries.map(|entry| entry.unwrap().path()).any(|path| {
+        if path.is_dir() {
+            return any_source(&path, asked);
+        }
+        let rust = path.extension().is_some_and(|e| e == "rs");
+        rust && asked(&std::fs::read_to_string(&path).unwrap())
+    })
+}
+
+/// Names of all crates that the facade brings with these features.
+fn brought_by_the_facade(features: &str) -> BTreeSet<String> {
+    let text = cargo(&[
+        "tree",
+        "--package",
+        "stillpoint",
+        "--features",
+        features,
+        "--edges",
+        "normal",
+        "--prefix",
+        "none",
+        "--offline",
+    ]);
+    let name = |line: &str| line.split(' ').next().unwrap_or_default().to_owned();
+    text.lines().map(name).collect()
+}
+
+#[test]
+fn the_facade_brings_networks_and_tls_only_where_they_are_asked_for() {
+    let heavy = [
+        ("inference", "rten"),
+        ("onnxruntime", "ort"),
+        ("models", "stillpoint-models"),
+        ("pull", "ureq"),
+        ("pull", "rustls"),
+    ];
+    let plain = brought_by_the_facade("");
+    assert!(plain.contains("stillpoint-slam"), "{plain:?}");
+    for (feature, name) in heavy {
+        assert!(!plain.contains(name), "{name} without features: {plain:?}");
+        assert!(
+            brought_by_the_facade(feature).contains(name),
+            "{name} with {feature}"
+        );
+    }
+    let models = brought_by_the_facade("onnxruntime,models");
+    assert!(
+        !models.contains("ureq") && !models.contains("rustls"),
+        "TLS without `pull`: {models:?}"
     );
 }
 

@@ -14,9 +14,10 @@ use crate::models::cache::{self, Preferred};
 use crate::run::summary::DetectorJson;
 use crate::timing::Timing;
 use stillpoint::datasets::read_colour;
-use stillpoint::detection::{Detection, Detector, OnnxDetector, ScriptRow};
+use stillpoint::detection::{Detection, Detector, ScriptRow};
 use stillpoint::evaluation::{Align, Table};
 use stillpoint::imaging::FrameId;
+use stillpoint::inference::OnnxDetector;
 
 const OPTION: &str = "--model";
 /// Parts of a look at an image, as their spans are called.

@@ -7,8 +7,8 @@ use crate::failure::Failure;
 use crate::models::cache;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use stillpoint::detection::{ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
-use stillpoint::models::{CachedModel, LARGEST};
+use stillpoint::inference::{CachedModel, LARGEST};
+use stillpoint::inference::{ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
 
 /// A model, not yet read.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -3,12 +3,11 @@
 use crate::args::models::RuntimeChoice;
 use crate::failure::Failure;
 use std::path::PathBuf;
-use stillpoint::detection::{OnnxRuntime, Runtime};
-use stillpoint::models::onnxruntime::candidates;
+use stillpoint::inference::{OnnxRuntime, Runtime};
 
 /// How to get the library.
 const ADVICE: &str = "get it with `pip install onnxruntime`, or name its file in the environment variable ORT_DYLIB_PATH";
-/// Where [`candidates`] looks, in words.
+/// Where [`OnnxRuntime::candidates`] looks, in words.
 const PLACES: &str = "ORT_DYLIB_PATH, the program's folder, the Python of VIRTUAL_ENV, of CONDA_PREFIX and on PATH, the user's Python packages, and the system's libraries";
 
 /// What the libraries that were tried gave.
@@ -21,9 +20,9 @@ pub(crate) struct Libraries {
 }
 
 impl Libraries {
-    /// Tries the libraries that are installed, in the order of [`candidates`], up to the first that can be used.
+    /// Tries the libraries that are installed, in the order of [`OnnxRuntime::candidates`], up to the first that can be used.
     pub(crate) fn find() -> Self {
-        Self::among(candidates(&|name| std::env::var_os(name)))
+        Self::among(OnnxRuntime::candidates(&|name| std::env::var_os(name)))
     }
 
     fn among(files: Vec<PathBuf>) -> Self {

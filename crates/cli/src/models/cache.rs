@@ -3,7 +3,8 @@
 use crate::detector::network::ModelFile;
 use crate::failure::Failure;
 use crate::spelling;
-use stillpoint::models::{Cache, known, known_models};
+use stillpoint::inference::Cache;
+use stillpoint::models::{known, known_models};
 
 /// The model that is suggested to whoever has none.
 pub(crate) const SUGGESTED: &str = "yolox-nano";
@@ -86,7 +87,8 @@ pub(crate) fn preferred() -> Result<Preferred, Failure> {
         Ok(cache) => cache,
         Err(e) => return Ok(Preferred::None(format!("no cache: {e}"))),
     };
-    let model = cache.preferred().map_err(Failure::input)?;
+    let order = known_models().iter().map(|m| m.name);
+    let model = cache.preferred(order).map_err(Failure::input)?;
     Ok(match model {
         Some(model) => Preferred::Model(ModelFile::of_cache(model)),
         None => Preferred::None(format!(

@@ -8,8 +8,9 @@ use crate::failure::{Failure, Status};
 use crate::models::megabytes;
 use crate::run::summary::DetectorJson;
 use std::time::Instant;
-use stillpoint::detection::{ClassId, Detector, OnnxDetector};
+use stillpoint::detection::{ClassId, Detector};
 use stillpoint::imaging::{ColourImage, FrameId};
+use stillpoint::inference::OnnxDetector;
 
 const OPTION: &str = "models check";
 /// The image that is looked at, px: the size of most depth cameras' images.

@@ -6,8 +6,9 @@ use crate::failure::{Failure, Status};
 use crate::models::cache;
 use crate::{console, output};
 use std::path::Path;
+use stillpoint::inference::{Form, Record, check_name, sha256_hex};
 use stillpoint::models::import::import_checkpoint;
-use stillpoint::models::{Form, Record, check_name, known_by_sha256, known_models, sha256_hex};
+use stillpoint::models::{known_by_sha256, known_models, licence};
 
 const OPTION: &str = "models import";
 /// Begins every zip, and with it every checkpoint of PyTorch since 1.6.
@@ -19,7 +20,8 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     if let Some(out) = &args.out {
         check_out(out)?;
     }
-    let published = ModelFile::of_file(&file.display().to_string())
+    let label = file.display().to_string();
+    let published = ModelFile::of_file(&label)
         .read()
         .map_err(|e| Failure::input(format!("{OPTION} {e}")))?;
     let sha256 = sha256_hex(&published.bytes);
@@ -34,9 +36,9 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     let record = match known {
         Some(known) => {
             console::info(&format!("{}: known as {known}", file.display()));
-            Record::of_known(known, &file.display().to_string(), &published.bytes)
+            known.record(&label, &published.bytes)
         }
-        None => Record::of_file(file, &published.bytes),
+        None => Record::of(&label, &published.bytes),
     };
     let network = if is_checkpoint(file, &published.bytes) {
         convert(file, &published.bytes, &name)?
@@ -45,7 +47,6 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     };
     // Refused here, rather than at the first run that uses it.
     let how = Running::new(RuntimeChoice::Rten, 1);
-    let label = file.display().to_string();
     let tried = network::load(&label, &network, &how, OPTION)?;
     console::info(&format!(
         "{}: head {}, {} classes",
@@ -73,7 +74,7 @@ fn install(name: &str, network: &Content, record: Record) -> Result<Status, Fail
     console::report(&format!(
         "{name}: SHA-256 {}\nlicence of the weights: {}\nin {}; use it by --detector {name}\n",
         model.sha256,
-        model.licence().unwrap_or("not known"),
+        licence(&model).unwrap_or("not known"),
         model.onnx.display()
     ));
     Ok(Status::Ok)

@@ -12,7 +12,8 @@ use crate::failure::{Failure, Status};
 use crate::models::cache::Preferred;
 use std::path::Path;
 use stillpoint::evaluation::{Align, Table};
-use stillpoint::models::{Cache, CachedModel, State, known_models};
+use stillpoint::inference::{Cache, CachedModel, State};
+use stillpoint::models::{known_models, licence};
 
 /// `models`.
 pub(crate) fn models(command: &ModelsCommand) -> Result<Status, Failure> {
@@ -81,7 +82,7 @@ fn cache_text(cache: &Cache, here: &[CachedModel]) -> Result<String, Failure> {
             table.row([
                 model.name.clone(),
                 megabytes(model.bytes),
-                model.licence().unwrap_or("?").to_owned(),
+                licence(model).unwrap_or("?").to_owned(),
                 model.sha256.clone(),
                 from.unwrap_or_else(|| "put there by hand".to_owned()),
             ]);

@@ -1,7 +1,7 @@
 //! A network small enough to be made in a test, with the inputs and outputs of YOLOX: it sees a person wherever it is bright.
 
 use std::path::{Path, PathBuf};
-use stillpoint::detection::wire::Message;
+use stillpoint::inference::wire::Message;
 
 /// Width and height of its input, px.
 pub const SIZE: u64 = 64;

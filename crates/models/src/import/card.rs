@@ -3,7 +3,8 @@
 use super::error::{ImportError, Result, shown};
 use super::head::Head;
 use super::modules::{Module, Source};
-use stillpoint_detection::{ClassId, Classes, Head as CardHead, ModelCard};
+use stillpoint_detection::ClassId;
+use stillpoint_inference::{Classes, Head as CardHead, ModelCard};
 
 /// Input size that the networks are trained for, px; taken up to the next multiple of the coarsest stride.
 const TRAINED_SIZE: usize = 640;

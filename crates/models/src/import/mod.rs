@@ -24,7 +24,7 @@ use error::Result;
 use modules::{Module, Source};
 use network::{Network, Operation};
 use pickle::{Arena, Id, Scalar, Value};
-use stillpoint_detection::ModelCard;
+use stillpoint_inference::ModelCard;
 use tensors::Tensors;
 use zip::Archive;
 

@@ -4,7 +4,7 @@
 
 use super::fold::{Convolution, Window};
 use super::network::{Map, Network, Node, Operation};
-use stillpoint_detection::wire::Message;
+use stillpoint_inference::wire::Message;
 
 /// Version of the file's structure; the oldest that has operators of version 13 and 14 in common runtimes.
 const IR_VERSION: u64 = 8;

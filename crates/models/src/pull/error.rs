@@ -1,10 +1,9 @@
 //! What can be wrong with a download, said so that the user can go on without it.
 
-use crate::cache::Cache;
-use crate::catalogue::{Form, KnownModel};
-use crate::error::{CacheError, write_advice};
+use crate::catalogue::KnownModel;
 use std::fmt;
 use std::path::{Path, PathBuf};
+use stillpoint_inference::{Cache, CacheError, Form};
 
 /// A model could not be downloaded. No error leaves a half file under a model's name or touches a model that was there before.
 #[derive(Debug, thiserror::Error)]
@@ -113,7 +112,7 @@ pub enum PullError {
         reason: String,
     },
     /// The disk is full, or what came cannot be written for another reason. What came is kept.
-    #[error("{}: expected to write it, found after {received} bytes: {source}; {}; what is here is kept, and the same command goes on from it", part.display(), write_advice(source))]
+    #[error("{}: expected to write it, found after {received} bytes: {source}; {}; what is here is kept, and the same command goes on from it", part.display(), CacheError::write_advice(source))]
     Write {
         /// What is here.
         part: PathBuf,

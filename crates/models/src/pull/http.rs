@@ -1,8 +1,7 @@
 //! One request: redirects followed by our own rules, and what the answer says about the file.
 
 use super::error::{ByHand, PullError};
-use super::{PullOptions, REDIRECTS};
-use crate::record::one_line;
+use super::{PullOptions, REDIRECTS, one_line};
 use std::io::Read;
 use ureq::http::{HeaderMap, header};
 

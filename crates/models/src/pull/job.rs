@@ -4,16 +4,16 @@ use super::error::{ByHand, PullError};
 use super::http::{self, Answer, Range, page_hint, request};
 use super::part::{Disk, Lock, Part};
 use super::{Checksum, Convert, Progress, PullOptions, Pulled};
-use crate::cache::{Cache, LARGEST};
-use crate::catalogue::{Form, KnownModel, UPSTREAM};
-use crate::checksum::{is_sha256, sha256_hex};
-use crate::error::CacheError;
-use crate::install::replace;
-use crate::listing::{CachedModel, State};
-use crate::record::Record;
+use crate::catalogue::{KnownModel, UPSTREAM};
 use std::io::{ErrorKind, Read, Write};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use stillpoint_inference::{
+    Cache, CacheError, CachedModel, Form, LARGEST, State, check_name, is_sha256, sha256_hex,
+};
+
+/// What the name of the file ends with that holds the checksum of a first download.
+const CHECKSUM: &str = "sha256";
 
 /// One download.
 pub(super) struct Job<'a> {
@@ -36,7 +36,7 @@ struct Transfer {
 impl Job<'_> {
     /// See [`pull`](super::pull).
     pub(super) fn run(&self, progress: Watch<'_>) -> Result<Pulled, PullError> {
-        crate::check_name(self.model.name)?;
+        check_name(self.model.name)?;
         let expected = self.expected()?;
         if !self.options.again
             && let Some(pulled) = self.already_here(expected.as_deref())?
@@ -112,13 +112,12 @@ impl Job<'_> {
 
     /// Beside the model, in the format of `sha256sum`.
     fn checksum_path(&self) -> PathBuf {
-        self.cache.file(self.model.name, "sha256")
+        self.cache.file(self.model.name, CHECKSUM)
     }
 
     fn record(&self, sha256: &str) -> Result<(), CacheError> {
         let text = format!("{sha256}  {}\n", self.model.file);
-        let (folder, path) = (self.cache.folder(), self.checksum_path());
-        replace(&folder, self.model.name, &path, &text)
+        self.cache.write_file(self.model.name, CHECKSUM, &text)
     }
 
     /// The model, if it is here, undamaged, and made from the published file. Another of its name is the user's, and not replaced; a damaged one
@@ -363,7 +362,7 @@ impl Job<'_> {
         progress: Watch<'_>,
     ) -> Result<CachedModel, PullError> {
         let name = self.model.name;
-        let record = Record::of_known(self.model, &self.url(), published);
+        let record = self.model.record(&self.url(), published);
         if self.model.form == Form::Onnx {
             return Ok(self.cache.install(name, published, None, record)?);
         }

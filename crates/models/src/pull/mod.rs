@@ -12,15 +12,13 @@ mod tests;
 
 pub use error::{ByHand, PullError};
 
-use crate::cache::Cache;
 use crate::catalogue::KnownModel;
 use crate::import::import_checkpoint;
-use crate::listing::CachedModel;
-use crate::record::one_line;
 use job::Job;
 use part::RealDisk;
 use std::ops::ControlFlow;
 use std::time::Duration;
+use stillpoint_inference::{Cache, CachedModel};
 
 /// Most redirects that are followed: a release on GitHub needs one.
 pub(crate) const REDIRECTS: usize = 5;
@@ -131,4 +129,9 @@ fn convert(checkpoint: &[u8], name: &str) -> Result<(Vec<u8>, String), String> {
         Ok(imported) => Ok((imported.onnx, imported.card.to_toml())),
         Err(e) => Err(one_line(&e.to_string())),
     }
+}
+
+/// Messages of other crates on one line.
+fn one_line(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

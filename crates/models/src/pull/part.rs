@@ -1,14 +1,12 @@
 //! What is here of an unfinished download: the bytes, and enough to know whose bytes they are.
 
 use super::http::Range;
-use crate::cache::Cache;
 use crate::catalogue::KnownModel;
-use crate::error::CacheError;
-use crate::install::{remove, replace};
 use serde::{Deserialize, Serialize};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
+use stillpoint_inference::{Cache, CacheError};
 
 /// Where the bytes of a part came from.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,19 +20,23 @@ struct Origin {
 /// The unfinished download of one model.
 #[derive(Clone, Debug)]
 pub(super) struct Part {
-    folder: PathBuf,
+    cache: Cache,
     name: String,
     path: PathBuf,
     origin_path: PathBuf,
 }
 
+/// What the names of the two files end with: the bytes, and whose bytes they are.
+const BYTES: &str = "part";
+const ORIGIN: &str = "part.toml";
+
 impl Part {
     pub(super) fn of(model: &KnownModel, cache: &Cache) -> Self {
         Self {
-            folder: cache.folder(),
+            cache: cache.clone(),
             name: model.name.to_owned(),
-            path: cache.file(model.name, "part"),
-            origin_path: cache.file(model.name, "part.toml"),
+            path: cache.file(model.name, BYTES),
+            origin_path: cache.file(model.name, ORIGIN),
         }
     }
 
@@ -81,7 +83,7 @@ impl Part {
         };
         let text = toml::to_string(&origin)
             .map_err(|e| unwritable(std::io::Error::other(e.to_string())))?;
-        replace(&self.folder, &self.name, &self.origin_path, &text)
+        self.cache.write_file(&self.name, ORIGIN, &text)
     }
 
     /// The bytes, whole.
@@ -98,8 +100,8 @@ impl Part {
 
     /// Removes the bytes first: an origin without bytes is harmless.
     pub(super) fn discard(&self) -> Result<(), CacheError> {
-        remove(&self.path)?;
-        remove(&self.origin_path)
+        self.cache.remove_file(&self.name, BYTES)?;
+        self.cache.remove_file(&self.name, ORIGIN)
     }
 }
 

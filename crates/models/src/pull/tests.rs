@@ -3,10 +3,9 @@
 use super::job::Job;
 use super::part::{Disk, RealDisk};
 use super::*;
-use crate::Form;
-use crate::checksum::sha256_hex;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
+use stillpoint_inference::{Form, sha256_hex};
 
 #[path = "../../tests/pull_support/mod.rs"]
 mod pull_support;

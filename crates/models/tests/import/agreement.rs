@@ -5,7 +5,8 @@ use super::support::{Lies, entries, fixture, fixtures, zip};
 use rten::{Model, NodeId, ValueView};
 use rten_tensor::prelude::*;
 use std::path::Path;
-use stillpoint_detection::{ClassId, Classes, Head, OnnxDetector, OnnxOptions, Resize, Runtime};
+use stillpoint_detection::ClassId;
+use stillpoint_inference::{Classes, Head, OnnxDetector, OnnxOptions, Resize, Runtime};
 use stillpoint_models::import::{HeadKind, Imported, Precision, import_checkpoint};
 
 /// Largest difference that single precision may make in outputs of magnitude 1 to 10.

@@ -2,7 +2,7 @@
 
 use super::small::{self, Small, TensorSpec, V, ints, pool, text};
 use super::support::{error_of, message_of, replaced, with_pickle};
-use stillpoint_detection::wire;
+use stillpoint_inference::wire;
 use stillpoint_models::import::{ImportError, Precision, import_checkpoint};
 
 #[test]

@@ -10,9 +10,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
 use std::time::Duration;
-use stillpoint_models::{
-    Cache, Form, KnownModel, Progress, PullError, PullOptions, Pulled, pull, sha256_hex,
-};
+use stillpoint_inference::{Cache, Form, sha256_hex};
+use stillpoint_models::{KnownModel, Progress, PullError, PullOptions, Pulled, pull};
 
 /// What a client asked for.
 #[derive(Clone, Debug)]

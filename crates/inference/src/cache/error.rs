@@ -1,0 +1,114 @@
+//! What can be wrong with the cache, said so that the user can mend it.
+
+use std::path::PathBuf;
+
+/// The cache or a model in it cannot be used. Every message names the place, what was expected, what was found, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CacheError {
+    /// The environment does not say where the user's files are.
+    #[error(
+        "expected a folder for models, found none of {looked} in the environment; set STILLPOINT_CACHE to a folder"
+    )]
+    NoHome {
+        /// The variables that were looked at.
+        looked: &'static str,
+    },
+    /// The cache, or a folder above it, is something else than a folder.
+    #[error("{}: expected a folder for models, found {found}; move it away, or set STILLPOINT_CACHE to another folder", path.display())]
+    NoFolder {
+        /// What was found in the way.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// A name that cannot be a model's.
+    #[error(
+        "expected a model's name of at most 64 letters, digits, \"-\", \"_\" or \".\" that begins with a letter or digit, found {problem} in {name:?}; choose another name"
+    )]
+    Name {
+        /// The name, shortened.
+        name: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+    /// The bytes are not those that were installed.
+    #[error("{}: expected the model that was installed (SHA-256 {expected}, {expected_bytes} bytes), found another (SHA-256 {found}, {found_bytes} bytes); get it again with `stillpoint models pull` or `import`, or remove {} if the change was yours", path.display(), record.display())]
+    Changed {
+        /// The model.
+        path: PathBuf,
+        /// Its record.
+        record: PathBuf,
+        /// The checksum on record.
+        expected: String,
+        /// The size on record.
+        expected_bytes: u64,
+        /// The checksum of the file.
+        found: String,
+        /// Its size.
+        found_bytes: u64,
+    },
+    /// A record does not read.
+    #[error("{}: expected where the model came from, found {found}; remove this file, then the model counts as one of your own", path.display())]
+    Record {
+        /// The record.
+        path: PathBuf,
+        /// What is wrong with it.
+        found: String,
+    },
+    /// The checksum of a first download does not read.
+    #[error("{}: expected the SHA-256 of the first download, found something else; remove this file, then the next download counts as the first", path.display())]
+    Checksum {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A model is larger than a model can be.
+    #[error("{}: expected a model of at most {limit} bytes, found {found}; remove the file", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// The limit, bytes.
+        limit: u64,
+        /// Its size, bytes.
+        found: u64,
+    },
+    /// Reading failed for a reason of the system.
+    #[error("{}: expected to read it, found: {source}; check that it exists and may be read", path.display())]
+    Read {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+    /// Writing failed for a reason of the system.
+    #[error("{}: expected to write it, found: {source}; {}", path.display(), write_advice(source))]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+}
+
+impl CacheError {
+    /// What helps when writing to the cache failed for a reason of the system, as part of a message.
+    #[must_use]
+    pub fn write_advice(source: &std::io::Error) -> &'static str {
+        write_advice(source)
+    }
+}
+
+fn write_advice(source: &std::io::Error) -> &'static str {
+    use std::io::ErrorKind;
+    match source.kind() {
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            "free some space and try again, or set STILLPOINT_CACHE to a folder on another disk"
+        }
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
+            "check the folder's permissions, or set STILLPOINT_CACHE to a folder of yours"
+        }
+        _ => {
+            "check the folder's permissions and the free space, or set STILLPOINT_CACHE to another folder"
+        }
+    }
+}

@@ -1,0 +1,272 @@
+//! Putting a model into the cache: written aside, then moved into place, so that no half file ever has a model's name.
+
+use super::Cache;
+use super::checksum::sha256_hex;
+use super::error::CacheError;
+use super::listing::{CachedModel, check_size};
+use super::name::check_name;
+use super::record::{Record, now};
+use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Who holds it renames files. No model's name begins with a dot, so that this is not the lock of a download.
+const LOCK: &str = ".install.lock";
+
+impl Cache {
+    /// Puts a model into the cache under this name; an older one of that name is replaced. `onnx` are the bytes of the network; `card` is the
+    /// text of its card (TOML), where the network is not recognised by itself; `record` says where it came from, and its `sha256`, `bytes` and
+    /// `installed` are filled in.
+    ///
+    /// All files are first written aside and brought to the disk; what fails until then leaves an older model as it was. Only then the record
+    /// takes its name, then the card, then the network. What breaks off in between leaves a record without a network, or with the older network,
+    /// which then counts as damaged: never a network without its card, or with that of another.
+    ///
+    /// # Errors
+    /// The name cannot be a model's, the network is larger than [`LARGEST`](super::LARGEST), or the cache cannot be written.
+    pub fn install(
+        &self,
+        name: &str,
+        onnx: &[u8],
+        card: Option<&str>,
+        record: Record,
+    ) -> Result<CachedModel, CacheError> {
+        self.install_in_steps(name, onnx, card, record, &mut || Ok(()))
+    }
+
+    /// Writes a small file beside a model, [`Cache::file`], as a whole or not at all. The folder is there.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write_file(&self, name: &str, suffix: &str, text: &str) -> Result<(), CacheError> {
+        Aside::write(&self.folder(), name, text.as_bytes())?.rename(&self.file(name, suffix))
+    }
+
+    /// Removes a file beside a model, [`Cache::file`], if it is there.
+    ///
+    /// # Errors
+    /// It is there and cannot be removed.
+    pub fn remove_file(&self, name: &str, suffix: &str) -> Result<(), CacheError> {
+        remove(&self.file(name, suffix))
+    }
+
+    /// [`Cache::install`], with something that may fail before each change of a file that has a model's name.
+    fn install_in_steps(
+        &self,
+        name: &str,
+        onnx: &[u8],
+        card: Option<&str>,
+        record: Record,
+        before_step: &mut dyn FnMut() -> Result<(), CacheError>,
+    ) -> Result<CachedModel, CacheError> {
+        check_name(name)?;
+        check_size(&self.onnx_path(name), onnx.len() as u64)?;
+        let folder = self.make()?;
+        let record = Record {
+            sha256: sha256_hex(onnx),
+            bytes: onnx.len() as u64,
+            installed: Some(now()),
+            ..record
+        };
+        let record_path = self.record_path(name);
+        let text = record.to_toml().map_err(|found| CacheError::Record {
+            path: record_path.clone(),
+            found,
+        })?;
+        let onnx = Aside::write(&folder, name, onnx)?;
+        let card = card
+            .map(|card| Aside::write(&folder, name, card.as_bytes()))
+            .transpose()?;
+        let text = Aside::write(&folder, name, text.as_bytes())?;
+
+        // Two installations of one name at once must not mix their files.
+        let _lock = lock(&folder.join(LOCK))?;
+        for path in [&record_path, &self.card_path(name), &self.onnx_path(name)] {
+            refuse_folder(path)?;
+        }
+        before_step()?;
+        text.rename(&record_path)?;
+        // The order is that on the disk, too.
+        sync_folder(&folder);
+        before_step()?;
+        match card {
+            Some(card) => card.rename(&self.card_path(name))?,
+            None => remove(&self.card_path(name))?,
+        }
+        sync_folder(&folder);
+        before_step()?;
+        onnx.rename(&self.onnx_path(name))?;
+        sync_folder(&folder);
+        self.find(name)?.ok_or_else(|| CacheError::Read {
+            path: self.onnx_path(name),
+            source: ErrorKind::NotFound.into(),
+        })
+    }
+}
+
+/// A file under a name that no one else uses, in the folder of its final place. Dropping it removes it.
+#[derive(Debug)]
+struct Aside {
+    path: PathBuf,
+}
+
+impl Aside {
+    fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<Self, CacheError> {
+        static COUNT: AtomicU64 = AtomicU64::new(0);
+        let path = folder.join(format!(
+            ".{name}.{}-{}.tmp",
+            std::process::id(),
+            COUNT.fetch_add(1, Ordering::Relaxed)
+        ));
+        let failed = |path: &Path, source| CacheError::Write {
+            path: path.to_owned(),
+            source,
+        };
+        // A file of this name is of an earlier process with our number, which did not end well.
+        remove(&path)?;
+        let mut file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .open(&path)
+            .map_err(|e| failed(&path, e))?;
+        let aside = Self { path };
+        file.write_all(bytes)
+            .and_then(|()| file.sync_all())
+            .map_err(|e| failed(&aside.path, e))?;
+        Ok(aside)
+    }
+
+    fn rename(self, to: &Path) -> Result<(), CacheError> {
+        // Once it has moved, dropping finds nothing to remove.
+        std::fs::rename(&self.path, to).map_err(|source| CacheError::Write {
+            path: to.to_owned(),
+            source,
+        })
+    }
+}
+
+impl Drop for Aside {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// A folder cannot be replaced by a file, which must be known before the first renaming.
+fn refuse_folder(path: &Path) -> Result<(), CacheError> {
+    if path.symlink_metadata().is_ok_and(|m| m.is_dir()) {
+        return Err(CacheError::Write {
+            path: path.to_owned(),
+            source: ErrorKind::IsADirectory.into(),
+        });
+    }
+    Ok(())
+}
+
+/// Waits until no one else renames files. The system ends the lock with the process; the empty file stays.
+fn lock(path: &Path) -> Result<File, CacheError> {
+    let locked = || {
+        let file = OpenOptions::new()
+            .create(true)
+            .truncate(false)
+            .write(true)
+            .open(path)?;
+        file.lock().map(|()| file)
+    };
+    locked().map_err(|source| CacheError::Write {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Removes a file that may not be there.
+fn remove(path: &Path) -> Result<(), CacheError> {
+    match std::fs::remove_file(path) {
+        Ok(()) => Ok(()),
+        Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
+        Err(source) => Err(CacheError::Write {
+            path: path.to_owned(),
+            source,
+        }),
+    }
+}
+
+/// Brings the renamings to the disk. Where a folder cannot be opened for that (Windows) the file system orders them by itself.
+fn sync_folder(folder: &Path) {
+    if let Ok(folder) = File::open(folder) {
+        let _ = folder.sync_all();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::State;
+    use super::*;
+
+    /// Breaks off before the step of this number.
+    fn break_off(cache: &Cache, step: usize, onnx: &[u8], card: Option<&str>) {
+        let mut left = step;
+        let mut before_step = || match left.checked_sub(1) {
+            Some(fewer) => {
+                left = fewer;
+                Ok(())
+            }
+            None => Err(CacheError::Write {
+                path: "disk".into(),
+                source: ErrorKind::StorageFull.into(),
+            }),
+        };
+        cache
+            .install_in_steps("net", onnx, card, Record::default(), &mut before_step)
+            .unwrap_err();
+    }
+
+    #[test]
+    fn what_breaks_off_leaves_no_network_without_its_card() {
+        for card in [None, Some("new card")] {
+            for step in 0..3 {
+                let folder = tempfile::tempdir().unwrap();
+                let cache = Cache::at(folder.path());
+                break_off(&cache, step, b"new", card);
+                assert_eq!(cache.find("net").unwrap(), None, "step {step}");
+
+                let older = Some("older card");
+                cache
+                    .install("net", b"older", older, Record::default())
+                    .unwrap();
+                break_off(&cache, step, b"new", card);
+                let model = cache.find("net").unwrap().unwrap();
+                if step == 0 {
+                    assert_eq!(model.read().unwrap(), b"older");
+                    assert_eq!(model.card_text().unwrap().as_deref(), older);
+                } else {
+                    let damaged = matches!(model.state, State::Damaged(_));
+                    assert!(damaged && model.read().is_err(), "step {step}");
+                }
+
+                // The same call, when nothing breaks off.
+                let mended = cache
+                    .install("net", b"new", card, Record::default())
+                    .unwrap();
+                assert_eq!(mended.read().unwrap(), b"new");
+                assert_eq!(mended.card_text().unwrap().as_deref(), card);
+                assert!(cache.strays().unwrap().is_empty());
+            }
+        }
+    }
+
+    /// A model put there by hand has no record, and is no less safe.
+    #[test]
+    fn a_model_without_a_record_is_not_mixed_with_another() {
+        for step in 1..3 {
+            let folder = tempfile::tempdir().unwrap();
+            let cache = Cache::at(folder.path());
+            std::fs::create_dir_all(cache.folder()).unwrap();
+            std::fs::write(cache.onnx_path("net"), b"own").unwrap();
+            std::fs::write(cache.card_path("net"), b"own card").unwrap();
+            break_off(&cache, step, b"new", Some("new card"));
+            let model = cache.find("net").unwrap().unwrap();
+            assert!(matches!(model.state, State::Damaged(_)), "step {step}");
+        }
+    }
+}

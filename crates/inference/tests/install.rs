@@ -1,0 +1,82 @@
+//! Installations that fail before anything has changed.
+
+use stillpoint_inference::{Cache, CacheError, LARGEST, Record, State};
+
+fn scratch() -> (tempfile::TempDir, Cache) {
+    let folder = tempfile::tempdir().unwrap();
+    let cache = Cache::at(folder.path().join("cache"));
+    (folder, cache)
+}
+
+#[test]
+fn a_failed_installation_leaves_the_older_model() {
+    let (_folder, cache) = scratch();
+    cache
+        .install("net", b"network", None, Record::default())
+        .unwrap();
+    // The lock cannot be taken, after everything was written aside.
+    let lock = cache.folder().join(".install.lock");
+    std::fs::remove_file(&lock).unwrap();
+    std::fs::create_dir(&lock).unwrap();
+    let e = cache
+        .install("net", b"other", Some("card"), Record::default())
+        .unwrap_err();
+    assert!(matches!(e, CacheError::Write { .. }), "{e}");
+    let model = cache.find("net").unwrap().unwrap();
+    assert_eq!(
+        (model.read().unwrap().as_slice(), model.card),
+        (b"network".as_slice(), None)
+    );
+    assert!(cache.strays().unwrap().is_empty(), "nothing is left behind");
+}
+
+#[test]
+fn folders_in_the_way_are_noticed_before_anything_is_replaced() {
+    let (_folder, cache) = scratch();
+    cache
+        .install("net", b"network", None, Record::default())
+        .unwrap();
+    let card = cache.card_path("net");
+    std::fs::create_dir(&card).unwrap();
+    for new in [None, Some("card")] {
+        let e = cache
+            .install("net", b"other", new, Record::default())
+            .unwrap_err();
+        assert!(e.to_string().contains(&card.display().to_string()), "{e}");
+        let model = cache.find("net").unwrap().unwrap();
+        assert_eq!(model.read().unwrap(), b"network");
+    }
+    std::fs::remove_dir(&card).unwrap();
+    std::fs::remove_file(cache.onnx_path("net")).unwrap();
+    std::fs::create_dir(cache.onnx_path("net")).unwrap();
+    let record = std::fs::read(cache.record_path("net")).unwrap();
+    let e = cache
+        .install("net", b"other", Some("card"), Record::default())
+        .unwrap_err();
+    assert!(e.to_string().contains("net.onnx"), "{e}");
+    assert!(!card.exists());
+    assert_eq!(std::fs::read(cache.record_path("net")).unwrap(), record);
+}
+
+#[test]
+fn what_could_not_be_read_again_is_not_installed() {
+    let (folder, cache) = scratch();
+    // Zeros that nobody reads take no memory.
+    let huge = vec![0; usize::try_from(LARGEST).unwrap() + 1];
+    let e = cache
+        .install("net", &huge, None, Record::default())
+        .unwrap_err();
+    assert!(matches!(e, CacheError::TooLarge { .. }), "{e}");
+    assert!(!folder.path().join("cache").exists());
+}
+
+#[test]
+fn a_model_may_be_called_install() {
+    let (_folder, cache) = scratch();
+    let model = cache
+        .install("install", b"network", None, Record::default())
+        .unwrap();
+    assert_eq!(model.state, State::Good);
+    // The lock of its download would be here.
+    assert!(!cache.folder().join("install.lock").exists());
+}
