@@ -269,6 +269,10 @@ fn the_facade_brings_networks_and_tls_only_where_they_are_asked_for() {
             "{name} with {feature}"
         );
     }
+    let pull = brought_by_the_facade("pull");
+    for name in ["ring", "aws-lc-sys", "openssl-sys", "cc"] {
+        assert!(!pull.contains(name), "{name} is not pure Rust: {pull:?}");
+    }
     let models = brought_by_the_facade("onnxruntime,models");
     assert!(
         !models.contains("ureq") && !models.contains("rustls"),

@@ -24,6 +24,18 @@ pub enum PullError {
         /// How to get the model in another way.
         by_hand: Box<ByHand>,
     },
+    /// This CPU cannot encrypt connections. Everything else works on it.
+    #[error(
+        "{url}: expected a CPU that can encrypt the connection, found one without {missing}; {by_hand}"
+    )]
+    Cpu {
+        /// The address.
+        url: String,
+        /// What the CPU lacks.
+        missing: String,
+        /// How to get the model in another way.
+        by_hand: Box<ByHand>,
+    },
     /// The server answered something else than the file.
     #[error("{url}: expected the file, found status {status}{}; {} or {by_hand}", status_name(*status), status_advice(*status))]
     Status {

@@ -1,9 +1,10 @@
 //! One request: redirects followed by our own rules, and what the answer says about the file.
 
 use super::error::{ByHand, PullError};
-use super::{PullOptions, REDIRECTS, one_line};
+use super::{PullOptions, REDIRECTS, one_line, tls};
 use std::io::Read;
 use ureq::http::{HeaderMap, header};
+use ureq::tls::RootCerts;
 
 /// What to ask for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -40,11 +41,13 @@ pub(super) fn request(
 ) -> Result<Answer, PullError> {
     let mut at = url.to_owned();
     for _ in 0..=REDIRECTS {
-        let response = send(&at, range, options).map_err(|e| PullError::Unreachable {
-            url: shown(&at),
-            reason: reason_of(&e),
-            by_hand: Box::new(by_hand.clone()),
-        })?;
+        refuse_without_encryption(&at, tls::missing(), by_hand)?;
+        let response =
+            send(&at, range, options, RootCerts::WebPki).map_err(|e| PullError::Unreachable {
+                url: shown(&at),
+                reason: reason_of(&e),
+                by_hand: Box::new(by_hand.clone()),
+            })?;
         let status = response.status().as_u16();
         let headers = response.headers();
         match status {
@@ -76,10 +79,29 @@ pub(super) fn request(
     })
 }
 
+/// Refuses an address with `https` where the CPU lacks what encryption asks for.
+fn refuse_without_encryption(
+    url: &str,
+    missing: Option<String>,
+    by_hand: &ByHand,
+) -> Result<(), PullError> {
+    let scheme = url.split_once("://").map_or("", |(scheme, _)| scheme);
+    match missing {
+        Some(missing) if scheme.eq_ignore_ascii_case("https") => Err(PullError::Cpu {
+            url: shown(url),
+            missing,
+            by_hand: Box::new(by_hand.clone()),
+        }),
+        _ => Ok(()),
+    }
+}
+
+/// `roots`: whose certificates are trusted.
 fn send(
     url: &str,
     range: &Range,
     options: &PullOptions,
+    roots: RootCerts,
 ) -> Result<ureq::http::Response<ureq::Body>, ureq::Error> {
     let mut config = ureq::Agent::config_builder()
         .http_status_as_error(false)
@@ -87,6 +109,7 @@ fn send(
         .accept_encoding("identity")
         .user_agent(concat!("stillpoint/", env!("CARGO_PKG_VERSION")))
         .timeout_resolve(Some(options.connect_timeout))
+        .tls_config(tls::config(roots))
         .timeout_connect(Some(options.connect_timeout))
         .timeout_send_request(Some(options.stall_timeout))
         .timeout_recv_response(Some(options.stall_timeout))
@@ -249,6 +272,10 @@ pub(super) fn reason_of(error: &ureq::Error) -> String {
     match error {
         ureq::Error::HostNotFound => "no such host (or no network)".to_owned(),
         ureq::Error::Timeout(_) => "none in time".to_owned(),
+        // What rustls refuses during the handshake comes as damaged data.
+        ureq::Error::Io(e) if e.kind() == std::io::ErrorKind::InvalidData => {
+            format!("no trustworthy encryption ({})", one_line(&e.to_string()))
+        }
         ureq::Error::Io(e) => one_line(&e.to_string()),
         ureq::Error::Rustls(e) => {
             format!("no trustworthy encryption ({})", one_line(&e.to_string()))
@@ -288,6 +315,71 @@ mod tests {
         ] {
             assert!(follow(base, location).is_err(), "{base} {location}");
         }
+    }
+
+    /// A server on loopback that encrypts with the certificate of the fixtures, and answers one request if that is trusted.
+    fn encrypted_server() -> (String, std::thread::JoinHandle<bool>) {
+        let fixture = |name: &str| {
+            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/fixtures/tls/");
+            std::fs::read(format!("{folder}{name}")).unwrap()
+        };
+        let key = rustls::pki_types::PrivatePkcs8KeyDer::from(fixture("server.key.der"));
+        let provider = std::sync::Arc::new(rustls_graviola::default_provider());
+        let config = rustls::ServerConfig::builder_with_provider(provider)
+            .with_safe_default_protocol_versions()
+            .unwrap()
+            .with_no_client_auth()
+            .with_single_cert(vec![fixture("server.crt.der").into()], key.into())
+            .unwrap();
+        let listener = std::net::TcpListener::bind("localhost:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let server = std::thread::spawn(move || {
+            let (mut socket, _) = listener.accept().unwrap();
+            let mut connection = rustls::ServerConnection::new(config.into()).unwrap();
+            let mut stream = rustls::Stream::new(&mut connection, &mut socket);
+            let mut request = [0; 4096];
+            let asked = stream.read(&mut request).is_ok_and(|n| n > 0);
+            let reply = b"HTTP/1.1 200 OK\r\nContent-Length: 5\r\n\r\nmodel";
+            asked && std::io::Write::write_all(&mut stream, reply).is_ok()
+        });
+        (format!("https://localhost:{port}/made/up.onnx"), server)
+    }
+
+    #[test]
+    fn encryption_needs_a_trusted_certificate() {
+        if let Some(missing) = tls::missing() {
+            println!("skipped: this CPU lacks {missing}");
+            return;
+        }
+        let (range, options) = (Range::default(), PullOptions::default());
+        let certificate = include_bytes!("../../tests/fixtures/tls/authority.crt.der");
+        let trusted = RootCerts::new_with_certs(&[ureq::tls::Certificate::from_der(certificate)]);
+        let (url, server) = encrypted_server();
+        let response = send(&url, &range, &options, trusted).unwrap();
+        let mut body = String::new();
+        let mut reader = answer(200, &url, response).body;
+        reader.read_to_string(&mut body).unwrap();
+        assert_eq!(body, "model");
+        assert!(server.join().unwrap());
+
+        let (url, server) = encrypted_server();
+        let e = send(&url, &range, &options, RootCerts::WebPki).unwrap_err();
+        assert!(reason_of(&e).contains("trustworthy encryption"), "{e:?}");
+        assert!(!server.join().unwrap(), "nothing was asked for");
+    }
+
+    #[test]
+    fn a_cpu_that_cannot_encrypt_is_told() {
+        let folder = stillpoint_inference::Cache::at("cache");
+        let by_hand = ByHand::new(crate::known("yolox-nano").unwrap(), &folder);
+        let lacking = || Some("adx, avx2".to_owned());
+        let e = refuse_without_encryption("HTTPS://host/file", lacking(), &by_hand).unwrap_err();
+        let said = e.to_string();
+        for part in ["without adx, avx2", "models import yolox_nano.onnx"] {
+            assert!(said.contains(part), "{said}");
+        }
+        assert!(refuse_without_encryption("http://host/file", lacking(), &by_hand).is_ok());
+        assert!(refuse_without_encryption("https://host/file", None, &by_hand).is_ok());
     }
 
     #[test]

@@ -9,6 +9,7 @@ mod job;
 mod part;
 #[cfg(test)]
 mod tests;
+mod tls;
 
 pub use error::{ByHand, PullError};
 
