@@ -13,7 +13,7 @@ const MOST: f64 = 5.0;
 /// epipolar distance by it.
 ///
 /// In a configuration it is a table of names and weights, e.g. `person = 5` or `dining_table = 1`. Classes that a table
-/// leaves out keep their defaults; names that COCO does not have and weights outside 0 to 5 are refused.
+/// leaves out keep their defaults, and only others are written; names that COCO does not have and weights outside 0 to 5 are refused.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MotionWeights([f64; ClassId::COUNT]);
 
@@ -106,10 +106,13 @@ fn key(class: ClassId) -> String {
 }
 
 impl Serialize for MotionWeights {
-    /// All classes, so that a resolved configuration stays what it was when a default changes.
+    /// The classes that differ from their defaults: 80 lines of which none was set would hide the one that was.
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut map = serializer.serialize_map(Some(ClassId::COUNT))?;
-        for (class, weight) in self.iter() {
+        let defaults = Self::default();
+        let set = |(class, weight): &(ClassId, f64)| *weight != defaults.get(*class);
+        let set: Vec<(ClassId, f64)> = self.iter().filter(set).collect();
+        let mut map = serializer.serialize_map(Some(set.len()))?;
+        for (class, weight) in set {
             map.serialize_entry(&key(class), &weight)?;
         }
         map.end()

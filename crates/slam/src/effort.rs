@@ -131,8 +131,6 @@ impl Plan {
     #[must_use]
     pub fn apply(&self, config: &Config) -> Config {
         let mut config = config.clone();
-        let fixed = config.mapping.fixed_window * self.mapping.window as usize;
-        config.mapping.fixed_window = fixed.div_ceil(config.mapping.window.max(1)).max(1);
         config.features.features = self.features as usize;
         config.mapping.neighbours = self.mapping.neighbours as usize;
         config.mapping.window = self.mapping.window as usize;

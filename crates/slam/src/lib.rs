@@ -30,7 +30,7 @@ mod tracking;
 mod trajectory;
 mod validation;
 
-pub use config::{Config, DetectorConfig, Schedule};
+pub use config::{Config, DetectorConfig, FeaturesConfig, ObjectTrackingConfig, Schedule};
 pub use effort::{CostTable, MIN_FEATURES, Plan};
 pub use event::{
     BundleCounts, CorrectionReport, Event, FrameCounts, FrameEvent, FrameReport, LoopOutcome,
@@ -54,7 +54,7 @@ pub use run_log::{LogEntry, LogError, RunLog};
 pub use sensor::{DepthNoise, SensorConfig, Timing};
 pub use stages::{MapUse, Stages, StartError};
 pub use static_filter::{
-    FeatureVerdict, FilterSetup, MOVER, Preset, Reasons, Segments, StaticFilterConfig,
+    FeatureVerdict, FilterParts, FilterSetup, MOVER, Preset, Reasons, Segments, StaticFilterConfig,
 };
 pub use stillpoint_imaging::Simd;
 pub use subscriber::{OnEvent, Subscriber};

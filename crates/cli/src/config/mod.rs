@@ -4,6 +4,7 @@
 //! which are valid is the business of the crates that use them.
 
 pub(crate) mod docs;
+mod removed;
 
 use crate::args::{ConfigArgs, PrintArgs};
 use crate::config::docs::plain_text;
@@ -13,6 +14,7 @@ use crate::failure::{Failure, Status};
 use crate::spelling::nearest;
 use serde::Deserialize;
 use std::path::Path;
+use stillpoint::detection::ClassId;
 use stillpoint::imaging::Simd;
 use stillpoint::slam::Config;
 use toml::de::{DeTable, DeValue};
@@ -153,6 +155,12 @@ impl Layers {
 
     /// Sets one value.
     fn set(&mut self, path: &str, value: &Value, place: &str) -> Result<(), Failure> {
+        if let Some(instead) = removed::instead_of(path) {
+            return Err(Failure::input(format!(
+                "{place}: expected a key of this version, found \"{path}\", which is gone: {instead}; take it out"
+            )));
+        }
+        self.name_weight(path, place)?;
         let known = self.leaf_mut(path);
         let Some(old) = known else {
             let mut all = Vec::new();
@@ -184,6 +192,24 @@ impl Layers {
                 Err(Failure::input(message))
             }
         }
+    }
+
+    /// Puts the weight of a class among the values, where only those that differ from their defaults are.
+    fn name_weight(&mut self, path: &str, place: &str) -> Result<(), Failure> {
+        let Some(name) = path.strip_prefix("motion_weights.") else {
+            return Ok(());
+        };
+        let mut weights = self.config.motion_weights.clone();
+        // Any weight will do: what is wrong with the user's is told when it is set.
+        weights
+            .set(name, 0.0)
+            .map_err(|e| Failure::input(format!("{place}: {e}")))?;
+        if let Some(Value::Table(set)) = self.table.get_mut("motion_weights") {
+            let class = ClassId::from_name(name);
+            let weight = class.map_or(0.0, |c| self.config.motion_weights.get(c));
+            set.entry(name).or_insert(Value::Float(weight));
+        }
+        Ok(())
     }
 
     /// `KEY=WORD` with the word in quotes where the value is a word: shells take quotes away.
@@ -352,7 +378,7 @@ mod tests {
             (
                 "motion_weights.persn=4",
                 false,
-                &["\"motion_weights.person\""],
+                &["--set motion_weights.persn=4", "`person`", "`persn`"],
             ),
             (
                 "motion_weights.person=9",
@@ -402,6 +428,54 @@ mod tests {
         let text = to_text(&config).unwrap();
         assert_eq!(toml::from_str::<Config>(&text).unwrap(), config);
         assert_eq!(layered(&[(&text, true)]).unwrap(), config);
+    }
+
+    #[test]
+    fn removed_keys_are_refused_with_what_replaced_them() {
+        for (text, is_file, parts) in [
+            (
+                "mapping.fixed_window=40",
+                false,
+                &["--set", "mapping.window"][..],
+            ),
+            (
+                "[static_filter]\ndepth = false\n",
+                true,
+                &["my.toml:2", "static_filter.parts"],
+            ),
+            (
+                "[tracking]\nlocal_radius = 3.0\n",
+                true,
+                &["my.toml:2", "tracking.local_radius", "fixed"],
+            ),
+        ] {
+            let e = layered(&[(text, is_file)]).unwrap_err();
+            for part in parts {
+                assert!(e.contains(part), "{e:?} lacks {part:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn weights_are_differences_from_their_defaults() {
+        let text = to_text(&Config::default()).unwrap();
+        assert!(!text.contains("person ="), "{text}");
+        let c = layered(&[
+            ("[motion_weights]\nchair = 2\ndining_table = 0\n", true),
+            ("motion_weights.chair=1", false),
+        ])
+        .unwrap();
+        let of = |name| c.motion_weights.get(ClassId::from_name(name).unwrap());
+        assert_eq!(
+            (of("chair"), of("dining table"), of("person")),
+            (1.0, 0.0, 5.0)
+        );
+        let text = to_text(&c).unwrap();
+        assert!(
+            text.contains("chair = 1.0") && !text.contains("person ="),
+            "{text}"
+        );
+        assert_eq!(layered(&[(&text, true)]).unwrap(), c);
     }
 
     #[test]

@@ -2,8 +2,11 @@
 //!
 //! Stands above the stages, which know nothing of it: `setup.rs` gives each its own part.
 
+mod sections;
 mod setup;
 mod validate;
+
+pub use sections::{FeaturesConfig, ObjectTrackingConfig};
 
 use crate::looping::LoopingConfig;
 use crate::mapping::MappingConfig;
@@ -11,8 +14,7 @@ use crate::sensor::SensorConfig;
 use crate::static_filter::StaticFilterConfig;
 use crate::tracking::{KeyframeConfig, TrackingConfig};
 use serde::{Deserialize, Serialize};
-use stillpoint_detection::{MotionWeights, ObjectsConfig};
-use stillpoint_features::OrbConfig;
+use stillpoint_detection::MotionWeights;
 
 /// Everything that can be set. Defaults are meant for an RGB-D camera of 640x480 at 30 Hz.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -21,14 +23,15 @@ pub struct Config {
     /// Seed of every random choice. Range: any. The same seed gives the same result, bit for bit.
     pub seed: u64,
     /// Feature extraction.
-    pub features: OrbConfig,
+    pub features: FeaturesConfig,
     /// The depth sensor's range and noise.
     pub sensor: SensorConfig,
     /// Rejection of what moves.
     pub static_filter: StaticFilterConfig,
     /// Objects that a detector sees.
-    pub objects: ObjectsConfig,
-    /// How likely each class of objects is to move, 0 (ignored) to 5 (moves by itself). Classes left out keep their defaults.
+    pub objects: ObjectTrackingConfig,
+    /// How likely classes of objects are to move, 0 (ignored) to 5 (moves by itself), e.g. `chair = 2`: only those that differ from their
+    /// defaults. The names are those of COCO.
     pub motion_weights: MotionWeights,
     /// Pose tracking.
     pub tracking: TrackingConfig,

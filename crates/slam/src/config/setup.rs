@@ -11,7 +11,7 @@ impl From<&Config> for TrackerSetup {
         Self {
             tracking: config.tracking.clone(),
             keyframes: config.keyframes.clone(),
-            features: config.features.clone(),
+            features: config.features.orb(),
             sensor: config.sensor.clone(),
             filter: FilterSetup::from(config),
             seed: config.seed,
@@ -30,7 +30,7 @@ impl From<&Config> for FilterSetup {
         Self {
             filter: config.static_filter.clone(),
             weights: config.motion_weights.clone(),
-            objects: config.objects.clone(),
+            objects: config.objects.objects(),
             noise: config.sensor.noise(),
             seed: config.seed,
         }

@@ -21,13 +21,7 @@ impl Config {
             c.range("features", f.features as f64, 100.0, 10_000.0);
             c.range("levels", f.levels as f64, 1.0, 16.0);
             c.range("scale_factor", f64::from(f.scale_factor), 1.05, 2.0);
-            c.range("fast_threshold", f64::from(f.fast_threshold), 1.0, 255.0);
-            c.range(
-                "fast_threshold_low",
-                f64::from(f.fast_threshold_low),
-                1.0,
-                f64::from(f.fast_threshold),
-            );
+            c.range("fast_threshold", f64::from(f.fast_threshold), 1.0, 254.0);
         });
         section("sensor", &|c| self.sensor.check(c));
         section("static_filter", &|c| self.static_filter.check(c));
@@ -43,7 +37,7 @@ impl Config {
             c.range("mapper", f64::from(self.schedule.mapper), 0.0, 1000.0);
             c.range("looper", f64::from(self.schedule.looper), 0.0, 1000.0);
         });
-        for problem in self.objects.problems() {
+        for problem in self.objects.objects().problems() {
             let (field, message) = problem.split_once(": ").unwrap_or(("", &problem));
             problems.push(ConfigProblem {
                 path: format!("objects.{field}"),

@@ -15,6 +15,7 @@ pub use quality::Quality;
 use crate::config::Config;
 use crate::event::Outcome;
 use crate::messages::Tracked;
+use crate::tracking::MIN_INITIAL_POINTS;
 use crowd::Crowd;
 use loss::{Clues, Look, percent};
 use quality::Measured;
@@ -131,7 +132,7 @@ impl HealthMonitor {
         Self {
             weights: config.motion_weights.clone(),
             min_inliers: config.tracking.min_inliers as u32,
-            min_initial_points: config.tracking.min_initial_points as u32,
+            min_initial_points: MIN_INITIAL_POINTS as u32,
             crowd: Crowd::default(),
             before: None,
             version: None,

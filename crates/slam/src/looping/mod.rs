@@ -22,6 +22,12 @@ const CANDIDATES: usize = 5;
 /// Keyframes around one that count as the same place: so many that share most landmarks with it.
 const GROUP: usize = 10;
 
+/// The newest keyframes, so many, are no candidates, and so many pass between two closed loops: what was seen just now needs no loop.
+/// This and the next as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+const MIN_GAP: usize = 10;
+/// A place must be recognised by so many keyframes in a row: one alone may be a coincidence.
+const CONSISTENCY: u32 = 3;
+
 /// A place that keyframe after keyframe looked like.
 struct Streak {
     /// The keyframes that show it, by id.
@@ -140,7 +146,7 @@ impl Looper {
         }
         let recent = {
             let ids: Vec<KeyframeId> = view.keyframes().map(|k| k.id).collect();
-            let back = ids.len().checked_sub(self.config.min_gap);
+            let back = ids.len().checked_sub(MIN_GAP);
             back.and_then(|i| ids.get(i).copied())
         };
         let near = surroundings(view, keyframe);
@@ -166,7 +172,7 @@ impl Looper {
             let meets = |s: &&Streak| s.group.iter().any(|k| group.binary_search(k).is_ok());
             let before = self.streaks.iter().filter(meets).map(|s| s.length).max();
             let length = before.unwrap_or(0) + 1;
-            if length >= self.config.consistency {
+            if length >= CONSISTENCY {
                 consistent.push(candidate);
             }
             streaks.push(Streak { group, length });
@@ -256,7 +262,7 @@ impl Looper {
     fn is_too_soon(&self, view: &MapView, now: KeyframeId) -> bool {
         self.last_closed.is_some_and(|last| {
             let between = view.keyframes().filter(|k| k.id > last && k.id <= now);
-            between.count() < self.config.min_gap
+            between.count() < MIN_GAP
         })
     }
 }

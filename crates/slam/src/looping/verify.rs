@@ -11,6 +11,8 @@ use stillpoint_features::best_two;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Keyframe, LandmarkId, MapView};
 
+/// Points of both keyframes that agree on one rigid motion, at least: fewer agree by chance. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+const MIN_RIGID_INLIERS: usize = 20;
 /// Radius of the search around where the motion found from pairs puts a landmark, px on level 0.
 const WIDE_RADIUS_PX: f32 = 8.0;
 /// The same once the motion is refined.
@@ -77,7 +79,7 @@ impl Looper {
             );
             report.inliers = fit.inlier_count as u32;
             report.expected = expected;
-            if fit.inlier_count < self.config.min_rigid_inliers {
+            if fit.inlier_count < MIN_RIGID_INLIERS {
                 return Err(LoopOutcome::FewInliers);
             }
             new_from_old = fit.camera_from_world * old.world_from_camera;
@@ -116,7 +118,7 @@ impl Looper {
             }
         }
         let options = RigidOptions {
-            min_inliers: self.config.min_rigid_inliers,
+            min_inliers: MIN_RIGID_INLIERS,
             ..RigidOptions::default()
         };
         // Both ends are in the address: several candidates are tried for one keyframe.

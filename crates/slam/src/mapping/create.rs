@@ -8,6 +8,8 @@ use stillpoint_estimation::{Intrinsics, triangulate_midpoint};
 use stillpoint_geometry::{Mat3, Se3, Vec3, robust, so3};
 use stillpoint_map::{Keyframe, KeyframeId, NewLandmark};
 
+/// Landmarks made from depth at a keyframe, at least, nearest first, beyond the close ones.
+const MIN_DEPTH_LANDMARKS: usize = 100;
 /// Two rays must differ by at least this angle to fix a point: cos(1.15 deg).
 const MAX_PARALLAX_COSINE: f64 = 0.9998;
 /// Baseline over median depth below which triangulation is not tried.
@@ -28,7 +30,7 @@ impl Mapper {
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut created = 0;
         for (rank, &(z, i)) in order.iter().enumerate() {
-            if z > self.close_depth && rank >= self.config.min_depth_landmarks {
+            if z > self.close_depth && rank >= MIN_DEPTH_LANDMARKS {
                 break;
             }
             if keyframe.matches[i].is_some() || !data.mappable[i] {

@@ -18,6 +18,9 @@ const MAX_ODDS: f32 = 6.0;
 /// A landmark less likely to be static than this leaves the map: 1 in 20.
 const MIN_ODDS: f32 = -3.0;
 
+/// A landmark that is found in less than this share of the frames that should see it is culled.
+const MIN_FOUND_SHARE: f64 = 0.25;
+
 /// Keyframes beyond the allowed number that go with one new keyframe, at most: a loaded map may have hundreds too many, and no
 /// frame is to wait for that.
 const MAX_SURPLUS: usize = 20;
@@ -77,14 +80,14 @@ impl Mapper {
                 - self.order.partition_point(|k| *k <= created)
         };
         let mut doomed = Vec::new();
-        let (map, min_found) = (&self.map, self.config.min_found_share);
+        let map = &self.map;
         self.young.retain(|id| {
             let Some(l) = map.view().landmark(*id) else {
                 return false;
             };
             let age = age_of(l.created_at);
             let needed = if l.depth_observers > 0 { 2 } else { 3 };
-            let rare = f64::from(l.found) < min_found * f64::from(l.visible);
+            let rare = f64::from(l.found) < MIN_FOUND_SHARE * f64::from(l.visible);
             if rare || (age >= 2 && l.observers < needed) {
                 doomed.push(*id);
                 return false;

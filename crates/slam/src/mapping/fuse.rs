@@ -1,7 +1,7 @@
 //! Duplicates: landmarks of one keyframe searched in another, both ways; whose keyframes, and how far, as in ORB-SLAM2 (Mur-Artal,
 //! Tardos 2017).
 
-use super::Mapper;
+use super::{MIN_SHARED, Mapper};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, window_of};
 use std::sync::Arc;
 use stillpoint_estimation::Intrinsics;
@@ -34,7 +34,7 @@ impl Mapper {
         for landmark in landmarks_of(self.map.view(), &[id]) {
             self.map.refresh_landmark(landmark);
         }
-        self.map.refresh_covisibility(id, self.config.min_shared);
+        self.map.refresh_covisibility(id, MIN_SHARED);
         fused
     }
 

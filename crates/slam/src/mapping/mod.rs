@@ -17,22 +17,18 @@ use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, KeyframeId, LandmarkId, Map, MapView};
 
+/// Keyframes share at least this many landmarks to count as covisible.
+const MIN_SHARED: u32 = 15;
+
 /// How the map is built.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MappingConfig {
-    /// Landmarks made from depth at a keyframe, at least, nearest first, beyond the close ones. Range: 0 to 10000.
-    pub min_depth_landmarks: usize,
     /// Neighbours with which a keyframe triangulates and fuses. Range: 0 to 100.
     pub neighbours: usize,
-    /// Keyframes share at least this many landmarks to count as covisible. Range: 1 to 1000.
-    pub min_shared: u32,
-    /// Free keyframes of local bundle adjustment, at most. Range: 1 to 100. Effort grows with its square.
+    /// Free keyframes of local bundle adjustment, at most; half as many again hold it in place. Range: 1 to 100. Effort grows with
+    /// its square.
     pub window: usize,
-    /// Fixed keyframes of local bundle adjustment, at most. Range: 1 to 200.
-    pub fixed_window: usize,
-    /// A landmark that is found in less than this share of the frames that should see it is culled. Range: 0 to 1.
-    pub min_found_share: f64,
     /// A keyframe is redundant when this share of its landmarks is seen by three others as finely. Range: 0.5 to 1.
     pub redundant_share: f64,
     /// Keyframes in the map, at most: beyond that the most redundant go, whatever they add. Range: 0 (no limit), or 50 to 100000.
@@ -45,12 +41,8 @@ impl Default for MappingConfig {
         // Those of ORB-SLAM2 for RGB-D cameras (Mur-Artal, Tardos 2017), but for the windows of bundle adjustment and the limit on
         // keyframes, which it does not have.
         Self {
-            min_depth_landmarks: 100,
             neighbours: 10,
-            min_shared: 15,
             window: 20,
-            fixed_window: 30,
-            min_found_share: 0.25,
             redundant_share: 0.9,
             max_keyframes: 0,
         }
@@ -68,17 +60,8 @@ impl MappingConfig {
     }
 
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
-        c.range(
-            "min_depth_landmarks",
-            self.min_depth_landmarks as f64,
-            0.0,
-            1e4,
-        );
         c.range("neighbours", self.neighbours as f64, 0.0, 100.0);
-        c.range("min_shared", f64::from(self.min_shared), 1.0, 1e3);
         c.range("window", self.window as f64, 1.0, 100.0);
-        c.range("fixed_window", self.fixed_window as f64, 1.0, 200.0);
-        c.range("min_found_share", self.min_found_share, 0.0, 1.0);
         c.range("redundant_share", self.redundant_share, 0.5, 1.0);
         if self.max_keyframes != 0 {
             c.range("max_keyframes", self.max_keyframes as f64, 50.0, 1e5);
@@ -106,7 +89,7 @@ pub struct MapperSetup {
 pub struct MappingEffort {
     /// Neighbours with which it triangulates and fuses, at most.
     pub neighbours: u32,
-    /// Free keyframes of its local bundle adjustment, at most; of the fixed ones the same share of the configured number.
+    /// Free keyframes of its local bundle adjustment, at most; half as many again are fixed.
     pub window: u32,
 }
 
@@ -160,10 +143,9 @@ impl Mapper {
         };
     }
 
-    /// Fixed keyframes of local bundle adjustment, at most: of those configured the share that the free ones have.
+    /// Fixed keyframes of local bundle adjustment, at most: half as many again as free ones. They cost little, and hold the window.
     fn fixed_window(&self) -> usize {
-        let share = self.config.fixed_window * self.effort.window as usize;
-        share.div_ceil(self.config.window)
+        (3 * self.effort.window as usize).div_ceil(2)
     }
 
     /// The map.
@@ -243,8 +225,7 @@ impl Mapper {
         let before = self.map.view().clone();
         let applied = self.map.apply(correction);
         for keyframe in &applied.touched {
-            self.map
-                .refresh_covisibility(*keyframe, self.config.min_shared);
+            self.map.refresh_covisibility(*keyframe, MIN_SHARED);
         }
         if cfg!(debug_assertions) {
             self.map.check().expect("the map keeps its invariants");
@@ -295,8 +276,7 @@ impl Mapper {
                 self.map.refresh_landmark(landmark);
             }
         }
-        self.map
-            .refresh_covisibility(keyframe.id, self.config.min_shared);
+        self.map.refresh_covisibility(keyframe.id, MIN_SHARED);
     }
 
     /// The keyframes that share most landmarks with `id`, at most `count`.

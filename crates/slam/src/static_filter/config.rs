@@ -18,19 +18,80 @@ pub enum Preset {
     Default,
 }
 
+/// What the static filter uses: as text the letters O, G and D, joined by `+`, or `none`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct FilterParts {
+    pub(crate) objects: bool,
+    pub(crate) geometry: bool,
+    pub(crate) depth: bool,
+}
+
+impl Default for FilterParts {
+    /// All of them.
+    fn default() -> Self {
+        Self {
+            objects: true,
+            geometry: true,
+            depth: true,
+        }
+    }
+}
+
+impl From<FilterParts> for String {
+    fn from(parts: FilterParts) -> Self {
+        let letters = [
+            (parts.objects, "O"),
+            (parts.geometry, "G"),
+            (parts.depth, "D"),
+        ];
+        let used: Vec<&str> = letters.iter().filter(|l| l.0).map(|l| l.1).collect();
+        if used.is_empty() {
+            "none".to_owned()
+        } else {
+            used.join("+")
+        }
+    }
+}
+
+impl TryFrom<String> for FilterParts {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let mut parts = Self {
+            objects: false,
+            geometry: false,
+            depth: false,
+        };
+        if text == "none" {
+            return Ok(parts);
+        }
+        for letter in text.split('+') {
+            match letter.trim() {
+                "O" => parts.objects = true,
+                "G" => parts.geometry = true,
+                "D" => parts.depth = true,
+                other => {
+                    return Err(format!(
+                        "expected letters of \"O+G+D\" joined by \"+\", or \"none\", found \"{other}\""
+                    ));
+                }
+            }
+        }
+        Ok(parts)
+    }
+}
+
 /// Rejection of what moves.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StaticFilterConfig {
     /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published) or "default".
     pub preset: Preset,
-    /// Uses objects (O). Range: true or false.
-    pub objects: bool,
-    /// Uses flow between frames (G): the epipolar constraint, and in preset "default" the rigid test. Range: true or false.
-    pub geometry: bool,
-    /// Uses depth within boxes (D): in preset "paper" splits a box into object and background, in preset "default" gives an
-    /// object a range of depth, without which all that is in its box is the object. Range: true or false.
-    pub depth: bool,
+    /// What it uses, for ablations: objects (O), flow between frames (G: the epipolar constraint, and in preset "default" the rigid
+    /// test), depth within boxes (D: in preset "paper" splits a box into object and background, in preset "default" gives an object a
+    /// range of depth, without which all that is in its box is the object). Range: letters of "O+G+D" joined by "+", or "none".
+    pub parts: FilterParts,
     /// Fewer static features than this starve tracking: the least risky dynamic ones are released. Range: 0 to 1000.
     pub min_features: usize,
 }
@@ -39,9 +100,7 @@ impl Default for StaticFilterConfig {
     fn default() -> Self {
         Self {
             preset: Preset::Default,
-            objects: true,
-            geometry: true,
-            depth: true,
+            parts: FilterParts::default(),
             min_features: 80,
         }
     }
@@ -66,4 +125,25 @@ pub struct FilterSetup {
     pub noise: DepthNoise,
     /// Seed of every random choice.
     pub seed: u64,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_are_read_as_they_are_written() {
+        for text in ["O+G+D", "O", "G", "D", "O+G", "O+D", "G+D", "none"] {
+            let parts = FilterParts::try_from(text.to_owned());
+            assert_eq!(parts.map(String::from), Ok(text.to_owned()));
+        }
+        for text in ["", "O+", "X", "OG", "o"] {
+            let said = FilterParts::try_from(text.to_owned()).err();
+            assert!(said.is_some_and(|s| s.contains("O+G+D")), "{text}");
+        }
+        assert_eq!(
+            FilterParts::try_from("O+G+D".to_owned()),
+            Ok(FilterParts::default())
+        );
+    }
 }

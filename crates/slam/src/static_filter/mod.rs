@@ -18,7 +18,7 @@ mod surfaces;
 mod verdict;
 mod visibility;
 
-pub use config::{FilterSetup, Preset, StaticFilterConfig};
+pub use config::{FilterParts, FilterSetup, Preset, StaticFilterConfig};
 pub(crate) use history::CapturePose;
 pub use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
@@ -154,7 +154,7 @@ impl StaticFilter {
 
     /// Whether the filter makes use of flow.
     pub(crate) fn wants_flow(&self) -> bool {
-        self.rules.config.preset != Preset::Off && self.rules.config.geometry
+        self.rules.config.preset != Preset::Off && self.rules.config.parts.geometry
     }
 
     /// Whether flow tells it something only of features that have a depth.
@@ -164,7 +164,7 @@ impl StaticFilter {
 
     /// Whether the filter makes use of detections.
     fn wants_detections(&self) -> bool {
-        self.rules.config.preset != Preset::Off && self.rules.config.objects
+        self.rules.config.preset != Preset::Off && self.rules.config.parts.objects
     }
 
     /// Forgets what was seen so far, as it was seen in another frame of reference.
@@ -242,7 +242,7 @@ impl StaticFilter {
     /// The objects that may move. Without D all that is in their boxes is theirs, whatever its depth.
     fn movers(&self, objects: &[Object], stamp: f64) -> Vec<Mover> {
         let mut movers = semantic::movers(objects, &self.rules.weights, stamp, self.rules.coast);
-        if !self.rules.config.depth {
+        if !self.rules.config.parts.depth {
             movers.iter_mut().for_each(|m| m.range = None);
         }
         movers
@@ -339,7 +339,7 @@ impl StaticFilter {
 
     /// What the flow of each feature says of the surface it lies on.
     fn rigid_votes(&self, input: &FrameInput<'_>) -> Vec<Vote> {
-        if !self.rules.config.geometry {
+        if !self.rules.config.parts.geometry {
             return Vec::new();
         }
         let distance = |(pair, z): (&Option<FlowPair>, &f32)| {

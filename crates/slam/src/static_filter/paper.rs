@@ -30,8 +30,8 @@ pub(super) fn judge(
     movers: &[Mover],
     seed: u64,
 ) -> Vec<FeatureVerdict> {
-    let movers = if config.objects { movers } else { &[] };
-    let distances = if config.geometry {
+    let movers = if config.parts.objects { movers } else { &[] };
+    let distances = if config.parts.geometry {
         epipolar::distances(input, camera, movers, seed)
     } else {
         vec![None; input.features.len()]
@@ -59,7 +59,7 @@ fn split(
     mover: &Mover,
     seed: u64,
 ) -> Option<f64> {
-    if !config.depth || mover.weight < SPLIT_WEIGHT {
+    if !config.parts.depth || mover.weight < SPLIT_WEIGHT {
         return None;
     }
     let inside = |(pixel, z): (&[f32; 2], &f32)| {
@@ -112,7 +112,7 @@ fn decide(
     let weight = b.mover.weight;
     let background = is_background(b);
     let off_line = distance.is_some_and(|d| weight * d >= EPSILON_PX);
-    let split = config.depth && weight >= SPLIT_WEIGHT;
+    let split = config.parts.depth && weight >= SPLIT_WEIGHT;
     let by_depth = split && !background;
     // Without depth and without a pair the class alone is left to decide.
     let by_class = !split && distance.is_none() && weight >= MOVER;

@@ -141,7 +141,7 @@ fn detections_that_come_too_late_are_counted() {
     }
     // A filter that takes no detections misses none.
     let mut deaf = config();
-    deaf.static_filter.objects = false;
+    deaf.static_filter.parts.objects = false;
     let mut filter = self::filter(&deaf);
     filter.receive(detections(0));
     filter.take_late(&detections(0), &view, None);
@@ -152,7 +152,7 @@ fn detections_that_come_too_late_are_counted() {
 fn without_depth_all_in_the_box_is_the_object() {
     for (depth, expected) in [(true, [true, false, false]), (false, [true, true, false])] {
         let mut config = config();
-        config.static_filter.depth = depth;
+        config.static_filter.parts.depth = depth;
         let mut filter = filter(&config);
         filter.receive(detections(0));
         assert_eq!(dynamic(&judge(&mut filter, 0)), expected, "depth: {depth}");

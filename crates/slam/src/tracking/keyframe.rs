@@ -5,6 +5,10 @@ use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
 
+/// The least share of the reference keyframe's landmarks that is tracked without a keyframe being due, while the map has one keyframe,
+/// whose landmarks nothing has confirmed.
+const MIN_TRACKED_SHARE_FIRST: f64 = 0.4;
+
 /// When a frame becomes a keyframe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -12,8 +16,6 @@ pub struct KeyframeConfig {
     /// A keyframe is due when fewer than this share of the reference keyframe's established landmarks is tracked.
     /// Range: 0.1 to 1. Overlap enough for bundle adjustment, not more keyframes than needed.
     pub min_tracked_share: f64,
-    /// The same while the map has one keyframe, whose landmarks nothing has confirmed. Range: 0.1 to 1.
-    pub min_tracked_share_first: f64,
     /// A keyframe is due when fewer close points than this are tracked ... Range: 0 to 10000.
     pub min_close_tracked: usize,
     /// ... while more than this many others could be made into landmarks. Range: 0 to 10000.
@@ -26,7 +28,6 @@ impl Default for KeyframeConfig {
     fn default() -> Self {
         Self {
             min_tracked_share: 0.75,
-            min_tracked_share_first: 0.4,
             min_close_tracked: 100,
             min_close_untracked: 70,
             min_gap: 3,
@@ -37,12 +38,6 @@ impl Default for KeyframeConfig {
 impl KeyframeConfig {
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range("min_tracked_share", self.min_tracked_share, 0.1, 1.0);
-        c.range(
-            "min_tracked_share_first",
-            self.min_tracked_share_first,
-            0.1,
-            1.0,
-        );
         c.range("min_close_tracked", self.min_close_tracked as f64, 0.0, 1e4);
         c.range(
             "min_close_untracked",
@@ -77,7 +72,7 @@ impl KeyframeConfig {
             .count();
         let inliers = matches.iter().flatten().count();
         let share = if first {
-            self.min_tracked_share_first
+            MIN_TRACKED_SHARE_FIRST
         } else {
             self.min_tracked_share
         };

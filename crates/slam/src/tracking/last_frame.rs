@@ -12,6 +12,8 @@ use stillpoint_estimation::{
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 
+/// Radius of the search around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+const MOTION_RADIUS_PX: f32 = 15.0;
 /// Keyframes to try when the last frame does not match: so many that share most with the reference keyframe ...
 const COVISIBLE: usize = 8;
 /// ... and so many of the newest.
@@ -34,8 +36,7 @@ impl Tracker {
             let _span = tracing::info_span!("match").entered();
             self.last_frame_points(last)
         };
-        let radius = self.setup.tracking.motion_radius as f32;
-        for radius in [radius, 3.0 * radius] {
+        for radius in [MOTION_RADIUS_PX, 3.0 * MOTION_RADIUS_PX] {
             let matches = {
                 let _span = tracing::info_span!("match").entered();
                 match_by_projection(data, predicted, &last.data, &candidates, bounds, radius)

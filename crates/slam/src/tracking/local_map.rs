@@ -15,6 +15,9 @@ use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId, Sca
 
 /// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame.
 const MAX_KEYFRAMES: usize = 40;
+/// Factor on the radius (2.5 or 4 px) of the search for local landmarks. The pose before the filter is off by more than that of a scene
+/// in which all stands still.
+pub(super) const LOCAL_RADIUS: f32 = 2.0;
 /// Keyframes farther than this are not around.
 const AROUND_M: f64 = 1.5;
 /// Landmarks seen at more than 60 degrees from their mean viewing direction look different. The limit is that of ORB-SLAM2 (Mur-Artal,
@@ -76,7 +79,7 @@ impl Tracker {
         let area = SearchArea {
             bounds: self.front_end.observer.bounds(),
             level_sigmas: self.front_end.observer.level_sigmas(),
-            radius_px: self.setup.tracking.local_radius as f32,
+            radius_px: LOCAL_RADIUS,
         };
         let sight = DepthSight {
             camera: &data.camera,

@@ -23,6 +23,7 @@ mod starved;
 mod state;
 mod statistics;
 
+pub(crate) use config::MIN_INITIAL_POINTS;
 pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
 

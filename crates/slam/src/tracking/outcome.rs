@@ -1,5 +1,6 @@
 //! What becomes of a frame: it begins a map, its pose is taken, or it is lost.
 
+use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::motion::ConstantVelocity;
 use super::state::{LastFrame, State};
@@ -59,7 +60,7 @@ impl Tracker {
         self.judge(frame, data, &EgoMotion::unknown(), notes);
         let verdicts = Some(&*notes.judgement.verdicts);
         let data = self.front_end.measure(frame, None, verdicts);
-        let (counts, enough) = (&notes.counts, self.setup.tracking.min_initial_points);
+        let (counts, enough) = (&notes.counts, MIN_INITIAL_POINTS);
         if (counts.with_depth as usize) < enough {
             let reason = if (counts.keypoints as usize) < enough {
                 LostReason::FewFeatures

@@ -1,5 +1,6 @@
 //! Relocalisation: where the camera is when nothing is known of it, and what becomes of it when that is not found either.
 
+use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::outcome::Ending;
 use super::state::LastFrame;
@@ -37,7 +38,7 @@ impl Tracker {
         reason: LostReason,
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
-        let min_inliers = self.setup.tracking.min_relocalisation_inliers;
+        let min_inliers = self.setup.tracking.min_relocalisation_inliers();
         if data.len() < min_inliers {
             return Err(reason);
         }
@@ -78,7 +79,7 @@ impl Tracker {
         tried: &Notes,
     ) -> bool {
         let (inliers, visible) = (tried.counts.inliers, tried.counts.local_visible);
-        let enough = inliers as usize >= self.setup.tracking.min_relocalisation_inliers;
+        let enough = inliers as usize >= self.setup.tracking.min_relocalisation_inliers();
         let share = f64::from(inliers) / f64::from(visible.max(1));
         let Some(last) = self.state.last() else {
             return enough && share >= MIN_SHARE;
@@ -163,8 +164,7 @@ impl Tracker {
     /// Whether it is time to begin a new submap: for so many frames there was enough to see, and none of it was known.
     /// Where there are other submaps, that is not before these had their time to be recognised.
     fn is_submap_due(&mut self, stamp: f64, notes: &Notes) -> bool {
-        let enough = self.setup.tracking.min_initial_points;
-        let shows_enough = notes.counts.with_depth as usize >= enough;
+        let shows_enough = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
         let unplaced = self.state.count_unplaced(shows_enough);
         let due = self.map.grows && unplaced >= self.setup.tracking.new_piece_after;
         let recent = |last: &LastFrame| stamp - last.stamp < CARRIED_S + RECOGNISED_S;

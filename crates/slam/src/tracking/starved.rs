@@ -2,7 +2,7 @@
 
 use super::ego_motion::EgoMotion;
 use super::known_map::KnownMap;
-use super::local_map::SearchArea;
+use super::local_map::{LOCAL_RADIUS, SearchArea};
 use super::sight::Sight;
 use super::statistics::Sightings;
 use super::{Fix, Tracker, pose};
@@ -105,7 +105,7 @@ impl Tracker {
         let area = SearchArea {
             bounds: self.front_end.observer.bounds(),
             level_sigmas: self.front_end.observer.level_sigmas(),
-            radius_px: factor * self.setup.tracking.local_radius as f32,
+            radius_px: factor * LOCAL_RADIUS,
         };
         let open = |_: &_| Sight::Open;
         self.map.surroundings.search(

@@ -64,20 +64,15 @@ impl Variant {
 
     /// What the system is told, after all that the user set.
     fn settings(self) -> Vec<String> {
-        let paper = |objects, geometry, depth| {
+        let paper = || {
             vec![
                 "static_filter.preset=paper".to_owned(),
-                format!("static_filter.objects={objects}"),
-                format!("static_filter.geometry={geometry}"),
-                format!("static_filter.depth={depth}"),
+                format!("static_filter.parts=\"{}\"", self.label()),
             ]
         };
         match self {
             Self::None => vec!["static_filter.preset=off".to_owned()],
-            Self::O => paper(true, false, false),
-            Self::G => paper(false, true, false),
-            Self::Og => paper(true, true, false),
-            Self::Ogd => paper(true, true, true),
+            Self::O | Self::G | Self::Og | Self::Ogd => paper(),
             Self::Default => vec!["static_filter.preset=default".to_owned()],
         }
     }
@@ -319,14 +314,13 @@ mod tests {
                 ..ConfigArgs::default()
             };
             let f = config::resolve(&args).unwrap().static_filter;
-            let letters = [(f.objects, "O"), (f.geometry, "G"), (f.depth, "D")];
-            let on: Vec<&str> = letters.iter().filter(|l| l.0).map(|l| l.1).collect();
+            let parts = String::from(f.parts);
             let preset = format!("{:?}", f.preset).to_lowercase();
             match variant {
                 Variant::None => assert_eq!(preset, "off"),
                 Variant::Default => assert_eq!(preset, "default"),
                 _ => assert_eq!(
-                    (preset.as_str(), on.join("+").as_str()),
+                    (preset.as_str(), parts.as_str()),
                     ("paper", variant.label())
                 ),
             }

@@ -1,0 +1,68 @@
+//! Keys that earlier versions had, and what to do instead.
+
+/// Key, and what stands in its place.
+const REMOVED: &[(&str, &str)] = &[
+    (
+        "features.fast_threshold_low",
+        "it follows features.fast_threshold",
+    ),
+    (
+        "features.subpixel",
+        "corners are always refined to a fraction of a pixel",
+    ),
+    (
+        "static_filter.objects",
+        "static_filter.parts names what the filter uses, e.g. \"G+D\" without objects",
+    ),
+    (
+        "static_filter.geometry",
+        "static_filter.parts names what the filter uses, e.g. \"O+D\" without flow",
+    ),
+    (
+        "static_filter.depth",
+        "static_filter.parts names what the filter uses, e.g. \"O+G\" without depth",
+    ),
+    ("objects.tentative_misses", "it is fixed at 3"),
+    ("objects.acceleration", "it is fixed at 1 m/s^2"),
+    ("objects.side_sigma", "it is fixed at 0.1"),
+    (
+        "objects.parked_share",
+        "it is fixed at 0.8; objects.parked_seconds says when an object is parked",
+    ),
+    ("tracking.min_initial_points", "it is fixed at 100"),
+    (
+        "tracking.min_relocalisation_inliers",
+        "it follows tracking.min_inliers, of which it is 5/3",
+    ),
+    (
+        "tracking.motion_radius",
+        "it is fixed at 15 px, and three times as much where that finds too little",
+    ),
+    ("tracking.local_radius", "it is fixed at 2"),
+    (
+        "keyframes.min_tracked_share_first",
+        "it is fixed at 0.4; keyframes.min_tracked_share holds from the second keyframe on",
+    ),
+    (
+        "mapping.min_depth_landmarks",
+        "it is fixed at 100; sensor.close_depth says which points are close",
+    ),
+    ("mapping.min_shared", "it is fixed at 15"),
+    (
+        "mapping.fixed_window",
+        "it follows mapping.window, of which it is 3/2",
+    ),
+    ("mapping.min_found_share", "it is fixed at 0.25"),
+    ("looping.min_gap", "it is fixed at 10"),
+    ("looping.consistency", "it is fixed at 3"),
+    (
+        "looping.min_rigid_inliers",
+        "it is fixed at 20; looping.min_inliers says how much must agree in the end",
+    ),
+];
+
+/// What stands in the place of a key that is gone.
+pub(super) fn instead_of(path: &str) -> Option<&'static str> {
+    let found = REMOVED.iter().find(|(key, _)| *key == path);
+    found.map(|(_, instead)| *instead)
+}
