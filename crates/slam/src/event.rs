@@ -22,13 +22,12 @@
 
 use crate::gate::RefusedFrame;
 use crate::health::Health;
-use crate::map_shift::MapShift;
-use crate::static_filter::{FeatureVerdict, Segments};
+use crate::messages::{MapperOut, MapperReport};
+use crate::report::{CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport};
 use std::sync::Arc;
-use stillpoint_detection::{DetectError, Detections, Object};
-use stillpoint_geometry::Se3;
-use stillpoint_imaging::{FrameId, RgbdFrame};
-use stillpoint_map::{Join, KeyframeId, MapView, PieceId};
+use stillpoint_detection::{DetectError, Detections};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::MapView;
 
 /// What happened in one step of the system.
 #[derive(Clone)]
@@ -88,6 +87,19 @@ impl Event {
     }
 }
 
+impl MapperOut {
+    /// What the user is told of it.
+    #[must_use]
+    pub fn into_event(self) -> Event {
+        let view = self.view;
+        match self.report {
+            MapperReport::Mapped(report) => Event::Mapped { report, view },
+            MapperReport::Rejudged(report) => Event::Rejudged { report, view },
+            MapperReport::Corrected(report) => Event::Corrected { report, view },
+        }
+    }
+}
+
 /// Without images and maps: of these only the numbers.
 impl std::fmt::Debug for Event {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -124,237 +136,4 @@ impl std::fmt::Debug for FrameEvent {
         frame.field("report", report).field("health", health);
         frame.finish()
     }
-}
-
-/// What became of a frame's pose.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Outcome {
-    /// The first frame of a map or a piece of one; its pose is where that begins.
-    Initialised,
-    /// The pose was measured in this frame.
-    Tracked,
-    /// The camera was found again, near where it was lost or anywhere in the map.
-    Relocalised {
-        /// The first frame of the loss that ends here; this frame itself where there was none.
-        since: FrameId,
-        /// The keyframe that was recognised.
-        with: KeyframeId,
-    },
-    /// No pose could be measured.
-    Lost {
-        /// The first frame of this loss.
-        since: FrameId,
-        /// Why this frame gave no pose.
-        reason: LostReason,
-    },
-}
-
-/// Why a frame gave no pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LostReason {
-    /// Not enough keypoints in the image: black, covered or without texture.
-    FewFeatures,
-    /// Not enough keypoints with depth to begin a map.
-    FewDepths,
-    /// Not enough keypoints matched landmarks.
-    FewMatches,
-    /// Too few matches agreed on one pose.
-    FewInliers,
-}
-
-impl std::fmt::Display for LostReason {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::FewFeatures => "too few keypoints in the image",
-            Self::FewDepths => "too few keypoints with depth",
-            Self::FewMatches => "too few keypoints match the map",
-            Self::FewInliers => "too few matches agree on a pose",
-        })
-    }
-}
-
-/// The tracker's report on one frame.
-#[derive(Clone, Debug)]
-pub struct FrameReport {
-    /// The frame.
-    pub frame: FrameId,
-    /// Its colour stamp, s.
-    pub stamp: f64,
-    /// Whether a pose was measured.
-    pub outcome: Outcome,
-    /// The pose as known at this frame, when one was measured in it.
-    pub world_from_camera: Option<Se3>,
-    /// What the static filter said of each keypoint, and was used for this frame's pose; in the order of extraction.
-    pub verdicts: Arc<[FeatureVerdict]>,
-    /// The regions that move.
-    pub segments: Segments,
-    /// The objects as they are expected in this frame: number, class, box in the raw image, whether they move or are parked, and where
-    /// depth was seen, position and velocity with their covariance. Those are in the world of the map version `map_version` and of
-    /// the pose that the frame had on its way; [`Object::seen_from`] brings them to a camera. None for a frame that was lost
-    /// before the static filter was asked.
-    pub objects: Arc<[Object]>,
-    /// Counts of each step.
-    pub counts: FrameCounts,
-    /// The frame became a keyframe.
-    pub is_keyframe: bool,
-    /// The piece of map that the pose is in, by what was known at this frame; none without a pose.
-    pub piece: Option<PieceId>,
-    /// Version of the map view that was used.
-    pub map_version: u64,
-}
-
-/// How many features each step of tracking dealt with, and which detections it could not use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct FrameCounts {
-    /// Extracted keypoints.
-    pub keypoints: u32,
-    /// Keypoints rejected because they move.
-    pub dynamic: u32,
-    /// Of those that move, keypoints used all the same because too few others were left.
-    pub released: u32,
-    /// Keypoints with a usable depth.
-    pub with_depth: u32,
-    /// Matches to the last frame (or the reference keyframe).
-    pub frame_matches: u32,
-    /// Landmarks of the local map in the field of view.
-    pub local_visible: u32,
-    /// Matches to landmarks that entered the final pose.
-    pub map_matches: u32,
-    /// Of these, matches that agree with the final pose.
-    pub inliers: u32,
-    /// Answers of the detector that came since the frame before and were too late to be used: they are about a frame that is
-    /// not remembered any more (for 3.2 s it is).
-    pub detections_too_late: u32,
-    /// Answers of the detector that came since the frame before, or were there in time for this one, and could not be used
-    /// because the frame they are about has no pose.
-    pub detections_without_pose: u32,
-}
-
-/// The mapper's report on one keyframe.
-#[derive(Clone, Debug)]
-pub struct MappingReport {
-    /// The keyframe.
-    pub keyframe: KeyframeId,
-    /// Version of the published view.
-    pub map_version: u64,
-    /// Live keyframes in it.
-    pub keyframes: usize,
-    /// Live landmarks in it.
-    pub landmarks: usize,
-    /// Landmarks made from depth at this keyframe.
-    pub created_from_depth: u32,
-    /// Landmarks made by triangulation.
-    pub triangulated: u32,
-    /// Landmarks that turned out to be the same as another.
-    pub fused: u32,
-    /// Landmarks removed.
-    pub culled_landmarks: u32,
-    /// Keyframes removed as redundant.
-    pub culled_keyframes: u32,
-    /// Keyframes, landmarks and observations in local bundle adjustment; zeros when it was not run.
-    pub bundle: BundleCounts,
-}
-
-/// What late detections took out of the map.
-#[derive(Clone, Debug)]
-pub struct RejudgeReport {
-    /// The keyframe they were about.
-    pub keyframe: KeyframeId,
-    /// Version of the published view.
-    pub map_version: u64,
-    /// Landmarks removed.
-    pub landmarks: u32,
-}
-
-/// What became of a correction.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CorrectionReport {
-    /// Version of the published view.
-    pub map_version: u64,
-    /// Version that was corrected.
-    pub base_version: u64,
-    /// Keyframes that it named and that were still there.
-    pub keyframes: u32,
-    /// Of these, the ones that local bundle adjustment had moved since.
-    pub composed: u32,
-    /// Keyframes made since, which were carried along.
-    pub carried: u32,
-    /// Landmarks that became others.
-    pub merged: u32,
-    /// What moved, however little.
-    pub moved: MapShift,
-}
-
-/// What became of a place that was recognised.
-#[derive(Clone, Debug)]
-pub struct LoopReport {
-    /// The keyframe that showed it.
-    pub keyframe: KeyframeId,
-    /// The keyframe that showed it before.
-    pub with: KeyframeId,
-    /// How alike both look, 0 to 1.
-    pub score: f64,
-    /// Pairs of points that agree on one rigid motion.
-    pub rigid_inliers: u32,
-    /// Landmarks around `with` that are seen where that motion puts them.
-    pub inliers: u32,
-    /// Landmarks around `with` that are in the image there, hidden ones too.
-    pub expected: u32,
-    /// Pose of `keyframe` relative to `with`, once it is known.
-    pub edge: Option<Se3>,
-    /// The pieces of map that became one by it.
-    pub joined: Option<Join>,
-    /// What it cost the pose graph to believe it: squared Mahalanobis distance, about 6 where the loop is right.
-    pub cost: f64,
-    /// Landmarks that turned out to be others seen before.
-    pub merges: u32,
-    /// Farthest that a keyframe was moved, m.
-    pub moved_m: f64,
-    /// Full bundle adjustment; zeros when it was not run.
-    pub bundle: BundleCounts,
-    /// Whether the loop was closed.
-    pub outcome: LoopOutcome,
-    /// What applying the correction did; none until then, and in [`Event::Looped`].
-    pub applied: Option<CorrectionReport>,
-}
-
-/// Whether a loop was closed, and why not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LoopOutcome {
-    /// The map was corrected.
-    Closed,
-    /// Too few points of both keyframes agree on one rigid motion.
-    NoRigidMotion,
-    /// Too few landmarks were seen where that motion puts them.
-    FewInliers,
-    /// The motion contradicts the map by more than it can have drifted.
-    Contradicted,
-}
-
-impl std::fmt::Display for LoopOutcome {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            Self::Closed => "closed",
-            Self::NoRigidMotion => "too few points agree on one motion",
-            Self::FewInliers => "too few landmarks are where they should be",
-            Self::Contradicted => "contradicts the map",
-        })
-    }
-}
-
-/// Size and effort of one local bundle adjustment.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BundleCounts {
-    /// Keyframes whose poses were free.
-    pub free_keyframes: u32,
-    /// Keyframes that only held the window in place.
-    pub fixed_keyframes: u32,
-    /// Landmarks.
-    pub landmarks: u32,
-    /// Observations.
-    pub observations: u32,
-    /// Observations removed as outliers.
-    pub outliers: u32,
-    /// Iterations.
-    pub iterations: u32,
 }

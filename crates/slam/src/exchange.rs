@@ -5,10 +5,11 @@
 //! [`System`](crate::System), a log in [`Replay`](crate::Replay), and threads in a live run, which have inboxes of their own and the
 //! same [`routing`].
 
-use crate::event::{Event, LoopReport};
+use crate::event::Event;
 use crate::gate::RefusedFrame;
 use crate::loops::Loops;
 use crate::messages::{LooperMsg, MapperMsg};
+use crate::report::LoopReport;
 use crate::routing;
 use crate::run_log::LogEntry;
 use crate::sensor::Timing;

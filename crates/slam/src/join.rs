@@ -1,10 +1,10 @@
 //! Two maps as one.
 
 use crate::config::Config;
-use crate::event::LoopReport;
 use crate::looping::Looper;
 use crate::mapping::Mapper;
 use crate::messages::{LooperMsg, MapperMsg};
+use crate::report::LoopReport;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_map::{AppendError, KeyframeId, Map, PieceId};

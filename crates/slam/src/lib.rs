@@ -19,6 +19,7 @@ mod map_shift;
 mod mapping;
 mod messages;
 mod replay;
+mod report;
 pub mod routing;
 mod run_log;
 mod sensor;
@@ -32,10 +33,7 @@ mod validation;
 
 pub use config::{Config, DetectorConfig, FeaturesConfig, ObjectTrackingConfig, Schedule};
 pub use effort::{CostTable, MIN_FEATURES, Plan};
-pub use event::{
-    BundleCounts, CorrectionReport, Event, FrameCounts, FrameEvent, FrameReport, LoopOutcome,
-    LoopReport, LostReason, MappingReport, Outcome, RejudgeReport,
-};
+pub use event::{Event, FrameEvent};
 pub use evidence::{Cells, Evidence};
 pub use exchange::{Exchange, NotSent};
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};
@@ -50,6 +48,10 @@ pub use messages::{
     Tracked,
 };
 pub use replay::{Replay, ReplayError};
+pub use report::{
+    BundleCounts, CorrectionReport, FrameCounts, FrameReport, LoopOutcome, LoopReport, LostReason,
+    MappingReport, Outcome, RejudgeReport,
+};
 pub use run_log::{LogEntry, LogError, RunLog};
 pub use sensor::{DepthNoise, SensorConfig, Timing};
 pub use stages::{MapUse, Stages, StartError};

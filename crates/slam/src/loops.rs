@@ -1,6 +1,7 @@
 //! The places that were recognised in a run, gathered from its events.
 
-use crate::event::{Event, LoopOutcome, LoopReport};
+use crate::event::Event;
+use crate::report::{LoopOutcome, LoopReport};
 use crate::subscriber::Subscriber;
 
 /// Gathers the reports of loops, and what became of their corrections.

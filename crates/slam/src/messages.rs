@@ -1,9 +1,7 @@
 //! What the stages send each other.
 
-use crate::event::{
-    CorrectionReport, Event, FrameReport, LoopReport, MappingReport, RejudgeReport,
-};
 use crate::evidence::Evidence;
+use crate::report::{CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
@@ -92,17 +90,6 @@ impl MapperOut {
             MapperReport::Corrected(report) => LooperMsg::Corrected {
                 map_version: report.map_version,
             },
-        }
-    }
-
-    /// What the user is told of it.
-    #[must_use]
-    pub fn into_event(self) -> Event {
-        let view = self.view;
-        match self.report {
-            MapperReport::Mapped(report) => Event::Mapped { report, view },
-            MapperReport::Rejudged(report) => Event::Rejudged { report, view },
-            MapperReport::Corrected(report) => Event::Corrected { report, view },
         }
     }
 }

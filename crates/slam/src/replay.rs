@@ -4,8 +4,9 @@
 //! events, trajectory and map as the run that left the log, bit for bit; no network is needed, since what the detector said
 //! is in the log.
 
-use crate::event::{Event, LoopReport};
+use crate::event::Event;
 use crate::exchange::{Exchange, NotSent};
+use crate::report::LoopReport;
 use crate::run_log::{LogEntry, RunLog};
 use crate::stages::Stages;
 use crate::subscriber::Subscriber;

@@ -1,8 +1,9 @@
 //! The inline driver: every stage in one thread, every reply after a fixed number of frames.
 
 use crate::config::{Config, Schedule};
-use crate::event::{Event, LoopReport};
+use crate::event::Event;
 use crate::exchange::Exchange;
+use crate::report::LoopReport;
 use crate::run_log::{LogEntry, RunLog};
 use crate::sensor::Timing;
 use crate::stages::{MapUse, Stages, StartError};

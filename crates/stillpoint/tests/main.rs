@@ -7,5 +7,6 @@ mod breakage;
 mod dependencies;
 mod layout;
 mod looping;
+mod modules;
 mod relocalisation;
 mod static_filter;

@@ -1,6 +1,6 @@
 //! Why the camera is lost, in words that somebody who holds it can use.
 
-use crate::event::{FrameCounts, LostReason};
+use crate::report::{FrameCounts, LostReason};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
 /// Mean grey level below which an image without contrast is black, above which it is white ...

@@ -13,8 +13,8 @@ pub use loss::{Loss, LossCause};
 pub use quality::Quality;
 
 use crate::config::Config;
-use crate::event::Outcome;
 use crate::messages::Tracked;
+use crate::report::Outcome;
 use crate::tracking::MIN_INITIAL_POINTS;
 use crowd::Crowd;
 use loss::{Clues, Look, percent};

@@ -1,6 +1,6 @@
 use super::*;
-use crate::event::{FrameCounts, FrameReport, LostReason};
 use crate::evidence::Evidence;
+use crate::report::{FrameCounts, FrameReport, LostReason};
 use crate::static_filter::Segments;
 use proptest::prelude::*;
 use std::sync::Arc;

@@ -4,7 +4,7 @@ use super::group_of;
 use super::points::Points;
 use super::verify::{RADIUS_PX, Search, Verified};
 use crate::association::measurement;
-use crate::event::{BundleCounts, LoopOutcome, LoopReport};
+use crate::report::{BundleCounts, LoopOutcome, LoopReport};
 use std::collections::BTreeMap;
 use stillpoint_estimation::{
     BundleOptions, BundleProblem, EdgeKernel, Intrinsics, PoseGraph, PoseGraphEdge,

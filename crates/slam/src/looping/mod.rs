@@ -9,8 +9,8 @@ mod verify;
 
 pub use config::{LooperSetup, LoopingConfig};
 
-use crate::event::{LoopOutcome, LoopReport};
 use crate::messages::{LooperMsg, LooperOut};
+use crate::report::{LoopOutcome, LoopReport};
 use correct::{LoopEdge, Proposal};
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -2,7 +2,7 @@
 
 use super::{Looper, group_of};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
-use crate::event::{LoopOutcome, LoopReport};
+use crate::report::{LoopOutcome, LoopReport};
 use stillpoint_estimation::{
     Intrinsics, PoseObservation, PoseOptions, Purpose, RigidOptions, RigidPair, find_rigid,
     optimise_pose, rng,

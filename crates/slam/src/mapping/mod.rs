@@ -7,10 +7,10 @@ mod cull;
 mod fuse;
 mod refine;
 
-use crate::event::CorrectionReport;
-use crate::event::{MappingReport, RejudgeReport};
 use crate::map_shift::MapShift;
 use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
+use crate::report::CorrectionReport;
+use crate::report::{MappingReport, RejudgeReport};
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

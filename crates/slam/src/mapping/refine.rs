@@ -3,7 +3,7 @@
 
 use super::Mapper;
 use crate::association::{landmarks_of, measurement_in};
-use crate::event::BundleCounts;
+use crate::report::BundleCounts;
 use std::collections::BTreeMap;
 use stillpoint_estimation::{
     BundleObservation, BundleOptions, BundleProblem, Intrinsics, adjust_bundle,

@@ -3,7 +3,7 @@
 use super::flow::Guess;
 use super::{Notes, Tracker};
 use crate::association::Matches;
-use crate::event::LostReason;
+use crate::report::LostReason;
 use crate::static_filter::FlowPair;
 use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;

@@ -5,7 +5,7 @@ use super::{Tracker, pose};
 use crate::association::{
     Candidate, Matches, candidates_of, match_by_descriptor, match_by_projection, measurement,
 };
-use crate::event::LostReason;
+use crate::report::LostReason;
 use stillpoint_estimation::{
     Intrinsics, MotionOptions, MotionPair, Purpose, find_camera_motion, rng,
 };

@@ -5,7 +5,7 @@ use super::ego_motion::EgoMotion;
 use super::sight::{DepthSight, Sight};
 use super::statistics::Sightings;
 use crate::association::{Expected, Matches, in_bounds, is_in_range, level_at, match_expected};
-use crate::event::FrameCounts;
+use crate::report::FrameCounts;
 use crate::static_filter::Preset;
 use std::sync::Arc;
 use stillpoint_features::Descriptor;

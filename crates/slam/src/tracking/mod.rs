@@ -28,9 +28,9 @@ pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
 
 use crate::association::Matches;
-use crate::event::{FrameCounts, LostReason};
 use crate::evidence::{Cells, Evidence};
 use crate::messages::Tracked;
+use crate::report::{FrameCounts, LostReason};
 use crate::sensor::SensorConfig;
 use crate::static_filter::{FeatureVerdict, FilterSetup, FrameInput, Judgement, StaticFilter};
 use crate::trajectory::Trajectory;

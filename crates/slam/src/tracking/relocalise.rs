@@ -6,7 +6,7 @@ use super::outcome::Ending;
 use super::state::LastFrame;
 use super::{Notes, Solution, Tracker, pose};
 use crate::association::{Target, candidates_of, match_by_descriptor, measurement};
-use crate::event::LostReason;
+use crate::report::LostReason;
 use std::sync::Arc;
 use stillpoint_estimation::{
     AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
