@@ -81,16 +81,20 @@ fn tables_that_make_no_sense_are_refused_with_advice() {
     );
 }
 
-/// Keys are bare, so that `--set objects.weights.dining_table=1` needs no quotes.
+/// Keys are bare, so that `--set motion_weights.dining_table=2` needs no quotes, and a default that nobody set is not written.
 #[test]
-fn all_classes_are_written_as_bare_keys() {
-    let text = toml::to_string(&Objects::default()).unwrap();
-    assert_eq!(
-        text.lines().filter(|l| l.contains(" = ")).count(),
-        ClassId::COUNT
-    );
+fn weights_that_differ_are_written_as_bare_keys() {
+    let mut objects = Objects::default();
+    let written = |objects: &Objects| toml::to_string(objects).unwrap();
+    let keys = |text: &str| text.lines().filter(|l| l.contains(" = ")).count();
+    assert_eq!(keys(&written(&objects)), 0);
+    objects.weights.set("dining table", 2.5).unwrap();
+    // As it is by default.
+    objects.weights.set("person", 5.0).unwrap();
+    let text = written(&objects);
+    assert_eq!(keys(&text), 1);
     assert!(
-        text.contains("\ndining_table = 1.0\n") && !text.contains('"'),
+        text.contains("\ndining_table = 2.5\n") && !text.contains('"'),
         "{text}"
     );
 }
