@@ -5,6 +5,8 @@
 mod health;
 mod real;
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
@@ -16,13 +18,38 @@ use stillpoint_slam::{
 
 const PERIOD: f64 = 1.0 / 30.0;
 
-fn simulator(scene: &str, frames: usize) -> Simulator {
-    Simulator::new(&SimulatorConfig {
+/// A simulation whose frames are rendered once, since to render one takes longer than to track it.
+struct Room {
+    simulator: Simulator,
+    rendered: RefCell<BTreeMap<usize, RgbdFrame>>,
+}
+
+impl std::ops::Deref for Room {
+    type Target = Simulator;
+
+    fn deref(&self) -> &Simulator {
+        &self.simulator
+    }
+}
+
+impl Room {
+    fn frame(&self, index: usize) -> RgbdFrame {
+        let mut rendered = self.rendered.borrow_mut();
+        let frame = rendered.entry(index);
+        frame.or_insert_with(|| self.simulator.frame(index)).clone()
+    }
+}
+
+fn simulator(scene: &str, frames: usize) -> Room {
+    let simulator = Simulator::new(&SimulatorConfig {
         scene: scene.into(),
         frames: Some(frames),
         ..SimulatorConfig::default()
-    })
-    .unwrap()
+    });
+    Room {
+        simulator: simulator.unwrap(),
+        rendered: RefCell::default(),
+    }
 }
 
 /// What is played: frames of a simulation in any order, and frames of a covered lens.
@@ -50,20 +77,22 @@ struct Run {
     reports: Vec<FrameReport>,
 }
 
-fn go_on(mut system: System, simulator: &Simulator, play: &Play) -> Run {
-    let size = simulator.frame(0);
-    let (w, h) = (size.gray.width(), size.gray.height());
+fn go_on(mut system: System, simulator: &Room, play: &Play) -> Run {
+    let first = simulator.frame(0);
+    let (w, h) = (first.gray.width(), first.gray.height());
+    // What a covered lens sees.
+    let dark = RgbdFrame {
+        gray: GrayImage::new(w, h),
+        colour: None,
+        depth: DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap(),
+        ..first
+    };
     let mut reports = Vec::new();
     for (i, shown) in play.0.iter().enumerate() {
         let stamp = i as f64 * PERIOD;
         let mut frame = match shown {
             Some(k) => simulator.frame(*k),
-            None => RgbdFrame {
-                gray: GrayImage::new(w, h),
-                colour: None,
-                depth: DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap(),
-                ..simulator.frame(0)
-            },
+            None => dark.clone(),
         };
         frame.depth_stamp += stamp - frame.stamp;
         frame.stamp = stamp;
@@ -78,7 +107,7 @@ fn go_on(mut system: System, simulator: &Simulator, play: &Play) -> Run {
     Run { system, reports }
 }
 
-fn run(simulator: &Simulator, config: &Config, play: &Play) -> Run {
+fn run(simulator: &Room, config: &Config, play: &Play) -> Run {
     let system = System::new(config.clone(), *simulator.camera(), Simd::detect()).unwrap();
     go_on(system, simulator, play)
 }

@@ -36,11 +36,12 @@ fn the_same_bytes_twice_and_without_simd() {
         let system = System::new(config, recording.camera, simd).unwrap();
         recording.drive(system.with_detector(Box::new(recording.detector())))
     };
-    for (preset, delay) in [
+    let cases = [
         (Preset::Default, 0),
         (Preset::Default, 3),
         (Preset::Paper, 0),
-    ] {
+    ];
+    let runs = cases.map(|(preset, delay)| {
         let first = run(Simd::detect(), preset, delay);
         // There is something to differ in: people who are rejected.
         let rejected = first.reports.iter().map(|r| r.counts.dynamic).sum::<u32>();
@@ -48,11 +49,9 @@ fn the_same_bytes_twice_and_without_simd() {
         let first = bytes(&first);
         assert!(first == bytes(&run(Simd::detect(), preset, delay)));
         assert!(first == bytes(&run(Simd::Scalar, preset, delay)));
-    }
+        first
+    });
     // Control: late detections are not the same run.
-    let (now, late) = (
-        run(Simd::detect(), Preset::Default, 0),
-        run(Simd::detect(), Preset::Default, 3),
-    );
-    assert!(bytes(&now) != bytes(&late));
+    let [now, late, _] = runs;
+    assert!(now != late);
 }
