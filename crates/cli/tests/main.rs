@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 mod ablation;
+mod accuracy;
 mod bad_arguments;
 mod bad_input;
 mod bad_output;

@@ -6,6 +6,7 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameSource, GrayImage, RgbdFrame, Simd};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, LostReason, Outcome, System};
+use stillpoint_testdata::ate;
 
 fn simulator(scene: &str, frames: usize) -> Simulator {
     Simulator::new(&SimulatorConfig {
@@ -22,19 +23,33 @@ fn run(
     config: Config,
     change: impl Fn(usize, &mut RgbdFrame),
 ) -> (System, Vec<Outcome>) {
-    let mut system = System::new(config, *simulator.camera(), Simd::detect()).unwrap();
-    let mut outcomes = Vec::new();
+    let [run] = run_all(simulator, [config], change);
+    run
+}
+
+/// The same with several configurations on the same frames: to render one takes longer than to track it.
+fn run_all<const N: usize>(
+    simulator: &Simulator,
+    configs: [Config; N],
+    change: impl Fn(usize, &mut RgbdFrame),
+) -> [(System, Vec<Outcome>); N] {
+    let start = |config| System::new(config, *simulator.camera(), Simd::detect()).unwrap();
+    let mut runs = configs.map(|config| (start(config), Vec::new()));
     for i in 0..simulator.len() {
         let mut frame = simulator.frame(i);
         change(i, &mut frame);
-        for event in system.step(frame) {
-            if let Event::Frame(frame) = event {
-                outcomes.push(frame.report.outcome);
+        for (system, outcomes) in &mut runs {
+            for event in system.step(frame.clone()) {
+                if let Event::Frame(frame) = event {
+                    outcomes.push(frame.report.outcome);
+                }
             }
         }
     }
-    system.finish();
-    (system, outcomes)
+    for (system, _) in &mut runs {
+        system.finish();
+    }
+    runs
 }
 
 fn truth(simulator: &Simulator) -> Vec<TimedPose> {
@@ -74,6 +89,7 @@ fn static_scenes_are_tracked_within_5_mm() {
         assert_eq!(poses.len(), simulator.len(), "{scene}");
         let error = ate_mm(&simulator, &poses);
         assert!(error < 5.0, "{scene}: {error} mm");
+        ate::hold(&format!("sim:{scene} 120 frames"), "none", "default", error);
         // Control: the bound means something only where standing still fails it.
         let still: Vec<TimedPose> = poses
             .iter()
@@ -91,13 +107,19 @@ fn static_scenes_are_tracked_within_5_mm() {
 #[test]
 fn a_late_map_costs_no_frame() {
     let simulator = simulator("xyz", 90);
-    for delay in [1, 5] {
+    let delays = [1, 5];
+    let configs = delays.map(|delay| {
         let mut config = Config::default();
         config.schedule.mapper = delay;
-        let (system, outcomes) = run(&simulator, config, |_, _| ());
+        config
+    });
+    let runs = run_all(&simulator, configs, |_, _| ());
+    for (delay, (system, outcomes)) in delays.iter().zip(runs) {
         assert!(!outcomes.iter().any(|o| matches!(o, Outcome::Lost { .. })));
         let error = ate_mm(&simulator, &final_poses(&system));
         assert!(error < 8.0, "delay {delay}: {error} mm");
+        let name = format!("sim:xyz 90 frames with the map {delay} late");
+        ate::hold(&name, "none", "default", error);
     }
 }
 
@@ -153,10 +175,14 @@ fn a_first_frame_without_depth_does_not_start_a_map() {
 fn the_readout_is_found_where_there_is_one() {
     // The simulator's shutter is global: nothing may be found, from wherever the estimate starts.
     let simulator = simulator("rpy", 150);
-    for start in [0.0, 0.02] {
+    let starts = [0.0, 0.02];
+    let configs = starts.map(|start| {
         let mut config = Config::default();
         config.sensor.readout = start;
-        let (system, _) = run(&simulator, config, |_, _| ());
+        config
+    });
+    let runs = run_all(&simulator, configs, |_, _| ());
+    for (start, (system, _)) in starts.iter().zip(runs) {
         let readout = system.timing().readout;
         assert!(readout < 0.004, "from {start} s: {readout} s");
     }

@@ -4,6 +4,8 @@
 //!
 //! A line of it is `used` or `skipped`, the test (crate and name), and what was found or why it was skipped, separated by tabs.
 
+pub mod ate;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
