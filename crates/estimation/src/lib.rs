@@ -52,6 +52,6 @@ pub use pose_graph::{
     PoseGraphRefusal, PoseGraphReport, optimise_pose_graph,
 };
 pub use rigid::{RigidEstimate, RigidOptions, RigidOutcome, RigidPair, find_rigid};
-pub use sampling::{Purpose, Rng, ransac_iterations, rng};
+pub use sampling::{Purpose, Rng, address, ransac_iterations, rng};
 pub use triangulate::{Triangulation, triangulate_midpoint};
 pub use two_view::{PixelPair, TwoViewOptions};

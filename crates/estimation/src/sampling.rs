@@ -15,7 +15,7 @@ impl Purpose {
     pub const HOMOGRAPHY: Self = Self(2);
     /// Samples of the camera's motion between two frames.
     pub const CAMERA_MOTION: Self = Self(3);
-    /// Samples of the pose against a map.
+    /// Samples of the pose of a camera that was lost, against a keyframe's landmarks.
     pub const RELOCALISATION: Self = Self(4);
     /// Samples of depths inside a box.
     pub const DEPTH: Self = Self(5);
@@ -23,6 +23,10 @@ impl Purpose {
     pub const RIGID: Self = Self(6);
     /// Samples of the pose of a camera that may be anywhere.
     pub const ABSOLUTE_POSE: Self = Self(7);
+    /// Samples of the motion between a keyframe and a frame that does not match the last one.
+    pub const KEYFRAME_MOTION: Self = Self(8);
+    /// Samples of the pose of a camera that has drifted off the map, against what is found of the map again.
+    pub const REGAINED_MAP: Self = Self(9);
 }
 
 /// A stream of random numbers (SplitMix64: Steele, Lea, Flood, "Fast splittable pseudorandom number generators",
@@ -41,7 +45,14 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// The stream for a run's seed, a frame's id and a purpose: equal addresses give equal numbers, on every machine.
+/// What a search on behalf of a frame is about, beside the frame: a keyframe, an object. No two of them share an address.
+#[must_use]
+pub fn address(frame: u32, about: u32) -> u64 {
+    u64::from(frame) << 32 | u64::from(about)
+}
+
+/// The stream for a run's seed, a frame's id (or [`address`]) and a purpose: equal addresses give equal numbers, on every machine.
+/// Every search has a purpose of its own, so that no two draw the same numbers.
 #[must_use]
 pub fn rng(seed: u64, frame: u64, purpose: Purpose) -> Rng {
     let a = mix(seed.wrapping_add(GOLDEN));

@@ -4,8 +4,8 @@ use super::{Looper, group_of};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
 use crate::report::{LoopOutcome, LoopReport};
 use stillpoint_estimation::{
-    Intrinsics, PoseObservation, PoseOptions, Purpose, RigidOptions, RigidPair, find_rigid,
-    optimise_pose, rng,
+    Intrinsics, PoseObservation, PoseOptions, Purpose, RigidOptions, RigidPair, address,
+    find_rigid, optimise_pose, rng,
 };
 use stillpoint_features::best_two;
 use stillpoint_geometry::Se3;
@@ -121,8 +121,8 @@ impl Looper {
             min_inliers: MIN_RIGID_INLIERS,
             ..RigidOptions::default()
         };
-        // Both ends are in the address: several candidates are tried for one keyframe.
-        let address = u64::from(new.id.0) << 32 | u64::from(old.id.0);
+        // Several candidates are tried for one keyframe.
+        let address = address(new.id.0, old.id.0);
         let camera = Intrinsics::from(&b.camera);
         let rng = rng(self.seed, address, Purpose::RIGID);
         let outcome = find_rigid(&camera, &pairs, &options, rng);

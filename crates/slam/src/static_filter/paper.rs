@@ -5,15 +5,13 @@
 use super::semantic::{MOVER, Mover};
 use super::verdict::{FeatureVerdict, Reasons};
 use super::{FrameInput, StaticFilterConfig, depth, epipolar};
-use stillpoint_estimation::{Purpose, rng};
+use stillpoint_estimation::{Purpose, address, rng};
 use stillpoint_geometry::Camera;
 
 /// Distance from the epipolar line up to which a feature is static, px.
 const EPSILON_PX: f64 = 1.0;
 /// Boxes of classes of at least this weight are split by depth.
 const SPLIT_WEIGHT: f64 = 3.0;
-/// Depth streams are numbered by frame and box: more boxes than this share them.
-const MAX_BOXES: u64 = 1 << 16;
 
 /// A box with what its depths say.
 struct SplitBox<'a> {
@@ -75,7 +73,7 @@ fn split(
         .zip(input.depths)
         .filter_map(inside)
         .collect();
-    let stream = u64::from(input.frame.id.0) * MAX_BOXES + u64::from(mover.id.0) % MAX_BOXES;
+    let stream = address(input.frame.id.0, mover.id.0);
     depth::threshold(&depths, rng(seed, stream, Purpose::DEPTH))
 }
 

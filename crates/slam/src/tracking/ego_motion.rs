@@ -56,7 +56,7 @@ impl Tracker {
         let (mut pairs, rest) = self.flow(data, predicted);
         let by_flow = self.pose_by_flow(frame, data, &pairs, predicted);
         let (matches, pose) = self
-            .match_last_frame(data, reference, &by_flow.unwrap_or(*predicted))
+            .match_last_frame(frame.id, data, reference, &by_flow.unwrap_or(*predicted))
             .or_else(|lost| Ok((Matches::new(data.len()), by_flow.ok_or(lost)?)))?;
         notes.counts.frame_matches = matches.count as u32;
         self.recheck_flow(data, &mut pairs, &pose);

@@ -7,9 +7,10 @@ use crate::association::{
 };
 use crate::report::LostReason;
 use stillpoint_estimation::{
-    Intrinsics, MotionOptions, MotionPair, Purpose, find_camera_motion, rng,
+    Intrinsics, MotionOptions, MotionPair, Purpose, address, find_camera_motion, rng,
 };
 use stillpoint_geometry::Se3;
+use stillpoint_imaging::FrameId;
 use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
 
 /// Radius of the search around the prediction from the last frame, px on level 0, as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
@@ -23,6 +24,7 @@ impl Tracker {
     /// Matches to the last frame around the prediction, else wider, else to the reference keyframe by descriptor alone.
     pub(super) fn match_last_frame(
         &self,
+        frame: FrameId,
         data: &KeyframeData,
         reference: KeyframeId,
         predicted: &Se3,
@@ -48,7 +50,7 @@ impl Tracker {
                 }
             }
         }
-        self.match_keyframes(data, reference)
+        self.match_keyframes(frame, data, reference)
             .ok_or(LostReason::FewMatches)
     }
 
@@ -56,6 +58,7 @@ impl Tracker {
     /// with it, and the newest. The first that gives a pose is taken.
     fn match_keyframes(
         &self,
+        frame: FrameId,
         data: &KeyframeData,
         reference: KeyframeId,
     ) -> Option<(Matches, Se3)> {
@@ -77,7 +80,7 @@ impl Tracker {
                 .map
                 .view
                 .keyframe(id)
-                .and_then(|k| self.match_keyframe(data, k));
+                .and_then(|k| self.match_keyframe(frame, data, k));
             if found.is_some() {
                 return found;
             }
@@ -86,7 +89,12 @@ impl Tracker {
     }
 
     /// Matches to one keyframe by descriptor, finds the pose by RANSAC, and refines it.
-    fn match_keyframe(&self, data: &KeyframeData, keyframe: &Keyframe) -> Option<(Matches, Se3)> {
+    fn match_keyframe(
+        &self,
+        frame: FrameId,
+        data: &KeyframeData,
+        keyframe: &Keyframe,
+    ) -> Option<(Matches, Se3)> {
         let min_inliers = self.setup.tracking.min_inliers.min(20);
         let (matches, votes) = {
             let _span = tracing::info_span!("match").entered();
@@ -117,8 +125,8 @@ impl Tracker {
             &MotionOptions::default(),
             rng(
                 self.setup.seed,
-                u64::from(keyframe.id.0),
-                Purpose::RELOCALISATION,
+                address(frame.0, keyframe.id.0),
+                Purpose::KEYFRAME_MOTION,
             ),
         )?;
         let start = motion.b_from_a * keyframe.world_from_camera.inverse();

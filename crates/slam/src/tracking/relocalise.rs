@@ -9,7 +9,7 @@ use crate::association::{Target, candidates_of, match_by_descriptor, measurement
 use crate::report::LostReason;
 use std::sync::Arc;
 use stillpoint_estimation::{
-    AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
+    AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, address, find_absolute_pose, rng,
 };
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{Keyframe, KeyframeData, KeyframeId};
@@ -127,8 +127,8 @@ impl Tracker {
         };
         let targets = matches.targets.iter().enumerate();
         let observations: Vec<PoseObservation> = targets.filter_map(observed).collect();
-        // Both are in the address: several keyframes are tried for one frame.
-        let address = u64::from(frame.id.0) << 32 | u64::from(keyframe.id.0);
+        // Several keyframes are tried for one frame.
+        let address = address(frame.id.0, keyframe.id.0);
         let outcome = find_absolute_pose(
             &Intrinsics::from(&data.camera),
             &observations,

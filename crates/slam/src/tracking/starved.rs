@@ -74,7 +74,7 @@ impl Tracker {
             &Intrinsics::from(&data.camera),
             &observations,
             &AbsolutePoseOptions::default(),
-            rng(self.setup.seed, u64::from(frame.0), Purpose::RELOCALISATION),
+            rng(self.setup.seed, u64::from(frame.0), Purpose::REGAINED_MAP),
         );
         let found = outcome.found()?.camera_from_world;
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
