@@ -3,6 +3,7 @@
 //! Answers: where the camera is and what the map becomes, frame by frame. A frame goes through [`System::step`]; what
 //! happened comes back as [`Event`]s. Knows no files, clocks or threads.
 
+mod anchored_pose;
 mod association;
 mod config;
 mod effort;
@@ -31,6 +32,7 @@ mod tracking;
 mod trajectory;
 mod validation;
 
+pub use anchored_pose::AnchoredPose;
 pub use config::{Config, DetectorConfig, FeaturesConfig, ObjectTrackingConfig, Schedule};
 pub use effort::{CostTable, MIN_FEATURES, Plan};
 pub use event::{Event, FrameEvent};

@@ -1,9 +1,10 @@
 //! The trajectory: what each frame's pose was when it was tracked, and what it is after all corrections.
 
+use crate::anchored_pose::AnchoredPose;
 use crate::fingerprint::Fingerprint;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
-use stillpoint_map::{KeyframeId, MapView};
+use stillpoint_map::MapView;
 
 /// One frame of the trajectory. Never rewritten: the pose is relative to a keyframe, whose own pose may still improve.
 #[derive(Clone, Copy, Debug)]
@@ -12,12 +13,8 @@ pub struct TrajectoryEntry {
     pub frame: FrameId,
     /// Its colour stamp, s.
     pub stamp: f64,
-    /// The keyframe that the pose is relative to.
-    pub reference: KeyframeId,
-    /// Pose relative to it.
-    pub reference_from_camera: Se3,
-    /// The pose as known at this frame.
-    pub online_world_from_camera: Se3,
+    /// Its pose, by keyframes.
+    pub pose: AnchoredPose,
     /// Landmark matches that agreed with the pose.
     pub inliers: u32,
 }
@@ -47,18 +44,14 @@ impl Trajectory {
         &self.entries
     }
 
-    /// The final pose of every entry, through its reference keyframe in `view`. A culled keyframe resolves through its
-    /// tombstone; an entry whose keyframe is not in `view` yet keeps its online pose.
+    /// The final pose of every entry: that of the keyframe that the frame became, else through its reference keyframe in `view`. A
+    /// culled keyframe resolves through its tombstone; an entry none of whose keyframes is in `view` yet keeps its online pose.
     pub fn resolve<'a>(
         &'a self,
         view: &'a MapView,
     ) -> impl Iterator<Item = (TrajectoryEntry, Se3)> + 'a {
-        self.entries.iter().map(move |e| {
-            let pose = view
-                .world_from_keyframe(e.reference)
-                .map_or(e.online_world_from_camera, |w| w * e.reference_from_camera);
-            (*e, pose)
-        })
+        let entries = self.entries.iter();
+        entries.map(move |e| (*e, e.pose.best_world_from_camera(view)))
     }
 
     /// A number that depends on every bit of every entry and of its final pose: two runs with the same one are the same, bit
@@ -69,11 +62,11 @@ impl Trajectory {
         for (entry, pose) in self.resolve(view) {
             f.number(u64::from(entry.frame.0));
             f.number(entry.stamp.to_bits());
-            f.number(u64::from(entry.reference.0));
+            f.number(u64::from(entry.pose.reference.0));
             f.number(u64::from(entry.inliers));
             for pose in [
-                &entry.reference_from_camera,
-                &entry.online_world_from_camera,
+                &entry.pose.reference_from_camera,
+                &entry.pose.online_world_from_camera,
                 &pose,
             ] {
                 f.pose(pose);

@@ -48,7 +48,7 @@ impl Contestant {
             .map(|(entry, pose)| TimedPose {
                 stamp: entry.stamp,
                 world_from_camera: if online {
-                    entry.online_world_from_camera
+                    entry.pose.online_world_from_camera
                 } else {
                     pose
                 },

@@ -125,8 +125,8 @@ impl Frames {
         let mut by_piece: BTreeMap<PieceId, Vec<(TrajectoryEntry, StampedPose)>> = BTreeMap::new();
         for (entry, world_from_camera) in trajectory.resolve(view) {
             // Until the map holds it, a keyframe is a piece of its own.
-            let piece = view.piece_of(entry.reference);
-            let piece = piece.unwrap_or(PieceId(entry.reference.0));
+            let piece = view.piece_of(entry.pose.reference);
+            let piece = piece.unwrap_or(PieceId(entry.pose.reference.0));
             if entry.inliers >= MIN_INLIERS {
                 let pose = StampedPose {
                     stamp: entry.stamp,
@@ -146,7 +146,7 @@ impl Frames {
                     .filter(|(entry, _)| self.piece_at(entry.frame) == Some(id))
                     .map(|(entry, _)| StampedPose {
                         stamp: entry.stamp,
-                        world_from_camera: entry.online_world_from_camera,
+                        world_from_camera: entry.pose.online_world_from_camera,
                     })
                     .collect(),
                 final_poses: poses.into_iter().map(|(_, pose)| pose).collect(),
@@ -170,7 +170,7 @@ impl Frames {
             String::from("frame,stamp,state,piece,final_piece,inliers,keyframe,reason\n");
         for line in &self.0 {
             let entry = entries.binary_search_by_key(&line.frame, |e| e.frame).ok();
-            let last = entry.and_then(|i| view.piece_of(entries[i].reference));
+            let last = entry.and_then(|i| view.piece_of(entries[i].pose.reference));
             let id = |piece: Option<PieceId>| piece.map_or_else(String::new, |p| p.to_string());
             let reason = match &line.state {
                 State::Lost(reason) => reason,

@@ -1,10 +1,11 @@
 //! What the filter remembers of earlier frames: their coarse depth and where they were taken from.
 
+use crate::anchored_pose::AnchoredPose;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{CoarseDepth, FrameId};
-use stillpoint_map::{KeyframeId, MapView};
+use stillpoint_map::MapView;
 
 /// Frames are kept for comparison this long, s.
 const SPAN: f64 = 3.2;
@@ -16,36 +17,26 @@ pub(super) struct Snapshot {
     pub(super) grid: Arc<CoarseDepth>,
     /// Per cell, whether it was found to move.
     pub(super) moving: Vec<bool>,
-    /// The reference keyframe of its time, and poses relative to it, so that they follow every correction of the map.
-    reference: KeyframeId,
-    reference_from_camera: Se3,
-    camera_from_depth: Se3,
-    /// For as long as no view of the map holds the reference keyframe.
-    world_from_camera: Se3,
+    place: CapturePose,
 }
 
 impl Snapshot {
     /// The camera's pose at the colour stamp, in a view of the map.
     pub(super) fn world_from_camera(&self, view: &MapView) -> Se3 {
-        view.world_from_keyframe(self.reference)
-            .map_or(self.world_from_camera, |w| w * self.reference_from_camera)
+        self.place.anchored.best_world_from_camera(view)
     }
 
     /// The camera's pose at the exposure of the depth image, in a view of the map.
     pub(super) fn world_from_depth(&self, view: &MapView) -> Se3 {
-        self.world_from_camera(view) * self.camera_from_depth
+        self.world_from_camera(view) * self.place.camera_from_depth
     }
 }
 
 /// Where a frame was taken from, as tracking found it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CapturePose {
-    /// The reference keyframe.
-    pub(crate) reference: KeyframeId,
-    /// The camera relative to it.
-    pub(crate) reference_from_camera: Se3,
-    /// The camera in the view of that time.
-    pub(crate) world_from_camera: Se3,
+    /// The camera's pose at the colour stamp, which follows every correction of the map.
+    pub(crate) anchored: AnchoredPose,
     /// The camera's motion between the exposures of the depth and the colour image.
     pub(crate) camera_from_depth: Se3,
 }
@@ -78,10 +69,7 @@ impl History {
             stamp,
             grid,
             moving,
-            reference: place.reference,
-            reference_from_camera: place.reference_from_camera,
-            camera_from_depth: place.camera_from_depth,
-            world_from_camera: place.world_from_camera,
+            place: *place,
         }));
     }
 
@@ -122,7 +110,7 @@ mod tests {
     use stillpoint_features::FeatureGrid;
     use stillpoint_geometry::nalgebra::UnitQuaternion;
     use stillpoint_geometry::{Camera, Vec3};
-    use stillpoint_map::{KeyframeData, Map};
+    use stillpoint_map::{KeyframeData, KeyframeId, Map};
 
     fn shift(x: f64) -> Se3 {
         Se3::new(UnitQuaternion::identity(), Vec3::new(x, 0.0, 0.0))
@@ -130,9 +118,12 @@ mod tests {
 
     fn push(history: &mut History, frame: u32, stamp: f64) {
         let place = CapturePose {
-            reference: KeyframeId(0),
-            reference_from_camera: shift(0.1),
-            world_from_camera: shift(0.5),
+            anchored: AnchoredPose {
+                keyframe: None,
+                reference: KeyframeId(0),
+                reference_from_camera: shift(0.1),
+                online_world_from_camera: shift(0.5),
+            },
             camera_from_depth: shift(0.01),
         };
         let grid = Arc::new(CoarseDepth::default());

@@ -1,6 +1,7 @@
 //! The stage as tracking uses it: a person at 1.5 m before a wall at 3 m, and what detections do at which time.
 
 use super::*;
+use crate::anchored_pose::AnchoredPose;
 use crate::config::Config;
 use stillpoint_detection::{BoundingBox, ClassId, Detection};
 use stillpoint_imaging::{DepthImage, GrayImage};
@@ -69,9 +70,12 @@ fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
 fn follow(filter: &mut StaticFilter, id: u32) -> Unused {
     judge(filter, id);
     filter.remember(&CapturePose {
-        reference: KeyframeId(0),
-        reference_from_camera: Se3::identity(),
-        world_from_camera: Se3::identity(),
+        anchored: AnchoredPose {
+            keyframe: None,
+            reference: KeyframeId(0),
+            reference_from_camera: Se3::identity(),
+            online_world_from_camera: Se3::identity(),
+        },
         camera_from_depth: Se3::identity(),
     });
     filter.end_frame()

@@ -6,6 +6,7 @@ use super::motion::ConstantVelocity;
 use super::state::{LastFrame, State};
 use super::statistics::Statistics;
 use super::{Notes, Solution, Submap, Tracker};
+use crate::anchored_pose::AnchoredPose;
 use crate::evidence::Cells;
 use crate::messages::{NewKeyframe, Tracked};
 use crate::report::{FrameReport, LostReason, Outcome};
@@ -75,9 +76,12 @@ impl Tracker {
         notes.evidence.cells = Cells::of(&data, |i| data.depths[i] > 0.0);
         let id = self.map.keyframe_id(frame.id);
         let place = CapturePose {
-            reference: id,
-            reference_from_camera: Se3::identity(),
-            world_from_camera: Se3::identity(),
+            anchored: AnchoredPose {
+                keyframe: Some(id),
+                reference: id,
+                reference_from_camera: Se3::identity(),
+                online_world_from_camera: Se3::identity(),
+            },
             camera_from_depth: Se3::identity(),
         };
         let matches = vec![None; data.len()];
@@ -93,7 +97,7 @@ impl Tracker {
             id,
             data,
             reference: None,
-            reference_from_camera: place.reference_from_camera,
+            reference_from_camera: place.anchored.reference_from_camera,
             matches,
             statistics: Vec::new(),
         };
@@ -133,14 +137,19 @@ impl Tracker {
         }
         let world_from_camera = camera_from_world.inverse();
         let world_from_reference = view.world_from_keyframe(reference).unwrap_or_default();
-        let place = CapturePose {
+        let mut anchored = AnchoredPose {
+            keyframe: None,
             reference,
             reference_from_camera: world_from_reference.inverse() * world_from_camera,
-            world_from_camera,
+            online_world_from_camera: world_from_camera,
+        };
+        let keyframe = self.make_keyframe(frame, &solution.data, &solution.matches, &anchored);
+        anchored.keyframe = keyframe.as_ref().map(|k| k.id);
+        let place = CapturePose {
+            anchored,
             camera_from_depth: self.front_end.camera_from_depth(frame, motion.velocity()),
         };
         self.write_down(frame, &place, notes.counts.inliers);
-        let keyframe = self.make_keyframe(frame, &solution.data, &solution.matches, &place);
         self.follow_from(frame, &solution.data, &solution.matches, &place, motion);
         Ending {
             outcome,
@@ -155,7 +164,7 @@ impl Tracker {
         frame: &RgbdFrame,
         data: &Arc<KeyframeData>,
         matches: &[Option<LandmarkId>],
-        place: &CapturePose,
+        pose: &AnchoredPose,
     ) -> Option<NewKeyframe> {
         let _span = tracing::info_span!("keyframe").entered();
         if !self.map.grows {
@@ -164,7 +173,7 @@ impl Tracker {
         let since = |id: FrameId| frame.id.0.saturating_sub(id.0);
         let gap = self.since_keyframe.frame.map_or(u32::MAX, since);
         let (config, view) = (&self.setup.keyframes, &self.map.view);
-        let of_reference = view.keyframe(place.reference)?;
+        let of_reference = view.keyframe(pose.reference)?;
         let close_depth = self.setup.sensor.close_depth;
         let needed =
             gap >= config.min_gap && config.is_due(view, of_reference, data, matches, close_depth);
@@ -180,8 +189,8 @@ impl Tracker {
         Some(NewKeyframe {
             id: self.map.keyframe_id(frame.id),
             data: Arc::clone(data),
-            reference: Some(place.reference),
-            reference_from_camera: place.reference_from_camera,
+            reference: Some(pose.reference),
+            reference_from_camera: pose.reference_from_camera,
             matches: matches.to_vec(),
             statistics: self.since_keyframe.statistics.take(),
         })
@@ -192,9 +201,7 @@ impl Tracker {
         self.trajectory.push(TrajectoryEntry {
             frame: frame.id,
             stamp: frame.stamp,
-            reference: place.reference,
-            reference_from_camera: place.reference_from_camera,
-            online_world_from_camera: place.world_from_camera,
+            pose: place.anchored,
             inliers,
         });
     }
@@ -212,9 +219,8 @@ impl Tracker {
             stamp: frame.stamp,
             data: Arc::clone(data),
             matches: matches.to_vec(),
-            reference: place.reference,
-            reference_from_camera: place.reference_from_camera,
-            world_from_camera: place.world_from_camera,
+            pose: place.anchored,
+            world_from_camera: place.anchored.online_world_from_camera,
         };
         self.state = State::Tracking { last, motion };
     }
@@ -248,7 +254,7 @@ impl Tracker {
             frame: frame.id,
             stamp: frame.stamp,
             outcome: ending.outcome,
-            world_from_camera: ending.place.map(|p| p.world_from_camera),
+            world_from_camera: ending.place.map(|p| p.anchored.online_world_from_camera),
             verdicts: notes.judgement.verdicts,
             objects: notes.judgement.objects,
             segments: notes.judgement.segments,

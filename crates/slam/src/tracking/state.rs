@@ -8,6 +8,7 @@
 //! ```
 
 use super::motion::ConstantVelocity;
+use crate::anchored_pose::AnchoredPose;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::FrameId;
@@ -18,9 +19,9 @@ pub(super) struct LastFrame {
     pub(super) stamp: f64,
     pub(super) data: Arc<KeyframeData>,
     pub(super) matches: Vec<Option<LandmarkId>>,
-    pub(super) reference: KeyframeId,
-    pub(super) reference_from_camera: Se3,
-    /// The pose in the view of that time; used until the view holds the reference keyframe.
+    /// Its pose, by keyframes.
+    pub(super) pose: AnchoredPose,
+    /// Its pose in the newest view that was looked at.
     pub(super) world_from_camera: Se3,
 }
 
@@ -115,11 +116,11 @@ impl State {
         let Some(last) = self.last_mut() else {
             return (KeyframeId(0), Se3::identity());
         };
-        if let Some(w) = view.world_from_keyframe(last.reference) {
-            last.world_from_camera = w * last.reference_from_camera;
+        if let Some(pose) = last.pose.world_from_camera_in(view) {
+            last.world_from_camera = pose;
         }
-        let reference = view.resolve_keyframe(last.reference);
-        let reference = reference.unwrap_or(last.reference);
+        let reference = view.resolve_keyframe(last.pose.reference);
+        let reference = reference.unwrap_or(last.pose.reference);
         let (last_from_world, dt) = (last.world_from_camera.inverse(), stamp - last.stamp);
         let predicted = match self {
             Self::Tracking { motion, .. } => motion.predict(&last_from_world, dt),
@@ -203,8 +204,12 @@ mod tests {
             stamp,
             data: Arc::new(data),
             matches: Vec::new(),
-            reference: KeyframeId(3),
-            reference_from_camera: at(x),
+            pose: AnchoredPose {
+                keyframe: None,
+                reference: KeyframeId(3),
+                reference_from_camera: at(x),
+                online_world_from_camera: at(x),
+            },
             world_from_camera: at(x),
         }
     }

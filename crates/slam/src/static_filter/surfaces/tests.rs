@@ -2,6 +2,7 @@
 
 use super::super::history::CapturePose;
 use super::*;
+use crate::anchored_pose::AnchoredPose;
 use crate::sensor::DepthNoise;
 use std::sync::Arc;
 use stillpoint_detection::{BoundingBox, ObjectId};
@@ -56,9 +57,12 @@ impl World {
             .next(&self.cells, &self.history, &now, movers, votes);
         let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
         let place = CapturePose {
-            reference: KeyframeId(0),
-            reference_from_camera: Se3::identity(),
-            world_from_camera: Se3::identity(),
+            anchored: AnchoredPose {
+                keyframe: None,
+                reference: KeyframeId(0),
+                reference_from_camera: Se3::identity(),
+                online_world_from_camera: Se3::identity(),
+            },
             camera_from_depth: Se3::identity(),
         };
         let frame = FrameId(self.frame);

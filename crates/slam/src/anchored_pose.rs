@@ -1,0 +1,91 @@
+//! A camera's pose that follows the map.
+
+use stillpoint_geometry::Se3;
+use stillpoint_map::{KeyframeId, MapView};
+
+/// Where a frame was taken from, in terms of the map: it follows every correction of the keyframes that it hangs on.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AnchoredPose {
+    /// The keyframe that the frame itself became, if it did. Once the map holds it, its own pose, which bundle adjustment keeps
+    /// improving, is better than anything that was measured before.
+    pub keyframe: Option<KeyframeId>,
+    /// The keyframe that the pose was measured from.
+    pub reference: KeyframeId,
+    /// The pose relative to it.
+    pub reference_from_camera: Se3,
+    /// The pose as known when it was measured.
+    pub online_world_from_camera: Se3,
+}
+
+impl AnchoredPose {
+    /// The pose in a version of the map; none for as long as that holds neither keyframe. Culled keyframes resolve through their
+    /// tombstones.
+    #[must_use]
+    pub fn world_from_camera_in(&self, view: &MapView) -> Option<Se3> {
+        let own = self.keyframe.and_then(|id| view.world_from_keyframe(id));
+        own.or_else(|| {
+            let world_from_reference = view.world_from_keyframe(self.reference)?;
+            Some(world_from_reference * self.reference_from_camera)
+        })
+    }
+
+    /// The pose in a version of the map, or as known when it was measured where that holds neither keyframe.
+    #[must_use]
+    pub fn best_world_from_camera(&self, view: &MapView) -> Se3 {
+        let pose = self.world_from_camera_in(view);
+        pose.unwrap_or(self.online_world_from_camera)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use stillpoint_features::FeatureGrid;
+    use stillpoint_geometry::{Camera, Vec3};
+    use stillpoint_map::{KeyframeData, Map};
+
+    fn at(x: f64) -> Se3 {
+        Se3 {
+            translation: Vec3::new(x, 0.0, 0.0),
+            ..Se3::identity()
+        }
+    }
+
+    fn add(map: &mut Map, id: u32, parent: Option<u32>, x: f64) {
+        let data = KeyframeData {
+            stamp: f64::from(id),
+            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: Vec::new(),
+            depth_sigmas: Vec::new(),
+            descriptors: Vec::new(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
+        };
+        let parent = parent.map(KeyframeId);
+        assert!(map.insert_keyframe(KeyframeId(id), Arc::new(data), at(x), parent));
+    }
+
+    #[test]
+    fn a_frame_that_became_a_keyframe_has_that_ones_pose_as_soon_as_the_map_holds_it() {
+        let pose = |keyframe: Option<u32>| AnchoredPose {
+            keyframe: keyframe.map(KeyframeId),
+            reference: KeyframeId(0),
+            reference_from_camera: at(0.5),
+            online_world_from_camera: at(0.4),
+        };
+        let (plain, own) = (pose(None), pose(Some(5)));
+        let mut map = Map::new(8, 1.2);
+        assert_eq!(own.world_from_camera_in(map.view()), None);
+        let x = |p: &AnchoredPose, map: &Map| p.best_world_from_camera(map.view()).translation.x;
+        assert_eq!(x(&own, &map), 0.4);
+        add(&mut map, 0, None, 1.0);
+        assert_eq!([x(&plain, &map), x(&own, &map)], [1.5, 1.5]);
+        // Refined by the mapper: no longer where it was measured.
+        add(&mut map, 5, Some(0), 1.53);
+        assert_eq!([x(&plain, &map), x(&own, &map)], [1.5, 1.53]);
+    }
+}
