@@ -78,7 +78,7 @@ fn detectors_that_cannot_be_used() {
         ("/no/such.csv".to_owned(), &["scripted:/no/such.csv?"]),
         (
             "scripted:/no/such.csv".to_owned(),
-            &["/no/such.csv", "script of detections"],
+            &["--detector scripted:/no/such.csv: ", "script of detections"],
         ),
         (
             script("a.csv", "0.0,person,0.9,10,10\n"),

@@ -232,9 +232,7 @@ pub(crate) struct EvalArgs {
   stillpoint run walking --detector scripted:walking/detections.csv"
 )]
 pub(crate) struct SimulateArgs {
-    /// Scene: xyz, rpy, halfsphere, static or loop_two_rooms; with people walking_xyz, walking_rpy,
-    /// walking_halfsphere, walking_static or sitting_xyz; with a person who carries a box box_carried.
-    #[arg(long, value_name = "NAME", verbatim_doc_comment)]
+    #[arg(long, value_name = "NAME", help = scenes_in_words())]
     pub(crate) scene: String,
     /// New or empty folder to write to.
     #[arg(long, value_name = "DIR")]
@@ -322,4 +320,39 @@ pub(crate) struct BenchArgs {
     pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) config: ConfigArgs,
+}
+
+/// The help of `--scene`: all scenes that there are, in lines of at most a hundred characters.
+fn scenes_in_words() -> String {
+    let mut lines =
+        vec!["Scene; people are in walking_*, sitting_* and box_carried. One of".to_owned()];
+    let names = stillpoint::simulator::scene_names();
+    for (i, name) in names.iter().enumerate() {
+        let word = match i + 1 {
+            n if n == names.len() => format!("{name}."),
+            _ => format!("{name},"),
+        };
+        match lines.last_mut() {
+            Some(line) if line.len() + word.len() < 90 => *line += &format!(" {word}"),
+            _ => lines.push(word),
+        }
+    }
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_help_of_simulate_names_every_scene() {
+        let mut command = Arguments::command();
+        let simulate = command.find_subcommand_mut("simulate").unwrap();
+        let help = simulate.render_long_help().to_string();
+        let words: Vec<&str> = help.split([' ', ',', '.', '\n']).collect();
+        for scene in stillpoint::simulator::scene_names() {
+            assert!(words.contains(scene), "{scene} is not in {help}");
+        }
+    }
 }

@@ -166,7 +166,7 @@ impl Layers {
             let mut all = Vec::new();
             flatten(&self.table, None, "", &mut all);
             let names: Vec<&str> = all.iter().map(|l| l.0.as_str()).collect();
-            let nearest = nearest(path, &names).join("\" or \"");
+            let nearest = nearest(path, &among(path, &names)).join("\" or \"");
             return Err(Failure::input(format!(
                 "{place}: expected a known key, found \"{path}\"; did you mean \"{nearest}\"? stillpoint config print lists all keys"
             )));
@@ -212,13 +212,17 @@ impl Layers {
         Ok(())
     }
 
-    /// `KEY=WORD` with the word in quotes where the value is a word: shells take quotes away.
+    /// `KEY=WORD` with the word in quotes where the value is a word, since shells take quotes away; and where the word is nothing
+    /// else in TOML, whose parser would guess from its first letter what it was meant to be.
     fn quoted(&mut self, set: &str) -> String {
-        let bare = |c: char| c.is_ascii_alphanumeric() || "_-".contains(c);
+        let bare = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
+        let is_value = |word: &str| format!("x={word}").parse::<Table>().is_ok();
         match set.split_once('=').map(|(k, w)| (k.trim(), w.trim())) {
             Some((key, word))
-                if word.chars().all(bare)
-                    && matches!(self.leaf_mut(key), Some(Value::String(_))) =>
+                if !word.is_empty()
+                    && word.chars().all(bare)
+                    && (matches!(self.leaf_mut(key), Some(Value::String(_)))
+                        || !is_value(word)) =>
             {
                 format!("{key}=\"{word}\"")
             }
@@ -262,6 +266,21 @@ fn flatten<'a>(
     }
 }
 
+/// The keys that a mistyped one may have been meant to be: those of its section, if there is such a section.
+fn among<'a>(path: &str, names: &[&'a str]) -> Vec<&'a str> {
+    let section = path.rfind('.').map_or("", |end| &path[..=end]);
+    let same: Vec<&str> = names
+        .iter()
+        .copied()
+        .filter(|name| !section.is_empty() && name.starts_with(section))
+        .collect();
+    if same.is_empty() {
+        names.to_vec()
+    } else {
+        same
+    }
+}
+
 /// Whole numbers may stand for others; everything else needs its own kind.
 fn fits(old: &Value, new: &Value) -> bool {
     old.same_type(new) || (old.is_float() && new.is_integer())
@@ -269,7 +288,7 @@ fn fits(old: &Value, new: &Value) -> bool {
 
 fn kind(value: &Value) -> &'static str {
     match value {
-        Value::String(_) => "a word in quotes",
+        Value::String(_) => "a word",
         Value::Integer(_) => "a whole number",
         Value::Float(_) => "a number",
         Value::Boolean(_) => "true or false",
@@ -318,8 +337,12 @@ mod tests {
                 "static_filter.preset=\"off\"",
                 "static_filter.preset=\"off\"",
             ),
-            ("seed=off", "seed=off"),
-            ("preset=off", "preset=off"),
+            ("seed=off", "seed=\"off\""),
+            ("preset=off", "preset=\"off\""),
+            ("seed=4", "seed=4"),
+            ("sensor.max_depth=1e1", "sensor.max_depth=1e1"),
+            ("sensor.max_depth=5.5", "sensor.max_depth=5.5"),
+            ("features.spread=true", "features.spread=true"),
         ] {
             assert_eq!(layers.quoted(set), text);
         }
@@ -335,6 +358,40 @@ mod tests {
         for part in ["--set static_filter.preset=of", "`off`", "`paper`"] {
             assert!(e.contains(part), "{e}");
         }
+    }
+
+    /// What the program says of `--set` with this argument.
+    fn refused(set: &str) -> String {
+        let args = ConfigArgs {
+            set: vec![set.to_owned()],
+            ..ConfigArgs::default()
+        };
+        resolve(&args).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_mistyped_key_is_looked_for_in_its_own_section() {
+        let e = refused("features.foo=3");
+        assert!(!e.contains("motion_weights"), "{e}");
+        assert!(e.contains("did you mean \"features."), "{e}");
+        let e = refused("features.level=3");
+        assert!(e.contains("did you mean \"features.levels\"?"), "{e}");
+        // A section that does not exist is mistyped itself.
+        let e = refused("feature.levels=3");
+        assert!(e.contains("did you mean \"features.levels\"?"), "{e}");
+    }
+
+    #[test]
+    fn a_word_where_a_number_belongs_is_called_a_word() {
+        let e = refused("features.features=ten");
+        for part in [
+            "--set features.features=ten",
+            "expected a whole number for features.features",
+            "found a word \"ten\"",
+        ] {
+            assert!(e.contains(part), "{e}");
+        }
+        assert!(!e.contains("boolean"), "{e}");
     }
 
     #[test]

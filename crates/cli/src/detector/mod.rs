@@ -170,11 +170,11 @@ fn refused(argument: &str, advice: &str) -> Failure {
 fn script(file: &str, entries: &[Entry]) -> Result<ScriptedDetector, Failure> {
     let text = std::fs::read_to_string(file).map_err(|e| {
         Failure::input(format!(
-            "{OPTION} {file}: expected a script of detections, found: {e}; check the path"
+            "{OPTION} scripted:{file}: expected a script of detections, found: {e}; check the path"
         ))
     })?;
     let detector = ScriptedDetector::parse(file, &text)
-        .map_err(|e| Failure::input(format!("--detector {e}")))?;
+        .map_err(|e| Failure::input(format!("{OPTION} scripted:{e}")))?;
     let mut trial = detector.clone();
     for entry in entries {
         let found = trial.detect(&RgbdFrame {

@@ -133,11 +133,11 @@ fn run_log(
 fn within(config: &Config, budget_ms: f64) -> Config {
     let plan = Plan::new(config, budget_ms, &CostTable::REFERENCE);
     console::info(&format!(
-        "{budget_ms} ms per frame: {} keypoints, {} neighbours and {} keyframes in mapping, the detector at every {}. frame; about {:.1} ms where OpenCV's ORB takes {} ms",
+        "{budget_ms} ms per frame: {} keypoints, {} neighbours and {} keyframes in mapping, the detector at {}; about {:.1} ms where OpenCV's ORB takes {} ms",
         plan.features,
         plan.mapping.neighbours,
         plan.mapping.window,
-        plan.detector_stride,
+        every(plan.detector_stride),
         plan.per_frame_ms,
         CostTable::REFERENCE_UNIT_MS,
     ));
@@ -145,6 +145,21 @@ fn within(config: &Config, budget_ms: f64) -> Config {
         console::warn("even the least work takes longer than that");
     }
     plan.apply(config)
+}
+
+/// Every n-th frame, in words.
+fn every(n: u32) -> String {
+    let suffix = match (n % 10, n % 100) {
+        (_, 11..=13) => "th",
+        (1, _) => "st",
+        (2, _) => "nd",
+        (3, _) => "rd",
+        _ => "th",
+    };
+    match n {
+        0 | 1 => "every frame".to_owned(),
+        n => format!("every {n}{suffix} frame"),
+    }
 }
 
 /// The detector. What runs it in a live run gives way to tracking: so do the threads that a network brings, which have the priority
@@ -313,6 +328,20 @@ pub(crate) fn default_out(path: &Path, done: &str) -> PathBuf {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn ordinals_are_those_of_english() {
+        for (n, said) in [
+            (1, "every frame"),
+            (2, "every 2nd frame"),
+            (3, "every 3rd frame"),
+            (5, "every 5th frame"),
+            (12, "every 12th frame"),
+            (21, "every 21st frame"),
+        ] {
+            assert_eq!(every(n), said);
+        }
+    }
 
     #[test]
     fn results_go_beside_each_other_by_name() {
