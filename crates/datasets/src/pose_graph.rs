@@ -1,7 +1,7 @@
 //! Pose graphs in the text format of g2o, which GTSAM, Ceres' examples and SE-Sync read too.
 
 use std::fmt::Write;
-use stillpoint_geometry::Se3;
+use stillpoint_geometry::{Mat6, Se3};
 
 /// A relative pose between two vertices.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,12 +12,12 @@ pub struct GraphEdge {
     pub to: u32,
     /// Maps coordinates of `to` to those of `from`, m.
     pub from_to: Se3,
-    /// What all six elements of the diagonal of the information matrix are.
-    pub information: f64,
+    /// The inverse of its covariance, for a perturbation `[translation; rotation]` in the coordinates of `to`: m, rad.
+    pub information: Mat6,
 }
 
 /// A file of `VERTEX_SE3:QUAT id x y z qx qy qz qw` and `EDGE_SE3:QUAT from to x y z qx qy qz qw` with the upper triangle of
-/// the information matrix. Vertices are poses that map a vertex's coordinates to the world's, m. Numbers have 9 decimals;
+/// the information matrix, which is about x y z qx qy qz: half angles. Vertices are poses that map a vertex's coordinates to the world's, m. Numbers have 9 decimals;
 /// the sign of each quaternion is chosen so that `qw >= 0`.
 #[must_use]
 pub fn format(vertices: &[(u32, Se3)], edges: &[GraphEdge]) -> String {
@@ -33,8 +33,10 @@ pub fn format(vertices: &[(u32, Se3)], edges: &[GraphEdge]) -> String {
         pose(&mut text, &edge.from_to);
         for row in 0..6 {
             for column in row..6 {
-                let element = if row == column { edge.information } else { 0.0 };
-                let _ = write!(text, " {element}");
+                // The vector of a quaternion is half the angle, so what is known of it is twice as exact.
+                let halves = usize::from(row >= 3) + usize::from(column >= 3);
+                let element = edge.information[(row, column)] * [1.0, 2.0, 4.0][halves];
+                let _ = write!(text, " {}", element + 0.0);
             }
         }
         text.push('\n');
@@ -68,7 +70,7 @@ mod tests {
             from: 4,
             to: 9,
             from_to: turned,
-            information: 30.0,
+            information: Mat6::from_diagonal_element(30.0),
         };
         let text = format(&[(4, Se3::identity()), (9, turned)], &[edge]);
         let lines: Vec<&str> = text.lines().collect();
@@ -81,7 +83,9 @@ mod tests {
         assert_eq!(lines[1], format!("VERTEX_SE3:QUAT 9 {numbers}"));
         assert_eq!(
             lines[2],
-            format!("EDGE_SE3:QUAT 4 9 {numbers} 30 0 0 0 0 0 30 0 0 0 0 30 0 0 0 30 0 0 30 0 30")
+            format!(
+                "EDGE_SE3:QUAT 4 9 {numbers} 30 0 0 0 0 0 30 0 0 0 0 30 0 0 0 120 0 0 120 0 120"
+            )
         );
         assert_eq!(lines.len(), 3);
     }

@@ -1,7 +1,7 @@
 //! Another map as further pieces of a map.
 
 use crate::observers::Observers;
-use crate::{KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, Map, PieceId};
+use crate::{KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, LoopEdge, Map, PieceId};
 use std::sync::Arc;
 
 /// Why a map cannot be taken into another.
@@ -94,6 +94,13 @@ impl Map {
             let moved = list.iter().map(|(k, feature)| (keyframe(*k), *feature));
             self.observations
                 .push(Observers::from(moved.collect::<Vec<_>>()));
+        }
+        for edge in other.view.loops.iter() {
+            self.view.loops.push(LoopEdge {
+                old: keyframe(edge.old),
+                new: keyframe(edge.new),
+                ..*edge
+            });
         }
         self.view.live_keyframes += other.view.live_keyframes;
         self.view.live_landmarks += other.view.live_landmarks;

@@ -22,7 +22,8 @@ impl Map {
     /// The first [`Violation`] found.
     pub fn check(&self) -> Result<(), Violation> {
         self.check_landmarks()?;
-        self.check_keyframes()
+        self.check_keyframes()?;
+        self.check_loops()
     }
 
     fn check_landmarks(&self) -> Result<(), Violation> {
@@ -83,14 +84,19 @@ impl Map {
         })
     }
 
-    fn check_keyframes(&self) -> Result<(), Violation> {
-        let resolves = ends_well(self.view.keyframes.len(), |i| {
+    /// The live keyframe that each id resolves to; [`NOWHERE`] where there is none.
+    fn resolved(&self) -> Vec<u32> {
+        ends_well(self.view.keyframes.len(), |i| {
             match self.view.keyframe_slot(KeyframeId(i as u32)) {
                 KeyframeSlot::Live(_) => Step::End,
                 KeyframeSlot::Culled { parent, .. } => Step::Next(parent.index()),
                 KeyframeSlot::Empty => Step::Fall,
             }
-        });
+        })
+    }
+
+    fn check_keyframes(&self) -> Result<(), Violation> {
+        let resolves = self.resolved();
         let mut live = 0;
         for k in self.view.keyframes() {
             live += 1;
@@ -162,6 +168,28 @@ impl Map {
         ensure(live == self.view.live_keyframes, || {
             "the view counts its live keyframes".into()
         })
+    }
+
+    fn check_loops(&self) -> Result<(), Violation> {
+        if self.view.loops.is_empty() {
+            return Ok(());
+        }
+        // All at once: one after the other would follow the same chains of tombstones again and again.
+        let resolves = self.resolved();
+        let piece = |id: KeyframeId| {
+            let live = KeyframeId(*resolves.get(id.index())?);
+            Some(self.view.keyframe(live)?.piece)
+        };
+        for edge in self.view.loops() {
+            let of_one = piece(edge.old).is_some() && piece(edge.old) == piece(edge.new);
+            ensure(of_one && edge.is_sound(), || {
+                format!(
+                    "the loop from keyframe {} to {} was measured, and both are of one piece",
+                    edge.old, edge.new
+                )
+            })?;
+        }
+        Ok(())
     }
 }
 

@@ -1,6 +1,6 @@
 //! What is changed in a map all at once, by one who worked on an older version of it.
 
-use crate::{KeyframeId, LandmarkId, Map, MapView, PieceId};
+use crate::{KeyframeId, LandmarkId, LoopEdge, Map, MapView, PieceId};
 use std::collections::BTreeSet;
 use stillpoint_geometry::{Se3, Vec3};
 
@@ -70,6 +70,8 @@ pub struct Correction {
     pub poses: Vec<PoseCorrection>,
     /// Landmarks that are seen in another place relative to their anchors.
     pub landmarks: Vec<LandmarkCorrection>,
+    /// What was measured, and made the correction necessary. The map keeps it.
+    pub measured: Option<LoopEdge>,
     /// Pieces that become one; the poses of the one that is no more are named as `poses`.
     pub join: Option<Join>,
     /// Landmarks that are the same as another: (which, as which). In this order.
@@ -118,6 +120,9 @@ impl Map {
         }
         if let Some(join) = correction.join {
             self.join(join);
+        }
+        if let Some(edge) = correction.measured {
+            self.keep(edge);
         }
         let mut touched = BTreeSet::new();
         for &(from, into) in &correction.merges {
@@ -171,6 +176,15 @@ impl Map {
             }
         }
         moves
+    }
+
+    /// Keeps what was measured between two keyframes, if it is sound and both have poses in one piece.
+    fn keep(&mut self, edge: LoopEdge) {
+        let piece = |id| self.view.piece_of(id);
+        let of_one = piece(edge.old).is_some() && piece(edge.old) == piece(edge.new);
+        if of_one && edge.is_sound() {
+            self.view.loops.push(edge);
+        }
     }
 
     fn join(&mut self, join: Join) {

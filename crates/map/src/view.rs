@@ -1,18 +1,20 @@
 //! An immutable version of the map.
 
 use crate::{
-    Chunked, Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, PieceId,
+    Chunked, Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, LoopEdge,
+    PieceId,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A version of the map that never changes. Cloning it costs two reference counts.
+/// A version of the map that never changes. Cloning it costs three reference counts.
 #[derive(Clone, Debug, Default)]
 pub struct MapView {
     pub(crate) version: u64,
     pub(crate) keyframes: Chunked<KeyframeSlot>,
     pub(crate) landmarks: Chunked<LandmarkSlot>,
+    pub(crate) loops: Chunked<LoopEdge>,
     pub(crate) live_keyframes: usize,
     pub(crate) live_landmarks: usize,
 }
@@ -155,6 +157,12 @@ impl MapView {
         let l = self.landmark(id)?;
         let anchor = self.keyframe(l.anchor)?;
         Some(anchor.world_from_camera.transform(&l.position_in_anchor))
+    }
+
+    /// Places that were recognised, as they were measured then, in the order in which they were: loops that were closed, and what
+    /// joined two pieces. Their keyframes may have been culled since.
+    pub fn loops(&self) -> impl Iterator<Item = &LoopEdge> {
+        self.loops.iter()
     }
 
     /// All live landmarks, by id.

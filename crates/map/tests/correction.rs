@@ -3,10 +3,10 @@
 use proptest::prelude::*;
 use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
-use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
+use stillpoint_geometry::{Camera, Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{
-    Correction, Join, KeyframeData, KeyframeId, LandmarkCorrection, LandmarkId, Map, MapView,
-    NewLandmark, PieceId, PoseCorrection,
+    Correction, Join, KeyframeData, KeyframeId, LandmarkCorrection, LandmarkId, LoopEdge, Map,
+    MapView, NewLandmark, PieceId, PoseCorrection,
 };
 
 const FEATURES: usize = 8;
@@ -389,6 +389,42 @@ fn pieces_become_one_with_all_that_was_added_since() {
     assert_eq!(parent(10), Some(KeyframeId(2)));
     assert_eq!(parent(12), Some(KeyframeId(10)));
     assert_eq!(map.check(), Ok(()));
+}
+
+#[test]
+fn what_was_measured_stays_when_its_keyframes_move_or_go() {
+    let mut map = chain(6, 2);
+    let edge = |old: u32, new: u32| LoopEdge {
+        old: KeyframeId(old),
+        new: KeyframeId(new),
+        old_from_new: pose(old + 3),
+        information: Mat6::identity() * 40.0,
+        inliers: 40,
+    };
+    let measured = |edge| Correction {
+        measured: Some(edge),
+        ..Correction::default()
+    };
+    map.apply(&measured(edge(0, 4)));
+    // What cannot have been measured is not kept: with itself, with nothing, with a motion that is none.
+    map.apply(&measured(edge(3, 3)));
+    map.apply(&measured(edge(0, 77)));
+    let mut broken = edge(1, 5);
+    broken.old_from_new.translation.x = f64::NAN;
+    map.apply(&measured(broken));
+    map.set_pose(KeyframeId(4), pose(9));
+    assert!(map.cull_keyframe(KeyframeId(4)));
+    assert!(map.view().loops().eq([&edge(0, 4)]));
+    assert_eq!(map.check(), Ok(()));
+    // In another map their keyframes have other ids.
+    let mut other = chain(3, 2);
+    let added = other.append(&map).unwrap();
+    assert!(other.view().loops().eq([&LoopEdge {
+        old: KeyframeId(added),
+        new: KeyframeId(added + 4),
+        ..edge(0, 4)
+    }]));
+    assert_eq!(other.check(), Ok(()));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 #[path = "../examples/closing/world.rs"]
 mod world;
 
-use stillpoint_map::Correction;
+use stillpoint_map::{Correction, LoopEdge};
 use stillpoint_slam::{Config, LoopOutcome, LoopReport, Looper, LooperMsg};
 use world::{STEP_M, Walk, World};
 
@@ -55,6 +55,15 @@ fn a_path_that_comes_back_is_closed_and_straightened() {
         "{before} m, then {after} m"
     );
     assert!(applied.merged >= 40 && applied.composed == 0, "{applied:?}");
+    // The map keeps what was measured, not what came of it.
+    let kept: Vec<&LoopEdge> = walk.map.view().loops().collect();
+    assert_eq!(kept.len(), 1);
+    assert_eq!((kept[0].old, kept[0].new), (closed.with, closed.keyframe));
+    assert_eq!(Some(kept[0].old_from_new), closed.edge);
+    assert_eq!(kept[0].inliers, closed.inliers);
+    // Known to a centimetre and half a degree, at least.
+    assert!(kept[0].information.symmetric_eigenvalues().min() > 1e4);
+    assert_eq!(walk.map.check(), Ok(()));
     // The same again gives the same bits.
     let (_, reports_again, correction_again) = run();
     assert_eq!(format!("{reports:?}"), format!("{reports_again:?}"));

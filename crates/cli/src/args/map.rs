@@ -102,15 +102,20 @@ pub(crate) struct MapExportArgs {
     /// Map file.
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// Write the landmarks as a point cloud (PLY, binary): x y z, nx ny nz towards the cameras that saw them, observers (how
+    /// Write the landmarks as a point cloud, PLY or PCD (binary) as the file's name ends: x y z, nx ny nz towards the cameras that saw them, observers (how
     /// many keyframes see it), depth_observers (of these, with depth), found (in how many frames), keyframe (that made it).
-    #[arg(long, value_name = "FILE.ply", group = "what", verbatim_doc_comment)]
+    #[arg(
+        long,
+        value_name = "FILE.ply|FILE.pcd",
+        group = "what",
+        verbatim_doc_comment
+    )]
     pub(crate) points: Option<PathBuf>,
     /// Write the poses of the keyframes in the TUM format (timestamp tx ty tz qx qy qz qw), in the order of time.
     #[arg(long, value_name = "FILE.txt", group = "what")]
     pub(crate) trajectory: Option<PathBuf>,
-    /// Write keyframes, parents and covisible pairs as a pose graph (g2o: VERTEX_SE3:QUAT, EDGE_SE3:QUAT); the information
-    /// of an edge is the number of landmarks that both see.
+    /// Write the keyframes as a pose graph (g2o: VERTEX_SE3:QUAT, EDGE_SE3:QUAT). Edges are measured, with what is known of them as
+    /// information: between parents and covisible pairs by the points that both see, between the ends of loops when they were closed.
     #[arg(long, value_name = "FILE.g2o", group = "what", verbatim_doc_comment)]
     pub(crate) graph: Option<PathBuf>,
     /// The piece of map to write, as map info names it [default: that with most keyframes].

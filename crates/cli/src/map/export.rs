@@ -3,29 +3,36 @@
 use crate::args::map::MapExportArgs;
 use crate::failure::{Failure, Status};
 use crate::map::file as map_file;
+use crate::map::graph::Graph;
 use crate::output::StreamedFile;
 use crate::{console, map};
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
-use stillpoint::datasets::point_cloud::{self, CloudPoint};
-use stillpoint::datasets::pose_graph::{self, GraphEdge};
+use stillpoint::datasets::point_cloud::{self, CloudFormat, CloudPoint};
+use stillpoint::datasets::pose_graph;
 use stillpoint::datasets::{StampedPose, trajectory};
 use stillpoint::geometry::{Se3, Vec3};
-use stillpoint::map::{Keyframe, KeyframeId, Landmark, LandmarkId, MapView, PieceId};
+use stillpoint::map::{Keyframe, Landmark, LandmarkId, MapView, PieceId};
 
 /// `map export`.
 pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
+    let cloud = args
+        .points
+        .as_deref()
+        .map(|path| Ok((path, cloud_format(path)?)));
+    let cloud = cloud.transpose()?;
     let loaded = map_file::load(&args.file)?;
     let view = loaded.file.map.view();
     let part = Part {
         view,
         piece: choose_piece(args, view)?,
     };
-    if let Some(path) = &args.points {
+    if let Some((path, format)) = cloud {
         let points = part.points();
         let names = ["observers", "depth_observers", "found", "keyframe"];
-        let bytes = point_cloud::format(&points, names, "landmarks of a map of Stillpoint; metres");
+        let comment = "landmarks of a map of Stillpoint; metres";
+        let bytes = point_cloud::format(format, &points, names, comment);
         write(path, "--points", &bytes)?;
         told(path, points.len(), "points");
     }
@@ -45,12 +52,29 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
             .keyframes()
             .map(|k| (k.id.0, k.world_from_camera))
             .collect();
-        let edges = part.edges();
-        let text = pose_graph::format(&vertices, &edges);
+        let graph = Graph::measure(view, part.piece);
+        let text = pose_graph::format(&vertices, &graph.edges);
         write(path, "--graph", text.as_bytes())?;
-        told(path, edges.len(), "edges");
+        let loops = graph.loops;
+        told(path, graph.edges.len(), &format!("edges, {loops} of loops"));
+        if graph.as_estimated > 0 {
+            console::warn(&format!(
+                "{} edges to parents are as estimated, since too little was measured between the two keyframes; their information is 1",
+                graph.as_estimated
+            ));
+        }
     }
     Ok(Status::Ok)
+}
+
+/// The format that the name of a file asks for.
+fn cloud_format(path: &Path) -> Result<CloudFormat, Failure> {
+    CloudFormat::of(path).ok_or_else(|| {
+        Failure::input(format!(
+            "--points {}: expected the name of a file that ends with .ply or .pcd, which says its format, found another; name it after the format that you want",
+            path.display()
+        ))
+    })
 }
 
 /// The piece to write; what it leaves out is told. None of a map without keyframes.
@@ -140,39 +164,5 @@ impl<'a> Part<'a> {
         poses.dedup_by_key(|p| (p.stamp * 1e6).round());
         let left_out = before - poses.len();
         (poses, left_out)
-    }
-
-    /// From each keyframe to its parent, and to those later ones with which it shares landmarks.
-    fn edges(&self) -> Vec<GraphEdge> {
-        let view = self.view;
-        let mut edges = Vec::new();
-        let mut add = |from: KeyframeId, to: KeyframeId, shared: u32| {
-            let end = |id| view.keyframe(id).filter(|k| Some(k.piece) == self.piece);
-            if let (Some(a), Some(b)) = (end(from), end(to)) {
-                edges.push(GraphEdge {
-                    from: from.0,
-                    to: to.0,
-                    from_to: a.world_from_camera.inverse() * b.world_from_camera,
-                    information: f64::from(shared),
-                });
-            }
-        };
-        for k in self.keyframes() {
-            let parent = k.parent.and_then(|p| view.resolve_keyframe(p));
-            if let Some(parent) = parent.filter(|p| *p != k.id) {
-                let is_covisible = k.covisible.iter().any(|c| c.0 == parent);
-                // Else the pair comes below, from the earlier of both.
-                if !is_covisible {
-                    add(parent, k.id, 1);
-                }
-            }
-            let mut later: Vec<(KeyframeId, u32)> = k.covisible.clone();
-            later.retain(|c| c.0 > k.id);
-            later.sort_unstable();
-            for (other, shared) in later {
-                add(k.id, other, shared);
-            }
-        }
-        edges
     }
 }

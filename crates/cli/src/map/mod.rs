@@ -2,6 +2,7 @@
 
 pub(crate) mod export;
 pub(crate) mod file;
+mod graph;
 pub(crate) mod merge;
 
 use crate::args::map::{MapCheckArgs, MapCommand, MapInfoArgs};
@@ -64,6 +65,8 @@ struct MapInfo {
     culled_keyframes: usize,
     landmarks: usize,
     observations: usize,
+    /// Places that were recognised, and are kept as measurements.
+    loops: usize,
     /// Parts of which it is not known how they lie to each other, the largest first.
     pieces: Vec<PieceOfMap>,
     /// Of the first and the last keyframe, s.
@@ -134,6 +137,7 @@ impl MapInfo {
                 .count(),
             landmarks: view.landmark_count(),
             observations: view.landmarks().map(|(_, l)| l.observers as usize).sum(),
+            loops: view.loops().count(),
             stamps: stamps(view),
             path_length: largest.map_or(0.0, |p| path_length(view, p)),
             extent: largest.and_then(|p| extent(view, p)),
@@ -173,6 +177,7 @@ impl MapInfo {
             format!("{}, observed {} times", self.landmarks, self.observations),
         );
         line("pieces", self.pieces_text());
+        line("loops", self.loops.to_string());
         let of_piece = match &self.pieces[..] {
             [largest, _, ..] => format!(", of piece {}", largest.id),
             _ => String::new(),

@@ -276,7 +276,7 @@ fn camera(to: &mut Writer, camera: &Camera) {
     }
 }
 
-fn pose(to: &mut Writer, pose: &Se3) {
+pub(super) fn pose(to: &mut Writer, pose: &Se3) {
     for number in pose.rotation.coords.iter().chain(pose.translation.iter()) {
         to.f64(*number);
     }

@@ -12,6 +12,7 @@ mod container;
 mod decode;
 mod encode;
 mod error;
+mod loops;
 mod sections;
 #[cfg(test)]
 mod tests;
@@ -65,8 +66,7 @@ impl MapFile {
         let (header, sections) = container::read(bytes)?;
         let split = sections.iter().position(|s| s.kind == Kind::Extension);
         let (own, others) = sections.split_at(split.unwrap_or(sections.len()));
-        let map = decode::map(own, bytes.len())?;
-        validate::check(&map, bytes.len())?;
+        let mut map = decode::map(own, bytes.len())?;
         let mut extensions: Vec<Extension> = Vec::new();
         for section in others {
             if section.kind == Kind::Map {
@@ -83,6 +83,10 @@ impl MapFile {
             });
         }
         validate::names(&extensions)?;
+        if let Some(at) = extensions.iter().position(|e| e.name == loops::NAME) {
+            map.view.loops = loops::from_bytes(&extensions.remove(at).bytes)?;
+        }
+        validate::check(&map, bytes.len())?;
         Ok(Self {
             format: header.version,
             map,
@@ -103,12 +107,20 @@ impl Map {
     ///
     /// # Errors
     /// [`MapFileError`] when the map is one that [`MapFile::from_bytes`] would refuse, or the name of an extension is empty,
-    /// too long or given twice: what cannot be read must not take the place of an older file.
+    /// too long, given twice, or that of the map's own (`stillpoint/loops`): what cannot be read must not take the place of an older file.
     pub fn to_bytes(&self, extensions: &[Extension]) -> Result<Vec<u8>, MapFileError> {
         validate::names(extensions)?;
+        validate::free(extensions)?;
         // Without the length of the file, which only adds to what is allowed.
         validate::check(self, 0)?;
         let mut sections = encode::sections(self)?;
+        // In front of those of others, whose order is theirs.
+        sections.extend(loops::to_bytes(self).map(|bytes| Section {
+            kind: Kind::Extension,
+            name: loops::NAME,
+            bytes: Cow::Owned(bytes),
+            compress: false,
+        }));
         sections.extend(extensions.iter().map(|e| Section {
             kind: Kind::Extension,
             name: &e.name,

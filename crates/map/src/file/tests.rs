@@ -2,15 +2,16 @@
 
 use super::container::{self, Kind, Section};
 use super::sections::Part;
-use super::{Extension, MapFile, MapFileError, blocks};
+use super::{Extension, MapFile, MapFileError, blocks, loops};
 use crate::{
-    Keyframe, KeyframeData, KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, Map, NewLandmark,
+    Correction, Keyframe, KeyframeData, KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot,
+    LoopEdge, Map, NewLandmark,
 };
 use proptest::prelude::*;
 use std::borrow::Cow;
 use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
-use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec3, Vec6};
+use stillpoint_geometry::{BrownConrady, Camera, Mat6, Se3, Vec3, Vec6};
 
 /// SplitMix64.
 struct Random(u64);
@@ -169,6 +170,31 @@ fn random_map(seed: u64, features: u32, changes: u32) -> Map {
     map
 }
 
+/// The same with loops between some of its keyframes, where one piece has more than one.
+fn looped_map(seed: u64, features: u32, changes: u32) -> Map {
+    let mut map = random_map(seed, features, changes);
+    let random = &mut Random(seed);
+    let ids: Vec<KeyframeId> = map.view.keyframes().map(|k| k.id).collect();
+    for _ in 0..ids.len() {
+        let mut one = || ids[random.below(ids.len() as u32) as usize];
+        let (old, new) = (one(), one());
+        let mut information = Mat6::from_diagonal_element(f64::from(random.below(1000)));
+        information[(1, 4)] = f64::from(random.share());
+        information[(4, 1)] = information[(1, 4)];
+        map.apply(&Correction {
+            measured: Some(LoopEdge {
+                old,
+                new,
+                old_from_new: pose(random),
+                information,
+                inliers: random.below(200),
+            }),
+            ..Correction::default()
+        });
+    }
+    map
+}
+
 /// Everything in a map, in words that differ when a bit differs.
 fn words(map: &Map) -> String {
     format!("{map:?}")
@@ -221,6 +247,22 @@ proptest! {
         prop_assert_eq!(words(&back.map), words(&map));
         prop_assert_eq!(&back.extensions, &extensions());
         prop_assert_eq!(back.map.to_bytes(&back.extensions).unwrap(), bytes);
+    }
+
+    #[test]
+    fn loops_come_back_bit_for_bit_and_change_nothing_else(seed: u64, changes in 0u32..400) {
+        let map = looped_map(seed, 6, changes);
+        prop_assert_eq!(map.check(), Ok(()));
+        let bytes = map.to_bytes(&extensions()).unwrap();
+        let back = MapFile::from_bytes(&bytes).unwrap();
+        prop_assert_eq!(words(&back.map), words(&map));
+        prop_assert_eq!(&back.extensions, &extensions());
+        prop_assert_eq!(back.map.to_bytes(&back.extensions).unwrap(), bytes);
+        // A program that does not know loops sees the map that it knows, and one extension more.
+        let plain = random_map(seed, 6, changes).to_bytes(&extensions()).unwrap();
+        let mut raw = taken_apart(&map.to_bytes(&extensions()).unwrap());
+        raw.retain(|section| section.1 != loops::NAME);
+        prop_assert_eq!(raw, taken_apart(&plain));
     }
 
     #[test]
@@ -603,6 +645,53 @@ fn a_map_that_could_not_be_read_is_not_written() {
     assert!(
         refuse(|k| Arc::make_mut(&mut k.data).keypoints[0].level = 8).contains("level below 8")
     );
+}
+
+#[test]
+fn loops_that_were_not_measured_are_refused() {
+    let map = looped_map(7, 12, 1500);
+    assert!(map.view.loops().count() > 5);
+    let bytes = map.to_bytes(&[]).unwrap();
+    let refusal = |change: fn(&mut Vec<u8>)| {
+        let mut raw = taken_apart(&bytes);
+        let section = raw.iter_mut().find(|s| s.1 == loops::NAME).unwrap();
+        change(&mut section.2);
+        let Err(e) = MapFile::from_bytes(&sealed(&raw, true)) else {
+            panic!("nothing was refused");
+        };
+        e.to_string()
+    };
+    let nan = f64::NAN.to_le_bytes();
+    for (found, part) in [
+        // Two ids, a quaternion, a translation, 21 elements of a matrix, a count.
+        (refusal(|b| b[0..4].fill(0xfe)), "the loop from keyframe"),
+        (
+            refusal(|b| b.copy_within(0..4, 4)),
+            "the loop from keyframe",
+        ),
+        (refusal(|b| b[8..16].fill(0)), "unit quaternion"),
+        (refusal(|b| b[15] ^= 0x7f), "unit quaternion"),
+        (refusal(|b| b.truncate(b.len() - 1)), "stillpoint/loops"),
+        (
+            {
+                let mut raw = taken_apart(&bytes);
+                let section = raw.iter_mut().find(|s| s.1 == loops::NAME).unwrap();
+                section.2[64..72].copy_from_slice(&nan);
+                MapFile::from_bytes(&sealed(&raw, true))
+                    .unwrap_err()
+                    .to_string()
+            },
+            "the loop from keyframe",
+        ),
+    ] {
+        assert!(found.contains(part), "{found:?} lacks {part:?}");
+    }
+    let own = Extension {
+        name: loops::NAME.into(),
+        bytes: Vec::new(),
+    };
+    let e = map.to_bytes(&[own]).unwrap_err().to_string();
+    assert!(e.contains("names other than"), "{e}");
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! What the values of a map may be. The same is asked of a map that is written and of one that is read, so that whatever
 //! was written can be read.
 
-use super::{Extension, MapFileError};
+use super::{Extension, MapFileError, loops};
 use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, Landmark, LandmarkId, Map};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
@@ -108,6 +108,17 @@ pub(super) fn names(extensions: &[Extension]) -> Result<(), MapFileError> {
     Ok(())
 }
 
+/// Checks that no extension of others has the name of the one that the map itself writes.
+pub(super) fn free(extensions: &[Extension]) -> Result<(), MapFileError> {
+    let taken = extensions.iter().any(|e| e.name == loops::NAME);
+    expect("the extensions", !taken, || {
+        (
+            "names other than that of the map's own extension".into(),
+            format!("\"{}\"", loops::NAME),
+        )
+    })
+}
+
 /// Checks a camera, before anything is computed with it.
 pub(super) fn camera(camera: &Camera) -> Result<(), MapFileError> {
     let sides = 1..=MAX_SIDE;
@@ -176,7 +187,7 @@ fn lengths(k: &Keyframe) -> Result<(), MapFileError> {
     })
 }
 
-fn pose(section: &str, id: KeyframeId, pose: &Se3) -> Result<(), MapFileError> {
+pub(super) fn pose(section: &str, id: KeyframeId, pose: &Se3) -> Result<(), MapFileError> {
     let norm2: f64 = pose.rotation.coords.iter().map(|x| x * x).sum();
     // Not the other way round: no number is neither.
     let holds = pose.is_finite() && (norm2 - 1.0).abs() <= 2.0 * UNIT_TOLERANCE;

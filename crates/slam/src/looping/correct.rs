@@ -12,8 +12,8 @@ use stillpoint_estimation::{
 };
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{
-    Correction, Join, Keyframe, KeyframeId, LandmarkCorrection, LandmarkId, MapView, PieceId,
-    PoseCorrection,
+    Correction, Join, Keyframe, KeyframeId, LandmarkCorrection, LandmarkId, LoopEdge, MapView,
+    PieceId, PoseCorrection,
 };
 
 /// Keyframes that share at least so many landmarks are tied in the pose graph beside the tree of parents.
@@ -24,14 +24,6 @@ const SIGMA_M: f64 = 0.005;
 const SIGMA_RAD: f64 = 0.0044;
 /// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take.
 const MAX_WORK: u64 = 200_000_000;
-
-/// A loop that was closed.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct LoopEdge {
-    old: KeyframeId,
-    new: KeyframeId,
-    old_from_new: Se3,
-}
 
 /// A loop to be closed.
 pub(super) struct Proposal<'a> {
@@ -66,6 +58,9 @@ impl Proposal<'_> {
             old: self.with.id,
             new: self.keyframe.id,
             old_from_new: self.verified.new_from_old.inverse(),
+            // Sums of products are symmetric but for their last bits.
+            information: (self.verified.information + self.verified.information.transpose()) * 0.5,
+            inliers: report.inliers,
         };
         let (poses, cost) = match join {
             // Nothing ties two pieces yet that could contradict.
@@ -82,6 +77,7 @@ impl Proposal<'_> {
         report.merges = merges.len() as u32;
         let correction = Correction {
             join,
+            measured: Some(edge),
             ..self.refine(&nodes, poses, merges, report)
         };
         Ok((edge, correction))
@@ -252,6 +248,7 @@ impl Proposal<'_> {
         let positions = points.landmarks.iter().zip(&problem.points);
         Correction {
             base_version: self.view.version(),
+            measured: None,
             join: None,
             poses: nodes.corrections(&poses),
             landmarks: positions

@@ -11,10 +11,10 @@ pub use config::{LooperSetup, LoopingConfig};
 
 use crate::messages::{LooperMsg, LooperOut};
 use crate::report::{LoopOutcome, LoopReport};
-use correct::{LoopEdge, Proposal};
+use correct::Proposal;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use stillpoint_map::{Correction, Keyframe, KeyframeId, MapView};
+use stillpoint_map::{Correction, Keyframe, KeyframeId, LoopEdge, MapView};
 use stillpoint_place::{PlaceIndex, PlaceMatch, PlaceVector, Vocabulary};
 
 /// Keyframes that look most alike and are looked into.

@@ -8,7 +8,7 @@ use stillpoint_estimation::{
     find_rigid, optimise_pose, rng,
 };
 use stillpoint_features::best_two;
-use stillpoint_geometry::Se3;
+use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Keyframe, LandmarkId, MapView};
 
 /// Points of both keyframes that agree on one rigid motion, at least: fewer agree by chance. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
@@ -26,6 +26,8 @@ const MIN_SHARE: f64 = 0.12;
 pub(super) struct Verified {
     /// Maps camera coordinates of the older keyframe to those of the new one.
     pub(super) new_from_old: Se3,
+    /// The inverse of its covariance, for a left perturbation `[translation; rotation]`.
+    pub(super) information: Mat6,
     /// Landmarks of the older place, by id.
     pub(super) landmarks: Vec<LandmarkId>,
 }
@@ -52,7 +54,7 @@ impl Looper {
             .rigid_motion(new, old, report)
             .ok_or(LoopOutcome::NoRigidMotion)?;
         let landmarks = landmarks_of(view, &group_of(old));
-        let mut new_from_old = start;
+        let (mut new_from_old, mut information) = (start, Mat6::zeros());
         for radius in [WIDE_RADIUS_PX, RADIUS_PX] {
             let camera_from_world = new_from_old * old.world_from_camera.inverse();
             let search = Search {
@@ -83,6 +85,7 @@ impl Looper {
                 return Err(LoopOutcome::FewInliers);
             }
             new_from_old = fit.camera_from_world * old.world_from_camera;
+            information = fit.information;
         }
         report.edge = Some(new_from_old.inverse());
         // Within a piece the map itself objects to a place that is only similar; between pieces nothing does.
@@ -93,6 +96,7 @@ impl Looper {
         }
         Ok(Verified {
             new_from_old,
+            information,
             landmarks,
         })
     }

@@ -40,6 +40,7 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
         version,
         keyframes: Chunked::filled(KeyframeSlot::Empty, counts.keyframe_slots as usize),
         landmarks: Chunked::filled(LandmarkSlot::Culled, slots.len()),
+        loops: Chunked::default(),
         live_keyframes: keyframes.len(),
         live_landmarks: counts.landmarks as usize,
     };
@@ -149,7 +150,7 @@ fn cameras(source: &Source<'_>, counts: &Counts) -> Result<Vec<Camera>, MapFileE
 }
 
 /// Not normalised, so that the bits stay; whether it is a rotation is checked later.
-fn pose(from: &mut Reader<'_>) -> Result<Se3, MapFileError> {
+pub(super) fn pose(from: &mut Reader<'_>) -> Result<Se3, MapFileError> {
     let (i, j, k, w) = (from.f64()?, from.f64()?, from.f64()?, from.f64()?);
     let rotation = UnitQuaternion::new_unchecked(Quaternion::new(w, i, j, k));
     let translation = Vec3::new(from.f64()?, from.f64()?, from.f64()?);

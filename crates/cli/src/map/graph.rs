@@ -1,0 +1,143 @@
+//! A piece of map as a pose graph of measurements: what two keyframes saw says how they lie to each other, whatever the map made
+//! of it. Edges that repeated the poses of the map would agree with it everywhere and tell an optimiser nothing.
+
+use std::collections::BTreeMap;
+use stillpoint::datasets::pose_graph::GraphEdge;
+use stillpoint::estimation::{
+    Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose,
+};
+use stillpoint::geometry::{Mat6, Se3};
+use stillpoint::map::{Keyframe, KeyframeData, KeyframeId, LoopEdge, MapView, PieceId};
+
+/// Points that must agree on the motion between two keyframes for it to count as measured.
+const MIN_INLIERS: usize = 20;
+
+/// The edges of a piece of map.
+pub(super) struct Graph {
+    /// Of covisible pairs and of parents, by the older keyframe; then those of loops.
+    pub(super) edges: Vec<GraphEdge>,
+    /// How many of them are of loops.
+    pub(super) loops: usize,
+    /// How many tie a keyframe to its parent by the poses of the map, since too little was measured between both.
+    pub(super) as_estimated: usize,
+}
+
+impl Graph {
+    /// Measures how the keyframes of a piece lie to each other that share landmarks, and adds its loops.
+    pub(super) fn measure(view: &MapView, piece: Option<PieceId>) -> Self {
+        let mut graph = Self {
+            edges: Vec::new(),
+            loops: 0,
+            as_estimated: 0,
+        };
+        for ((a, b), is_parent) in pairs(view, piece) {
+            let (Some(a), Some(b)) = (view.keyframe(a), view.keyframe(b)) else {
+                continue;
+            };
+            match between(a, b) {
+                Some((from_to, information)) => graph.add(a, b, from_to, information),
+                // Without it the graph may fall apart.
+                None if is_parent => {
+                    let from_to = a.world_from_camera.inverse() * b.world_from_camera;
+                    graph.add(a, b, from_to, Mat6::identity());
+                    graph.as_estimated += 1;
+                }
+                None => {}
+            }
+        }
+        let loops = view.loops().filter_map(|edge| loop_edge(view, piece, edge));
+        let before = graph.edges.len();
+        graph.edges.extend(loops);
+        graph.loops = graph.edges.len() - before;
+        graph
+    }
+
+    fn add(&mut self, a: &Keyframe, b: &Keyframe, from_to: Se3, information: Mat6) {
+        self.edges.push(GraphEdge {
+            from: a.id.0,
+            to: b.id.0,
+            from_to,
+            information,
+        });
+    }
+}
+
+/// The pairs of keyframes of a piece that share landmarks or are parent and child, the smaller id first; whether they are the
+/// latter.
+fn pairs(view: &MapView, piece: Option<PieceId>) -> BTreeMap<(KeyframeId, KeyframeId), bool> {
+    let mut pairs = BTreeMap::new();
+    for k in view.keyframes().filter(|k| Some(k.piece) == piece) {
+        let ordered = |other: KeyframeId| (k.id.min(other), k.id.max(other));
+        for (other, _) in &k.covisible {
+            pairs.entry(ordered(*other)).or_insert(false);
+        }
+        let parent = k.parent.and_then(|p| view.resolve_keyframe(p));
+        if let Some(parent) = parent.filter(|p| *p != k.id) {
+            pairs.insert(ordered(parent), true);
+        }
+    }
+    pairs
+}
+
+/// The motion between two keyframes by what both measured of the landmarks that they share, and its information: the points that
+/// `a` saw with depth, where `b` saw them. None where too few of them agree. Poses of the map are only where the search begins.
+fn between(a: &Keyframe, b: &Keyframe) -> Option<(Se3, Mat6)> {
+    let seen = a.matches.iter().enumerate();
+    let points: BTreeMap<_, _> = seen
+        .filter_map(|(i, landmark)| Some(((*landmark)?, a.data.point_in_camera(i)?)))
+        .collect();
+    let observation = |(i, landmark): (usize, &Option<_>)| {
+        Some(PoseObservation {
+            point: *points.get(&(*landmark)?)?,
+            measurement: measurement(&b.data, i),
+        })
+    };
+    let observations: Vec<PoseObservation> = b
+        .matches
+        .iter()
+        .enumerate()
+        .filter_map(observation)
+        .collect();
+    if observations.len() < MIN_INLIERS {
+        return None;
+    }
+    let fit = optimise_pose(
+        &Intrinsics::from(&b.data.camera),
+        &(b.world_from_camera.inverse() * a.world_from_camera),
+        &observations,
+        &PoseOptions::default(),
+    );
+    let b_from_a = fit.camera_from_world;
+    let holds = fit.inlier_count >= MIN_INLIERS && b_from_a.is_finite();
+    holds.then(|| (b_from_a.inverse(), fit.information))
+}
+
+fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
+    let sigma = f64::from(data.depth_sigmas[feature]);
+    let depth = data.depth(feature).map(|z| (z, sigma));
+    let sigma_px = f64::from(data.sigma_px[feature]);
+    Measurement::new(data.position(feature), sigma_px, depth)
+}
+
+/// A loop between the keyframes that its ends are now: a culled one hangs on another, and how is known. None between keyframes
+/// of other pieces, and where both ends have become one.
+fn loop_edge(view: &MapView, piece: Option<PieceId>, edge: &LoopEdge) -> Option<GraphEdge> {
+    let end = |id: KeyframeId| {
+        let live = view.keyframe(view.resolve_keyframe(id)?)?;
+        let live = (Some(live.piece) == piece).then_some(live)?;
+        let live_from_id = live.world_from_camera.inverse() * view.world_from_keyframe(id)?;
+        Some((live.id, live_from_id))
+    };
+    let ((from, from_from_old), (to, to_from_new)) = (end(edge.old)?, end(edge.new)?);
+    (from != to).then(|| GraphEdge {
+        from: from.0,
+        to: to.0,
+        from_to: from_from_old * edge.old_from_new * to_from_new.inverse(),
+        // A perturbation in the coordinates of the new keyframe is one in those of the keyframe that it hangs on.
+        information: {
+            let new_from_to = to_from_new.inverse().adjoint();
+            let information = new_from_to.transpose() * edge.information * new_from_to;
+            (information + information.transpose()) * 0.5
+        },
+    })
+}
