@@ -6,27 +6,13 @@ use crate::run::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
 use stillpoint::evaluation::Table;
 use stillpoint::evaluation::timing;
 
-/// The report of a run: counts, score, timing.
-pub(crate) fn run_text(summary: &Summary) -> String {
+/// The report of a run, what a person asks first in its first line. `detailed` adds the scores of the poses as known at each frame,
+/// what runs the network, the time of every stage and the memory.
+pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     let s = summary;
-    let dropped = s
-        .live
-        .as_ref()
-        .map_or_else(String::new, LiveJson::dropped_text);
-    let mut text = format!(
-        "\n{}: {} of {} frames tracked{dropped}, {} keyframes, {} landmarks, {:.1} s ({:.0} frames/s)\n",
-        s.input.name,
-        s.tracked,
-        s.frames,
-        s.keyframes,
-        s.landmarks,
-        s.seconds,
-        s.frames as f64 / s.seconds.max(1e-3)
-    );
-    if s.skipped > 0 {
-        text += &format!("{} frames could not be read and were skipped\n", s.skipped);
-    }
-    text += &filter_text(s);
+    let mut text = format!("\n{}: {}\n", s.input.name, headline(s));
+    text += &format!("{} keyframes, {} landmarks\n", s.keyframes, s.landmarks);
+    text += &filter_text(s, detailed);
     text += &s.live.as_ref().map_or_else(String::new, LiveJson::text);
     if s.loops != Default::default() {
         let l = s.loops;
@@ -47,23 +33,57 @@ pub(crate) fn run_text(summary: &Summary) -> String {
     }
     if let Some(a) = &s.accuracy {
         text.push('\n');
-        text += &score_text(
-            &[("final", &a.final_poses), ("online", &a.online)],
-            s.frames,
-        );
+        let scores = [("final", &a.final_poses), ("online", &a.online)];
+        let scores = &scores[..if detailed { 2 } else { 1 }];
+        text += &score_text(scores, frames_in_all(s));
     }
-    text.push('\n');
-    let rows = s.timing_ms.iter().map(|t| (t.stage.as_str(), t.stats()));
-    let live = s.live.iter().flat_map(LiveJson::rows);
-    text += &timing::table(live.chain(rows)).to_text();
-    if let Some(bytes) = s.peak_memory_bytes {
+    if detailed {
+        text += &timing_text(s);
+    }
+    text
+}
+
+/// Frames of the recording that the run was about: tracked or not, dropped by a camera that was faster, or not to be read.
+fn frames_in_all(summary: &Summary) -> usize {
+    let dropped = summary.live.as_ref().map_or(0, |live| live.dropped);
+    summary.frames + summary.skipped + dropped
+}
+
+/// How many frames have a pose, how exact and how fast.
+fn headline(s: &Summary) -> String {
+    let mut text = format!("{} of {} frames tracked", s.tracked, frames_in_all(s));
+    let dropped = s.live.as_ref().map_or(0, |live| live.dropped);
+    for (n, why) in [
+        (dropped, "dropped"),
+        (s.skipped, "could not be read and were skipped"),
+    ] {
+        if n > 0 {
+            text += &format!(", {n} {why}");
+        }
+    }
+    text += &match s.accuracy.as_ref().map(|a| &a.final_poses) {
+        None => String::new(),
+        Some(ScoreJson::Moving(m)) => format!("; ATE {:.1} mm", m.ate.rmse * 1e3),
+        Some(ScoreJson::Fixed(f)) => format!("; drift {:.1} mm", f.drift.rmse * 1e3),
+    };
+    let rate = s.frames as f64 / s.seconds.max(1e-3);
+    text + &format!("; {:.1} s ({rate:.0} frames/s)", s.seconds)
+}
+
+/// The time of every stage, and the memory.
+fn timing_text(summary: &Summary) -> String {
+    let rows = &summary.timing_ms;
+    let rows = rows.iter().map(|t| (t.stage.as_str(), t.stats()));
+    let live = summary.live.iter().flat_map(LiveJson::rows);
+    let mut text = format!("\n{}", timing::table(live.chain(rows)).to_text());
+    if let Some(bytes) = summary.peak_memory_bytes {
         text += &format!("\npeak memory {:.0} MB\n", bytes as f64 * 1e-6);
     }
     text
 }
 
 /// What the detector and the static filter did.
-fn filter_text(summary: &Summary) -> String {
+fn filter_text(summary: &Summary, detailed: bool) -> String {
     let (d, f) = (&summary.detector, &summary.features);
     let detector = match d.kind.as_str() {
         "none" => "none".to_owned(),
@@ -72,7 +92,7 @@ fn filter_text(summary: &Summary) -> String {
             d.name, d.detections, d.frames
         ),
     };
-    let network = d.network();
+    let network = d.network().filter(|_| detailed);
     let network = network.map_or_else(String::new, |n| format!("network: {n}\n"));
     let mut text = format!(
         "{network}detector: {detector}; {:.1} % of {:.0} keypoints per frame move",
@@ -151,6 +171,75 @@ fn cells(name: String, s: &StatisticsJson, factor: f64, pairs: String) -> Vec<St
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A summary as a run of another day left it, with `change` laid over it.
+    fn summary(change: serde_json::Value) -> Summary {
+        let statistics =
+            serde_json::json!({"rmse": 0.0081, "sd": 0.0, "mean": 0.0, "median": 0.0, "max": 0.0});
+        let score = serde_json::json!({"pairs": 70, "ate": statistics, "rpe": null});
+        let mut json = serde_json::json!({
+            "input": {"name": "room", "layout": "TUM", "camera": "tum_fr1"},
+            "frames": 70, "skipped": 0, "tracked": 70, "lost": [], "interrupted": false,
+            "keyframes": 5, "landmarks": 600, "map_versions": 9, "seconds": 2.0,
+            "timing_ms": [{"stage": "filter", "n": 70, "median": 1.0, "p95": 1.0, "p99": 1.0, "max": 1.0, "mean": 1.0}],
+            "peak_memory_bytes": 100_000_000, "simd": "scalar", "machine": crate::machine::Machine::here(),
+            "accuracy": {"final": score, "online": score},
+        });
+        for (key, value) in change.as_object().unwrap() {
+            json[key] = value.clone();
+        }
+        serde_json::from_value(json).unwrap()
+    }
+
+    #[test]
+    fn the_first_line_says_what_a_person_asks_and_details_are_for_who_wants_them() {
+        let summary = summary(serde_json::json!({}));
+        let text = run_text(&summary, false);
+        assert!(
+            text.starts_with("\nroom: 70 of 70 frames tracked; ATE 8.1 mm; 2.0 s (35 frames/s)\n"),
+            "{text}"
+        );
+        let detailed = run_text(&summary, true);
+        for part in ["filter", "peak memory 100 MB", "online: ATE"] {
+            assert!(!text.contains(part), "{text}");
+            assert!(detailed.contains(part), "{detailed}");
+        }
+    }
+
+    #[test]
+    fn frames_that_were_dropped_or_skipped_are_not_tracked() {
+        let figures = serde_json::json!({"n": 0, "median": 0.0, "p95": 0.0, "p99": 0.0, "max": 0.0, "mean": 0.0});
+        let mut live = serde_json::json!({
+            "frames": "newest", "arrived": 120, "refused": 0, "dropped": 50, "dropped_share": 0.4167,
+            "detections_per_second": 0.0, "events_missed": 0,
+            "threads": {"tracking": "finished", "mapping": "finished", "looping": "finished"},
+        });
+        for name in [
+            "latency_ms",
+            "waited_ms",
+            "detections_age_ms",
+            "answer_ms",
+            "view_age_ms",
+            "late_ms",
+            "keyframes_behind",
+            "mapping_queue",
+            "looping_queue",
+        ] {
+            live[name] = figures.clone();
+        }
+        let live = summary(serde_json::json!({"live": live}));
+        let text = run_text(&live, false);
+        assert!(
+            text.contains("70 of 120 frames tracked, 50 dropped;"),
+            "{text}"
+        );
+        assert!(text.contains("70 of 120 frames\n"), "{text}");
+        let text = run_text(&summary(serde_json::json!({"skipped": 3})), false);
+        assert!(
+            text.contains("70 of 73 frames tracked, 3 could not be read"),
+            "{text}"
+        );
+    }
 
     #[test]
     fn answers_that_were_of_no_use_are_told() {

@@ -154,7 +154,7 @@ fn one_unreadable_frame_is_skipped_unless_strict() {
     let output = case.run(&[]);
     check(&output, 0, &["skipped: frame 4"]);
     assert!(
-        stdout(&output).contains("11 of 11 frames tracked"),
+        stdout(&output).contains("11 of 12 frames tracked, 1 could not be read"),
         "{}",
         stdout(&output)
     );

@@ -165,6 +165,53 @@ fn without_ground_truth_everything_else_works() {
     assert!(out.join("plot.svg").exists());
 }
 
+/// Of stdout a program reads the summary and nothing else, whatever is said to people.
+#[test]
+fn a_summary_for_programs_is_all_that_is_on_stdout() {
+    let dir = tempfile::tempdir().unwrap();
+    let out = dir.path().join("out");
+    for quiet in [&[][..], &["-q"], &["-v"]] {
+        let output = program()
+            .args(quiet)
+            .arg("run")
+            .arg(room())
+            .args(["--max-frames", "12", "--json", "--out"])
+            .arg(&out)
+            .arg("--verdicts")
+            .arg(dir.path().join("v.csv"))
+            .output()
+            .unwrap();
+        check(&output, 0, &[]);
+        let summary = std::fs::read(out.join("summary.json")).unwrap();
+        assert!(output.stdout == summary, "{}", stdout(&output));
+        let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(json["tracked"], 12);
+    }
+}
+
+#[test]
+fn the_time_of_every_stage_is_for_who_asks() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = |more: &[&str]| {
+        let mut command = program();
+        command.args(more).arg("run").arg(room()).arg("--out");
+        command.arg(dir.path().join("out"));
+        let output = command.args(["--max-frames", "12"]).output().unwrap();
+        check(&output, 0, &[]);
+        stdout(&output)
+    };
+    let (short, long) = (run(&[]), run(&["-v"]));
+    assert!(short.lines().count() < 12, "{short}");
+    assert!(
+        short.contains("final: ATE") && !short.contains("filter "),
+        "{short}"
+    );
+    assert!(
+        long.contains("online: ATE") && long.contains("filter "),
+        "{long}"
+    );
+}
+
 #[test]
 fn the_bench_reports_every_run() {
     let dir = tempfile::tempdir().unwrap();

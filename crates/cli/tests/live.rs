@@ -28,7 +28,7 @@ static PLAYED: LazyLock<Played> = LazyLock::new(|| {
     let detector = format!("scripted:{}/detections.csv", room.display());
     let mut run = program();
     run.arg("run").arg(&room).arg("--live");
-    run.args(["--detector", &detector]);
+    run.args(["-v", "--detector", &detector]);
     let output = write_all(run, dir.path(), "live");
     Played { dir, output }
 });
@@ -90,6 +90,17 @@ fn a_live_run_comes_out_again_to_the_byte() {
     let again = write_all(again, played.dir.path(), "again");
     check(&again, played.output.status.code().unwrap(), &[]);
     assert!(stdout(&again).contains("the trajectory is that of the run, bit for bit"));
+    let mut json = program();
+    json.arg("replay").arg(played.path("live/run.log"));
+    json.arg(played.path("room")).arg("--json").arg("--out");
+    let json = json.arg(played.path("json")).output().unwrap();
+    check(
+        &json,
+        played.output.status.code().unwrap(),
+        &["bit for bit"],
+    );
+    let summary = std::fs::read(played.path("json/summary.json")).unwrap();
+    assert!(json.stdout == summary, "{}", stdout(&json));
     for name in [
         "trajectory.txt",
         "trajectory_online.txt",

@@ -77,7 +77,7 @@ fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
         let text = std::fs::read(out.join("summary.json")).unwrap();
         serde_json::from_slice::<serde_json::Value>(&text).unwrap()["detector"].clone()
     };
-    let output = run(&[]);
+    let output = run(&["-v"]);
     check(&output, 0, &["detector: office (it is in the cache"]);
     assert!(
         stdout(&output).contains("network: head yolox, input 64x64 px, rten "),

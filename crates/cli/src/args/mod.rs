@@ -345,6 +345,49 @@ mod tests {
     use super::*;
     use clap::CommandFactory;
 
+    /// The commands of a text, one a line; what a shell makes of a line is left out.
+    fn commands(text: &str) -> Vec<Vec<String>> {
+        let lines = text
+            .lines()
+            .map(|l| l.trim().trim_start_matches("- ").trim_start_matches('`'));
+        let command = |line: &str| {
+            let line = line.split(" #").next().unwrap_or_default();
+            let line = line.split([';', '>', '&', '|', '`']).next();
+            let line = line.unwrap_or_default();
+            let words = line
+                .split_whitespace()
+                .map(|w| w.trim_matches('\'').to_owned());
+            words.collect::<Vec<String>>()
+        };
+        let lines = lines.filter(|l| l.starts_with("stillpoint ") && !l.contains("..."));
+        lines.map(command).collect()
+    }
+
+    #[test]
+    fn commands_in_documents_and_examples_can_be_typed() {
+        let mut texts = Vec::new();
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let documents = std::fs::read_dir(root.join("docs")).unwrap();
+        let documents = documents.map(|entry| entry.unwrap().path());
+        for path in documents.chain([root.join("README.md")]) {
+            if path.extension().is_some_and(|e| e == "md") {
+                texts.push(std::fs::read_to_string(path).unwrap());
+            }
+        }
+        let mut all = vec![Arguments::command()];
+        while let Some(command) = all.pop() {
+            texts.extend(command.get_after_help().map(ToString::to_string));
+            all.extend(command.get_subcommands().cloned());
+        }
+        let commands: Vec<Vec<String>> = texts.iter().flat_map(|t| commands(t)).collect();
+        assert!(commands.len() > 60, "{} commands", commands.len());
+        for command in commands {
+            if let Err(e) = Arguments::try_parse_from(&command) {
+                panic!("{}: {e}", command.join(" "));
+            }
+        }
+    }
+
     #[test]
     fn the_help_of_simulate_names_every_scene() {
         let mut command = Arguments::command();

@@ -48,6 +48,9 @@ pub(crate) struct OutputArgs {
     /// by a whole one.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub(crate) save_map: Option<PathBuf>,
+    /// Print the summary as JSON, as it stands in summary.json, and nothing else on stdout.
+    #[arg(long)]
+    pub(crate) json: bool,
     /// Write what every thread did when, for ui.perfetto.dev or chrome://tracing.
     #[arg(long, value_name = "FILE.json")]
     pub(crate) trace: Option<PathBuf>,
@@ -83,6 +86,7 @@ pub(crate) struct OutputArgs {
   stillpoint run another --load-map desk.spmap --save-map desk.spmap
   stillpoint run another --localize desk.spmap
   stillpoint run recording --set static_filter.preset=off
+  stillpoint run recording --json
   stillpoint run recording --live --trace trace.json
   stillpoint run recording --live=all
 

@@ -17,11 +17,10 @@ use stillpoint::map::{Keyframe, Landmark, LandmarkId, MapView, PieceId};
 
 /// `map export`.
 pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
-    let cloud = args
-        .points
-        .as_deref()
-        .map(|path| Ok((path, cloud_format(path)?)));
-    let cloud = cloud.transpose()?;
+    let cloud = match &args.points {
+        Some(path) => Some((path, cloud_format(path)?)),
+        None => None,
+    };
     let loaded = map_file::load(&args.file)?;
     let view = loaded.file.map.view();
     let part = Part {

@@ -6,6 +6,7 @@ pub(crate) mod live_report;
 pub(crate) mod overlay;
 pub(crate) mod played;
 pub(crate) mod priority;
+pub(crate) mod prologue;
 pub(crate) mod replay;
 pub(crate) mod result;
 pub(crate) mod session;
@@ -19,24 +20,20 @@ use crate::config;
 use crate::console;
 use crate::detector::{self, Loaded, Settled};
 use crate::failure::{Failure, Status};
-use crate::interrupt::Interrupt;
 use crate::map::file::{self, MapOutput};
-use crate::output::{ResultFolder, StreamedFile};
+use crate::output::StreamedFile;
 use crate::run::about::About;
 use crate::run::overlay::{OverlayFolder, Style};
-use crate::run::result::{Setup, finish};
-use crate::run::session::{Driver, Outputs, Session};
+use crate::run::prologue::{Means, Task, last};
+use crate::run::session::{Outputs, Session};
 use crate::run::summary::Input;
 use crate::run::verdicts::VerdictFile;
 use crate::timing::Timing;
 use crate::trace::TraceFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use stillpoint::datasets::{
-    CameraChoice, Dataset, DatasetSource, Entry, FrameOptions, OpenOptions, ReadAhead,
-};
+use stillpoint::datasets::{CameraChoice, Dataset, Entry, OpenOptions, ReadAhead};
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::FrameSource;
 use stillpoint::live::Stage;
 use stillpoint::map::Map;
 use stillpoint::slam::{Config, CostTable, MapUse, Plan, StartError};
@@ -51,38 +48,32 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
     if let (Some(ms), None) = (args.budget_ms, args.live) {
         config = within(&config, ms);
     }
-    let simd = config::simd()?;
-    let dataset = open(&args.path, &args.input)?;
+    let task = Task {
+        path: &args.path,
+        input: &args.input,
+        output: &args.output,
+        config,
+        done: "",
+        timing,
+    };
+    let opened = task.open()?;
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
-    let loaded = load_detector(args, &settled, &dataset)?;
-    let truth = dataset.ground_truth()?;
-    let frames = frames(args, &settled, &dataset)?;
+    let loaded = load_detector(args, &settled, &opened.dataset)?;
     let known = KnownMap::of(args.load_map.as_deref(), args.localize.as_deref());
-    // Ids of keyframes are numbers of frames.
-    let ids = frames.remaining().unwrap_or(dataset.entries().len());
-    let ids = args.output.save_map.is_some().then_some(ids);
-    let map = known.map(|k| k.load(&config, &dataset.camera().camera, ids));
-    let out = args.output.out.clone();
-    let out = out.unwrap_or_else(|| default_out(&args.path, ""));
-    let folder = ResultFolder::create(&out)?;
-    let mut outputs = outputs(&args.output, &config, &dataset, frames.remaining(), timing)?;
+    let ahead = args.live.map_or(ReadAhead::DEFAULT_FRAMES, |_| AHEAD);
+    let adds_ids = args.output.save_map.is_some();
+    let (begun, means) = opened.begin(known, settled.needs_colour(), ahead, adds_ids)?;
     let log_file = args.log.as_deref();
     let log_file = log_file.map(|path| StreamedFile::create(path, "--log"));
     let log_file = log_file.transpose()?;
-    let interrupt = Interrupt::listen();
-    let driver = Driver {
-        config: config.clone(),
-        camera: dataset.camera().camera,
-        simd,
-        timing,
-        interrupt: &interrupt,
-        detector: loaded.detector,
-        map: map.transpose()?,
-    };
-    let ahead = args.live.map_or(ReadAhead::DEFAULT_FRAMES, |_| AHEAD);
-    let frames = played::Reading::new(frames, timing);
-    let mut frames = ReadAhead::with_capacity(frames, ahead);
+    let Means {
+        mut frames,
+        mut outputs,
+        interrupt,
+        map,
+    } = means;
+    let driver = begun.driver(&interrupt, loaded.detector, map);
     let mut session = match args.live {
         None => driver.drive(&mut frames, &mut outputs)?,
         Some(choice) => {
@@ -91,23 +82,9 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
         }
     };
     session.detector.library = loaded.library;
-    let written = outputs.finish()?;
-    let about = About::new(&args.input, &config, known, &session.detector)?;
-    let setup = Setup {
-        input: input(&args.path, &dataset),
-        config: &config,
-        simd,
-        timing,
-        truth: truth.as_deref(),
-        log: run_log(&session, &about, log_file)?,
-    };
-    let status = finish(&setup, &session, folder, &out)?;
-    console::report(&written);
-    // Last, so that the result is there all the same.
-    match session.saved {
-        Some(Err(failure)) => Err(failure),
-        _ => Ok(status),
-    }
+    let about = About::new(&args.input, begun.config(), known, &session.detector)?;
+    let status = begun.end(&session, outputs, || run_log(&session, &about, log_file))?;
+    last(session, status)
 }
 
 /// The log of a run, for the result folder; where it goes to a file of its own, it is written there.
@@ -175,16 +152,6 @@ fn load_detector(args: &RunArgs, settled: &Settled, dataset: &Dataset) -> Result
     };
     std::thread::scope(|scope| scope.spawn(load).join())
         .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-}
-
-/// The frames that are asked for.
-fn frames(args: &RunArgs, settled: &Settled, dataset: &Dataset) -> Result<DatasetSource, Failure> {
-    let options = FrameOptions {
-        start: args.input.start,
-        max_frames: args.input.max_frames.map(|n| n as usize),
-        keep_colour: args.output.overlay.is_some() || settled.needs_colour(),
-    };
-    Ok(dataset.frames(&options)?)
 }
 
 /// What a result is of.

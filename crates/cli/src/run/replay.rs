@@ -3,20 +3,16 @@
 use crate::args::InputArgs;
 use crate::args::run::ReplayArgs;
 use crate::failure::{Failure, Status};
-use crate::interrupt::Interrupt;
-use crate::output::ResultFolder;
+use crate::run::KnownMap;
 use crate::run::about::About;
-use crate::run::played;
-use crate::run::result::{Setup, finish};
-use crate::run::session::Driver;
-use crate::run::{KnownMap, default_out, input, open, outputs};
+use crate::run::prologue::{Means, Task, last};
+use crate::run::result::Voice;
 use crate::timing::Timing;
 use crate::{config, console};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use stillpoint::datasets::{FrameOptions, ReadAhead};
-use stillpoint::imaging::FrameSource;
+use stillpoint::datasets::ReadAhead;
 use stillpoint::slam::RunLog;
 
 /// Bytes that a log may have: that of a day. It is read as a whole.
@@ -26,68 +22,47 @@ const LARGEST: u64 = 1 << 30;
 pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let (log, bytes) = read(&args.log)?;
     let about = About::read(&log.about, &args.log)?;
-    let config = config::resolve_over(&about.config, &args.log, &args.config)?;
-    let simd = config::simd()?;
     let frames_of = InputArgs {
         camera: args.camera.clone().or(about.camera),
         start: about.start,
         ..InputArgs::default()
     };
-    let dataset = open(&args.path, &frames_of)?;
-    let truth = dataset.ground_truth()?;
-    let frames = dataset.frames(&FrameOptions {
-        start: about.start,
-        max_frames: None,
-        keep_colour: args.output.overlay.is_some(),
-    })?;
+    let task = Task {
+        path: &args.path,
+        input: &frames_of,
+        output: &args.output,
+        config: config::resolve_over(&about.config, &args.log, &args.config)?,
+        done: "_replay",
+        timing,
+    };
+    let opened = task.open()?;
     let named = KnownMap::of(args.load_map.as_deref(), args.localize.as_deref());
     let logged = KnownMap::of(about.load_map.as_deref(), about.localize.as_deref());
-    let known = named.or(logged);
-    let camera = dataset.camera().camera;
-    let map = known.map(|k| k.load(&config, &camera, None)).transpose()?;
-    let out = args.output.out.clone();
-    let out = out.unwrap_or_else(|| default_out(&args.path, "_replay"));
-    let folder = ResultFolder::create(&out)?;
-    let mut outputs = outputs(&args.output, &config, &dataset, frames.remaining(), timing)?;
-    let interrupt = Interrupt::listen();
-    let driver = Driver {
-        config: config.clone(),
-        camera,
-        simd,
-        timing,
-        interrupt: &interrupt,
-        detector: None,
+    // What the detector said is in the log, so nobody looks at colours.
+    let (begun, means) = opened.begin(named.or(logged), false, ReadAhead::DEFAULT_FRAMES, false)?;
+    let Means {
+        mut frames,
+        mut outputs,
+        interrupt,
         map,
-    };
-    let mut frames = ReadAhead::new(played::Reading::new(frames, timing));
+    } = means;
+    let driver = begun.driver(&interrupt, None, map);
     let place = args.log.display().to_string();
     let detector = about.detector.unwrap_or_default();
     let (session, agrees) = driver
         .drive_replay(&mut frames, &mut outputs, log, detector)
         .map_err(|e| e.at(&place))?;
-    let written = outputs.finish()?;
-    let setup = Setup {
-        input: input(&args.path, &dataset),
-        config: &config,
-        simd,
-        timing,
-        truth: truth.as_deref(),
-        log: Some(bytes),
-    };
-    let status = finish(&setup, &session, folder, &out)?;
-    console::report(&written);
-    if let Some(Err(failure)) = session.saved {
-        return Err(failure);
-    }
-    Ok(judge(agrees, status, &place))
+    let status = begun.end(&session, outputs, || Ok(Some(bytes)))?;
+    let status = last(session, status)?;
+    Ok(judge(agrees, status, &place, Voice::of(&args.output)))
 }
 
 /// Says whether the trajectory is that of the run; nothing when not all of it was replayed.
-fn judge(agrees: Option<bool>, status: Status, log: &str) -> Status {
+fn judge(agrees: Option<bool>, status: Status, log: &str, voice: Voice) -> Status {
     match agrees {
         None => status,
         Some(true) => {
-            console::report("the trajectory is that of the run, bit for bit\n");
+            voice.say("the trajectory is that of the run, bit for bit\n");
             status
         }
         Some(false) => {

@@ -1,6 +1,7 @@
 //! What a session found: its score, its result folder, its report and how it ended. `run`, `replay` and `demo` write it
 //! in the same way.
 
+use crate::args::run::OutputArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
@@ -30,17 +31,55 @@ pub(crate) struct Setup<'a> {
     pub(crate) log: Option<Vec<u8>>,
 }
 
+/// How a run reports on its result.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Voice {
+    /// In words, on stdout.
+    Words,
+    /// For programs: the summary as JSON is all that goes to stdout.
+    Json,
+}
+
+impl Voice {
+    /// As the arguments have it.
+    pub(crate) fn of(args: &OutputArgs) -> Self {
+        if args.json { Self::Json } else { Self::Words }
+    }
+
+    /// Says something beside the report, in lines.
+    pub(crate) fn say(self, lines: &str) {
+        match self {
+            Self::Words => console::report(lines),
+            Self::Json => lines.lines().for_each(console::info),
+        }
+    }
+}
+
 /// Scores a session, writes its result, prints the report, and says how it ended.
 pub(crate) fn finish(
     setup: &Setup<'_>,
     session: &Session,
     folder: ResultFolder,
     out: &Path,
+    voice: Voice,
 ) -> Result<Status, Failure> {
     let (summary, _) = write(setup, session, folder)?;
-    console::report(&report::run_text(&summary));
-    console::report(&format!("result in {}\n", out.display()));
+    match voice {
+        Voice::Words => {
+            let detailed = console::verbosity() > 1;
+            console::report(&report::run_text(&summary, detailed));
+        }
+        // Asked for, so printed even where nothing but errors is to be said.
+        Voice::Json => console::print(&to_json(&summary)?),
+    }
+    voice.say(&format!("result in {}\n", out.display()));
     Ok(verdict(&summary))
+}
+
+/// The summary as it stands in `summary.json`.
+fn to_json(summary: &Summary) -> Result<String, Failure> {
+    let json = serde_json::to_string_pretty(summary).map_err(Failure::input)?;
+    Ok(format!("{json}\n"))
 }
 
 /// Scores a session and writes its result. Returns the figures and the score of the final poses.
@@ -70,8 +109,7 @@ pub(crate) fn write(
     }
     // Last, so that the peak of memory is that of all the work.
     let summary = summarise(setup, session, scores.as_ref());
-    let json = serde_json::to_string_pretty(&summary).map_err(Failure::input)?;
-    folder.write("summary.json", format!("{json}\n").as_bytes())?;
+    folder.write("summary.json", to_json(&summary)?.as_bytes())?;
     folder.commit()?;
     Ok((summary, scores.map(|(final_score, _)| final_score)))
 }

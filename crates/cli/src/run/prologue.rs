@@ -1,0 +1,175 @@
+//! What `run` and `replay` have in common: an input that is opened, a result that is begun, and how both come to their end.
+
+use crate::args::InputArgs;
+use crate::args::run::OutputArgs;
+use crate::config;
+use crate::failure::{Failure, Status};
+use crate::interrupt::Interrupt;
+use crate::output::ResultFolder;
+use crate::run::result::{Setup, Voice, finish};
+use crate::run::session::{Driver, Outputs, Session};
+use crate::run::{KnownMap, default_out, input, open, outputs, played};
+use crate::timing::Timing;
+use std::path::{Path, PathBuf};
+use stillpoint::datasets::{Dataset, DatasetSource, FrameOptions, ReadAhead, StampedPose};
+use stillpoint::detection::Detector;
+use stillpoint::imaging::{FrameSource, Simd};
+use stillpoint::map::Map;
+use stillpoint::slam::{Config, MapUse};
+
+/// What is asked for.
+pub(crate) struct Task<'a> {
+    /// Data set folder.
+    pub(crate) path: &'a Path,
+    pub(crate) input: &'a InputArgs,
+    pub(crate) output: &'a OutputArgs,
+    pub(crate) config: Config,
+    /// What is done to the data set, in the name of the result folder.
+    pub(crate) done: &'static str,
+    pub(crate) timing: &'static Timing,
+}
+
+/// The input of a task.
+pub(crate) struct Opened<'a> {
+    task: Task<'a>,
+    simd: Simd,
+    pub(crate) dataset: Dataset,
+}
+
+/// A task whose first frame can go by.
+pub(crate) struct Begun<'a> {
+    task: Task<'a>,
+    simd: Simd,
+    dataset: Dataset,
+    truth: Option<Vec<StampedPose>>,
+    out: PathBuf,
+    folder: ResultFolder,
+}
+
+/// What a driver takes of it.
+pub(crate) struct Means {
+    pub(crate) frames: ReadAhead,
+    pub(crate) outputs: Outputs,
+    pub(crate) interrupt: Interrupt,
+    pub(crate) map: Option<(Map, MapUse)>,
+}
+
+impl<'a> Task<'a> {
+    /// Opens the data set.
+    pub(crate) fn open(self) -> Result<Opened<'a>, Failure> {
+        let simd = config::simd()?;
+        let dataset = open(self.path, self.input)?;
+        Ok(Opened {
+            task: self,
+            simd,
+            dataset,
+        })
+    }
+}
+
+impl<'a> Opened<'a> {
+    /// Reads the map to begin with, and begins everything that is to be written. `colour`: whether somebody looks at colours;
+    /// `ahead`: frames that are read ahead; `adds_ids`: whether the frames become ids of a map that is loaded and saved again.
+    pub(crate) fn begin(
+        self,
+        known: Option<KnownMap<'_>>,
+        colour: bool,
+        ahead: usize,
+        adds_ids: bool,
+    ) -> Result<(Begun<'a>, Means), Failure> {
+        let Self {
+            task,
+            simd,
+            dataset,
+        } = self;
+        let truth = dataset.ground_truth()?;
+        let source = frames(&task, &dataset, colour)?;
+        let remaining = source.remaining();
+        let ids = adds_ids.then(|| remaining.unwrap_or(dataset.entries().len()));
+        let camera = dataset.camera().camera;
+        let map = known.map(|k| k.load(&task.config, &camera, ids));
+        let map = map.transpose()?;
+        let out = task.output.out.clone();
+        let out = out.unwrap_or_else(|| default_out(task.path, task.done));
+        let folder = ResultFolder::create(&out)?;
+        let outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
+        let means = Means {
+            frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
+            outputs,
+            interrupt: Interrupt::listen(),
+            map,
+        };
+        let begun = Begun {
+            task,
+            simd,
+            dataset,
+            truth,
+            out,
+            folder,
+        };
+        Ok((begun, means))
+    }
+}
+
+/// The frames that are asked for.
+fn frames(task: &Task<'_>, dataset: &Dataset, colour: bool) -> Result<DatasetSource, Failure> {
+    Ok(dataset.frames(&FrameOptions {
+        start: task.input.start,
+        max_frames: task.input.max_frames.map(|n| n as usize),
+        keep_colour: colour || task.output.overlay.is_some(),
+    })?)
+}
+
+impl Begun<'_> {
+    pub(crate) fn config(&self) -> &Config {
+        &self.task.config
+    }
+
+    /// What lets the frames go by.
+    pub(crate) fn driver<'i>(
+        &self,
+        interrupt: &'i Interrupt,
+        detector: Option<Box<dyn Detector>>,
+        map: Option<(Map, MapUse)>,
+    ) -> Driver<'i> {
+        Driver {
+            config: self.task.config.clone(),
+            camera: self.dataset.camera().camera,
+            simd: self.simd,
+            timing: self.task.timing,
+            interrupt,
+            detector,
+            map,
+        }
+    }
+
+    /// Writes the result and reports on it. `log` is the log of a live run, as it stands in the result folder.
+    pub(crate) fn end(
+        self,
+        session: &Session,
+        outputs: Outputs,
+        log: impl FnOnce() -> Result<Option<Vec<u8>>, Failure>,
+    ) -> Result<Status, Failure> {
+        let written = outputs.finish()?;
+        let setup = Setup {
+            input: input(self.task.path, &self.dataset),
+            config: &self.task.config,
+            simd: self.simd,
+            timing: self.task.timing,
+            truth: self.truth.as_deref(),
+            log: log()?,
+        };
+        let voice = Voice::of(self.task.output);
+        let status = finish(&setup, session, self.folder, &self.out, voice)?;
+        voice.say(&written);
+        Ok(status)
+    }
+}
+
+/// How a run ended whose result is written: with the failure to save its map, if there was one.
+pub(crate) fn last(session: Session, status: Status) -> Result<Status, Failure> {
+    match session.saved {
+        Some(Err(failure)) => Err(failure),
+        _ => Ok(status),
+    }
+}
