@@ -347,12 +347,10 @@ mod tests {
 
     /// The commands of a text, one a line; what a shell makes of a line is left out.
     fn commands(text: &str) -> Vec<Vec<String>> {
-        let lines = text
-            .lines()
-            .map(|l| l.trim().trim_start_matches("- ").trim_start_matches('`'));
+        let lines = text.lines().map(str::trim);
         let command = |line: &str| {
             let line = line.split(" #").next().unwrap_or_default();
-            let line = line.split([';', '>', '&', '|', '`']).next();
+            let line = line.split([';', '>', '&', '|']).next();
             let line = line.unwrap_or_default();
             let words = line
                 .split_whitespace()
