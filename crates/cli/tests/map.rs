@@ -157,7 +157,7 @@ fn exports_hold_what_is_in_the_map() {
         off.push(difference);
         exact += usize::from(difference < 1e-8);
         // What is known of a motion differs from direction to direction; an edge with weight says so.
-        assert!(numbers[9] > 0.0 && numbers[9] != numbers[9 + 6], "{line}");
+        assert!(numbers[9] > 0.0 && numbers[9] != numbers[9 + 11], "{line}");
     }
     off.sort_by(f64::total_cmp);
     assert!(exact == 0 && off[off.len() / 2] < 0.01, "{exact} {off:?}");

@@ -102,8 +102,9 @@ pub(crate) struct MapExportArgs {
     /// Map file.
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// Write the landmarks as a point cloud, PLY or PCD (binary) as the file's name ends: x y z, nx ny nz towards the cameras that saw them, observers (how
-    /// many keyframes see it), depth_observers (of these, with depth), found (in how many frames), keyframe (that made it).
+    /// Write the landmarks as a point cloud (binary), PLY or PCD as the name ends: x y z, nx ny nz towards the cameras that saw them,
+    /// observers (how many keyframes see it), depth_observers (of these, with depth), found (in how many frames), keyframe (that
+    /// made it).
     #[arg(
         long,
         value_name = "FILE.ply|FILE.pcd",

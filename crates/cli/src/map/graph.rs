@@ -109,7 +109,8 @@ fn between(a: &Keyframe, b: &Keyframe) -> Option<(Se3, Mat6)> {
     );
     let b_from_a = fit.camera_from_world;
     let holds = fit.inlier_count >= MIN_INLIERS && b_from_a.is_finite();
-    holds.then(|| (b_from_a.inverse(), fit.information))
+    // The fit takes the points for exact, and they are as inexact as what it fits to them.
+    holds.then(|| (b_from_a.inverse(), fit.information * 0.5))
 }
 
 fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
@@ -125,6 +126,10 @@ fn loop_edge(view: &MapView, piece: Option<PieceId>, edge: &LoopEdge) -> Option<
     let end = |id: KeyframeId| {
         let live = view.keyframe(view.resolve_keyframe(id)?)?;
         let live = (Some(live.piece) == piece).then_some(live)?;
+        if live.id == id {
+            // To the bit: what was measured is exported as it is.
+            return Some((id, Se3::identity()));
+        }
         let live_from_id = live.world_from_camera.inverse() * view.world_from_keyframe(id)?;
         Some((live.id, live_from_id))
     };
