@@ -207,13 +207,13 @@ fn loops_are_exported_as_they_were_measured() {
     let (old, new) = (ends[0], ends[ends.len() - 1]);
     let old_from_new = Se3::new(Default::default(), Vec3::new(0.125, -0.25, 0.5));
     map.apply(&Correction {
-        measured: Some(LoopEdge {
+        measured: Some(Box::new(LoopEdge {
             old,
             new,
             old_from_new,
             information: Mat6::identity() * 400.0,
             inliers: 57,
-        }),
+        })),
         ..Correction::default()
     });
     std::fs::write(path("looped.spmap"), map.to_bytes(&[]).unwrap()).unwrap();

@@ -71,7 +71,7 @@ pub struct Correction {
     /// Landmarks that are seen in another place relative to their anchors.
     pub landmarks: Vec<LandmarkCorrection>,
     /// What was measured, and made the correction necessary. The map keeps it.
-    pub measured: Option<LoopEdge>,
+    pub measured: Option<Box<LoopEdge>>,
     /// Pieces that become one; the poses of the one that is no more are named as `poses`.
     pub join: Option<Join>,
     /// Landmarks that are the same as another: (which, as which). In this order.
@@ -121,8 +121,8 @@ impl Map {
         if let Some(join) = correction.join {
             self.join(join);
         }
-        if let Some(edge) = correction.measured {
-            self.keep(edge);
+        if let Some(edge) = &correction.measured {
+            self.keep(**edge);
         }
         let mut touched = BTreeSet::new();
         for &(from, into) in &correction.merges {

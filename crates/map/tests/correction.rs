@@ -402,7 +402,7 @@ fn what_was_measured_stays_when_its_keyframes_move_or_go() {
         inliers: 40,
     };
     let measured = |edge| Correction {
-        measured: Some(edge),
+        measured: Some(Box::new(edge)),
         ..Correction::default()
     };
     map.apply(&measured(edge(0, 4)));

@@ -182,13 +182,13 @@ fn looped_map(seed: u64, features: u32, changes: u32) -> Map {
         information[(1, 4)] = f64::from(random.share());
         information[(4, 1)] = information[(1, 4)];
         map.apply(&Correction {
-            measured: Some(LoopEdge {
+            measured: Some(Box::new(LoopEdge {
                 old,
                 new,
                 old_from_new: pose(random),
                 information,
                 inliers: random.below(200),
-            }),
+            })),
             ..Correction::default()
         });
     }

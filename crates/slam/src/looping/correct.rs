@@ -77,7 +77,7 @@ impl Proposal<'_> {
         report.merges = merges.len() as u32;
         let correction = Correction {
             join,
-            measured: Some(edge),
+            measured: Some(Box::new(edge)),
             ..self.refine(&nodes, poses, merges, report)
         };
         Ok((edge, correction))
