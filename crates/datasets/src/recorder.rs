@@ -193,12 +193,6 @@ impl Recorder {
         Ok(())
     }
 
-    /// Replaces the ground truth, which else holds the poses given with the frames: a denser one, as motion capture
-    /// gives it.
-    pub fn set_ground_truth(&mut self, poses: Vec<StampedPose>) {
-        self.poses = poses;
-    }
-
     /// Writes the lists, the ground truth and the camera.
     ///
     /// # Errors

@@ -75,15 +75,6 @@ impl CoarseDepth {
             .filter(|z| *z > 0.0)
     }
 
-    /// The cell (column, row) that holds a pixel of the raw image; `None` outside.
-    #[must_use]
-    pub fn cell_at(&self, u: f64, v: f64) -> Option<(usize, usize)> {
-        let size = self.cell as f64;
-        let (x, y) = ((u + 0.5) / size, (v + 0.5) / size);
-        let inside = x >= 0.0 && y >= 0.0 && x < self.width as f64 && y < self.height as f64;
-        inside.then_some((x as usize, y as usize))
-    }
-
     /// The raw pixel at the middle of a cell.
     #[must_use]
     #[inline]
@@ -160,13 +151,10 @@ mod tests {
     }
 
     #[test]
-    fn cells_and_pixels_agree() {
+    fn the_middle_of_a_cell_is_between_its_pixels() {
         let coarse = CoarseDepth::new(&image(|_, _| 1.0), 8);
-        for (x, y) in [(0, 0), (3, 2), (1, 2)] {
-            let [u, v] = coarse.centre(x, y);
-            assert_eq!(coarse.cell_at(u, v), Some((x, y)));
-        }
-        assert_eq!(coarse.cell_at(-0.6, 0.0), None);
-        assert_eq!(coarse.cell_at(31.6, 0.0), None);
+        // Pixels 0 to 7, 24 to 31 and 16 to 23.
+        assert_eq!(coarse.centre(0, 0), [3.5, 3.5]);
+        assert_eq!(coarse.centre(3, 2), [27.5, 19.5]);
     }
 }

@@ -210,15 +210,6 @@ impl LiveJson {
         self.failures().count()
     }
 
-    /// What is to be said beside the number of tracked frames: those that were dropped are not among them.
-    pub(crate) fn dropped_text(&self) -> String {
-        match self.dropped {
-            0 => String::new(),
-            1 => " (1 more was dropped)".to_owned(),
-            n => format!(" ({n} more were dropped)"),
-        }
-    }
-
     /// The rows that a live run adds to the table of times.
     pub(crate) fn rows(&self) -> Vec<(&str, Stats)> {
         let rows = [
@@ -320,7 +311,6 @@ mod tests {
         assert!(text.contains("1 of 4 frames dropped (25.0 %)"), "{text}");
         let missed = json.subscribers["overlay"];
         assert_eq!((missed.events, missed.images), (2, 3));
-        assert_eq!(json.dropped_text(), " (1 more was dropped)");
         assert!(
             text.contains("25 ms late on average (at most 50)"),
             "{text}"

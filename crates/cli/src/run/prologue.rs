@@ -143,7 +143,7 @@ impl Begun<'_> {
         }
     }
 
-    /// Writes the result and reports on it. `log` is the log of a live run, as it stands in the result folder.
+    /// Writes the result and reports on it. `log` is the log of the run, as it stands in the result folder.
     pub(crate) fn end(
         self,
         session: &Session,
