@@ -6,6 +6,7 @@
 mod anchored_pose;
 mod association;
 mod config;
+mod dynamic_mask;
 mod effort;
 mod event;
 mod evidence;
@@ -34,6 +35,7 @@ mod validation;
 
 pub use anchored_pose::AnchoredPose;
 pub use config::{Config, DetectorConfig, FeaturesConfig, ObjectTrackingConfig, Schedule};
+pub use dynamic_mask::{DynamicMask, MaskError, MovingThings};
 pub use effort::{CostTable, MIN_FEATURES, Plan};
 pub use event::{Event, FrameEvent};
 pub use evidence::{Cells, Evidence};

@@ -2,13 +2,14 @@
 
 use crate::{Picture, ViewError};
 use std::io::Write;
+use stillpoint_imaging::GrayImage;
 
 /// Writes a picture as PNG, 8 bits per channel.
 ///
 /// # Errors
 /// [`ViewError::Empty`], [`ViewError::Encode`] (which also tells of a sink that fails).
 pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> {
-    let (width, height) = size(picture)?;
+    let (width, height) = size(picture.width(), picture.height())?;
     let mut encoder = png::Encoder::new(sink, width, height);
     encoder.set_color(png::ColorType::Rgb);
     encoder.set_depth(png::BitDepth::Eight);
@@ -19,9 +20,23 @@ pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> 
     Ok(())
 }
 
+/// Writes a mask or another grey image as PNG of 8 bits, value by value.
+///
+/// # Errors
+/// [`ViewError::Empty`], [`ViewError::Encode`] (which also tells of a sink that fails).
+pub fn write_mask<W: Write>(mask: &GrayImage, sink: W) -> Result<(), ViewError> {
+    let (width, height) = size(mask.width(), mask.height())?;
+    let mut encoder = png::Encoder::new(sink, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(png::BitDepth::Eight);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(mask.data())?;
+    writer.finish()?;
+    Ok(())
+}
+
 /// Width and height as PNG holds them.
-fn size(picture: &Picture) -> Result<(u32, u32), ViewError> {
-    let (w, h) = (picture.width(), picture.height());
+fn size(w: usize, h: usize) -> Result<(u32, u32), ViewError> {
     match (u32::try_from(w), u32::try_from(h)) {
         (Ok(width), Ok(height)) if width > 0 && height > 0 => Ok((width, height)),
         _ => Err(ViewError::Empty(w, h)),
@@ -45,6 +60,18 @@ mod tests {
         let info = reader.next_frame(&mut pixels).unwrap();
         assert_eq!((info.width, info.height), (9, 5));
         assert_eq!(pixels, picture.data());
+    }
+
+    #[test]
+    fn a_mask_keeps_its_values() {
+        let mask = GrayImage::from_vec(3, 2, vec![0, 255, 7, 255, 0, 0]).unwrap();
+        let mut bytes = Vec::new();
+        write_mask(&mask, &mut bytes).unwrap();
+        let mut reader = png::Decoder::new(Cursor::new(&bytes)).read_info().unwrap();
+        let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+        reader.next_frame(&mut pixels).unwrap();
+        assert_eq!(pixels, mask.data());
+        assert!(write_mask(&GrayImage::new(0, 3), Vec::new()).is_err());
     }
 
     #[test]

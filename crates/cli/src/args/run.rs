@@ -33,6 +33,14 @@ pub(crate) struct OutputArgs {
     /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
     #[arg(long, value_name = "FILE.csv")]
     pub(crate) verdicts: Option<PathBuf>,
+    /// Write the objects of every frame: number, class, state, motion (moving, parked, unknown), box (raw pixels), position (m),
+    /// velocity (m/s) and their covariance, in the world of trajectory_online.txt; what is not known is left empty.
+    #[arg(long, value_name = "FILE.csv", verbatim_doc_comment)]
+    pub(crate) objects: Option<PathBuf>,
+    /// Write a mask of every frame as PNG of 8 bits, named by its timestamp: 255 where the scene moves, 0 where it stands
+    /// still. A live run leaves out those that it has no time for.
+    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
+    pub(crate) masks: Option<PathBuf>,
     /// Write frames as PNG, and an animation of them as GIF, with features, objects and state drawn over them. A legend
     /// in each picture says what the marks mean. Boxes are dashed where an object is predicted without a detection; a
     /// speed is shown only where the object moves and the speed is above its own standard deviation.

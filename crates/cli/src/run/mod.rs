@@ -3,6 +3,8 @@
 pub(crate) mod about;
 pub(crate) mod frames;
 pub(crate) mod live_report;
+pub(crate) mod masks;
+pub(crate) mod objects;
 pub(crate) mod overlay;
 pub(crate) mod played;
 pub(crate) mod priority;
@@ -23,6 +25,8 @@ use crate::failure::{Failure, Status};
 use crate::map::file::{self, MapOutput};
 use crate::output::StreamedFile;
 use crate::run::about::About;
+use crate::run::masks::MaskFolder;
+use crate::run::objects::ObjectFile;
 use crate::run::overlay::{OverlayFolder, Style};
 use crate::run::prologue::{Means, Task, last};
 use crate::run::session::{Outputs, Session};
@@ -36,7 +40,7 @@ use stillpoint::datasets::{CameraChoice, Dataset, Entry, OpenOptions, ReadAhead}
 use stillpoint::geometry::Camera;
 use stillpoint::live::Stage;
 use stillpoint::map::Map;
-use stillpoint::slam::{Config, CostTable, MapUse, Plan, StartError};
+use stillpoint::slam::{Config, CostTable, MapUse, Plan, Preset, StartError};
 
 /// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
 /// not hold up the camera; about 70 MB with colour.
@@ -239,6 +243,16 @@ pub(crate) fn outputs(
     };
     // Folders first: the files may lie in one of them.
     let overlay = args.overlay.as_ref().map(overlay).transpose()?;
+    let masks = args.masks.as_deref().map(|folder| {
+        if config.static_filter.preset != Preset::Default {
+            return Err(Failure::input(
+                "--masks: expected static_filter.preset \"default\", which judges surfaces; the configuration has another, which judges features alone",
+            ));
+        }
+        MaskFolder::create(folder)
+    });
+    let masks = masks.transpose()?;
+    let objects = args.objects.as_deref().map(ObjectFile::create);
     let verdicts = args.verdicts.as_deref().map(VerdictFile::create);
     let map = args.save_map.as_deref();
     let map = map.map(|path| MapOutput::create(path, "--save-map"));
@@ -246,6 +260,8 @@ pub(crate) fn outputs(
     let trace = trace.map(|path| TraceFile::create(path, timing));
     Ok(Outputs {
         verdicts: verdicts.transpose()?,
+        objects: objects.transpose()?,
+        masks,
         overlay,
         shots: None,
         map: map.transpose()?,

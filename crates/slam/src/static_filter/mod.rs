@@ -10,6 +10,7 @@ mod depth;
 mod diagonals;
 mod epipolar;
 mod history;
+mod mask;
 mod paper;
 mod rigid;
 mod segments;
@@ -284,6 +285,23 @@ impl StaticFilter {
         let judge =
             |pixel: &[f32; 2]| self.judge_feature(*pixel, &input.frame.depth, grid.data(), movers);
         input.features.iter().map(judge).collect()
+    }
+
+    /// What is said of any raw pixels of the frame that was judged last, in which these objects were.
+    pub(crate) fn judge_pixels(
+        &self,
+        frame: &RgbdFrame,
+        objects: &[Object],
+        pixels: &[[f32; 2]],
+    ) -> Vec<FeatureVerdict> {
+        if self.rules.config.preset != Preset::Default {
+            return pixels.iter().map(|p| FeatureVerdict::kept(*p)).collect();
+        }
+        let grid = cells::coarse(&frame.depth);
+        let movers = self.movers(objects, frame.stamp);
+        let judge =
+            |pixel: &[f32; 2]| self.judge_feature(*pixel, &frame.depth, grid.data(), &movers);
+        pixels.iter().map(judge).collect()
     }
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.

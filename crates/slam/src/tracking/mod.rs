@@ -13,6 +13,7 @@ mod keyframe;
 mod known_map;
 mod last_frame;
 mod local_map;
+mod look;
 mod motion;
 mod outcome;
 mod pose;

@@ -4,6 +4,8 @@ use crate::console;
 use crate::demo::pictures::Shots;
 use crate::failure::Failure;
 use crate::map::file::MapOutput;
+use crate::run::masks::MaskFolder;
+use crate::run::objects::ObjectFile;
 use crate::run::overlay::OverlayFolder;
 use crate::run::session::listeners::{Listening, Rounds, Stop, Writer};
 use crate::run::verdicts::VerdictFile;
@@ -20,6 +22,8 @@ pub(crate) const OVERLAY: &str = "overlay";
 #[derive(Default)]
 pub(crate) struct Outputs {
     pub(crate) verdicts: Option<VerdictFile>,
+    pub(crate) objects: Option<ObjectFile>,
+    pub(crate) masks: Option<MaskFolder>,
     /// Pictures in a folder; not together with those for the demo.
     pub(crate) overlay: Option<OverlayFolder>,
     /// Pictures for the demo.
@@ -33,6 +37,8 @@ pub(crate) struct Outputs {
 /// What is written as subscribers.
 pub(crate) struct Writers {
     verdicts: Option<Listening<VerdictFile>>,
+    objects: Option<Listening<ObjectFile>>,
+    masks: Option<Listening<MaskFolder>>,
     overlay: Option<Listening<OverlayFolder>>,
     shots: Option<Listening<Shots>>,
     trace: Option<Listening<TraceFile>>,
@@ -41,6 +47,8 @@ pub(crate) struct Writers {
 impl Subscriber for Writers {
     fn receive(&mut self, event: &Event) {
         self.verdicts.receive(event);
+        self.objects.receive(event);
+        self.masks.receive(event);
         self.overlay.receive(event);
         self.shots.receive(event);
         self.trace.receive(event);
@@ -50,6 +58,8 @@ impl Subscriber for Writers {
 /// What is written as subscribers of a live run.
 pub(crate) struct LiveWriters {
     verdicts: Option<Subscribed<Rounds<Listening<VerdictFile>>>>,
+    objects: Option<Subscribed<Rounds<Listening<ObjectFile>>>>,
+    masks: Option<Subscribed<Rounds<Listening<MaskFolder>>>>,
     overlay: Option<Subscribed<Rounds<Listening<OverlayFolder>>>>,
     shots: Option<Subscribed<Rounds<Listening<Shots>>>>,
     trace: Option<Subscribed<Rounds<Listening<TraceFile>>>>,
@@ -65,6 +75,8 @@ impl Outputs {
     pub(crate) fn listen(&mut self, stop: &Stop) -> Writers {
         Writers {
             verdicts: self.verdicts.take().map(|w| Listening::new(w, stop)),
+            objects: self.objects.take().map(|w| Listening::new(w, stop)),
+            masks: self.masks.take().map(|w| Listening::new(w, stop)),
             overlay: self.overlay.take().map(|w| Listening::new(w, stop)),
             shots: self.shots.take().map(|w| Listening::new(w, stop)),
             trace: self.trace.take().map(|w| Listening::new(w, stop)),
@@ -77,6 +89,8 @@ impl Outputs {
     /// What could not be written.
     pub(crate) fn rejoin(&mut self, writers: Writers) -> Result<(), Failure> {
         self.verdicts = writers.verdicts.map(Listening::finish).transpose()?;
+        self.objects = writers.objects.map(Listening::finish).transpose()?;
+        self.masks = writers.masks.map(Listening::finish).transpose()?;
         self.overlay = writers.overlay.map(Listening::finish).transpose()?;
         self.shots = writers.shots.map(Listening::finish).transpose()?;
         self.trace = writers.trace.map(Listening::finish).transpose()?;
@@ -96,6 +110,8 @@ impl Outputs {
         let mut on = Subscribing { live, stop, timing };
         Ok(LiveWriters {
             verdicts: on.add("verdicts", all, self.verdicts.take())?,
+            objects: on.add("objects", all, self.objects.take())?,
+            masks: on.add("masks", all.with_images(PICTURES, 1), self.masks.take())?,
             overlay: on.add(
                 OVERLAY,
                 all.with_images(PICTURES, every),
@@ -116,6 +132,8 @@ impl Outputs {
     /// What could not be written.
     pub(crate) fn rejoin_live(&mut self, writers: LiveWriters) -> Result<(), Failure> {
         self.verdicts = writers.verdicts.map(rejoined).transpose()?;
+        self.objects = writers.objects.map(rejoined).transpose()?;
+        self.masks = writers.masks.map(rejoined).transpose()?;
         self.overlay = writers.overlay.map(rejoined).transpose()?;
         self.shots = writers.shots.map(rejoined).transpose()?;
         self.trace = writers.trace.map(rejoined).transpose()?;
@@ -143,6 +161,12 @@ impl Outputs {
         let mut said = String::new();
         if let Some(file) = self.verdicts {
             said += &file.finish()?;
+        }
+        if let Some(file) = self.objects {
+            said += &file.finish()?;
+        }
+        if let Some(folder) = self.masks {
+            said += &folder.finish()?;
         }
         if let Some(folder) = self.overlay {
             said += &folder.finish()?;

@@ -1,0 +1,165 @@
+//! Frames judged without a map: what moves, for those who want to know nothing else.
+
+use super::config::MIN_INITIAL_POINTS;
+use super::ego_motion::EgoMotion;
+use super::state::{LastFrame, State};
+use super::{Notes, Tracker, pose};
+use crate::association::Matches;
+use crate::static_filter::{CapturePose, FeatureVerdict, Judgement};
+use std::sync::Arc;
+use stillpoint_detection::{Detections, Object};
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{KeyframeData, KeyframeId};
+
+/// Frames in a row that show enough and do not fit the last known pose, after which all begins anew: a third of a second, for
+/// which a hand before the camera or a jerk may last.
+const PATIENCE: u32 = 10;
+
+/// What was found in a frame.
+pub(crate) struct Look {
+    /// Where the camera was; none where that is not known.
+    pub(crate) world_from_camera: Option<Se3>,
+    pub(crate) judgement: Judgement,
+}
+
+impl Tracker {
+    /// Judges a frame, with the camera at a pose that is given, or as its own image and depth say that it moved since the frame before.
+    pub(crate) fn look(&mut self, frame: &Arc<RgbdFrame>, given: Option<&Se3>) -> Look {
+        let _span = tracing::info_span!("frame").entered();
+        self.heed_clock(frame.stamp);
+        let mut notes = Notes::default();
+        let data = self.observe(frame, &mut notes);
+        let world_from_camera = match self.motion_without_map(frame, &data, given, &mut notes) {
+            Some(motion) => {
+                self.judge(frame, &data, &motion, &mut notes);
+                Some(self.settle_without_map(frame, &motion, given, &notes))
+            }
+            None => {
+                self.lose_without_map(frame, data.len());
+                None
+            }
+        };
+        self.previous = Some(Arc::clone(frame));
+        if let Some(filter) = notes.filter {
+            self.filter = filter;
+        }
+        if let State::Tracking { last, motion } = &self.state
+            && world_from_camera.is_some()
+        {
+            self.filter.remember(&CapturePose {
+                reference: last.reference,
+                reference_from_camera: last.reference_from_camera,
+                world_from_camera: last.world_from_camera,
+                camera_from_depth: self.front_end.camera_from_depth(frame, motion.velocity()),
+            });
+        }
+        self.filter.end_frame();
+        Look {
+            world_from_camera,
+            judgement: notes.judgement,
+        }
+    }
+
+    /// Takes detections of the frame `next` to come, or of one that was looked at.
+    pub(crate) fn take_detections(&mut self, detections: Detections, next: FrameId) {
+        if detections.frame >= next {
+            self.filter.receive(detections);
+        } else {
+            // There are no keyframes whose features could be judged again.
+            self.filter.take_late(&detections, &self.map.view, None);
+        }
+    }
+
+    /// What the filter says of any pixels of the frame that was looked at last.
+    pub(crate) fn judge_pixels(
+        &self,
+        frame: &RgbdFrame,
+        objects: &[Object],
+        pixels: &[[f32; 2]],
+    ) -> Vec<FeatureVerdict> {
+        self.filter.judge_pixels(frame, objects, pixels)
+    }
+
+    /// The camera's motion; none where it cannot be told.
+    fn motion_without_map(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        given: Option<&Se3>,
+        notes: &mut Notes,
+    ) -> Option<EgoMotion> {
+        if let Some(world_from_camera) = given {
+            let camera_from_world = world_from_camera.inverse();
+            let (mut pairs, rest) = self.flow(data, &camera_from_world);
+            self.recheck_flow(data, &mut pairs, &camera_from_world);
+            let motion = self.state.motion_to(&camera_from_world, frame.stamp);
+            return Some(EgoMotion {
+                camera_from_world,
+                velocity: motion.velocity().copied(),
+                matches: Matches::new(data.len()),
+                pairs,
+                rest,
+                by_flow: None,
+            });
+        }
+        if self.state.last().is_none() {
+            let begins = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
+            return begins.then(|| EgoMotion {
+                matches: Matches::new(data.len()),
+                ..EgoMotion::unknown()
+            });
+        }
+        let (reference, predicted) = self.state.predict(&self.map.view, frame.stamp);
+        self.estimate_motion(frame, data, reference, &predicted, notes)
+            .ok()
+    }
+
+    /// Optimises the pose with what stands still, unless it is given, and follows the camera from there. Returns the pose.
+    fn settle_without_map(
+        &mut self,
+        frame: &RgbdFrame,
+        motion: &EgoMotion,
+        given: Option<&Se3>,
+        notes: &Notes,
+    ) -> Se3 {
+        let (data, matches) = self.keep_static(frame, motion, notes);
+        let enough = self.setup.tracking.min_inliers;
+        let world_from_camera = match given {
+            Some(pose) => *pose,
+            None if matches.count >= enough => {
+                let (matches, pose) = pose::solve(&data, &motion.camera_from_world, matches);
+                let fits = matches.count >= enough;
+                let pose = if fits { pose } else { motion.camera_from_world };
+                pose.inverse()
+            }
+            None => motion.camera_from_world.inverse(),
+        };
+        let since = self
+            .state
+            .motion_to(&world_from_camera.inverse(), frame.stamp);
+        self.state = State::Tracking {
+            last: LastFrame {
+                stamp: frame.stamp,
+                matches: vec![None; data.len()],
+                data,
+                reference: KeyframeId(0),
+                reference_from_camera: world_from_camera,
+                world_from_camera,
+            },
+            motion: since,
+        };
+        world_from_camera
+    }
+
+    /// A frame without a pose. Where there are too many in a row, the next one begins anew, since poses before and after it cannot
+    /// be compared.
+    fn lose_without_map(&mut self, frame: &RgbdFrame, features: usize) {
+        self.state.lose(frame.id);
+        let shows_enough = features >= MIN_INITIAL_POINTS;
+        if self.state.count_unplaced(shows_enough) >= PATIENCE && self.state.last().is_some() {
+            self.state = State::default();
+            self.filter.forget();
+        }
+    }
+}

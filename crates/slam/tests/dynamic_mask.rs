@@ -1,0 +1,240 @@
+//! The static filter without SLAM, against the simulator's exact masks.
+
+use std::sync::Arc;
+use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections};
+use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
+use stillpoint_simulator::{Simulator, SimulatorConfig};
+use stillpoint_slam::{Config, DynamicMask, MaskError, Preset, Segments, System};
+
+/// Frames that are looked at.
+const FRAMES: std::ops::Range<usize> = 0..60;
+/// From here on they are scored: someone who stood still until then walks.
+const SCORED: usize = 36;
+
+fn room(scene: &str) -> Simulator {
+    let config = SimulatorConfig {
+        scene: scene.to_owned(),
+        frames: Some(FRAMES.end),
+        ..SimulatorConfig::default()
+    };
+    Simulator::new(&config).unwrap()
+}
+
+fn filter(room: &Simulator) -> DynamicMask {
+    DynamicMask::new(&Config::default(), *room.camera(), Simd::detect()).unwrap()
+}
+
+/// The people as an exact detector sees them.
+fn boxes(room: &Simulator, frame: &RgbdFrame) -> Detections {
+    let truth = room.truth(frame.id.0 as usize);
+    let people = truth.boxes.iter().filter(|b| b.class == "person");
+    let person = |b: &stillpoint_simulator::MoverBox| Detection {
+        class: ClassId::from_name("person").unwrap(),
+        score: 0.9,
+        bounds: BoundingBox {
+            x0: b.x0,
+            y0: b.y0,
+            x1: b.x1,
+            y1: b.y1,
+        },
+    };
+    Detections {
+        frame: frame.id,
+        stamp: frame.stamp,
+        items: people.map(person).collect(),
+    }
+}
+
+/// Share of the pixels of movers that the masks hold, and of the others that they leave out.
+#[derive(Clone, Copy, Debug, Default)]
+struct Score {
+    moving: [u64; 2],
+    others: [u64; 2],
+}
+
+impl Score {
+    fn add(&mut self, room: &Simulator, frame: &RgbdFrame, segments: &Segments) {
+        let truth = room.truth(frame.id.0 as usize).mask;
+        let mask = segments.mask(&frame.depth);
+        assert_eq!(
+            (mask.width(), mask.height()),
+            (truth.width(), truth.height())
+        );
+        for (found, truth) in mask.data().iter().zip(truth.data()) {
+            assert!(*found == 0 || *found == 255);
+            let (counts, right) = match truth {
+                0 => (&mut self.others, *found == 0),
+                _ => (&mut self.moving, *found == 255),
+            };
+            counts[0] += u64::from(right);
+            counts[1] += 1;
+        }
+    }
+
+    fn recall(&self) -> f64 {
+        self.moving[0] as f64 / self.moving[1].max(1) as f64
+    }
+
+    fn kept(&self) -> f64 {
+        self.others[0] as f64 / self.others[1].max(1) as f64
+    }
+}
+
+/// Goes through a scene with the poses and boxes that are asked for.
+fn score(scene: &str, poses: bool, detector: bool) -> Score {
+    let room = room(scene);
+    let mut filter = filter(&room);
+    let mut score = Score::default();
+    for i in FRAMES {
+        let frame = Arc::new(room.frame(i));
+        // Any frame of reference will do.
+        let world = Se3::exp(&[1.0, -2.0, 0.5, 0.3, 0.2, -0.4].into());
+        let pose = world * room.world_from_camera(frame.stamp);
+        if detector {
+            filter.detections(boxes(&room, &frame));
+        }
+        let found = filter.step(&frame, poses.then_some(&pose)).unwrap();
+        assert!(found.world_from_camera.is_some(), "{scene} {i}");
+        assert_eq!(
+            found.objects.is_empty(),
+            !detector || found.objects.is_empty()
+        );
+        if i >= SCORED {
+            assert_eq!(found.mask(), found.segments.mask(&frame.depth));
+            score.add(&room, &frame, &found.segments);
+        }
+    }
+    println!(
+        "{scene}, poses {poses}, boxes {detector}: recall {:.3}, kept {:.4}",
+        score.recall(),
+        score.kept()
+    );
+    score
+}
+
+/// The same with the whole system on top, and no detector.
+fn score_with_slam(scene: &str) -> Score {
+    let room = room(scene);
+    let mut system = System::new(Config::default(), *room.camera(), Simd::detect()).unwrap();
+    let mut score = Score::default();
+    for i in FRAMES {
+        let frame = room.frame(i);
+        let events = system.step(frame.clone());
+        let found = events.iter().find_map(|e| e.as_frame()).unwrap();
+        if i >= SCORED {
+            score.add(&room, &frame, &found.report.segments);
+        }
+    }
+    println!(
+        "{scene}, SLAM: recall {:.3}, kept {:.4}",
+        score.recall(),
+        score.kept()
+    );
+    score
+}
+
+#[test]
+fn people_who_walk_are_masked_as_well_as_with_slam_on_top() {
+    let slam = score_with_slam("walking_xyz");
+    for poses in [false, true] {
+        let alone = score("walking_xyz", poses, false);
+        assert!(
+            alone.recall() > slam.recall() - 0.08,
+            "{poses}: {alone:?} {slam:?}"
+        );
+        assert!(
+            alone.kept() > slam.kept() - 0.02,
+            "{poses}: {alone:?} {slam:?}"
+        );
+        let boxed = score("walking_xyz", poses, true);
+        assert!(
+            boxed.recall() > 0.6 && boxed.kept() > 0.95,
+            "{poses}: {boxed:?}"
+        );
+    }
+}
+
+#[test]
+fn a_room_without_people_is_hardly_masked() {
+    let slam = score_with_slam("xyz");
+    for poses in [false, true] {
+        let alone = score("xyz", poses, false);
+        assert!(
+            alone.kept() > slam.kept() - 0.02 && alone.kept() > 0.95,
+            "{poses}: {alone:?} {slam:?}"
+        );
+    }
+}
+
+#[test]
+fn verdicts_of_any_pixels_agree_with_the_mask() {
+    let room = room("walking_xyz");
+    let mut filter = filter(&room);
+    assert!(filter.verdicts(&[[10.0, 10.0]]).is_empty());
+    let mut moving = 0;
+    for i in FRAMES.take(30) {
+        let frame = Arc::new(room.frame(i));
+        filter.detections(boxes(&room, &frame));
+        let found = filter.step(&frame, None).unwrap();
+        let mask = found.mask();
+        let pixels: Vec<[f32; 2]> = (0..640 * 480)
+            .step_by(37)
+            .map(|i| [(i % 640) as f32, (i / 640) as f32])
+            .filter(|[x, y]| frame.depth.at(*x as usize, *y as usize) > 0.0)
+            .collect();
+        for v in filter.verdicts(&pixels) {
+            let [x, y] = v.pixel.map(|c| c as usize);
+            assert_eq!(v.dynamic, mask.data()[y * 640 + x] == 255, "{i}: {x} {y}");
+            moving += u32::from(v.dynamic);
+        }
+    }
+    assert!(moving > 1000, "{moving}");
+}
+
+#[test]
+fn the_camera_is_followed_without_a_map() {
+    let room = room("walking_xyz");
+    let mut filter = filter(&room);
+    let first = room.world_from_camera(room.stamp(FRAMES.start)).inverse();
+    let mut worst: f64 = 0.0;
+    for i in FRAMES {
+        let frame = Arc::new(room.frame(i));
+        filter.detections(boxes(&room, &frame));
+        let found = filter.step(&frame, None).unwrap();
+        let truth = first * room.world_from_camera(frame.stamp);
+        let error: Vec3 = found.world_from_camera.unwrap().translation - truth.translation;
+        worst = worst.max(error.norm());
+    }
+    assert!(worst < 0.05, "{worst} m");
+}
+
+#[test]
+fn what_cannot_be_looked_at_is_refused_or_survived() {
+    let room = room("walking_xyz");
+    let off = {
+        let mut config = Config::default();
+        config.static_filter.preset = Preset::Off;
+        DynamicMask::new(&config, *room.camera(), Simd::detect()).err()
+    };
+    assert_eq!(off, Some(MaskError::Preset(Preset::Off)));
+    assert!(off.is_some_and(|e| e.to_string().contains("expected \"default\"")));
+    let mut filter = filter(&room);
+    let frame = Arc::new(room.frame(0));
+    filter.step(&frame, None).unwrap();
+    assert!(filter.step(&frame, None).is_err(), "the same frame twice");
+    // Black frames say nothing; then it goes on.
+    for i in 1..30u32 {
+        let mut frame = room.frame(i as usize);
+        frame.id = FrameId(i);
+        if (3..20).contains(&i) {
+            frame.gray.data_mut().fill(0);
+        }
+        let found = filter.step(&Arc::new(frame), None).unwrap();
+        if (3..20).contains(&i) {
+            assert!(found.world_from_camera.is_none());
+            assert!(found.mask().data().iter().all(|v| *v == 0));
+        }
+        assert!(i < 25 || found.world_from_camera.is_some(), "{i}");
+    }
+}
