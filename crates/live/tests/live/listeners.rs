@@ -138,7 +138,10 @@ fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
     let end = result.trajectory.entries();
     for ((entry, _), last) in poses.iter().zip(end) {
         assert_eq!(entry.frame, last.frame);
-        assert_eq!(entry.reference_from_camera, last.reference_from_camera);
+        assert_eq!(
+            entry.pose.reference_from_camera,
+            last.pose.reference_from_camera
+        );
     }
     let saved = Map::from_bytes(&map.to_bytes(&[]).unwrap()).unwrap();
     assert!(map.view().version() <= view.version());

@@ -4,6 +4,7 @@ use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::state::{LastFrame, State};
 use super::{Notes, Tracker, pose};
+use crate::anchored_pose::AnchoredPose;
 use crate::association::Matches;
 use crate::static_filter::{CapturePose, FeatureVerdict, Judgement};
 use std::sync::Arc;
@@ -48,9 +49,7 @@ impl Tracker {
             && world_from_camera.is_some()
         {
             self.filter.remember(&CapturePose {
-                reference: last.reference,
-                reference_from_camera: last.reference_from_camera,
-                world_from_camera: last.world_from_camera,
+                anchored: last.pose,
                 camera_from_depth: self.front_end.camera_from_depth(frame, motion.velocity()),
             });
         }
@@ -143,8 +142,13 @@ impl Tracker {
                 stamp: frame.stamp,
                 matches: vec![None; data.len()],
                 data,
-                reference: KeyframeId(0),
-                reference_from_camera: world_from_camera,
+                // There is no map that it could follow.
+                pose: AnchoredPose {
+                    keyframe: None,
+                    reference: KeyframeId(0),
+                    reference_from_camera: world_from_camera,
+                    online_world_from_camera: world_from_camera,
+                },
                 world_from_camera,
             },
             motion: since,

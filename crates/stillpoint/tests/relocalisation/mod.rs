@@ -122,7 +122,7 @@ impl Run {
             let Some(k) = play.0[entry.frame.0 as usize] else {
                 continue;
             };
-            if view.piece_of(entry.reference) != Some(piece) {
+            if view.piece_of(entry.pose.reference) != Some(piece) {
                 continue;
             }
             let at = |world_from_camera| TimedPose {
