@@ -2,14 +2,14 @@
 //! an old result.
 
 use crate::failure::Failure;
-use crate::run::frames::is_piece_file;
+use crate::run::frames::is_submap_file;
 use std::collections::BTreeSet;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
 
-/// Every file that a result may hold, beside those of further pieces of map.
+/// Every file that a result may hold, beside those of further submaps.
 const FILES: [&str; 11] = [
     "trajectory.txt",
     "trajectory_online.txt",
@@ -44,7 +44,7 @@ impl ResultFolder {
     /// folder that cannot be written.
     pub(crate) fn create(out: &Path) -> Result<Self, Failure> {
         Self::create_of(out, "--out", |name| {
-            FILES.contains(&name) || is_piece_file(name)
+            FILES.contains(&name) || is_submap_file(name)
         })
     }
 

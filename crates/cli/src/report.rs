@@ -18,7 +18,7 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
         let l = s.loops;
         text += &format!("loops: {} closed, {} rejected", l.closed, l.rejected);
         if l.joined > 0 {
-            text += &format!("; {} pieces of map joined to others", l.joined);
+            text += &format!("; {} submaps joined to others", l.joined);
         }
         text.push('\n');
     }

@@ -128,7 +128,7 @@ fn a_live_run_comes_out_again_to_the_byte() {
     // What was counted is the same, and only a live run has latencies.
     let [live, again] = ["live", "again"].map(|n| played.json(&format!("{n}/summary.json")));
     for counts in [
-        "frames", "tracked", "detector", "features", "loops", "pieces",
+        "frames", "tracked", "detector", "features", "loops", "submaps",
     ] {
         assert_eq!(live[counts], again[counts], "{counts}");
     }
@@ -151,7 +151,7 @@ fn a_run_in_one_thread_leaves_a_log_and_comes_out_again_to_the_byte() {
     let mut run = program();
     run.arg("run").arg(PLAYED.path("room"));
     run.args(["--detector", &detector, "--start", "3"]);
-    for delay in ["detector=3", "mapper=2", "looper=4"] {
+    for delay in ["detector=3", "mapper=2", "loop_closer=4"] {
         run.arg("--set").arg(format!("schedule.{delay}"));
     }
     check_ran(&write_all(run, dir.path(), "inline"));

@@ -64,8 +64,8 @@ fn a_saved_map_is_the_one_that_was_made() {
     assert_eq!(info["keyframes"], summary["keyframes"]);
     assert_eq!(info["landmarks"], landmarks);
     assert_eq!(info["bytes"], bytes.len());
-    assert_eq!(info["pieces"].as_array().unwrap().len(), 1);
-    assert_eq!(info["pieces"][0]["keyframes"], summary["keyframes"]);
+    assert_eq!(info["submaps"].as_array().unwrap().len(), 1);
+    assert_eq!(info["submaps"][0]["keyframes"], summary["keyframes"]);
     assert_eq!(info["format"], 1);
     assert_eq!(info["cameras"][0]["width"], 640);
     assert!(info["observations"].as_u64().unwrap() > landmarks as u64);
@@ -78,7 +78,7 @@ fn a_saved_map_is_the_one_that_was_made() {
         "info".as_ref(),
         saved().as_os_str(),
     ]));
-    for part in ["keyframes    ", "640x480 px", "8 levels", "pieces       1"] {
+    for part in ["keyframes    ", "640x480 px", "8 levels", "submaps      1"] {
         assert!(text.contains(part), "{part:?} is not in {text}");
     }
 

@@ -1,4 +1,4 @@
-//! What maps are for: runs that go on with one or find the camera in one, maps in pieces, and two maps as one.
+//! What maps are for: runs that go on with one or find the camera in one, maps in submaps, and two maps as one.
 
 use crate::common::{case::Case, check, files, program, simulate, stderr, stdout};
 use std::collections::BTreeMap;
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::{Arc, LazyLock};
 use stillpoint::geometry::Se3;
-use stillpoint::map::{Map, PieceId};
+use stillpoint::map::{Map, SubmapId};
 use tempfile::TempDir;
 
 /// Keyframes come often, so that a few seconds are enough to recognise a place.
@@ -22,7 +22,7 @@ const OFTEN: [&str; 8] = [
 ];
 
 /// A recording `room` and maps `a` of its beginning and `b` of the rest, which overlap; `c` of another room, and `twice`, which
-/// holds `c` two times, as two pieces.
+/// holds `c` two times, as two submaps.
 static MAPS: LazyLock<TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     simulate(&dir.path().join("room"), "halfsphere", 64);
@@ -101,7 +101,7 @@ fn a_run_goes_on_with_a_map() {
     assert!(line.contains(",relocalised,"), "{line}");
     let (before, after) = (read(&map("a")), read(&grown));
     assert!(after.view().keyframe_count() > before.view().keyframe_count());
-    assert_eq!(after.view().pieces().len(), 1);
+    assert_eq!(after.view().submaps().len(), 1);
     for k in before.view().keyframes() {
         assert!(after.view().world_from_keyframe(k.id).is_some());
     }
@@ -135,11 +135,11 @@ fn two_maps_become_one_where_they_show_the_same() {
     let output = merge(&map("a"), &map("b"), &whole);
     check(&output, 0, &[]);
     let said = stdout(&output);
-    assert!(said.contains("1 and 1 pieces of map became 1"), "{said}");
+    assert!(said.contains("1 and 1 submaps became 1"), "{said}");
     let [a, b, both] = [map("a"), map("b"), whole].map(|path| read(&path));
     let count = |m: &Map| m.view().keyframe_count();
     assert_eq!(count(&both), count(&a) + count(&b));
-    assert_eq!(both.view().pieces().len(), 1);
+    assert_eq!(both.view().submaps().len(), 1);
     // The same moment has the same pose, whichever of both maps it was in.
     let mut places = BTreeMap::new();
     for k in both.view().keyframes() {
@@ -166,7 +166,7 @@ fn maps_that_have_nothing_in_common_are_not_merged() {
         1,
         &["odd.spmap in", "found none", "nothing was written"],
     );
-    // Its two pieces become one, but not with the first map.
+    // Its two submaps become one, but not with the first map.
     std::fs::copy(map("twice"), &odd).unwrap();
     nothing(
         &odd,
@@ -189,12 +189,12 @@ fn maps_that_have_nothing_in_common_are_not_merged() {
     let nowhere = dir.path().join("no/out.spmap");
     let output = merge(&map("a"), &map("b"), &nowhere);
     check(&output, 2, &["no/out.spmap", "another with --out"]);
-    // Control: the two pieces do have something in common.
+    // Control: the two submaps do have something in common.
     check(&merge(&map("c"), &map("c"), &out), 0, &[]);
 }
 
 #[test]
-fn a_map_in_pieces_is_exported_piece_by_piece() {
+fn a_map_in_submaps_is_exported_submap_by_submap() {
     let dir = tempfile::tempdir().unwrap();
     let (path, graph) = (dir.path().join("both.spmap"), dir.path().join("map.g2o"));
     let (large, small) = (read(&map("a")), read(&map("c")));
@@ -203,13 +203,13 @@ fn a_map_in_pieces_is_exported_piece_by_piece() {
     save(&both, &path);
     let [of_large, of_small] = [&large, &small].map(|m| m.view().keyframe_count());
     assert!(of_large > of_small, "{of_large} and {of_small}");
-    let other = large.view().pieces()[0].0.0 + added;
+    let other = large.view().submaps()[0].0.0 + added;
 
     let output = map_command("info", &[&path], &[]);
-    let line = format!("pieces       2: {other} ({of_large} keyframes), 0 ({of_small} keyframes)");
+    let line = format!("submaps      2: {other} ({of_large} keyframes), 0 ({of_small} keyframes)");
     let text = stdout(&output);
     assert!(text.contains(&line), "{line} is not in {text}");
-    assert!(text.contains(&format!(" m, of piece {other}\n")), "{text}");
+    assert!(text.contains(&format!(" m, of submap {other}\n")), "{text}");
     let info = |path: &Path| -> serde_json::Value {
         serde_json::from_slice(&map_command("info", &[path], &["--json"]).stdout).unwrap()
     };
@@ -217,7 +217,7 @@ fn a_map_in_pieces_is_exported_piece_by_piece() {
     for field in ["path_length", "extent"] {
         assert_eq!(of_both[field], of_one[field]);
     }
-    assert_eq!(of_both["pieces"][1]["keyframes"], of_small);
+    assert_eq!(of_both["submaps"][1]["keyframes"], of_small);
 
     let file = ["--graph", graph.to_str().unwrap()];
     let ids = |more: &[&str], parts: &[&str]| -> Vec<u32> {
@@ -228,31 +228,31 @@ fn a_map_in_pieces_is_exported_piece_by_piece() {
         let id = |l: &str| l.split(' ').nth(1).unwrap().parse().unwrap();
         vertices.map(id).collect()
     };
-    let of_piece = |piece: u32| -> Vec<u32> {
+    let of_submap = |submap: u32| -> Vec<u32> {
         let all = both.view().keyframes();
-        all.filter(|k| k.piece == PieceId(piece))
+        all.filter(|k| k.submap == SubmapId(submap))
             .map(|k| k.id.0)
             .collect()
     };
-    let left_out = format!("warning: {of_small} keyframes are in other pieces");
-    assert_eq!(ids(&[], &[&left_out, "--piece"]), of_piece(other));
-    let left_out = format!("warning: {of_large} keyframes are in other pieces");
-    assert_eq!(ids(&["--piece", "0"], &[&left_out]), of_piece(0));
-    let unknown = [&file[..], &["--piece", "9999"]].concat();
+    let left_out = format!("warning: {of_small} keyframes are in other submaps");
+    assert_eq!(ids(&[], &[&left_out, "--submap"]), of_submap(other));
+    let left_out = format!("warning: {of_large} keyframes are in other submaps");
+    assert_eq!(ids(&["--submap", "0"], &[&left_out]), of_submap(0));
+    let unknown = [&file[..], &["--submap", "9999"]].concat();
     let output = map_command("export", &[&path], &unknown);
     check(
         &output,
         2,
         &[
-            "both.spmap: expected a piece",
+            "both.spmap: expected a submap",
             "found 9999",
-            "its pieces are",
+            "its submaps are",
         ],
     );
-    // Of one in one piece there is nothing to say.
+    // Of one in one submap there is nothing to say.
     let output = map_command("export", &[&map("a")], &file);
     check(&output, 0, &[]);
-    assert!(!stderr(&output).contains("piece"), "{}", stderr(&output));
+    assert!(!stderr(&output).contains("submap"), "{}", stderr(&output));
 }
 
 /// What was mapped until a disk is full, or an image cannot be read, is not lost.

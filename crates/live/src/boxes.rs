@@ -13,7 +13,7 @@ use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
-use stillpoint_slam::{LooperMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
+use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
 
 /// Messages that wait for one stage, at most; then whoever has another one waits. More than a stage that keeps up ever sees,
 /// and little enough for a machine's memory.
@@ -228,12 +228,12 @@ impl MappingBox {
 /// What looping is told.
 #[derive(Default)]
 pub(crate) struct LoopingBox {
-    pub(crate) queue: VecDeque<LooperMsg>,
+    pub(crate) queue: VecDeque<LoopCloserMsg>,
     pub(crate) mapping_is_over: bool,
 }
 
 pub(crate) enum LoopingWork {
-    Message(LooperMsg),
+    Message(LoopCloserMsg),
     Over,
 }
 

@@ -158,12 +158,12 @@ impl LiveSystem {
             tracker,
             health,
             mapper,
-            looper,
+            loop_closer,
             ..
         } = stages;
         boxes.view.put(|view| *view = tracker.view());
         // In the order in which they wait for each other: whatever fails to start, those that did come to their end.
-        let looping = LoopingWorker::new(office.desk(Stage::Looping), looper);
+        let looping = LoopingWorker::new(office.desk(Stage::Looping), loop_closer);
         let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, effort);
         let tracking = TrackingWorker::new(
             office.desk(Stage::Tracking),

@@ -14,8 +14,8 @@ use std::sync::atomic::Ordering;
 use std::time::Instant;
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_slam::{
-    Event, HealthMonitor, LogEntry, Looper, LooperMsg, LooperOut, Mapper, MapperMsg, MappingEffort,
-    Subscriber, Tracker, routing,
+    Event, HealthMonitor, LogEntry, LoopCloser, LoopCloserMsg, LoopCloserOut, Mapper, MapperMsg,
+    MappingEffort, Subscriber, Tracker, routing,
 };
 
 /// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
@@ -266,7 +266,7 @@ impl MappingWorker {
         self.desk.recorder.took(LogEntry::from(&message));
         self.keyframes += u64::from(matches!(message, MapperMsg::Keyframe(_)));
         let out = self.mapper.step(message);
-        let told = out.for_looper();
+        let told = out.for_loop_closer();
         let view = Arc::clone(&out.view);
         let boxes = &self.desk.boxes;
         boxes.view.put(|newest| *newest = Arc::clone(&view));
@@ -305,15 +305,15 @@ impl MappingWorker {
 /// Looping.
 pub(crate) struct LoopingWorker {
     pub(crate) desk: Desk,
-    pub(crate) looper: Looper,
+    pub(crate) loop_closer: LoopCloser,
     answers: u64,
 }
 
 impl LoopingWorker {
-    pub(crate) fn new(desk: Desk, looper: Looper) -> Self {
+    pub(crate) fn new(desk: Desk, loop_closer: LoopCloser) -> Self {
         Self {
             desk,
-            looper,
+            loop_closer,
             answers: 0,
         }
     }
@@ -334,15 +334,15 @@ impl LoopingWorker {
         end
     }
 
-    fn step(&mut self, message: LooperMsg) {
-        if let Some(entry) = LogEntry::of_looper(&message) {
+    fn step(&mut self, message: LoopCloserMsg) {
+        if let Some(entry) = LogEntry::of_loop_closer(&message) {
             self.desk.recorder.took(entry);
         }
-        let LooperOut {
+        let LoopCloserOut {
             correction,
             report,
             places,
-        } = self.looper.step(message);
+        } = self.loop_closer.step(message);
         if let Some(report) = report {
             self.desk.tell(&Event::Looped(Box::new(report)));
         }
@@ -351,7 +351,7 @@ impl LoopingWorker {
         let boxes = &self.desk.boxes;
         boxes.tracking.put(|b| b.places = Some(known));
         if let Some(correction) = correction {
-            // The looper finds no other one before this one is in the map.
+            // The loop closer finds no other one before this one is in the map.
             boxes.mapping.put(|b| b.corrections.push_back(correction));
         }
     }

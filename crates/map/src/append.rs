@@ -1,7 +1,9 @@
-//! Another map as further pieces of a map.
+//! Another map as further submaps.
 
 use crate::observers::Observers;
-use crate::{KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, LoopEdge, Map, PieceId};
+use crate::{
+    KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, LoopEdge, Map, SubmapId,
+};
 use std::sync::Arc;
 
 /// Why a map cannot be taken into another.
@@ -37,8 +39,8 @@ impl std::fmt::Display for AppendError {
 impl std::error::Error for AppendError {}
 
 impl Map {
-    /// Takes in another map: its pieces become further pieces of this one, under new ids. Returns what was added to its keyframe
-    /// ids. How the pieces lie to each other stays unknown.
+    /// Takes in another map: its submaps become further submaps of this one, under new ids. Returns what was added to its keyframe
+    /// ids. How the submaps lie to each other stays unknown.
     ///
     /// # Errors
     /// [`AppendError`]; nothing is changed then.
@@ -60,7 +62,7 @@ impl Map {
                     let mut k = (**k).clone();
                     k.id = keyframe(k.id);
                     k.parent = k.parent.map(keyframe);
-                    k.piece = PieceId(k.piece.0 + keyframes);
+                    k.submap = SubmapId(k.submap.0 + keyframes);
                     for (id, _) in &mut k.covisible {
                         *id = keyframe(*id);
                     }

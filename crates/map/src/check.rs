@@ -62,7 +62,7 @@ impl Map {
             ensure(l.position_in_anchor.iter().all(|x| x.is_finite()), || {
                 format!("landmark {id} has a finite position")
             })?;
-            let anchor = self.view.keyframe(l.anchor).map(|k| k.piece);
+            let anchor = self.view.keyframe(l.anchor).map(|k| k.submap);
             let mut with_depth = 0;
             for &(keyframe, feature) in list.iter() {
                 let k = self.view.keyframe(keyframe);
@@ -70,8 +70,8 @@ impl Map {
                 ensure(back == Some(id), || {
                     format!("keyframe {keyframe} knows that its feature {feature} observes {id}")
                 })?;
-                ensure(k.map(|k| k.piece) == anchor, || {
-                    format!("keyframe {keyframe} is of the same piece as the anchor of {id}")
+                ensure(k.map(|k| k.submap) == anchor, || {
+                    format!("keyframe {keyframe} is of the same submap as the anchor of {id}")
                 })?;
                 with_depth += k.map_or(0, |k| u32::from(k.data.depths[feature as usize] > 0.0));
             }
@@ -139,9 +139,9 @@ impl Map {
                 ensure(mutual && other != k.id, || {
                     format!("covisibility of {} and {other} is mutual", k.id)
                 })?;
-                let piece = self.view.keyframe(other).map(|o| o.piece);
-                ensure(piece == Some(k.piece), || {
-                    format!("{} and {other} are of one piece", k.id)
+                let submap = self.view.keyframe(other).map(|o| o.submap);
+                ensure(submap == Some(k.submap), || {
+                    format!("{} and {other} are of one submap", k.id)
                 })?;
             }
             let parent_ok = |p: KeyframeId| {
@@ -150,13 +150,13 @@ impl Map {
             ensure(k.parent.is_none_or(parent_ok), || {
                 format!("the parent of keyframe {} can be resolved", k.id)
             })?;
-            let piece_of = |p: KeyframeId| {
+            let submap_of = |p: KeyframeId| {
                 let live = KeyframeId(*resolves.get(p.index())?);
-                Some(self.view.keyframe(live)?.piece)
+                Some(self.view.keyframe(live)?.submap)
             };
             ensure(
-                k.parent.is_none_or(|p| piece_of(p) == Some(k.piece)),
-                || format!("keyframe {} is of the same piece as its parent", k.id),
+                k.parent.is_none_or(|p| submap_of(p) == Some(k.submap)),
+                || format!("keyframe {} is of the same submap as its parent", k.id),
             )?;
         }
         for (i, slot) in self.view.keyframes.iter().enumerate() {
@@ -176,15 +176,15 @@ impl Map {
         }
         // All at once: one after the other would follow the same chains of tombstones again and again.
         let resolves = self.resolved();
-        let piece = |id: KeyframeId| {
+        let submap = |id: KeyframeId| {
             let live = KeyframeId(*resolves.get(id.index())?);
-            Some(self.view.keyframe(live)?.piece)
+            Some(self.view.keyframe(live)?.submap)
         };
         for edge in self.view.loops() {
-            let of_one = piece(edge.old).is_some() && piece(edge.old) == piece(edge.new);
+            let of_one = submap(edge.old).is_some() && submap(edge.old) == submap(edge.new);
             ensure(of_one && edge.is_sound(), || {
                 format!(
-                    "the loop from keyframe {} to {} was measured, and both are of one piece",
+                    "the loop from keyframe {} to {} was measured, and both are of one submap",
                     edge.old, edge.new
                 )
             })?;

@@ -1,6 +1,6 @@
 //! What is changed in a map all at once, by one who worked on an older version of it.
 
-use crate::{KeyframeId, LandmarkId, LoopEdge, Map, MapView, PieceId};
+use crate::{KeyframeId, LandmarkId, LoopEdge, Map, MapView, SubmapId};
 use std::collections::BTreeSet;
 use stillpoint_geometry::{Se3, Vec3};
 
@@ -46,18 +46,18 @@ pub struct LandmarkCorrection {
     pub after: Vec3,
 }
 
-/// Two pieces of map that turned out to be parts of one.
+/// Two submaps that turned out to be parts of one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Join {
-    /// The piece that is no more: its keyframes go to the other.
-    pub piece: PieceId,
-    /// The piece that stays, with its frame of reference.
-    pub into: PieceId,
-    /// The keyframe of the first by which they were recognised as one. It becomes the root of its piece's tree ...
+    /// The submap that is no more: its keyframes go to the other.
+    pub submap: SubmapId,
+    /// The submap that stays, with its frame of reference.
+    pub into: SubmapId,
+    /// The keyframe of the first by which they were recognised as one. It becomes the root of its submap's tree ...
     pub child: KeyframeId,
     /// ... and a child of this keyframe of the second.
     pub parent: KeyframeId,
-    /// Maps the first piece's frame of reference to the second's, for keyframes that the correction does not reach otherwise.
+    /// Maps the first submap's frame of reference to the second's, for keyframes that the correction does not reach otherwise.
     pub shift: Se3,
 }
 
@@ -72,7 +72,7 @@ pub struct Correction {
     pub landmarks: Vec<LandmarkCorrection>,
     /// What was measured, and made the correction necessary. The map keeps it.
     pub measured: Option<Box<LoopEdge>>,
-    /// Pieces that become one; the poses of the one that is no more are named as `poses`.
+    /// Submaps that become one; the poses of the one that is no more are named as `poses`.
     pub join: Option<Join>,
     /// Landmarks that are the same as another: (which, as which). In this order.
     pub merges: Vec<(LandmarkId, LandmarkId)>,
@@ -103,8 +103,8 @@ impl Map {
     ///   one it stays. Culled keyframes move with the one that their tombstone hangs on.
     /// - Landmarks move with their anchors, and what the correction says of one relative to its anchor comes on top, unless it
     ///   has another anchor by now.
-    /// - All keyframes of a piece that is joined to another are that one's, the ones made since too.
-    /// - Merges follow what the landmarks have become since; those of culled ones lapse, and those across pieces.
+    /// - All keyframes of a submap that is joined to another are that one's, the ones made since too.
+    /// - Merges follow what the landmarks have become since; those of culled ones lapse, and those across submaps.
     ///
     /// Covisibility is left to the caller: see [`Applied::touched`].
     pub fn apply(&mut self, correction: &Correction) -> Applied {
@@ -165,7 +165,7 @@ impl Map {
                 } else {
                     (c.shift() * now).normalized()
                 }
-            } else if let Some(join) = join.filter(|j| j.piece == k.piece) {
+            } else if let Some(join) = join.filter(|j| j.submap == k.submap) {
                 applied.carried += 1;
                 (join.shift * now).normalized()
             } else {
@@ -178,21 +178,21 @@ impl Map {
         moves
     }
 
-    /// Keeps what was measured between two keyframes, if it is sound and both have poses in one piece.
+    /// Keeps what was measured between two keyframes, if it is sound and both have poses in one submap.
     fn keep(&mut self, edge: LoopEdge) {
-        let piece = |id| self.view.piece_of(id);
-        let of_one = piece(edge.old).is_some() && piece(edge.old) == piece(edge.new);
+        let submap = |id| self.view.submap_of(id);
+        let of_one = submap(edge.old).is_some() && submap(edge.old) == submap(edge.new);
         if of_one && edge.is_sound() {
             self.view.loops.push(edge);
         }
     }
 
     fn join(&mut self, join: Join) {
-        let of_piece = self.view.keyframes().filter(|k| k.piece == join.piece);
-        let ids: Vec<KeyframeId> = of_piece.map(|k| k.id).collect();
+        let of_submap = self.view.keyframes().filter(|k| k.submap == join.submap);
+        let ids: Vec<KeyframeId> = of_submap.map(|k| k.id).collect();
         for id in ids {
             if let Some(k) = self.keyframe_mut(id) {
-                k.piece = join.into;
+                k.submap = join.into;
             }
         }
         self.hang(join.child, join.parent);

@@ -8,10 +8,10 @@ pub struct KeyframeId(pub u32);
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct LandmarkId(pub u32);
 
-/// A piece of map: the id of the keyframe that began it. Keyframes of one piece are in one frame of reference; how two pieces
+/// A submap: the id of the keyframe that began it. Keyframes of one submap are in one frame of reference; how two submaps
 /// lie to each other is not known until a place of one is recognised in the other, and they become one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct PieceId(pub u32);
+pub struct SubmapId(pub u32);
 
 impl KeyframeId {
     /// As an index into arrays.
@@ -41,7 +41,7 @@ impl std::fmt::Display for LandmarkId {
     }
 }
 
-impl std::fmt::Display for PieceId {
+impl std::fmt::Display for SubmapId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}", self.0)
     }

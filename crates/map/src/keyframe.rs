@@ -1,6 +1,6 @@
 //! Keyframes.
 
-use crate::{KeyframeId, LandmarkId, PieceId};
+use crate::{KeyframeId, LandmarkId, SubmapId};
 use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
@@ -85,10 +85,10 @@ pub struct Keyframe {
     pub matches: Vec<Option<LandmarkId>>,
     /// Keyframes that share landmarks with it and how many, most first; ties by id.
     pub covisible: Vec<(KeyframeId, u32)>,
-    /// The keyframe it was tracked from; none for the first of a piece.
+    /// The keyframe it was tracked from; none for the first of a submap.
     pub parent: Option<KeyframeId>,
-    /// The piece of map that it belongs to: its pose is in that one's frame of reference.
-    pub piece: PieceId,
+    /// The submap that it belongs to: its pose is in that one's frame of reference.
+    pub submap: SubmapId,
 }
 
 impl Keyframe {

@@ -23,7 +23,7 @@ pub use check::Violation;
 pub use chunked::Chunked;
 pub use correction::{Applied, Correction, Join, LandmarkCorrection, PoseCorrection};
 pub use file::{Extension, MapFile, MapFileError};
-pub use ids::{KeyframeId, LandmarkId, PieceId};
+pub use ids::{KeyframeId, LandmarkId, SubmapId};
 pub use keyframe::{Keyframe, KeyframeData, KeyframeSlot};
 pub use landmark::{Landmark, LandmarkSlot, ScaleRange};
 pub use loops::LoopEdge;

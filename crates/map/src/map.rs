@@ -1,7 +1,7 @@
 //! The map, its keyframes and which of them share landmarks. How landmarks change is in `observations.rs`.
 
 use crate::observers::Observers;
-use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, MapView, PieceId};
+use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, MapView, SubmapId};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 
@@ -60,7 +60,7 @@ impl Map {
         }
     }
 
-    /// Adds a keyframe without observations, to the piece of its parent; without one it begins a piece. Returns false when the
+    /// Adds a keyframe without observations, to the submap of its parent; without one it begins a submap. Returns false when the
     /// id is taken.
     pub fn insert_keyframe(
         &mut self,
@@ -73,7 +73,7 @@ impl Map {
             self.view.keyframes.push(KeyframeSlot::Empty);
         }
         let matches = vec![None; data.len()];
-        let piece = parent.and_then(|p| self.view.piece_of(p));
+        let submap = parent.and_then(|p| self.view.submap_of(p));
         match self.view.keyframes.get_mut(id.index()) {
             Some(slot @ KeyframeSlot::Empty) => {
                 *slot = KeyframeSlot::Live(Arc::new(Keyframe {
@@ -83,7 +83,7 @@ impl Map {
                     matches,
                     covisible: Vec::new(),
                     parent,
-                    piece: piece.unwrap_or(PieceId(id.0)),
+                    submap: submap.unwrap_or(SubmapId(id.0)),
                 }));
                 self.view.live_keyframes += 1;
                 true

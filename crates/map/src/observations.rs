@@ -2,7 +2,7 @@
 
 use crate::observers::Observers;
 use crate::{
-    KeyframeData, KeyframeId, Landmark, LandmarkId, LandmarkSlot, Map, PieceId, ScaleRange,
+    KeyframeData, KeyframeId, Landmark, LandmarkId, LandmarkSlot, Map, ScaleRange, SubmapId,
 };
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
@@ -86,10 +86,10 @@ impl Map {
     }
 
     /// Adds an observation. Returns false, and changes nothing, when the landmark or keyframe is not live, the feature
-    /// observes another landmark or may observe none, the keyframe observes this one already, or they are of different pieces.
+    /// observes another landmark or may observe none, the keyframe observes this one already, or they are of different submaps.
     pub fn add_observation(&mut self, id: LandmarkId, keyframe: KeyframeId, feature: u32) -> bool {
-        let piece = self.piece_of_landmark(id);
-        if piece.is_none() || self.view.keyframe(keyframe).map(|k| k.piece) != piece {
+        let submap = self.submap_of_landmark(id);
+        if submap.is_none() || self.view.keyframe(keyframe).map(|k| k.submap) != submap {
             return false;
         }
         let Err(at) = self.observations[id.index()].binary_search_by_key(&keyframe, |o| o.0) else {
@@ -114,9 +114,9 @@ impl Map {
         true
     }
 
-    pub(crate) fn piece_of_landmark(&self, id: LandmarkId) -> Option<PieceId> {
+    pub(crate) fn submap_of_landmark(&self, id: LandmarkId) -> Option<SubmapId> {
         let anchor = self.view.landmark(id)?.anchor;
-        Some(self.view.keyframe(anchor)?.piece)
+        Some(self.view.keyframe(anchor)?.submap)
     }
 
     /// Takes features out of mapping for good, as they turned out to lie on something that moves: landmarks that they made
@@ -217,12 +217,12 @@ impl Map {
     }
 
     /// Declares `from` to be the same as `into`: its observations move over where they do not clash, and its id follows
-    /// `into` from now on. Returns false when either is not live, both are the same, or they are of different pieces.
+    /// `into` from now on. Returns false when either is not live, both are the same, or they are of different submaps.
     pub fn merge_landmarks(&mut self, from: LandmarkId, into: LandmarkId) -> bool {
         let (Some(old), Some(_)) = (self.view.landmark(from), self.view.landmark(into)) else {
             return false;
         };
-        if from == into || self.piece_of_landmark(from) != self.piece_of_landmark(into) {
+        if from == into || self.submap_of_landmark(from) != self.submap_of_landmark(into) {
             return false;
         }
         let (visible, found) = (old.visible, old.found);

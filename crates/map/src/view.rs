@@ -2,7 +2,7 @@
 
 use crate::{
     Chunked, Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, LoopEdge,
-    PieceId,
+    SubmapId,
 };
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -111,20 +111,20 @@ impl MapView {
         None
     }
 
-    /// The piece of map that a keyframe belongs to, also a culled one (through its tombstone).
+    /// The submap that a keyframe belongs to, also a culled one (through its tombstone).
     #[must_use]
-    pub fn piece_of(&self, id: KeyframeId) -> Option<PieceId> {
-        Some(self.keyframe(self.resolve_keyframe(id)?)?.piece)
+    pub fn submap_of(&self, id: KeyframeId) -> Option<SubmapId> {
+        Some(self.keyframe(self.resolve_keyframe(id)?)?.submap)
     }
 
-    /// The pieces of the map with their numbers of live keyframes, by id.
+    /// The submaps with their numbers of live keyframes, by id.
     #[must_use]
-    pub fn pieces(&self) -> Vec<(PieceId, usize)> {
-        let mut pieces = BTreeMap::new();
+    pub fn submaps(&self) -> Vec<(SubmapId, usize)> {
+        let mut submaps = BTreeMap::new();
         for k in self.keyframes() {
-            *pieces.entry(k.piece).or_insert(0) += 1;
+            *submaps.entry(k.submap).or_insert(0) += 1;
         }
-        pieces.into_iter().collect()
+        submaps.into_iter().collect()
     }
 
     /// The live landmark that an id resolves to, through merges.
@@ -160,7 +160,7 @@ impl MapView {
     }
 
     /// Places that were recognised, as they were measured then, in the order in which they were: loops that were closed, and what
-    /// joined two pieces. Their keyframes may have been culled since.
+    /// joined two submaps. Their keyframes may have been culled since.
     pub fn loops(&self) -> impl Iterator<Item = &LoopEdge> {
         self.loops.iter()
     }

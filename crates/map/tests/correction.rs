@@ -6,7 +6,7 @@ use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
 use stillpoint_geometry::{Camera, Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{
     Correction, Join, KeyframeData, KeyframeId, LandmarkCorrection, LandmarkId, LoopEdge, Map,
-    MapView, NewLandmark, PieceId, PoseCorrection,
+    MapView, NewLandmark, PoseCorrection, SubmapId,
 };
 
 const FEATURES: usize = 8;
@@ -336,8 +336,8 @@ fn merges_follow_what_became_of_the_landmarks() {
     assert!(!applied.touched.contains(&KeyframeId(0)));
 }
 
-/// A map of two pieces, which begin at keyframes 0 and 10.
-fn two_pieces() -> Map {
+/// A map of two submaps, which begin at keyframes 0 and 10.
+fn two_submaps() -> Map {
     let mut map = chain(4, 3);
     extend(&mut map, 10, None, 3);
     extend(&mut map, 11, Some(10), 3);
@@ -345,12 +345,12 @@ fn two_pieces() -> Map {
 }
 
 #[test]
-fn pieces_become_one_with_all_that_was_added_since() {
-    let mut map = two_pieces();
-    assert_eq!(map.view().pieces(), [(PieceId(0), 4), (PieceId(10), 2)]);
+fn submaps_become_one_with_all_that_was_added_since() {
+    let mut map = two_submaps();
+    assert_eq!(map.view().submaps(), [(SubmapId(0), 4), (SubmapId(10), 2)]);
     let first = |k: u32, map: &Map| map.view().keyframe(KeyframeId(k)).unwrap().matches[0].unwrap();
     let merges = vec![(first(10, &map), first(2, &map))];
-    // Without a join, what is of two pieces stays two things.
+    // Without a join, what is of two submaps stays two things.
     let apart = Correction {
         base_version: map.view().version(),
         merges: merges.clone(),
@@ -365,8 +365,8 @@ fn pieces_become_one_with_all_that_was_added_since() {
     let join = Correction {
         poses: [10, 11].iter().map(moved).collect(),
         join: Some(Join {
-            piece: PieceId(10),
-            into: PieceId(0),
+            submap: SubmapId(10),
+            into: SubmapId(0),
             child: KeyframeId(11),
             parent: KeyframeId(2),
             shift: pose(40),
@@ -378,8 +378,8 @@ fn pieces_become_one_with_all_that_was_added_since() {
     let before: Vec<Se3> = [2, 10, 11, 12].map(|k| at(&map, k)).to_vec();
     let applied = map.apply(&join);
     assert_eq!((applied.merged, applied.carried), (1, 1));
-    assert_eq!(map.view().pieces(), [(PieceId(0), 6)]);
-    assert_eq!(map.view().piece_of(KeyframeId(11)), Some(PieceId(0)));
+    assert_eq!(map.view().submaps(), [(SubmapId(0), 6)]);
+    assert_eq!(map.view().submap_of(KeyframeId(11)), Some(SubmapId(0)));
     assert_eq!(at(&map, 2), before[0]);
     for (k, before) in [10, 11, 12].into_iter().zip(&before[1..]) {
         assert!(distance(&at(&map, k), &(pose(40) * *before)) < 1e-9, "{k}");
@@ -428,7 +428,7 @@ fn what_was_measured_stays_when_its_keyframes_move_or_go() {
 }
 
 #[test]
-fn the_tree_of_a_piece_turns_round_where_it_is_joined() {
+fn the_tree_of_a_submap_turns_round_where_it_is_joined() {
     let mut map = chain(2, 2);
     for (k, parent) in [(10, None), (11, Some(10)), (12, Some(11)), (13, Some(11))] {
         extend(&mut map, k, parent, 2);
@@ -438,8 +438,8 @@ fn the_tree_of_a_piece_turns_round_where_it_is_joined() {
     map.apply(&Correction {
         base_version: map.view().version(),
         join: Some(Join {
-            piece: PieceId(10),
-            into: PieceId(0),
+            submap: SubmapId(10),
+            into: SubmapId(0),
             child: KeyframeId(12),
             parent: KeyframeId(1),
             shift: pose(7),
@@ -462,13 +462,13 @@ fn the_tree_of_a_piece_turns_round_where_it_is_joined() {
 }
 
 #[test]
-fn another_map_comes_as_further_pieces() {
-    let (mut map, other) = (chain(4, 3), two_pieces());
+fn another_map_comes_as_further_submaps() {
+    let (mut map, other) = (chain(4, 3), two_submaps());
     let (own, landmarks) = (map.view().keyframe_count(), map.view().landmark_count());
     let added = map.append(&other).unwrap();
     assert_eq!(added, 4);
-    let pieces = [(PieceId(0), own), (PieceId(4), 4), (PieceId(14), 2)];
-    assert_eq!(map.view().pieces(), pieces);
+    let submaps = [(SubmapId(0), own), (SubmapId(4), 4), (SubmapId(14), 2)];
+    assert_eq!(map.view().submaps(), submaps);
     assert_eq!(
         map.view().landmark_count(),
         landmarks + other.view().landmark_count()

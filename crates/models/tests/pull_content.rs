@@ -29,7 +29,7 @@ fn lengths_are_not_believed() {
         send(stream, &bytes[..1000]);
     });
     assert_eq!(broke_off(result, &scratch).0, 1000);
-    // In pieces, without an end.
+    // In submaps, without an end.
     let e = fails(&model, |_, _, stream| {
         send(
             stream,

@@ -8,7 +8,7 @@
 use crate::event::Event;
 use crate::gate::RefusedFrame;
 use crate::loops::Loops;
-use crate::messages::{LooperMsg, MapperMsg};
+use crate::messages::{LoopCloserMsg, MapperMsg};
 use crate::report::LoopReport;
 use crate::routing;
 use crate::run_log::LogEntry;
@@ -58,7 +58,7 @@ pub struct Exchange {
     stages: Stages,
     for_mapper: VecDeque<MapperMsg>,
     corrections: VecDeque<Correction>,
-    for_looper: VecDeque<LooperMsg>,
+    for_loop_closer: VecDeque<LoopCloserMsg>,
     views: Numbered<Arc<MapView>>,
     places: Numbered<PlaceIndex<KeyframeId>>,
     /// The newest version of the map.
@@ -106,7 +106,7 @@ impl From<Stages> for Exchange {
             stages,
             for_mapper: VecDeque::new(),
             corrections: VecDeque::new(),
-            for_looper: VecDeque::new(),
+            for_loop_closer: VecDeque::new(),
             views: Numbered::default(),
             places: Numbered::default(),
             loops: Loops::default(),
@@ -177,7 +177,8 @@ impl Exchange {
             LogEntry::LoopKeyframe { .. }
             | LogEntry::LoopRejudged { .. }
             | LogEntry::LoopCorrected { .. } => {
-                let message = take_named(&mut self.for_looper, entry, LogEntry::of_looper)?;
+                let message =
+                    take_named(&mut self.for_loop_closer, entry, LogEntry::of_loop_closer)?;
                 self.look_for_loop(message)
             }
         };
@@ -212,14 +213,14 @@ impl Exchange {
 
     fn build_map(&mut self, message: MapperMsg) -> Event {
         let out = self.stages.mapper.step(message);
-        self.for_looper.push_back(out.for_looper());
+        self.for_loop_closer.push_back(out.for_loop_closer());
         self.view = Arc::clone(&out.view);
         self.views.push(Arc::clone(&out.view));
         out.into_event()
     }
 
-    fn look_for_loop(&mut self, message: LooperMsg) -> Option<Event> {
-        let out = self.stages.looper.step(message);
+    fn look_for_loop(&mut self, message: LoopCloserMsg) -> Option<Event> {
+        let out = self.stages.loop_closer.step(message);
         self.places.push(out.places);
         self.corrections.extend(out.correction);
         out.report.map(|report| Event::Looped(Box::new(report)))
@@ -239,8 +240,10 @@ impl Exchange {
 
     /// The entry by which the loop closer takes its next message; none when nothing waits.
     #[must_use]
-    pub fn next_for_looper(&self) -> Option<LogEntry> {
-        self.for_looper.front().and_then(LogEntry::of_looper)
+    pub fn next_for_loop_closer(&self) -> Option<LogEntry> {
+        self.for_loop_closer
+            .front()
+            .and_then(LogEntry::of_loop_closer)
     }
 
     /// How many views the mapper has sent to the tracker; the newest has this number less one.
@@ -394,7 +397,7 @@ mod tests {
         }
         // What it did goes to the loop closer, and the views to the tracker; older ones are gone once a newer one was taken.
         assert!(matches!(
-            exchange.next_for_looper(),
+            exchange.next_for_loop_closer(),
             Some(LogEntry::LoopRejudged { .. })
         ));
         assert_eq!(exchange.views_sent(), 2);

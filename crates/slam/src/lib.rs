@@ -43,13 +43,13 @@ pub use exchange::{Exchange, NotSent};
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};
 pub use health::{Health, HealthMonitor, Loss, LossCause, Quality};
 pub use join::{JoinedMaps, join_maps};
-pub use looping::{Looper, LooperSetup, LoopingConfig};
+pub use looping::{LoopCloser, LoopCloserSetup, LoopingConfig};
 pub use loops::Loops;
 pub use map_shift::MapShift;
 pub use mapping::{Mapper, MapperSetup, MappingConfig, MappingEffort};
 pub use messages::{
-    LandmarkStatistic, LooperMsg, LooperOut, MapperMsg, MapperOut, MapperReport, NewKeyframe,
-    Tracked,
+    LandmarkStatistic, LoopCloserMsg, LoopCloserOut, MapperMsg, MapperOut, MapperReport,
+    NewKeyframe, Tracked,
 };
 pub use replay::{Replay, ReplayError};
 pub use report::{

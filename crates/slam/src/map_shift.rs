@@ -9,7 +9,7 @@ pub struct MapShift {
     pub keyframes: u32,
     /// Landmarks in both whose position is another.
     pub landmarks: u32,
-    /// Largest distance between the positions of a keyframe that was in the same piece of map before, m: those of others had a frame
+    /// Largest distance between the positions of a keyframe that was in the same submap before, m: those of others had a frame
     /// of reference of their own.
     pub farthest_m: f64,
     /// Largest angle between the orientations of such a keyframe, rad.
@@ -30,7 +30,7 @@ impl MapShift {
                 continue;
             }
             shift.keyframes += 1;
-            if was.piece == now.piece {
+            if was.submap == now.submap {
                 let distance = (to.translation - from.translation).norm();
                 let turn = (from.inverse() * *to).log().fixed_rows::<3>(3).norm();
                 shift.farthest_m = shift.farthest_m.max(distance);

@@ -74,20 +74,20 @@ pub struct MapperOut {
 }
 
 impl MapperOut {
-    /// What the looper is to be told of it.
+    /// What the loop closer is to be told of it.
     #[must_use]
-    pub fn for_looper(&self) -> LooperMsg {
+    pub fn for_loop_closer(&self) -> LoopCloserMsg {
         let view = || Arc::clone(&self.view);
         match &self.report {
-            MapperReport::Mapped(report) => LooperMsg::Keyframe {
+            MapperReport::Mapped(report) => LoopCloserMsg::Keyframe {
                 id: report.keyframe,
                 view: view(),
             },
-            MapperReport::Rejudged(report) => LooperMsg::Rejudged {
+            MapperReport::Rejudged(report) => LoopCloserMsg::Rejudged {
                 id: report.keyframe,
                 view: view(),
             },
-            MapperReport::Corrected(report) => LooperMsg::Corrected {
+            MapperReport::Corrected(report) => LoopCloserMsg::Corrected {
                 map_version: report.map_version,
             },
         }
@@ -105,9 +105,9 @@ pub enum MapperReport {
     Corrected(CorrectionReport),
 }
 
-/// What the looper reads.
+/// What the loop closer reads.
 #[derive(Clone, Debug)]
-pub enum LooperMsg {
+pub enum LoopCloserMsg {
     /// A keyframe that the map took.
     Keyframe {
         /// Its id.
@@ -134,9 +134,9 @@ pub enum LooperMsg {
     },
 }
 
-/// What the looper answers.
+/// What the loop closer answers.
 #[derive(Clone, Debug)]
-pub struct LooperOut {
+pub struct LoopCloserOut {
     /// What is to be changed in the map, when a loop was closed.
     pub correction: Option<Correction>,
     /// What became of the place that was recognised; none when none was.

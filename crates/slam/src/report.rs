@@ -6,12 +6,12 @@ use std::sync::Arc;
 use stillpoint_detection::Object;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
-use stillpoint_map::{Join, KeyframeId, PieceId};
+use stillpoint_map::{Join, KeyframeId, SubmapId};
 
 /// What became of a frame's pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Outcome {
-    /// The first frame of a map or a piece of one; its pose is where that begins.
+    /// The first frame of a map or a submap of one; its pose is where that begins.
     Initialised,
     /// The pose was measured in this frame.
     Tracked,
@@ -79,8 +79,8 @@ pub struct FrameReport {
     pub counts: FrameCounts,
     /// The frame became a keyframe.
     pub is_keyframe: bool,
-    /// The piece of map that the pose is in, by what was known at this frame; none without a pose.
-    pub piece: Option<PieceId>,
+    /// The submap that the pose is in, by what was known at this frame; none without a pose.
+    pub submap: Option<SubmapId>,
     /// Version of the map view that was used.
     pub map_version: u64,
 }
@@ -184,7 +184,7 @@ pub struct LoopReport {
     pub expected: u32,
     /// Pose of `keyframe` relative to `with`, once it is known.
     pub edge: Option<Se3>,
-    /// The pieces of map that became one by it.
+    /// The submaps that became one by it.
     pub joined: Option<Join>,
     /// What it cost the pose graph to believe it: squared Mahalanobis distance, about 6 where the loop is right.
     pub cost: f64,

@@ -2,7 +2,7 @@
 //!
 //! Answers: which event tells of it, and what the next stage is told. The same for all drivers: [`Exchange`](crate::Exchange) and the
 //! threads of a live run call these functions. What follows from answers of the mapper and the loop closer is said by the answers
-//! themselves: [`MapperOut`](crate::MapperOut), [`LooperOut`](crate::LooperOut).
+//! themselves: [`MapperOut`](crate::MapperOut), [`LoopCloserOut`](crate::LoopCloserOut).
 
 use crate::event::{Event, FrameEvent};
 use crate::health::HealthMonitor;

@@ -1,16 +1,16 @@
 //! The stages of one run, made to fit each other: what every driver begins with.
 //!
 //! Answers: how stages are made for a configuration, a camera and perhaps a map that is there already. What a stage has to
-//! tell the next is said by the answers themselves ([`MapperOut::for_looper`](crate::MapperOut::for_looper), ...); a driver
+//! tell the next is said by the answers themselves ([`MapperOut::for_loop_closer`](crate::MapperOut::for_loop_closer), ...); a driver
 //! only decides when it is told.
 
 use crate::config::Config;
 use crate::fingerprint::Fingerprint;
 use crate::gate::FrameGate;
 use crate::health::HealthMonitor;
-use crate::looping::Looper;
+use crate::looping::LoopCloser;
 use crate::mapping::Mapper;
-use crate::messages::LooperMsg;
+use crate::messages::LoopCloserMsg;
 use crate::tracking::Tracker;
 use crate::validation::ConfigError;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ pub enum MapUse {
     /// It is gone on with.
     #[default]
     Grow,
-    /// It is only read: poses, but no keyframes and no new pieces.
+    /// It is only read: poses, but no keyframes and no new submaps.
     Localize,
 }
 
@@ -74,7 +74,7 @@ pub struct Stages {
     /// Builds the map.
     pub mapper: Mapper,
     /// Closes loops.
-    pub looper: Looper,
+    pub loop_closer: LoopCloser,
     config: Config,
     fingerprint: Fingerprint,
 }
@@ -92,7 +92,7 @@ impl Stages {
             gate: FrameGate::new(&camera),
             health: HealthMonitor::new(&config),
             mapper: Mapper::new(&config),
-            looper: Looper::new(&config),
+            loop_closer: LoopCloser::new(&config),
             tracker: Tracker::new(&config, camera, simd),
             config,
             fingerprint,
@@ -118,7 +118,7 @@ impl Stages {
         }
         self.mapper = self.mapper.with_map(map);
         let view = self.mapper.publish();
-        let known = self.looper.step(LooperMsg::Known {
+        let known = self.loop_closer.step(LoopCloserMsg::Known {
             view: Arc::clone(&view),
         });
         self.fingerprint.text(&format!("{map_use:?}"));

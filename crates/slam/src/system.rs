@@ -203,9 +203,9 @@ impl System {
         self.carry_out(entry, None, events);
         let due = self.step + 1 + u64::from(self.schedule.mapper);
         self.views.push(due, self.exchange.views_sent() - 1);
-        while let Some(entry) = self.exchange.next_for_looper() {
+        while let Some(entry) = self.exchange.next_for_loop_closer() {
             self.carry_out(entry, None, events);
-            let later = self.step + u64::from(self.schedule.looper);
+            let later = self.step + u64::from(self.schedule.loop_closer);
             self.places.push(later + 1, self.exchange.places_sent() - 1);
             // The loop closer finds no other loop before this one is in the map: one correction waits at most.
             if self.corrections.0.is_empty() && self.exchange.next_correction().is_some() {

@@ -1,19 +1,19 @@
-//! The looper on synthetic maps: a path that comes back is closed, an equal place is not.
+//! The loop closer on synthetic maps: a path that comes back is closed, an equal place is not.
 
 #[path = "../examples/closing/world.rs"]
 mod world;
 
 use stillpoint_map::{Correction, LoopEdge};
-use stillpoint_slam::{Config, LoopOutcome, LoopReport, Looper, LooperMsg};
+use stillpoint_slam::{Config, LoopCloser, LoopCloserMsg, LoopOutcome, LoopReport};
 use world::{STEP_M, Walk, World};
 
 /// Walks until a loop is closed or the path ends; all reports, and the correction.
 fn go(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Option<Correction>) {
-    let mut looper = Looper::new(&Config::default());
+    let mut loop_closer = LoopCloser::new(&Config::default());
     let mut reports = Vec::new();
     for _ in 0..keyframes {
         let (id, view) = walk.step();
-        let out = looper.step(LooperMsg::Keyframe { id, view });
+        let out = loop_closer.step(LoopCloserMsg::Keyframe { id, view });
         reports.extend(out.report);
         if out.correction.is_some() {
             return (reports, out.correction);

@@ -25,7 +25,7 @@ pub(crate) enum MapCommand {
 
 /// Make one map of two, where places of the second are recognised in the first.
 ///
-/// The result is in the first map's frame of reference. Pieces that are not recognised stay pieces of their own.
+/// The result is in the first map's frame of reference. Submaps that are not recognised stay submaps of their own.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -85,7 +85,7 @@ pub(crate) struct MapCheckArgs {
 
 /// Write parts of a map in formats that other programs read.
 ///
-/// Of a map in pieces, of which it is not known how they lie to each other, one is written: the largest, or that of --piece.
+/// Of a map in submaps, of which it is not known how they lie to each other, one is written: the largest, or that of --submap.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
@@ -93,7 +93,7 @@ pub(crate) struct MapCheckArgs {
     after_help = "Examples:
   stillpoint map export desk.spmap --points desk.ply
   stillpoint map export desk.spmap --trajectory desk.txt --graph desk.g2o
-  stillpoint map export desk.spmap --points kitchen.ply --piece 412
+  stillpoint map export desk.spmap --points kitchen.ply --submap 412
   stillpoint eval groundtruth.txt desk.txt
 
 Exit code 2 when the map cannot be used or a file cannot be written."
@@ -119,7 +119,7 @@ pub(crate) struct MapExportArgs {
     /// information: between parents and covisible pairs by the points that both see, between the ends of loops when they were closed.
     #[arg(long, value_name = "FILE.g2o", group = "what", verbatim_doc_comment)]
     pub(crate) graph: Option<PathBuf>,
-    /// The piece of map to write, as map info names it [default: that with most keyframes].
+    /// The submap to write, as map info names it [default: that with most keyframes].
     #[arg(long, value_name = "ID")]
-    pub(crate) piece: Option<u32>,
+    pub(crate) submap: Option<u32>,
 }

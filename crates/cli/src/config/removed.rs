@@ -53,6 +53,11 @@ const REMOVED: &[(&str, &str)] = &[
         "it follows mapping.window, of which it is 3/2",
     ),
     ("mapping.min_found_share", "it is fixed at 0.25"),
+    (
+        "tracking.new_piece_after",
+        "it is called tracking.new_submap_after",
+    ),
+    ("schedule.looper", "it is called schedule.loop_closer"),
     ("looping.min_gap", "it is fixed at 10"),
     ("looping.consistency", "it is fixed at 3"),
     (

@@ -13,7 +13,7 @@ use stillpoint::datasets::point_cloud::{self, CloudFormat, CloudPoint};
 use stillpoint::datasets::pose_graph;
 use stillpoint::datasets::{StampedPose, trajectory};
 use stillpoint::geometry::{Se3, Vec3};
-use stillpoint::map::{Keyframe, Landmark, LandmarkId, MapView, PieceId};
+use stillpoint::map::{Keyframe, Landmark, LandmarkId, MapView, SubmapId};
 
 /// `map export`.
 pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
@@ -25,7 +25,7 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
     let view = loaded.file.map.view();
     let part = Part {
         view,
-        piece: choose_piece(args, view)?,
+        submap: choose_submap(args, view)?,
     };
     if let Some((path, format)) = cloud {
         let points = part.points();
@@ -51,7 +51,7 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
             .keyframes()
             .map(|k| (k.id.0, k.world_from_camera))
             .collect();
-        let graph = Graph::measure(view, part.piece);
+        let graph = Graph::measure(view, part.submap);
         let text = pose_graph::format(&vertices, &graph.edges);
         write(path, "--graph", text.as_bytes())?;
         let loops = graph.loops;
@@ -76,29 +76,32 @@ fn cloud_format(path: &Path) -> Result<CloudFormat, Failure> {
     })
 }
 
-/// The piece to write; what it leaves out is told. None of a map without keyframes.
-fn choose_piece(args: &MapExportArgs, view: &MapView) -> Result<Option<PieceId>, Failure> {
-    let pieces = map::pieces(view);
-    let list = |pieces: &[(PieceId, usize)]| {
-        let piece = |(id, n): &(PieceId, usize)| format!("{id} ({n} keyframes)");
-        pieces.iter().map(piece).collect::<Vec<_>>().join(", ")
+/// The submap to write; what it leaves out is told. None of a map without keyframes.
+fn choose_submap(args: &MapExportArgs, view: &MapView) -> Result<Option<SubmapId>, Failure> {
+    let submaps = map::submaps(view);
+    let list = |submaps: &[(SubmapId, usize)]| {
+        let submap = |(id, n): &(SubmapId, usize)| format!("{id} ({n} keyframes)");
+        submaps.iter().map(submap).collect::<Vec<_>>().join(", ")
     };
-    let chosen = match args.piece.map(PieceId) {
-        Some(id) if pieces.iter().all(|p| p.0 != id) => {
+    let chosen = match args.submap.map(SubmapId) {
+        Some(id) if submaps.iter().all(|p| p.0 != id) => {
             return Err(Failure::input(format!(
-                "{}: expected a piece of the map after --piece, found {id}; its pieces are {}",
+                "{}: expected a submap after --submap, found {id}; its submaps are {}",
                 args.file.display(),
-                list(&pieces)
+                list(&submaps)
             )));
         }
         Some(id) => Some(id),
-        None => pieces.first().map(|p| p.0),
+        None => submaps.first().map(|p| p.0),
     };
-    let others: Vec<_> = pieces.into_iter().filter(|p| Some(p.0) != chosen).collect();
+    let others: Vec<_> = submaps
+        .into_iter()
+        .filter(|p| Some(p.0) != chosen)
+        .collect();
     if let Some(id) = chosen.filter(|_| !others.is_empty()) {
         let keyframes: usize = others.iter().map(|p| p.1).sum();
         console::warn(&format!(
-            "{keyframes} keyframes are in other pieces of map than {id} and were left out: {}; how they lie to it is not known, and --piece writes another",
+            "{keyframes} keyframes are in other submaps than {id} and were left out: {}; how they lie to it is not known, and --submap writes another",
             list(&others)
         ));
     }
@@ -115,18 +118,18 @@ fn told(path: &Path, n: usize, what: &str) {
     console::report(&format!("{}: {n} {what}\n", path.display()));
 }
 
-/// One piece of a map.
+/// One submap.
 struct Part<'a> {
     view: &'a MapView,
-    piece: Option<PieceId>,
+    submap: Option<SubmapId>,
 }
 
 impl<'a> Part<'a> {
     fn keyframes(&self) -> impl Iterator<Item = &'a Arc<Keyframe>> {
-        let piece = self.piece;
+        let submap = self.submap;
         self.view
             .keyframes()
-            .filter(move |k| Some(k.piece) == piece)
+            .filter(move |k| Some(k.submap) == submap)
     }
 
     /// The landmarks, by id.
@@ -135,7 +138,7 @@ impl<'a> Part<'a> {
         let point = |(id, l): (LandmarkId, &Landmark)| {
             let anchor = view
                 .keyframe(l.anchor)
-                .filter(|k| Some(k.piece) == self.piece)?;
+                .filter(|k| Some(k.submap) == self.submap)?;
             let direction: Vec3 = anchor.world_from_camera.rotation * l.direction_in_anchor;
             let normal = direction.try_normalize(1e-9).map_or(Vec3::zeros(), |d| -d);
             Some(CloudPoint {

@@ -1,4 +1,4 @@
-//! A piece of map as a pose graph of measurements: what two keyframes saw says how they lie to each other, whatever the map made
+//! A submap as a pose graph of measurements: what two keyframes saw says how they lie to each other, whatever the map made
 //! of it. Edges that repeated the poses of the map would agree with it everywhere and tell an optimiser nothing.
 
 use std::collections::BTreeMap;
@@ -7,12 +7,12 @@ use stillpoint::estimation::{
     Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose,
 };
 use stillpoint::geometry::{Mat6, Se3};
-use stillpoint::map::{Keyframe, KeyframeData, KeyframeId, LoopEdge, MapView, PieceId};
+use stillpoint::map::{Keyframe, KeyframeData, KeyframeId, LoopEdge, MapView, SubmapId};
 
 /// Points that must agree on the motion between two keyframes for it to count as measured.
 const MIN_INLIERS: usize = 20;
 
-/// The edges of a piece of map.
+/// The edges of a submap.
 pub(super) struct Graph {
     /// Of covisible pairs and of parents, by the older keyframe; then those of loops.
     pub(super) edges: Vec<GraphEdge>,
@@ -23,14 +23,14 @@ pub(super) struct Graph {
 }
 
 impl Graph {
-    /// Measures how the keyframes of a piece lie to each other that share landmarks, and adds its loops.
-    pub(super) fn measure(view: &MapView, piece: Option<PieceId>) -> Self {
+    /// Measures how the keyframes of a submap lie to each other that share landmarks, and adds its loops.
+    pub(super) fn measure(view: &MapView, submap: Option<SubmapId>) -> Self {
         let mut graph = Self {
             edges: Vec::new(),
             loops: 0,
             as_estimated: 0,
         };
-        for ((a, b), is_parent) in pairs(view, piece) {
+        for ((a, b), is_parent) in pairs(view, submap) {
             let (Some(a), Some(b)) = (view.keyframe(a), view.keyframe(b)) else {
                 continue;
             };
@@ -45,7 +45,9 @@ impl Graph {
                 None => {}
             }
         }
-        let loops = view.loops().filter_map(|edge| loop_edge(view, piece, edge));
+        let loops = view
+            .loops()
+            .filter_map(|edge| loop_edge(view, submap, edge));
         let before = graph.edges.len();
         graph.edges.extend(loops);
         graph.loops = graph.edges.len() - before;
@@ -62,11 +64,11 @@ impl Graph {
     }
 }
 
-/// The pairs of keyframes of a piece that share landmarks or are parent and child, the smaller id first; whether they are the
+/// The pairs of keyframes of a submap that share landmarks or are parent and child, the smaller id first; whether they are the
 /// latter.
-fn pairs(view: &MapView, piece: Option<PieceId>) -> BTreeMap<(KeyframeId, KeyframeId), bool> {
+fn pairs(view: &MapView, submap: Option<SubmapId>) -> BTreeMap<(KeyframeId, KeyframeId), bool> {
     let mut pairs = BTreeMap::new();
-    for k in view.keyframes().filter(|k| Some(k.piece) == piece) {
+    for k in view.keyframes().filter(|k| Some(k.submap) == submap) {
         let ordered = |other: KeyframeId| (k.id.min(other), k.id.max(other));
         for (other, _) in &k.covisible {
             pairs.entry(ordered(*other)).or_insert(false);
@@ -121,11 +123,11 @@ fn measurement(data: &KeyframeData, feature: usize) -> Measurement {
 }
 
 /// A loop between the keyframes that its ends are now: a culled one hangs on another, and how is known. None between keyframes
-/// of other pieces, and where both ends have become one.
-fn loop_edge(view: &MapView, piece: Option<PieceId>, edge: &LoopEdge) -> Option<GraphEdge> {
+/// of other submaps, and where both ends have become one.
+fn loop_edge(view: &MapView, submap: Option<SubmapId>, edge: &LoopEdge) -> Option<GraphEdge> {
     let end = |id: KeyframeId| {
         let live = view.keyframe(view.resolve_keyframe(id)?)?;
-        let live = (Some(live.piece) == piece).then_some(live)?;
+        let live = (Some(live.submap) == submap).then_some(live)?;
         if live.id == id {
             // To the bit: what was measured is exported as it is.
             return Some((id, Se3::identity()));

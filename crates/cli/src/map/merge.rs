@@ -17,11 +17,11 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
     config.features.levels = scales.len();
     config.features.scale_factor = scales.get(1).copied().unwrap_or(1.2);
     let file = MapOutput::create(&args.out, "--out")?;
-    let [a, b] = [&first, &second].map(|m| m.view().pieces().len());
+    let [a, b] = [&first, &second].map(|m| m.view().submaps().len());
     let joined = join_maps(&config, first, &second)
         .map_err(|e| Failure::input(format!("{}: {e}", args.second.display())))?;
-    // Fewer pieces are not enough: those of one map may have been tied to each other.
-    if joined.shared_pieces() == 0 {
+    // Fewer submaps are not enough: those of one map may have been tied to each other.
+    if joined.shared_submaps() == 0 {
         return Err(Failure::criteria(format!(
             "expected a place of {} in {}, found none among {} that look alike: nothing was written; a recording that begins where the first map is known and is run with --load-map ties them",
             args.second.display(),
@@ -30,13 +30,13 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         )));
     }
     let saved = file.save(&joined.map)?;
-    let pieces = map::pieces(joined.map.view());
+    let submaps = map::submaps(joined.map.view());
     console::report(&format!(
-        "{}: {} keyframes and {} landmarks; {a} and {b} pieces of map became {}\n",
+        "{}: {} keyframes and {} landmarks; {a} and {b} submaps became {}\n",
         saved.path,
         saved.keyframes,
         saved.landmarks,
-        pieces.len()
+        submaps.len()
     ));
     Ok(Status::Ok)
 }

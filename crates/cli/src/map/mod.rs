@@ -13,7 +13,7 @@ use crate::models::megabytes;
 use serde::Serialize;
 use std::cmp::Reverse;
 use stillpoint::geometry::{Camera, Vec3};
-use stillpoint::map::{KeyframeId, KeyframeSlot, MapView, PieceId};
+use stillpoint::map::{KeyframeId, KeyframeSlot, MapView, SubmapId};
 
 /// `map`.
 pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
@@ -68,13 +68,13 @@ struct MapInfo {
     /// Places that were recognised, and are kept as measurements.
     loops: usize,
     /// Parts of which it is not known how they lie to each other, the largest first.
-    pieces: Vec<PieceOfMap>,
+    submaps: Vec<SubmapSummary>,
     /// Of the first and the last keyframe, s.
     #[serde(skip_serializing_if = "Option::is_none")]
     stamps: Option<[f64; 2]>,
-    /// Through all keyframes of the largest piece, culled ones too, m.
+    /// Through all keyframes of the largest submap, culled ones too, m.
     path_length: f64,
-    /// Of the box with the axes of the world around all landmarks of the largest piece, m.
+    /// Of the box with the axes of the world around all landmarks of the largest submap, m.
     #[serde(skip_serializing_if = "Option::is_none")]
     extent: Option<[f64; 3]>,
     cameras: Vec<CameraJson>,
@@ -85,7 +85,7 @@ struct MapInfo {
 }
 
 #[derive(Debug, Serialize)]
-struct PieceOfMap {
+struct SubmapSummary {
     id: u32,
     keyframes: usize,
 }
@@ -120,8 +120,8 @@ impl MapInfo {
                 cameras.push(camera);
             }
         }
-        let pieces = pieces(view);
-        let largest = pieces.first().map(|p| p.0);
+        let submaps = submaps(view);
+        let largest = submaps.first().map(|p| p.0);
         let extension = |e: &stillpoint::map::Extension| ExtensionJson {
             name: e.name.clone(),
             bytes: e.bytes.len(),
@@ -141,9 +141,9 @@ impl MapInfo {
             stamps: stamps(view),
             path_length: largest.map_or(0.0, |p| path_length(view, p)),
             extent: largest.and_then(|p| extent(view, p)),
-            pieces: pieces
+            submaps: submaps
                 .iter()
-                .map(|(id, keyframes)| PieceOfMap {
+                .map(|(id, keyframes)| SubmapSummary {
                     id: id.0,
                     keyframes: *keyframes,
                 })
@@ -176,10 +176,10 @@ impl MapInfo {
             "landmarks",
             format!("{}, observed {} times", self.landmarks, self.observations),
         );
-        line("pieces", self.pieces_text());
+        line("submaps", self.submaps_text());
         line("loops", self.loops.to_string());
-        let of_piece = match &self.pieces[..] {
-            [largest, _, ..] => format!(", of piece {}", largest.id),
+        let of_submap = match &self.submaps[..] {
+            [largest, _, ..] => format!(", of submap {}", largest.id),
             _ => String::new(),
         };
         if let Some([first, last]) = self.stamps {
@@ -188,9 +188,9 @@ impl MapInfo {
                 format!("{first:.6} to {last:.6}: {:.1} s", last - first),
             );
         }
-        line("path", format!("{:.2} m{of_piece}", self.path_length));
+        line("path", format!("{:.2} m{of_submap}", self.path_length));
         if let Some([x, y, z]) = self.extent {
-            line("extent", format!("{x:.2} x {y:.2} x {z:.2} m{of_piece}"));
+            line("extent", format!("{x:.2} x {y:.2} x {z:.2} m{of_submap}"));
         }
         for c in &self.cameras {
             let distorted = c.distortion.iter().any(|d| *d != 0.0);
@@ -219,9 +219,9 @@ impl MapInfo {
     }
 
     /// How many there are, and which if that is a question.
-    fn pieces_text(&self) -> String {
-        let piece = |p: &PieceOfMap| format!("{} ({} keyframes)", p.id, p.keyframes);
-        let list: Vec<String> = self.pieces.iter().map(piece).collect();
+    fn submaps_text(&self) -> String {
+        let submap = |p: &SubmapSummary| format!("{} ({} keyframes)", p.id, p.keyframes);
+        let list: Vec<String> = self.submaps.iter().map(submap).collect();
         match list.len() {
             0 | 1 => list.len().to_string(),
             n => format!("{n}: {}", list.join(", ")),
@@ -256,18 +256,18 @@ fn stamps(view: &MapView) -> Option<[f64; 2]> {
     Some(stamps.fold([first; 2], |[least, most], s| [least.min(s), most.max(s)]))
 }
 
-/// The pieces with their numbers of live keyframes, the largest first, of equals the oldest.
-pub(crate) fn pieces(view: &MapView) -> Vec<(PieceId, usize)> {
-    let mut pieces = view.pieces();
+/// The submaps with their numbers of live keyframes, the largest first, of equals the oldest.
+pub(crate) fn submaps(view: &MapView) -> Vec<(SubmapId, usize)> {
+    let mut submaps = view.submaps();
     // Stable, and they come by id.
-    pieces.sort_by_key(|p| Reverse(p.1));
-    pieces
+    submaps.sort_by_key(|p| Reverse(p.1));
+    submaps
 }
 
-fn path_length(view: &MapView, piece: PieceId) -> f64 {
+fn path_length(view: &MapView, submap: SubmapId) -> f64 {
     let mut last: Option<Vec3> = None;
     let mut length = 0.0;
-    for id in ids(view).filter(|id| view.piece_of(*id) == Some(piece)) {
+    for id in ids(view).filter(|id| view.submap_of(*id) == Some(submap)) {
         let Some(pose) = view.world_from_keyframe(id) else {
             continue;
         };
@@ -278,10 +278,10 @@ fn path_length(view: &MapView, piece: PieceId) -> f64 {
     length
 }
 
-fn extent(view: &MapView, piece: PieceId) -> Option<[f64; 3]> {
+fn extent(view: &MapView, submap: SubmapId) -> Option<[f64; 3]> {
     let mut positions = view
         .landmarks()
-        .filter(|(_, l)| view.piece_of(l.anchor) == Some(piece))
+        .filter(|(_, l)| view.submap_of(l.anchor) == Some(submap))
         .filter_map(|(id, _)| view.landmark_position(id));
     let first = positions.next()?;
     let (least, most) = positions.fold((first, first), |(least, most), p| {

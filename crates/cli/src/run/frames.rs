@@ -1,10 +1,10 @@
-//! What became of every frame: `frames.csv`, the stretches in which tracking was lost, and the pieces of map.
+//! What became of every frame: `frames.csv`, the stretches in which tracking was lost, and the submaps.
 
-use crate::run::summary::{LostStretch, PieceJson};
+use crate::run::summary::{LostStretch, SubmapJson};
 use std::collections::BTreeMap;
 use stillpoint::datasets::StampedPose;
 use stillpoint::imaging::FrameId;
-use stillpoint::map::{MapView, PieceId};
+use stillpoint::map::{MapView, SubmapId};
 use stillpoint::slam::{FrameReport, Outcome, Trajectory, TrajectoryEntry};
 
 /// Fewer landmarks may agree on a pose by chance: such poses are not written.
@@ -13,7 +13,7 @@ pub(crate) const MIN_INLIERS: u32 = 30;
 /// What became of a frame.
 #[derive(Clone, Debug, PartialEq)]
 enum State {
-    /// It began a piece of map.
+    /// It began a submap.
     Begun,
     /// Its pose was measured.
     Tracked,
@@ -40,8 +40,8 @@ struct Line {
     frame: FrameId,
     stamp: f64,
     state: State,
-    /// The piece of map that its pose was in when it was measured.
-    piece: Option<PieceId>,
+    /// The submap that its pose was in when it was measured.
+    submap: Option<SubmapId>,
     inliers: u32,
     is_keyframe: bool,
 }
@@ -50,14 +50,14 @@ struct Line {
 #[derive(Default)]
 pub(crate) struct Frames(Vec<Line>);
 
-/// Poses of one piece of map, in its own frame of reference.
-pub(crate) struct Piece {
-    pub(crate) id: PieceId,
+/// Poses of one submap, in its own frame of reference.
+pub(crate) struct Submap {
+    pub(crate) id: SubmapId,
     /// Keyframes in the final map.
     pub(crate) keyframes: usize,
     /// Final poses of the tracked frames.
     pub(crate) final_poses: Vec<StampedPose>,
-    /// Poses as known at each frame, of those that were in this piece then.
+    /// Poses as known at each frame, of those that were in this submap then.
     pub(crate) online_poses: Vec<StampedPose>,
 }
 
@@ -77,7 +77,7 @@ impl Frames {
             frame: report.frame,
             stamp: report.stamp,
             state,
-            piece: report.piece.filter(|_| !lost),
+            submap: report.submap.filter(|_| !lost),
             inliers,
             is_keyframe: report.is_keyframe,
         });
@@ -120,30 +120,31 @@ impl Frames {
         stretches
     }
 
-    /// The poses by piece of the final map; the piece with most frames first, which is the one that a trajectory is of.
-    pub(crate) fn pieces(&self, trajectory: &Trajectory, view: &MapView) -> Vec<Piece> {
-        let mut by_piece: BTreeMap<PieceId, Vec<(TrajectoryEntry, StampedPose)>> = BTreeMap::new();
+    /// The poses by submap of the final map; the submap with most frames first, which is the one that a trajectory is of.
+    pub(crate) fn submaps(&self, trajectory: &Trajectory, view: &MapView) -> Vec<Submap> {
+        let mut by_submap: BTreeMap<SubmapId, Vec<(TrajectoryEntry, StampedPose)>> =
+            BTreeMap::new();
         for (entry, world_from_camera) in trajectory.resolve(view) {
-            // Until the map holds it, a keyframe is a piece of its own.
-            let piece = view.piece_of(entry.pose.reference);
-            let piece = piece.unwrap_or(PieceId(entry.pose.reference.0));
+            // Until the map holds it, a keyframe is a submap of its own.
+            let submap = view.submap_of(entry.pose.reference);
+            let submap = submap.unwrap_or(SubmapId(entry.pose.reference.0));
             if entry.inliers >= MIN_INLIERS {
                 let pose = StampedPose {
                     stamp: entry.stamp,
                     world_from_camera,
                 };
-                by_piece.entry(piece).or_default().push((entry, pose));
+                by_submap.entry(submap).or_default().push((entry, pose));
             }
         }
-        let keyframes: BTreeMap<PieceId, usize> = view.pieces().into_iter().collect();
-        let mut pieces: Vec<Piece> = by_piece
+        let keyframes: BTreeMap<SubmapId, usize> = view.submaps().into_iter().collect();
+        let mut submaps: Vec<Submap> = by_submap
             .into_iter()
-            .map(|(id, poses)| Piece {
+            .map(|(id, poses)| Submap {
                 id,
                 keyframes: keyframes.get(&id).copied().unwrap_or(0),
                 online_poses: poses
                     .iter()
-                    .filter(|(entry, _)| self.piece_at(entry.frame) == Some(id))
+                    .filter(|(entry, _)| self.submap_at(entry.frame) == Some(id))
                     .map(|(entry, _)| StampedPose {
                         stamp: entry.stamp,
                         world_from_camera: entry.pose.online_world_from_camera,
@@ -153,25 +154,25 @@ impl Frames {
             })
             .collect();
         // Stable: of two with as many frames the older one.
-        pieces.sort_by_key(|p| std::cmp::Reverse(p.final_poses.len()));
-        pieces
+        submaps.sort_by_key(|p| std::cmp::Reverse(p.final_poses.len()));
+        submaps
     }
 
-    /// The piece that a frame's pose was in when it was measured.
-    fn piece_at(&self, frame: FrameId) -> Option<PieceId> {
+    /// The submap that a frame's pose was in when it was measured.
+    fn submap_at(&self, frame: FrameId) -> Option<SubmapId> {
         let at = self.0.binary_search_by_key(&frame, |l| l.frame).ok()?;
-        self.0[at].piece
+        self.0[at].submap
     }
 
-    /// The text of `frames.csv`. `final_piece` says which piece a piece has become part of.
+    /// The text of `frames.csv`. `final_submap` says which submap a submap has become part of.
     pub(crate) fn to_csv(&self, trajectory: &Trajectory, view: &MapView) -> String {
         let entries = trajectory.entries();
         let mut text =
-            String::from("frame,stamp,state,piece,final_piece,inliers,keyframe,reason\n");
+            String::from("frame,stamp,state,submap,final_submap,inliers,keyframe,reason\n");
         for line in &self.0 {
             let entry = entries.binary_search_by_key(&line.frame, |e| e.frame).ok();
-            let last = entry.and_then(|i| view.piece_of(entries[i].pose.reference));
-            let id = |piece: Option<PieceId>| piece.map_or_else(String::new, |p| p.to_string());
+            let last = entry.and_then(|i| view.submap_of(entries[i].pose.reference));
+            let id = |submap: Option<SubmapId>| submap.map_or_else(String::new, |p| p.to_string());
             let reason = match &line.state {
                 State::Lost(reason) => reason,
                 _ => "",
@@ -181,8 +182,8 @@ impl Frames {
                 line.frame,
                 line.stamp,
                 line.state.name(),
-                id(line.piece),
-                id(last.or(line.piece).filter(|_| line.piece.is_some())),
+                id(line.submap),
+                id(last.or(line.submap).filter(|_| line.submap.is_some())),
                 line.inliers,
                 u8::from(line.is_keyframe),
             );
@@ -191,32 +192,32 @@ impl Frames {
     }
 }
 
-/// The pieces of a map as `summary.json` has them, each with the file of its poses.
-pub(crate) fn describe(pieces: &[Piece]) -> Vec<PieceJson> {
-    pieces
+/// The submaps as `summary.json` has them, each with the file of its poses.
+pub(crate) fn describe(submaps: &[Submap]) -> Vec<SubmapJson> {
+    submaps
         .iter()
         .enumerate()
-        .map(|(i, piece)| PieceJson {
-            id: piece.id.0,
-            frames: piece.final_poses.len(),
-            keyframes: piece.keyframes,
-            trajectory: file_name(i, piece.id),
+        .map(|(i, submap)| SubmapJson {
+            id: submap.id.0,
+            frames: submap.final_poses.len(),
+            keyframes: submap.keyframes,
+            trajectory: file_name(i, submap.id),
         })
         .collect()
 }
 
-/// The file of the poses of a piece: the first is the run's trajectory.
-pub(crate) fn file_name(number: usize, id: PieceId) -> String {
+/// The file of the poses of a submap: the first is the run's trajectory.
+pub(crate) fn file_name(number: usize, id: SubmapId) -> String {
     if number == 0 {
         "trajectory.txt".to_owned()
     } else {
-        format!("trajectory_piece_{id}.txt")
+        format!("trajectory_submap_{id}.txt")
     }
 }
 
-/// Whether a file of this name holds the poses of a further piece.
-pub(crate) fn is_piece_file(name: &str) -> bool {
-    let id = name.strip_prefix("trajectory_piece_");
+/// Whether a file of this name holds the poses of a further submap.
+pub(crate) fn is_submap_file(name: &str) -> bool {
+    let id = name.strip_prefix("trajectory_submap_");
     let id = id.and_then(|rest| rest.strip_suffix(".txt"));
     id.is_some_and(|id| id.parse::<u32>().is_ok())
 }
@@ -226,7 +227,7 @@ mod tests {
     use super::*;
     use stillpoint::slam::{FrameCounts, LostReason, Segments};
 
-    fn report(frame: u32, outcome: Outcome, piece: Option<u32>, inliers: u32) -> FrameReport {
+    fn report(frame: u32, outcome: Outcome, submap: Option<u32>, inliers: u32) -> FrameReport {
         FrameReport {
             frame: FrameId(frame),
             stamp: f64::from(frame) / 10.0,
@@ -240,7 +241,7 @@ mod tests {
                 ..FrameCounts::default()
             },
             is_keyframe: frame == 0,
-            piece: piece.map(PieceId),
+            submap: submap.map(SubmapId),
             map_version: 0,
         }
     }

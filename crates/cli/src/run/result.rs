@@ -92,9 +92,9 @@ pub(crate) fn write(
     let poses = |p: &[StampedPose]| trajectory::format(p).into_bytes();
     folder.write("trajectory.txt", &poses(&session.final_poses))?;
     folder.write("trajectory_online.txt", &poses(&session.online_poses))?;
-    for (i, piece) in session.other_pieces.iter().enumerate() {
-        let name = frames::file_name(i + 1, piece.id);
-        folder.write(&name, &poses(&piece.final_poses))?;
+    for (i, submap) in session.other_submaps.iter().enumerate() {
+        let name = frames::file_name(i + 1, submap.id);
+        folder.write(&name, &poses(&submap.final_poses))?;
     }
     folder.write("keyframes.txt", &poses(&session.keyframes))?;
     folder.write("frames.csv", session.frames_csv.as_bytes())?;
@@ -167,10 +167,10 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
             stretch.first, stretch.last, stretch.seconds, stretch.reason, stretch.then
         ));
     }
-    for piece in s.pieces.iter().skip(1) {
+    for submap in s.submaps.iter().skip(1) {
         console::warn(&format!(
-            "{} frames are in a piece of map that was not recognised as part of the first: their poses are in {}, in a frame of reference of their own",
-            piece.frames, piece.trajectory
+            "{} frames are in a submap that was not recognised as part of the first: their poses are in {}, in a frame of reference of their own",
+            submap.frames, submap.trajectory
         ));
     }
     if let Some(remark) = &s.detector.remark {
@@ -215,7 +215,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         skipped: session.skipped,
         tracked: session.final_poses.len(),
         lost: session.lost.clone(),
-        pieces: session.pieces.clone(),
+        submaps: session.submaps.clone(),
         detector: session.detector.clone(),
         features: session.features,
         loops: session.loops,

@@ -76,16 +76,16 @@ impl Tally {
     /// The pass as a whole.
     pub(crate) fn close(self, end: End<'_>) -> Session {
         let view = end.view;
-        let mut pieces = self.each.pieces(end.trajectory, &view);
-        let described = frames::describe(&pieces);
-        let other_pieces = pieces.split_off(pieces.len().min(1));
-        let first = pieces.pop();
-        let piece = first.as_ref().map(|p| p.id);
+        let mut submaps = self.each.submaps(end.trajectory, &view);
+        let described = frames::describe(&submaps);
+        let other_submaps = submaps.split_off(submaps.len().min(1));
+        let first = submaps.pop();
+        let submap = first.as_ref().map(|p| p.id);
         let (final_poses, online_poses) =
             first.map_or_else(Default::default, |p| (p.final_poses, p.online_poses));
         let keyframes = view
             .keyframes()
-            .filter(|k| Some(k.piece) == piece)
+            .filter(|k| Some(k.submap) == submap)
             .map(|k| StampedPose {
                 stamp: k.data.stamp,
                 world_from_camera: k.world_from_camera,
@@ -107,8 +107,8 @@ impl Tally {
             skipped: self.skipped,
             lost: self.each.lost(),
             frames_csv: self.each.to_csv(end.trajectory, &view),
-            pieces: described,
-            other_pieces,
+            submaps: described,
+            other_submaps,
             interrupted: end.interrupted,
             seconds: end.seconds,
             final_poses,
@@ -193,7 +193,7 @@ mod tests {
                 ..FrameCounts::default()
             },
             is_keyframe: true,
-            piece: None,
+            submap: None,
             map_version: 0,
         };
         let mut tally = Tally::default();

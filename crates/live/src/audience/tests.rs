@@ -34,7 +34,7 @@ fn tracked(n: u32) -> Event {
             objects: [].into(),
             counts: FrameCounts::default(),
             is_keyframe: false,
-            piece: None,
+            submap: None,
             map_version: 0,
         },
         health: Health {

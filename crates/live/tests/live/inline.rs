@@ -86,7 +86,7 @@ fn a_run_with_delays_and_a_detector_that_fails_is_replayed() {
             c.schedule = Schedule {
                 detector: 3,
                 mapper: 2,
-                looper: 4,
+                loop_closer: 4,
             };
         })
     };
@@ -109,8 +109,9 @@ fn a_run_with_delays_and_a_detector_that_fails_is_replayed() {
 #[test]
 fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
     let (camera, frames) = world::there_and_back();
-    let stages =
-        |looper: u32| world::stages_for_pieces_with(camera, |c| c.schedule.looper = looper);
+    let stages = |loop_closer: u32| {
+        world::stages_for_submaps_with(camera, |c| c.schedule.loop_closer = loop_closer)
+    };
     let (system, heard) = run(System::from(stages(4)).with_log(), &frames);
     let corrected: Vec<_> = heard
         .events
@@ -144,10 +145,10 @@ fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
     for frame in &frames {
         heard.receive_all(&late.step(frame.clone()));
     }
-    let before = late.view().pieces().len();
+    let before = late.view().submaps().len();
     let last = late.finish();
     assert!(matches!(last[..], [Event::Corrected { .. }]), "{last:?}");
-    assert_eq!((before, late.view().pieces().len()), (2, 1));
+    assert_eq!((before, late.view().submaps().len()), (2, 1));
     heard.receive_all(&last);
     assert_replayed(late, &heard, stages(1000), &frames);
 }

@@ -121,17 +121,17 @@ fn corrections_of_the_map_are_reproduced_too() {
         ..LiveOptions::default()
     };
     let (result, heard, frames) = within(move || {
-        let stages = world::stages_for_pieces(camera);
+        let stages = world::stages_for_submaps(camera);
         let (result, heard) = push(stages, None, options, &frames, 0);
         (result, heard, frames)
     });
     assert_all_finished(&result);
     let joined = |l: &&LoopReport| l.joined.is_some() && l.applied.is_some();
     assert_eq!(result.loops.iter().filter(joined).count(), 1);
-    assert_eq!(result.view.pieces().len(), 1);
+    assert_eq!(result.view.submaps().len(), 1);
     let took = |e: &&LogEntry| matches!(e, LogEntry::MapCorrect { .. });
     assert_eq!(result.log.entries.iter().filter(took).count(), 1);
-    let stages = world::stages_for_pieces(camera);
+    let stages = world::stages_for_submaps(camera);
     assert_reproduced_by(stages, Frames::of(&frames), &result, &heard);
 }
 

@@ -104,7 +104,7 @@ pub(crate) fn stages_with(change: impl Fn(&mut Config)) -> Stages {
     Stages::new(config, world().camera, Simd::detect()).unwrap()
 }
 
-/// A walk whose lens is covered, uncovered where nothing is known, and that goes back to where it was: a new piece of map is
+/// A walk whose lens is covered, uncovered where nothing is known, and that goes back to where it was: a new submap is
 /// begun, and joined to the first by a correction.
 pub(crate) fn there_and_back() -> (Camera, Vec<RgbdFrame>) {
     let simulator = Simulator::new(&SimulatorConfig {
@@ -133,15 +133,15 @@ pub(crate) fn there_and_back() -> (Camera, Vec<RgbdFrame>) {
     (*simulator.camera(), frames)
 }
 
-/// Stages that begin a new piece of map soon.
-pub(crate) fn stages_for_pieces(camera: Camera) -> Stages {
-    stages_for_pieces_with(camera, |_| {})
+/// Stages that begin a new submap soon.
+pub(crate) fn stages_for_submaps(camera: Camera) -> Stages {
+    stages_for_submaps_with(camera, |_| {})
 }
 
 /// The same, with something set.
-pub(crate) fn stages_for_pieces_with(camera: Camera, change: impl Fn(&mut Config)) -> Stages {
+pub(crate) fn stages_for_submaps_with(camera: Camera, change: impl Fn(&mut Config)) -> Stages {
     let mut config = Config::default();
-    config.tracking.new_piece_after = 10;
+    config.tracking.new_submap_after = 10;
     change(&mut config);
     Stages::new(config, camera, Simd::detect()).unwrap()
 }

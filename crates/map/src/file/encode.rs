@@ -170,7 +170,7 @@ impl<'a> Content<'a> {
             to.u32(k.data.len() as u32);
             to.f64(k.data.stamp);
             pose(to, &k.world_from_camera);
-            to.u32(k.piece.0);
+            to.u32(k.submap.0);
         }
     }
 

@@ -125,7 +125,7 @@ fn random_map(seed: u64, features: u32, changes: u32) -> Map {
             0..=3 => {
                 let some = || map.view.keyframes().next().map(|k| k.id);
                 let parent = map.view.resolve_keyframe(keyframe).or_else(some);
-                // A few begin pieces of their own.
+                // A few begin submaps of their own.
                 let parent = parent.filter(|_| random.below(16) > 0);
                 let data = data(random, features, 1e9 + f64::from(next) / 30.0);
                 map.insert_keyframe(KeyframeId(next), data, pose(random), parent);
@@ -170,7 +170,7 @@ fn random_map(seed: u64, features: u32, changes: u32) -> Map {
     map
 }
 
-/// The same with loops between some of its keyframes, where one piece has more than one.
+/// The same with loops between some of its keyframes, where one submap has more than one.
 fn looped_map(seed: u64, features: u32, changes: u32) -> Map {
     let mut map = random_map(seed, features, changes);
     let random = &mut Random(seed);
@@ -219,7 +219,7 @@ fn the_maps_of_these_tests_have_everything() {
     assert!(count(|s| matches!(s, KeyframeSlot::Empty)) > 256);
     assert!(count(|s| matches!(s, KeyframeSlot::Culled { .. })) > 3);
     assert!(map.view.keyframe_count() > 20);
-    assert!(map.view.pieces().len() > 2);
+    assert!(map.view.submaps().len() > 2);
     let covisible: usize = map.view.keyframes().map(|k| k.covisible.len()).sum();
     assert!(covisible > 4, "{covisible}");
     let count = |f: fn(&LandmarkSlot) -> bool| map.view.landmarks.iter().filter(|s| f(s)).count();
@@ -538,7 +538,7 @@ fn put(raw: &mut [Raw], part: Part, at: usize, new: &[u8]) {
 #[test]
 fn every_kind_of_nonsense_has_its_message() {
     let nan = f64::NAN.to_le_bytes();
-    // In the records of keyframes: id, parent, camera, features, stamp, quaternion, translation, piece.
+    // In the records of keyframes: id, parent, camera, features, stamp, quaternion, translation, submap.
     check(
         |r| put(r, Part::Keyframes, 16, &nan),
         &["finite stamp", "keyframes", "NaN"],
@@ -554,7 +554,7 @@ fn every_kind_of_nonsense_has_its_message() {
     );
     check(
         |r| put(r, Part::Keyframes, 80, &[255; 4]),
-        &["a piece below"],
+        &["a submap below"],
     );
     // Its own parent.
     let own = |r: &mut Vec<Raw>| {

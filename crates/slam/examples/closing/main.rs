@@ -1,4 +1,4 @@
-//! Time and memory of closing one loop at the end of a long path: the looper alone, on a synthetic map of so many keyframes.
+//! Time and memory of closing one loop at the end of a long path: the loop closer alone, on a synthetic map of so many keyframes.
 //!
 //! `cargo run --release -p stillpoint-slam --example closing -- 2000`. Keyframes are 0.2 m apart on one circle and see 400 of the
 //! points along it; the last ones see what the first ones saw. One run per process, so that its peak memory is its own. Times
@@ -9,7 +9,7 @@
 
 mod world;
 
-use stillpoint_slam::{Config, LoopOutcome, Looper, LooperMsg};
+use stillpoint_slam::{Config, LoopCloser, LoopCloserMsg, LoopOutcome};
 use world::{STEP_M, Walk, World};
 
 /// Seconds that this process has computed.
@@ -31,13 +31,13 @@ fn main() {
     let count: u32 = std::env::args().nth(1).map_or(2000, |a| a.parse().unwrap());
     // The last thirty keyframes see the beginning again.
     let mut walk = Walk::new(World::new(STEP_M * f64::from(count - 30)));
-    let mut looper = Looper::new(&Config::default());
+    let mut loop_closer = LoopCloser::new(&Config::default());
     let mut slowest = 0.0f64;
     for k in 0..count {
         let (id, view) = walk.step();
         let before = memory("VmRSS");
         let start = computed();
-        let out = looper.step(LooperMsg::Keyframe { id, view });
+        let out = loop_closer.step(LoopCloserMsg::Keyframe { id, view });
         let seconds = computed() - start;
         let Some(report) = out.report.filter(|r| r.outcome == LoopOutcome::Closed) else {
             slowest = slowest.max(seconds);

@@ -73,5 +73,5 @@ pub struct Schedule {
     /// Frames between a keyframe and the map view that holds it. Range: 0 to 1000. 0: mapping keeps up with the camera.
     pub mapper: u32,
     /// Frames between a keyframe and the correction that it led to. Range: 0 to 1000. 0: loops are closed at once.
-    pub looper: u32,
+    pub loop_closer: u32,
 }

@@ -1,7 +1,7 @@
 //! What of the configuration concerns which stage.
 
 use super::Config;
-use crate::looping::LooperSetup;
+use crate::looping::LoopCloserSetup;
 use crate::mapping::MapperSetup;
 use crate::static_filter::FilterSetup;
 use crate::tracking::TrackerSetup;
@@ -49,7 +49,7 @@ impl From<&Config> for MapperSetup {
     }
 }
 
-impl From<&Config> for LooperSetup {
+impl From<&Config> for LoopCloserSetup {
     fn from(config: &Config) -> Self {
         Self {
             looping: config.looping.clone(),

@@ -35,7 +35,12 @@ impl Config {
         section("schedule", &|c| {
             c.range("detector", f64::from(self.schedule.detector), 0.0, 1000.0);
             c.range("mapper", f64::from(self.schedule.mapper), 0.0, 1000.0);
-            c.range("looper", f64::from(self.schedule.looper), 0.0, 1000.0);
+            c.range(
+                "loop_closer",
+                f64::from(self.schedule.loop_closer),
+                0.0,
+                1000.0,
+            );
         });
         for problem in self.objects.objects().problems() {
             let (field, message) = problem.split_once(": ").unwrap_or(("", &problem));

@@ -34,7 +34,7 @@ fn report(frame: &RgbdFrame, outcome: Outcome, map_version: u64) -> FrameReport 
             ..FrameCounts::default()
         },
         is_keyframe: false,
-        piece: None,
+        submap: None,
         map_version,
     }
 }

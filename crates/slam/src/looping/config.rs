@@ -34,9 +34,9 @@ impl LoopingConfig {
     }
 }
 
-/// What of the configuration concerns the looper: made from a [`Config`](crate::Config).
+/// What of the configuration concerns the loop closer: made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
-pub struct LooperSetup {
+pub struct LoopCloserSetup {
     /// How loops are closed.
     pub looping: LoopingConfig,
     /// Seed of every random choice.

@@ -13,7 +13,7 @@ use stillpoint_estimation::{
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
 use stillpoint_map::{
     Correction, Join, Keyframe, KeyframeId, LandmarkCorrection, LandmarkId, LoopEdge, MapView,
-    PieceId, PoseCorrection,
+    PoseCorrection, SubmapId,
 };
 
 /// Keyframes that share at least so many landmarks are tied in the pose graph beside the tree of parents.
@@ -38,7 +38,7 @@ pub(super) struct Proposal<'a> {
     pub(super) scale_factor: f64,
 }
 
-/// The live keyframes of the pieces that take part, numbered.
+/// The live keyframes of the submaps that take part, numbered.
 pub(super) struct Nodes<'a> {
     pub(super) keyframes: Vec<&'a Keyframe>,
     pub(super) index: BTreeMap<KeyframeId, u32>,
@@ -53,7 +53,7 @@ impl Proposal<'_> {
     ) -> Result<(LoopEdge, Correction), LoopOutcome> {
         let _span = tracing::info_span!("correct").entered();
         let join = self.join();
-        let nodes = Nodes::new(self.view, self.with.piece, self.keyframe.piece);
+        let nodes = Nodes::new(self.view, self.with.submap, self.keyframe.submap);
         let edge = LoopEdge {
             old: self.with.id,
             new: self.keyframe.id,
@@ -63,7 +63,7 @@ impl Proposal<'_> {
             inliers: report.inliers,
         };
         let (poses, cost) = match join {
-            // Nothing ties two pieces yet that could contradict.
+            // Nothing ties two submaps yet that could contradict.
             Some(join) => (Self::put_together(&nodes, join), 0.0),
             None => self
                 .straighten(&nodes, &edge)
@@ -83,19 +83,19 @@ impl Proposal<'_> {
         Ok((edge, correction))
     }
 
-    /// The pieces that become one, when the two keyframes are of different ones: the younger goes to the older.
+    /// The submaps that become one, when the two keyframes are of different ones: the younger goes to the older.
     fn join(&self) -> Option<Join> {
-        let (a, b) = (self.with.piece, self.keyframe.piece);
+        let (a, b) = (self.with.submap, self.keyframe.submap);
         if a == b {
             return None;
         }
         let old_from_new = self.verified.new_from_old.inverse();
         let with_from_keyframe = self.with.world_from_camera * old_from_new;
-        // Maps the frame of reference of the new keyframe's piece to that of the older one's.
+        // Maps the frame of reference of the new keyframe's submap to that of the older one's.
         let shift = with_from_keyframe * self.keyframe.world_from_camera.inverse();
         Some(if b > a {
             Join {
-                piece: b,
+                submap: b,
                 into: a,
                 child: self.keyframe.id,
                 parent: self.with.id,
@@ -103,7 +103,7 @@ impl Proposal<'_> {
             }
         } else {
             Join {
-                piece: a,
+                submap: a,
                 into: b,
                 child: self.with.id,
                 parent: self.keyframe.id,
@@ -112,10 +112,10 @@ impl Proposal<'_> {
         })
     }
 
-    /// The poses of two pieces in the frame of reference of the one that stays.
+    /// The poses of two submaps in the frame of reference of the one that stays.
     fn put_together(nodes: &Nodes<'_>, join: Join) -> Vec<Se3> {
         let place = |k: &&Keyframe| {
-            if k.piece == join.piece {
+            if k.submap == join.submap {
                 (join.shift * k.world_from_camera).normalized()
             } else {
                 k.world_from_camera
@@ -260,11 +260,12 @@ impl Proposal<'_> {
 }
 
 impl<'a> Nodes<'a> {
-    /// Those of one or two pieces; of the piece that began first, the first keyframe comes first.
-    fn new(view: &'a MapView, a: PieceId, b: PieceId) -> Self {
+    /// Those of one or two submaps; of the submap that began first, the first keyframe comes first.
+    fn new(view: &'a MapView, a: SubmapId, b: SubmapId) -> Self {
         let all = view.keyframes().map(|k| &**k);
-        let mut keyframes: Vec<&Keyframe> = all.filter(|k| k.piece == a || k.piece == b).collect();
-        keyframes.sort_by_key(|k| (k.piece, k.id));
+        let mut keyframes: Vec<&Keyframe> =
+            all.filter(|k| k.submap == a || k.submap == b).collect();
+        keyframes.sort_by_key(|k| (k.submap, k.id));
         let numbered = keyframes.iter().zip(0..);
         Self {
             index: numbered.map(|(k, i)| (k.id, i)).collect(),

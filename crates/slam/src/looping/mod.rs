@@ -7,9 +7,9 @@ mod correct;
 mod points;
 mod verify;
 
-pub use config::{LooperSetup, LoopingConfig};
+pub use config::{LoopCloserSetup, LoopingConfig};
 
-use crate::messages::{LooperMsg, LooperOut};
+use crate::messages::{LoopCloserMsg, LoopCloserOut};
 use crate::report::{LoopOutcome, LoopReport};
 use correct::Proposal;
 use std::collections::BTreeSet;
@@ -36,8 +36,8 @@ struct Streak {
     length: u32,
 }
 
-/// Closes loops, and puts pieces of map together.
-pub struct Looper {
+/// Closes loops, and puts submaps together.
+pub struct LoopCloser {
     config: LoopingConfig,
     seed: u64,
     scale_factor: f64,
@@ -52,10 +52,10 @@ pub struct Looper {
     valid_from: Option<u64>,
 }
 
-impl Looper {
-    /// A looper that knows no place.
+impl LoopCloser {
+    /// A loop closer that knows no place.
     #[must_use]
-    pub fn new(setup: impl Into<LooperSetup>) -> Self {
+    pub fn new(setup: impl Into<LoopCloserSetup>) -> Self {
         let setup = setup.into();
         Self {
             config: setup.looping,
@@ -71,36 +71,36 @@ impl Looper {
     }
 
     /// Takes a message and answers with a correction when a loop is closed.
-    pub fn step(&mut self, message: LooperMsg) -> LooperOut {
+    pub fn step(&mut self, message: LoopCloserMsg) -> LoopCloserOut {
         match message {
-            LooperMsg::Keyframe { id, view } => self.take_keyframe(id, &view),
-            LooperMsg::Rejudged { id, view } => {
+            LoopCloserMsg::Keyframe { id, view } => self.take_keyframe(id, &view),
+            LoopCloserMsg::Rejudged { id, view } => {
                 if let Some(keyframe) = view.keyframe(id) {
                     self.learn(keyframe);
                 }
                 self.answer()
             }
-            LooperMsg::Known { view } => {
+            LoopCloserMsg::Known { view } => {
                 for keyframe in view.keyframes() {
                     self.learn(keyframe);
                 }
                 self.answer()
             }
-            LooperMsg::Corrected { map_version } => {
+            LoopCloserMsg::Corrected { map_version } => {
                 self.valid_from = Some(map_version);
                 self.answer()
             }
         }
     }
 
-    fn take_keyframe(&mut self, id: KeyframeId, view: &MapView) -> LooperOut {
+    fn take_keyframe(&mut self, id: KeyframeId, view: &MapView) -> LoopCloserOut {
         let Some(keyframe) = view.keyframe(id).map(Arc::clone) else {
             return self.answer();
         };
         let found = self.recognise(view, &keyframe);
         let candidates = self.consistent(view, found);
         let (correction, report) = self.close(view, &keyframe, &candidates);
-        LooperOut {
+        LoopCloserOut {
             correction,
             report,
             ..self.answer()
@@ -108,8 +108,8 @@ impl Looper {
     }
 
     /// The places that are known by now, and nothing else.
-    fn answer(&self) -> LooperOut {
-        LooperOut {
+    fn answer(&self) -> LoopCloserOut {
+        LoopCloserOut {
             correction: None,
             report: None,
             places: self.index.clone(),
@@ -127,7 +127,7 @@ impl Looper {
         vector
     }
 
-    /// Adds the keyframe to the index; returns what looks like it and is of another piece of map, or, when loops are closed, is
+    /// Adds the keyframe to the index; returns what looks like it and is of another submap, or, when loops are closed, is
     /// not seen together with it and not recent.
     fn recognise(&mut self, view: &MapView, keyframe: &Keyframe) -> Vec<PlaceMatch<KeyframeId>> {
         let _span = tracing::info_span!("recognise").entered();
@@ -140,7 +140,7 @@ impl Looper {
             self.index.remove(key);
         }
         let vector = self.learn(keyframe);
-        let elsewhere = view.keyframes().any(|k| k.piece != keyframe.piece);
+        let elsewhere = view.keyframes().any(|k| k.submap != keyframe.submap);
         if !elsewhere && !self.config.enabled {
             return Vec::new();
         }
@@ -150,9 +150,10 @@ impl Looper {
             back.and_then(|i| ids.get(i).copied())
         };
         let near = surroundings(view, keyframe);
-        let own_piece = |k: KeyframeId| view.keyframe(k).map(|k| k.piece) == Some(keyframe.piece);
+        let own_submap =
+            |k: KeyframeId| view.keyframe(k).map(|k| k.submap) == Some(keyframe.submap);
         let closes = |k: KeyframeId| self.config.enabled && Some(k) < recent && !near.contains(&k);
-        let admit = |k: KeyframeId| k != keyframe.id && (!own_piece(k) || closes(k));
+        let admit = |k: KeyframeId| k != keyframe.id && (!own_submap(k) || closes(k));
         self.index.query(&vector, admit, CANDIDATES)
     }
 
@@ -197,7 +198,7 @@ impl Looper {
             let Some(with) = view.keyframe(candidate.key) else {
                 continue;
             };
-            if too_soon && with.piece == keyframe.piece {
+            if too_soon && with.submap == keyframe.submap {
                 continue;
             }
             let mut report = LoopReport {
@@ -231,7 +232,7 @@ impl Looper {
                 });
             match closed {
                 Ok((edge, correction)) => {
-                    // Pieces that were joined are tied by their tree.
+                    // Submaps that were joined are tied by their tree.
                     if correction.join.is_none() {
                         self.edges.push(edge);
                     }
@@ -329,9 +330,9 @@ mod tests {
     #[test]
     fn a_place_must_be_recognised_three_times_in_a_row() {
         let map = map(10);
-        let mut looper = Looper::new(&Config::default());
+        let mut loop_closer = LoopCloser::new(&Config::default());
         let mut ask = |keys: &[u32]| -> Vec<u32> {
-            let found = looper.consistent(map.view(), looks_like(keys));
+            let found = loop_closer.consistent(map.view(), looks_like(keys));
             found.iter().map(|m| m.key.0).collect()
         };
         assert!(ask(&[2, 5]).is_empty());
@@ -348,25 +349,25 @@ mod tests {
     #[test]
     fn a_view_without_the_last_correction_is_not_corrected() {
         let mut map = map(30);
-        let mut looper = Looper::new(&Config::default());
+        let mut loop_closer = LoopCloser::new(&Config::default());
         let view = map.publish();
-        assert!(looper.is_up_to_date(&view));
-        looper.valid_from = None;
-        assert!(!looper.is_up_to_date(&view));
+        assert!(loop_closer.is_up_to_date(&view));
+        loop_closer.valid_from = None;
+        assert!(!loop_closer.is_up_to_date(&view));
         let map_version = view.version() + 1;
-        looper.step(LooperMsg::Corrected { map_version });
-        assert!(!looper.is_up_to_date(&view));
-        assert!(looper.is_up_to_date(&map.publish()));
+        loop_closer.step(LoopCloserMsg::Corrected { map_version });
+        assert!(!loop_closer.is_up_to_date(&view));
+        assert!(loop_closer.is_up_to_date(&map.publish()));
     }
 
     #[test]
     fn ten_keyframes_are_between_two_loops() {
         let mut map = map(30);
-        let mut looper = Looper::new(&Config::default());
+        let mut loop_closer = LoopCloser::new(&Config::default());
         let view = map.publish();
-        assert!(!looper.is_too_soon(&view, KeyframeId(29)));
-        looper.last_closed = Some(KeyframeId(5));
-        assert!(looper.is_too_soon(&view, KeyframeId(14)));
-        assert!(!looper.is_too_soon(&view, KeyframeId(15)));
+        assert!(!loop_closer.is_too_soon(&view, KeyframeId(29)));
+        loop_closer.last_closed = Some(KeyframeId(5));
+        assert!(loop_closer.is_too_soon(&view, KeyframeId(14)));
+        assert!(!loop_closer.is_too_soon(&view, KeyframeId(15)));
     }
 }

@@ -1,4 +1,4 @@
-//! What bundle adjustment of whole pieces of map is about.
+//! What bundle adjustment of whole submaps is about.
 
 use super::correct::Nodes;
 use crate::association::measurement_in;

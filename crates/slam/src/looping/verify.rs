@@ -1,6 +1,6 @@
 //! Geometric verification: do two keyframes see the same things from two places, and from which?
 
-use super::{Looper, group_of};
+use super::{LoopCloser, group_of};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
 use crate::report::{LoopOutcome, LoopReport};
 use stillpoint_estimation::{
@@ -18,7 +18,7 @@ const WIDE_RADIUS_PX: f32 = 8.0;
 /// The same once the motion is refined.
 pub(super) const RADIUS_PX: f32 = 4.0;
 
-/// Landmarks of a place that must be found there, as a share of those in the image, for two pieces of map to be joined. One poster
+/// Landmarks of a place that must be found there, as a share of those in the image, for two submaps to be joined. One poster
 /// that hangs in two places gave up to 8 %, true places from 16 % on: most landmarks are hidden, or were seen from another side.
 const MIN_SHARE: f64 = 0.12;
 
@@ -40,7 +40,7 @@ pub(super) struct Sighting {
     distance: u32,
 }
 
-impl Looper {
+impl LoopCloser {
     /// Finds the motion between two keyframes by their points, then by all landmarks around the older one.
     pub(super) fn verify(
         &self,
@@ -88,9 +88,9 @@ impl Looper {
             information = fit.information;
         }
         report.edge = Some(new_from_old.inverse());
-        // Within a piece the map itself objects to a place that is only similar; between pieces nothing does.
+        // Within a submap the map itself objects to a place that is only similar; between submaps nothing does.
         let share = f64::from(report.inliers) / f64::from(report.expected.max(1));
-        let is_similar = new.piece != old.piece && share < MIN_SHARE;
+        let is_similar = new.submap != old.submap && share < MIN_SHARE;
         if (report.inliers as usize) < self.config.min_inliers || is_similar {
             return Err(LoopOutcome::FewInliers);
         }

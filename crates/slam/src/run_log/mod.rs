@@ -12,7 +12,7 @@ mod line;
 
 use crate::fingerprint::Fingerprint;
 use crate::mapping::MappingEffort;
-use crate::messages::{LooperMsg, MapperMsg};
+use crate::messages::{LoopCloserMsg, MapperMsg};
 use line::Line;
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::{FrameId, RgbdFrame};
@@ -38,7 +38,7 @@ pub enum LogEntry {
     },
     /// The tracker took the places that can be recognised.
     TrackPlaces {
-        /// The looper's answer that brought them, counted from 0.
+        /// The loop closer's answer that brought them, counted from 0.
         answer: u64,
     },
     /// The tracker was told what a detector said.
@@ -73,21 +73,21 @@ pub enum LogEntry {
         /// The version that it corrects.
         base_version: u64,
     },
-    /// The looper took a keyframe.
+    /// The loop closer took a keyframe.
     LoopKeyframe {
         /// Its id.
         keyframe: KeyframeId,
         /// Version of the view that came with it.
         map_version: u64,
     },
-    /// The looper was told what moves in a keyframe.
+    /// The loop closer was told what moves in a keyframe.
     LoopRejudged {
         /// Its id.
         keyframe: KeyframeId,
         /// Version of the view that came with it.
         map_version: u64,
     },
-    /// The looper was told that its correction is in the map.
+    /// The loop closer was told that its correction is in the map.
     LoopCorrected {
         /// The version that holds it.
         map_version: u64,
@@ -124,22 +124,22 @@ impl LogEntry {
         }
     }
 
-    /// That the looper took a message; nothing for a map that was there before the first frame.
+    /// That the loop closer took a message; nothing for a map that was there before the first frame.
     #[must_use]
-    pub fn of_looper(message: &LooperMsg) -> Option<Self> {
+    pub fn of_loop_closer(message: &LoopCloserMsg) -> Option<Self> {
         match message {
-            LooperMsg::Keyframe { id, view } => Some(Self::LoopKeyframe {
+            LoopCloserMsg::Keyframe { id, view } => Some(Self::LoopKeyframe {
                 keyframe: *id,
                 map_version: view.version(),
             }),
-            LooperMsg::Rejudged { id, view } => Some(Self::LoopRejudged {
+            LoopCloserMsg::Rejudged { id, view } => Some(Self::LoopRejudged {
                 keyframe: *id,
                 map_version: view.version(),
             }),
-            LooperMsg::Corrected { map_version } => Some(Self::LoopCorrected {
+            LoopCloserMsg::Corrected { map_version } => Some(Self::LoopCorrected {
                 map_version: *map_version,
             }),
-            LooperMsg::Known { .. } => None,
+            LoopCloserMsg::Known { .. } => None,
         }
     }
 }

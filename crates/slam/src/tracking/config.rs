@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 pub struct TrackingConfig {
     /// A pose counts as measured with at least this many inliers. Range: 10 to 1000. Fewer agree by chance.
     pub min_inliers: usize,
-    /// A new piece of map is begun after so many frames that show enough and nothing that is known. Range: 1 to 100000. Frames of
+    /// A new submap is begun after so many frames that show enough and nothing that is known. Range: 1 to 100000. Frames of
     /// a covered lens do not count.
-    pub new_piece_after: u32,
+    pub new_submap_after: u32,
 }
 
 impl Default for TrackingConfig {
@@ -19,7 +19,7 @@ impl Default for TrackingConfig {
         // The number of inliers is that of ORB-SLAM2 (Mur-Artal, Tardos 2017).
         Self {
             min_inliers: 30,
-            new_piece_after: 30,
+            new_submap_after: 30,
         }
     }
 }
@@ -37,6 +37,11 @@ impl TrackingConfig {
 
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
-        c.range("new_piece_after", f64::from(self.new_piece_after), 1.0, 1e5);
+        c.range(
+            "new_submap_after",
+            f64::from(self.new_submap_after),
+            1.0,
+            1e5,
+        );
     }
 }

@@ -52,7 +52,7 @@ impl Tracker {
     pub fn receive(&mut self, view: Arc<MapView>) {
         self.map.view = view;
         let reference = self.state.last().map(|l| l.pose.reference);
-        let submap = reference.and_then(|r| self.map.view.piece_of(r));
+        let submap = reference.and_then(|r| self.map.view.submap_of(r));
         if let Some(id) = submap.filter(|id| self.submap.map(|s| s.id) != Some(*id)) {
             // The submap became part of another: what moves was seen in a frame of reference that is no more.
             self.filter.forget();

@@ -57,7 +57,7 @@ impl KeyframeConfig {
         matches: &[Option<LandmarkId>],
         close_depth: f64,
     ) -> bool {
-        // Of a map, or of a piece of one.
+        // Of a map, or of a submap of one.
         let alone = reference.covisible.is_empty() && reference.parent.is_none();
         let first = view.keyframe_count() < 2 || alone;
         let min_observers = if first { 1 } else { 3 };

@@ -3,7 +3,7 @@
 use super::local_map::LocalMap;
 use std::sync::Arc;
 use stillpoint_imaging::FrameId;
-use stillpoint_map::{KeyframeId, MapView, PieceId};
+use stillpoint_map::{KeyframeId, MapView, SubmapId};
 use stillpoint_place::{PlaceIndex, Vocabulary};
 
 /// A view of the map with what is kept beside it.
@@ -56,14 +56,14 @@ impl KnownMap {
 /// The submap that the last pose was in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Submap {
-    pub(super) id: PieceId,
+    pub(super) id: SubmapId,
     /// Keyframes it has, while it needs more of them than others do to be recognised.
     pub(super) young: Option<u32>,
 }
 
 impl Submap {
     /// One that has been there for long.
-    pub(super) fn known(id: PieceId) -> Self {
+    pub(super) fn known(id: SubmapId) -> Self {
         Self { id, young: None }
     }
 }

@@ -66,9 +66,13 @@ impl Tracker {
         if let Some(k) = self.map.view.keyframe(reference) {
             ids.extend(k.covisible.iter().take(COVISIBLE).map(|c| c.0));
         }
-        let piece = self.map.view.piece_of(reference);
-        let of_piece = self.map.view.keyframes().filter(|k| Some(k.piece) == piece);
-        let newest: Vec<KeyframeId> = of_piece.map(|k| k.id).collect();
+        let submap = self.map.view.submap_of(reference);
+        let of_submap = self
+            .map
+            .view
+            .keyframes()
+            .filter(|k| Some(k.submap) == submap);
+        let newest: Vec<KeyframeId> = of_submap.map(|k| k.id).collect();
         ids.extend(newest.iter().rev().take(NEWEST));
         let mut tried: Vec<KeyframeId> = Vec::new();
         for id in ids {

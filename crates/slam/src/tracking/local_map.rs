@@ -11,7 +11,7 @@ use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Camera, Mat3, Se3, Vec3};
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, PieceId, ScaleRange};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, ScaleRange, SubmapId};
 
 /// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame.
 const MAX_KEYFRAMES: usize = 40;
@@ -164,18 +164,18 @@ impl LocalMap {
         best
     }
 
-    /// Chooses the keyframes of a piece of map from which about the same is seen as from a pose that may be off by some decimetres, and
+    /// Chooses the keyframes of a submap from which about the same is seen as from a pose that may be off by some decimetres, and
     /// gathers their landmarks, whatever the matches say.
     pub(super) fn update_around(
         &mut self,
         view: &Arc<MapView>,
-        piece: Option<PieceId>,
+        submap: Option<SubmapId>,
         camera_from_world: &Se3,
     ) {
         let camera = camera_from_world.inverse();
         let axis = |pose: &Se3| pose.rotation * Vec3::z();
-        let of_piece = view.keyframes().filter(|k| Some(k.piece) == piece);
-        let mut near: Vec<(f64, KeyframeId)> = of_piece
+        let of_submap = view.keyframes().filter(|k| Some(k.submap) == submap);
+        let mut near: Vec<(f64, KeyframeId)> = of_submap
             .filter_map(|k| {
                 let pose = &k.world_from_camera;
                 let off = (pose.translation - camera.translation).norm();

@@ -262,7 +262,7 @@ impl Tracker {
         sightings.found(&matches);
         self.front_end
             .learn(data, &matches, &pose, motion.velocity.as_ref());
-        // Until the first view of a new piece of map arrives, the last frame's own points are what there is to track.
+        // Until the first view of a new submap arrives, the last frame's own points are what there is to track.
         let inliers = if self.map.view.resolve_keyframe(reference).is_none() {
             matches.count
         } else {

@@ -15,10 +15,10 @@ use crate::trajectory::TrajectoryEntry;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
-use stillpoint_map::{KeyframeData, LandmarkId, PieceId};
+use stillpoint_map::{KeyframeData, LandmarkId, SubmapId};
 
-/// Keyframes that a piece of map gets early, whether they are needed or not: only keyframes are compared with the places of other
-/// pieces, and it takes some in a row to be recognised.
+/// Keyframes that a submap gets early, whether they are needed or not: only keyframes are compared with the places of other
+/// submaps, and it takes some in a row to be recognised.
 const YOUNG_KEYFRAMES: u32 = 5;
 /// Frames between these.
 const YOUNG_GAP: u32 = 10;
@@ -86,7 +86,7 @@ impl Tracker {
         };
         let matches = vec![None; data.len()];
         self.submap = Some(Submap {
-            id: PieceId(id.0),
+            id: SubmapId(id.0),
             young: (!self.map.is_empty()).then_some(1),
         });
         self.since_keyframe.frame = Some(frame.id);
@@ -130,7 +130,7 @@ impl Tracker {
         };
         self.since_keyframe.statistics.count(solution.sightings);
         let (view, reference) = (&self.map.view, solution.reference);
-        if let Some(id) = view.piece_of(reference)
+        if let Some(id) = view.submap_of(reference)
             && self.submap.map(|s| s.id) != Some(id)
         {
             self.submap = Some(Submap::known(id));
@@ -260,7 +260,7 @@ impl Tracker {
             segments: notes.judgement.segments,
             counts: notes.counts,
             is_keyframe: ending.keyframe.is_some(),
-            piece: submap.map(|s| s.id),
+            submap: submap.map(|s| s.id),
             map_version: self.map.view.version(),
         };
         Tracked {

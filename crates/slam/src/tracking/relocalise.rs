@@ -25,7 +25,7 @@ const CARRIED_S: f64 = 1.0;
 const REACH_M: f64 = 0.5;
 /// ... m/s.
 const REACH_M_S: f64 = 3.0;
-/// Time to recognise another piece of map, once the camera can be there, s.
+/// Time to recognise another submap, once the camera can be there, s.
 const RECOGNISED_S: f64 = 0.5;
 
 impl Tracker {
@@ -52,7 +52,7 @@ impl Tracker {
             };
             // What is noted on the way to a pose that is refused goes with it.
             let mut tried = notes.clone();
-            if self.submap.map(|s| s.id) != Some(keyframe.piece) {
+            if self.submap.map(|s| s.id) != Some(keyframe.submap) {
                 self.forget_what_moves(&mut tried);
             }
             let solution = self.settle(frame, data, candidate, &motion, &mut tried);
@@ -87,8 +87,8 @@ impl Tracker {
         let centre = solution.camera_from_world.inverse().translation;
         let moved = (centre - last.world_from_camera.translation).norm();
         let seconds = (stamp - last.stamp).max(0.0);
-        let other_piece = self.submap.map(|s| s.id) != Some(keyframe.piece);
-        let reachable = if other_piece {
+        let other_submap = self.submap.map(|s| s.id) != Some(keyframe.submap);
+        let reachable = if other_submap {
             seconds >= CARRIED_S
         } else {
             seconds >= CARRIED_S || moved <= REACH_M + REACH_M_S * seconds
@@ -166,9 +166,9 @@ impl Tracker {
     fn is_submap_due(&mut self, stamp: f64, notes: &Notes) -> bool {
         let shows_enough = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
         let unplaced = self.state.count_unplaced(shows_enough);
-        let due = self.map.grows && unplaced >= self.setup.tracking.new_piece_after;
+        let due = self.map.grows && unplaced >= self.setup.tracking.new_submap_after;
         let recent = |last: &LastFrame| stamp - last.stamp < CARRIED_S + RECOGNISED_S;
-        due && !(self.state.last().is_some_and(recent) && self.map.view.pieces().len() > 1)
+        due && !(self.state.last().is_some_and(recent) && self.map.view.submaps().len() > 1)
     }
 
     /// Has the static filter forget what it saw, as it saw it in another frame of reference, should this frame's notes be kept.

@@ -4,7 +4,7 @@ use super::world::{Recording, Session, assert_kept, at_home, config, losses, sma
 use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections, Detector, DetectorInfo};
 use stillpoint_detection::{DetectError, DetectorKind};
 use stillpoint_imaging::{DepthImage, GrayImage, RgbdFrame};
-use stillpoint_map::PieceId;
+use stillpoint_map::SubmapId;
 use stillpoint_slam::FrameReport;
 
 /// Somebody in a checked shirt walks by so near that nothing else is to be seen but a strip of `free` px at the left border.
@@ -56,7 +56,7 @@ impl Detector for SeesOne {
 
 /// Once found in the map the camera stays there.
 fn home_again(reports: &[FrameReport]) -> bool {
-    let home = |r: &FrameReport| r.piece == Some(PieceId(0));
+    let home = |r: &FrameReport| r.submap == Some(SubmapId(0));
     let first = reports.iter().position(home).unwrap_or(reports.len());
     reports[first..].iter().all(home)
 }
@@ -88,13 +88,13 @@ fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
             .iter()
             .map(|r| f64::from(r.counts.dynamic) / f64::from(r.counts.keypoints.max(1)));
         println!(
-            "{free} px free, detected {detected}: {} of 60 frames lost, {:.2} of the keypoints move, {:.1} mm; then {} without a pose in the map, {:.1} mm; {} pieces",
+            "{free} px free, detected {detected}: {} of 60 frames lost, {:.2} of the keypoints move, {:.1} mm; then {} without a pose in the map, {:.1} mm; {} submaps",
             losses(&bad).len(),
             moving.sum::<f64>() / 60.0,
             1e3 * during,
             after.len() - at_home(&after),
             1e3 * then,
-            session.view().pieces().len()
+            session.view().submaps().len()
         );
         // No pose in the map was false, and what had been begun on the shirt took a second to be left.
         assert!(during < 0.02 && then < 0.02, "{during} m, {then} m");

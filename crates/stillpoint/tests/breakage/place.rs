@@ -2,13 +2,13 @@
 
 use super::world::{Session, assert_kept, config, losses, until_pose, walk};
 use stillpoint_datasets::Disturbance;
-use stillpoint_map::PieceId;
+use stillpoint_map::SubmapId;
 use stillpoint_slam::Outcome;
 
 #[test]
-fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_piece() {
+fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_submap() {
     let mut config = config();
-    config.tracking.new_piece_after = 10;
+    config.tracking.new_submap_after = 10;
     let covered = || {
         let mut session = Session::new(walk(), config.clone());
         session.feed(walk().play(0..40));
@@ -39,13 +39,13 @@ fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_piece() {
     let elsewhere = session.go_on(walk().play(75..115), 0.0);
     let lost = losses(&elsewhere).len();
     println!(
-        "a piece is begun after {lost} frames, pose after {}",
+        "a submap is begun after {lost} frames, pose after {}",
         until_pose(&elsewhere)
     );
     assert!((1..=12).contains(&lost), "{lost}");
     assert_eq!(elsewhere[lost].outcome, Outcome::Initialised);
-    let piece = PieceId(75 + lost as u32);
-    assert!(elsewhere[lost..].iter().all(|r| r.piece == Some(piece)));
-    assert_eq!(session.view().pieces().len(), 2);
+    let submap = SubmapId(75 + lost as u32);
+    assert!(elsewhere[lost..].iter().all(|r| r.submap == Some(submap)));
+    assert_eq!(session.view().submaps().len(), 2);
     assert_kept(&before, &session.view());
 }

@@ -9,7 +9,7 @@ use stillpoint_detection::{
 };
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, Simd, SourceError};
-use stillpoint_map::{MapView, PieceId};
+use stillpoint_map::{MapView, SubmapId};
 use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, FrameReport, LostReason, Outcome, RefusedFrame, System};
 
@@ -221,12 +221,12 @@ impl Session {
         self.feed(renumbered)
     }
 
-    /// The greatest error of a pose as it was told, in the first piece of map, m.
+    /// The greatest error of a pose as it was told, in the first submap, m.
     pub(crate) fn worst(&self, recording: &Recording, reports: &[FrameReport]) -> f64 {
         let off = |r: &FrameReport| {
             let pose = r
                 .world_from_camera
-                .filter(|_| r.piece == Some(PieceId(0)))?;
+                .filter(|_| r.submap == Some(SubmapId(0)))?;
             Some(recording.off(self.shows[&r.frame], &pose))
         };
         reports.iter().filter_map(off).fold(0.0, f64::max)
@@ -271,9 +271,9 @@ pub(crate) fn losses(reports: &[FrameReport]) -> Vec<LostReason> {
     reports.iter().filter_map(loss).collect()
 }
 
-/// How many of the frames have a pose in the first piece of map.
+/// How many of the frames have a pose in the first submap.
 pub(crate) fn at_home(reports: &[FrameReport]) -> usize {
-    let home = |r: &&FrameReport| r.piece == Some(PieceId(0));
+    let home = |r: &&FrameReport| r.submap == Some(SubmapId(0));
     reports.iter().filter(home).count()
 }
 

@@ -93,7 +93,7 @@ fn a_walk_through_two_rooms_closes() {
     .unwrap();
     let mut open = Run::new(&simulator, false, |_| ());
     let mut late = Run::new(&simulator, true, |c| {
-        c.schedule.looper = 8;
+        c.schedule.loop_closer = 8;
         c.schedule.mapper = 1;
     });
     play(&simulator, 0, EVERY, &mut [&mut open, &mut late]);

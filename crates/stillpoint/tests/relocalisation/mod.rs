@@ -1,4 +1,4 @@
-//! A camera that is lost: found again, in a new piece of map, and when pieces become one.
+//! A camera that is lost: found again, in a new submap, and when submaps become one.
 
 #![allow(clippy::print_stdout)] // What was measured is worth reading.
 
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
-use stillpoint_map::PieceId;
+use stillpoint_map::SubmapId;
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 use stillpoint_slam::{
     Config, Event, FrameReport, LoopOutcome, LoopReport, MapUse, Outcome, System, join_maps,
@@ -113,8 +113,8 @@ fn run(simulator: &Room, config: &Config, play: &Play) -> Run {
 }
 
 impl Run {
-    /// Final poses of one piece of map with the truth.
-    fn poses(&self, simulator: &Simulator, play: &Play, piece: PieceId) -> [Vec<TimedPose>; 2] {
+    /// Final poses of one submap with the truth.
+    fn poses(&self, simulator: &Simulator, play: &Play, submap: SubmapId) -> [Vec<TimedPose>; 2] {
         let view = self.system.view();
         let truth = simulator.ground_truth();
         let (mut estimate, mut real) = (Vec::new(), Vec::new());
@@ -122,7 +122,7 @@ impl Run {
             let Some(k) = play.0[entry.frame.0 as usize] else {
                 continue;
             };
-            if view.piece_of(entry.pose.reference) != Some(piece) {
+            if view.submap_of(entry.pose.reference) != Some(submap) {
                 continue;
             }
             let at = |world_from_camera| TimedPose {
@@ -135,8 +135,8 @@ impl Run {
         [estimate, real]
     }
 
-    fn ate_mm(&self, simulator: &Simulator, play: &Play, piece: PieceId) -> f64 {
-        let [estimate, real] = self.poses(simulator, play, piece);
+    fn ate_mm(&self, simulator: &Simulator, play: &Play, submap: SubmapId) -> f64 {
+        let [estimate, real] = self.poses(simulator, play, submap);
         let score = evaluate(&real, &estimate, &EvalOptions::default()).unwrap();
         score.ate.statistics.rmse * 1e3
     }
@@ -148,14 +148,14 @@ impl Run {
                 Outcome::Lost { reason, .. } => format!("lost: {reason}"),
                 Outcome::Relocalised { since, with } => format!("found, since {since} with {with}"),
                 Outcome::Initialised => "begins".into(),
-                Outcome::Tracked => format!("tracked in {:?}", r.piece),
+                Outcome::Tracked => format!("tracked in {:?}", r.submap),
             };
             if state != last {
                 println!("{}: {state} ({:?})", r.frame, r.counts.inliers);
             }
             last = state;
         }
-        println!("pieces {:?}", self.system.view().pieces());
+        println!("submaps {:?}", self.system.view().submaps());
         for l in self.system.loops() {
             println!("{l:?}");
         }
@@ -176,10 +176,10 @@ fn a_camera_that_comes_back_to_a_known_place_is_found_at_once() {
     };
     // By its place: neither the last keyframe nor one near it.
     assert!(since.0 == 100 && with.0 < 30, "{with}");
-    assert_eq!(found.piece, Some(PieceId(0)));
+    assert_eq!(found.submap, Some(SubmapId(0)));
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
     assert_eq!(run.reports.iter().filter(lost).count(), 30);
-    let error = run.ate_mm(&simulator, &play, PieceId(0));
+    let error = run.ate_mm(&simulator, &play, SubmapId(0));
     assert!(error < 20.0, "{error} mm");
 }
 
@@ -202,8 +202,8 @@ fn equal_rooms_are_not_taken_for_each_other() {
             .iter()
             .any(|l| l.outcome == LoopOutcome::Contradicted)
     );
-    assert_eq!(run.system.view().pieces().len(), 1);
-    let [poses, real] = run.poses(&simulator, &play, PieceId(0));
+    assert_eq!(run.system.view().submaps().len(), 1);
+    let [poses, real] = run.poses(&simulator, &play, SubmapId(0));
     assert!(poses.len() >= 195, "{}", poses.len());
     let begin = real[0].world_from_camera;
     for (pose, real) in poses.iter().zip(&real) {
@@ -214,31 +214,31 @@ fn equal_rooms_are_not_taken_for_each_other() {
 }
 
 #[test]
-fn a_new_piece_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
+fn a_new_submap_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
     let simulator = simulator("loop_two_rooms", 230);
     // The lens is covered, uncovered where nothing is known, and the camera goes back to where it was.
     let covered = Play::frames((0..60).step_by(2)).covered(5);
     let play = covered.clone().then((40..230).rev().step_by(2));
     let mut config = Config::default();
-    config.tracking.new_piece_after = 10;
+    config.tracking.new_submap_after = 10;
     let run = run(&simulator, &config, &play);
     run.tell();
     let begun = |r: &&FrameReport| r.outcome == Outcome::Initialised;
     assert_eq!(run.reports.iter().filter(begun).count(), 2);
     let joined: Vec<_> = run.system.loops().iter().filter_map(|l| l.joined).collect();
     assert_eq!(joined.len(), 1);
-    assert_eq!(run.system.view().pieces().len(), 1);
-    let error = run.ate_mm(&simulator, &play, PieceId(0));
+    assert_eq!(run.system.view().submaps().len(), 1);
+    let error = run.ate_mm(&simulator, &play, SubmapId(0));
     assert!(error < 30.0, "{error} mm");
     // The same twice.
     let again = self::run(&simulator, &config, &play);
-    let bits = |run: &Run| format!("{:?}", run.poses(&simulator, &play, PieceId(0)));
+    let bits = |run: &Run| format!("{:?}", run.poses(&simulator, &play, SubmapId(0)));
     assert!(bits(&run) == bits(&again), "two runs differ");
-    // Control: without the way back there are two pieces, and nothing says how they lie to each other.
+    // Control: without the way back there are two submaps, and nothing says how they lie to each other.
     let play = covered.then((190..230).rev().step_by(2));
     let apart = self::run(&simulator, &config, &play);
-    assert_eq!(apart.system.view().pieces().len(), 2);
-    assert_eq!(apart.reports[54].piece, Some(PieceId(44)));
+    assert_eq!(apart.system.view().submaps().len(), 2);
+    assert_eq!(apart.reports[54].submap, Some(SubmapId(44)));
 }
 
 #[test]
@@ -300,8 +300,8 @@ fn a_map_is_gone_on_with() {
     let view = run.system.view();
     assert!(view.keyframe_count() > keyframes);
     assert!(view.keyframes().any(|k| k.id.0 >= next));
-    assert_eq!(view.pieces().len(), 1);
-    let error = run.ate_mm(&simulator, &play, PieceId(0));
+    assert_eq!(view.submaps().len(), 1);
+    let error = run.ate_mm(&simulator, &play, SubmapId(0));
     assert!(error < 10.0, "{error} mm");
 }
 
@@ -329,9 +329,9 @@ fn a_map_with_a_limit_stays_useful() {
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
     assert_eq!(bound.reports.iter().filter(lost).count(), 0);
     // Every frame has a pose, also those of keyframes that are gone.
-    let [poses, _] = bound.poses(&simulator, &play, PieceId(0));
+    let [poses, _] = bound.poses(&simulator, &play, SubmapId(0));
     assert_eq!(poses.len(), play.0.len());
-    let [free, bound] = [&free, &bound].map(|r| r.ate_mm(&simulator, &play, PieceId(0)));
+    let [free, bound] = [&free, &bound].map(|r| r.ate_mm(&simulator, &play, SubmapId(0)));
     println!("ATE {free:.1} mm without a limit, {bound:.1} mm with");
     assert!(bound < free + 10.0, "{bound} mm, without a limit {free} mm");
 }
@@ -347,7 +347,7 @@ fn two_maps_become_one_where_they_overlap() {
     let count = first.view().keyframe_count() + second.view().keyframe_count();
     let added = first.view().keyframe_bound() as u32;
     let joined = join_maps(&Config::default(), first, &second).unwrap();
-    assert_eq!(joined.pieces, [2, 1]);
+    assert_eq!(joined.submaps, [2, 1]);
     assert_eq!(joined.map.check(), Ok(()));
     let view = joined.map.view();
     assert_eq!(view.keyframe_count(), count);
@@ -364,5 +364,5 @@ fn two_maps_become_one_where_they_overlap() {
     }
     // Control: maps of places that have nothing in common stay apart.
     let apart = join_maps(&Config::default(), map(0..30), &map(100..130)).unwrap();
-    assert_eq!(apart.pieces, [2, 2]);
+    assert_eq!(apart.submaps, [2, 2]);
 }

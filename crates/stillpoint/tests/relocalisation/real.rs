@@ -98,16 +98,16 @@ fn kidnap(seed: u64) {
         .iter()
         .position(|r| r.world_from_camera.is_some());
     println!(
-        "found after {found:?} frames as {:?}; pieces {:?}; ATE {:.1} mm",
+        "found after {found:?} frames as {:?}; submaps {:?}; ATE {:.1} mm",
         found.map(|i| reports[seen + i].outcome),
-        system.view().pieces(),
+        system.view().submaps(),
         ate_mm(&system, &splice.ground_truth()),
     );
     for l in system.loops() {
         println!("{l:?}");
     }
     assert!(found.unwrap() <= 30);
-    assert_eq!(system.view().pieces().len(), 1);
+    assert_eq!(system.view().submaps().len(), 1);
     let outcome = reports[seen + found.unwrap()].outcome;
     assert!(matches!(outcome, Outcome::Relocalised { since, .. } if since.0 as usize == first));
     let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });

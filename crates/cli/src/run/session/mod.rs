@@ -11,12 +11,12 @@ pub(crate) mod replay;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::map::file::SavedMap;
-use crate::run::frames::Piece;
+use crate::run::frames::Submap;
 use crate::run::live_report::LiveRun;
 use crate::run::session::listeners::{Listeners, ProgressLine, Stop};
 pub(crate) use crate::run::session::outputs::Outputs;
 use crate::run::session::outputs::Writers;
-use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, PieceJson};
+use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, SubmapJson};
 use crate::run::tally::{End, Tally};
 use crate::timing::Timing;
 use std::sync::Arc;
@@ -48,16 +48,16 @@ pub(crate) struct Session {
     pub(crate) seconds: f64,
     /// Final poses of the tracked frames.
     pub(crate) final_poses: Vec<StampedPose>,
-    /// Poses as known at each of these frames; without those that were in another piece then, whose poses were in another frame of
+    /// Poses as known at each of these frames; without those that were in another submap then, whose poses were in another frame of
     /// reference.
     pub(crate) online_poses: Vec<StampedPose>,
-    /// Poses in other pieces of map, each in a frame of reference of its own.
-    pub(crate) other_pieces: Vec<Piece>,
-    /// All pieces; the first is that of the poses above.
-    pub(crate) pieces: Vec<PieceJson>,
+    /// Poses in other submaps, each in a frame of reference of its own.
+    pub(crate) other_submaps: Vec<Submap>,
+    /// All submaps; the first is that of the poses above.
+    pub(crate) submaps: Vec<SubmapJson>,
     /// What became of every frame, as `frames.csv` has it.
     pub(crate) frames_csv: String,
-    /// Final poses of the keyframes of the first piece.
+    /// Final poses of the keyframes of the first submap.
     pub(crate) keyframes: Vec<StampedPose>,
     /// The final map.
     pub(crate) view: Arc<MapView>,

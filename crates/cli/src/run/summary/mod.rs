@@ -24,9 +24,9 @@ pub(crate) struct Summary {
     pub(crate) tracked: usize,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
-    /// The pieces of map that frames have poses in; the first is that of `trajectory.txt`.
+    /// The submaps that frames have poses in; the first is that of `trajectory.txt`.
     #[serde(default)]
-    pub(crate) pieces: Vec<PieceJson>,
+    pub(crate) submaps: Vec<SubmapJson>,
     /// The object detector.
     #[serde(default)]
     pub(crate) detector: DetectorJson,
@@ -94,9 +94,9 @@ pub(crate) struct LostStretch {
     pub(crate) then: String,
 }
 
-/// A piece of the final map, in a frame of reference of its own.
+/// A submap of the final map, in a frame of reference of its own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub(crate) struct PieceJson {
+pub(crate) struct SubmapJson {
     /// The keyframe that began it.
     pub(crate) id: u32,
     /// Frames with a pose in it.
@@ -137,7 +137,7 @@ impl FeaturesJson {
 pub(crate) struct LoopsJson {
     /// Loops that corrected the map.
     pub(crate) closed: u32,
-    /// Pieces of map that became part of another.
+    /// Submaps that became part of another.
     #[serde(default)]
     pub(crate) joined: u32,
     /// Keyframes that looked like older ones, where geometry or the map said no.

@@ -4,7 +4,7 @@ use super::super::MapFileError;
 use super::super::encode::displaced;
 use super::super::sections::{Counts, NONE, Part};
 use super::{Source, descriptors, pose, reader};
-use crate::{Keyframe, KeyframeData, KeyframeId, LandmarkId, PieceId};
+use crate::{Keyframe, KeyframeData, KeyframeId, LandmarkId, SubmapId};
 use std::ops::Range;
 use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
@@ -20,7 +20,7 @@ pub(super) struct Record {
     features: usize,
     stamp: f64,
     world_from_camera: Se3,
-    piece: PieceId,
+    submap: SubmapId,
 }
 
 pub(super) fn records(
@@ -53,11 +53,11 @@ pub(super) fn records(
             features: from.u32()? as usize,
             stamp: from.f64()?,
             world_from_camera: pose(&mut from)?,
-            piece: PieceId(from.u32()?),
+            submap: SubmapId(from.u32()?),
         };
-        if record.piece.0 >= counts.keyframe_slots {
-            let expected = format!("a piece below {} of keyframe {id}", counts.keyframe_slots);
-            return Err(MapFileError::invalid("keyframes", expected, record.piece));
+        if record.submap.0 >= counts.keyframe_slots {
+            let expected = format!("a submap below {} of keyframe {id}", counts.keyframe_slots);
+            return Err(MapFileError::invalid("keyframes", expected, record.submap));
         }
         features += record.features as u64;
         records.push(record);
@@ -88,7 +88,7 @@ pub(super) fn keyframes(
             world_from_camera: r.world_from_camera,
             covisible: Vec::new(),
             parent: r.parent,
-            piece: r.piece,
+            submap: r.submap,
         }
     };
     Ok(records.into_iter().map(keyframe).collect())
