@@ -1,5 +1,7 @@
 //! The static filter without SLAM, against the simulator's exact masks.
 
+#![allow(clippy::print_stdout)] // What was measured is what docs/masks.md holds.
+
 use std::sync::Arc;
 use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections};
 use stillpoint_geometry::{Se3, Vec3};
