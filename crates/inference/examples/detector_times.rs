@@ -1,7 +1,7 @@
 //! How long detectors take, as a Markdown table: models x sizes of the input x runtimes x threads, with what comes before and
 //! after the network apart. Medians over rounds in which all of them take turns, so that what else the machine does meets all.
 //!
-//! `cargo run --release -p stillpoint-detection --features onnxruntime --example detector_times -- [OPTION...] MODEL.onnx...`
+//! `cargo run --release -p stillpoint-inference --features onnxruntime --example detector_times -- [OPTION...] MODEL.onnx...`
 //!
 //! A `MODEL.toml` beside a model is its card.
 //!

@@ -37,7 +37,7 @@ pub(super) trait Session: Send {
     /// What the runtime said, on one line.
     fn run(&mut self, planes: &[f32], width: usize, height: usize) -> Result<Vec<Tensor>, String>;
 
-    /// The runtime with its version, e.g. `rten 0.24.0`.
+    /// The runtime with its version, e.g. `rten 0.27.0`.
     fn runtime(&self) -> &str;
 }
 

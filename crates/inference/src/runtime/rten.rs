@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// As summaries name it; a test holds it against Cargo.lock.
-const RUNTIME: &str = "rten 0.24.0";
+const RUNTIME: &str = "rten 0.27.0";
 
 /// A model in `rten`.
 pub(super) struct RtenSession {
