@@ -150,6 +150,7 @@ fn cover(scene: &str, seed: u64) -> [f64; 2] {
     [shares.iter().sum::<f64>() / shares.len() as f64, greatest]
 }
 
+/// It takes long: six whole scenes, each with two seeds.
 #[test]
 fn people_cover_as_much_of_the_image_as_the_manual_says() {
     for seed in [0, 7] {

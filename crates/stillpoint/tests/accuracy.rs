@@ -79,6 +79,7 @@ fn final_poses(system: &System) -> Vec<TimedPose> {
         .collect()
 }
 
+/// It takes long because it renders three scenes of 120 frames.
 #[test]
 fn static_scenes_are_tracked_within_5_mm() {
     for scene in ["xyz", "rpy", "halfsphere"] {
@@ -171,6 +172,7 @@ fn a_first_frame_without_depth_does_not_start_a_map() {
     assert_eq!(outcomes[3], Outcome::Tracked);
 }
 
+/// It takes long: 150 frames are rendered and tracked twice, and a whole recording is tracked.
 #[test]
 fn the_readout_is_found_where_there_is_one() {
     // The simulator's shutter is global: nothing may be found, from wherever the estimate starts.

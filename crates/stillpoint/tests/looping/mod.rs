@@ -83,7 +83,7 @@ fn ate_mm(truth: &[(f64, stillpoint_geometry::Se3)], run: &Run) -> f64 {
 }
 
 /// The walk through two rooms at every fourth frame: without looping, and with corrections that come a second late and meet a map
-/// that has grown since.
+/// that has grown since. It takes long because the walk is: a loop is found at its end.
 #[test]
 fn a_walk_through_two_rooms_closes() {
     let simulator = Simulator::new(&SimulatorConfig {

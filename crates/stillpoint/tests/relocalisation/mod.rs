@@ -305,6 +305,7 @@ fn a_map_is_gone_on_with() {
     assert!(error < 10.0, "{error} mm");
 }
 
+/// It takes long because a map reaches a limit of 50 keyframes only after some hundred frames, and there is a run without the limit too.
 #[test]
 fn a_map_with_a_limit_stays_useful() {
     let simulator = simulator("loop_two_rooms", 420);

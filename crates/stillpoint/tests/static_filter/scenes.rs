@@ -1,4 +1,6 @@
 //! Every simulated scene with people against its bounds, and against the system without the filter.
+//!
+//! Each test takes some ten seconds: it renders 150 frames, in which people come, cross and go, and tracks them three times.
 
 use super::world::{Recording, Run, Shares, with};
 use stillpoint_slam::Preset;
