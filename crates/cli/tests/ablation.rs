@@ -109,12 +109,7 @@ fn a_simulated_scene_is_run_with_six_configurations() {
     assert!(text.contains("the seed changes nothing for none"), "{text}");
     let config =
         std::fs::read_to_string(out.join("runs/sim_walking_xyz-O+G-2/config.toml")).unwrap();
-    for line in [
-        "seed = 6",
-        "preset = \"paper\"",
-        "geometry = true",
-        "depth = false",
-    ] {
+    for line in ["seed = 6", "preset = \"paper\"", "parts = \"O+G\""] {
         assert!(
             config.lines().any(|l| l.trim() == line),
             "{line} not in {config}"
