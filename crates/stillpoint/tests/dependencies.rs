@@ -74,6 +74,7 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("place", &["simulator", "datasets", "imaging", "geometry"]),
     ("detection", &["simulator", "datasets"]),
     ("inference", &["datasets"]),
+    ("slam", &["simulator"]),
     ("live", &["simulator"]),
     ("view", &["geometry"]),
     // How much the simulator's images are like real ones is measured in terms of features.
