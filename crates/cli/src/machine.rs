@@ -9,7 +9,7 @@ pub(crate) struct Machine {
     pub(crate) cpu: String,
     /// Cores that the process may use.
     pub(crate) cores: usize,
-    /// Operating system and kernel release.
+    /// Operating system and version of its kernel, without what distributors add to that.
     pub(crate) system: String,
     /// Compiler of this program.
     pub(crate) rustc: String,
@@ -30,10 +30,11 @@ impl Machine {
                 |(_, v)| v.trim().to_owned(),
             );
         let release = read("/proc/sys/kernel/osrelease");
+        let version = release.split('-').next().unwrap_or_default();
         Self {
             cpu,
             cores: std::thread::available_parallelism().map_or(1, usize::from),
-            system: format!("{} {}", std::env::consts::OS, release.trim())
+            system: format!("{} {}", std::env::consts::OS, version.trim())
                 .trim()
                 .to_owned(),
             rustc: env!("STILLPOINT_RUSTC").to_owned(),
