@@ -5,7 +5,7 @@
 //! judge trajectories (crate `evaluation`) and does not know what is done with the frames.
 //!
 //! # Layouts
-//! | layout | told by | stamps | ground truth |
+//! | layout | recognised by | stamps | ground truth |
 //! |---|---|---|---|
 //! | TUM | `rgb.txt` and `depth.txt`, else `associations.txt` | s | `groundtruth.txt` |
 //! | Bonn | as TUM, with "bonn" in the folder's name or the camera | s | of a marker, converted to the camera |

@@ -142,8 +142,8 @@ impl Associations {
     }
 }
 
-/// Parses an association file: `timestamp file timestamp file` per line. Which side is depth is told by the names; when
-/// they do not tell, colour comes first, as in the TUM tools.
+/// Parses an association file: `timestamp file timestamp file` per line. The names say which side is depth; where
+/// they do not, colour comes first, as in the TUM tools.
 pub(crate) fn parse_associations(text: &str, path: &Path) -> Result<Associations> {
     const EXPECTED: &str = "timestamp, file, timestamp, file";
     let mut a = Associations::default();

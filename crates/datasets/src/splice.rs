@@ -29,7 +29,7 @@ impl AdaptorError {
     }
 }
 
-/// A piece of a splice.
+/// A part of a splice.
 pub enum Part {
     /// Frames of a source.
     Frames(Clip),

@@ -32,8 +32,8 @@ pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Where `path` is a link, the file that it leads to is replaced. Devices and pipes cannot be replaced and are written to
 /// directly. A file that is write-protected is not replaced, and one that is keeps its permissions.
 ///
-/// A process that is killed leaves its temporary file behind, hidden; the next that writes the same file removes it. Such
-/// files are told from those that are being written by a lock, which ends with its process.
+/// A process that is killed leaves its temporary file behind, hidden; the next that writes the same file removes it. A
+/// file that is still being written is locked, and the lock ends with its process.
 #[derive(Debug)]
 pub struct AtomicFile {
     file: File,

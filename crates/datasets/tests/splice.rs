@@ -6,7 +6,7 @@ use stillpoint_datasets::{Clip, Dataset, FrameOptions, OpenOptions, Part, Splice
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, SourceError};
 
-/// A piece that is to be played: a recording with skip and take, or black frames.
+/// A part that is to be played: a recording with skip and take, or black frames.
 #[derive(Clone, Debug)]
 enum Plan {
     Frames(Script, usize, Option<usize>),

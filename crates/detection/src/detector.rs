@@ -16,7 +16,7 @@ pub trait Detector: Send {
     /// What this detector is, for summaries and logs.
     fn info(&self) -> DetectorInfo;
 
-    /// What the user should hear once the frames are through, e.g. that a script belongs to another recording.
+    /// What the user should know once the frames are through, e.g. that a script belongs to another recording.
     fn remark(&self) -> Option<String> {
         None
     }

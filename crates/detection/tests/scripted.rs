@@ -303,10 +303,10 @@ proptest! {
         let end = (at + cut).min(text.len());
         let damaged = format!("{}{with}{}", &text[..at], &text[end..]);
         if let Err(e) = parse_script("boxes.csv", &damaged) {
-            let told = e.to_string();
-            let line = told.strip_prefix("boxes.csv:").and_then(|rest| rest.split(':').next());
+            let message = e.to_string();
+            let line = message.strip_prefix("boxes.csv:").and_then(|rest| rest.split(':').next());
             let line = line.and_then(|l| l.parse::<usize>().ok());
-            prop_assert!(line.is_some_and(|l| l >= 1 && l <= damaged.lines().count()), "{told}");
+            prop_assert!(line.is_some_and(|l| l >= 1 && l <= damaged.lines().count()), "{message}");
         }
     }
 

@@ -88,7 +88,7 @@ impl AbsolutePoseOutcome {
     }
 }
 
-/// Factor on the squared gates within which observations take part in the last optimisation, which tests them anew.
+/// Factor on the squared gates within which observations take part in the last optimisation, which tests them again.
 const FINAL_OPENING: f64 = 4.0;
 
 /// Finds the pose `camera_from_world` that most observations agree on. Samples of three are solved by P3P, or by alignment

@@ -321,7 +321,7 @@ impl<'a> Search<'a> {
 
     fn conclude(self, iterations: usize) -> Option<CameraMotion> {
         let scale = self.options.gate_scale;
-        // Opened gates: the best motion is still rough, and the optimisation tests all it is given anew.
+        // Opened gates: the best motion is still rough, and the optimisation tests all that it is given again.
         let observations = self.agreeing(&self.best?, FINAL_OPENING * scale);
         let options = PoseOptions {
             rounds: 2,

@@ -16,7 +16,7 @@ pub struct PoseObservation {
 /// Effort of pose optimisation.
 #[derive(Clone, Copy, Debug)]
 pub struct PoseOptions {
-    /// Rounds; after each one all observations are tested against the gate anew.
+    /// Rounds; after each one all observations are tested against the gate again.
     pub rounds: usize,
     /// Rounds at the end in which the robust kernel is off.
     pub plain_rounds: usize,
@@ -28,7 +28,7 @@ pub struct PoseOptions {
 
 impl Default for PoseOptions {
     fn default() -> Self {
-        // Four rounds of ten with outliers tested anew after each are ORB-SLAM2's (Mur-Artal, Tardos 2017).
+        // Four rounds of ten with outliers tested again after each are ORB-SLAM2's (Mur-Artal, Tardos 2017).
         Self {
             rounds: 4,
             plain_rounds: 2,

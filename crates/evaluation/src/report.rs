@@ -10,7 +10,7 @@ pub enum Align {
     Right,
 }
 
-/// A table of cells. The first column is set left, the others right, unless told otherwise.
+/// A table of cells. The first column is aligned left, the others right, unless set otherwise.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Table {
     header: Vec<String>,

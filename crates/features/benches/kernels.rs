@@ -234,7 +234,7 @@ fn windows(bencher: Bencher) {
     });
 }
 
-/// What the flow is told of the motion.
+/// What the flow is given of the motion.
 #[derive(Clone, Copy, Debug)]
 enum Start {
     /// Nothing: the search uses all levels.

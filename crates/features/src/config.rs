@@ -1,4 +1,4 @@
-//! What the extractor can be told.
+//! Configuration of the extractor.
 
 use serde::{Deserialize, Serialize};
 

@@ -49,7 +49,7 @@ impl std::error::Error for SourceError {}
 
 /// Something that yields frames in the order of time: a data set, a simulator, a camera.
 pub trait FrameSource: Send {
-    /// The next frame; `None` at the end of the stream. After a recoverable error the next call goes on with the next
+    /// The next frame; `None` at the end of the stream. After a recoverable error the next call continues with the next
     /// frame; after any other error the stream has ended.
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>>;
 

@@ -21,9 +21,9 @@ impl Default for Backoff {
 }
 
 impl Backoff {
-    /// Hears of each frame that is tracked whether others were dropped before it. Answers with the part of the time that detection
+    /// Takes note, at each frame that is tracked, whether others were dropped before it. Answers with the part of the time that detection
     /// may take: one in so many.
-    pub(crate) fn hear(&mut self, dropped: bool) -> u64 {
+    pub(crate) fn observe(&mut self, dropped: bool) -> u64 {
         self.calm += 1;
         if dropped {
             self.rarer = (2 * self.rarer).min(MOST_RARELY);
@@ -43,9 +43,9 @@ mod tests {
     #[test]
     fn it_gives_way_at_once_and_comes_back_slowly() {
         let mut backoff = Backoff::default();
-        let rarer = [false, true, false, true, true].map(|dropped| backoff.hear(dropped));
+        let rarer = [false, true, false, true, true].map(|dropped| backoff.observe(dropped));
         assert_eq!(rarer, [1, 2, 2, 4, MOST_RARELY]);
-        let calm: Vec<u64> = (0..3 * CALM).map(|_| backoff.hear(false)).collect();
+        let calm: Vec<u64> = (0..3 * CALM).map(|_| backoff.observe(false)).collect();
         let after = |times: u32| calm[(times * CALM) as usize - 1];
         assert_eq!([1, 2, 3].map(after), [2, 1, 1]);
         assert_eq!(calm[CALM as usize - 2], MOST_RARELY);
@@ -58,7 +58,7 @@ mod tests {
         for _ in 0..100 * CALM {
             let dropped = rarer < MOST_RARELY;
             drops += u32::from(dropped);
-            rarer = backoff.hear(dropped);
+            rarer = backoff.observe(dropped);
         }
         assert!((95..=105).contains(&drops), "{drops}");
     }

@@ -1,4 +1,4 @@
-//! What each stage can be told, and in which order it takes it.
+//! The content of each stage's inbox, and in which order it is taken.
 
 use crate::audience::Audience;
 use crate::health::{Newest, Pulse};
@@ -113,7 +113,7 @@ pub(crate) struct Said {
     pub(crate) arrived: Instant,
 }
 
-/// What tracking is told.
+/// Inbox of tracking.
 #[derive(Default)]
 pub(crate) struct TrackingBox {
     pub(crate) frame: Option<Arrived>,
@@ -165,7 +165,7 @@ impl<T> DetectionBox<T> {
         self.rarer = rarer;
     }
 
-    /// Hears when the detector was done with a frame, and how long it had worked.
+    /// Takes note of when the detector was done with a frame, and how long it had worked.
     pub(crate) fn done(&mut self, at: Instant, worked: Duration) {
         self.last = Some((at, worked));
     }
@@ -180,7 +180,7 @@ impl<T> DetectionBox<T> {
     }
 }
 
-/// What mapping is told.
+/// Inbox of mapping.
 #[derive(Default)]
 pub(crate) struct MappingBox {
     pub(crate) queue: VecDeque<MapperMsg>,
@@ -196,7 +196,7 @@ pub(crate) enum MappingWork {
     Message(MapperMsg),
     /// Somebody wants a copy of the map. It changes nothing, and is in no log.
     Copy(SyncSender<Map>),
-    /// Tracking has no more keyframes: looping is to hear of that.
+    /// Tracking has no more keyframes: looping is to learn that.
     TrackingIsOver,
     /// Nobody has anything more.
     Over,
@@ -225,7 +225,7 @@ impl MappingBox {
     }
 }
 
-/// What looping is told.
+/// Inbox of looping.
 #[derive(Default)]
 pub(crate) struct LoopingBox {
     pub(crate) queue: VecDeque<LoopCloserMsg>,
@@ -268,7 +268,7 @@ mod tests {
         }
         assert_eq!(shown.next(start + 150 * MS), Some(4));
         assert_eq!(shown.next(start + 150 * MS), None);
-        // A slow one does not rest for ever.
+        // A slow one does not rest forever.
         shown.done(start, 3000 * MS);
         shown.show(5, 16);
         assert_eq!(shown.next(start + 999 * MS), None);

@@ -2,7 +2,7 @@
 
 use stillpoint_slam::MIN_FEATURES;
 
-/// Frames after which it is decided anew: half a second at 30 Hz.
+/// Frames after which it is decided again: half a second at 30 Hz.
 const ROUND: usize = 15;
 /// There is room for more below this share of the limit.
 const ROOM: f64 = 0.8;
@@ -40,8 +40,8 @@ impl Budget {
         self.rarer
     }
 
-    /// Hears how long a frame took, s. Answers with the number of keypoints wanted from now on when it changes.
-    pub(crate) fn hear(&mut self, took: f64) -> Option<u32> {
+    /// Takes note of how long a frame took, s. Answers with the number of keypoints wanted from now on when it changes.
+    pub(crate) fn observe(&mut self, took: f64) -> Option<u32> {
         self.round.push(took);
         if self.round.len() < ROUND {
             return None;
@@ -79,7 +79,7 @@ mod tests {
     /// Frames on a machine that needs `fixed` s and `each` s per keypoint: the keypoints in the end, and how rarely detection is asked.
     fn settle(budget: &mut Budget, fixed: f64, each: f64) -> (u32, u64) {
         for _ in 0..50 * ROUND {
-            budget.hear(fixed + each * f64::from(budget.features));
+            budget.observe(fixed + each * f64::from(budget.features));
         }
         (budget.features, budget.rarer)
     }
@@ -104,7 +104,7 @@ mod tests {
         let mut budget = Budget::new(0.010, 1000);
         for i in 0..10 * ROUND {
             let took = if i % ROUND == 3 { 1.0 } else { 0.009 };
-            assert_eq!(budget.hear(took), None);
+            assert_eq!(budget.observe(took), None);
         }
     }
 

@@ -33,8 +33,8 @@ impl DetectionWorker {
                     arrived: shown.at,
                 };
                 let room = |b: &TrackingBox| b.said.len() < QUEUE;
-                let told = boxes.tracking.put_when(room, |b| b.said.push_back(said));
-                if told.is_none() {
+                let handed_over = boxes.tracking.put_when(room, |b| b.said.push_back(said));
+                if handed_over.is_none() {
                     break;
                 }
                 call(self.hook.as_ref(), Stage::Detection);

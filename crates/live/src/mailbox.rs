@@ -1,12 +1,12 @@
 //! The inbox of a stage or a subscriber, and the only lock of the libraries.
 //!
-//! One box holds all that a stage may be told, because tracking and mapping wait for several things at once, which channels of
+//! One box holds all that a stage may receive, because tracking and mapping wait for several things at once, which channels of
 //! the standard library cannot do. What is kept, and what the newest replaces, is up to its content.
 
 use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// What one stage is told by the others.
+/// What one stage receives from the others.
 pub(crate) struct Mailbox<T> {
     state: Mutex<State<T>>,
     changed: Condvar,

@@ -48,8 +48,8 @@ impl Clock {
 }
 
 impl LiveSystem {
-    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps. `skipped` hears
-    /// of frames that could not be read. Ends when the source does, or soon after `stop` was set; [`LiveSystem::finish`] comes next.
+    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps. `skipped` is called
+    /// with what was wrong with frames that could not be read. Ends when the source does, or soon after `stop` was set; [`LiveSystem::finish`] comes next.
     pub fn play(
         &mut self,
         source: &mut dyn FrameSource,

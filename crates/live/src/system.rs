@@ -132,7 +132,7 @@ impl Office {
 }
 
 impl LiveSystem {
-    /// Starts the threads. `detector.stride` of the configuration is heeded; `schedule` is not: here time decides.
+    /// Starts the threads. `detector.stride` of the configuration is followed; `schedule` is not: here time decides.
     ///
     /// # Errors
     /// What the operating system says when it has no more threads.

@@ -36,8 +36,9 @@ impl Desk {
         self.boxes.rests(self.stage);
     }
 
-    /// Tells everyone who listens. A stage does so before it hands on what it did, so that what follows from it is told later.
-    fn tell(&self, event: &Event) {
+    /// Publishes an event to all subscribers. A stage does so before it hands on what it did, so that events that follow from it
+    /// come later.
+    fn publish(&self, event: &Event) {
         if matches!(event, Event::Looped(_) | Event::Corrected { .. }) {
             self.boxes.loops.put(|l| l.receive(event));
         }
@@ -123,13 +124,13 @@ impl TrackingWorker {
         let TrackingWork { arrived, news } = work;
         let waited = arrived.at.elapsed().as_secs_f64();
         let rarer = self.budget.as_ref().map_or(1, Budget::rarer);
-        let rarer = rarer.max(self.backoff.hear(news.dropped));
+        let rarer = rarer.max(self.backoff.observe(news.dropped));
         if self.taken.is_multiple_of(self.stride) {
             let shown = arrived.clone();
             self.desk.boxes.detection.put(|b| b.show(shown, rarer));
         }
         self.taken += 1;
-        self.hear(news, &arrived.frame);
+        self.take_news(news, &arrived.frame);
         self.desk.recorder.took(LogEntry::of_frame(&arrived.frame));
         let view_age = self.view_at.map(|at| at.elapsed().as_secs_f64());
         let (event, message) = routing::track(&mut self.tracker, &mut self.health, &arrived.frame);
@@ -159,12 +160,15 @@ impl TrackingWorker {
         let new = &entries[self.entries..];
         boxes.tracked.put(|t| t.extend_from_slice(new));
         self.entries = entries.len();
-        let wanted = self.budget.as_mut().and_then(|b| b.hear(latency - waited));
+        let wanted = self
+            .budget
+            .as_mut()
+            .and_then(|b| b.observe(latency - waited));
         if let Some(features) = wanted {
             self.desk.recorder.took(LogEntry::TrackEffort { features });
             self.tracker.set_features(features);
         }
-        self.desk.tell(&event);
+        self.desk.publish(&event);
         if let Some(message) = message {
             self.sent += 1;
             self.tell_mapper(message);
@@ -172,7 +176,7 @@ impl TrackingWorker {
     }
 
     /// Takes what came since the frame before, in the order of the inline driver.
-    fn hear(&mut self, news: TrackingBox, next: &RgbdFrame) {
+    fn take_news(&mut self, news: TrackingBox, next: &RgbdFrame) {
         if let Some(published) = news.view {
             let answer = published.answer;
             self.desk.recorder.took(LogEntry::TrackView { answer });
@@ -194,8 +198,8 @@ impl TrackingWorker {
                 self.seen = Some(detections.stamp);
             }
             let (event, message) =
-                routing::hear(&mut self.tracker, &mut self.health, said.answer, next.id);
-            self.desk.tell(&event);
+                routing::detections(&mut self.tracker, &mut self.health, said.answer, next.id);
+            self.desk.publish(&event);
             if let Some(message) = message {
                 self.tell_mapper(message);
             }
@@ -266,11 +270,11 @@ impl MappingWorker {
         self.desk.recorder.took(LogEntry::from(&message));
         self.keyframes += u64::from(matches!(message, MapperMsg::Keyframe(_)));
         let out = self.mapper.step(message);
-        let told = out.for_loop_closer();
+        let message = out.for_loop_closer();
         let view = Arc::clone(&out.view);
         let boxes = &self.desk.boxes;
         boxes.view.put(|newest| *newest = Arc::clone(&view));
-        self.desk.tell(&out.into_event());
+        self.desk.publish(&out.into_event());
         let published = Published {
             answer: self.answers,
             view,
@@ -280,7 +284,7 @@ impl MappingWorker {
         self.answers += 1;
         boxes.tracking.put(|b| b.view = Some(published));
         let room = |b: &LoopingBox| b.queue.len() < QUEUE;
-        boxes.looping.put_when(room, |b| b.queue.push_back(told));
+        boxes.looping.put_when(room, |b| b.queue.push_back(message));
     }
 }
 
@@ -344,7 +348,7 @@ impl LoopingWorker {
             places,
         } = self.loop_closer.step(message);
         if let Some(report) = report {
-            self.desk.tell(&Event::Looped(Box::new(report)));
+            self.desk.publish(&Event::Looped(Box::new(report)));
         }
         let known = (self.answers, places);
         self.answers += 1;

@@ -85,18 +85,18 @@ pub struct Applied {
     pub poses: u32,
     /// Of these, the ones that had been moved since; the correction came on top.
     pub composed: u32,
-    /// Keyframes made since (or left out by the correction) that were carried along with the one they hang on.
-    pub carried: u32,
+    /// Keyframes made since (or left out by the correction) that moved along with the one they hang on.
+    pub propagated: u32,
     /// Landmarks that were moved relative to their anchors.
     pub landmarks: u32,
     /// Landmarks that became others.
     pub merged: u32,
-    /// Keyframes whose landmarks are others now, by id: what they share has to be counted anew.
+    /// Keyframes whose landmarks are others now, by id: what they share has to be counted again.
     pub touched: Vec<KeyframeId>,
 }
 
 impl Map {
-    /// Applies a correction by one rule: what it saw is replaced, what it did not see is carried along.
+    /// Applies a correction by one rule: what it saw is replaced, what it did not see moves along.
     ///
     /// - A keyframe that has moved since `base_version` gets the correction on top of that.
     /// - A keyframe that the correction does not name keeps its pose relative to the first of its ancestors that it names; without
@@ -109,7 +109,7 @@ impl Map {
     /// Covisibility is left to the caller: see [`Applied::touched`].
     pub fn apply(&mut self, correction: &Correction) -> Applied {
         let mut applied = Applied::default();
-        // All poses are decided before the first one changes: what is carried refers to where its ancestor was.
+        // All poses are decided before the first one changes: what moves along refers to where its ancestor was.
         let named = Named::new(correction);
         let moves = self.moves(&named, correction.join, &mut applied);
         for (keyframe, pose) in moves {
@@ -159,14 +159,14 @@ impl Map {
                 applied.composed += u32::from(now != c.before);
                 c.corrected(&now)
             } else if let Some(c) = named.ancestor(&self.view, k.id) {
-                applied.carried += 1;
+                applied.propagated += 1;
                 if c.before == c.after {
                     now
                 } else {
                     (c.shift() * now).normalized()
                 }
             } else if let Some(join) = join.filter(|j| j.submap == k.submap) {
-                applied.carried += 1;
+                applied.propagated += 1;
                 (join.shift * now).normalized()
             } else {
                 now

@@ -99,7 +99,7 @@ impl Map {
         }
     }
 
-    /// Counts anew with which keyframes `id` shares landmarks, and updates both sides. Pairs that share fewer than
+    /// Counts again with which keyframes `id` shares landmarks, and updates both sides. Pairs that share fewer than
     /// `min_shared` landmarks do not count, except the best one.
     pub fn refresh_covisibility(&mut self, id: KeyframeId, min_shared: u32) {
         let Some(k) = self.view.keyframe(id) else {

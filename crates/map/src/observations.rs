@@ -239,7 +239,7 @@ impl Map {
         true
     }
 
-    /// Computes a landmark's descriptor, viewing direction and scale range anew from its observations.
+    /// Computes a landmark's descriptor, viewing direction and scale range again from its observations.
     pub fn refresh_landmark(&mut self, id: LandmarkId) {
         let (Some(l), Some(position)) = (self.view.landmark(id), self.view.landmark_position(id))
         else {

@@ -244,7 +244,7 @@ proptest! {
 
     /// What hangs on a corrected keyframe keeps its pose relative to it.
     #[test]
-    fn what_was_not_seen_is_carried_along(
+    fn what_was_not_seen_moves_along(
         parents in prop::collection::vec(0..8u32, 1..8),
         shifts in prop::collection::vec(1..30u32, 8),
     ) {
@@ -257,7 +257,7 @@ proptest! {
         extend(&mut map, 200, Some(100), 2);
         let before = map.publish();
         let applied = map.apply(&c);
-        prop_assert_eq!(applied.carried as usize, parents.len() + 1);
+        prop_assert_eq!(applied.propagated as usize, parents.len() + 1);
         prop_assert_eq!(applied.composed, 0);
         let relative = |view: &MapView, a: u32, b: u32| {
             let pose = |k| view.world_from_keyframe(KeyframeId(k)).unwrap();
@@ -377,7 +377,7 @@ fn submaps_become_one_with_all_that_was_added_since() {
     map.cull_keyframe(KeyframeId(11));
     let before: Vec<Se3> = [2, 10, 11, 12].map(|k| at(&map, k)).to_vec();
     let applied = map.apply(&join);
-    assert_eq!((applied.merged, applied.carried), (1, 1));
+    assert_eq!((applied.merged, applied.propagated), (1, 1));
     assert_eq!(map.view().submaps(), [(SubmapId(0), 6)]);
     assert_eq!(map.view().submap_of(KeyframeId(11)), Some(SubmapId(0)));
     assert_eq!(at(&map, 2), before[0]);

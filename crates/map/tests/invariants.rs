@@ -76,7 +76,7 @@ fn change() -> impl Strategy<Value = Change> {
     ]
 }
 
-/// Who observes what: landmark -> keyframe -> feature. Only what the map accepts is told to it.
+/// Who observes what: landmark -> keyframe -> feature. Only what the map accepts is entered.
 type Model = BTreeMap<u32, BTreeMap<u32, u32>>;
 
 fn apply(map: &mut Map, model: &mut Model, next: &mut u32, change: &Change) {

@@ -5,7 +5,7 @@
 use crate::{Vocabulary, popcnt};
 use stillpoint_features::Descriptor;
 
-/// Words of 64 bits of a descriptor by which features are told apart: the first half. ORB's tests were chosen one by one, each to vary much and to correlate
+/// Words of 64 bits of a descriptor by which features are distinguished: the first half. ORB's tests were chosen one by one, each to vary much and to correlate
 /// little with those before (Rublee et al., ICCV 2011), so the first ones say most; on the data of the decision the other half added nothing.
 pub(crate) const SIGNATURE: usize = 2;
 /// Features whose signatures differ in at most this many bits may be the same point.

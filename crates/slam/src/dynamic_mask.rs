@@ -68,7 +68,7 @@ pub struct MovingThings {
     pub frame: Arc<RgbdFrame>,
     /// The camera's pose that the verdicts rest on: the user's where one was given, else by what stands still in the image, relative to
     /// the first frame, with the drift of a camera that is followed from frame to frame. `None` where it is not known; then nothing is said
-    /// to move. After a loss of ten frames it begins anew at the origin.
+    /// to move. After a loss of ten frames it starts over at the origin.
     pub world_from_camera: Option<Se3>,
     /// Verdicts of the filter's own keypoints.
     pub verdicts: Arc<[FeatureVerdict]>,

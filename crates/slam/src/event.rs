@@ -9,7 +9,7 @@
 //! | the tracker takes detections | [`Event::Detected`] or [`Event::DetectorFailed`] |
 //! | the tracker takes a frame | [`Event::Frame`] |
 //! | the mapper takes a keyframe | [`Event::Mapped`] |
-//! | the mapper hears what moves in a keyframe | [`Event::Rejudged`] |
+//! | the mapper learns what moves in a keyframe | [`Event::Rejudged`] |
 //! | the mapper takes a correction | [`Event::Corrected`] |
 //! | the loop closer takes a keyframe | [`Event::Looped`], when a place was recognised |
 //!
@@ -45,7 +45,7 @@ pub enum Event {
     },
     /// The detector answered, as of the frame named in it.
     Detected(Detections),
-    /// The detector failed on a frame; tracking goes on with what it said before.
+    /// The detector failed on a frame; tracking keeps using its earlier detections.
     DetectorFailed(DetectError),
     /// Features of an earlier keyframe turned out to move: their landmarks were taken out.
     Rejudged {
@@ -88,7 +88,7 @@ impl Event {
 }
 
 impl MapperOut {
-    /// What the user is told of it.
+    /// The event by which subscribers learn of it.
     #[must_use]
     pub fn into_event(self) -> Event {
         let view = self.view;

@@ -1,4 +1,4 @@
-//! What the tracker saw of a frame beside its pose: what the quality of the pose can be told from.
+//! What the tracker saw of a frame beside its pose: what the quality of the pose is judged by.
 //!
 //! Answers: how many matches agreed, where in the image they lie, how certain the pose is. Draws no conclusions, which is the
 //! business of [`HealthMonitor`](crate::HealthMonitor).

@@ -1,4 +1,4 @@
-//! The exchange: the stages of one run, and what they have told each other.
+//! The exchange: the stages of one run, and the messages between them.
 //!
 //! Answers: what happens when a stage takes a message. It owns the stages and their inboxes, carries out one entry of a run log at a
 //! time, and says what happened. When an entry is carried out is not its business: a schedule decides that in
@@ -144,7 +144,9 @@ impl Exchange {
     ) -> Result<Option<Event>, NotSent> {
         let event = match entry {
             LogEntry::TrackFrame { .. } => Some(self.track(entry, frame)?),
-            LogEntry::TrackDetections { next, said } => Some(self.hear(said.clone(), *next)),
+            LogEntry::TrackDetections { next, said } => {
+                Some(self.receive_detections(said.clone(), *next))
+            }
             LogEntry::TrackView { answer } => {
                 let view = self.views.take(*answer);
                 let view = view.ok_or_else(|| not_sent(entry, None))?;
@@ -202,11 +204,15 @@ impl Exchange {
         Ok(event)
     }
 
-    fn hear(&mut self, said: Result<Detections, DetectError>, next: FrameId) -> Event {
+    fn receive_detections(
+        &mut self,
+        said: Result<Detections, DetectError>,
+        next: FrameId,
+    ) -> Event {
         let Stages {
             tracker, health, ..
         } = &mut self.stages;
-        let (event, message) = routing::hear(tracker, health, said, next);
+        let (event, message) = routing::detections(tracker, health, said, next);
         self.for_mapper.extend(message);
         event
     }

@@ -74,7 +74,7 @@ pub struct MapperOut {
 }
 
 impl MapperOut {
-    /// What the loop closer is to be told of it.
+    /// The message about it to the loop closer.
     #[must_use]
     pub fn for_loop_closer(&self) -> LoopCloserMsg {
         let view = || Arc::clone(&self.view);

@@ -159,8 +159,8 @@ pub struct CorrectionReport {
     pub keyframes: u32,
     /// Of these, the ones that local bundle adjustment had moved since.
     pub composed: u32,
-    /// Keyframes made since, which were carried along.
-    pub carried: u32,
+    /// Keyframes made since, to which the correction was propagated.
+    pub propagated: u32,
     /// Landmarks that became others.
     pub merged: u32,
     /// What moved, however little.

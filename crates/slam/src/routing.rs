@@ -1,6 +1,6 @@
 //! Routing: what follows when a stage of tracking has taken a message.
 //!
-//! Answers: which event tells of it, and what the next stage is told. The same for all drivers: [`Exchange`](crate::Exchange) and the
+//! Answers: which event reports it, and which message the next stage gets. The same for all drivers: [`Exchange`](crate::Exchange) and the
 //! threads of a live run call these functions. What follows from answers of the mapper and the loop closer is said by the answers
 //! themselves: [`MapperOut`](crate::MapperOut), [`LoopCloserOut`](crate::LoopCloserOut).
 
@@ -12,7 +12,7 @@ use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// The tracker takes a frame: [`Event::Frame`], and the keyframe that the mapper is told of.
+/// The tracker takes a frame: [`Event::Frame`], and the keyframe that the mapper gets.
 pub fn track(
     tracker: &mut Tracker,
     health: &mut HealthMonitor,
@@ -34,7 +34,7 @@ pub fn track(
 
 /// The tracker takes what a detector said, before it takes the frame `next`: [`Event::Detected`] or [`Event::DetectorFailed`], and
 /// what turned out to move in an earlier keyframe.
-pub fn hear(
+pub fn detections(
     tracker: &mut Tracker,
     health: &mut HealthMonitor,
     said: Result<Detections, DetectError>,

@@ -2,7 +2,7 @@
 //!
 //! Answers: how stages are made for a configuration, a camera and perhaps a map that is there already. What a stage has to
 //! tell the next is said by the answers themselves ([`MapperOut::for_loop_closer`](crate::MapperOut::for_loop_closer), ...); a driver
-//! only decides when it is told.
+//! only decides when it is asked to.
 
 use crate::config::Config;
 use crate::fingerprint::Fingerprint;
@@ -21,7 +21,7 @@ use stillpoint_map::Map;
 /// What is done with a map that is there before the first frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MapUse {
-    /// It is gone on with.
+    /// It is resumed and grows.
     #[default]
     Grow,
     /// It is only read: poses, but no keyframes and no new submaps.
@@ -99,7 +99,7 @@ impl Stages {
         })
     }
 
-    /// The stages with a map that is there already, to be gone on with or to be localized in. Until a place in it is recognised
+    /// The stages with a map that is there already, to be resumed or to be localized in. Until a place in it is recognised
     /// the camera is lost.
     ///
     /// # Errors

@@ -74,12 +74,12 @@ mod tests {
 
     #[test]
     fn every_subscriber_receives_every_event_in_order() {
-        let heard = RefCell::new(Vec::new());
-        let heard = &heard;
+        let received = RefCell::new(Vec::new());
+        let received = &received;
         let note = |name: &'static str| {
             OnEvent(move |event: &Event| {
                 if let Event::Refused(r) = event {
-                    heard.borrow_mut().push((name, r.frame.0));
+                    received.borrow_mut().push((name, r.frame.0));
                 }
             })
         };
@@ -99,6 +99,6 @@ mod tests {
         drop(all);
         let names = ["first", "second", "third"];
         let expected = [1, 2].iter().flat_map(|n| names.map(|name| (name, *n)));
-        assert_eq!(*heard.borrow(), expected.collect::<Vec<_>>());
+        assert_eq!(*received.borrow(), expected.collect::<Vec<_>>());
     }
 }

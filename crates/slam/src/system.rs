@@ -151,7 +151,7 @@ impl System {
         }
     }
 
-    /// Lets the detector look at a frame whose turn it is. Its answer is due some steps later; that it failed is told at once.
+    /// Lets the detector look at a frame whose turn it is. Its answer is due some steps later; a failure is reported at once.
     fn detect(&mut self, frame: &RgbdFrame, events: &mut Vec<Event>) {
         let Some(detector) = &mut self.detector else {
             return;
@@ -181,7 +181,7 @@ impl System {
         }
     }
 
-    /// Hands the mapper what the tracker told it.
+    /// Hands the mapper what the tracker sent it.
     fn build_map(&mut self, events: &mut Vec<Event>) {
         while let Some(entry) = self.exchange.next_for_mapper() {
             self.map_message(entry, events);
@@ -197,7 +197,7 @@ impl System {
         }
     }
 
-    /// Has the mapper take a message. Its view is due some steps later; the loop closer hears of it at once, and what that
+    /// Has the mapper take a message. Its view is due some steps later; the loop closer gets it at once, and what that
     /// answers is due some steps later.
     fn map_message(&mut self, entry: LogEntry, events: &mut Vec<Event>) {
         self.carry_out(entry, None, events);

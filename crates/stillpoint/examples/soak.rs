@@ -206,7 +206,7 @@ impl Unit {
     }
 }
 
-/// Time of this thread on a processor, or time by the clock where that is not told.
+/// Time of this thread on a processor, or time by the clock where the system does not give that.
 struct Stopwatch(Option<f64>, Instant);
 
 impl Stopwatch {

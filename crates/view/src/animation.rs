@@ -33,7 +33,7 @@ impl Default for AnimationOptions {
     }
 }
 
-/// Writes a GIF frame by frame; holds one frame at a time. It repeats for ever.
+/// Writes a GIF frame by frame; holds one frame at a time. It repeats forever.
 pub struct Animation<W: Write> {
     file: File<W>,
     options: AnimationOptions,

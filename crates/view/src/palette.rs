@@ -1,11 +1,11 @@
-//! The 255 colours that stand for a picture, and what of it has to be drawn anew.
+//! The 255 colours that stand for a picture, and what of it has to be redrawn.
 //!
 //! Colours are split where that takes most off the squared error (Wu, Efficient statistical computations for optimal color
 //! quantization, 1991, here over the list of colours that occur), and then moved to the means of what they stand for (Lloyd).
 
 use crate::Picture;
 
-/// Bits of a channel by which colours are told apart: finer ones make no difference that can be seen.
+/// Bits of a channel by which colours are distinguished: finer ones make no difference that can be seen.
 const BITS: u32 = 6;
 const LEVELS: usize = 1 << (3 * BITS);
 /// Colours of a palette; the last index of 256 stands for what did not change.

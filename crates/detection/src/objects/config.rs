@@ -1,4 +1,4 @@
-//! What the object tracker can be told.
+//! Configuration of the object tracker.
 
 use serde::{Deserialize, Serialize};
 

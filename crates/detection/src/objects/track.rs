@@ -53,7 +53,7 @@ const SAME_BOX: f64 = 0.5;
 const SAME_BOX_SAME_DEPTH: f64 = 0.3;
 /// The same where the depths contradict each other.
 const SAME_BOX_OTHER_DEPTH: f64 = 0.6;
-/// So many contradictions in a row, and the depth is started anew.
+/// So many contradictions in a row, and the depth is started over.
 const CONTRADICTIONS: u32 = 3;
 /// Least reach of a surface as a share of the object's width: bodies are not flat.
 const LEAST_REACH: f64 = 0.4;
@@ -184,7 +184,7 @@ impl Track {
         self.judge_depth(view, m, mode, share);
     }
 
-    /// Follows the reach of the object's surface, or starts the depth anew when it has been contradicted for long.
+    /// Follows the reach of the object's surface, or starts the depth over when it has been contradicted for long.
     fn judge_depth(&mut self, view: &View, m: &Measurement, own: Option<DepthMode>, share: f64) {
         let nearest = m.modes[0];
         let behind = own.is_some_and(|o| o.depth > nearest.depth && nearest.share >= 0.6);

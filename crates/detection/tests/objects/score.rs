@@ -41,7 +41,7 @@ impl Score {
 pub(crate) struct Drive {
     /// Frames by which detections come late.
     pub(crate) lag: u64,
-    /// Whether the tracker is told the camera's pose. Controls are not.
+    /// Whether the tracker is given the camera's pose. Controls are not.
     pub(crate) with_pose: bool,
     /// Pose of an empty frame before the first.
     pub(crate) first: Option<Se3>,

@@ -1,4 +1,4 @@
-//! What the flow can be told.
+//! Configuration of the flow.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! Pyramidal Lucas-Kanade flow.
 //!
-//! Answers: where given points of one image are in the next one, to a fraction of a pixel, and which of them cannot be told. Does not know
+//! Answers: where given points of one image are in the next one, to a fraction of a pixel, and for which of them there is no answer. Does not know
 //! which points move by themselves. The method is that of Bouguet, "Pyramidal implementation of the Lucas Kanade feature tracker" (2000),
 //! on whatever pyramid there is, with an unknown change of brightness per window (Shi and Tomasi, CVPR 1994, without the affine part).
 

@@ -204,7 +204,7 @@ impl Audience {
         });
     }
 
-    /// A new listener, who hears what comes from now on.
+    /// A new listener, who gets what comes from now on.
     pub(crate) fn listen(&self, name: &str, delivery: Delivery) -> Events {
         let queue = Arc::new(Mailbox::new(Waiting::new(delivery)));
         let kept = Arc::clone(&queue);

@@ -41,13 +41,13 @@ impl Detector for Odd {
 #[test]
 fn a_detector_that_panics_is_reported_and_the_others_finish() {
     let odd = Odd(0, |_| panic!("no more boxes"));
-    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
+    let (result, received) = run(Some(Box::new(odd)), unhurried(), 2);
     let end = Some(WorkerEnd::Panicked("no more boxes".to_owned()));
     assert_eq!(result.ended.detection, end);
     assert_eq!(result.ended.failures().count(), 1);
     assert_eq!(result.trajectory.entries().len(), frames().len());
     assert!(result.statistics.detections.len() <= 2);
-    assert_reproduced(&result, &heard);
+    assert_reproduced(&result, &received);
 }
 
 #[test]
@@ -57,12 +57,12 @@ fn a_detector_that_hangs_is_given_up() {
             std::thread::park();
         }
     });
-    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 2);
+    let (result, received) = run(Some(Box::new(odd)), unhurried(), 2);
     assert_eq!(result.ended.detection, Some(WorkerEnd::GivenUp));
     assert!(result.detector.is_none());
     assert_eq!(result.ended.failures().count(), 1);
     assert_eq!(result.trajectory.entries().len(), frames().len());
-    assert_reproduced(&result, &heard);
+    assert_reproduced(&result, &received);
 }
 
 #[test]
@@ -73,12 +73,12 @@ fn what_a_detector_failed_at_is_in_the_log() {
             reason: "out of\n\"memory\" \u{1f635}".to_owned(),
         })
     });
-    let (result, heard) = run(Some(Box::new(odd)), unhurried(), 5);
+    let (result, received) = run(Some(Box::new(odd)), unhurried(), 5);
     assert_all_finished(&result);
     assert!(result.detector.is_some());
     let failed = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { said: Err(_), .. });
     assert_eq!(result.log.entries.iter().filter(failed).count(), 1);
-    assert_reproduced(&result, &heard);
+    assert_reproduced(&result, &received);
 }
 
 /// A detector that takes a while, and notes when it was asked for which frame.
@@ -115,9 +115,9 @@ fn a_detector_rests_where_frames_are_dropped() {
             ..unhurried()
         };
         let detector = Slow(Arc::clone(&asked));
-        let (result, heard) = run(Some(Box::new(detector)), options, 10);
+        let (result, received) = run(Some(Box::new(detector)), options, 10);
         assert_all_finished(&result);
-        assert_reproduced(&result, &heard);
+        assert_reproduced(&result, &received);
         let tracked: Vec<FrameId> = result.statistics.frames.iter().map(|f| f.frame).collect();
         let after_dropped = tracked.windows(2).filter(|w| w[1].0 > w[0].0 + 1);
         let since = after_dropped.map(|w| w[1]).nth(1);

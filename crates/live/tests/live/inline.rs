@@ -1,6 +1,6 @@
 //! Inline runs: what they say is complete, in the order of their logs, and their logs give the same again, bit for bit.
 
-use super::world::{self, Frames, Told, frames, scripted};
+use super::world::{self, Checked, Frames, frames, scripted};
 use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::Map;
@@ -24,12 +24,12 @@ impl Detector for Fails {
 
 /// Everything that a run said, in order.
 #[derive(Default)]
-struct Heard {
+struct Received {
     events: Vec<Event>,
-    checked: Told,
+    checked: Checked,
 }
 
-impl Subscriber for Heard {
+impl Subscriber for Received {
     fn receive(&mut self, event: &Event) {
         // The order that all drivers keep.
         self.checked.take(event);
@@ -42,13 +42,13 @@ fn text(events: &[Event]) -> Vec<String> {
 }
 
 /// Runs frames through a system with a log, to the end.
-fn run(mut system: System, frames: &[RgbdFrame]) -> (System, Heard) {
-    let mut heard = Heard::default();
+fn run(mut system: System, frames: &[RgbdFrame]) -> (System, Received) {
+    let mut received = Received::default();
     for frame in frames {
-        heard.receive_all(&system.step(frame.clone()));
+        received.receive_all(&system.step(frame.clone()));
     }
-    heard.receive_all(&system.finish());
-    (system, heard)
+    received.receive_all(&system.finish());
+    (system, received)
 }
 
 fn bytes(map: &Map) -> Vec<u8> {
@@ -56,14 +56,14 @@ fn bytes(map: &Map) -> Vec<u8> {
 }
 
 /// The log of a run, as a text and back, gives its events in their order, its trajectory and its map.
-fn assert_replayed(system: System, heard: &Heard, stages: Stages, frames: &[RgbdFrame]) {
+fn assert_replayed(system: System, received: &Received, stages: Stages, frames: &[RgbdFrame]) {
     let log = system.log().unwrap();
     let log = RunLog::from_bytes(log.to_text().as_bytes()).unwrap();
     let mut replay = Replay::new(stages, log).unwrap();
-    let mut again = Heard::default();
+    let mut again = Received::default();
     replay.run(&mut Frames::of(frames), &mut again).unwrap();
     assert!(replay.is_over());
-    assert_eq!(text(&heard.events), text(&again.events));
+    assert_eq!(text(&received.events), text(&again.events));
     assert_eq!(
         format!("{:?}", system.loops()),
         format!("{:?}", replay.loops())
@@ -92,8 +92,8 @@ fn a_run_with_delays_and_a_detector_that_fails_is_replayed() {
     };
     let system = System::from(stages()).with_log();
     let system = system.with_detector(Box::new(Fails(scripted())));
-    let (system, heard) = run(system, frames());
-    let count = |kind: fn(&Event) -> bool| heard.events.iter().filter(|e| kind(e)).count();
+    let (system, received) = run(system, frames());
+    let count = |kind: fn(&Event) -> bool| received.events.iter().filter(|e| kind(e)).count();
     assert_eq!(count(|e| matches!(e, Event::Frame(_))), frames().len());
     assert_eq!(
         count(|e| matches!(e, Event::DetectorFailed(_))),
@@ -103,7 +103,7 @@ fn a_run_with_delays_and_a_detector_that_fails_is_replayed() {
     let log = system.log().unwrap();
     let late = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { next, said: Ok(d) } if d.frame.0 + 3 == next.0);
     assert!(log.entries.iter().any(|e| late(&e)));
-    assert_replayed(system, &heard, stages(), frames());
+    assert_replayed(system, &received, stages(), frames());
 }
 
 #[test]
@@ -112,8 +112,8 @@ fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
     let stages = |loop_closer: u32| {
         world::stages_for_submaps_with(camera, |c| c.schedule.loop_closer = loop_closer)
     };
-    let (system, heard) = run(System::from(stages(4)).with_log(), &frames);
-    let corrected: Vec<_> = heard
+    let (system, received) = run(System::from(stages(4)).with_log(), &frames);
+    let corrected: Vec<_> = received
         .events
         .iter()
         .filter_map(|e| match e {
@@ -137,30 +137,30 @@ fn a_run_with_a_correction_is_replayed_and_says_what_moved() {
             .count(),
         1
     );
-    assert_replayed(system, &heard, stages(4), &frames);
+    assert_replayed(system, &received, stages(4), &frames);
 
     // One that is outstanding when the stream ends is delivered, and reported.
     let mut late = System::from(stages(1000)).with_log();
-    let mut heard = Heard::default();
+    let mut received = Received::default();
     for frame in &frames {
-        heard.receive_all(&late.step(frame.clone()));
+        received.receive_all(&late.step(frame.clone()));
     }
     let before = late.view().submaps().len();
     let last = late.finish();
     assert!(matches!(last[..], [Event::Corrected { .. }]), "{last:?}");
     assert_eq!((before, late.view().submaps().len()), (2, 1));
-    heard.receive_all(&last);
-    assert_replayed(late, &heard, stages(1000), &frames);
+    received.receive_all(&last);
+    assert_replayed(late, &received, stages(1000), &frames);
 }
 
 /// Whoever listens needs nothing else: images, reports, health and maps come with the events.
 #[test]
 fn events_are_complete() {
     let system = System::from(world::stages()).with_detector(scripted());
-    let (system, heard) = run(system, frames());
+    let (system, received) = run(system, frames());
     assert!(system.log().is_none());
     let mut newest = None;
-    for event in &heard.events {
+    for event in &received.events {
         match event {
             Event::Frame(tracked) => {
                 let frame = tracked.frame.as_ref().unwrap();
@@ -179,7 +179,12 @@ fn events_are_complete() {
     }
     assert_eq!(newest.unwrap().version(), system.view().version());
     // People have positions in the world and seen from the camera, once their depth was seen.
-    let last = heard.events.iter().rev().find_map(Event::as_frame).unwrap();
+    let last = received
+        .events
+        .iter()
+        .rev()
+        .find_map(Event::as_frame)
+        .unwrap();
     let pose = last.report.world_from_camera.unwrap();
     let seen = last
         .report

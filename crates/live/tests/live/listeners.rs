@@ -1,6 +1,6 @@
 //! Whoever listens to a live run: what reaches them, what is left out, and that nobody waits for them.
 
-use super::world::{Frames, Told, frames, replay, scripted, stages, within};
+use super::world::{Checked, Frames, frames, replay, scripted, stages, within};
 use std::time::{Duration, Instant};
 use stillpoint_live::{Delivery, LiveOptions, LiveSystem};
 use stillpoint_map::Map;
@@ -54,7 +54,7 @@ fn tracking_does_not_wait_for_who_is_slow_and_what_they_miss_is_counted() {
         let few = Delivery::until_full(4).with_images(2, 1);
         let slow = live.subscribe("slow", few, Slow::new(PAUSE)).unwrap();
         let all = Delivery::until_full(10_000);
-        let all = live.subscribe("all", all, Told::default()).unwrap();
+        let all = live.subscribe("all", all, Checked::default()).unwrap();
         let began = Instant::now();
         for frame in frames() {
             assert!(live.push(frame.clone()));
@@ -82,8 +82,8 @@ fn tracking_does_not_wait_for_who_is_slow_and_what_they_miss_is_counted() {
     assert!(missed.events > 0 && slow.frames < tracked as u64);
     assert!(slow.images <= slow.frames);
     // What listeners did has left no trace in the run.
-    let (again, told) = replay(stages(), Frames::all(), result.log.clone());
-    assert_eq!(told, all);
+    let (again, received) = replay(stages(), Frames::all(), result.log.clone());
+    assert_eq!(received, all);
     assert_eq!(
         again.trajectory().digest(&again.view()),
         result.log.trajectory
@@ -112,10 +112,12 @@ fn where_no_frame_may_be_dropped_every_image_reaches_who_wants_it() {
 
 #[test]
 fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
-    let (result, told, (map, poses, view), gone) = within(|| {
+    let (result, received, (map, poses, view), gone) = within(|| {
         let mut live = start(false);
-        let told = Delivery::until_full(10_000);
-        let told = live.subscribe("test", told, Told::default()).unwrap();
+        let received = Delivery::until_full(10_000);
+        let received = live
+            .subscribe("test", received, Checked::default())
+            .unwrap();
         let mut now = None;
         for (i, frame) in frames().iter().enumerate() {
             assert!(live.push(frame.clone()));
@@ -131,7 +133,7 @@ fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
             result.trajectory.entries().len()
         );
         assert_eq!(watch.view().version(), result.view.version());
-        (result, told.join().unwrap(), now.unwrap(), watch.map())
+        (result, received.join().unwrap(), now.unwrap(), watch.map())
     });
     // The frame before was taken when the next one went in.
     assert!((29..=31).contains(&poses.len()), "{}", poses.len());
@@ -149,8 +151,8 @@ fn map_and_trajectory_can_be_had_while_the_run_goes_on() {
     assert!(view.version() <= result.view.version());
     assert!(gone.is_none());
     // Saving left no trace in the run.
-    let (again, heard) = replay(stages(), Frames::all(), result.log.clone());
-    assert_eq!(heard, told);
+    let (again, replayed) = replay(stages(), Frames::all(), result.log.clone());
+    assert_eq!(replayed, received);
     let bytes = |map: &Map| map.to_bytes(&[]).unwrap();
     assert!(bytes(&again.into_map()) == bytes(result.map.as_ref().unwrap()));
 }

@@ -7,8 +7,8 @@ mod listeners;
 mod world;
 
 use self::world::{
-    Frames, Told as Heard, frames, mapping_falls_behind, random_delays, replay, scripted, stages,
-    within,
+    Checked as Received, Frames, frames, mapping_falls_behind, random_delays, replay, scripted,
+    stages, within,
 };
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -29,7 +29,7 @@ fn run(
     detector: Option<Box<dyn Detector>>,
     options: LiveOptions,
     pause_ms: u64,
-) -> (LiveResult, Heard) {
+) -> (LiveResult, Received) {
     within(move || push(stages(), detector, options, frames(), pause_ms))
 }
 
@@ -39,9 +39,9 @@ fn push(
     options: LiveOptions,
     frames: &[RgbdFrame],
     pause_ms: u64,
-) -> (LiveResult, Heard) {
+) -> (LiveResult, Received) {
     let mut live = LiveSystem::start(stages, detector, options).unwrap();
-    let heard = live.subscribe("test", Delivery::until_full(10_000), Heard::default());
+    let received = live.subscribe("test", Delivery::until_full(10_000), Received::default());
     for frame in frames {
         if !live.push(frame.clone()) {
             break;
@@ -51,19 +51,19 @@ fn push(
     let result = live.finish();
     let expected = [("test".to_owned(), Missed::default())];
     assert_eq!(result.statistics.subscribers, expected);
-    (result, heard.unwrap().join().unwrap())
+    (result, received.unwrap().join().unwrap())
 }
 
 /// The replay of a run over the world's frames says what the run said, and leaves the same map.
-fn assert_reproduced(result: &LiveResult, heard: &Heard) {
-    assert_reproduced_by(stages(), Frames::all(), result, heard);
+fn assert_reproduced(result: &LiveResult, received: &Received) {
+    assert_reproduced_by(stages(), Frames::all(), result, received);
 }
 
-fn assert_reproduced_by(stages: Stages, frames: Frames, result: &LiveResult, heard: &Heard) {
+fn assert_reproduced_by(stages: Stages, frames: Frames, result: &LiveResult, received: &Received) {
     let log = RunLog::from_bytes(result.log.to_text().as_bytes()).unwrap();
     assert_eq!(log, result.log);
-    let (again, heard_again) = replay(stages, frames, log);
-    assert_eq!(heard, &heard_again);
+    let (again, received_again) = replay(stages, frames, log);
+    assert_eq!(received, &received_again);
     assert_eq!(
         format!("{:?}", again.loops()),
         format!("{:?}", result.loops)
@@ -90,14 +90,14 @@ fn a_run_with_random_delays_is_reproduced_bit_for_bit() {
             hook: Some(random_delays(seed, 30)),
             ..LiveOptions::default()
         };
-        let (result, heard) = run(Some(scripted()), options, 3);
+        let (result, received) = run(Some(scripted()), options, 3);
         assert_all_finished(&result);
         let tracked = result.statistics.frames.len() + result.statistics.dropped.len();
         assert_eq!(tracked, frames().len());
         assert!(result.view.keyframe_count() >= 2);
         let late = |e: &&LogEntry| matches!(e, LogEntry::TrackDetections { next, said: Ok(d) } if d.frame < *next);
         assert!(result.log.entries.iter().any(|e| late(&e)), "{seed}");
-        assert_reproduced(&result, &heard);
+        assert_reproduced(&result, &received);
         if !drop_late {
             digests.insert(result.log.trajectory);
         }
@@ -120,10 +120,10 @@ fn corrections_of_the_map_are_reproduced_too() {
         hook: Some(random_delays(7, 10)),
         ..LiveOptions::default()
     };
-    let (result, heard, frames) = within(move || {
+    let (result, received, frames) = within(move || {
         let stages = world::stages_for_submaps(camera);
-        let (result, heard) = push(stages, None, options, &frames, 0);
-        (result, heard, frames)
+        let (result, received) = push(stages, None, options, &frames, 0);
+        (result, received, frames)
     });
     assert_all_finished(&result);
     let joined = |l: &&LoopReport| l.joined.is_some() && l.applied.is_some();
@@ -132,7 +132,7 @@ fn corrections_of_the_map_are_reproduced_too() {
     let took = |e: &&LogEntry| matches!(e, LogEntry::MapCorrect { .. });
     assert_eq!(result.log.entries.iter().filter(took).count(), 1);
     let stages = world::stages_for_submaps(camera);
-    assert_reproduced_by(stages, Frames::of(&frames), &result, &heard);
+    assert_reproduced_by(stages, Frames::of(&frames), &result, &received);
 }
 
 #[test]
@@ -146,7 +146,7 @@ fn late_frames_are_dropped_and_counted() {
         hook: Some(slow),
         ..LiveOptions::default()
     };
-    let (result, heard) = run(None, options, 4);
+    let (result, received) = run(None, options, 4);
     let s = &result.statistics;
     assert!(s.dropped.len() > 5, "{:?}", s.dropped);
     assert_eq!(s.arrived as usize, frames().len());
@@ -157,7 +157,7 @@ fn late_frames_are_dropped_and_counted() {
     all.sort_unstable();
     assert_eq!(all, frames().iter().map(|f| f.id).collect::<Vec<_>>());
     assert!(s.frames.iter().all(|f| f.latency >= f.waited));
-    assert_reproduced(&result, &heard);
+    assert_reproduced(&result, &received);
 }
 
 /// Next to no time for a frame, and mapping that is slower than keyframes come: less is done, and the log knows of it.
@@ -179,9 +179,9 @@ fn less_is_done_where_time_is_short_and_that_is_reproduced() {
                 (k.min_close_tracked, k.min_close_untracked, k.min_gap) = (10_000, 0, 1);
             })
         };
-        let (result, heard) = within(move || push(stages(), None, options, frames(), 0));
+        let (result, received) = within(move || push(stages(), None, options, frames(), 0));
         assert_all_finished(&result);
-        assert_reproduced_by(stages(), Frames::all(), &result, &heard);
+        assert_reproduced_by(stages(), Frames::all(), &result, &received);
         let counts = result.statistics.frames.iter().map(|f| f.features);
         let fewest = counts.min().unwrap();
         let entries = result.log.entries.iter();
@@ -203,14 +203,14 @@ fn no_frame_is_dropped_when_none_may_be() {
         hook: Some(random_delays(5, 8)),
         ..LiveOptions::default()
     };
-    let (result, heard) = run(None, options, 0);
+    let (result, received) = run(None, options, 0);
     assert_all_finished(&result);
     assert_eq!(result.ended.detection, None);
     let tracked: Vec<FrameId> = result.statistics.frames.iter().map(|f| f.frame).collect();
     assert_eq!(tracked, frames().iter().map(|f| f.id).collect::<Vec<_>>());
     assert!(result.statistics.dropped.is_empty());
     assert_eq!(result.trajectory.entries().len(), frames().len());
-    assert_reproduced(&result, &heard);
+    assert_reproduced(&result, &received);
 }
 
 fn unhurried() -> LiveOptions {
@@ -233,7 +233,7 @@ fn whichever_stage_panics_the_others_finish() {
             hook: Some(hook),
             ..unhurried()
         };
-        let (result, heard) = run(Some(scripted()), options, 2);
+        let (result, received) = run(Some(scripted()), options, 2);
         let failures: Vec<_> = result.ended.failures().collect();
         let end = WorkerEnd::Panicked("on purpose".to_owned());
         assert_eq!(failures, [(stage, &end)]);
@@ -245,16 +245,16 @@ fn whichever_stage_panics_the_others_finish() {
         assert_eq!(result.statistics.frames.len(), expected);
         assert!(result.map.as_ref().is_some_and(|m| m.check().is_ok()));
         assert!(result.view.keyframe_count() > 0);
-        assert_reproduced(&result, &heard);
+        assert_reproduced(&result, &received);
     }
 }
 
 #[test]
 fn stopping_in_the_middle_keeps_what_was_learned() {
-    let (result, heard, played) = within(|| {
+    let (result, received, played) = within(|| {
         let mut live = LiveSystem::start(stages(), Some(scripted()), unhurried()).unwrap();
         let stop = Arc::new(AtomicBool::new(false));
-        let heard = live.subscribe("test", Delivery::until_full(1000), Heard::default());
+        let received = live.subscribe("test", Delivery::until_full(1000), Received::default());
         let (mut frames, stops) = (0, Arc::clone(&stop));
         let tenth = OnEvent(move |event: &Event| {
             frames += u32::from(event.as_frame().is_some());
@@ -265,14 +265,14 @@ fn stopping_in_the_middle_keeps_what_was_learned() {
         let played = live.play(&mut source, &stop, |e| panic!("{e}"));
         let result = live.finish();
         assert!(tenth.unwrap().join().is_ok());
-        (result, heard.unwrap().join().unwrap(), played)
+        (result, received.unwrap().join().unwrap(), played)
     });
     assert!(matches!(played, Played::Stopped), "{played:?}");
     assert_all_finished(&result);
     let tracked = result.trajectory.entries().len();
     assert!((10..frames().len()).contains(&tracked), "{tracked}");
     assert!(result.view.landmark_count() > 100);
-    assert_reproduced(&result, &heard);
+    assert_reproduced(&result, &received);
 }
 
 #[test]
@@ -336,8 +336,8 @@ fn a_log_is_refused_with_other_frames_or_another_configuration() {
 
 #[test]
 fn every_frame_has_a_pose() {
-    let (result, heard) = run(Some(scripted()), unhurried(), 0);
+    let (result, received) = run(Some(scripted()), unhurried(), 0);
     assert_all_finished(&result);
     let lost = |r: &&stillpoint_slam::FrameReport| matches!(r.outcome, Outcome::Lost { .. });
-    assert_eq!(heard.reports.iter().filter(lost).count(), 0);
+    assert_eq!(received.reports.iter().filter(lost).count(), 0);
 }

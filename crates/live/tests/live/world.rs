@@ -165,9 +165,9 @@ impl FrameSource for Frames {
     }
 }
 
-/// What a run told, by stage: only of one stage's events is the order known.
+/// What a run reported, by stage, checked for its order: only of one stage's events is the order known.
 #[derive(Debug, Default)]
-pub(crate) struct Told {
+pub(crate) struct Checked {
     pub(crate) reports: Vec<FrameReport>,
     tracking: Vec<String>,
     mapping: Vec<String>,
@@ -175,7 +175,7 @@ pub(crate) struct Told {
     order: Order,
 }
 
-/// What an event may refer to has been told before it.
+/// What an event may refer to has been reported before it.
 #[derive(Debug, Default)]
 struct Order {
     frames: BTreeSet<u32>,
@@ -229,7 +229,7 @@ impl Order {
     }
 }
 
-impl Told {
+impl Checked {
     pub(crate) fn take(&mut self, event: &Event) {
         self.order.check(event);
         let text = format!("{event:?}");
@@ -248,13 +248,13 @@ impl Told {
     }
 }
 
-impl Subscriber for Told {
+impl Subscriber for Checked {
     fn receive(&mut self, event: &Event) {
         self.take(event);
     }
 }
 
-impl PartialEq for Told {
+impl PartialEq for Checked {
     fn eq(&self, other: &Self) -> bool {
         self.tracking == other.tracking
             && self.mapping == other.mapping
@@ -263,12 +263,12 @@ impl PartialEq for Told {
 }
 
 /// Runs a log again over frames.
-pub(crate) fn replay(stages: Stages, mut frames: Frames, log: RunLog) -> (Replay, Told) {
+pub(crate) fn replay(stages: Stages, mut frames: Frames, log: RunLog) -> (Replay, Checked) {
     let mut replay = Replay::new(stages, log).unwrap();
-    let mut told = Told::default();
-    let run = replay.run(&mut frames, &mut told);
+    let mut checked = Checked::default();
+    let run = replay.run(&mut frames, &mut checked);
     run.unwrap_or_else(|e| panic!("{e}"));
-    (replay, told)
+    (replay, checked)
 }
 
 /// Delays every thread before each of its messages, by up to so many milliseconds; by SplitMix64.

@@ -1,4 +1,4 @@
-//! Two rooms that cannot be told from each other, side by side on a corridor: a place recogniser's temptation.
+//! Two rooms that look exactly alike, side by side on a corridor: a place recogniser's temptation.
 //!
 //! One room with its stretch of the corridor is built, lit by its own lamps, and then copied face by face: the same
 //! furniture with the same disorder, the same textures, the same light. Only the corridor's two ends differ.

@@ -67,7 +67,7 @@ impl Matches {
         self.assign(feature, target);
     }
 
-    /// The matches of the features that are `kept`, which are numbered anew.
+    /// The matches of the features that are `kept`, which are numbered again from 0.
     pub(crate) fn select(&self, kept: impl Iterator<Item = bool>) -> Self {
         let targets = self.targets.iter().zip(kept);
         let targets: Vec<_> = targets.filter(|(_, k)| *k).map(|(t, _)| *t).collect();

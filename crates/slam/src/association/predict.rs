@@ -45,7 +45,7 @@ pub(crate) fn window_of(
         return None;
     }
     let px = data.camera.project(p);
-    // Those of the image: undistorting its border for each landmark anew would take most of mapping's time.
+    // Those of the image: undistorting its border again for each landmark would take most of mapping's time.
     let bounds = data.grid.bounds().map(f64::from);
     if px.x < bounds[0] || px.y < bounds[1] || px.x > bounds[2] || px.y > bounds[3] {
         return None;

@@ -33,7 +33,7 @@ impl Default for FeaturesConfig {
 }
 
 impl FeaturesConfig {
-    /// All that the extractor is told.
+    /// The extractor's whole configuration: these fields, and what is fixed.
     #[must_use]
     pub fn orb(&self) -> OrbConfig {
         OrbConfig {
@@ -70,7 +70,7 @@ impl Default for ObjectTrackingConfig {
 }
 
 impl ObjectTrackingConfig {
-    /// All that the object tracker is told.
+    /// The object tracker's whole configuration: these fields, and what is fixed.
     #[must_use]
     pub fn objects(&self) -> ObjectsConfig {
         ObjectsConfig {

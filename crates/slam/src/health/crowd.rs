@@ -1,4 +1,4 @@
-//! Whether people, or things that move, fill the image: told also of a frame that is lost before its features are judged.
+//! Whether people, or things that move, fill the image: reported also for a frame that is lost before its features are judged.
 
 use crate::static_filter::{FeatureVerdict, MOVER};
 use stillpoint_detection::{BoundingBox, Detections, MotionWeights};
@@ -23,7 +23,7 @@ impl Crowd {
     }
 
     /// Notes what a detector said.
-    pub(super) fn hear(&mut self, detections: &Detections, weights: &MotionWeights) {
+    pub(super) fn observe(&mut self, detections: &Detections, weights: &MotionWeights) {
         // Late answers come in any order.
         if self.detected.is_some_and(|s| s > detections.stamp) {
             return;
@@ -99,14 +99,14 @@ mod tests {
     fn boxes_of_what_moves_hold_keypoints_for_some_time() {
         let (mut crowd, weights) = (Crowd::default(), MotionWeights::default());
         assert!(crowd.share(1.0, &verdicts()) == 0.0);
-        crowd.hear(&seen(1.0, "person"), &weights);
+        crowd.observe(&seen(1.0, "person"), &weights);
         assert!(crowd.share(1.5, &verdicts()) == 0.75);
         assert!(crowd.share(3.5, &verdicts()) == 0.0);
         // An older answer that comes later changes nothing, nor does a frame without keypoints.
-        crowd.hear(&seen(0.5, "chair"), &weights);
+        crowd.observe(&seen(0.5, "chair"), &weights);
         assert!(crowd.share(1.5, &verdicts()) == 0.75 && crowd.share(1.5, &[]) == 0.0);
         // A chair does not walk.
-        crowd.hear(&seen(2.0, "chair"), &weights);
+        crowd.observe(&seen(2.0, "chair"), &weights);
         assert!(crowd.share(2.0, &verdicts()) == 0.0);
         assert_eq!(crowd.detected(), Some(2.0));
     }

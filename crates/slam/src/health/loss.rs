@@ -317,7 +317,7 @@ mod tests {
     }
 
     proptest! {
-        /// Every cause is told apart by words alone, in one line without blanks at its ends.
+        /// Every cause has words of its own, in one line without blanks at its ends.
         #[test]
         fn each_cause_has_its_own_text(counts in counts(), moving in 0.5..1.0f64, needed in 10..1000_u32, seconds in 0.0..1e4f64, map in any::<bool>()) {
             let dark = Look { mean: 3.0, contrast: 1.0, depth: 0.0 };
@@ -340,12 +340,12 @@ mod tests {
             }
         }
 
-        /// The figures that are told are those of the frame.
+        /// The reported figures are those of the frame.
         #[test]
         fn the_counts_are_told(counts in counts(), needed in 10..1000_u32) {
             let of = |reason| cause(&Clues { reason, counts: &counts, look: FINE, moving: 0.0, needed }).to_string();
-            let told = [counts.keypoints, counts.with_depth, counts.frame_matches, counts.inliers];
-            for (reason, count) in REASONS.iter().zip(told) {
+            let reported = [counts.keypoints, counts.with_depth, counts.frame_matches, counts.inliers];
+            for (reason, count) in REASONS.iter().zip(reported) {
                 let text = of(*reason);
                 prop_assert!(text.contains(&count.to_string()), "{text}");
                 prop_assert!(text.contains(&needed.to_string()), "{text}");

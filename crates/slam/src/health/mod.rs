@@ -107,7 +107,7 @@ impl std::fmt::Display for Health {
     }
 }
 
-/// Watches over the frames of one run. A driver shows it what the tracker hears of detectors and says of frames, in that order.
+/// Watches over the frames of one run. A driver shows it the detections that the tracker receives and its reports, in that order.
 #[derive(Clone, Debug)]
 pub struct HealthMonitor {
     weights: MotionWeights,
@@ -143,11 +143,11 @@ impl HealthMonitor {
 
     /// Takes detections that the tracker takes.
     pub fn receive(&mut self, detections: &Detections) {
-        self.crowd.hear(detections, &self.weights);
+        self.crowd.observe(detections, &self.weights);
     }
 
     /// Brings what is known to the clock of a frame: nothing, unless that was set back since the frame before.
-    fn heed_clock(&mut self, stamp: f64) {
+    fn handle_clock(&mut self, stamp: f64) {
         let Some(before) = self.before.replace(stamp).filter(|b| stamp <= *b) else {
             return;
         };
@@ -162,7 +162,7 @@ impl HealthMonitor {
         let Tracked {
             report, evidence, ..
         } = tracked;
-        self.heed_clock(report.stamp);
+        self.handle_clock(report.stamp);
         let stamp = report.stamp;
         // Detections may be of a frame that is still to come.
         let age = |since: f64| (stamp - since).max(0.0);

@@ -76,7 +76,7 @@ impl Quality {
     }
 }
 
-/// What the quality of a pose is told from.
+/// What the quality of a pose is judged by.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Measured {
     /// Matches that agree with the pose.

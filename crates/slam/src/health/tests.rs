@@ -159,7 +159,7 @@ fn a_black_frame_without_depth_is_told_as_such() {
     );
 }
 
-/// A covariance of a pose that is told in the axes of the camera, and the same one in those of the world.
+/// A covariance of a pose that is given in the axes of the camera, and the same one in those of the world.
 fn with_covariance(sigmas: [f64; 6]) -> Health {
     let mut monitor = monitor();
     let weights = sigmas.map(|s| 1.0 / (s * s));
@@ -197,7 +197,7 @@ proptest! {
         let pose = Se3::exp(&Vec6::from(pose));
         let health = with_covariance(sigmas);
         let (camera, world) = (health.covariance.unwrap(), health.covariance_in_world(&pose).unwrap());
-        // Variance along a direction, whichever axes it is told in.
+        // Variance along a direction, whichever axes it is given in.
         let r = pose.rotation_matrix();
         let inside = Vec6::from(direction);
         let mut outside = inside;

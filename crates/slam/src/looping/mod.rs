@@ -189,7 +189,7 @@ impl LoopCloser {
         keyframe: &Keyframe,
         candidates: &[PlaceMatch<KeyframeId>],
     ) -> (Option<Correction>, Option<LoopReport>) {
-        let mut told: Option<LoopReport> = None;
+        let mut reported: Option<LoopReport> = None;
         if !self.is_up_to_date(view) {
             return (None, None);
         }
@@ -244,13 +244,13 @@ impl LoopCloser {
                 }
                 Err(reason) => report.outcome = reason,
             }
-            // Of those that failed, the one that came farthest is told.
+            // Of those that failed, the one that came farthest is reported.
             let far = |r: &LoopReport| (r.inliers, r.rigid_inliers);
-            if told.as_ref().is_none_or(|r| far(r) < far(&report)) {
-                told = Some(report);
+            if reported.as_ref().is_none_or(|r| far(r) < far(&report)) {
+                reported = Some(report);
             }
         }
-        (None, told)
+        (None, reported)
     }
 
     /// Whether a view holds the last correction. One that does not must not be corrected, or the same drift would be taken out

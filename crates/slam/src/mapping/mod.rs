@@ -236,7 +236,7 @@ impl Mapper {
             base_version: correction.base_version,
             keyframes: applied.poses,
             composed: applied.composed,
-            carried: applied.carried,
+            propagated: applied.propagated,
             merged: applied.merged,
             moved: MapShift::between(&before, &view),
         });

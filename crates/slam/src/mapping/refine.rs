@@ -225,7 +225,7 @@ mod tests {
         mapper
     }
 
-    /// A map that was begun with one calibration and goes on with another is not bent by that.
+    /// A map that was begun with one calibration and resumed with another is not bent by that.
     #[test]
     fn keyframes_of_two_calibrations_are_refined_in_one_camera() {
         let first = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);
@@ -248,8 +248,8 @@ mod tests {
         }
     }
 
-    /// A keyframe that shares a few landmarks, and these wrongly, stays where tracking saw it. Control: without the limit it is carried
-    /// off.
+    /// A keyframe that shares a few landmarks, and these wrongly, stays where tracking saw it. Control: without the limit it is pulled
+    /// away.
     #[test]
     fn a_handful_of_wrong_matches_does_not_move_a_keyframe() {
         let camera = Camera::pinhole(640, 480, [525.0, 525.0, 319.5, 239.5]);

@@ -41,19 +41,19 @@ pub enum LogEntry {
         /// The loop closer's answer that brought them, counted from 0.
         answer: u64,
     },
-    /// The tracker was told what a detector said.
+    /// The tracker received a detector's answer.
     TrackDetections {
         /// The frame that was to be tracked next.
         next: FrameId,
         /// What the detector said; kept here, so that no network is needed to run again.
         said: Result<Detections, DetectError>,
     },
-    /// The tracker was told how many keypoints are wanted per image from now on.
+    /// The tracker was set how many keypoints are wanted per image from now on.
     TrackEffort {
         /// So many.
         features: u32,
     },
-    /// The mapper was told how much work goes into a keyframe from now on.
+    /// The mapper was set how much work goes into a keyframe from now on.
     MapEffort {
         /// So much.
         effort: MappingEffort,
@@ -63,7 +63,7 @@ pub enum LogEntry {
         /// Its id.
         keyframe: KeyframeId,
     },
-    /// The mapper was told what moves in a keyframe.
+    /// The mapper learned what moves in a keyframe.
     MapRejudge {
         /// Its id.
         keyframe: KeyframeId,
@@ -80,14 +80,14 @@ pub enum LogEntry {
         /// Version of the view that came with it.
         map_version: u64,
     },
-    /// The loop closer was told what moves in a keyframe.
+    /// The loop closer learned what moves in a keyframe.
     LoopRejudged {
         /// Its id.
         keyframe: KeyframeId,
         /// Version of the view that came with it.
         map_version: u64,
     },
-    /// The loop closer was told that its correction is in the map.
+    /// The loop closer learned that its correction is in the map.
     LoopCorrected {
         /// The version that holds it.
         map_version: u64,

@@ -1,4 +1,4 @@
-//! What the static filter can be told.
+//! Configuration of the static filter.
 
 use crate::sensor::DepthNoise;
 use crate::validation::Checker;

@@ -38,7 +38,7 @@ use surfaces::{MOVES, Now, Surfaces};
 /// Surfaces of an object that were seen to stand still have at most these log odds from free space.
 const STANDS_STILL: f32 = -1.5;
 
-/// What the filter is told of a frame.
+/// What the filter is given of a frame.
 pub(crate) struct FrameInput<'a> {
     pub(crate) frame: &'a RgbdFrame,
     pub(crate) view: &'a MapView,

@@ -77,7 +77,7 @@ impl Surfaces {
         votes: &[Vote],
     ) -> Self {
         let links = Links::new(cells, now.grid.data());
-        let (mut past, mut moved_at) = self.carry(cells, history, now);
+        let (mut past, mut moved_at) = self.propagate(cells, history, now);
         // Who has just stopped counts as moving for a while, though everything measured says that he stands still.
         for (past, at) in past.iter_mut().zip(&moved_at) {
             *past += at.map_or(0.0, |at| suspicion(now.stamp - at));
@@ -105,9 +105,9 @@ impl Surfaces {
         }
     }
 
-    /// The log odds of the last frame, carried to this one's cells along the surfaces they belong to, and when each was last seen to
+    /// The log odds of the last frame, propagated to this one's cells along the surfaces they belong to, and when each was last seen to
     /// move.
-    fn carry(
+    fn propagate(
         &self,
         cells: &Cells,
         history: &History,
@@ -205,13 +205,13 @@ fn weigh_flow(
 /// frame's evidence, spread.
 fn remember_motion(stamp: f64, fresh: &[f32], motion: &mut [f32], moved_at: &mut [Option<f64>]) {
     for ((at, motion), fresh) in moved_at.iter_mut().zip(motion).zip(fresh) {
-        // By this frame's own evidence, too: what is only carried over would renew its own memory for ever.
+        // By this frame's own evidence, too: what is only propagated would renew its own memory forever.
         if *motion > SURE && *fresh > 0.0 {
             *at = Some(stamp);
         } else if *motion < -SURE {
             *at = None;
         } else if at.is_some_and(|at| stamp - at > MEMORY) {
-            // What has stood for so long begins anew; else it would be taken to move for having been.
+            // What has stood for so long starts over; else it would be taken to move for having been.
             *at = None;
             *motion = 0.0;
         }

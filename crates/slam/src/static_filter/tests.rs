@@ -99,7 +99,7 @@ fn detections_of_lost_frames_do_not_wait() {
         too_late: 0,
         without_pose: 1,
     };
-    // Tracking is lost: the filter is told of detections and asked for nothing.
+    // Tracking is lost: the filter is given detections and asked for nothing.
     for id in 0..300 {
         filter.receive(detections(id));
         assert_eq!(filter.end_frame(), unused, "frame {id}");

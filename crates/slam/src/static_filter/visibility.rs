@@ -1,6 +1,6 @@
 //! The rigid test of whole surfaces: was each cell's surface there before, or did earlier frames see through its place?
 //!
-//! A cell of the present depth image is carried into earlier frames by the camera's motion. Where the earlier depth agrees, the
+//! A cell of the present depth image is propagated into earlier frames by the camera's motion. Where the earlier depth agrees, the
 //! surface may have stood there all the time; where the earlier depth is farther, the place was empty, so the surface has
 //! moved; where it is nearer, the place was hidden and nothing is known. Agreement soon after says little, since slow
 //! things stay under the noise; seeing through is proof at any age. (docs/algorithm.md, free-space test.)

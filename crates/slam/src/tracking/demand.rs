@@ -29,8 +29,8 @@ impl Demand {
         self.wanted = wanted;
     }
 
-    /// Hears how many keypoints of an image agreed with its pose: 0 where there was no pose, none where there was no map to agree with.
-    pub(super) fn hear(&mut self, inliers: Option<u32>) {
+    /// Takes note of how many keypoints of an image agreed with its pose: 0 where there was no pose, none where there was no map to agree with.
+    pub(super) fn note_inliers(&mut self, inliers: Option<u32>) {
         self.found = inliers;
     }
 
@@ -52,9 +52,9 @@ mod tests {
     fn nothing_more_is_asked_for_where_enough_holds() {
         let mut demand = Demand::new(1000);
         assert_eq!(demand.next(30), 1000);
-        demand.hear(Some(120));
+        demand.note_inliers(Some(120));
         assert_eq!(demand.next(30), 1000);
-        demand.hear(Some(5000));
+        demand.note_inliers(Some(5000));
         assert_eq!(demand.next(30), 1000);
     }
 
@@ -62,15 +62,15 @@ mod tests {
     fn more_is_asked_for_as_the_last_image_lacked() {
         let mut demand = Demand::new(300);
         for (found, asked) in [(119, 302), (100, 360), (60, 420), (30, 420), (0, 420)] {
-            demand.hear(Some(found));
+            demand.note_inliers(Some(found));
             assert_eq!(demand.next(30), asked, "{found} found");
         }
         demand.set(1000);
         for (found, asked) in [(100, 1200), (80, 1400), (0, 1400)] {
-            demand.hear(Some(found));
+            demand.note_inliers(Some(found));
             assert_eq!(demand.next(30), asked, "{found} found");
         }
-        demand.hear(None);
+        demand.note_inliers(None);
         assert_eq!(demand.next(30), 1000);
     }
 }

@@ -72,9 +72,9 @@ impl FrontEnd {
         }
     }
 
-    /// Hears how many keypoints of the frame agreed with its pose, on which the demand for the next one depends.
-    pub(super) fn hear(&mut self, inliers: Option<u32>) {
-        self.demand.hear(inliers);
+    /// Takes note of how many keypoints of the frame agreed with its pose, on which the demand for the next one depends.
+    pub(super) fn note_inliers(&mut self, inliers: Option<u32>) {
+        self.demand.note_inliers(inliers);
     }
 
     /// When the parts of a frame are exposed, as estimated so far.

@@ -13,7 +13,7 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// Frames in a row that show enough and do not fit the last known pose, after which all begins anew: a third of a second, for
+/// Frames in a row that show enough and do not fit the last known pose, after which all starts over: a third of a second, for
 /// which a hand before the camera or a jerk may last.
 const PATIENCE: u32 = 10;
 
@@ -28,7 +28,7 @@ impl Tracker {
     /// Judges a frame, with the camera at a pose that is given, or as its own image and depth say that it moved since the frame before.
     pub(crate) fn look(&mut self, frame: &Arc<RgbdFrame>, given: Option<&Se3>) -> Look {
         let _span = tracing::info_span!("frame").entered();
-        self.heed_clock(frame.stamp);
+        self.handle_clock(frame.stamp);
         let mut notes = Notes::default();
         let data = self.observe(frame, &mut notes);
         let world_from_camera = match self.motion_without_map(frame, &data, given, &mut notes) {
@@ -80,7 +80,7 @@ impl Tracker {
         self.filter.judge_pixels(frame, objects, pixels)
     }
 
-    /// The camera's motion; none where it cannot be told.
+    /// The camera's motion; none where it cannot be estimated.
     fn motion_without_map(
         &mut self,
         frame: &RgbdFrame,
@@ -156,7 +156,7 @@ impl Tracker {
         world_from_camera
     }
 
-    /// A frame without a pose. Where there are too many in a row, the next one begins anew, since poses before and after it cannot
+    /// A frame without a pose. Where there are too many in a row, the next one starts over, since poses before and after it cannot
     /// be compared.
     fn lose_without_map(&mut self, frame: &RgbdFrame, features: usize) {
         self.state.lose(frame.id);

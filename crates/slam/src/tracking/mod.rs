@@ -8,7 +8,7 @@ mod ego_motion;
 mod flow;
 mod frame;
 mod front_end;
-mod hearing;
+mod inbox;
 mod keyframe;
 mod known_map;
 mod last_frame;
@@ -142,7 +142,7 @@ impl Tracker {
     /// Tracks a frame.
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
-        self.heed_clock(frame.stamp);
+        self.handle_clock(frame.stamp);
         let mut notes = Notes::default();
         let data = self.observe(frame, &mut notes);
         let ending = if self.is_first() {

@@ -237,7 +237,7 @@ impl Tracker {
             Outcome::Initialised => None,
             _ => has_map.then_some(notes.counts.inliers),
         };
-        self.front_end.hear(agreed);
+        self.front_end.note_inliers(agreed);
         // What the filter saw counts also where no pose came of it: detections that it used are used up.
         if let Some(filter) = notes.filter {
             self.filter = filter;

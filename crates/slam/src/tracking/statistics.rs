@@ -51,7 +51,7 @@ impl Statistics {
         }
     }
 
-    /// Hands over all counts, by id, and begins anew.
+    /// Hands over all counts, by id, and starts over.
     pub(super) fn take(&mut self) -> Vec<LandmarkStatistic> {
         std::mem::take(&mut self.counts).into_values().collect()
     }
@@ -71,7 +71,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn counts_are_by_landmark_and_begin_anew() {
+    fn counts_are_by_landmark_and_start_over() {
         let mut statistics = Statistics::default();
         for (id, sight) in [
             (7, Sight::Open),

@@ -58,7 +58,7 @@ fn a_detector_that_dies_leaves_tracking_as_good_as_without_one() {
         1e3 * alone
     );
     assert!(error < alone + 0.02, "{error} m");
-    // Objects are carried for a while, and not for good.
+    // Objects are propagated for a while, and not for good.
     assert!(reports[29].objects.len() + reports[30].objects.len() > 0);
     assert!(reports[89].objects.is_empty());
 
@@ -77,8 +77,8 @@ fn answers_that_are_two_seconds_late_do_no_harm() {
     (config.schedule.detector, config.detector.stride) = (60, 15);
     let mut session = Session::new(people(), config).with_detector(people().detector());
     let reports = session.feed(people().play(0..90));
-    let heard = |e: &&Event| matches!(e, Event::Detected(_));
-    assert_eq!(session.events.iter().filter(heard).count(), 2);
+    let received = |e: &&Event| matches!(e, Event::Detected(_));
+    assert_eq!(session.events.iter().filter(received).count(), 2);
     assert!(losses(&reports).is_empty());
     // They are not too late: what is known of two seconds ago is known.
     assert!(reports.iter().all(|r| r.counts.detections_too_late == 0));

@@ -206,8 +206,11 @@ fn a_live_run_refuses_what_an_inline_run_does() {
     });
     let s = &result.statistics;
     assert_eq!((s.refused, s.arrived, s.frames.len()), (41, 39, 39));
-    let told = events.iter();
-    assert_eq!(told.filter(|e| matches!(e, Event::Refused(_))).count(), 41);
+    let reported = events.iter();
+    assert_eq!(
+        reported.filter(|e| matches!(e, Event::Refused(_))).count(),
+        41
+    );
     let mut replay = Replay::new(stages(), result.log).unwrap();
     let mut nobody = OnEvent(|_: &Event| {});
     replay.run(&mut Frames::of(twice), &mut nobody).unwrap();

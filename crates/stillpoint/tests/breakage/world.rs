@@ -126,7 +126,7 @@ pub(crate) fn walk() -> &'static Recording {
 /// What is said of a recording without trouble.
 pub(crate) struct Baseline {
     pub(crate) digest: u64,
-    /// The greatest error of a pose as it was told, m.
+    /// The greatest error of a pose as it was reported, m.
     pub(crate) worst: f64,
 }
 
@@ -221,7 +221,7 @@ impl Session {
         self.feed(renumbered)
     }
 
-    /// The greatest error of a pose as it was told, in the first submap, m.
+    /// The greatest error of a pose as it was reported, in the first submap, m.
     pub(crate) fn worst(&self, recording: &Recording, reports: &[FrameReport]) -> f64 {
         let off = |r: &FrameReport| {
             let pose = r

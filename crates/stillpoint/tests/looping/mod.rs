@@ -10,8 +10,8 @@ use stillpoint_slam::{Config, Event, LoopOutcome, LoopReport, System};
 /// A system on its way.
 struct Run {
     system: System,
-    /// What was told when it happened.
-    told: usize,
+    /// Loops that were reported when they happened.
+    reported: usize,
 }
 
 impl Run {
@@ -20,7 +20,10 @@ impl Run {
         config.looping.enabled = looping;
         change(&mut config);
         let system = System::new(config, *simulator.camera(), Simd::detect()).unwrap();
-        Self { system, told: 0 }
+        Self {
+            system,
+            reported: 0,
+        }
     }
 
     fn poses(&self) -> Vec<TimedPose> {
@@ -62,7 +65,7 @@ fn play(simulator: &Simulator, first: usize, every: usize, runs: &mut [&mut Run]
         for run in runs.iter_mut() {
             let events = run.system.step(frame.clone());
             let looped = |e: &&Event| matches!(e, Event::Looped(_));
-            run.told += events.iter().filter(looped).count();
+            run.reported += events.iter().filter(looped).count();
         }
     }
     for run in runs {
@@ -100,8 +103,8 @@ fn a_walk_through_two_rooms_closes() {
     let truth = simulator.ground_truth();
     let [before, after] = [&open, &late].map(|run| ate_mm(&truth, run));
     println!("without {before:.1} mm, with {after:.1} mm");
-    assert!(open.system.loops().is_empty() && open.told == 0);
-    assert_eq!(late.told, late.system.loops().len());
+    assert!(open.system.loops().is_empty() && open.reported == 0);
+    assert_eq!(late.reported, late.system.loops().len());
     assert!(!late.closed().is_empty(), "no loop was closed");
     for l in late.closed() {
         let [keyframe, with] = [l.keyframe, l.with].map(|k| truth[k.0 as usize].1);

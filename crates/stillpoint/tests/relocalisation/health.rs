@@ -174,8 +174,8 @@ fn missing_depth_is_told() {
             "{loss}"
         );
         assert!(!loss.can_recognise);
-        let told = "no depth: 0 % of the pixels have one; check the depth sensor and its range";
-        assert!(loss.to_string().ends_with(told), "{loss}");
+        let words = "no depth: 0 % of the pixels have one; check the depth sensor and its range";
+        assert!(loss.to_string().ends_with(words), "{loss}");
     }
     // With depth all is well at once.
     let (_, health) = step(

@@ -1,4 +1,4 @@
-//! Detections that come late: carried forward to the present, and back to the keyframe that they are about.
+//! Detections that come late: propagated forward to the present, and back to the keyframe that they are about.
 
 use super::world::{Recording, Run, shows_mover, with};
 use stillpoint_imaging::GrayImage;
@@ -25,7 +25,7 @@ fn named(recording: &Recording, run: &Run) -> f64 {
 }
 
 #[test]
-fn late_detections_are_carried_forward() {
+fn late_detections_are_propagated_forward() {
     // People walk in, cross close in front of the camera and fill half of the image.
     let recording = Recording::simulated("walking_xyz", 20..110, 0.3);
     for (delay, least) in [(1, 0.88), (3, 0.8), (10, 0.45)] {
@@ -45,7 +45,7 @@ fn late_detections_are_carried_forward() {
 
 #[test]
 fn a_detector_that_looks_at_every_fifth_frame_is_enough() {
-    // The frames of `late_detections_are_carried_forward`, which has the control without the filter, too.
+    // The frames of `late_detections_are_propagated_forward`, which has the control without the filter, too.
     let recording = Recording::simulated("walking_xyz", 20..110, 0.3);
     let mut config = late(3);
     config.detector.stride = 5;

@@ -129,7 +129,7 @@ fn who_stops_is_suspected_for_seconds() {
         let (person, wall) = world.moving(12);
         assert!(person > 0.95 && wall < 0.05, "frame {i}: {person} {wall}");
     }
-    // But not for ever: the free space that he took and the memory both run out.
+    // But not forever: the free space that he took and the memory both run out.
     for _ in 0..300 {
         world.step(Some(12), &[], &[]);
     }

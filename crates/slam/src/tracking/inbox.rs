@@ -1,5 +1,5 @@
-//! What the tracker hears between frames: detections, views of the map, how much to do, and that a clock was set back; and what it
-//! can be asked.
+//! What the tracker receives between frames: detections, views of the map, how much to do, and that a clock was set back; and what
+//! it can be asked.
 
 use super::{Submap, Tracker};
 use crate::messages::MapperMsg;
@@ -12,7 +12,7 @@ use stillpoint_map::{KeyframeId, MapView};
 use stillpoint_place::PlaceIndex;
 
 impl Tracker {
-    /// Takes detections of the frame `next` to come, or late ones. Returns what the mapper is to be told of an earlier keyframe;
+    /// Takes detections of the frame `next` to come, or late ones. Returns the message to the mapper about an earlier keyframe;
     /// nothing in a map that is only read.
     pub fn receive_detections(
         &mut self,
@@ -85,7 +85,7 @@ impl Tracker {
 
     /// After a clock was set back nothing is known of the time since the frame before: there is no velocity, and what is known
     /// of earlier stamps is brought to the new time, or forgotten where that cannot be done.
-    pub(super) fn heed_clock(&mut self, stamp: f64) {
+    pub(super) fn handle_clock(&mut self, stamp: f64) {
         let before = self.previous.as_ref().map(|f| f.stamp);
         if let Some(before) = before.filter(|before| stamp <= *before) {
             self.filter.forget_times();
