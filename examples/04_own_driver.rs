@@ -1,5 +1,5 @@
 //! Full control: the stages one by one instead of `System`. The mapper answers some frames late here, as it would on a
-//! thread of its own, and the tracker goes on with the older view meanwhile.
+//! thread of its own, and the tracker keeps working on the older view meanwhile.
 //!
 //! `cargo run --release -p stillpoint --example 04_own_driver`
 

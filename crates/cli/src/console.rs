@@ -91,7 +91,7 @@ fn columns() -> usize {
 pub(crate) enum Unit {
     Frames,
     Images,
-    /// Told in megabytes.
+    /// Shown in megabytes.
     Bytes,
 }
 

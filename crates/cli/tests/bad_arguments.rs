@@ -22,7 +22,7 @@ fn configuration_mistakes() {
         &["my.toml:4", "\"tracking.min_inliers\""],
     );
     case.fails(&["--config", "/no/such.toml"], &["/no/such.toml"]);
-    // All values out of range are told at once.
+    // All values out of range are reported at once.
     case.fails(
         &[
             "--set",

@@ -139,11 +139,11 @@ fn detections_of_a_data_set_can_be_played_back() {
     let played = run(&script, "played");
     assert_eq!(played["detector"]["detections"], rows.len());
     let live = run(model.to_str().unwrap(), "live");
-    let told = &live["detector"];
-    assert_eq!(told["frames"], 4);
-    assert_eq!(told["head"], "yolox");
-    assert_eq!(told["threads"], 1);
-    assert!(told["runtime"].as_str().unwrap().starts_with("rten "));
+    let reported = &live["detector"];
+    assert_eq!(reported["frames"], 4);
+    assert_eq!(reported["head"], "yolox");
+    assert_eq!(reported["threads"], 1);
+    assert!(reported["runtime"].as_str().unwrap().starts_with("rten "));
     let stages = live["timing_ms"].as_array().unwrap();
     for part in ["detect", "letterbox", "network", "decode"] {
         assert!(

@@ -130,16 +130,16 @@ fn verdicts_of_every_keypoint_of_every_frame() {
     let detector = ScriptedDetector::parse("script", &text).unwrap();
     let detections = detector.rows().len();
     assert!(detections > FRAMES / 2, "{detections} detections");
-    let told = &summary["detector"];
-    assert_eq!(told["kind"], "scripted");
+    let reported = &summary["detector"];
+    assert_eq!(reported["kind"], "scripted");
     assert_eq!(
-        told["name"],
+        reported["name"],
         room().join("detections.csv").to_str().unwrap()
     );
-    assert_eq!(told["sha256"], detector.info().sha256.unwrap());
-    assert_eq!(told["frames"], FRAMES);
-    assert_eq!(told["detections"], detections);
-    assert_eq!(told["failed_frames"], 0);
+    assert_eq!(reported["sha256"], detector.info().sha256.unwrap());
+    assert_eq!(reported["frames"], FRAMES);
+    assert_eq!(reported["detections"], detections);
+    assert_eq!(reported["failed_frames"], 0);
 
     let rows = verdicts(&table);
     assert_eq!(rows.keys().cloned().collect::<Vec<_>>(), stamps(&room()));

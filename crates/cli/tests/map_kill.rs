@@ -59,7 +59,7 @@ fn map(version: u64) -> Vec<u8> {
     map.to_bytes(&[]).unwrap()
 }
 
-/// Not a test: the process that is killed. It saves until then, first as the command line does, piece by piece.
+/// Not a test: the process that is killed. It saves until then, first as the command line does, part by part.
 #[test]
 fn child_that_saves() {
     let Some(path) = std::env::var_os(FILE) else {

@@ -1,4 +1,4 @@
-//! What maps are for: runs that go on with one or find the camera in one, maps in submaps, and two maps as one.
+//! What maps are for: runs that resume one or find the camera in one, maps in submaps, and two maps as one.
 
 use crate::common::{case::Case, check, files, program, simulate, stderr, stdout};
 use std::collections::BTreeMap;
@@ -96,7 +96,7 @@ fn a_run_goes_on_with_a_map() {
     let load = ["--load-map", first.to_str().unwrap()];
     let room = MAPS.path().join("room");
     let (output, out) = run(&room, &[&load[..], &arguments, &OFTEN].concat());
-    check(&output, 0, &["going on with map"]);
+    check(&output, 0, &["resuming map"]);
     let line = first_frame(out.path());
     assert!(line.contains(",relocalised,"), "{line}");
     let (before, after) = (read(&map("a")), read(&grown));

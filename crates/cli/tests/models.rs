@@ -73,7 +73,7 @@ fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
         command.args(["--runtime", "rten"]).args(more);
         command.output().unwrap()
     };
-    let told = || -> serde_json::Value {
+    let reported = || -> serde_json::Value {
         let text = std::fs::read(out.join("summary.json")).unwrap();
         serde_json::from_slice::<serde_json::Value>(&text).unwrap()["detector"].clone()
     };
@@ -84,8 +84,8 @@ fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
         "{}",
         stdout(&output)
     );
-    assert_eq!(told()["name"], "office");
-    assert_eq!(told()["frames"], 3);
+    assert_eq!(reported()["name"], "office");
+    assert_eq!(reported()["frames"], 3);
     let output = run(&["--detector", "none"]);
     check(&output, 0, &[]);
     assert!(
@@ -93,7 +93,7 @@ fn without_an_argument_a_model_of_the_cache_looks_at_the_frames() {
         "{}",
         stderr(&output)
     );
-    assert_eq!(told()["kind"], "none");
+    assert_eq!(reported()["kind"], "none");
     check(
         &run(&["--detector", "ofice"]),
         2,

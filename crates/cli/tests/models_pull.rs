@@ -115,7 +115,7 @@ fn a_model_of_the_users_own_is_not_replaced_unasked() {
     );
 }
 
-/// Ctrl-C ends a download that goes on for ever, and keeps what came.
+/// Ctrl-C ends a download that goes on forever, and keeps what came.
 #[test]
 #[cfg(unix)]
 fn an_interrupted_download_is_kept() {

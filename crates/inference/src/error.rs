@@ -1,4 +1,4 @@
-//! What can be wrong with a model, said so that the user can mend it.
+//! What can be wrong with a model, said so that the user can correct it.
 
 use super::card::Head;
 use super::heads::expectation;
@@ -10,7 +10,7 @@ use super::interface::Interface;
 pub enum ModelError {
     /// The bytes are no model, or one with operators that the runtime does not have.
     #[error(
-        "{name}: expected an ONNX model that the runtime can load, found: {reason}; check the file, or export the model anew"
+        "{name}: expected an ONNX model that the runtime can load, found: {reason}; check the file, or export the model again"
     )]
     Load {
         /// Name of the model.
@@ -47,7 +47,7 @@ pub enum ModelError {
     },
     /// The model was loaded but does not run.
     #[error(
-        "{name}: expected the model to run on an image of {size} px, found: {reason}; export the model anew or use another one"
+        "{name}: expected the model to run on an image of {size} px, found: {reason}; export the model again or use another one"
     )]
     Run {
         /// Name of the model.

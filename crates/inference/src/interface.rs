@@ -230,7 +230,7 @@ impl fmt::Display for Dimension {
     }
 }
 
-/// A name from a file as part of a line: without control characters, and not for ever.
+/// A name from a file as part of a line: without control characters, and not forever.
 fn printed(name: &str) -> String {
     let mut text: String = name.escape_debug().take(PRINTED).collect();
     if name.escape_debug().nth(PRINTED).is_some() {
@@ -264,17 +264,17 @@ mod tests {
     }
 
     #[test]
-    fn hostile_ports_are_bounded() {
+    fn malicious_ports_are_bounded() {
         let most = Interface::read(&model(MOST_PORTS, "y", &[1; MOST_DIMENSIONS])).unwrap();
         assert_eq!(most.outputs.len(), MOST_PORTS);
-        for (hostile, what) in [
+        for (malicious, what) in [
             (model(MOST_PORTS + 1, "y", &[1]), "over 1024 outputs"),
             (
                 model(1, "y", &[1; MOST_DIMENSIONS + 1]),
                 "over 16 dimensions",
             ),
         ] {
-            assert_eq!(Interface::read(&hostile).unwrap_err().to_string(), what);
+            assert_eq!(Interface::read(&malicious).unwrap_err().to_string(), what);
         }
         let negative = Interface::read(&model(1, "y", &[u64::MAX, i64::MAX as u64])).unwrap();
         let sizes = [

@@ -57,7 +57,7 @@ pub(super) fn load(
             "card",
             "values that make sense",
             problem.clone(),
-            MEND,
+            REMEDY,
         ));
     }
     let mut network = Network::open(bytes, name, options.threads, runtime)?;
@@ -110,29 +110,29 @@ pub(super) fn load(
 }
 
 /// What to do with a card that is not right.
-const MEND: &str = "mend the card beside the model";
+const REMEDY: &str = "correct the card beside the model";
 
 /// The size that an image gets if nothing else is asked for.
 fn own_size(network: &Network, name: &str, card: Option<&ModelCard>) -> Result<Size, ModelError> {
-    let told = card.and_then(|c| c.input.size);
-    let told = told.map(|[width, height]| Size { width, height });
-    match (network.own, told) {
-        (Some(own), Some(told)) if own != told => {
+    let stated = card.and_then(|c| c.input.size);
+    let stated = stated.map(|[width, height]| Size { width, height });
+    match (network.own, stated) {
+        (Some(own), Some(stated)) if own != stated => {
             let advice = "leave it out of the card, since the model says it";
             Err(refused(
                 name,
                 "input.size",
-                &told.to_string(),
+                &stated.to_string(),
                 own.to_string(),
                 advice,
             ))
         }
         (Some(own), _) => Ok(own),
-        (None, told) => Ok(told.unwrap_or(USUAL)),
+        (None, stated) => Ok(stated.unwrap_or(USUAL)),
     }
 }
 
-/// The built-in card of a known model, told by what its file says or else by what comes out of it.
+/// The built-in card of a known model, recognised by what its file says or else by what comes out of it.
 fn identify(network: &mut Network, name: &str, own: Size) -> Result<ModelCard, ModelError> {
     if let Some(card) = ModelCard::known(network.interface()) {
         return Ok(card);
@@ -205,7 +205,7 @@ fn agreed(
             Head::YoloGrid => "boxes in px, as yolo-grid has them",
             _ => "offsets in cells, as yolox has them",
         };
-        return Err(refused(name, "head", &expected, found.to_owned(), MEND));
+        return Err(refused(name, "head", &expected, found.to_owned(), REMEDY));
     }
     if seen.output.sigmoid != card.output.sigmoid {
         let reading = Reading {
@@ -220,7 +220,7 @@ fn agreed(
             "false, for scores that have not been through the sigmoid"
         };
         let found = format!("scores from {lowest:.3} to {highest:.3}");
-        return Err(refused(name, "output.sigmoid", expected, found, MEND));
+        return Err(refused(name, "output.sigmoid", expected, found, REMEDY));
     }
     Ok(card.clone())
 }

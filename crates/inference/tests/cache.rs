@@ -1,4 +1,4 @@
-//! The cache: what is put there is found again, and what is damaged or foreign is told.
+//! The cache: what is put there is found again, and what is damaged or foreign is reported.
 
 use stillpoint_inference::{Cache, CacheError, LARGEST, Record, State, check_name, sha256_hex};
 
@@ -194,7 +194,7 @@ fn files_of_others_are_told() {
         std::fs::write(cache.folder().join(file), b"12345").unwrap();
     }
     let strays = cache.strays().unwrap();
-    let told: Vec<(String, &str, u64)> = strays
+    let listed: Vec<(String, &str, u64)> = strays
         .iter()
         .map(|s| {
             (
@@ -214,11 +214,11 @@ fn files_of_others_are_told() {
         ("photos", "not a model", 0),
         ("yolox-nano.part", "goes on", 5),
     ] {
-        let found = told.iter().find(|(name, ..)| name == file);
-        let (_, what, size) = found.unwrap_or_else(|| panic!("{file} in {told:?}"));
+        let found = listed.iter().find(|(name, ..)| name == file);
+        let (_, what, size) = found.unwrap_or_else(|| panic!("{file} in {listed:?}"));
         assert!(what.contains(part) && *size == bytes, "{file}: {what}");
     }
-    assert_eq!(told.len(), 8, "{told:?}");
+    assert_eq!(listed.len(), 8, "{listed:?}");
     assert_eq!(names(&cache), ["net"]);
 }
 

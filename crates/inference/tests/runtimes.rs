@@ -67,7 +67,7 @@ fn both_runtimes_find_the_same() {
     }
 }
 
-/// A folder of this test alone, made anew.
+/// A folder of this test alone, emptied first.
 fn scratch(name: &str) -> PathBuf {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     if folder.exists() {

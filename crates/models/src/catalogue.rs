@@ -1,4 +1,4 @@
-//! The models that are known by name: where their makers publish them, and how a download is told from a forgery.
+//! The models that are known by name: where their makers publish them, and the checksums by which a download is verified.
 
 use std::fmt;
 use stillpoint_inference::{CachedModel, Form, Record};

@@ -1,4 +1,4 @@
-//! Downloads that arrive, break off and are gone on with.
+//! Downloads that arrive, break off and are resumed.
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;
@@ -131,7 +131,7 @@ fn what_broke_off_is_gone_on_with() {
 }
 
 #[test]
-fn what_cannot_be_gone_on_with_begins_anew() {
+fn what_cannot_be_resumed_starts_over() {
     let bytes = made_up_bytes();
     let tag = "ETag: \"v1\"\r\n";
     let last = bytes.len() - 1;

@@ -228,8 +228,8 @@ fn another_model_of_the_name_is_not_replaced_unasked() {
     get_once(&unknown(), &scratch.cache, &server).unwrap();
     let recorded = scratch.cache.folder().join("made-up.sha256");
     std::fs::remove_file(&recorded).unwrap();
-    let anew = get_once(&unknown(), &scratch.cache, &server).unwrap();
-    assert_eq!(anew.checksum, Checksum::Recorded);
+    let second = get_once(&unknown(), &scratch.cache, &server).unwrap();
+    assert_eq!(second.checksum, Checksum::Recorded);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Servers and networks that fail: every failure is told, leaves no half file, and leaves an older model as it was.
+//! Servers and networks that fail: every failure is reported, leaves no half file, and leaves an older model as it was.
 
 #![cfg(feature = "pull")]
 use crate::pull_support::*;

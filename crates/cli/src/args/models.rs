@@ -141,7 +141,7 @@ pub(crate) struct ListArgs {}
 
 /// Get a known model from its makers' release into the cache.
 ///
-/// A download that breaks off, or that Ctrl-C ends, is kept and gone on with the next time. The file is
+/// A download that breaks off, or that Ctrl-C ends, is kept and resumed the next time. The file is
 /// compared with its checksum; where that is not known, it is recorded, and later downloads are compared
 /// with the record. A checkpoint (yolov7-tiny) is turned into ONNX; nothing in it is executed.
 #[derive(Debug, Args)]

@@ -128,7 +128,7 @@ pub(crate) struct RunArgs {
     pub(crate) budget_ms: Option<f64>,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
-    /// Go on with a map that --save-map wrote: places in it are recognised, and it grows.
+    /// Resume a map that --save-map wrote: places in it are recognised, and it grows.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     pub(crate) load_map: Option<PathBuf>,
     /// Find the camera in a map that --save-map wrote, in that map's frame of reference. The map is only read: it does not grow.
@@ -179,7 +179,7 @@ pub(crate) struct ReplayArgs {
     pub(crate) path: PathBuf,
     #[command(flatten)]
     pub(crate) output: OutputArgs,
-    /// Where the map lies now that the run went on with.
+    /// Where the map lies now that the run resumed.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     pub(crate) load_map: Option<PathBuf>,
     /// Where the map lies now that the run found the camera in.

@@ -95,9 +95,9 @@ pub(crate) struct Plan<'a> {
     pub(crate) runs: u32,
     /// The runs' results go to `runs/` in it.
     pub(crate) out: &'a Path,
-    /// What every run is told.
+    /// Input options of every run.
     pub(crate) input: &'a InputArgs,
-    /// What every run is told.
+    /// Configuration options of every run.
     pub(crate) config: &'a ConfigArgs,
 }
 

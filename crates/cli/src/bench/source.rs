@@ -109,7 +109,7 @@ pub(crate) fn settle(sources: &[Source], input: &InputArgs) -> Result<Settled, F
     Ok(settled)
 }
 
-/// A folder that can be run, and what its runs are told.
+/// A folder that can be run, and the options of its runs.
 #[derive(Debug)]
 pub(crate) struct Prepared {
     pub(crate) path: PathBuf,

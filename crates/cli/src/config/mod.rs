@@ -200,7 +200,7 @@ impl Layers {
             return Ok(());
         };
         let mut weights = self.config.motion_weights.clone();
-        // Any weight will do: what is wrong with the user's is told when it is set.
+        // Any weight will do here: an error in the user's weight is reported when it is set.
         weights
             .set(name, 0.0)
             .map_err(|e| Failure::input(format!("{place}: {e}")))?;
@@ -466,10 +466,10 @@ mod tests {
             let at = at.index(text.len());
             text.replace_range(at..(at + cut).min(text.len()), &with);
             let lines = text.lines().count();
-            if let Err(told) = layered(&[(&text, true)]) {
-                let line = told.strip_prefix("my.toml:").and_then(|rest| rest.split(':').next());
+            if let Err(message) = layered(&[(&text, true)]) {
+                let line = message.strip_prefix("my.toml:").and_then(|rest| rest.split(':').next());
                 let line = line.and_then(|l| l.parse::<usize>().ok());
-                proptest::prop_assert!(line.is_some_and(|l| (1..=lines + 1).contains(&l)), "{told}");
+                proptest::prop_assert!(line.is_some_and(|l| (1..=lines + 1).contains(&l)), "{message}");
             }
         }
     }

@@ -86,8 +86,8 @@ struct Pass {
     interrupted: bool,
 }
 
-/// Looks at the images one after the other, or until the user asks to stop. Those that cannot be looked at are told and
-/// left out.
+/// Looks at the images one after the other, or until the user asks to stop. Those that cannot be looked at are reported
+/// and left out.
 fn look(
     images: &[Image],
     detector: &mut OnnxDetector,

@@ -11,7 +11,7 @@ use stillpoint::view::{Colour, Overlay, OverlayBox, Picture, draw, write_png};
 
 const OPTION: &str = "--out";
 const TABLE: &str = "detections.csv";
-/// Begins the names of pictures, so that those of an older result can be told from the user's own.
+/// Begins the names of pictures, so that those of an older result can be distinguished from the user's own.
 const PREFIX: &str = "boxes_";
 
 /// The folder in the making.

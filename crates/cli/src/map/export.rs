@@ -1,4 +1,4 @@
-//! `map export`: a map in formats that other programs read, piece by piece: they know one frame of reference only.
+//! `map export`: a map in formats that other programs read, one submap at a time: they know one frame of reference only.
 
 use crate::args::map::MapExportArgs;
 use crate::failure::{Failure, Status};
@@ -33,12 +33,12 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
         let comment = "landmarks of a map of Stillpoint; metres";
         let bytes = point_cloud::format(format, &points, names, comment);
         write(path, "--points", &bytes)?;
-        told(path, points.len(), "points");
+        report(path, points.len(), "points");
     }
     if let Some(path) = &args.trajectory {
         let (poses, left_out) = part.poses();
         write(path, "--trajectory", trajectory::format(&poses).as_bytes())?;
-        told(path, poses.len(), "poses");
+        report(path, poses.len(), "poses");
         if left_out > 0 {
             console::warn(&format!(
                 "{left_out} keyframes have the stamp of another and were left out of {}",
@@ -55,7 +55,7 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
         let text = pose_graph::format(&vertices, &graph.edges);
         write(path, "--graph", text.as_bytes())?;
         let loops = graph.loops;
-        told(path, graph.edges.len(), &format!("edges, {loops} of loops"));
+        report(path, graph.edges.len(), &format!("edges, {loops} of loops"));
         if graph.as_estimated > 0 {
             console::warn(&format!(
                 "{} edges to parents are as estimated, since too little was measured between the two keyframes; their information is 1",
@@ -76,7 +76,7 @@ fn cloud_format(path: &Path) -> Result<CloudFormat, Failure> {
     })
 }
 
-/// The submap to write; what it leaves out is told. None of a map without keyframes.
+/// The submap to write; what it leaves out is reported. None of a map without keyframes.
 fn choose_submap(args: &MapExportArgs, view: &MapView) -> Result<Option<SubmapId>, Failure> {
     let submaps = map::submaps(view);
     let list = |submaps: &[(SubmapId, usize)]| {
@@ -114,7 +114,7 @@ fn write(path: &Path, option: &'static str, bytes: &[u8]) -> Result<(), Failure>
     file.finish()
 }
 
-fn told(path: &Path, n: usize, what: &str) {
+fn report(path: &Path, n: usize, what: &str) {
     console::report(&format!("{}: {n} {what}\n", path.display()));
 }
 

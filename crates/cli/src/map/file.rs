@@ -84,7 +84,7 @@ pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
     })
 }
 
-/// Whether a system with this configuration and camera can go on with a map, or find itself in it.
+/// Whether a system with this configuration and camera can resume a map, or find itself in it.
 ///
 /// # Errors
 /// Its features are from other pyramids, or its images from another camera.

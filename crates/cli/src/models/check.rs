@@ -15,7 +15,7 @@ use stillpoint::inference::OnnxDetector;
 const OPTION: &str = "models check";
 /// The image that is looked at, px: the size of most depth cameras' images.
 const SIZE: (usize, usize) = (640, 480);
-/// Looks of which the time is told, after a first one.
+/// Looks whose time is reported, after a first one.
 const LOOKS: usize = 5;
 /// Classes that are named.
 const NAMED: usize = 5;

@@ -21,7 +21,7 @@ pub(crate) struct About {
     pub(crate) camera: Option<String>,
     /// Frames left out at the start.
     pub(crate) start: usize,
-    /// Map that was gone on with.
+    /// Map that was resumed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) load_map: Option<PathBuf>,
     /// Map that the camera was found in.

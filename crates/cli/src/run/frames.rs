@@ -275,12 +275,12 @@ mod tests {
     #[test]
     fn losses_have_a_reason_a_length_and_an_end() {
         let lost = frames().lost();
-        let told: Vec<_> = lost
+        let listed: Vec<_> = lost
             .iter()
             .map(|l| (l.first, l.last, l.then.as_str()))
             .collect();
         assert_eq!(
-            told,
+            listed,
             [
                 (2, 3, "found again"),
                 (5, 5, "a map began"),

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use stillpoint::evaluation::timing::Stats;
 use stillpoint::live::{Ended, FrameTiming, LiveStatistics, Missed, WorkerEnd};
 
-/// Frames that arrive later than this are told, ms: a third of the time between two of them.
+/// Frames that arrive later than this are reported, ms: a third of the time between two of them.
 const LATE_MS: f64 = 10.0;
 
 /// A live run.

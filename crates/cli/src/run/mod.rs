@@ -208,7 +208,7 @@ impl<'a> KnownMap<'a> {
         console::info(&format!(
             "{} map {} with {} keyframes and {} landmarks",
             match map_use {
-                MapUse::Grow => "going on with",
+                MapUse::Grow => "resuming",
                 MapUse::Localize => "finding the camera in",
             },
             path.display(),

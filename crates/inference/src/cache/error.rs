@@ -1,4 +1,4 @@
-//! What can be wrong with the cache, said so that the user can mend it.
+//! What can be wrong with the cache, said so that the user can correct it.
 
 use std::path::PathBuf;
 

@@ -245,11 +245,11 @@ mod tests {
                 }
 
                 // The same call, when nothing breaks off.
-                let mended = cache
+                let repaired = cache
                     .install("net", b"new", card, Record::default())
                     .unwrap();
-                assert_eq!(mended.read().unwrap(), b"new");
-                assert_eq!(mended.card_text().unwrap().as_deref(), card);
+                assert_eq!(repaired.read().unwrap(), b"new");
+                assert_eq!(repaired.card_text().unwrap().as_deref(), card);
                 assert!(cache.strays().unwrap().is_empty());
             }
         }

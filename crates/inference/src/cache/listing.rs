@@ -124,7 +124,7 @@ impl Cache {
                     _ if file.ends_with(".sha256") => return None,
                     _ if file.ends_with(".part.toml") => return None,
                     _ if file.ends_with(".part") => {
-                        "an unfinished download, which `models pull` goes on with"
+                        "an unfinished download, which `models pull` resumes"
                     }
                     _ if file.ends_with(".tmp") => {
                         "left behind by an installation that broke off; it may be removed"

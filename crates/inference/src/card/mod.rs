@@ -161,7 +161,9 @@ pub enum Classes {
 #[non_exhaustive]
 pub enum CardError {
     /// It is no TOML, lacks its head, or has a key or a word that cards do not have.
-    #[error("{name}: expected a model card in TOML, found: {reason}; mend the line or take it out")]
+    #[error(
+        "{name}: expected a model card in TOML, found: {reason}; correct the line or take it out"
+    )]
     Syntax {
         /// Name of the card.
         name: String,

@@ -163,10 +163,10 @@ proptest::proptest! {
         match ModelCard::parse("m.toml", &text) {
             Ok(card) => proptest::prop_assert!(card.problems().is_empty()),
             Err(e) => {
-                let told = e.to_string();
-                proptest::prop_assert!(told.starts_with("m.toml: "), "{told}");
+                let message = e.to_string();
+                proptest::prop_assert!(message.starts_with("m.toml: "), "{message}");
                 if let CardError::Syntax { reason, .. } = e {
-                    proptest::prop_assert!(reason.starts_with("line ") || reason.contains("missing field"), "{told}");
+                    proptest::prop_assert!(reason.starts_with("line ") || reason.contains("missing field"), "{message}");
                 }
             }
         }

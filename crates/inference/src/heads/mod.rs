@@ -201,7 +201,7 @@ mod tests {
 
     /// Whatever comes out of a network, reading it ends with boxes that are numbers.
     #[test]
-    fn hostile_values_give_sane_boxes_or_none() {
+    fn malicious_values_give_sane_boxes_or_none() {
         let shapes: [(Head, Vec<Vec<usize>>); 5] = [
             (Head::Yolox, vec![vec![1, 21, 85]]),
             (Head::YoloGrid, vec![vec![1, 63, 85]]),
@@ -212,7 +212,7 @@ mod tests {
             (Head::Distribution, vec![vec![1, 22, 112]]),
             (Head::EndToEnd, vec![vec![9, 7]]),
         ];
-        let hostile = [
+        let malicious = [
             f32::NAN,
             f32::INFINITY,
             f32::NEG_INFINITY,
@@ -226,7 +226,7 @@ mod tests {
             let card = ModelCard::new(head);
             let reading = reading(&card, 32, 32, 0.25);
             let mut sane = 0;
-            // Up to which value of -4 to 4 numbers are hostile: most of them, some, none.
+            // Up to which value of -4 to 4 numbers are malicious: most of them, some, none.
             for (seed, limit) in (0..50).flat_map(|seed| [(seed, 3.0), (seed, -3.5), (seed, -5.0)])
             {
                 let mut outputs: Vec<Tensor> = shapes.iter().map(|s| tensor(s)).collect();
@@ -234,7 +234,7 @@ mod tests {
                     noise(output, seed + 1000 * i as u64);
                     for value in &mut output.data {
                         if *value < limit {
-                            *value = hostile[(value.to_bits() >> 8) as usize % hostile.len()];
+                            *value = malicious[(value.to_bits() >> 8) as usize % malicious.len()];
                         }
                     }
                     if head == Head::EndToEnd {

@@ -87,7 +87,7 @@ pub(in super::super) fn boxes_not_in_pixels(
         Head::YoloGrid if rows.len() / columns > reading.cells() => {
             (0..2).all(|i| reach[i] < 0.25 * size[i] as f32)
         }
-        // A single row per cell may be YOLOX's, whose offsets are told in another way.
+        // A single row per cell may be YOLOX's, whose offsets are encoded in another way.
         Head::YoloGrid => lie_in_their_cells(reading, outputs, size.map(|s| s as f64)),
         _ => false,
     };

@@ -1,4 +1,4 @@
-//! What can be wrong with a checkpoint, said so that the user can mend it.
+//! What can be wrong with a checkpoint, said so that the user can correct it.
 
 /// A checkpoint cannot be imported.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -50,7 +50,7 @@ pub enum ImportError {
     },
     /// The file asks for more than any checkpoint needs.
     #[error(
-        "{place}: expected at most {limit} {what}, found more; no checkpoint of a known kind needs as many, so the file is damaged or hostile: get it again"
+        "{place}: expected at most {limit} {what}, found more; no checkpoint of a known kind needs as many, so the file is damaged or malicious: get it again"
     )]
     Limit {
         /// Where it was noticed.

@@ -68,18 +68,18 @@ pub(super) fn read(
         scalar = convolution.scalar;
         let map = builder.convolution(child, convolution, inputs[level])?;
         let stride = builder.map(map).stride;
-        let told = strides.values[level];
-        if told != stride as f32 {
+        let stored = strides.values[level];
+        if stored != stride as f32 {
             return Err(module.fault(
                 format!("stride {stride}, as the layers before have it"),
-                told.to_string(),
+                stored.to_string(),
             ));
         }
         let cells = &anchors.values[2 * each * level..][..2 * each];
         outputs.push(Output {
             map,
             stride,
-            anchors: pixels(module, cells, told)?,
+            anchors: pixels(module, cells, stored)?,
         });
     }
     outputs.sort_by_key(|o| o.stride);

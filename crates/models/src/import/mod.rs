@@ -46,7 +46,7 @@ pub struct Imported {
 /// Memory is bounded by the file's size and by fixed limits, whatever the file says; no file is touched.
 ///
 /// # Errors
-/// [`ImportError`]: something else than a checkpoint, a damaged or hostile file, classes or layers that are not known, and
+/// [`ImportError`]: something else than a checkpoint, a damaged or malicious file, classes or layers that are not known, and
 /// tensors that do not fit together.
 pub fn import_checkpoint(bytes: &[u8], name: &str) -> std::result::Result<Imported, ImportError> {
     let archive = open(bytes)?;

@@ -163,10 +163,10 @@ impl<'p, 'a> Tensors<'p, 'a> {
                 format!("no `{}`", shown(&name)),
             )
         })?;
-        let told = usize::try_from(count)
+        let expected = usize::try_from(count)
             .ok()
             .and_then(|n| n.checked_mul(scalar.width()));
-        if told != Some(memory.len()) {
+        if expected != Some(memory.len()) {
             return Err(fault(
                 path,
                 format!("{count} numbers of {} bytes", scalar.width()),

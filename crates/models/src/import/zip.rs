@@ -122,12 +122,12 @@ impl Directory {
         };
         let (entries, size, start) = large.unwrap_or(small);
         // Two records that disagree would let two readers see two archives.
-        let told = [
+        let pairs = [
             (small.0, entries, 0xffff),
             (small.1, size, 0xffff_ffff),
             (small.2, start, 0xffff_ffff),
         ];
-        if told.iter().any(|(s, l, full)| s != l && s != full) {
+        if pairs.iter().any(|(s, l, full)| s != l && s != full) {
             return Err(fault(
                 end,
                 "both end records to agree",
@@ -277,13 +277,13 @@ impl Listed<'_> {
             ));
         }
         // With flag 8 the sizes follow the content; -1 stands for 64-bit ones. Else they are here a second time.
-        let told = word(bytes, at + 18)?;
-        let later = short(bytes, at + 6)? & 8 != 0 || told == u32::MAX;
-        if !later && u64::from(told) != self.size as u64 {
+        let stated = word(bytes, at + 18)?;
+        let later = short(bytes, at + 6)? & 8 != 0 || stated == u32::MAX;
+        if !later && u64::from(stated) != self.size as u64 {
             return Err(fault(
                 at,
                 "the size that the directory says",
-                format!("{told} bytes instead of {}", self.size),
+                format!("{stated} bytes instead of {}", self.size),
             ));
         }
         let start = at + 30 + length + usize::from(short(bytes, at + 28)?);

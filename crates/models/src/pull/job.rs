@@ -24,7 +24,7 @@ pub(super) struct Job<'a> {
     pub(super) convert: Convert<'a>,
 }
 
-/// Who is told how far it is.
+/// Called with the progress; it may break off.
 type Watch<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 /// How much came, and how much was here.
@@ -209,7 +209,7 @@ impl Job<'_> {
                         resumed,
                     });
                 }
-                // What is here does not fit to what is there: begin anew, without a range, so that this happens once.
+                // What is here does not fit to what is there: start over, without a range, so that this happens once.
                 _ if range.start > 0 => {
                     part.discard()?;
                     range = Range::default();

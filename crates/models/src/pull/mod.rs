@@ -1,6 +1,6 @@
 //! Getting a model from where its maker publishes it into the cache.
 //!
-//! A download that breaks off is kept and gone on with; what arrives is compared with its checksum as a whole, and only then it becomes a model. A
+//! A download that breaks off is kept and resumed; what arrives is compared with its checksum as a whole, and only then it becomes a model. A
 //! checkpoint is turned into ONNX and not kept: the record holds its checksum.
 
 mod error;
@@ -101,7 +101,7 @@ pub struct Pulled {
     pub resumed: u64,
 }
 
-/// Downloads a model into the cache, unless it is here. Another model of its name is replaced only if that is damaged, or if `options` say so. `progress` is told how far it is, at least after each 64 kB, and may break off;
+/// Downloads a model into the cache, unless it is here. Another model of its name is replaced only if that is damaged, or if `options` say so. `progress` is called at least after each 64 kB, and may break off;
 /// while the server is silent it is not called, for at most the time limits of `options`.
 ///
 /// # Errors

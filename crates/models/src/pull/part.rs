@@ -49,8 +49,8 @@ impl Part {
         self.path.metadata().map_or(0, |m| m.len())
     }
 
-    /// What to ask for, so that it fits to what is here. A part of another address, or one that cannot be told from that of a
-    /// changed file (no validator, and no checksum that would find out), is removed.
+    /// What to ask for, so that it fits to what is here. A part of another address, or one that cannot be distinguished from that of
+    /// a changed file (no validator, and no checksum that would find out), is removed.
     pub(super) fn range(&self, url: &str, has_checksum: bool) -> Result<Range, CacheError> {
         let start = self.len();
         let origin = std::fs::read_to_string(&self.origin_path)
@@ -70,7 +70,7 @@ impl Part {
         }
     }
 
-    /// Begins a part anew: empty, and with its origin written before its first byte.
+    /// Starts a part over: empty, and with its origin written before its first byte.
     pub(super) fn begin(&self, url: &str, validator: Option<String>) -> Result<(), CacheError> {
         let unwritable = |source| CacheError::Write {
             path: self.origin_path.clone(),

@@ -1,4 +1,4 @@
-//! Import of checkpoints: recorded ones compute what PyTorch does; damaged and hostile ones end in an error that says where, without
+//! Import of checkpoints: recorded ones compute what PyTorch does; damaged and malicious ones end in an error that says where, without
 //! panic, endless work or memory beyond the limits. Nothing in a file is ever run, and no name in it becomes a path.
 
 mod agreement;

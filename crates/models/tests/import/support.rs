@@ -69,7 +69,7 @@ pub(crate) fn zip(entries: &[Entry], lies: Lies) -> Vec<u8> {
             bytes.extend(name);
             bytes.extend(&entry.data);
         }
-        let told = lies
+        let stated = lies
             .huge
             .map_or(length.wrapping_add(lies.larger), |_| u32::MAX);
         let extra = lies.huge.map_or(Vec::new(), |huge| {
@@ -81,7 +81,7 @@ pub(crate) fn zip(entries: &[Entry], lies: Lies) -> Vec<u8> {
         directory.extend(b"PK\x01\x02\x14\0\x14\0\0\0");
         directory.extend(method.to_le_bytes());
         directory.extend([0; 4]);
-        for word in [crc, told, told] {
+        for word in [crc, stated, stated] {
             directory.extend(word.to_le_bytes());
         }
         directory.extend((name.len() as u16).to_le_bytes());

@@ -62,7 +62,7 @@ impl Variant {
         matches!(self, Self::O | Self::Og | Self::Ogd)
     }
 
-    /// What the system is told, after all that the user set.
+    /// The settings of this variant, which come after all that the user set.
     fn settings(self) -> Vec<String> {
         let paper = || {
             vec![

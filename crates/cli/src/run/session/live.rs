@@ -272,7 +272,7 @@ mod tests {
         assert_eq!(panicking.final_poses.len(), 4);
         let ends = threads(&panicking);
         assert_eq!(ends, ("panicked: out of order".into(), "finished".into()));
-        // What it was is told all the same.
+        // The result still names the detector.
         assert_eq!(panicking.detector.name, "does");
     }
 

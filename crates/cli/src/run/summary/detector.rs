@@ -40,7 +40,7 @@ pub(crate) struct DetectorJson {
     /// Answers that could not be used because their frame has no pose.
     #[serde(default)]
     pub(crate) without_pose: u64,
-    /// What the user should hear of it.
+    /// What the user should know of it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) remark: Option<String>,
 }

@@ -296,7 +296,7 @@ impl From<&Rpe> for RpeJson {
 }
 
 impl ScoreJson {
-    /// The scale is told when it was asked for.
+    /// The scale is reported when it was asked for.
     pub(crate) fn new(score: &Score, with_scale: bool) -> Self {
         match score {
             Score::Moving(e) => Self::Moving(MovingJson::new(e, with_scale)),

@@ -1,4 +1,4 @@
-//! Why a library cannot be used, said so that the user can mend it.
+//! Why a library cannot be used, said so that the user can correct it.
 
 use super::library::OLDEST;
 use std::path::PathBuf;
@@ -50,7 +50,7 @@ pub enum RuntimeError {
     },
     /// The process has loaded another one, and holds only one.
     #[error(
-        "{}: expected one ONNX Runtime per process, found {} loaded already; use that one, or start anew",
+        "{}: expected one ONNX Runtime per process, found {} loaded already; use that one, or start the program again",
         .library.display(), .loaded.as_deref().map_or("one of other code".into(), |l| l.display().to_string())
     )]
     Taken {
