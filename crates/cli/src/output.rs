@@ -257,7 +257,7 @@ mod tests {
     /// A device is written to and not replaced; this one is always full.
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_full_device_is_told() {
+    fn a_full_device_is_reported() {
         let mut file = StreamedFile::create(Path::new("/dev/full"), "--verdicts").unwrap();
         file.write(|w| w.write_all(b"row")).unwrap();
         let e = file.finish().unwrap_err().to_string();

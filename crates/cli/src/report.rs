@@ -242,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn answers_that_were_of_no_use_are_told() {
+    fn answers_that_were_of_no_use_are_reported() {
         let mut detector = DetectorJson::default();
         assert_eq!(unused_text(&detector), "");
         detector.too_late = 3;

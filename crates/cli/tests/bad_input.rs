@@ -190,7 +190,7 @@ fn depth_that_is_zero_or_of_the_wrong_scale() {
 }
 
 #[test]
-fn lost_frames_end_with_1_and_are_told() {
+fn lost_frames_end_with_1_and_are_reported() {
     let case = Case::new();
     case.images(
         "rgb",

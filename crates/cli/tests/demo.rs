@@ -25,7 +25,7 @@ fn row<'a>(text: &'a str, name: &str) -> [&'a str; 2] {
 }
 
 #[test]
-fn both_passes_are_told_and_written_side_by_side() {
+fn both_passes_are_reported_and_written_side_by_side() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("demo");
     let output = demo(&out, &[]);

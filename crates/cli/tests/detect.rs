@@ -154,7 +154,7 @@ fn detections_of_a_data_set_can_be_played_back() {
 }
 
 #[test]
-fn unreadable_images_are_skipped_and_told() {
+fn unreadable_images_are_skipped_and_reported() {
     let dir = tempfile::tempdir().unwrap();
     let folder = dir.path().join("in");
     std::fs::create_dir(&folder).unwrap();

@@ -240,7 +240,7 @@ fn loops_are_exported_as_they_were_measured() {
 
 /// `check` says 1 of what is no map; whoever needs the map says 2.
 #[test]
-fn files_that_are_no_maps_are_told_why() {
+fn files_that_are_no_maps_are_refused_with_a_reason() {
     let dir = tempfile::tempdir().unwrap();
     let good = std::fs::read(saved()).unwrap();
     let path = dir.path().join("odd.spmap");
@@ -362,7 +362,7 @@ fn huge_counts_take_no_memory() {
 }
 
 #[test]
-fn a_map_that_cannot_be_written_is_told_before_the_run() {
+fn a_map_that_cannot_be_written_is_reported_before_the_run() {
     let case = Case::new();
     let map = case.dir.path().join("maps/room.spmap");
     let arguments = ["--save-map", map.to_str().unwrap()];

@@ -220,7 +220,7 @@ fn what_is_no_model_is_refused() {
 }
 
 #[test]
-fn libraries_that_cannot_be_used_are_told() {
+fn libraries_that_cannot_be_used_are_reported() {
     let cache = Cache::new();
     let model = tiny_model::write(cache.dir.path());
     let broken = cache.dir.path().join("libonnxruntime.so");
@@ -324,7 +324,7 @@ fn what_never_ends_is_not_read() {
 }
 
 #[test]
-fn a_cache_that_cannot_be_read_is_told() {
+fn a_cache_that_cannot_be_read_is_reported() {
     let cache = Cache::new();
     std::fs::write(cache.dir.path().join("models"), "a file").unwrap();
     let room = cache.dir.path().join("room");

@@ -270,7 +270,7 @@ mod tests {
     /// A device is written to and not replaced; this one is always full.
     #[test]
     #[cfg(target_os = "linux")]
-    fn a_full_device_is_told() {
+    fn a_full_device_is_reported() {
         let e = write_atomic(Path::new("/dev/full"), b"x").unwrap_err();
         assert!(e.to_string().contains("/dev/full"), "{e}");
         assert!(!Path::new("/dev/full").is_file());

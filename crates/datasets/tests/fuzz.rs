@@ -86,7 +86,7 @@ fn camera_toml() -> String {
 }
 
 #[test]
-fn formats_are_told_by_content_not_by_name() {
+fn formats_are_recognised_by_content_not_by_name() {
     let f = Folder::empty("x");
     std::fs::create_dir_all(&f.path).unwrap();
     f.image_as("a.png", &gray(50), ImageFormat::Jpeg);

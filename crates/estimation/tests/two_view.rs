@@ -237,7 +237,7 @@ fn verdict(motion: &Se3, shape: Shape, seed: u64) -> Degeneracy {
 }
 
 #[test]
-fn degeneracies_are_told_apart() {
+fn degeneracies_are_distinguished() {
     let rotation = Se3::exp(&Vec6::new(0.0, 0.0, 0.0, 0.01, -0.03, 0.02));
     let general = Se3::exp(&Vec6::new(0.06, -0.02, 0.03, 0.01, -0.03, 0.02));
     let sideways = Se3::exp(&Vec6::new(0.05, 0.0, 0.0, 0.0, 0.0, 0.0));

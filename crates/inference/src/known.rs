@@ -326,7 +326,7 @@ mod tests {
 
     /// The shapes do not say the anchors.
     #[test]
-    fn raw_maps_are_told_but_not_recognised() {
+    fn raw_maps_are_reported_but_not_recognised() {
         let size = Size {
             width: 416,
             height: 320,

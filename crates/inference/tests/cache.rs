@@ -99,7 +99,7 @@ fn names_cannot_leave_the_folder() {
 }
 
 #[test]
-fn damage_is_told() {
+fn damage_is_reported() {
     let (_folder, cache) = scratch();
     install(&cache, "net", b"network");
     install(&cache, "good", b"good");
@@ -175,7 +175,7 @@ fn files_put_there_by_hand_are_models() {
 }
 
 #[test]
-fn files_of_others_are_told() {
+fn files_of_others_are_reported() {
     let (_folder, cache) = scratch();
     install(&cache, "net", b"network");
     std::fs::create_dir(cache.folder().join("photos")).unwrap();
@@ -212,7 +212,7 @@ fn files_of_others_are_told() {
         ("old.record.toml", "without a model", 5),
         ("old.toml", "without a model", 5),
         ("photos", "not a model", 0),
-        ("yolox-nano.part", "goes on", 5),
+        ("yolox-nano.part", "resumes", 5),
     ] {
         let found = listed.iter().find(|(name, ..)| name == file);
         let (_, what, size) = found.unwrap_or_else(|| panic!("{file} in {listed:?}"));
@@ -245,7 +245,7 @@ fn named_ones_come_first_and_then_the_alphabet() {
 }
 
 #[test]
-fn what_is_in_the_way_is_told() {
+fn what_is_in_the_way_is_reported() {
     let (folder, cache) = scratch();
     std::fs::write(folder.path().join("cache"), b"a file").unwrap();
     let expected = folder.path().join("cache").display().to_string();
@@ -272,7 +272,7 @@ fn what_is_in_the_way_is_told() {
 /// The superuser may write everywhere, so that there is nothing to see for it.
 #[cfg(unix)]
 #[test]
-fn a_folder_that_cannot_be_written_is_told() {
+fn a_folder_that_cannot_be_written_is_reported() {
     use std::os::unix::fs::PermissionsExt;
     let (_folder, cache) = scratch();
     install(&cache, "net", b"network");

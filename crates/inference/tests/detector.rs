@@ -47,7 +47,7 @@ fn the_same_image_gives_the_same_bits_with_any_number_of_threads() {
 }
 
 #[test]
-fn a_frame_is_told_apart_from_one_that_cannot_be_used() {
+fn a_frame_is_distinguished_from_one_that_cannot_be_used() {
     let Some(model) = shared("models/yolox_nano_416.onnx") else {
         return;
     };

@@ -188,7 +188,7 @@ pub(crate) struct MappingBox {
     /// Who wants a copy of the map.
     pub(crate) copies: VecDeque<SyncSender<Map>>,
     pub(crate) tracking_is_over: bool,
-    looping_was_told: bool,
+    looping_was_notified: bool,
     pub(crate) looping_is_over: bool,
 }
 
@@ -217,8 +217,8 @@ impl MappingBox {
         if !self.tracking_is_over {
             return None;
         }
-        if !self.looping_was_told {
-            self.looping_was_told = true;
+        if !self.looping_was_notified {
+            self.looping_was_notified = true;
             return Some(MappingWork::TrackingIsOver);
         }
         self.looping_is_over.then_some(MappingWork::Over)
@@ -251,7 +251,7 @@ mod tests {
     const MS: Duration = Duration::from_millis(1);
 
     #[test]
-    fn a_detector_rests_as_long_as_it_is_told() {
+    fn a_detector_rests_for_the_time_it_is_given() {
         let start = Instant::now();
         let mut shown = DetectionBox::default();
         // The first frame need not wait, nor does any where there is time.

@@ -94,7 +94,7 @@ fn broken_off(
 }
 
 #[test]
-fn what_broke_off_is_gone_on_with() {
+fn what_broke_off_is_resumed() {
     let bytes = made_up_bytes();
     for (headers, validator) in [
         ("ETag: \"v1\"\r\n", Some("\"v1\"")),

@@ -173,7 +173,7 @@ fn the_first_download_is_recorded_where_no_checksum_is_known() {
 
 /// Without a validator and without a checksum nobody could tell that the file changed in between.
 #[test]
-fn parts_that_nothing_vouches_for_are_not_gone_on_with() {
+fn parts_that_nothing_vouches_for_are_not_resumed() {
     let bytes = made_up_bytes();
     for (headers, start) in [("", None), ("ETag: \"v1\"\r\n", Some(1000))] {
         let (result, scratch, server) = fetch(&unknown(), move |number, r, stream| match number {
@@ -233,7 +233,7 @@ fn another_model_of_the_name_is_not_replaced_unasked() {
 }
 
 #[test]
-fn passwords_of_mirrors_are_not_told() {
+fn passwords_of_mirrors_are_not_shown() {
     let bytes = made_up_bytes();
     let server = Server::start(move |number, r, stream| match number {
         0 => break_off(bytes, 1000, "ETag: \"v1\"\r\n", stream),

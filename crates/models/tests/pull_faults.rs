@@ -7,7 +7,7 @@ use std::time::Duration;
 use stillpoint_models::{PullError, PullOptions};
 
 #[test]
-fn statuses_are_told() {
+fn statuses_are_reported() {
     let model = model(b"model");
     for (status, part) in [
         ("404 Not Found", "404 (not found); look for a newer version"),
@@ -142,7 +142,7 @@ fn slowness_is_borne() {
 }
 
 #[test]
-fn no_server_is_told() {
+fn no_server_is_reported() {
     let (scratch, model) = (Scratch::with_older(), model(b"model"));
     let port = TcpListener::bind("127.0.0.1:0")
         .unwrap()
@@ -186,7 +186,7 @@ fn no_server_is_told() {
 }
 
 #[test]
-fn what_is_not_http_is_told() {
+fn what_is_not_http_is_reported() {
     for answer in [
         "",
         "\r\n\r\n",

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn every_reason_is_told() {
+    fn every_reason_is_reported() {
         let mut gate = FrameGate::new(&camera());
         assert_eq!(gate.admit(&frame(4, 1.0)), Ok(()));
         let mut refused = |change: fn(&mut RgbdFrame), text: &str| {

@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn runs_are_told_what_the_bench_was_told() {
+    fn runs_get_the_options_of_the_bench() {
         let input = InputArgs {
             camera: Some("tum_fr3".into()),
             start: 5,

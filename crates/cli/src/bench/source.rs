@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn scenes_are_told_from_folders() {
+    fn scenes_are_distinguished_from_folders() {
         let scene = Source::of(Path::new("sim:walking_xyz")).unwrap();
         assert_eq!(scene, Source::Scene("walking_xyz".into()));
         let dir = tempfile::tempdir().unwrap();

@@ -102,7 +102,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_filter_is_told_against_the_truth() {
+    fn the_filter_is_judged_against_the_truth() {
         let hits = Hits {
             people: 200,
             people_rejected: 150,

@@ -133,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn broken_libraries_are_told() {
+    fn broken_libraries_are_reported() {
         let auto = of_libraries(RuntimeChoice::Auto, broken(5)).unwrap();
         assert_eq!(auto.runtime, Runtime::Rten);
         let said = auto.warning.unwrap();

@@ -334,7 +334,7 @@ mod tests {
     }
 
     #[test]
-    fn a_map_that_could_not_be_saved_is_told() {
+    fn a_map_that_could_not_be_saved_is_reported() {
         let path = Path::new("desk.spmap");
         assert!(check_room(path, &map(), MOST_IDS - 1).is_ok());
         let e = check_room(path, &map(), MOST_IDS).unwrap_err().to_string();

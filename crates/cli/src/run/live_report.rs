@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_measured_is_told_in_milliseconds() {
+    fn what_is_measured_is_reported_in_milliseconds() {
         let ended = Ended {
             tracking: WorkerEnd::Finished,
             detection: Some(WorkerEnd::GivenUp),

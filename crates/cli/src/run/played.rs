@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn frames_that_come_too_late_are_told_from_gaps_in_the_stamps() {
+    fn frames_that_come_too_late_are_distinguished_from_gaps_in_the_stamps() {
         let mut pace = Pace::default();
         let start = Instant::now();
         for (stamp, ms) in [

@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn damaged_records_are_told() {
+    fn damaged_records_are_reported() {
         for (text, part) in [
             ("sha256 = ", "string"),
             ("sha256 = \"12\"", "64"),

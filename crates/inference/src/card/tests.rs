@@ -59,7 +59,7 @@ fn the_example_is_a_card() {
 }
 
 #[test]
-fn all_problems_are_told_with_their_keys() {
+fn all_problems_are_reported_with_their_keys() {
     let found = problems(
         "head = \"yolox\"
          classes = [\"persn\", \"spaceship\", \"-\"]

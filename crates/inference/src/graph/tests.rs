@@ -159,7 +159,7 @@ fn at_its_own_size_only_the_list_of_inputs_changes() {
 }
 
 #[test]
-fn a_cut_graph_is_told() {
+fn a_cut_graph_is_reported() {
     let whole = model(7);
     let mut graph = graph_of(&whole);
     graph.truncate(graph.len() - 1);

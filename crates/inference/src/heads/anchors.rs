@@ -325,7 +325,7 @@ mod tests {
     }
 
     #[test]
-    fn other_maps_are_told() {
+    fn other_maps_are_reported() {
         let card = ModelCard::new(Head::YoloAnchors);
         let reading = reading(&card, 64, 32, 0.25);
         let mut maps = random(64, 32);

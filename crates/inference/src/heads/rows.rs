@@ -270,7 +270,7 @@ mod tests {
     }
 
     #[test]
-    fn outputs_of_other_shapes_are_told() {
+    fn outputs_of_other_shapes_are_reported() {
         let card = ModelCard::new(Head::Yolox);
         let reading = reading(&card, 64, 32, 0.25);
         for shapes in [

@@ -135,7 +135,7 @@ fn who_does_not_listen_any_more_holds_nothing_up() {
 }
 
 #[test]
-fn a_subscriber_that_panics_is_told_and_others_go_on() {
+fn a_subscriber_that_panics_is_reported_and_others_go_on() {
     let audience = Audience::default();
     let start = |name: &str, worst: u32| {
         let events = audience.listen(name, Delivery::until_full(10));

@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cpu_that_cannot_encrypt_is_told() {
+    fn a_cpu_that_cannot_encrypt_is_reported() {
         let folder = stillpoint_inference::Cache::at("cache");
         let by_hand = ByHand::new(crate::known("yolox-nano").unwrap(), &folder);
         let lacking = || Some("adx, avx2".to_owned());

@@ -188,7 +188,7 @@ fn a_whole_part_of_unknown_size_is_used() {
 }
 
 #[test]
-fn what_is_in_the_way_is_told() {
+fn what_is_in_the_way_is_reported() {
     let bytes = made_up_bytes();
     let (server, scratch, model) = (Server::of(bytes), Scratch::with_older(), model(bytes));
     for name in ["made-up.part", "made-up.lock"] {

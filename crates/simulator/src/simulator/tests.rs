@@ -21,7 +21,7 @@ fn look(sim: &Simulator, pose: &Se3) -> (Vec<u8>, Vec<f32>) {
 /// No view from the first room differs from the view from the same place of the second one, but where rounding takes
 /// an edge to the other side. The corridor's ends are what differs, and in the rooms nobody sees them.
 #[test]
-fn the_equal_rooms_cannot_be_told_from_each_other() {
+fn the_equal_rooms_look_exactly_alike() {
     let sim = Simulator::new(&SimulatorConfig {
         scene: "equal_rooms".to_owned(),
         seed: 3,

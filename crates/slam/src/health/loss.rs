@@ -342,7 +342,7 @@ mod tests {
 
         /// The reported figures are those of the frame.
         #[test]
-        fn the_counts_are_told(counts in counts(), needed in 10..1000_u32) {
+        fn the_counts_are_reported(counts in counts(), needed in 10..1000_u32) {
             let of = |reason| cause(&Clues { reason, counts: &counts, look: FINE, moving: 0.0, needed }).to_string();
             let reported = [counts.keypoints, counts.with_depth, counts.frame_matches, counts.inliers];
             for (reason, count) in REASONS.iter().zip(reported) {

@@ -140,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn the_weakest_part_is_told() {
+    fn the_weakest_part_is_reported() {
         let good = Measured {
             agreed: 300,
             matched: 320,

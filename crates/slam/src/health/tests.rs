@@ -143,7 +143,7 @@ fn shares_are_of_what_was_judged() {
 }
 
 #[test]
-fn a_black_frame_without_depth_is_told_as_such() {
+fn a_black_frame_without_depth_is_reported_as_such() {
     let mut monitor = monitor();
     let black = frame(0, 0.0, 2, 0.0);
     let tracked = Tracked {

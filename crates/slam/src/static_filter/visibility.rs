@@ -185,7 +185,7 @@ mod tests {
     const STILL: [bool; 9] = [false; 9];
 
     #[test]
-    fn an_empty_place_a_surface_and_a_hidden_place_are_told_apart() {
+    fn an_empty_place_a_surface_and_a_hidden_place_are_distinguished() {
         assert_eq!(seen([3.0; 9], STILL), Seen::Through);
         assert_eq!(seen([2.0; 9], STILL), Seen::Same);
         assert_eq!(seen([1.0; 9], STILL), Seen::Hidden);

@@ -142,7 +142,7 @@ fn after(mut system: System, others: impl Iterator<Item = (GrayImage, DepthImage
 }
 
 #[test]
-fn a_covered_lens_is_told_and_so_is_light_and_a_blank_wall() {
+fn a_covered_lens_is_reported_and_so_is_light_and_a_blank_wall() {
     let last = |level: u8| {
         let health = after(system(), (0..7).map(|_| (flat(level), no_depth())));
         (health.loss.unwrap().cause, health.to_string())
@@ -163,7 +163,7 @@ fn a_covered_lens_is_told_and_so_is_light_and_a_blank_wall() {
 }
 
 #[test]
-fn missing_depth_is_told() {
+fn missing_depth_is_reported() {
     let mut system = system();
     let gray = room().frames[0].gray.clone();
     for i in 0..3 {
@@ -187,7 +187,7 @@ fn missing_depth_is_told() {
 }
 
 #[test]
-fn a_wall_of_people_is_told_where_they_were_detected() {
+fn a_wall_of_people_is_reported_where_they_were_detected() {
     let wall = || (0..6).map(people);
     let script = (5..11).map(|i| ScriptRow {
         stamp: f64::from(i) * PERIOD,

@@ -280,7 +280,7 @@ fn a_map_that_is_only_read_gives_poses_and_does_not_grow() {
 }
 
 #[test]
-fn a_map_is_gone_on_with() {
+fn a_map_is_resumed() {
     let simulator = simulator("loop_two_rooms", 140);
     let made = run(&simulator, &Config::default(), &Play::frames(0..60));
     let keyframes = made.system.view().keyframe_count();

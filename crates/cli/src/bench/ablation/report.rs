@@ -184,7 +184,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn runs_are_told_by_their_seeds() {
+    fn runs_are_listed_by_their_seeds() {
         assert_eq!(runs(&[4]), "One run each, with seed 4.");
         let many = runs(&[4, 5, 6]);
         assert!(
