@@ -1,5 +1,6 @@
 //! The steps of a download, from the question whether the model is here to the model in the cache.
 
+use super::address;
 use super::error::{ByHand, PullError};
 use super::http::{self, Answer, Range, page_hint, request};
 use super::part::{Disk, Lock, Part};
@@ -71,7 +72,7 @@ impl Job<'_> {
 
     /// The address for messages and the record, without the password that a mirror's may hold.
     fn url(&self) -> String {
-        http::shown(&self.address())
+        address::shown(&self.address())
     }
 
     /// The address that is asked for.

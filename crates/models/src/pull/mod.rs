@@ -3,6 +3,7 @@
 //! A download that breaks off is kept and resumed; what arrives is compared with its checksum as a whole, and only then it becomes a model. A
 //! checkpoint is turned into ONNX and not kept: the record holds its checksum.
 
+mod address;
 mod error;
 mod http;
 mod job;

@@ -1,0 +1,81 @@
+//! Data sets played as a camera: results that are complete, logs from which they come out again to the byte, and what is said when
+//! a log does not fit.
+
+mod log;
+mod measured;
+mod replay;
+
+use crate::common::{program, simulate, stderr};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::LazyLock;
+use stillpoint::slam::RunLog;
+use tempfile::TempDir;
+
+const FRAMES: usize = 24;
+
+/// A room with people, and a live run in it with everything that can be written.
+struct Played {
+    dir: TempDir,
+    output: Output,
+}
+
+static PLAYED: LazyLock<Played> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let room = dir.path().join("room");
+    simulate(&room, "walking_xyz", FRAMES);
+    let detector = format!("scripted:{}/detections.csv", room.display());
+    let mut run = program();
+    run.arg("run").arg(&room).arg("--live");
+    run.args(["-v", "--detector", &detector]);
+    let output = write_all(run, dir.path(), "live");
+    Played { dir, output }
+});
+
+/// Runs a command with everything that can be written, as files beside the folder `name`.
+fn write_all(mut command: Command, dir: &Path, name: &str) -> Output {
+    for (option, file) in [
+        ("--out", name.to_owned()),
+        ("--save-map", format!("{name}.spmap")),
+        ("--verdicts", format!("{name}.csv")),
+        ("--trace", format!("{name}.json")),
+        ("--overlay", format!("{name}_pictures")),
+    ] {
+        command.arg(option).arg(dir.join(file));
+    }
+    command.args(["--overlay-every", "6"]).output().unwrap()
+}
+
+impl Played {
+    fn path(&self, name: &str) -> PathBuf {
+        self.dir.path().join(name)
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&std::fs::read(self.path(name)).unwrap()).unwrap()
+    }
+
+    fn log(&self) -> RunLog {
+        RunLog::from_bytes(&std::fs::read(self.path("live/run.log")).unwrap()).unwrap()
+    }
+
+    /// Replays a text as the log of this run.
+    fn replay(&self, log: &str, more: &[&str]) -> Output {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("changed.log");
+        std::fs::write(&path, log).unwrap();
+        let mut command = program();
+        command.arg("replay").arg(path).arg(self.path("room"));
+        let out = dir.path().join("out");
+        command.args(more).arg("--out").arg(out).output().unwrap()
+    }
+}
+
+/// How well a run went depends on what else the machine does; that it went does not.
+#[track_caller]
+fn check_ran(output: &Output) {
+    let said = stderr(output);
+    assert!(matches!(output.status.code(), Some(0 | 1)), "{said}");
+    assert!(!said.contains("panicked"), "{said}");
+}
