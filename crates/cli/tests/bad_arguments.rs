@@ -28,9 +28,9 @@ fn configuration_mistakes() {
             "--set",
             "tracking.min_inliers=1",
             "--set",
-            "features.levels=99",
+            "features.features=99",
         ],
-        &["tracking.min_inliers", "features.levels"],
+        &["tracking.min_inliers", "features.features"],
     );
 }
 

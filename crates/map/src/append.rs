@@ -26,7 +26,7 @@ impl std::fmt::Display for AppendError {
         match self {
             Self::Levels { expected, found } => write!(
                 f,
-                "expected a map with features from levels of scale {expected:?}, found levels of scale {found:?}: make both maps with the same features.levels and features.scale_factor"
+                "expected a map with features from levels of scale {expected:?}, found levels of scale {found:?}: make both maps with the same pyramid of features"
             ),
             Self::Full => write!(
                 f,

@@ -34,7 +34,7 @@ mod trajectory;
 mod validation;
 
 pub use anchored_pose::AnchoredPose;
-pub use config::{Config, DetectorConfig, FeaturesConfig, ObjectTrackingConfig, Schedule};
+pub use config::{Config, DetectorConfig, FeaturesConfig, Schedule};
 pub use dynamic_mask::{DynamicMask, MaskError, MovingThings};
 pub use effort::{CostTable, MIN_FEATURES, Plan};
 pub use event::{Event, FrameEvent};

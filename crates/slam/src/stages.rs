@@ -34,9 +34,9 @@ pub enum MapUse {
 pub enum StartError {
     /// Its features come from another pyramid than this run's.
     Features {
-        /// `features.levels` of this run.
+        /// Levels of this run's pyramid.
         levels: usize,
-        /// `features.scale_factor` of this run.
+        /// Factor between two of them.
         scale_factor: f32,
     },
     /// There is nothing in it to be localized in.
@@ -51,7 +51,7 @@ impl std::fmt::Display for StartError {
                 scale_factor,
             } => write!(
                 f,
-                "expected a map with features from {levels} levels of factor {scale_factor}, found others: set features.levels and features.scale_factor to what the map was made with"
+                "expected a map with features from {levels} levels of factor {scale_factor}, found others: make the map again"
             ),
             Self::Empty => write!(
                 f,
@@ -105,7 +105,7 @@ impl Stages {
     /// # Errors
     /// [`StartError`] when nothing can be recognised in that map.
     pub fn with_map(mut self, map: Map, map_use: MapUse) -> Result<Self, StartError> {
-        let features = &self.config.features;
+        let features = self.config.features.orb();
         let (levels, scale_factor) = (features.levels, features.scale_factor);
         if !map.fits(levels, scale_factor) {
             return Err(StartError::Features {

@@ -3,6 +3,20 @@
 /// Key, and what stands in its place.
 const REMOVED: &[(&str, &str)] = &[
     (
+        "features.levels",
+        "it is fixed at 8, so that any two maps can be joined",
+    ),
+    (
+        "features.scale_factor",
+        "it is fixed at 1.2, so that any two maps can be joined",
+    ),
+    ("objects.coast_seconds", "it is fixed at 1.5 s"),
+    ("objects.parked_seconds", "it is fixed at 2 s"),
+    (
+        "looping.max_cost",
+        "it is fixed at 50; looping.min_inliers says how much must agree",
+    ),
+    (
         "features.fast_threshold_low",
         "it follows features.fast_threshold",
     ),
@@ -25,10 +39,7 @@ const REMOVED: &[(&str, &str)] = &[
     ("objects.tentative_misses", "it is fixed at 3"),
     ("objects.acceleration", "it is fixed at 1 m/s^2"),
     ("objects.side_sigma", "it is fixed at 0.1"),
-    (
-        "objects.parked_share",
-        "it is fixed at 0.8; objects.parked_seconds says when an object is parked",
-    ),
+    ("objects.parked_share", "it is fixed at 0.8"),
     ("tracking.min_initial_points", "it is fixed at 100"),
     (
         "tracking.min_relocalisation_inliers",

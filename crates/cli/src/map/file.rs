@@ -94,14 +94,14 @@ pub(crate) fn check_fits(
     config: &Config,
     camera: &Camera,
 ) -> Result<(), Failure> {
-    let (levels, factor) = (config.features.levels, config.features.scale_factor);
+    let features = config.features.orb();
+    let (levels, factor) = (features.levels, features.scale_factor);
     let scales = map.level_scales();
     if scales != Map::new(levels, factor).level_scales() {
         let found = scales.get(1).copied().unwrap_or(1.0);
         return Err(Failure::input(format!(
-            "{}: expected a map of features on {levels} levels with a factor of {factor}, found {} levels with a factor of {found}; run with --set features.levels={} --set features.scale_factor={found}, or make the map again",
+            "{}: expected a map of features on {levels} levels with a factor of {factor}, found {} levels with a factor of {found}; make the map again",
             path.display(),
-            scales.len(),
             scales.len(),
         )));
     }
@@ -272,7 +272,7 @@ mod tests {
             mappable: Vec::new(),
             grid: FeatureGrid::build(&[], &[], KeyframeData::grid_bounds(&camera)),
         };
-        let features = Config::default().features;
+        let features = Config::default().features.orb();
         let mut map = Map::new(features.levels, features.scale_factor);
         map.insert_keyframe(KeyframeId(0), Arc::new(data), Se3::identity(), None);
         map
@@ -296,11 +296,12 @@ mod tests {
                 assert!(e.contains(word), "{word:?} is not in {e}");
             }
         };
-        refuse(|c, _| c.features.levels = 4, &["--set features.levels=8"]);
-        refuse(
-            |c, _| c.features.scale_factor = 1.5,
-            &["features.scale_factor=1.2"],
-        );
+        for (levels, factor) in [(4, 1.2), (8, 1.5)] {
+            let (path, map) = (Path::new("desk.spmap"), Map::new(levels, factor));
+            let e = check_fits(path, &map, &Config::default(), &camera()).unwrap_err();
+            let found = format!("found {levels} levels with a factor of {factor}; make");
+            assert!(e.to_string().contains(&found), "{e}");
+        }
         refuse(|_, c| c.width = 320, &["640x480", "--camera"]);
         refuse(|_, c| c.fx = 480.0, &["px elsewhere", "--camera"]);
         refuse(|_, c| c.distortion.k1 = 0.3, &["px elsewhere"]);

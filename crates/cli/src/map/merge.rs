@@ -12,13 +12,9 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
     let second = map::file::load(&args.second)?.file.map;
     map::file::check_alike([&args.first, &args.second], [&first, &second])?;
     map::file::check_room(&args.first, &first, second.view().keyframe_bound())?;
-    let scales = first.level_scales();
-    let mut config = Config::default();
-    config.features.levels = scales.len();
-    config.features.scale_factor = scales.get(1).copied().unwrap_or(1.2);
     let file = MapOutput::create(&args.out, "--out")?;
     let [a, b] = [&first, &second].map(|m| m.view().submaps().len());
-    let joined = join_maps(&config, first, &second)
+    let joined = join_maps(&Config::default(), first, &second)
         .map_err(|e| Failure::input(format!("{}: {e}", args.second.display())))?;
     // Fewer submaps are not enough: those of one map may have been tied to each other.
     if joined.shared_submaps() == 0 {

@@ -95,7 +95,7 @@ mod tests {
     #[test]
     fn what_is_said_reads_back() {
         let mut config = Config::default();
-        config.features.scale_factor = 1.1;
+        config.sensor.calibration_error = 0.1;
         config.seed = 5;
         let input = InputArgs {
             camera: Some("tum_fr3".into()),

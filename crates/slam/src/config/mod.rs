@@ -6,7 +6,7 @@ mod sections;
 mod setup;
 mod validate;
 
-pub use sections::{FeaturesConfig, ObjectTrackingConfig};
+pub use sections::FeaturesConfig;
 
 use crate::looping::LoopingConfig;
 use crate::mapping::MappingConfig;
@@ -28,8 +28,6 @@ pub struct Config {
     pub sensor: SensorConfig,
     /// Rejection of what moves.
     pub static_filter: StaticFilterConfig,
-    /// Objects that a detector sees.
-    pub objects: ObjectTrackingConfig,
     /// How likely classes of objects are to move, 0 (ignored) to 5 (moves by itself), e.g. `chair = 2`: only those that differ from their
     /// defaults. The names are those of COCO.
     pub motion_weights: MotionWeights,

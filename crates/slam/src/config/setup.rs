@@ -5,6 +5,8 @@ use crate::looping::LoopCloserSetup;
 use crate::mapping::MapperSetup;
 use crate::static_filter::FilterSetup;
 use crate::tracking::TrackerSetup;
+use stillpoint_detection::ObjectsConfig;
+use stillpoint_features::OrbConfig;
 
 impl From<&Config> for TrackerSetup {
     fn from(config: &Config) -> Self {
@@ -30,7 +32,7 @@ impl From<&Config> for FilterSetup {
         Self {
             filter: config.static_filter.clone(),
             weights: config.motion_weights.clone(),
-            objects: config.objects.objects(),
+            objects: ObjectsConfig::default(),
             noise: config.sensor.noise(),
             seed: config.seed,
         }
@@ -39,12 +41,17 @@ impl From<&Config> for FilterSetup {
 
 impl From<&Config> for MapperSetup {
     fn from(config: &Config) -> Self {
+        let OrbConfig {
+            levels,
+            scale_factor,
+            ..
+        } = config.features.orb();
         Self {
             mapping: config.mapping.clone(),
             min_held: config.tracking.min_inliers,
             close_depth: config.sensor.close_depth,
-            levels: config.features.levels,
-            scale_factor: config.features.scale_factor,
+            levels,
+            scale_factor,
         }
     }
 }
@@ -54,7 +61,7 @@ impl From<&Config> for LoopCloserSetup {
         Self {
             looping: config.looping.clone(),
             seed: config.seed,
-            scale_factor: config.features.scale_factor,
+            scale_factor: config.features.orb().scale_factor,
         }
     }
 }

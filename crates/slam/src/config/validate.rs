@@ -1,7 +1,7 @@
 //! Whether a configuration makes sense: every field's range, all problems at once.
 
 use super::Config;
-use crate::validation::{Checker, ConfigError, ConfigProblem};
+use crate::validation::{Checker, ConfigError};
 
 impl Config {
     /// Checks every field's range and reports all problems at once.
@@ -19,8 +19,6 @@ impl Config {
         section("features", &|c| {
             let f = &self.features;
             c.range("features", f.features as f64, 100.0, 10_000.0);
-            c.range("levels", f.levels as f64, 1.0, 16.0);
-            c.range("scale_factor", f64::from(f.scale_factor), 1.05, 2.0);
             c.range("fast_threshold", f64::from(f.fast_threshold), 1.0, 254.0);
         });
         section("sensor", &|c| self.sensor.check(c));
@@ -42,13 +40,6 @@ impl Config {
                 1000.0,
             );
         });
-        for problem in self.objects.objects().problems() {
-            let (field, message) = problem.split_once(": ").unwrap_or(("", &problem));
-            problems.push(ConfigProblem {
-                path: format!("objects.{field}"),
-                message: message.to_owned(),
-            });
-        }
         if problems.is_empty() {
             Ok(())
         } else {

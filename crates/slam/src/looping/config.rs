@@ -11,18 +11,14 @@ pub struct LoopingConfig {
     pub enabled: bool,
     /// Landmarks around the older keyframe that are seen where the motion between both keyframes puts them, at least. Range: 10 to 1000.
     pub min_inliers: usize,
-    /// What a loop may cost the pose graph: squared Mahalanobis distance to what the map can have drifted. Range: 6 to 10000.
-    /// Beyond that the two places are equal, not the same.
-    pub max_cost: f64,
 }
 
 impl Default for LoopingConfig {
     fn default() -> Self {
-        // The inliers are those of ORB-SLAM2 (Mur-Artal, Tardos 2017); what a loop may cost it does not ask.
+        // The inliers are those of ORB-SLAM2 (Mur-Artal, Tardos 2017).
         Self {
             enabled: true,
             min_inliers: 40,
-            max_cost: 50.0,
         }
     }
 }
@@ -30,7 +26,6 @@ impl Default for LoopingConfig {
 impl LoopingConfig {
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
-        c.range("max_cost", self.max_cost, 6.0, 1e4);
     }
 }
 

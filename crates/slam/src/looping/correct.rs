@@ -22,6 +22,9 @@ const MIN_SHARED: u32 = 100;
 const SIGMA_M: f64 = 0.005;
 /// A quarter of a degree.
 const SIGMA_RAD: f64 = 0.0044;
+/// What a loop may cost the pose graph: squared Mahalanobis distance to what the map can have drifted. Beyond that the two places are
+/// equal, not the same: false loops cost a thousand times as much as true ones.
+const MAX_COST: f64 = 50.0;
 /// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take.
 const MAX_WORK: u64 = 200_000_000;
 
@@ -48,7 +51,6 @@ impl Proposal<'_> {
     /// Merges what is seen twice, and moves keyframes and landmarks to where they fit best.
     pub(super) fn correct(
         &self,
-        max_cost: f64,
         report: &mut LoopReport,
     ) -> Result<(LoopEdge, Correction), LoopOutcome> {
         let _span = tracing::info_span!("correct").entered();
@@ -70,7 +72,7 @@ impl Proposal<'_> {
                 .ok_or(LoopOutcome::Contradicted)?,
         };
         report.cost = cost;
-        if cost > max_cost {
+        if cost > MAX_COST {
             return Err(LoopOutcome::Contradicted);
         }
         let merges = self.merges();

@@ -228,7 +228,7 @@ impl LoopCloser {
                         earlier: &self.edges,
                         scale_factor: self.scale_factor,
                     };
-                    proposal.correct(self.config.max_cost, &mut report)
+                    proposal.correct(&mut report)
                 });
             match closed {
                 Ok((edge, correction)) => {
