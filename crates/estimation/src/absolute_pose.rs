@@ -165,6 +165,7 @@ fn refine(
             points.push(observations[i].point);
         }
     }
+    // On a line, the rotation about it stays open, however many points agree.
     if spread(&points) < options.min_extent_m {
         return AbsolutePoseOutcome::Degenerate {
             inliers: estimate.inlier_count,

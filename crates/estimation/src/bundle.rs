@@ -161,6 +161,7 @@ fn minimise(
     options: &BundleOptions,
     effort: &mut Effort,
 ) -> BundleStop {
+    // Which blocks the system has stays the same as long as the active observations do.
     let plan = Plan::new(problem, active);
     effort.blocks = plan.blocks(problem.free_poses);
     let mut lambda = 1e-5;
@@ -204,6 +205,7 @@ fn minimise(
         }
     }
     for pose in &mut problem.poses[..problem.free_poses] {
+        // A product of many steps is a rotation only up to rounding.
         *pose = pose.normalized();
     }
     stop

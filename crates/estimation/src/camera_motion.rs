@@ -113,6 +113,7 @@ pub fn find_camera_motion(
 ) -> Option<CameraMotion> {
     let mut search = Search::new(camera, pairs, prior, options)?;
     if let Some(prior) = prior {
+        // The prior goes first: samples then compete with a motion that is likely right, and most are dropped early.
         let raw = search.score(&prior.b_from_a, 0.0);
         search.propose(&prior.b_from_a, raw);
     }
@@ -186,6 +187,7 @@ impl<'a> Search<'a> {
             (self.best, self.best_score) = (Some(*start), raw);
         }
         let mut pose = *start;
+        // Open first, since a motion from three noisy points misses many pairs that agree with the true one.
         for opening in [9.0, 1.0] {
             let Some(refined) = self.refine(&pose, opening) else {
                 return;

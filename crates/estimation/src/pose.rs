@@ -73,16 +73,19 @@ pub fn optimise_pose(
     let mut inlier_count = 0;
     if observations.len() >= 3 {
         for round in 0..options.rounds {
+            // Once outliers are out, nothing is left that the kernel would have to hold down.
             let robust = round + options.plain_rounds < options.rounds;
             pose = problem.minimise(pose, robust, options.iterations);
             let (changed, count) = problem.classify(&pose);
             inlier_count = count;
+            // The same inliers without a kernel have the same minimum: another round would not move it.
             if count < 3 || (!changed && !robust) {
                 break;
             }
         }
     }
     if inlier_count < 3 {
+        // Fewer than three points leave the pose open, so none of them confirms it.
         problem.active.fill(false);
         inlier_count = 0;
     }
@@ -117,6 +120,7 @@ impl Problem<'_> {
         for _ in 0..iterations {
             let mut h = normal.h;
             for i in 0..6 {
+                // The absolute part is for directions that no observation constrains.
                 h[(i, i)] += lambda * h[(i, i)] + 1e-12;
             }
             let Some(step) = h.cholesky().map(|c| c.solve(&normal.b)) else {

@@ -229,6 +229,7 @@ impl Search<'_> {
             };
         };
         let mut active = self.fit.agreeing(&pose, 2.0);
+        // Inliers depend on the motion and the motion on the inliers; the limit ends a cycle between two sets.
         for _ in 0..5 {
             if let Some(refined) = self.fit.minimise(&pose, &active, 10) {
                 pose = refined;
@@ -249,6 +250,7 @@ impl Search<'_> {
         }
         let agreeing = self.fit.pairs.iter().zip(&active).filter(|(_, a)| **a);
         let points: Vec<Vec3> = agreeing.map(|(p, _)| p.point_b).collect();
+        // On a line, the rotation about it stays open, however many pairs agree.
         if spread(&points) < self.options.min_extent_m {
             return RigidOutcome::Degenerate {
                 inliers: inlier_count,

@@ -54,6 +54,7 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
         let mut h = [[0.0; 3]; 3];
         let mut b = [0.0; 3];
         let first = system.cross.len();
+        // Observations are sorted by point, so one pass over them is enough.
         while let Some(o) = problem
             .observations
             .get(at)
@@ -87,6 +88,7 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
                 add_outer(&mut h, &jp[k], &jp[k], w[k]);
                 add_scaled(&mut b, &jp[k], w[k] * e[k]);
             }
+            // Fixed poses enter only through what they say of the points.
             if pose < free {
                 let mut cross = [[0.0; 3]; 6];
                 for k in 0..rows {

@@ -203,6 +203,8 @@ impl OrbExtractor {
             let (image, smooth) = (self.pyramid.level(level), self.pyramid.smooth(level));
             for corner in chosen {
                 let (x, y) = (usize::from(corner.x), usize::from(corner.y));
+                // The orientation comes from the sharp image; the descriptor compares single pixels, which only a smoothed one makes
+                // stable (Rublee et al., ICCV 2011).
                 let moments = moments(image, x, y, self.simd);
                 let (dx, dy) = if self.config.subpixel {
                     refine(self.detectors[level].scores(), x, y)

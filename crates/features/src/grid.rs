@@ -57,6 +57,7 @@ impl FeatureGrid {
         };
         for (_, (position, _)) in known() {
             let cell = self.cell_of(position[0], position[1]);
+            // Counted one place further on, so that running sums give where cells begin.
             self.starts[cell + 1] += 1;
         }
         for cell in 1..self.starts.len() {

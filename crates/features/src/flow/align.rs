@@ -115,6 +115,7 @@ impl Aligner {
                 position[0] - start.position[0],
                 position[1] - start.position[1],
             ];
+            // More than a window away, nothing of what the start pointed at is left in view.
             if run[0] * run[0] + run[1] * run[1] > (side * side) as f32 {
                 return Outcome::Lost;
             }

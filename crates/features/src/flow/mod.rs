@@ -144,6 +144,7 @@ impl Flow {
             return Outcome::Lost;
         }
         let (old, new) = (previous.level(0), current.level(0));
+        // On the finest scale and from the point itself: a right match is there already, a wrong one walks away.
         let back = self.aligner.align(
             (new, old),
             forward.position,

@@ -179,6 +179,7 @@ impl Proposal<'_> {
             .map(|k| k.world_from_camera)
             .collect();
         let mut fixed = vec![false; poses.len()];
+        // Edges are relative: without a node that stands still the whole graph could drift.
         *fixed.first_mut()? = true;
         let mut graph = PoseGraph {
             nodes: poses,
@@ -283,6 +284,7 @@ impl<'a> Nodes<'a> {
             let strong = k
                 .covisible
                 .iter()
+                // Each pair once, from its younger end.
                 .filter(|(o, n)| *n >= MIN_SHARED && *o < k.id);
             others.extend(strong.map(|c| c.0).filter(|o| Some(*o) != k.parent));
             for other in others {
@@ -312,6 +314,7 @@ impl<'a> Nodes<'a> {
         let end = |id: KeyframeId| {
             let live = view.resolve_keyframe(id)?;
             let live_from_world = view.world_from_keyframe(live)?.inverse();
+            // The end may have been culled; the measurement is then moved to the keyframe on which its tombstone hangs.
             let live_from_id = live_from_world * view.world_from_keyframe(id)?;
             Some((*self.index.get(&live)?, live_from_id))
         };

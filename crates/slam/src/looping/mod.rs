@@ -131,6 +131,7 @@ impl LoopCloser {
     /// not seen together with it and not recent.
     fn recognise(&mut self, view: &MapView, keyframe: &Keyframe) -> Vec<PlaceMatch<KeyframeId>> {
         let _span = tracing::info_span!("recognise").entered();
+        // A culled keyframe cannot be verified, and would take the place of a candidate that can.
         let gone: Vec<KeyframeId> = self
             .index
             .keys()
@@ -139,6 +140,7 @@ impl LoopCloser {
         for key in gone {
             self.index.remove(key);
         }
+        // Also where nothing is asked now: later keyframes may come back to this place.
         let vector = self.learn(keyframe);
         let elsewhere = view.keyframes().any(|k| k.submap != keyframe.submap);
         if !elsewhere && !self.config.enabled {
@@ -198,6 +200,7 @@ impl LoopCloser {
             let Some(with) = view.keyframe(candidate.key) else {
                 continue;
             };
+            // Submaps are joined at once, as the poses of the one mean nothing in the other until then.
             if too_soon && with.submap == keyframe.submap {
                 continue;
             }
@@ -237,7 +240,9 @@ impl LoopCloser {
                         self.edges.push(edge);
                     }
                     self.last_closed = Some(keyframe.id);
+                    // Until the mapper has answered, every view is from before this correction.
                     self.valid_from = None;
+                    // These candidates lead to the loop that is closed now.
                     self.streaks.clear();
                     report.joined = correction.join;
                     return (Some(correction), Some(report));

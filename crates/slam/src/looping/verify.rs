@@ -55,6 +55,7 @@ impl LoopCloser {
             .ok_or(LoopOutcome::NoRigidMotion)?;
         let landmarks = landmarks_of(view, &group_of(old));
         let (mut new_from_old, mut information) = (start, Mat6::zeros());
+        // Wide first, since a motion from single depths is rough; then narrow, where fewer wrong matches fit.
         for radius in [WIDE_RADIUS_PX, RADIUS_PX] {
             let camera_from_world = new_from_old * old.world_from_camera.inverse();
             let search = Search {
@@ -81,6 +82,7 @@ impl LoopCloser {
             );
             report.inliers = fit.inlier_count as u32;
             report.expected = expected;
+            // After each search: a pose that so few support would lead the next one astray.
             if fit.inlier_count < MIN_RIGID_INLIERS {
                 return Err(LoopOutcome::FewInliers);
             }

@@ -33,6 +33,7 @@ impl Mapper {
             if z > self.close_depth && rank >= MIN_DEPTH_LANDMARKS {
                 break;
             }
+            // They keep their rank: the nearest hundred are to be landmarks, which is not a hundred new ones.
             if keyframe.matches[i].is_some() || !data.mappable[i] {
                 continue;
             }
@@ -72,6 +73,7 @@ impl Mapper {
                     self.young.push(landmark);
                     created += 1;
                 } else {
+                    // Without depth, a point that a single keyframe sees is fixed by nothing.
                     self.map.cull_landmark(landmark);
                 }
             }
@@ -87,6 +89,7 @@ fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, 
         return Vec::new();
     }
     let b_from_a = b.world_from_camera.inverse() * a.world_from_camera;
+    // Without depth, the second keyframe sees the point anywhere on a line.
     let essential: Mat3 = so3::hat(&b_from_a.translation) * b_from_a.rotation_matrix();
     let free = |k: &Keyframe| -> Vec<usize> {
         (0..k.data.len())
@@ -117,6 +120,7 @@ fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, 
                 best = Some((distance, jb));
             }
         }
+        // One feature of B for one of A, and the other way round: else the same point would be made twice.
         if let Some((distance, jb)) = best
             && best_of_b[jb].is_none_or(|x| distance < x.0)
         {
@@ -157,6 +161,7 @@ fn triangulate_match(
             return None;
         }
     }
+    // The nearer keyframe sees a patch larger, on a coarser level; levels and distances that contradict each other are a wrong match.
     let size = |k: &Keyframe, f: usize| {
         (t.point - k.centre()).norm()
             * libm::pow(scale_factor, f64::from(k.data.keypoints[f].level))
@@ -170,6 +175,7 @@ fn triangulate_match(
 
 fn median_depth(k: &Keyframe) -> f64 {
     let mut depths: Vec<f32> = k.data.depths.iter().copied().filter(|z| *z > 0.0).collect();
+    // Only compared with a baseline: where no depth is known, a room's scale will do.
     if depths.is_empty() {
         return 1.0;
     }

@@ -75,6 +75,7 @@ impl Mapper {
     /// three keyframes have proved themselves.
     pub(super) fn cull_landmarks(&mut self, now: KeyframeId) -> u32 {
         let _span = tracing::info_span!("cull").entered();
+        // In keyframes, as ids are those of frames, with gaps between them.
         let age_of = |created: KeyframeId| {
             self.order.partition_point(|k| *k <= now)
                 - self.order.partition_point(|k| *k <= created)
@@ -86,6 +87,7 @@ impl Mapper {
                 return false;
             };
             let age = age_of(l.created_at);
+            // A point with depth is fixed by one look, others by two: each needs one more as confirmation.
             let needed = if l.depth_observers > 0 { 2 } else { 3 };
             let rare = f64::from(l.found) < MIN_FOUND_SHARE * f64::from(l.visible);
             if rare || (age >= 2 && l.observers < needed) {
@@ -104,6 +106,7 @@ impl Mapper {
     pub(super) fn cull_keyframes(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("cull").entered();
         let mut culled = 0;
+        // The first keyframe holds the map's frame of reference in place.
         let first = self.order.first().copied();
         for other in self.neighbours(id, usize::MAX) {
             if Some(other) == first || !self.is_redundant(other) {

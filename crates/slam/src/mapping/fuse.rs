@@ -29,8 +29,10 @@ impl Mapper {
         for target in &targets {
             fused += self.fuse_into(*target, &own);
         }
+        // Asked for only now, as the first direction may have merged some of them away.
         let theirs = landmarks_of(self.map.view(), &targets);
         fused += self.fuse_into(id, &theirs);
+        // Once at the end, since a landmark may have gained several observations.
         for landmark in landmarks_of(self.map.view(), &[id]) {
             self.map.refresh_landmark(landmark);
         }
@@ -49,6 +51,7 @@ impl Mapper {
         );
         let data = &keyframe.data;
         let intrinsics = Intrinsics::from(&data.camera);
+        // A table by id, since to search the keyframe's matches for each landmark would be quadratic.
         let mut seen = vec![false; self.map.view().landmark_bound()];
         for id in keyframe.matches.iter().flatten() {
             seen[id.index()] = true;

@@ -45,6 +45,7 @@ impl Mapper {
         {
             debug_assert_eq!(window.landmarks[o.point as usize], *landmark);
             if *is_outlier {
+                // What contradicts the refined map was a wrong match and would pull at it again next time.
                 self.map.remove_observation(*landmark, *keyframe);
                 outliers += 1;
             }
@@ -69,6 +70,7 @@ impl Mapper {
         free.extend(self.neighbours(id, self.effort.window.saturating_sub(1) as usize));
         free.retain(|k| Some(*k) != first);
         let mut landmarks = landmarks_of(view, &free);
+        // What one keyframe sees alone just follows its pose.
         landmarks.retain(|l| self.map.observations(*l).len() >= 2);
         let held = |k: &KeyframeId| {
             let matches = view.keyframe(*k).map(|k| k.matches.iter().flatten());
@@ -85,6 +87,7 @@ impl Mapper {
             }
         }
         let mut fixed: Vec<(u32, KeyframeId)> = outside.iter().map(|(k, n)| (*n, *k)).collect();
+        // Those that see most of the landmarks hold them best.
         fixed.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(a.1.cmp(&b.1)));
         fixed.truncate(self.fixed_window());
         let mut keyframes = free;
@@ -113,6 +116,7 @@ impl Mapper {
             index.insert(*id, i as u32);
             poses.push(view.keyframe(*id)?.world_from_camera.inverse());
         }
+        // Keyframes of a loaded map may have another calibration: their measurements are converted to this one.
         let camera = view.keyframe(window.keyframes[0])?.data.camera;
         let mut points = Vec::with_capacity(window.landmarks.len());
         let mut observations = Vec::new();

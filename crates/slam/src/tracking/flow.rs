@@ -49,6 +49,7 @@ impl Tracker {
             let z = data.depth(i).unwrap_or(TYPICAL_DEPTH);
             let p = last_from_now.transform(&data.camera.backproject(data.position(i), z));
             if p.z <= 0.05 {
+                // So near, a small error of the motion throws the projection far off: the feature's own place is the better guess.
                 return (i, [k.x, k.y]);
             }
             // The keypoint's own lens and shutter effects are taken to be the same in both frames.
@@ -125,6 +126,7 @@ impl Tracker {
             Some(MotionPair {
                 point: data.camera.backproject(pair.now, z),
                 measurement: Measurement::new(pair.before, SIGMA_PX, Some((reading.z, sigma))),
+                // Of the place in the frame before, whose surfaces are judged already; those of this frame need its pose first.
                 weight: self.filter.static_probability(pair.before_raw),
             })
         };

@@ -149,6 +149,7 @@ impl Tracker {
             self.begin_submap(frame, &data, &mut notes)
         } else {
             let followed = self.locate(frame, &data, &mut notes);
+            // At the first frame that fails: the longer the camera is lost, the less is known of where it can be.
             match followed.or_else(|reason| self.relocalise(frame, &data, reason, &mut notes)) {
                 Ok(solution) => self.accept(frame, solution, &notes),
                 Err(reason) => self.give_up(frame, &data, reason, &mut notes),
@@ -189,6 +190,7 @@ impl Tracker {
         let (reference, matches, sightings) =
             self.match_map(frame, &data, reference, motion, matches, &mut notes.counts);
         let fix = self.refine(&data, reference, motion, matches, sightings);
+        // The map before the flow: poses from flow drift, those from the map do not.
         let fix = self.regain_map_when_starved(frame.id, &data, fix);
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
         self.confirm(data, reference, fix, notes)
@@ -213,6 +215,7 @@ impl Tracker {
         let features: Vec<[f32; 2]> = data.keypoints.iter().map(|k| [k.x, k.y]).collect();
         let last = self.state.last().map(|l| l.world_from_camera);
         let world_from_camera = motion.camera_from_world.inverse();
+        // The frame may have been judged before, from a pose that was refused: what that left is the newest state.
         let filter = notes.filter.as_ref().unwrap_or(&self.filter);
         let (judgement, next) = filter.judge(&FrameInput {
             frame,
@@ -242,6 +245,7 @@ impl Tracker {
     ) -> (Arc<KeyframeData>, Matches) {
         let verdicts = &notes.judgement.verdicts;
         let velocity = motion.velocity.as_ref();
+        // Measured again: the first time only the velocity of the frame before was known, which the shutter's correction depends on.
         let data = self.front_end.measure(frame, velocity, Some(verdicts));
         let kept = verdicts.iter().map(|v| !v.dynamic);
         (data, motion.matches.select(kept))
@@ -259,6 +263,7 @@ impl Tracker {
         let matched = matches.count;
         let start = &motion.camera_from_world;
         let (matches, pose, information) = pose::solve_with_information(data, start, matches);
+        // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);
         self.front_end
             .learn(data, &matches, &pose, motion.velocity.as_ref());

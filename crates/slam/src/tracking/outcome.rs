@@ -87,6 +87,7 @@ impl Tracker {
         let matches = vec![None; data.len()];
         self.submap = Some(Submap {
             id: SubmapId(id.0),
+            // The first submap of all has no others whose places it could be compared with.
             young: (!self.map.is_empty()).then_some(1),
         });
         self.since_keyframe.frame = Some(frame.id);
@@ -128,14 +129,17 @@ impl Tracker {
             // From where it was lost to where it was found again it did not move like that.
             _ => ConstantVelocity::default(),
         };
+        // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
         self.since_keyframe.statistics.count(solution.sightings);
         let (view, reference) = (&self.map.view, solution.reference);
+        // A recognised place may lie in another submap than the frames before.
         if let Some(id) = view.submap_of(reference)
             && self.submap.map(|s| s.id) != Some(id)
         {
             self.submap = Some(Submap::known(id));
         }
         let world_from_camera = camera_from_world.inverse();
+        // Relative to a keyframe, so that the pose follows when the map is corrected later.
         let world_from_reference = view.world_from_keyframe(reference).unwrap_or_default();
         let mut anchored = AnchoredPose {
             keyframe: None,
@@ -233,6 +237,7 @@ impl Tracker {
         ending: Ending,
     ) -> Tracked {
         let has_map = !self.map.is_empty();
+        // A frame that begins a map had no landmarks to agree with, which says nothing about how many keypoints the next one needs.
         let agreed = match ending.outcome {
             Outcome::Initialised => None,
             _ => has_map.then_some(notes.counts.inliers),
@@ -249,6 +254,7 @@ impl Tracker {
         notes.counts.detections_too_late = unused.too_late;
         notes.counts.detections_without_pose = unused.without_pose;
         notes.evidence.has_map = has_map;
+        // A frame without a pose is in no submap, though the tracker still remembers the last one.
         let submap = self.submap.filter(|_| ending.place.is_some());
         let report = FrameReport {
             frame: frame.id,

@@ -39,6 +39,7 @@ impl Tracker {
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         let min_inliers = self.setup.tracking.min_relocalisation_inliers();
+        // Too few even if all of them agreed: a covered lens costs no search.
         if data.len() < min_inliers {
             return Err(reason);
         }
@@ -52,6 +53,7 @@ impl Tracker {
             };
             // What is noted on the way to a pose that is refused goes with it.
             let mut tried = notes.clone();
+            // What the filter remembers was seen in the other submap's frame of reference.
             if self.submap.map(|s| s.id) != Some(keyframe.submap) {
                 self.forget_what_moves(&mut tried);
             }
@@ -81,6 +83,7 @@ impl Tracker {
         let (inliers, visible) = (tried.counts.inliers, tried.counts.local_visible);
         let enough = inliers as usize >= self.setup.tracking.min_relocalisation_inliers();
         let share = f64::from(inliers) / f64::from(visible.max(1));
+        // Without a last pose nothing limits where the camera may be.
         let Some(last) = self.state.last() else {
             return enough && share >= MIN_SHARE;
         };
@@ -88,6 +91,7 @@ impl Tracker {
         let moved = (centre - last.world_from_camera.translation).norm();
         let seconds = (stamp - last.stamp).max(0.0);
         let other_submap = self.submap.map(|s| s.id) != Some(keyframe.submap);
+        // How two submaps lie to each other is not known, so only the time tells whether the camera can have got there.
         let reachable = if other_submap {
             seconds >= CARRIED_S
         } else {
@@ -104,6 +108,7 @@ impl Tracker {
         }
         let vocabulary = &self.map.places.vocabulary;
         let vector = vocabulary.vector_of(&data.descriptors, |i| data.mappable[i]);
+        // The index comes from the loop closer and may know keyframes that this view lacks or has culled.
         let is_live = |k| self.map.view.keyframe(k).is_some();
         let found = self.map.places.index.query(&vector, is_live, CANDIDATES);
         found.into_iter().map(|m| m.key).collect()

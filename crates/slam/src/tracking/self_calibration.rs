@@ -90,9 +90,11 @@ impl SelfCalibration {
         let Some(factor) = jj.cholesky() else {
             return;
         };
+        // The Schur complement: what another pose would explain as well teaches nothing about the readout.
         let reduced = (gg - jg.dot(&factor.solve(&jg))) / CORRELATION;
         let step = (jg.dot(&factor.solve(&je)) - ge) / CORRELATION;
         self.information += reduced;
+        // The residuals were taken with the present estimate, so the step counts from there.
         self.vector += step + reduced * self.timing.readout;
         self.timing.readout = (self.vector / self.information).clamp(0.0, MAX_READOUT);
     }

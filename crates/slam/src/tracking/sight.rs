@@ -33,6 +33,7 @@ impl DepthSight<'_> {
         let raw = self.camera.project_distorted(p);
         let (u, v) = (libm::round(raw.x) as i32, libm::round(raw.y) as i32);
         let (width, height) = (self.image.width() as i32, self.image.height() as i32);
+        // Unless all nine pixels are in the image, nothing is said.
         if u < STEP || v < STEP || u + STEP >= width || v + STEP >= height {
             return Sight::Open;
         }
@@ -47,6 +48,7 @@ impl DepthSight<'_> {
                 nearer += u32::from(there > 0.0 && there < z - tolerance);
             }
         }
+        // All must agree, since beside an edge some pixels see what is behind the point or in front of it.
         if valid < MIN_VALID {
             Sight::Open
         } else if farther == valid {

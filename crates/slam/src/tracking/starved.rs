@@ -54,6 +54,7 @@ impl Tracker {
         let KnownMap {
             surroundings, view, ..
         } = &mut self.map;
+        // By where keyframes are, not by what they share: after bridged frames the reference may share nothing with what is in view.
         surroundings.update_around(view, submap, &fix.camera_from_world);
         let wide = self.search_map(
             data,
@@ -77,6 +78,7 @@ impl Tracker {
             rng(self.setup.seed, u64::from(frame.0), Purpose::REGAINED_MAP),
         );
         let found = outcome.found()?.camera_from_world;
+        // Much of what a wide search matches is wrong; around a pose that many agree on, the usual radius is enough.
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
         let matched = matches.count;
         let (matches, pose, information) = pose::solve_with_information(data, &found, matches);
@@ -171,6 +173,7 @@ impl Tracker {
             };
             let raw = pair.before_raw.map(f64::from).into();
             if let Some(reading) = reader.read(raw, pair.before)
+                // A farther point from one depth alone is too uncertain to hold a pose.
                 && reading.z < sensor.close_depth
             {
                 let seen = data.camera.backproject(pair.before, reading.z);

@@ -116,6 +116,7 @@ impl State {
         let Some(last) = self.last_mut() else {
             return (KeyframeId(0), Se3::identity());
         };
+        // The map may have been corrected since, and then the last pose moves with its keyframe.
         if let Some(pose) = last.pose.world_from_camera_in(view) {
             last.world_from_camera = pose;
         }
