@@ -1,4 +1,4 @@
-//! What is no map, told by its kind.
+//! What is no map, recognised by its kind.
 
 use super::made::{looped_map, random_map};
 use super::{Raw, sealed, taken_apart};
