@@ -21,6 +21,7 @@ mod measure;
 mod pace;
 mod recorder;
 mod system;
+mod threads;
 mod workers;
 
 pub use audience::{Delivery, Events, Missed, Subscribed};

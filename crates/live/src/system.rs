@@ -1,25 +1,22 @@
 //! A live run from its first frame to its result.
 
-use crate::audience::{self, Delivery, Events, Subscribed};
+use crate::audience::{self, Delivery, Events, Listening, Subscribed};
 use crate::boxes::{Arrived, Boxes};
-use crate::budget::Budget;
-use crate::detection::DetectionWorker;
 use crate::health::Watch;
-use crate::measure::{Ended, LiveStatistics, Stage, WorkerEnd};
+use crate::measure::{Ended, LiveStatistics, WorkerEnd};
 use crate::recorder::Recorder;
-use crate::workers::{Desk, Hook, LoopingWorker, MappingWorker, TrackingWorker};
+use crate::threads::{Ends, Threads};
+use crate::workers::Hook;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc::{Receiver, sync_channel};
-use std::thread::JoinHandle;
+use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use stillpoint_detection::Detector;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{Map, MapView};
 use stillpoint_slam::{
-    Event, FrameGate, LoopReport, MappingEffort, RefusedFrame, RunLog, Stages, Subscriber, Timing,
-    Trajectory, TrajectoryEntry,
+    Event, FrameGate, LoopReport, RefusedFrame, RunLog, Stages, Subscriber, Timing, Trajectory,
+    TrajectoryEntry,
 };
 
 /// Called once by the thread of a subscriber, with its name.
@@ -33,6 +30,9 @@ pub struct LiveOptions {
     pub drop_late: bool,
     /// How long the end of the run waits for a detector that does not answer, before its thread is left to itself.
     pub detector_patience: Duration,
+    /// How long the end of the run waits for a subscriber that takes no further event, before its thread is left to itself. What
+    /// still waits for it then counts as missed.
+    pub subscriber_patience: Duration,
     /// Time that tracking may take per frame, s: it wants fewer keypoints, and asks the detector more rarely, as long as that is
     /// exceeded. None: no limit.
     pub budget: Option<f64>,
@@ -47,6 +47,7 @@ impl Default for LiveOptions {
         Self {
             drop_late: true,
             detector_patience: Duration::from_secs(2),
+            subscriber_patience: Duration::from_secs(30),
             budget: None,
             hook: None,
             subscriber_hook: None,
@@ -76,24 +77,13 @@ pub struct LiveResult {
     pub detector: Option<Box<dyn Detector>>,
 }
 
-type Finished<W> = (W, WorkerEnd);
-
-/// A detector's thread, and where it puts itself when it is done: joining it might take forever.
-struct Detection {
-    done: Receiver<Finished<DetectionWorker>>,
-    thread: JoinHandle<()>,
-}
-
 /// SLAM at the pace of a camera: every stage on a thread of its own.
 pub struct LiveSystem {
     boxes: Arc<Boxes>,
     options: LiveOptions,
     fingerprint: u64,
-    tracking: JoinHandle<Finished<TrackingWorker>>,
-    mapping: JoinHandle<Finished<MappingWorker>>,
-    looping: JoinHandle<Finished<LoopingWorker>>,
-    detection: Option<Detection>,
-    subscribers: Vec<JoinHandle<()>>,
+    threads: Threads,
+    subscribers: Vec<Listening>,
     gate: FrameGate,
     refused: u64,
     arrived: u64,
@@ -113,24 +103,6 @@ impl Drop for Closing {
     }
 }
 
-/// What the desks of one run have in common.
-struct Office {
-    boxes: Arc<Boxes>,
-    counter: Arc<AtomicU64>,
-    hook: Option<Hook>,
-}
-
-impl Office {
-    fn desk(&self, stage: Stage) -> Desk {
-        Desk {
-            stage,
-            boxes: Arc::clone(&self.boxes),
-            recorder: Recorder::new(&self.counter),
-            hook: self.hook.clone(),
-        }
-    }
-}
-
 impl LiveSystem {
     /// Starts the threads. `detector.stride` of the configuration is followed; `schedule` is not: here time decides.
     ///
@@ -143,58 +115,14 @@ impl LiveSystem {
     ) -> std::io::Result<Self> {
         let boxes = Arc::new(Boxes::default());
         let closing = Closing(Arc::clone(&boxes));
-        let office = Office {
-            boxes: Arc::clone(&boxes),
-            counter: Arc::default(),
-            hook: options.hook.clone(),
-        };
         let fingerprint = stages.fingerprint();
-        let stride = u64::from(stages.config().detector.stride);
-        let effort = MappingEffort::of(stages.config());
-        let features = stages.config().features.features as u32;
-        let budget = options.budget.map(|limit| Budget::new(limit, features));
-        let Stages {
-            gate,
-            tracker,
-            health,
-            mapper,
-            loop_closer,
-            ..
-        } = stages;
-        boxes.view.put(|view| *view = tracker.view());
-        // In the order in which they wait for each other: whatever fails to start, those that did come to their end.
-        let looping = LoopingWorker::new(office.desk(Stage::Looping), loop_closer);
-        let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, effort);
-        let tracking = TrackingWorker::new(
-            office.desk(Stage::Tracking),
-            (tracker, health),
-            stride,
-            budget,
-        );
-        let detection = detector
-            .map(|detector| DetectionWorker {
-                boxes: Arc::clone(&boxes),
-                hook: options.hook.clone(),
-                detector,
-            })
-            .map(start_detection)
-            .transpose()?;
-        let tracking = spawn("tracking", tracking, TrackingWorker::run)?;
-        let mapping =
-            spawn("mapping", mapping, MappingWorker::run).inspect_err(|_| boxes.mapping.close())?;
-        let looping = spawn("looping", looping, LoopingWorker::run).inspect_err(|_| {
-            boxes.looping.close();
-            boxes.mapping.close();
-        })?;
+        let (threads, gate) = Threads::start(&boxes, stages, detector, &options)?;
         Ok(Self {
             _closing: closing,
             boxes,
             options,
             fingerprint,
-            tracking,
-            mapping,
-            looping,
-            detection,
+            threads,
             subscribers: Vec::new(),
             gate,
             refused: 0,
@@ -222,8 +150,8 @@ impl LiveSystem {
                 hook(&named);
             }
         };
-        let (subscribed, thread) = audience::start(name, events, subscriber, begin)?;
-        self.subscribers.push(thread);
+        let (subscribed, listening) = audience::start(name, events, subscriber, begin)?;
+        self.subscribers.push(listening);
         Ok(subscribed)
     }
 
@@ -273,7 +201,7 @@ impl LiveSystem {
     /// the map and the trajectory.
     #[must_use]
     pub fn watch(&self) -> Watch {
-        Watch::new(&self.boxes, self.detection.is_some())
+        Watch::new(&self.boxes, self.threads.has_detection())
     }
 
     /// The newest version of the map. As [`Watch::view`].
@@ -301,23 +229,23 @@ impl LiveSystem {
     }
 
     /// Ends the stream, lets every stage do what there is to do, and gathers the result. A detector that does not answer is
-    /// waited for as long as [`LiveOptions::detector_patience`] says; subscribers are waited for until they have received what waits for
-    /// them.
+    /// waited for as long as [`LiveOptions::detector_patience`] says; subscribers until they have received what waits for them, or until
+    /// one of them has spent [`LiveOptions::subscriber_patience`] on a single event.
     #[must_use]
     pub fn finish(self) -> LiveResult {
         self.boxes.detection.close();
         self.boxes.tracking.close();
-        let deadline = Instant::now() + self.options.detector_patience;
-        let (tracking, tracking_end) = join(self.tracking);
-        let (mapping, mapping_end) = join(self.mapping);
-        let (looping, looping_end) = join(self.looping);
-        let (detector, detection_end) = match self.detection {
-            None => (None, None),
-            Some(detection) => detection.finish(deadline),
-        };
+        let Ends {
+            tracking: (tracking, tracking_end),
+            mapping: (mapping, mapping_end),
+            looping: (looping, looping_end),
+            detection: (detector, detection_end),
+        } = self.threads.finish(self.options.detector_patience);
         // No stage has anything more to tell.
         self.boxes.audience.close();
-        self.subscribers.into_iter().for_each(join);
+        for subscriber in self.subscribers {
+            subscriber.finish(self.options.subscriber_patience);
+        }
         let loops = self.boxes.loops.look(Clone::clone).into_reports();
         let view = self.boxes.view.look(Arc::clone);
         let trajectory = tracking.tracker.trajectory().clone();
@@ -355,52 +283,6 @@ impl LiveSystem {
                 looping: looping_end,
             },
             detector,
-        }
-    }
-}
-
-fn spawn<W: Send + 'static>(
-    name: &str,
-    mut worker: W,
-    run: fn(&mut W) -> WorkerEnd,
-) -> std::io::Result<JoinHandle<Finished<W>>> {
-    let thread = std::thread::Builder::new().name(name.to_owned());
-    thread.spawn(move || {
-        let end = run(&mut worker);
-        (worker, end)
-    })
-}
-
-/// Waits for a thread's end. Its panics were caught inside; one that was not is a mistake of this crate, and goes on here.
-fn join<T>(thread: JoinHandle<T>) -> T {
-    thread
-        .join()
-        .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-}
-
-fn start_detection(worker: DetectionWorker) -> std::io::Result<Detection> {
-    let (sender, done) = sync_channel(1);
-    let thread = std::thread::Builder::new().name("detection".to_owned());
-    let thread = thread.spawn(move || {
-        let mut worker = worker;
-        let end = worker.run();
-        // Nobody listens any more when the detector was given up.
-        let _ = sender.send((worker, end));
-    })?;
-    Ok(Detection { done, thread })
-}
-
-impl Detection {
-    /// The detector and how its thread ended. A thread that does not end in time is left to itself.
-    fn finish(self, deadline: Instant) -> (Option<Box<dyn Detector>>, Option<WorkerEnd>) {
-        let patience = deadline.saturating_duration_since(Instant::now());
-        match self.done.recv_timeout(patience) {
-            Ok((worker, end)) => {
-                join(self.thread);
-                let finished = end == WorkerEnd::Finished;
-                (finished.then_some(worker.detector), Some(end))
-            }
-            Err(_) => (None, Some(WorkerEnd::GivenUp)),
         }
     }
 }

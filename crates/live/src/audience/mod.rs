@@ -3,15 +3,17 @@
 //! Answers: how events reach subscribers without any stage ever waiting for one. A stage puts an event into every queue and goes on; what
 //! finds no room there is left out by the rule that the subscriber chose, and counted.
 
+mod listening;
+
+pub use listening::Subscribed;
+pub(crate) use listening::{Listening, start};
+
 use crate::mailbox::Mailbox;
 use std::collections::VecDeque;
 use std::mem::discriminant;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
-use std::thread::JoinHandle;
 use std::time::Duration;
-use stillpoint_slam::{Event, FrameEvent, Subscriber};
+use stillpoint_slam::{Event, FrameEvent};
 
 /// What a subscriber of a live run is to receive, and what happens when it falls behind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,6 +75,8 @@ struct Waiting {
     /// Frames that came.
     frames: usize,
     missed: Missed,
+    /// Events that were taken.
+    taken: u64,
 }
 
 /// What did not reach a subscriber because it was too slow.
@@ -117,6 +121,7 @@ impl Waiting {
             images: 0,
             frames: 0,
             missed: Missed::default(),
+            taken: 0,
         }
     }
 
@@ -172,7 +177,15 @@ impl Waiting {
     fn next(&mut self) -> Option<Event> {
         let event = self.events.pop_front()?;
         self.images -= usize::from(has_image(&event));
+        self.taken += 1;
         Some(event)
+    }
+
+    /// Leaves out all that waits.
+    fn give_up(&mut self) {
+        self.missed.events += self.events.len() as u64;
+        self.events.clear();
+        self.images = 0;
     }
 
     /// Whether the events of some more frames find room, with their images. Three of them: one is tracked, one waits for that, one is to come; each may bring
@@ -277,44 +290,6 @@ impl Drop for Events {
         // What still waits may hold images.
         self.queue.change(|q| q.events.clear());
     }
-}
-
-/// A subscriber on a thread of its own, to be had back when the run is over.
-pub struct Subscribed<S> {
-    done: Receiver<Result<S, String>>,
-}
-
-impl<S> Subscribed<S> {
-    /// Waits until the run is over and the subscriber has received everything, and gives it back.
-    ///
-    /// # Errors
-    /// Why it panicked, if it did. The run went on without it.
-    pub fn join(self) -> Result<S, String> {
-        let gone = || Err("its thread ended".to_owned());
-        self.done.recv().unwrap_or_else(|_| gone())
-    }
-}
-
-/// Starts the thread of a subscriber.
-pub(crate) fn start<S: Subscriber + Send + 'static>(
-    name: &str,
-    events: Events,
-    subscriber: S,
-    begin: impl FnOnce() + Send + 'static,
-) -> std::io::Result<(Subscribed<S>, JoinHandle<()>)> {
-    let (sender, done): (SyncSender<Result<S, String>>, _) = sync_channel(1);
-    let thread = std::thread::Builder::new().name(name.to_owned());
-    let thread = thread.spawn(move || {
-        let mut subscriber = subscriber;
-        let listened = catch_unwind(AssertUnwindSafe(|| {
-            begin();
-            events.iter().for_each(|event| subscriber.receive(&event));
-        }));
-        let end = listened.map(|()| subscriber);
-        // Nobody may want it back.
-        let _ = sender.send(end.map_err(|panic| crate::health::reason_of(panic.as_ref())));
-    })?;
-    Ok((Subscribed { done }, thread))
 }
 
 #[cfg(test)]

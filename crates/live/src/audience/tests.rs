@@ -1,6 +1,7 @@
 //! Queues of subscribers: what waits, what is left out, and what is counted.
 
 use super::*;
+use std::sync::mpsc::channel;
 use stillpoint_detection::Detections;
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint_slam::{FrameCounts, FrameReport, Health, OnEvent, Outcome, Quality, Segments};
@@ -153,5 +154,56 @@ fn a_subscriber_that_panics_is_reported_and_others_go_on() {
     audience.close();
     assert_eq!(weak.0.join().err().unwrap(), "no more of this");
     assert!(strong.0.join().is_ok());
-    assert_eq!(strong.1.join().ok(), weak.1.join().ok());
+    strong.1.finish(Duration::from_secs(600));
+    weak.1.finish(Duration::from_secs(600));
+}
+
+#[test]
+fn a_subscriber_that_hangs_is_given_up_and_what_waits_for_it_is_counted() {
+    let audience = Audience::default();
+    let (hangs, hanging) = channel();
+    let (release, released) = channel::<()>();
+    let subscriber = OnEvent(move |_: &Event| {
+        hangs.send(()).unwrap();
+        // Until the test lets go.
+        let _ = released.recv();
+    });
+    let events = audience.listen("hanging", Delivery::until_full(4));
+    let (subscribed, listening) = start("hanging", events, subscriber, || {}).unwrap();
+    audience.publish(&detected(0));
+    hanging.recv().unwrap();
+    for n in 1..8 {
+        audience.publish(&detected(n));
+    }
+    audience.close();
+    listening.finish(Duration::ZERO);
+    // One was taken, four waited, three found no room.
+    assert_eq!(audience.missed()[0].1.events, 3 + 4);
+    assert!(subscribed.join().err().unwrap().contains("given up"));
+    // It comes back and receives nothing more: its end lets go of the sender.
+    drop(release);
+    assert!(hanging.recv().is_err());
+}
+
+#[test]
+fn a_subscriber_that_goes_on_is_waited_for_however_long_it_takes_in_all() {
+    let audience = Audience::default();
+    let (next, turn) = channel();
+    let mut received = 0;
+    let count = OnEvent(move |_: &Event| {
+        turn.recv().unwrap();
+        received += 1;
+        assert!(received <= 5, "more than there were");
+    });
+    let events = audience.listen("slow", Delivery::until_full(10));
+    let (subscribed, listening) = start("slow", events, count, || {}).unwrap();
+    for n in 0..5 {
+        audience.publish(&detected(n));
+    }
+    audience.close();
+    let feeder = std::thread::spawn(move || (0..5).for_each(|_| next.send(()).unwrap()));
+    listening.finish(Duration::from_secs(600));
+    feeder.join().unwrap();
+    assert!(subscribed.join().is_ok());
+    assert_eq!(audience.missed()[0].1.events, 0);
 }

@@ -2,6 +2,8 @@
 
 use super::world::frames;
 use super::{assert_all_finished, assert_reproduced, run, unhurried};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::mpsc::{Sender, channel};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};
@@ -50,14 +52,46 @@ fn a_detector_that_panics_is_reported_and_the_others_finish() {
     assert_reproduced(&result, &received);
 }
 
+/// Says when it is asked, and hangs the third time.
+struct Hanging {
+    asked: u32,
+    says: Sender<()>,
+}
+
+impl Detector for Hanging {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        self.asked += 1;
+        self.says.send(()).unwrap();
+        match self.asked {
+            3 => loop {
+                std::thread::park();
+            },
+            _ => nothing(frame),
+        }
+    }
+
+    fn info(&self) -> DetectorInfo {
+        DetectorInfo::new(DetectorKind::None, "")
+    }
+}
+
 #[test]
 fn a_detector_that_hangs_is_given_up() {
-    let odd = Odd(0, |_| {
-        loop {
-            std::thread::park();
-        }
-    });
-    let (result, received) = run(Some(Box::new(odd)), unhurried(), 2);
+    // Tracking waits until it was asked three times, so it hangs whatever the machine does meanwhile, and no time has to pass.
+    let (says, asked) = channel();
+    let (asked, messages) = (Mutex::new(asked), AtomicU32::new(0));
+    let options = LiveOptions {
+        detector_patience: Duration::ZERO,
+        hook: Some(Arc::new(move |stage| {
+            let waits = |n: u32| (1..=3).contains(&n);
+            if stage == Stage::Tracking && waits(messages.fetch_add(1, Ordering::Relaxed)) {
+                asked.lock().unwrap().recv().unwrap();
+            }
+        })),
+        ..unhurried()
+    };
+    let hanging = Hanging { asked: 0, says };
+    let (result, received) = run(Some(Box::new(hanging)), options, 2);
     assert_eq!(result.ended.detection, Some(WorkerEnd::GivenUp));
     assert!(result.detector.is_none());
     assert_eq!(result.ended.failures().count(), 1);

@@ -6,7 +6,7 @@ use super::world::{frames, scripted, stages, within};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
-use stillpoint_live::{Hook, LiveHealth, LiveSystem, Stage, ThreadState, Watch};
+use stillpoint_live::{Hook, LiveHealth, LiveOptions, LiveSystem, Stage, ThreadState, Watch};
 
 /// Looks until what it sees is as wished.
 fn wait_for(watch: &Watch, wished: impl Fn(&LiveHealth) -> bool) -> LiveHealth {
@@ -27,7 +27,11 @@ fn a_thread_that_hangs_is_seen_while_the_others_run() {
                 std::thread::park();
             }
         });
-        let mut live = LiveSystem::start(stages(), Some(Box::new(hangs)), unhurried()).unwrap();
+        let options = LiveOptions {
+            detector_patience: Duration::ZERO,
+            ..unhurried()
+        };
+        let mut live = LiveSystem::start(stages(), Some(Box::new(hangs)), options).unwrap();
         let watch = live.watch();
         let at_start = watch.health();
         assert_eq!((&at_start.health, at_start.frame_age), (&None, None));

@@ -1,6 +1,7 @@
 //! Whoever listens to a live run: what reaches them, what is left out, and that nobody waits for them.
 
 use super::world::{Checked, Frames, frames, replay, scripted, stages, within};
+use std::sync::mpsc::{Receiver, Sender, channel};
 use std::time::{Duration, Instant};
 use stillpoint_live::{Delivery, LiveOptions, LiveSystem};
 use stillpoint_map::Map;
@@ -175,4 +176,51 @@ fn who_asks_for_events_gets_them_too() {
     let frames_of = kept.iter().filter_map(Event::as_frame);
     let last: Vec<_> = frames_of.map(|f| f.report.frame).collect();
     assert_eq!(last, [frames().last().unwrap().id]);
+}
+
+/// Hangs at its first event until the test lets go, and says so.
+struct Hanging {
+    hangs: Sender<()>,
+    released: Receiver<()>,
+}
+
+impl Subscriber for Hanging {
+    fn receive(&mut self, _: &Event) {
+        self.hangs.send(()).unwrap();
+        let _ = self.released.recv();
+    }
+}
+
+#[test]
+fn a_subscriber_that_hangs_does_not_hang_the_end_of_the_run() {
+    let (hangs, hanging) = channel();
+    let (release, released) = channel();
+    let (result, all, end) = within(move || {
+        let options = LiveOptions {
+            drop_late: false,
+            subscriber_patience: Duration::ZERO,
+            ..LiveOptions::default()
+        };
+        let mut live = LiveSystem::start(stages(), Some(scripted()), options).unwrap();
+        let every = Delivery::until_full(10_000);
+        let all = live.listen("all", every);
+        let subscriber = Hanging { hangs, released };
+        let subscriber = live.subscribe("hanging", every, subscriber).unwrap();
+        for (i, frame) in frames().iter().enumerate() {
+            assert!(live.push(frame.clone()));
+            if i == 0 {
+                hanging.recv().unwrap();
+            }
+        }
+        (live.finish(), all.iter().count() as u64, subscriber.join())
+    });
+    assert!(end.err().unwrap().contains("given up"));
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    let [(_, nothing), (name, missed)] = &result.statistics.subscribers[..] else {
+        panic!("{:?}", result.statistics.subscribers);
+    };
+    // All but the one at which it hangs.
+    assert_eq!(name, "hanging");
+    assert_eq!((nothing.events, missed.events), (0, all - 1));
+    drop(release);
 }

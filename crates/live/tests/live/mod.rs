@@ -213,10 +213,11 @@ fn no_frame_is_dropped_when_none_may_be() {
     assert_reproduced(&result, &received);
 }
 
+/// Drops no frame, and waits for a detector that answers, however busy the machine is.
 fn unhurried() -> LiveOptions {
     LiveOptions {
         drop_late: false,
-        detector_patience: Duration::from_millis(50),
+        detector_patience: Duration::from_secs(600),
         ..LiveOptions::default()
     }
 }

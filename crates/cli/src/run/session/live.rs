@@ -184,7 +184,11 @@ impl LiveListeners {
 
     /// What was counted and what was written, when the run is over.
     fn join(self) -> Result<(Tally, LiveWriters), Failure> {
-        returned(self.progress)?.finish();
+        // The result is whole without the progress line, which waits for a terminal that was stopped.
+        match returned(self.progress) {
+            Ok(progress) => progress.finish(),
+            Err(failure) => console::warn(&format!("no progress is shown: {failure}")),
+        }
         let (tally, _) = returned(self.tally)?;
         Ok((tally, self.writers))
     }
@@ -194,6 +198,7 @@ impl LiveListeners {
 mod tests {
     use super::*;
     use crate::interrupt::Interrupt;
+    use std::sync::OnceLock;
     use std::time::Duration;
     use stillpoint::detection::{DetectError, Detections, DetectorInfo, DetectorKind};
     use stillpoint::imaging::{RgbdFrame, Simd};
@@ -218,8 +223,11 @@ mod tests {
         }
     }
 
+    /// Longer than any thread that ends at all takes to do so, however busy the machine is.
+    const PATIENT: Duration = Duration::from_secs(600);
+
     /// A run of a few frames with this detector, in which each thread does this before it waits.
-    fn run(detector: fn(), before: fn(Stage)) -> Session {
+    fn run(detector: fn(), before: fn(Stage), patience: Duration) -> Session {
         let simulator = Simulator::new(&SimulatorConfig {
             scene: "xyz".to_owned(),
             frames: Some(4),
@@ -237,7 +245,7 @@ mod tests {
             map: None,
         };
         let options = LiveOptions {
-            detector_patience: Duration::from_millis(50),
+            detector_patience: patience,
             hook: Some(Arc::new(before)),
             ..options(LiveChoice::All, timing)
         };
@@ -259,16 +267,27 @@ mod tests {
 
     #[test]
     fn a_detector_that_hangs_or_panics_costs_only_what_it_would_have_said() {
-        let hanging = run(
-            || loop {
-                std::thread::park()
-            },
-            |_| {},
-        );
+        // The run goes on once the detector hangs, so no time has to pass for it to be given up.
+        static HANGS: OnceLock<()> = OnceLock::new();
+        let hang = || {
+            HANGS.get_or_init(|| ());
+            loop {
+                std::thread::park();
+            }
+        };
+        let until_it_hangs = |stage| {
+            thread_local! {
+                static FRAMES: Cell<u32> = const { Cell::new(0) };
+            }
+            if stage == Stage::Tracking && FRAMES.replace(FRAMES.get() + 1) == 1 {
+                HANGS.wait();
+            }
+        };
+        let hanging = run(hang, until_it_hangs, Duration::ZERO);
         assert_eq!(hanging.frames, 4);
         assert_eq!(hanging.final_poses.len(), 4);
         assert!(threads(&hanging).0.contains("given up"));
-        let panicking = run(|| panic!("out of order"), |_| {});
+        let panicking = run(|| panic!("out of order"), |_| {}, PATIENT);
         assert_eq!(panicking.final_poses.len(), 4);
         let ends = threads(&panicking);
         assert_eq!(ends, ("panicked: out of order".into(), "finished".into()));
@@ -289,6 +308,7 @@ mod tests {
                     panic!("no room");
                 }
             },
+            PATIENT,
         );
         assert_eq!(session.final_poses.len(), 4);
         assert_eq!(

@@ -209,7 +209,7 @@ pub(crate) fn returned<S>(subscribed: Subscribed<Rounds<S>>) -> Result<S, Failur
     let subscriber = subscribed.join();
     subscriber.map(|s| s.subscriber).map_err(|reason| {
         Failure::criteria(format!(
-            "a thread that writes the result panicked: {reason}"
+            "a thread that writes the result did not finish: {reason}"
         ))
     })
 }
