@@ -38,7 +38,7 @@ impl BrownConrady {
     }
 
     /// The inverse of [`Self::distort`], by Newton's method from `p` itself; converges to 1e-12 wherever the model
-    /// is one to one, which holds within the images of real lenses.
+    /// is one to one, which [`Camera::check`] tells of an image.
     #[must_use]
     pub fn undistort(&self, p: Vec2) -> Vec2 {
         if self.is_zero() {
@@ -47,13 +47,7 @@ impl BrownConrady {
         let mut q = p;
         for _ in 0..20 {
             let e = self.distort(q) - p;
-            let (x, y) = (q.x, q.y);
-            let r2 = x * x + y * y;
-            let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
-            let slope = self.k1 + r2 * (2.0 * self.k2 + 3.0 * r2 * self.k3);
-            let a = radial + 2.0 * x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x;
-            let b = 2.0 * x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y;
-            let d = radial + 2.0 * y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x;
+            let [a, b, d] = self.derivative(q);
             let det = a * d - b * b;
             let step = Vec2::new((d * e.x - b * e.y) / det, (a * e.y - b * e.x) / det);
             if !step.iter().all(|v| v.is_finite()) {
@@ -65,6 +59,20 @@ impl BrownConrady {
             }
         }
         q
+    }
+
+    /// The derivative of [`Self::distort`] at a point, the symmetric matrix `[a b; b d]`.
+    #[inline]
+    pub(crate) fn derivative(&self, p: Vec2) -> [f64; 3] {
+        let (x, y) = (p.x, p.y);
+        let r2 = x * x + y * y;
+        let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
+        let slope = self.k1 + r2 * (2.0 * self.k2 + 3.0 * r2 * self.k3);
+        [
+            radial + 2.0 * x * x * slope + 2.0 * self.p1 * y + 6.0 * self.p2 * x,
+            2.0 * x * y * slope + 2.0 * self.p1 * x + 2.0 * self.p2 * y,
+            radial + 2.0 * y * y * slope + 6.0 * self.p1 * y + 2.0 * self.p2 * x,
+        ]
     }
 }
 
@@ -163,14 +171,14 @@ impl Camera {
     pub fn contains(&self, px: Vec2) -> bool {
         px.x >= 0.0
             && px.y >= 0.0
-            && px.x <= f64::from(self.width - 1)
-            && px.y <= f64::from(self.height - 1)
+            && px.x <= f64::from(self.width) - 1.0
+            && px.y <= f64::from(self.height) - 1.0
     }
 
     /// The smallest rectangle `[min_x, min_y, max_x, max_y]` of undistorted pixels that holds the whole raw image.
     #[must_use]
     pub fn undistorted_bounds(&self) -> [f64; 4] {
-        let (w, h) = (f64::from(self.width - 1), f64::from(self.height - 1));
+        let (w, h) = (f64::from(self.width) - 1.0, f64::from(self.height) - 1.0);
         let mut b = [
             f64::INFINITY,
             f64::INFINITY,

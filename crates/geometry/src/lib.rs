@@ -6,12 +6,14 @@
 
 mod alignment;
 mod camera;
+mod camera_check;
 pub mod robust;
 mod se3;
 pub mod so3;
 
 pub use alignment::{Alignment, AlignmentError, align_umeyama};
 pub use camera::{BrownConrady, Camera};
+pub use camera_check::CameraError;
 pub use se3::Se3;
 
 pub use nalgebra;

@@ -37,7 +37,7 @@ fn close(a: &Se3, b: &Se3, tolerance: f64) -> bool {
 }
 
 /// The TUM fr1 colour camera: the strongest distortion among the public RGB-D sequences.
-fn fr1() -> Camera {
+pub(crate) fn fr1() -> Camera {
     let mut camera = Camera::pinhole(640, 480, [517.306408, 516.469215, 318.643040, 255.313989]);
     camera.distortion = BrownConrady {
         k1: 0.262383,

@@ -3,3 +3,4 @@
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 mod laws;
+mod lens;

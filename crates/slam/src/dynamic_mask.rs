@@ -7,7 +7,7 @@ use crate::config::Config;
 use crate::gate::{FrameGate, RefusedFrame};
 use crate::static_filter::{FeatureVerdict, Preset, Segments};
 use crate::tracking::Tracker;
-use crate::validation::ConfigError;
+use crate::validation::{ConfigError, check_camera};
 use std::sync::Arc;
 use stillpoint_detection::{Detections, Object};
 use stillpoint_geometry::{Camera, Se3};
@@ -91,9 +91,10 @@ impl DynamicMask {
     /// motion weights is used.
     ///
     /// # Errors
-    /// [`MaskError`] for values out of range, and for presets other than `default`.
+    /// [`MaskError`] for values out of range, for cameras as [`crate::Stages::new`] refuses them, and for presets other than `default`.
     pub fn new(config: &Config, camera: Camera, simd: Simd) -> Result<Self, MaskError> {
         config.validate().map_err(MaskError::Config)?;
+        check_camera(&camera).map_err(MaskError::Config)?;
         if config.static_filter.preset != Preset::Default {
             return Err(MaskError::Preset(config.static_filter.preset));
         }

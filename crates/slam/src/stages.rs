@@ -12,7 +12,7 @@ use crate::looping::LoopCloser;
 use crate::mapping::Mapper;
 use crate::messages::LoopCloserMsg;
 use crate::tracking::Tracker;
-use crate::validation::ConfigError;
+use crate::validation::{ConfigError, check_camera};
 use std::sync::Arc;
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::Simd;
@@ -83,9 +83,11 @@ impl Stages {
     /// Stages for one camera.
     ///
     /// # Errors
-    /// [`ConfigError`] when a field is out of range.
+    /// [`ConfigError`] when a field is out of range, and for a camera that cannot be computed with ([`Camera::check`]) or has images of
+    /// over four megapixels.
     pub fn new(config: Config, camera: Camera, simd: Simd) -> Result<Self, ConfigError> {
         config.validate()?;
+        check_camera(&camera)?;
         let mut fingerprint = Fingerprint::default();
         fingerprint.text(&format!("{config:?} {camera:?}"));
         Ok(Self {

@@ -1,5 +1,7 @@
 //! What is wrong with a configuration, and where. Each stage checks its own fields by [`Checker`].
 
+use stillpoint_geometry::Camera;
+
 /// One thing that is wrong with a configuration.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ConfigProblem {
@@ -27,6 +29,32 @@ impl std::fmt::Display for ConfigError {
 }
 
 impl std::error::Error for ConfigError {}
+
+/// Pixels of an image at most: the filter numbers its cells of 64 px in 16 bits, of which one number stands for none.
+const MAX_PIXELS: u64 = 64 * (u16::MAX as u64 - 1);
+
+/// Side of an image at least, px: a corner needs its surroundings.
+const MIN_SIDE: u32 = 16;
+
+/// Checks the camera of a run.
+pub(crate) fn check_camera(camera: &Camera) -> Result<(), ConfigError> {
+    let problem = match camera.check() {
+        Err(e) => e.to_string(),
+        Ok(()) if u64::from(camera.width) * u64::from(camera.height) > MAX_PIXELS => format!(
+            "expected an image of at most {MAX_PIXELS} px, found {} x {}: scale the images down",
+            camera.width, camera.height
+        ),
+        Ok(()) if camera.width.min(camera.height) < MIN_SIDE => format!(
+            "expected an image of at least {MIN_SIDE} px per side, found {} x {}",
+            camera.width, camera.height
+        ),
+        Ok(()) => return Ok(()),
+    };
+    Err(ConfigError(vec![ConfigProblem {
+        path: "camera".to_owned(),
+        message: problem,
+    }]))
+}
 
 /// Collects range violations with their paths.
 pub(crate) struct Checker<'a> {

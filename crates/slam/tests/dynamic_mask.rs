@@ -240,3 +240,73 @@ fn what_cannot_be_looked_at_is_refused_or_survived() {
         assert!(i < 25 || found.world_from_camera.is_some(), "{i}");
     }
 }
+
+/// What cannot be a camera is refused by everything that begins with one, in words, before anything is computed with it.
+#[test]
+fn a_camera_that_cannot_be_is_refused() {
+    use stillpoint_geometry::{BrownConrady, Camera};
+    use stillpoint_slam::Stages;
+    let good = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
+    let lens = |k1, k2, k3| Camera {
+        distortion: BrownConrady {
+            k1,
+            k2,
+            p1: -0.0054,
+            p2: 0.0026,
+            k3,
+        },
+        ..good
+    };
+    for (camera, part) in [
+        (lens(0.2624, -0.9531, 0.0), "k3 is 0: was it left out?"),
+        (lens(1e100, 0.0, 1.0), "k1 = 1e100"),
+        (lens(f64::NAN, 0.0, 1.0), "finite distortion"),
+        (Camera { fx: 0.0, ..good }, "focal lengths"),
+        (Camera { width: 0, ..good }, "0 x 480"),
+        (
+            Camera {
+                width: 4000,
+                height: 3000,
+                ..good
+            },
+            "scale the images down",
+        ),
+        (Camera { width: 15, ..good }, "at least 16 px"),
+    ] {
+        let (config, simd) = (Config::default(), Simd::detect());
+        let said = Stages::new(config.clone(), camera, simd).err().unwrap();
+        assert!(said.to_string().contains(part), "{said}");
+        let said = DynamicMask::new(&config, camera, simd).err().unwrap();
+        assert!(said.to_string().contains(part), "{said}");
+    }
+    assert!(
+        Stages::new(
+            Config::default(),
+            lens(0.2624, -0.9531, 1.1633),
+            Simd::detect()
+        )
+        .is_ok()
+    );
+}
+
+/// The smallest image that is taken has nothing to say, and breaks nothing.
+#[test]
+fn the_smallest_image_is_survived() {
+    use stillpoint_geometry::Camera;
+    use stillpoint_imaging::{DepthImage, GrayImage};
+    let camera = Camera::pinhole(16, 16, [16.0, 16.0, 7.5, 7.5]);
+    let mut system = System::new(Config::default(), camera, Simd::detect()).unwrap();
+    for id in 0..5 {
+        let pixel = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8;
+        let frame = RgbdFrame {
+            id: FrameId(id),
+            stamp: f64::from(id) / 30.0,
+            depth_stamp: f64::from(id) / 30.0,
+            gray: GrayImage::from_vec(16, 16, (0..256).map(pixel).collect()).unwrap(),
+            colour: None,
+            depth: DepthImage::from_vec(16, 16, vec![1.0; 256]).unwrap(),
+        };
+        assert!(!system.step(frame).is_empty());
+    }
+    system.finish();
+}

@@ -3,10 +3,11 @@
 
 use super::{Extension, MapFileError, loops};
 use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, Landmark, LandmarkId, Map};
+use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
-/// Side of an image at most, px.
-const MAX_SIDE: u32 = 1 << 15;
+/// Different cameras that a map may have: one for each run that was merged into it. Each costs a millisecond to be checked.
+pub(super) const MAX_CAMERAS: usize = 1024;
 /// Side of a bucket, px, and buckets per side at most: as [`stillpoint_features::FeatureGrid`] has them.
 const BUCKET: f32 = 16.0;
 const MAX_BUCKETS: u64 = 512;
@@ -41,8 +42,8 @@ pub(super) fn check(map: &Map, file_length: usize) -> Result<(), MapFileError> {
             map.view.version.to_string(),
         )
     })?;
+    cameras(map.view.keyframes().map(|k| &k.data.camera))?;
     for k in map.view.keyframes() {
-        camera(&k.data.camera)?;
         lengths(k)?;
         pose("keyframes", k.id, &k.world_from_camera)?;
         expect("keyframes", k.data.stamp.is_finite(), || {
@@ -121,22 +122,36 @@ pub(super) fn free(extensions: &[Extension]) -> Result<(), MapFileError> {
 
 /// Checks a camera, before anything is computed with it.
 pub(super) fn camera(camera: &Camera) -> Result<(), MapFileError> {
-    let sides = 1..=MAX_SIDE;
-    let d = &camera.distortion;
-    let numbers = [
-        camera.fx, camera.fy, camera.cx, camera.cy, d.k1, d.k2, d.p1, d.p2, d.k3,
-    ];
-    let holds = sides.contains(&camera.width)
-        && sides.contains(&camera.height)
-        && numbers.iter().all(|x| x.is_finite())
-        && camera.fx > 0.0
-        && camera.fy > 0.0;
-    expect("cameras", holds, || {
-        (
-            format!("images of 1 to {MAX_SIDE} px, positive focal lengths and finite coefficients"),
-            format!("{camera:?}"),
-        )
+    let checked = camera.check();
+    checked.map_err(|e| MapFileError::invalid("cameras", e.expected(), e.found()))
+}
+
+/// Checks the number of different cameras.
+pub(super) fn camera_count(count: usize) -> Result<(), MapFileError> {
+    expect("cameras", count <= MAX_CAMERAS, || {
+        (format!("at most {MAX_CAMERAS}"), count.to_string())
     })
+}
+
+/// Checks the cameras of all keyframes, each of them once.
+fn cameras<'a>(all: impl Iterator<Item = &'a Camera>) -> Result<(), MapFileError> {
+    let mut seen = BTreeSet::new();
+    for of_keyframe in all {
+        if seen.insert(bits(of_keyframe)) {
+            camera_count(seen.len())?;
+            camera(of_keyframe)?;
+        }
+    }
+    Ok(())
+}
+
+/// What tells cameras apart.
+fn bits(camera: &Camera) -> [u64; 10] {
+    let d = &camera.distortion;
+    let size = u64::from(camera.width) << 32 | u64::from(camera.height);
+    let [fx, fy, cx, cy] = [camera.fx, camera.fy, camera.cx, camera.cy].map(f64::to_bits);
+    let [k1, k2, p1, p2, k3] = [d.k1, d.k2, d.p1, d.p2, d.k3].map(f64::to_bits);
+    [size, fx, fy, cx, cy, k1, k2, p1, p2, k3]
 }
 
 /// Checks that the buckets of keyframes with these cameras do not take implausible memory.
@@ -145,18 +160,13 @@ pub(super) fn grids<'a>(
     file_length: usize,
 ) -> Result<(), MapFileError> {
     let side = |length: f32| ((length / BUCKET).ceil() as u64).clamp(1, MAX_BUCKETS);
-    // Keyframes of a map have few cameras, mostly one, and bounds take microseconds.
-    let (mut bytes, mut last) = (0, None);
+    // Keyframes of a map have few cameras, mostly one, and bounds take long beside a look at what is known.
+    let (mut bytes, mut known) = (0, BTreeMap::new());
     for camera in cameras {
-        let of_this = match last {
-            Some((same, n)) if same == camera => n,
-            _ => {
-                let [left, top, right, bottom] = KeyframeData::grid_bounds(camera);
-                4 * side(right - left) * side(bottom - top)
-            }
-        };
-        last = Some((camera, of_this));
-        bytes += of_this;
+        bytes += *known.entry(bits(camera)).or_insert_with(|| {
+            let [left, top, right, bottom] = KeyframeData::grid_bounds(camera);
+            4 * side(right - left) * side(bottom - top)
+        });
     }
     let most = FREE_BUCKETS + BUCKETS_PER_BYTE * file_length as u64;
     expect("keyframes", bytes <= most, || {

@@ -11,6 +11,22 @@ const TABLE_STEP: f32 = 4.0;
 /// No cell: outside the raw image.
 const NONE: u16 = u16::MAX;
 
+/// How far the table reaches beyond each side of the raw image, in widths and heights of it. A lens whose undistorted image is wider
+/// sees its border at over 70 degrees; what is there is in no cell.
+const TABLE_REACH: f64 = 2.0;
+
+/// The rectangle of undistorted pixels that the table covers: min x, min y, max x, max y.
+fn table_bounds(camera: &Camera) -> [f64; 4] {
+    let [x0, y0, x1, y1] = camera.undistorted_bounds();
+    let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+    [
+        x0.max(-TABLE_REACH * w),
+        y0.max(-TABLE_REACH * h),
+        x1.min((1.0 + TABLE_REACH) * w),
+        y1.min((1.0 + TABLE_REACH) * h),
+    ]
+}
+
 /// Rays of all cells of a camera, and the table back from undistorted pixels to cells.
 #[derive(Clone)]
 pub(super) struct Cells {
@@ -44,7 +60,7 @@ impl Cells {
                 rays.push([ray.x as f32, ray.y as f32]);
             }
         }
-        let [x0, y0, x1, y1] = camera.undistorted_bounds();
+        let [x0, y0, x1, y1] = table_bounds(camera);
         let step = f64::from(TABLE_STEP);
         let table_size = [x1 - x0, y1 - y0].map(|d| (d / step) as usize + 1);
         let mut table = Vec::with_capacity(table_size[0] * table_size[1]);
@@ -223,6 +239,40 @@ mod tests {
             }
             assert!(seen > 5000, "{seen}");
         }
+    }
+
+    #[test]
+    fn no_lens_asks_for_a_boundless_table() {
+        let forgotten = BrownConrady {
+            k3: 0.0,
+            ..bent().distortion
+        };
+        let lens = |k1, k2, k3| BrownConrady {
+            k1,
+            k2,
+            k3,
+            ..BrownConrady::default()
+        };
+        let far = [
+            lens(-0.5, 0.0, 0.0),
+            lens(1e100, 0.0, 0.0),
+            lens(0.0, 0.0, -1e300),
+            lens(f64::NAN, 0.0, 0.0),
+        ];
+        for distortion in far.into_iter().chain([forgotten]) {
+            let camera = Camera {
+                distortion,
+                ..bent()
+            };
+            let [x0, y0, x1, y1] = table_bounds(&camera);
+            let inside = x0 >= -1280.0 && y0 >= -960.0 && x1 <= 1920.0 && y1 <= 1440.0;
+            assert!(inside, "{distortion:?}: {x0} {y0} {x1} {y1}");
+        }
+        let endless = Camera {
+            distortion: lens(1e100, 0.0, 0.0),
+            ..bent()
+        };
+        assert!(Cells::new(&endless, DepthNoise::default()).table.len() < 1_000_000);
     }
 
     #[test]

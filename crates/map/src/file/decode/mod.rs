@@ -129,6 +129,7 @@ fn cameras(source: &Source<'_>, counts: &Counts) -> Result<Vec<Camera>, MapFileE
     let bytes = source.bytes(Part::Cameras)?;
     let mut from = reader(Part::Cameras, &bytes);
     let mut cameras = Vec::new();
+    validate::camera_count(counts.cameras as usize)?;
     for _ in 0..counts.cameras {
         let mut camera = Camera::pinhole(from.u32()?, from.u32()?, [0.0; 4]);
         camera.fx = from.f64()?;

@@ -4,7 +4,7 @@ use super::made::{looped_map, random_map};
 use super::{Raw, sealed, taken_apart};
 use crate::file::sections::Part;
 use crate::file::{Extension, MapFile, loops};
-use crate::{Keyframe, LandmarkId, LandmarkSlot};
+use crate::{Keyframe, KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot};
 use std::sync::Arc;
 
 /// What reading the sections of a map says after `change`.
@@ -60,8 +60,21 @@ fn every_kind_of_nonsense_has_its_message() {
         |r| put(r, Part::Keyframes, 12, &[200]),
         &["features, as the header says"],
     );
-    check(|r| put(r, Part::Cameras, 0, &[0, 0]), &["images of 1 to"]);
+    check(|r| put(r, Part::Cameras, 0, &[0, 0]), &["an image of 1 to"]);
     check(|r| put(r, Part::Cameras, 8, &nan), &["focal"]);
+    // More cameras than runs that anyone merges; and the same lens, without its last coefficient.
+    check(
+        |r| put(r, Part::Header, 16, &50_000u32.to_le_bytes()),
+        &["at most 1024 in cameras", "50000"],
+    );
+    let folded = |r: &mut Vec<Raw>| {
+        let bytes = &mut r[Part::Cameras as usize].2;
+        let records: Vec<usize> = (0..bytes.len() / 80).map(|i| 80 * i).collect();
+        for at in records {
+            bytes[at + 72..at + 80].fill(0);
+        }
+    };
+    check(folded, &["k3 is 0: was it left out?"]);
     // A tombstone that hangs on itself.
     let own = |r: &mut Vec<Raw>| {
         let id = r[Part::Tombstones as usize].2[..4].to_vec();
@@ -139,6 +152,26 @@ fn a_map_that_could_not_be_read_is_not_written() {
     assert!(
         refuse(|k| Arc::make_mut(&mut k.data).keypoints[0].level = 8).contains("level below 8")
     );
+}
+
+#[test]
+fn maps_of_more_cameras_than_any_run_has_are_not_written() {
+    let refusal = |cameras: u32| {
+        let mut map = random_map(5, 4, 40);
+        let one = map.view.keyframes().next().unwrap().clone();
+        let mut slots = crate::Chunked::filled(KeyframeSlot::Empty, cameras as usize);
+        for i in 0..cameras {
+            let mut k = (*one).clone();
+            (k.id, k.parent) = (KeyframeId(i), None);
+            Arc::make_mut(&mut k.data).camera.fx = 500.0 + f64::from(i);
+            *slots.get_mut(i as usize).unwrap() = KeyframeSlot::Live(Arc::new(k));
+        }
+        map.view.keyframes = slots;
+        map.to_bytes(&[]).unwrap_err().to_string()
+    };
+    assert!(refusal(1025).contains("at most 1024 in cameras"));
+    // What else is wrong with such a map is another matter.
+    assert!(!refusal(1024).contains("in cameras"));
 }
 
 #[test]

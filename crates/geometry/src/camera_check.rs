@@ -1,0 +1,174 @@
+//! Whether a camera's figures can be those of a camera: what every reader of cameras asks before anything is computed with one.
+
+use crate::{BrownConrady, Camera, Vec2};
+
+/// Side of an image at most, px.
+const MAX_SIDE: u32 = 1 << 15;
+/// Focal lengths and principal points beyond this are no figures in px.
+const MAX_PX: f64 = 1e7;
+/// Samples along each side of the image, at which the lens is tried.
+const SAMPLES: u32 = 32;
+/// Samples along the way from the lens' axis to each of them.
+const STEPS: u32 = 16;
+/// How far a raw pixel may be from where it came from after it was undistorted and distorted again, px: far below what a corner is
+/// located to, far above what Newton's method leaves where it converges.
+const MAX_ERROR: f64 = 1e-3;
+
+/// Why a camera cannot be computed with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum CameraError {
+    /// The image has no pixels, or a side that is no image's.
+    Size {
+        /// Width, px.
+        width: u32,
+        /// Height, px.
+        height: u32,
+    },
+    /// Focal lengths or principal point are no figures in px.
+    Intrinsics {
+        /// fx, fy, cx, cy, px.
+        found: [f64; 4],
+    },
+    /// A coefficient of the lens is not finite.
+    Coefficients {
+        /// What was found.
+        found: BrownConrady,
+    },
+    /// Within the image two points of the scene fall on one pixel, or a pixel sees none: the lens model cannot be inverted.
+    Fold {
+        /// The coefficients.
+        found: BrownConrady,
+        /// The first raw pixel that was found to be seen along no ray, or along a wrong one.
+        pixel: [f64; 2],
+    },
+}
+
+impl CameraError {
+    /// What a camera has.
+    #[must_use]
+    pub fn expected(&self) -> String {
+        match self {
+            Self::Size { .. } => format!("an image of 1 to {MAX_SIDE} px per side"),
+            Self::Intrinsics { .. } => format!(
+                "focal lengths fx and fy above 0 px and a principal point cx cy, all up to {MAX_PX} px"
+            ),
+            Self::Coefficients { .. } => "finite distortion coefficients".to_owned(),
+            Self::Fold { .. } => "a lens model that can be inverted within the image".to_owned(),
+        }
+    }
+
+    /// What this one has, and where it may come from.
+    #[must_use]
+    pub fn found(&self) -> String {
+        match self {
+            Self::Size { width, height } => format!("{width} x {height}"),
+            Self::Intrinsics {
+                found: [fx, fy, cx, cy],
+            } => format!("fx = {fx:?}, fy = {fy:?}, cx = {cx:?}, cy = {cy:?}"),
+            Self::Coefficients { found } => coefficients(found),
+            Self::Fold {
+                found,
+                pixel: [u, v],
+            } => {
+                let hint = if found.k3 == 0.0 && (found.k1 != 0.0 || found.k2 != 0.0) {
+                    "k3 is 0: was it left out?"
+                } else {
+                    "are they in this order, of this model, and of this image size?"
+                };
+                format!(
+                    "one that cannot at pixel ({u:.0}, {v:.0}), {}; {hint}",
+                    coefficients(found)
+                )
+            }
+        }
+    }
+}
+
+fn coefficients(d: &BrownConrady) -> String {
+    let BrownConrady { k1, k2, p1, p2, k3 } = d;
+    format!("k1 = {k1:?}, k2 = {k2:?}, p1 = {p1:?}, p2 = {p2:?}, k3 = {k3:?}")
+}
+
+impl std::fmt::Display for CameraError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "expected {}, found {}", self.expected(), self.found())
+    }
+}
+
+impl std::error::Error for CameraError {}
+
+impl Camera {
+    /// Checks that the figures can be a camera's, and that its lens model is one to one within the image: each raw pixel is seen along
+    /// one ray, and the nearer pixels between it and the axis along rays between. Takes about as long as to undistort some thousands of
+    /// points.
+    ///
+    /// # Errors
+    /// [`CameraError`], the first thing that is wrong.
+    pub fn check(&self) -> Result<(), CameraError> {
+        self.check_figures()?;
+        if self.distortion.is_zero() {
+            return Ok(());
+        }
+        let (w, h) = (f64::from(self.width) - 1.0, f64::from(self.height) - 1.0);
+        // Lens models fold from the outside inwards: the first sample, a corner, tells most of those that do.
+        for j in 0..=SAMPLES {
+            for i in 0..=SAMPLES {
+                let share = |k: u32| f64::from(k) / f64::from(SAMPLES);
+                let raw = Vec2::new(share(i) * w, share(j) * h);
+                if !self.inverts_at(raw) {
+                    return Err(CameraError::Fold {
+                        found: self.distortion,
+                        pixel: [raw.x, raw.y],
+                    });
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// As [`Self::check`], but for the lens model's inverse, which needs the size of the image.
+    ///
+    /// # Errors
+    /// [`CameraError`], the first thing that is wrong.
+    pub fn check_figures(&self) -> Result<(), CameraError> {
+        let sides = 1..=MAX_SIDE;
+        if !sides.contains(&self.width) || !sides.contains(&self.height) {
+            return Err(CameraError::Size {
+                width: self.width,
+                height: self.height,
+            });
+        }
+        let Self { fx, fy, cx, cy, .. } = *self;
+        let focal = |f: f64| f > 0.0 && f <= MAX_PX;
+        if !(focal(fx) && focal(fy) && cx.abs() <= MAX_PX && cy.abs() <= MAX_PX) {
+            return Err(CameraError::Intrinsics {
+                found: [fx, fy, cx, cy],
+            });
+        }
+        let BrownConrady { k1, k2, p1, p2, k3 } = self.distortion;
+        if ![k1, k2, p1, p2, k3].iter().all(|k| k.is_finite()) {
+            return Err(CameraError::Coefficients {
+                found: self.distortion,
+            });
+        }
+        Ok(())
+    }
+
+    /// Whether a raw pixel is seen along the ray that its inverse says. A model that folds has several inverses: the lens' own is the one
+    /// that can be reached from the axis without a fold in between, where the determinant of the model's derivative becomes 0.
+    fn inverts_at(&self, raw: Vec2) -> bool {
+        let flat = self.undistort(raw);
+        let error = (self.distort(flat) - raw).norm();
+        // Not the other way round: no number is no inverse.
+        let returns = error <= MAX_ERROR;
+        let ray = self.ray(flat);
+        returns
+            && (0..=STEPS).all(|k| {
+                let q = Vec2::new(ray.x, ray.y) * (f64::from(k) / f64::from(STEPS));
+                let [a, b, d] = self.distortion.derivative(q);
+                // A mirror image would have a positive determinant as well.
+                a * d - b * b > 0.0 && a + d > 0.0
+            })
+    }
+}
