@@ -1,5 +1,8 @@
 //! Which depth image belongs to which colour image.
 
+use std::cmp::{Ordering, Reverse};
+use std::collections::BinaryHeap;
+
 /// Largest difference between the stamps of a pair, s, as in the TUM tools.
 pub const DEFAULT_MAX_DT: f64 = 0.02;
 
@@ -8,37 +11,117 @@ pub const DEFAULT_MAX_DT: f64 = 0.02;
 /// index. Both lists must ascend.
 #[must_use]
 pub fn associate(a: &[f64], b: &[f64], max_dt: f64) -> Vec<(usize, usize)> {
-    // The window is a little wider than the condition, so that rounding of its limits cannot lose a pair.
-    let reach = max_dt + 1e-6;
-    let mut candidates = Vec::new();
-    let mut low = 0;
-    for (i, &stamp) in a.iter().enumerate() {
-        // Both lists ascend, so what lies too early for this stamp does so for all later ones.
-        while low < b.len() && b[low] < stamp - reach {
-            low += 1;
-        }
-        for (j, &other) in b.iter().enumerate().skip(low) {
-            if other > stamp + reach {
-                break;
-            }
-            let dt = (stamp - other).abs();
-            if dt < max_dt {
-                candidates.push((dt, i, j));
-            }
-        }
-    }
-    candidates.sort_by(|x, y| x.0.total_cmp(&y.0).then((x.1, x.2).cmp(&(y.1, y.2))));
-    let (mut used_a, mut used_b) = (vec![false; a.len()], vec![false; b.len()]);
+    let mut row = Row::of(a, b);
+    // The closest two of those that are left always stand beside each other: anything between them would be closer to one of the two.
+    // So a list of neighbours is enough, however many stamps of the one lie near each of the other.
+    let mut open: BinaryHeap<Reverse<Neighbours>> = (1..row.items.len())
+        .filter_map(|right| row.neighbours(right - 1, right, max_dt))
+        .map(Reverse)
+        .collect();
     let mut pairs = Vec::new();
-    for (_, i, j) in candidates {
-        if !used_a[i] && !used_b[j] {
-            (used_a[i], used_b[j]) = (true, true);
-            pairs.push((i, j));
+    while let Some(Reverse(closest)) = open.pop() {
+        if row.taken[closest.left] || row.taken[closest.right] {
+            continue;
+        }
+        pairs.push(closest.pair);
+        if let Some((left, right)) = row.take(closest.left, closest.right) {
+            open.extend(row.neighbours(left, right, max_dt).map(Reverse));
         }
     }
     pairs.sort_unstable();
     pairs
 }
+
+/// The stamps of both lists in one row, from which pairs are taken.
+struct Row {
+    /// Whether it is of the second list, its index there, and its stamp, s.
+    items: Vec<(bool, usize, f64)>,
+    /// What stands before and behind each of them, of those that are left; the number of items for none.
+    before: Vec<usize>,
+    behind: Vec<usize>,
+    taken: Vec<bool>,
+}
+
+/// Two that stand beside each other and are of both lists. The order is that in which pairs are taken.
+#[derive(Debug)]
+struct Neighbours {
+    dt: f64,
+    pair: (usize, usize),
+    left: usize,
+    right: usize,
+}
+
+impl Row {
+    fn of(a: &[f64], b: &[f64]) -> Self {
+        let list = |second: bool, stamps: &[f64]| -> Vec<(bool, usize, f64)> {
+            let numbered = stamps.iter().enumerate();
+            numbered.map(|(i, t)| (second, i, *t)).collect()
+        };
+        let mut items = list(false, a);
+        items.extend(list(true, b));
+        // Both lists ascend, so this merges them.
+        items.sort_by(|x, y| x.2.total_cmp(&y.2));
+        let n = items.len();
+        Self {
+            before: (0..n).map(|i| i.checked_sub(1).unwrap_or(n)).collect(),
+            behind: (1..=n).collect(),
+            taken: vec![false; n],
+            items,
+        }
+    }
+
+    /// Two neighbours, if they may be a pair.
+    fn neighbours(&self, left: usize, right: usize, max_dt: f64) -> Option<Neighbours> {
+        let (x, y) = (self.items[left], self.items[right]);
+        let pair = match (x.0, y.0) {
+            (false, true) => (x.1, y.1),
+            (true, false) => (y.1, x.1),
+            _ => return None,
+        };
+        let dt = (x.2 - y.2).abs();
+        (dt < max_dt).then_some(Neighbours {
+            dt,
+            pair,
+            left,
+            right,
+        })
+    }
+
+    /// Takes two neighbours out, and gives those that stand beside each other then.
+    fn take(&mut self, left: usize, right: usize) -> Option<(usize, usize)> {
+        (self.taken[left], self.taken[right]) = (true, true);
+        let (before, behind) = (self.before[left], self.behind[right]);
+        if let Some(of_behind) = self.before.get_mut(behind) {
+            *of_behind = before;
+        }
+        if let Some(of_before) = self.behind.get_mut(before) {
+            *of_before = behind;
+        }
+        let n = self.items.len();
+        (before < n && behind < n).then_some((before, behind))
+    }
+}
+
+impl Ord for Neighbours {
+    fn cmp(&self, other: &Self) -> Ordering {
+        let by_distance = self.dt.total_cmp(&other.dt);
+        by_distance.then(self.pair.cmp(&other.pair))
+    }
+}
+
+impl PartialOrd for Neighbours {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+impl PartialEq for Neighbours {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+
+impl Eq for Neighbours {}
 
 #[cfg(test)]
 mod tests {
@@ -80,5 +163,15 @@ mod tests {
     fn closest_pair_wins_and_leaves_the_other_alone() {
         assert_eq!(associate(&[0.0, 0.015], &[0.012], 0.02), [(1, 0)]);
         assert_eq!(associate(&[1.0], &[1.02], 0.02), []);
+    }
+
+    /// Were all pairs within the limit listed first, these would be 10^9.
+    #[test]
+    fn many_stamps_near_each_other_take_no_more_than_others() {
+        let n = 30_000;
+        let a: Vec<f64> = (0..n).map(|i| f64::from(i) * 1e-7).collect();
+        let b: Vec<f64> = a.iter().map(|t| t + 3e-8).collect();
+        let pairs = associate(&a, &b, 0.02);
+        assert!(pairs.len() == n as usize && pairs.iter().all(|(i, j)| i == j));
     }
 }

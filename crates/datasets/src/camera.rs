@@ -54,7 +54,7 @@ struct CameraFile {
     cx: f64,
     cy: f64,
     #[serde(default)]
-    distortion: [f64; 5],
+    distortion: Option<Vec<f64>>,
     depth_scale: f64,
 }
 
@@ -115,7 +115,7 @@ impl CameraModel {
                 advice: "correct the camera file".into(),
             }
         })?;
-        let [k1, k2, p1, p2, k3] = file.distortion;
+        let [k1, k2, p1, p2, k3] = coefficients(file.distortion.as_deref(), text, path)?;
         let model = Self {
             name: file.name.unwrap_or_else(|| path.display().to_string()),
             camera: Camera {
@@ -195,44 +195,76 @@ impl CameraModel {
         )
     }
 
-    /// Figures that no camera has are mistakes in the file.
+    /// Figures that no camera has are mistakes in the file. Of a camera without a size, what does not depend on it.
     fn check(&self, path: &Path, line: usize) -> Result<()> {
         let c = &self.camera;
-        let d = &c.distortion;
-        let positive = |x: f64| x.is_finite() && x > 0.0;
-        let (expected, found) = if !(positive(c.fx) && positive(c.fy)) {
-            (
-                "focal lengths fx and fy above 0 px",
-                format!("{} {}", c.fx, c.fy),
-            )
-        } else if !(c.cx.is_finite() && c.cy.is_finite()) {
-            (
-                "a finite principal point cx cy",
-                format!("{} {}", c.cx, c.cy),
-            )
-        } else if !positive(self.depth_scale) {
-            (
-                "a depth_scale above 0 values per metre",
-                self.depth_scale.to_string(),
-            )
-        } else if ![d.k1, d.k2, d.p1, d.p2, d.k3].iter().all(|k| k.is_finite()) {
-            ("finite distortion coefficients", format!("{d:?}"))
-        } else if (c.width == 0) != (c.height == 0) {
-            (
-                "both width and height, or neither",
-                format!("{} x {}", c.width, c.height),
-            )
-        } else {
-            return Ok(());
-        };
-        Err(DatasetError::Malformed {
+        let malformed = |expected: String, found: String| DatasetError::Malformed {
             path: path.to_owned(),
             line,
-            expected: expected.into(),
+            expected,
             found,
             advice: "correct the camera file".into(),
+        };
+        if !(self.depth_scale.is_finite() && self.depth_scale > 0.0) {
+            return Err(malformed(
+                "a depth_scale above 0 values per metre".into(),
+                self.depth_scale.to_string(),
+            ));
+        }
+        if (c.width == 0) != (c.height == 0) {
+            return Err(malformed(
+                "both width and height, or neither".into(),
+                format!("{} x {}", c.width, c.height),
+            ));
+        }
+        // Whether a lens can be inverted depends on where the image ends: that is asked when the size is known.
+        let checked = if c.width > 0 {
+            c.check()
+        } else {
+            let (width, height) = (1, 1);
+            Camera {
+                width,
+                height,
+                ..*c
+            }
+            .check_figures()
+        };
+        checked.map_err(|e| malformed(e.expected(), e.found()))
+    }
+
+    /// Checks the camera once a data set has told the size of its images.
+    ///
+    /// # Errors
+    /// [`DatasetError::Camera`].
+    pub(crate) fn check_lens(&self, dataset: &Path) -> Result<()> {
+        self.camera.check().map_err(|reason| DatasetError::Camera {
+            path: dataset.to_owned(),
+            name: self.name.clone(),
+            reason,
         })
     }
+}
+
+/// The five coefficients of a lens; none stand for zeros.
+fn coefficients(given: Option<&[f64]>, text: &str, path: &Path) -> Result<[f64; 5]> {
+    let given = given.unwrap_or(&[0.0; 5]);
+    <[f64; 5]>::try_from(given).map_err(|_| {
+        let advice = match given.len() {
+            4 => "add k3, which is 0 where the calibration has none",
+            6.. => {
+                "calibrate with this model, since others have coefficients that cannot be left out"
+            }
+            _ => "correct the camera file",
+        };
+        let is_key = |l: &str| l.trim_start().starts_with("distortion");
+        DatasetError::Malformed {
+            path: path.to_owned(),
+            line: text.lines().position(is_key).map_or(1, |i| i + 1),
+            expected: "distortion = [k1, k2, p1, p2, k3], five coefficients".into(),
+            found: format!("{} values", given.len()),
+            advice: advice.into(),
+        }
+    })
 }
 
 fn choices() -> String {
@@ -312,6 +344,23 @@ mod tests {
         assert!(toml(&good.replace("5000.0", "0.0")).contains("depth_scale above 0"));
         assert!(toml(&good.replacen("500.0", "-1.0", 1)).contains("focal lengths"));
         assert!(toml(&format!("width = 640\n{good}")).contains("both width and height"));
+        // Freiburg 1 without k3, with values behind it, and with a power too many.
+        let lens =
+            |values: &str| format!("width = 640\nheight = 480\n{good}distortion = {values}\n");
+        let folded = toml(&lens("[0.2624, -0.9531, -0.0054, 0.0026, 0.0]"));
+        assert!(folded.contains("k3 is 0: was it left out?"), "{folded}");
+        for (values, part) in [
+            ("[0.26, -0.95, 0.0, 0.0]", "4 values; add k3"),
+            ("[0.26, -0.95, 0.0, 0.0, 1.16, 0.1]", "6 values; calibrate"),
+            ("[0.26, -0.95, 0.0, 0.0, 1.16, 0.0, 0.0]", "7 values"),
+            ("[]", "0 values"),
+            ("[1e100, 0.0, 0.0, 0.0, 0.0]", "k1 = 1e100"),
+            ("[inf, 0.0, 0.0, 0.0, 0.0]", "finite distortion"),
+        ] {
+            let e = toml(&lens(values));
+            assert!(e.contains(part), "{e}");
+        }
+        assert!(toml(&lens("[1.0]")).contains("camera.toml:8:"));
         assert!(text("# only a comment\n").contains("no such line"));
         assert!(text("# c\n500 500 320 240\n").contains("camera.txt:2:"));
         assert!(text("500 500 320 240 5000\n1 2 3 4 5\n").contains("a second line"));
@@ -324,10 +373,11 @@ mod tests {
     proptest! {
         #[test]
         fn to_toml_reads_back(f in 1.0..2000.0f64, c in -10.0..1000.0f64, k in -2.0..2.0f64, s in 1.0..1e5f64, name in "\\PC{0,20}") {
+            // Without a size, since not every lens can be inverted within every image.
             let m = CameraModel {
                 name,
                 camera: Camera { distortion: BrownConrady { k1: k, k2: -k, p1: 1e-300 * k, p2: 0.0, k3: k * k },
-                    ..Camera::pinhole(640, 480, [f, f + 1.0, c, c]) },
+                    ..Camera::pinhole(0, 0, [f, f + 1.0, c, c]) },
                 depth_scale: s,
             };
             let back = CameraModel::parse_toml(&m.to_toml(), Path::new("c.toml")).unwrap();

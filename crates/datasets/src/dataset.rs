@@ -8,6 +8,7 @@ use crate::source::{DatasetSource, FrameOptions};
 use crate::trajectory::StampedPose;
 use crate::{ground_truth, presets, probe};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// How to open a data set; the default guesses everything.
 #[derive(Clone, Debug)]
@@ -79,7 +80,8 @@ pub struct Dataset {
     path: PathBuf,
     layout: Layout,
     camera: CameraModel,
-    entries: Vec<Entry>,
+    /// Shared with the sources: a list of a million frames takes hundreds of megabytes.
+    entries: Arc<[Entry]>,
     counts: Counts,
     strict: bool,
     guesses: Vec<String>,
@@ -124,11 +126,12 @@ impl Dataset {
             }
         };
         probe::probe(&entries, &mut model, &mut warnings)?;
+        model.check_lens(path)?;
         Ok(Self {
             path: path.to_owned(),
             layout,
             camera: model,
-            entries,
+            entries: entries.into(),
             counts,
             strict: options.strict,
             guesses,
@@ -158,6 +161,11 @@ impl Dataset {
     #[must_use]
     pub fn entries(&self) -> &[Entry] {
         &self.entries
+    }
+
+    /// The same, to be kept.
+    pub(crate) fn shared_entries(&self) -> Arc<[Entry]> {
+        Arc::clone(&self.entries)
     }
 
     /// How many images are listed and how many make frames.

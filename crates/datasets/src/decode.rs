@@ -1,6 +1,7 @@
 //! Image files to images: colour to grey, depth to metres.
 
 use crate::error::{DatasetError, Result};
+use crate::regular::read_regular;
 use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
 use std::io::Cursor;
 use std::path::Path;
@@ -20,11 +21,16 @@ fn bad(path: &Path, expected: &str, found: impl Into<String>, advice: &str) -> D
     }
 }
 
+/// Bytes of an image file at most: of a hundred megapixels of noise.
+const LARGEST_FILE: u64 = 1 << 29;
+
 /// Bytes and format of an image file that is there, not empty and of a kind that is read.
 fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     const AGAIN: &str = "copy or export the file again, or take it off the list";
-    let bytes = std::fs::read(path).map_err(|source| match source.kind() {
+    let bytes = read_regular(path, LARGEST_FILE).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound => bad(path, expected, "no such file", AGAIN),
+        // What is there is known, and is no image.
+        std::io::ErrorKind::Other => bad(path, expected, source.to_string(), AGAIN),
         // Nothing is known of the file itself: the system has no descriptor left, say.
         _ => DatasetError::Read {
             path: path.to_owned(),

@@ -54,6 +54,16 @@ pub enum DatasetError {
         /// The presets.
         choices: String,
     },
+    /// The lens cannot be that of images of this size.
+    #[error("{}: expected a camera with {}, found {name} with {}; correct the camera file, or name another camera", path.display(), reason.expected(), reason.found())]
+    Camera {
+        /// The data set folder.
+        path: PathBuf,
+        /// The camera's name.
+        name: String,
+        /// What is wrong.
+        reason: stillpoint_geometry::CameraError,
+    },
     /// A line of a text file does not read.
     #[error("{}:{line}: expected {expected}, found {found}; {advice}", path.display())]
     Malformed {
@@ -148,6 +158,7 @@ impl DatasetError {
             | Self::NoDepth { path, .. }
             | Self::UnknownLayout { path, .. }
             | Self::UnknownCamera { path, .. }
+            | Self::Camera { path, .. }
             | Self::Malformed { path, .. }
             | Self::StampOrder { path, .. }
             | Self::NoFrames { path, .. }

@@ -1,6 +1,7 @@
 //! The text files of data sets: lists of stamped images and association files.
 
 use crate::error::{DatasetError, Result, quote};
+use crate::regular::read_regular;
 use std::path::{Path, PathBuf};
 
 /// A line that holds data.
@@ -43,14 +44,18 @@ pub(crate) fn data_lines(text: &str) -> impl Iterator<Item = Line<'_>> {
         .filter(|l| !l.text.is_empty() && !l.text.starts_with('#'))
 }
 
+/// Bytes of a text file at most: ground truth of a day at 100 Hz has some 600 MB.
+const LONGEST_TEXT: u64 = 1 << 30;
+
 /// A text file; bytes that are no UTF-8 become replacement characters, which the parsers then report with their line.
 pub(crate) fn read_text(path: &Path) -> Result<String> {
-    std::fs::read(path)
-        .map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
-        .map_err(|source| DatasetError::Read {
-            path: path.to_owned(),
-            source,
-        })
+    let bytes = read_regular(path, LONGEST_TEXT).map_err(|source| DatasetError::Read {
+        path: path.to_owned(),
+        source,
+    })?;
+    // What is UTF-8 already is not copied.
+    Ok(String::from_utf8(bytes)
+        .unwrap_or_else(|e| String::from_utf8_lossy(e.as_bytes()).into_owned()))
 }
 
 fn parse_number(line: &Line<'_>, word: &str, path: &Path, expected: &str) -> Result<f64> {

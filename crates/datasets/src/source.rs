@@ -23,7 +23,9 @@ pub struct FrameOptions {
 /// its id.
 #[derive(Debug)]
 pub struct DatasetSource {
-    entries: std::vec::IntoIter<Entry>,
+    entries: Arc<[Entry]>,
+    /// Which of them are still to be read.
+    left: std::ops::Range<usize>,
     next_id: u32,
     camera: CameraModel,
     keep_colour: bool,
@@ -42,10 +44,11 @@ impl DatasetSource {
                 advice: "start earlier".into(),
             });
         }
-        let rest = &all[options.start..];
-        let count = options.max_frames.unwrap_or(rest.len()).min(rest.len());
+        let rest = all.len() - options.start;
+        let count = options.max_frames.unwrap_or(rest).min(rest);
         Ok(Self {
-            entries: Vec::from(&rest[..count]).into_iter(),
+            left: options.start..options.start + count,
+            entries: dataset.shared_entries(),
             next_id: 0,
             camera: dataset.camera().clone(),
             keep_colour: options.keep_colour,
@@ -90,10 +93,11 @@ impl FrameSource for DatasetSource {
         if self.ended {
             return None;
         }
-        let entry = self.entries.next()?;
+        let entries = Arc::clone(&self.entries);
+        let entry = &entries[self.left.next()?];
         let id = self.next_id;
         self.next_id += 1;
-        Some(self.read(&entry, id).map_err(|e| {
+        Some(self.read(entry, id).map_err(|e| {
             self.ended = self.strict;
             SourceError {
                 message: format!("frame {id} ({:.6} s): {e}", entry.stamp),
@@ -103,6 +107,6 @@ impl FrameSource for DatasetSource {
     }
 
     fn remaining(&self) -> Option<usize> {
-        Some(if self.ended { 0 } else { self.entries.len() })
+        Some(if self.ended { 0 } else { self.left.len() })
     }
 }

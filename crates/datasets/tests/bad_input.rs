@@ -280,3 +280,60 @@ fn starting_behind_the_end() {
     let e = d.frames(&options).unwrap_err().to_string();
     assert!(e.contains("the number of frames, 3"), "{e}");
 }
+
+/// A device has no end, and a pipe without a writer no beginning: neither is read.
+#[test]
+#[cfg(unix)]
+fn devices_and_pipes_are_not_read() {
+    use std::os::unix::fs::symlink;
+    let f = Folder::tum("x", 3);
+    let zero = |name: &str| {
+        f.remove(name);
+        symlink("/dev/zero", f.path.join(name)).unwrap();
+    };
+    zero("rgb/1.png");
+    let made = std::process::Command::new("mkfifo")
+        .arg(f.path.join("depth/2.fifo"))
+        .status();
+    if made.is_ok_and(|s| s.success()) {
+        f.remove("depth/2.png");
+        std::fs::rename(f.path.join("depth/2.fifo"), f.path.join("depth/2.png")).unwrap();
+    }
+    let mut frames = f.open().frames(&FrameOptions::default()).unwrap();
+    assert!(frames.next_frame().unwrap().is_ok());
+    let e = frames.next_frame().unwrap().unwrap_err();
+    assert!(
+        e.recoverable && e.message.contains("found a device"),
+        "{}",
+        e.message
+    );
+    let e = frames.next_frame().unwrap().unwrap_err();
+    assert!(
+        e.recoverable && e.message.contains("found a pipe"),
+        "{}",
+        e.message
+    );
+    for name in ["rgb.txt", "camera.txt"] {
+        let f = Folder::tum("y", 3);
+        f.remove(name);
+        symlink("/dev/zero", f.path.join(name)).unwrap();
+        let e = Dataset::open(&f.path, &OpenOptions::default()).unwrap_err();
+        assert!(e.to_string().contains(name) || name == "camera.txt", "{e}");
+    }
+}
+
+/// What a camera is depends on the images: a lens that folds within them is told when the folder is opened.
+#[test]
+fn a_lens_that_folds_is_told_before_the_first_frame() {
+    let f = Folder::tum("x", 3);
+    f.remove("camera.txt");
+    f.text(
+        "camera.toml",
+        "fx = 26.0\nfy = 26.0\ncx = 16.0\ncy = 12.0\ndepth_scale = 5000.0\ndistortion = [0.2624, -0.9531, -0.0054, 0.0026, 0.0]\n",
+    );
+    f.fails(&[
+        "camera.toml with one",
+        "k2 = -0.9531",
+        "k3 is 0: was it left out?",
+    ]);
+}

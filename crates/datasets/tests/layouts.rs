@@ -106,14 +106,14 @@ fn depth_first_with_seconds_is_not_icl_nuim() {
 #[test]
 fn camera_choices_come_before_guesses() {
     let f = Folder::tum("fr2_x", 2);
-    f.text("my.toml", "name = \"mine\"\nfx = 1.0\nfy = 2.0\ncx = 3.0\ncy = 4.0\ndepth_scale = 5000.0\ndistortion = [1.0, 2.0, 3.0, 4.0, 5.0]\n");
+    f.text("my.toml", "name = \"mine\"\nfx = 31.0\nfy = 32.0\ncx = 15.0\ncy = 12.0\ndepth_scale = 5000.0\ndistortion = [0.1, 0.02, 0.003, 0.004, 0.005]\n");
     let options = OpenOptions {
         camera: Some(CameraChoice::File(f.path.join("my.toml"))),
         ..OpenOptions::default()
     };
     let d = Dataset::open(&f.path, &options).unwrap();
     assert_eq!(d.camera().name, "mine");
-    assert_eq!(d.camera().camera.distortion.p1, 3.0);
+    assert_eq!(d.camera().camera.distortion.p1, 0.003);
     assert!(!d.guesses().iter().any(|g| g.starts_with("camera")));
     // A camera.toml in the folder wins over camera.txt.
     std::fs::copy(f.path.join("my.toml"), f.path.join("camera.toml")).unwrap();

@@ -79,12 +79,15 @@ impl CachedModel {
     /// The card is there and cannot be read.
     pub fn card_text(&self) -> Result<Option<String>, CacheError> {
         self.card.as_ref().map_or(Ok(None), |path| {
-            std::fs::read_to_string(path)
-                .map(Some)
+            let mut text = String::new();
+            open(path)?
+                .take(LONGEST_CARD)
+                .read_to_string(&mut text)
                 .map_err(|source| CacheError::Read {
                     path: path.clone(),
                     source,
-                })
+                })?;
+            Ok(Some(text))
         })
     }
 }
@@ -247,6 +250,9 @@ fn inspect(model: &mut CachedModel, record_path: &Path) -> Result<(), CacheError
     Ok(())
 }
 
+/// Bytes of a card that are read: a list of a thousand classes has some ten thousand.
+const LONGEST_CARD: u64 = 1 << 22;
+
 /// Opens a regular file, of which no more than [`LARGEST`] and one byte can be read.
 fn open(path: &Path) -> Result<impl Read + use<>, CacheError> {
     let unreadable = |source| CacheError::Read {
@@ -302,7 +308,13 @@ fn read_record(path: &Path) -> Result<Option<Record>, CacheError> {
         found,
     };
     let mut text = String::new();
-    match std::fs::File::open(path) {
+    let file = match std::fs::metadata(path) {
+        // A pipe would be waited for.
+        Ok(found) if !found.is_file() => Err(std::io::Error::other("not a file")),
+        Ok(_) => std::fs::File::open(path),
+        Err(e) => Err(e),
+    };
+    match file {
         Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
         Err(source) => {
             return Err(CacheError::Read {
