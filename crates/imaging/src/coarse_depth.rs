@@ -21,7 +21,8 @@ impl CoarseDepth {
     /// Reduces a depth image to cells of `cell` x `cell` px (at least 4); a remainder at the right and bottom is left out.
     #[must_use]
     pub fn new(depth: &DepthImage, cell: usize) -> Self {
-        let cell = cell.max(4);
+        // A larger cell than any image has none either.
+        let cell = cell.clamp(4, 1 << 24);
         let (width, height) = (depth.width() / cell, depth.height() / cell);
         let mut data = Vec::with_capacity(width * height);
         let offsets = [0, 1, 2, 3].map(|i| (2 * i + 1) * cell / 8);

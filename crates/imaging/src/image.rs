@@ -21,6 +21,14 @@ impl std::fmt::Display for SizeError {
 
 impl std::error::Error for SizeError {}
 
+/// Elements of an image: as many as there can be at all where the product is too large for a number, which no data has.
+fn elements(channels: usize, width: usize, height: usize) -> usize {
+    let pixels = width.checked_mul(height);
+    pixels
+        .and_then(|n| n.checked_mul(channels))
+        .unwrap_or(usize::MAX)
+}
+
 fn check(expected: usize, found: usize) -> Result<(), SizeError> {
     if expected == found {
         Ok(())
@@ -39,12 +47,15 @@ pub struct GrayImage {
 
 impl GrayImage {
     /// A black image.
+    ///
+    /// # Panics
+    /// No memory holds an image of this size.
     #[must_use]
     pub fn new(width: usize, height: usize) -> Self {
         Self {
             width,
             height,
-            data: vec![0; width * height],
+            data: vec![0; elements(1, width, height)],
         }
     }
 
@@ -53,7 +64,7 @@ impl GrayImage {
     /// # Errors
     /// [`SizeError`] unless `data.len() == width * height`.
     pub fn from_vec(width: usize, height: usize, data: Vec<u8>) -> Result<Self, SizeError> {
-        check(width * height, data.len())?;
+        check(elements(1, width, height), data.len())?;
         Ok(Self {
             width,
             height,
@@ -62,8 +73,11 @@ impl GrayImage {
     }
 
     /// Changes the size, keeping the allocation where it suffices. The content is unspecified afterwards.
+    ///
+    /// # Panics
+    /// No memory holds an image of this size.
     pub fn resize(&mut self, width: usize, height: usize) {
-        self.data.resize(width * height, 0);
+        self.data.resize(elements(1, width, height), 0);
         (self.width, self.height) = (width, height);
     }
 
@@ -118,7 +132,7 @@ impl ColourImage {
     /// # Errors
     /// [`SizeError`] unless `data.len() == 3 * width * height`.
     pub fn from_vec(width: usize, height: usize, data: Vec<u8>) -> Result<Self, SizeError> {
-        check(3 * width * height, data.len())?;
+        check(elements(3, width, height), data.len())?;
         Ok(Self {
             width,
             height,
@@ -184,7 +198,7 @@ impl DepthImage {
     /// # Errors
     /// [`SizeError`] unless `data.len() == width * height`.
     pub fn from_vec(width: usize, height: usize, mut data: Vec<f32>) -> Result<Self, SizeError> {
-        check(width * height, data.len())?;
+        check(elements(1, width, height), data.len())?;
         for z in &mut data {
             // Written either way, so that it is done in vectors.
             let usable = (*z > 0.0) & (*z < f32::INFINITY);
@@ -220,5 +234,32 @@ impl DepthImage {
     pub fn at(&self, x: usize, y: usize) -> f32 {
         debug_assert!(x < self.width);
         self.data[y * self.width + x]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Sizes whose product is 0 or small in 64 bits, with data of that length.
+    #[test]
+    fn sizes_that_wrap_are_refused() {
+        let half = 1 << (usize::BITS / 2);
+        assert!(GrayImage::from_vec(half, half, Vec::new()).is_err());
+        assert!(DepthImage::from_vec(half, half, Vec::new()).is_err());
+        assert!(ColourImage::from_vec(half, half, Vec::new()).is_err());
+        assert!(
+            GrayImage::from_vec(usize::MAX, 2, vec![0; usize::MAX.wrapping_mul(2) & 1]).is_err()
+        );
+        // Three times this is 2 in 64 bits.
+        let third = usize::MAX / 3 + 1;
+        assert!(ColourImage::from_vec(third, 1, vec![0; third.wrapping_mul(3)]).is_err());
+        for wide in [
+            |n| drop(GrayImage::new(n, n)),
+            |n| GrayImage::default().resize(n, n),
+        ] {
+            let wide: fn(usize) = wide;
+            assert!(std::panic::catch_unwind(|| wide(half)).is_err());
+        }
     }
 }

@@ -13,12 +13,13 @@ pub struct Picture {
 
 impl Picture {
     /// A picture of one colour.
+    ///
+    /// # Panics
+    /// No memory holds a picture of this size.
     #[must_use]
     pub fn new(width: usize, height: usize, colour: Colour) -> Self {
-        let mut data = Vec::with_capacity(3 * width * height);
-        for _ in 0..width * height {
-            data.extend([colour.0, colour.1, colour.2]);
-        }
+        // A product that is too large for a number asks for more than there is, instead of for less than is meant.
+        let data = [colour.0, colour.1, colour.2].repeat(width.saturating_mul(height));
         Self {
             width,
             height,
