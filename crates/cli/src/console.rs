@@ -1,8 +1,10 @@
 //! What the user sees: results on stdout, everything else on stderr, and a progress line on terminals.
 //!
-//! Writing never fails a command: when stdout or stderr is closed, the text is lost and the work goes on.
+//! Writing never ends a command: what cannot be written is lost and the work goes on. Of stdout, the end of the program tells
+//! ([`lost`]), since nobody else would; a reader that went away on purpose is none of its concern.
 
-use std::io::{IsTerminal, Write};
+use std::borrow::Cow;
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU8, Ordering};
 use std::time::{Duration, Instant};
@@ -24,9 +26,49 @@ pub(crate) fn verbosity() -> u8 {
     VERBOSITY.load(Ordering::Relaxed)
 }
 
-/// Prints a result to stdout, as it is.
+/// Why stdout could not be written, the first time.
+static LOST: Mutex<Option<std::io::Error>> = Mutex::new(None);
+
+/// Prints a result to stdout.
 pub(crate) fn print(text: &str) {
-    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+    let mut stdout = std::io::stdout().lock();
+    let text = harmless(text);
+    // What is only in a buffer is not written yet.
+    let written = stdout
+        .write_all(text.as_bytes())
+        .and_then(|()| stdout.flush());
+    if let Err(e) = written
+        && e.kind() != ErrorKind::BrokenPipe
+        && let Ok(mut lost) = LOST.lock()
+    {
+        lost.get_or_insert(e);
+    }
+}
+
+/// Why a result that was printed did not arrive, if one did not.
+pub(crate) fn lost() -> Option<std::io::Error> {
+    LOST.lock().ok()?.take()
+}
+
+/// The text without characters that a terminal obeys instead of showing them: names of files and lines of lists may hold any, and
+/// they come from others. Escape sequences begin with one; some turn the direction of writing, so that a name looks like another.
+pub(crate) fn harmless(text: &str) -> Cow<'_, str> {
+    let obeyed = |c: char| {
+        (c.is_control() && c != '\n' && c != '\t')
+            || matches!(c, '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    if !text.contains(obeyed) {
+        return Cow::Borrowed(text);
+    }
+    let mut shown = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if obeyed(c) {
+            shown.extend(c.escape_default());
+        } else {
+            shown.push(c);
+        }
+    }
+    Cow::Owned(shown)
 }
 
 /// Prints a result to stdout unless `-q` was given.
@@ -68,6 +110,7 @@ fn write_over(text: &str, end_line: bool) {
     } else {
         String::new()
     };
+    let text = harmless(text);
     let _ = write!(stderr, "{blank}{text}{}", if end_line { "\n" } else { "" });
     let _ = stderr.flush();
     *shown = if end_line { 0 } else { text.chars().count() };
@@ -244,6 +287,17 @@ mod tests {
         assert_eq!(text, "60/120 frames, 30 fps, 2 s left | well");
         assert!(t(200, Some(120), true).contains(&"=".repeat(30)));
         assert_eq!(t(4, None, true), "4 frames, 2 fps, 1 lost");
+    }
+
+    #[test]
+    fn what_a_terminal_would_obey_is_shown_instead() {
+        assert_eq!(
+            harmless("plain, \u{fc}ml\u{e4}ut\tand\nlines"),
+            "plain, \u{fc}ml\u{e4}ut\tand\nlines"
+        );
+        assert_eq!(harmless("a\u{1b}]0;title\u{7}b"), "a\\u{1b}]0;title\\u{7}b");
+        assert_eq!(harmless("x\r\u{9b}2Jy"), "x\\r\\u{9b}2Jy");
+        assert_eq!(harmless("gnp.\u{202e}exe"), "gnp.\\u{202e}exe");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::args::EvalArgs;
 use crate::failure::{Failure, Status};
+use crate::run::paths;
 use crate::run::result::{score_figure, timed};
 use crate::run::summary::ScoreJson;
 use crate::{console, output, report};
@@ -13,6 +14,11 @@ use stillpoint::evaluation::{EvalOptions, score};
 pub(crate) fn eval(args: &EvalArgs) -> Result<Status, Failure> {
     // A plot that cannot be written is a mistake in the arguments: better said before the work.
     let format = args.plot.as_deref().map(plot_format).transpose()?;
+    let inputs = [
+        ("the ground truth", &*args.ground_truth),
+        ("the estimate", &*args.estimate),
+    ];
+    paths::check(&[("--plot", args.plot.as_deref())], &inputs)?;
     let reference = trajectory::read(&args.ground_truth)?;
     let estimate = trajectory::read(&args.estimate)?;
     let options = EvalOptions {

@@ -1,35 +1,135 @@
-//! Ctrl-C: the first asks the loop to end after the frame at hand, the second ends the process.
+//! Ctrl-C: the first asks the loop to end after the frame at hand, the second ends the process. Before the loop has begun there is
+//! nothing to be saved, and the first ends the process.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// Exit code of a process that a signal ended at once.
+const ENDED: i32 = 130;
+
 /// Says whether the user asked to stop.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Interrupt(Arc<AtomicBool>);
+pub(crate) struct Interrupt {
+    requested: Arc<AtomicBool>,
+    /// The next signal ends the process.
+    at_once: Arc<AtomicBool>,
+}
 
 impl Interrupt {
-    /// Begins to listen for Ctrl-C (SIGINT) and SIGTERM. Where that is not possible, Ctrl-C ends the process at once, as usual.
+    /// Begins to listen for Ctrl-C (SIGINT), SIGTERM, and SIGHUP, which a terminal sends that is closed, unless whoever started the
+    /// process had it ignore that (`nohup`). Where that is not possible, they end the process at once, as usual.
     pub(crate) fn listen() -> Self {
-        use signal_hook::consts::{SIGINT, SIGTERM};
-        let flag = Arc::new(AtomicBool::new(false));
-        for signal in [SIGINT, SIGTERM] {
-            // Order matters: the shutdown sees the flag as it was before this signal, so only a second one ends the process.
-            let armed = signal_hook::flag::register_conditional_shutdown(signal, 130, flag.clone())
-                .and_then(|_| signal_hook::flag::register(signal, flag.clone()));
+        let interrupt = Self::prepare();
+        interrupt.begin();
+        interrupt
+    }
+
+    /// The same for what takes a while before there is anything to be saved: until [`Self::begin`] the first signal ends the process.
+    pub(crate) fn prepare() -> Self {
+        let interrupt = Self::default();
+        interrupt.at_once.store(true, Ordering::SeqCst);
+        for signal in signals() {
+            use signal_hook::flag::{register, register_conditional_shutdown};
+            // Order matters: the shutdown sees the flag as it was before this signal.
+            let (requested, at_once) = (&interrupt.requested, &interrupt.at_once);
+            let armed = register_conditional_shutdown(signal, ENDED, Arc::clone(at_once))
+                .and_then(|_| register(signal, Arc::clone(requested)))
+                .and_then(|_| register(signal, Arc::clone(at_once)));
             if let Err(e) = armed {
                 crate::console::warn(&format!("Ctrl-C will end the program at once: {e}"));
             }
         }
-        Self(flag)
+        interrupt
+    }
+
+    /// From now on there is something to be saved: the next signal is a request.
+    pub(crate) fn begin(&self) {
+        if !self.requested() {
+            self.at_once.store(false, Ordering::SeqCst);
+        }
     }
 
     /// What becomes true once the user asked to stop.
     pub(crate) fn flag(&self) -> &AtomicBool {
-        &self.0
+        &self.requested
     }
 
     /// True once the user asked to stop.
     pub(crate) fn requested(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
+        self.requested.load(Ordering::Relaxed)
+    }
+}
+
+/// The signals that ask to stop.
+fn signals() -> Vec<i32> {
+    use signal_hook::consts::{SIGINT, SIGTERM};
+    let mut signals = vec![SIGINT, SIGTERM];
+    #[cfg(unix)]
+    if !ignores_hangup() {
+        signals.push(signal_hook::consts::SIGHUP);
+    }
+    signals
+}
+
+/// Whether the process was started with SIGHUP ignored. Only Linux tells; elsewhere it is taken not to be.
+#[cfg(unix)]
+fn ignores_hangup() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status
+        .lines()
+        .find_map(|l| l.strip_prefix("SigIgn:"))
+        .and_then(|m| u64::from_str_radix(m.trim(), 16).ok());
+    mask.is_some_and(|m| m >> (signal_hook::consts::SIGHUP - 1) & 1 == 1)
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    use signal_hook::low_level::raise;
+    use std::process::Command;
+
+    /// Tells the process that is sent signals what to do.
+    const CASE: &str = "STILLPOINT_TEST_INTERRUPT";
+
+    /// Not a test: the process that is sent signals. One that comes to its end says so by its exit code.
+    #[test]
+    fn child_that_is_interrupted() {
+        let Some(case) = std::env::var_os(CASE) else {
+            return;
+        };
+        if case == "prepared" {
+            let _interrupt = Interrupt::prepare();
+            raise(SIGINT).unwrap();
+            std::process::exit(50);
+        }
+        let interrupt = Interrupt::listen();
+        let signal = match case.to_str() {
+            Some("hup") => SIGHUP,
+            Some("term") => SIGTERM,
+            _ => SIGINT,
+        };
+        assert!(!interrupt.requested());
+        raise(signal).unwrap();
+        assert!(interrupt.requested());
+        // Too late to begin anew.
+        interrupt.begin();
+        raise(SIGINT).unwrap();
+        std::process::exit(51);
+    }
+
+    fn ends_with(case: &str) -> Option<i32> {
+        let test = "interrupt::tests::child_that_is_interrupted";
+        let mut child = Command::new(std::env::current_exe().unwrap());
+        child.args(["--exact", test]).env(CASE, case);
+        child.output().unwrap().status.code()
+    }
+
+    #[test]
+    fn the_second_signal_ends_the_process_and_before_the_loop_the_first() {
+        for case in ["int", "term", "hup", "prepared"] {
+            assert_eq!(ends_with(case), Some(ENDED), "{case}");
+        }
     }
 }

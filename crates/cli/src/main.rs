@@ -33,16 +33,35 @@ fn main() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(e) => {
-            // Help and version go to stdout and end with 0, mistakes to stderr with 2; a closed pipe is no reason to fail.
-            let _ = e.print();
-            return ExitCode::from(e.exit_code().clamp(0, 2) as u8);
+            // Help and version go to stdout and end with 0, mistakes to stderr with 2.
+            let text = e.render().to_string();
+            if e.use_stderr() {
+                console::line(text.trim_end());
+                return Status::Unusable.into();
+            }
+            console::print(&text);
+            return told(Status::Ok).into();
         }
     };
-    match dispatch(&arguments) {
-        Ok(status) => status.into(),
+    told(match dispatch(&arguments) {
+        Ok(status) => status,
         Err(failure) => {
             console::line(&format!("error: {failure}"));
-            failure.status().into()
+            failure.status()
+        }
+    })
+    .into()
+}
+
+/// How the program ends: what it was to say on stdout is part of what it was to do.
+fn told(status: Status) -> Status {
+    match console::lost() {
+        None => status,
+        Some(reason) => {
+            console::line(&format!(
+                "error: stdout: expected to write the result to it, found: {reason}; check the free space where it goes"
+            ));
+            Status::Unusable
         }
     }
 }

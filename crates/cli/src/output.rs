@@ -4,7 +4,7 @@
 use crate::failure::Failure;
 use crate::run::frames::is_submap_file;
 use std::collections::BTreeSet;
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
@@ -24,6 +24,11 @@ const FILES: [&str; 11] = [
     "timing.png",
 ];
 
+/// Whether a file in a result folder is the result's.
+pub(crate) fn is_result_file(name: &str) -> bool {
+    FILES.contains(&name) || is_submap_file(name)
+}
+
 /// A result in the making, or another folder of files that replace those of an earlier run. Files go into a hidden folder inside the result folder; [`ResultFolder::commit`] moves them.
 /// Dropping it without that leaves the older result as it was.
 #[derive(Debug)]
@@ -35,6 +40,8 @@ pub(crate) struct ResultFolder {
     /// Which names a result may hold: those of an older result that a new one lacks are removed with it.
     is_ours: fn(&str) -> bool,
     names: BTreeSet<String>,
+    /// Held for as long as this folder is in the making: it ends with the process, however that ends.
+    _lock: Option<File>,
     /// The topmost folder that did not exist before.
     created: Option<PathBuf>,
 }
@@ -43,9 +50,7 @@ impl ResultFolder {
     /// Makes the folder where it does not exist, and tries to write into it, so that a run of an hour does not end with a
     /// folder that cannot be written.
     pub(crate) fn create(out: &Path) -> Result<Self, Failure> {
-        Self::create_of(out, "--out", |name| {
-            FILES.contains(&name) || is_submap_file(name)
-        })
+        Self::create_of(out, "--out", is_result_file)
     }
 
     /// The same for the folder that another option names, with files of other names.
@@ -65,20 +70,19 @@ impl ResultFolder {
             .filter(|p| !p.as_os_str().is_empty() && !p.exists())
             .last()
             .map(Path::to_owned);
-        let folder = Self {
+        remove_unfinished(out);
+        let mut folder = Self {
             out: out.to_owned(),
             // Two options may name the same folder.
-            aside: out.join(format!(".unfinished{option}-{}", std::process::id())),
+            aside: out.join(format!("{UNFINISHED}{option}-{}", std::process::id())),
             option,
             is_ours,
             names: BTreeSet::new(),
+            _lock: None,
             created,
         };
-        let aside = &folder.aside;
-        std::fs::create_dir_all(aside)
-            .and_then(|()| std::fs::write(aside.join("probe"), b"probe"))
-            .and_then(|()| std::fs::remove_file(aside.join("probe")))
-            .map_err(|e| Failure::write_of(out, option, &e))?;
+        let lock = locked(&folder.aside).map_err(|e| Failure::write_of(out, option, &e))?;
+        folder._lock = Some(lock);
         Ok(folder)
     }
 
@@ -132,6 +136,65 @@ impl Drop for ResultFolder {
                     break;
                 }
             }
+        }
+    }
+}
+
+/// Begins the names of folders whose files are not yet in their place; then come the option and the number of the process.
+const UNFINISHED: &str = ".unfinished";
+/// The file in each that its process holds locked.
+const LOCK: &str = "lock";
+/// Such a folder without a lock is being made at this moment, or is as old as this, s, and of a process that was killed then.
+const ABANDONED: std::time::Duration = std::time::Duration::from_secs(60);
+
+/// Makes a folder and locks it.
+fn locked(aside: &Path) -> std::io::Result<File> {
+    loop {
+        std::fs::create_dir_all(aside)?;
+        let path = aside.join(LOCK);
+        let mut lock = File::create(&path)?;
+        // Whether there is room at all is best known now.
+        lock.write_all(b"held by the process that fills this folder\n")?;
+        // Not every file system has locks; there, no folder is ever taken for an abandoned one.
+        let _ = lock.lock();
+        // Between the two, another process may have taken it for one.
+        if path.exists() {
+            return Ok(lock);
+        }
+    }
+}
+
+/// Removes what processes left in a result folder that were killed. What cannot be listed or removed does no harm.
+fn remove_unfinished(out: &Path) {
+    let entries = std::fs::read_dir(out).into_iter().flatten().flatten();
+    for entry in entries {
+        let name = entry.file_name();
+        let is_ours = name.to_str().is_some_and(is_unfinished);
+        if is_ours && is_abandoned(&entry.path()) {
+            let _ = std::fs::remove_dir_all(entry.path());
+        }
+    }
+}
+
+/// Whether a name is one that [`ResultFolder`] gives, as no one else does.
+fn is_unfinished(name: &str) -> bool {
+    let Some((option, process)) = name
+        .strip_prefix(UNFINISHED)
+        .and_then(|rest| rest.rsplit_once('-'))
+    else {
+        return false;
+    };
+    option.starts_with("--") && process.parse::<u32>().is_ok()
+}
+
+/// Whether nobody fills a folder any more.
+fn is_abandoned(aside: &Path) -> bool {
+    match OpenOptions::new().write(true).open(aside.join(LOCK)) {
+        // Another program that reads it with a lock is none that writes to the folder.
+        Ok(lock) => lock.try_lock().is_ok(),
+        Err(_) => {
+            let made = std::fs::metadata(aside).and_then(|m| m.modified());
+            made.is_ok_and(|t| t.elapsed().is_ok_and(|age| age > ABANDONED))
         }
     }
 }
@@ -212,6 +275,35 @@ mod tests {
             std::fs::read(dir.path().join("trajectory.txt")).unwrap(),
             b"new"
         );
+    }
+
+    #[test]
+    fn what_killed_processes_left_is_removed() {
+        let dir = tempfile::tempdir().unwrap();
+        let out = dir.path();
+        // Of a process that was killed: nobody holds the lock. Of one at work, and of somebody else.
+        let dead = out.join(".unfinished--out-4000000000");
+        drop(locked(&dead).unwrap());
+        std::fs::write(dead.join("trajectory.txt"), "half").unwrap();
+        let alive = out.join(".unfinished--masks-4000000001");
+        let held = locked(&alive).unwrap();
+        for name in [
+            ".unfinished-mine",
+            ".unfinished--out-x",
+            ".unfinished--out-7",
+        ] {
+            std::fs::create_dir(out.join(name)).unwrap();
+        }
+        let folder = ResultFolder::create(out).unwrap();
+        assert!(!dead.exists() && alive.exists());
+        // The last one has no lock and is too young to be given up; before there were locks, others were left.
+        assert!(out.join(".unfinished--out-7").exists());
+        let old = File::open(out.join(".unfinished--out-7")).unwrap();
+        let then = std::time::SystemTime::now() - 2 * ABANDONED;
+        old.set_modified(then).unwrap();
+        drop((folder, held));
+        ResultFolder::create(out).unwrap();
+        assert_eq!(names(out), [".unfinished--out-x", ".unfinished-mine"]);
     }
 
     #[test]

@@ -225,3 +225,99 @@ fn bench_passes_on_what_a_run_says() {
     );
     check(&stillpoint(["bench"]), 2, &["PATH"]);
 }
+
+/// Images that cannot be read leave a result of little worth, and no program that asks for it looks at warnings.
+#[test]
+fn a_recording_of_which_much_cannot_be_read_ends_with_1() {
+    let case = Case::new();
+    case.images(
+        "depth",
+        |i| i == 4 || i == 7,
+        |p| std::fs::write(p, "").unwrap(),
+    );
+    let output = case.run(&[]);
+    check(
+        &output,
+        1,
+        &["2 of 12 frames could not be read, more than one in 10"],
+    );
+    assert!(case.out().join("summary.json").exists());
+}
+
+#[test]
+fn a_lens_without_its_last_coefficient() {
+    let case = Case::new();
+    case.edit("camera.toml", |t| {
+        let others = t.lines().filter(|l| !l.starts_with("distortion"));
+        let others: Vec<&str> = others.collect();
+        format!(
+            "{}\ndistortion = [0.2624, -0.9531, -0.0054, 0.0026, 0.0]\n",
+            others.join("\n")
+        )
+    });
+    case.fails(
+        &[],
+        &["camera.toml", "k2 = -0.9531", "k3 is 0: was it left out?"],
+    );
+}
+
+/// Names come from whoever made the recording; what a terminal would obey is shown instead.
+#[test]
+#[cfg(unix)]
+fn names_do_not_command_the_terminal() {
+    let case = Case::new();
+    let bad = case.dir.path().join("a\u{1b}]0;owned\u{7}b");
+    let bad = bad.to_str().unwrap();
+    case.fails(&["--camera", bad], &["a\\u{1b}]0;owned\\u{7}b"]);
+    let output = stillpoint(["run", "--\u{1b}[2J"]);
+    check(&output, 2, &["\\u{1b}[2J"]);
+    std::fs::rename(case.room(), bad).unwrap();
+    let output = stillpoint([
+        "run",
+        bad,
+        "--max-frames",
+        "3",
+        "--out",
+        case.out().to_str().unwrap(),
+    ]);
+    check(&output, 0, &[]);
+    for said in [stdout(&output), stderr(&output)] {
+        assert!(
+            !said.contains('\u{1b}') && !said.contains('\u{7}'),
+            "{said:?}"
+        );
+    }
+}
+
+/// A pipe that nobody writes to and a device without an end are told, whatever they are named as.
+#[test]
+#[cfg(unix)]
+fn pipes_and_devices_are_not_read() {
+    let case = Case::new();
+    let pipe = case.dir.path().join("pipe");
+    let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+    assert!(made.unwrap().success());
+    let pipe = pipe.to_str().unwrap();
+    let script = format!("scripted:{pipe}");
+    for (options, part) in [
+        (["--config", pipe], "a pipe"),
+        (["--config", "/dev/zero"], "a device"),
+        (["--detector", &script], "a pipe"),
+        (["--camera", pipe], "neither a preset nor a file"),
+        (["--load-map", pipe], "a pipe"),
+        (["--load-map", "/dev/zero"], "a device"),
+    ] {
+        case.fails(&options, &[part]);
+    }
+    let room = case.room();
+    let room = room.to_str().unwrap();
+    for (arguments, part) in [
+        (vec!["replay", pipe, room], "a pipe"),
+        (vec!["replay", "/dev/zero", room], "a device"),
+        (vec!["eval", pipe, pipe], "a pipe"),
+        (vec!["map", "info", pipe], "a pipe"),
+        (vec!["models", "check", "/dev/zero.onnx"], "found"),
+    ] {
+        check(&stillpoint(&arguments), 2, &[part]);
+    }
+}

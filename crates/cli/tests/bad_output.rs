@@ -107,3 +107,68 @@ fn closed_pipe() {
     );
     check(&output, 0, &["exit 0"]);
 }
+
+/// What a command was to say is part of what it was to do: it does not end well when that cannot be written.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_behind_stdout_is_told() {
+    let case = Case::new();
+    let room = case.room();
+    let room = room.to_str().unwrap();
+    let truth = format!("{room}/groundtruth.txt");
+    for arguments in [
+        "config print",
+        "--help",
+        "--version",
+        "models list",
+        &format!("eval {truth} {truth}"),
+        &format!("run {room} --max-frames 3 --out {room}/out --json"),
+    ] {
+        let output = shell(&format!("exec \"$0\" {arguments} > /dev/full"), [""; 0]);
+        check(
+            &output,
+            2,
+            &["error: stdout: expected to write", "No space left"],
+        );
+    }
+    assert!(Path::new(room).join("out/summary.json").exists());
+}
+
+#[test]
+fn two_outputs_on_one_path() {
+    let case = Case::new();
+    let file = case.dir.path().join("both");
+    std::fs::write(&file, "mine").unwrap();
+    let file = file.to_str().unwrap();
+    case.fails(
+        &["--trace", file, "--save-map", file],
+        &[
+            "both: expected a path of its own for --trace",
+            "that of --save-map",
+        ],
+    );
+    let result = case.out().join("frames.csv");
+    case.fails(
+        &["--objects", result.to_str().unwrap()],
+        &["frames.csv", "a file of the result"],
+    );
+    assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
+    let map = case.dir.path().join("m.spmap");
+    let output = case.run(&[
+        "-q",
+        "--max-frames",
+        "3",
+        "--save-map",
+        map.to_str().unwrap(),
+    ]);
+    check(&output, 0, &[]);
+    let export = |more: &[&str]| {
+        let mut command = program();
+        command.args(["map", "export"]).arg(&map).args(more);
+        command.output().unwrap()
+    };
+    let output = export(&["--trajectory", file, "--graph", file]);
+    check(&output, 2, &["--graph", "that of --trajectory"]);
+    let output = export(&["--graph", map.to_str().unwrap()]);
+    check(&output, 2, &["--graph", "that of the map"]);
+}

@@ -98,9 +98,9 @@ pub(crate) struct OutputArgs {
   stillpoint run recording --live --trace trace.json
   stillpoint run recording --live=all
 
-Exit code 1 when a frame was lost, fewer than two poses were found, Ctrl-C ended the run, or a thread
-of a live run did not come to its end (frames that a live run dropped are no reason);
-2 when the input cannot be used, or the output folder, or another file to be written."
+Exit code 1 when a frame was lost, more than one in ten could not be read, fewer than two poses were found,
+Ctrl-C ended the run, or a thread of a live run did not come to its end (frames that a live run dropped are
+no reason); 2 when the input cannot be used, or the output folder, or another file to be written."
 )]
 pub(crate) struct RunArgs {
     /// Data set folder.

@@ -16,6 +16,7 @@ use crate::failure::{Failure, Status};
 use crate::spelling::nearest;
 use serde::Deserialize;
 use std::path::Path;
+use stillpoint::datasets::read_regular_text;
 use stillpoint::detection::ClassId;
 use stillpoint::imaging::Simd;
 use stillpoint::slam::Config;
@@ -50,9 +51,12 @@ pub(crate) fn to_table(config: &Config) -> Result<Table, Failure> {
     plain_text(config)?.parse().map_err(Failure::input)
 }
 
+/// Bytes of a configuration at most: that of all fields has some ten thousand.
+const LARGEST: u64 = 1 << 22;
+
 fn over(mut layers: Layers, args: &ConfigArgs) -> Result<Config, Failure> {
     if let Some(path) = &args.config {
-        let text = std::fs::read_to_string(path).map_err(|e| {
+        let text = read_regular_text(path, LARGEST).map_err(|e| {
             Failure::input(format!(
                 "{}: expected a configuration file, found: {e}; check the path",
                 path.display()

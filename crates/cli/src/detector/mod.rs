@@ -9,7 +9,7 @@ use crate::detector::network::{ModelFile, Running};
 use crate::failure::Failure;
 use crate::models::cache::{self, Preferred};
 use std::path::Path;
-use stillpoint::datasets::Entry;
+use stillpoint::datasets::{Entry, read_regular_text};
 use stillpoint::detection::{Detector, ScriptedDetector};
 use stillpoint::imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 
@@ -166,9 +166,12 @@ fn refused(argument: &str, advice: &str) -> Failure {
     ))
 }
 
+/// Bytes of a script at most: a day of crowds has some hundred megabytes.
+const LARGEST_SCRIPT: u64 = 1 << 30;
+
 /// A script, tried on the stamps of all frames: one that belongs to another recording would see nothing in a long run.
 fn script(file: &str, entries: &[Entry]) -> Result<ScriptedDetector, Failure> {
-    let text = std::fs::read_to_string(file).map_err(|e| {
+    let text = read_regular_text(file.as_ref(), LARGEST_SCRIPT).map_err(|e| {
         Failure::input(format!(
             "{OPTION} scripted:{file}: expected a script of detections, found: {e}; check the path"
         ))

@@ -5,8 +5,8 @@ use crate::console;
 use crate::detector::runtime;
 use crate::failure::Failure;
 use crate::models::cache;
-use std::io::Read;
 use std::path::{Path, PathBuf};
+use stillpoint::datasets::{read_regular, read_regular_text};
 use stillpoint::inference::{CachedModel, LARGEST};
 use stillpoint::inference::{ModelCard, ModelError, OnnxDetector, OnnxOptions, Runtime};
 
@@ -101,10 +101,10 @@ impl ModelFile {
         };
         let (bytes, text) = match &self.place {
             ModelPlace::File { onnx, card } => {
-                let bytes =
-                    read_file(onnx).map_err(|e| unreadable(onnx, "the model of a detector", &e))?;
+                let bytes = read_regular(onnx, LARGEST)
+                    .map_err(|e| unreadable(onnx, "the model of a detector", &e))?;
                 let text = card.as_ref().map(|card| {
-                    std::fs::read_to_string(card)
+                    read_regular_text(card, LARGEST_CARD)
                         .map_err(|e| unreadable(card, "the card of a model", &e))
                 });
                 (bytes, text.transpose()?)
@@ -122,23 +122,8 @@ impl ModelFile {
     }
 }
 
-/// The bytes of a file that may be anything: a device would never end, and a disk's image fill all memory.
-fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
-    let metadata = std::fs::metadata(path)?;
-    if !metadata.is_file() {
-        return Err(std::io::Error::other("something else than a file"));
-    }
-    let mut bytes = Vec::new();
-    if metadata.len() <= LARGEST {
-        // It may grow while it is read.
-        let file = std::fs::File::open(path)?;
-        file.take(LARGEST + 1).read_to_end(&mut bytes)?;
-    }
-    if metadata.len().max(bytes.len() as u64) > LARGEST {
-        return Err(std::io::Error::other(format!("more than {LARGEST} bytes")));
-    }
-    Ok(bytes)
-}
+/// Bytes of a card at most: a list of a thousand classes has some ten thousand.
+const LARGEST_CARD: u64 = 1 << 22;
 
 /// Whether a name is that of an ONNX file.
 pub(crate) fn is_onnx(name: &str) -> bool {

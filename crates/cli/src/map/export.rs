@@ -5,6 +5,7 @@ use crate::failure::{Failure, Status};
 use crate::map::file as map_file;
 use crate::map::graph::Graph;
 use crate::output::StreamedFile;
+use crate::run::paths;
 use crate::{console, map};
 use std::io::Write;
 use std::path::Path;
@@ -21,6 +22,12 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
         Some(path) => Some((path, cloud_format(path)?)),
         None => None,
     };
+    let files = [
+        ("--points", args.points.as_deref()),
+        ("--trajectory", args.trajectory.as_deref()),
+        ("--graph", args.graph.as_deref()),
+    ];
+    paths::check(&files, &[("the map", &args.file)])?;
     let loaded = map_file::load(&args.file)?;
     let view = loaded.file.map.view();
     let part = Part {

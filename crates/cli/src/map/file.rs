@@ -3,9 +3,9 @@
 use crate::failure::Failure;
 use crate::output::StreamedFile;
 use serde::{Deserialize, Serialize};
-use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
+use stillpoint::datasets::open_regular;
 use stillpoint::geometry::{Camera, Vec2};
 use stillpoint::map::{Map, MapFile};
 use stillpoint::slam::Config;
@@ -58,10 +58,7 @@ pub(crate) fn examine(path: &Path) -> Result<Loaded, Refusal> {
         )))
     };
     let content = |e: &dyn std::fmt::Display| Refusal::Content(format!("{}: {e}", path.display()));
-    let mut file = File::open(path).map_err(system)?;
-    if file.metadata().map_err(system)?.is_dir() {
-        return Err(system(std::io::ErrorKind::IsADirectory.into()));
-    }
+    let mut file = open_regular(path).map_err(system)?;
     let mut bytes = Vec::new();
     let mut read = |bytes: &mut Vec<u8>, most: u64| {
         let read = (&mut file).take(most).read_to_end(bytes);

@@ -6,6 +6,7 @@ pub(crate) mod live_report;
 pub(crate) mod masks;
 pub(crate) mod objects;
 pub(crate) mod overlay;
+pub(crate) mod paths;
 pub(crate) mod played;
 pub(crate) mod priority;
 pub(crate) mod prologue;
@@ -58,6 +59,14 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
         output: &args.output,
         config,
         done: "",
+        log: args.log.as_deref(),
+        inputs: args
+            .config
+            .config
+            .as_deref()
+            .map(|p| ("--config", p))
+            .into_iter()
+            .collect(),
         timing,
     };
     let opened = task.open()?;

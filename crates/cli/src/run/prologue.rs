@@ -8,7 +8,7 @@ use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
 use crate::run::result::{Setup, Voice, finish};
 use crate::run::session::{Driver, Outputs, Session};
-use crate::run::{KnownMap, default_out, input, open, outputs, played};
+use crate::run::{KnownMap, default_out, input, open, outputs, paths, played};
 use crate::timing::Timing;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{Dataset, DatasetSource, FrameOptions, ReadAhead, StampedPose};
@@ -26,6 +26,10 @@ pub(crate) struct Task<'a> {
     pub(crate) config: Config,
     /// What is done to the data set, in the name of the result folder.
     pub(crate) done: &'static str,
+    /// The file of `--log`.
+    pub(crate) log: Option<&'a Path>,
+    /// Files that are read, which nothing may take the place of, with what they are named by.
+    pub(crate) inputs: Vec<(&'static str, &'a Path)>,
     pub(crate) timing: &'static Timing,
 }
 
@@ -91,12 +95,13 @@ impl<'a> Opened<'a> {
         let map = map.transpose()?;
         let out = task.output.out.clone();
         let out = out.unwrap_or_else(|| default_out(task.path, task.done));
+        paths::check_run(task.output, &out, task.log, &task.inputs)?;
         let folder = ResultFolder::create(&out)?;
         let outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
         let means = Means {
             frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
             outputs,
-            interrupt: Interrupt::listen(),
+            interrupt: Interrupt::prepare(),
             map,
         };
         let begun = Begun {

@@ -9,10 +9,8 @@ use crate::run::prologue::{Means, Task, last};
 use crate::run::result::Voice;
 use crate::timing::Timing;
 use crate::{config, console};
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
-use stillpoint::datasets::ReadAhead;
+use stillpoint::datasets::{ReadAhead, read_regular};
 use stillpoint::slam::RunLog;
 
 /// Bytes that a log may have: that of a day. It is read as a whole.
@@ -33,6 +31,8 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
         output: &args.output,
         config: config::resolve_over(&about.config, &args.log, &args.config)?,
         done: "_replay",
+        log: None,
+        inputs: vec![("the log", &args.log)],
         timing,
     };
     let opened = task.open()?;
@@ -76,20 +76,12 @@ fn judge(agrees: Option<bool>, status: Status, log: &str, voice: Voice) -> Statu
 
 /// Reads a log: what it says, and its bytes.
 fn read(path: &Path) -> Result<(RunLog, Vec<u8>), Failure> {
-    let mut bytes = Vec::new();
-    let found = File::open(path).and_then(|f| f.take(LARGEST + 1).read_to_end(&mut bytes));
-    found.map_err(|e| {
+    let bytes = read_regular(path, LARGEST).map_err(|e| {
         Failure::input(format!(
             "{}: expected the log of a run, found: {e}; check the path",
             path.display()
         ))
     })?;
-    if bytes.len() as u64 > LARGEST {
-        return Err(Failure::input(format!(
-            "{}: expected a log of at most {LARGEST} bytes, found more; this program reads logs as a whole",
-            path.display()
-        )));
-    }
     let log = RunLog::from_bytes(&bytes)
         .map_err(|e| Failure::input(format!("{}: {e}; run writes such logs", path.display())))?;
     Ok((log, bytes))

@@ -152,6 +152,15 @@ pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -
     }
 }
 
+/// One frame in so many may be unreadable. A few damaged images are part of life, and tracking goes on behind them; with more than
+/// that something is wrong with the recording as a whole, and poses are far apart.
+const READABLE: usize = 10;
+
+/// Whether too many frames could not be read.
+fn unread(summary: &Summary) -> bool {
+    summary.skipped * READABLE > summary.frames + summary.skipped
+}
+
 /// Says what went wrong, if anything did.
 pub(crate) fn verdict(summary: &Summary) -> Status {
     let s = summary;
@@ -183,6 +192,14 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
             d.failed_frames, s.frames
         ));
     }
+    let unread = unread(s);
+    if unread {
+        console::line(&format!(
+            "{} of {} frames could not be read, more than one in {READABLE}: the result is not of the whole recording",
+            s.skipped,
+            s.frames + s.skipped
+        ));
+    }
     let missing = s.frames - s.tracked;
     if missing > 0 {
         console::line(&format!(
@@ -191,7 +208,7 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
         ));
     }
     let broken = s.live.as_ref().map_or(0, |live| live.tell());
-    if missing > 0 || s.tracked < 2 || s.interrupted || d.never_answered() || broken > 0 {
+    if missing > 0 || unread || s.tracked < 2 || s.interrupted || d.never_answered() || broken > 0 {
         Status::Failed
     } else {
         Status::Ok

@@ -82,6 +82,7 @@ impl Driver<'_> {
         let detector = DetectorJson::of(self.detector.as_deref());
         let mut live =
             LiveSystem::start(stages, self.detector.take(), options).map_err(Failure::thread)?;
+        self.interrupt.begin();
         let stop = Stop::default();
         let listeners =
             LiveListeners::subscribe(&mut live, outputs, source.remaining(), &stop, self.timing)?;

@@ -93,6 +93,7 @@ impl Driver<'_> {
         outputs: &mut Outputs,
     ) -> Result<Session, Failure> {
         let mut system = System::from(self.stages()?).with_log();
+        self.interrupt.begin();
         if let Some(detector) = self.detector.take() {
             system = system.with_detector(detector);
         }

@@ -27,6 +27,7 @@ impl Driver<'_> {
         let is_frame = |entry: &&LogEntry| matches!(entry, LogEntry::TrackFrame { .. });
         let frames = log.entries.iter().filter(is_frame).count();
         let mut replay = Replay::new(self.stages()?, log).map_err(Failure::input)?;
+        self.interrupt.begin();
         let stop = Stop::default();
         let mut listeners = Listeners {
             tally: Tally::default(),

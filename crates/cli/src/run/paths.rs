@@ -1,0 +1,166 @@
+//! Whether everything that a run writes has a place of its own: the later of two outputs on one path would take the place of the
+//! earlier, hours after the mistake was made.
+
+use crate::args::run::OutputArgs;
+use crate::failure::Failure;
+use crate::output::is_result_file;
+use std::path::{Component, Path, PathBuf};
+
+/// Refuses two files of a run on one path, and one in the place of one of its result. `log` is that of `--log`, `inputs` are files that
+/// are read, with what they are named by.
+///
+/// # Errors
+/// The two options and the path.
+pub(crate) fn check_run(
+    args: &OutputArgs,
+    out: &Path,
+    log: Option<&Path>,
+    inputs: &[(&str, &Path)],
+) -> Result<(), Failure> {
+    let files = [
+        ("--verdicts", args.verdicts.as_deref()),
+        ("--objects", args.objects.as_deref()),
+        ("--save-map", args.save_map.as_deref()),
+        ("--trace", args.trace.as_deref()),
+        ("--log", log),
+    ];
+    check(&files, inputs)?;
+    let out = place(out);
+    for (option, path) in files.into_iter().filter_map(|(o, p)| Some((o, p?))) {
+        let place = place(path);
+        let name = place.file_name().and_then(|n| n.to_str());
+        let in_result = place.parent() == Some(&*out) && name.is_some_and(is_result_file);
+        // The log's own name in the result folder is where it goes anyway.
+        if in_result && !(option == "--log" && name == Some("run.log")) {
+            return Err(twice(path, option, "a file of the result"));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses two files on one path: of `files`, by the options that name them, and `inputs`, which are read.
+///
+/// # Errors
+/// The two options and the path.
+pub(crate) fn check(
+    files: &[(&str, Option<&Path>)],
+    inputs: &[(&str, &Path)],
+) -> Result<(), Failure> {
+    let mut taken: Vec<(&str, PathBuf)> = inputs.iter().map(|(o, p)| (*o, place(p))).collect();
+    for (option, path) in files.iter().filter_map(|(o, p)| Some((*o, (*p)?))) {
+        // What goes to a device or pipe takes nothing's place.
+        if path.exists() && !path.is_file() {
+            continue;
+        }
+        let place = place(path);
+        if let Some((other, _)) = taken.iter().find(|(_, p)| *p == place) {
+            return Err(twice(path, option, &format!("that of {other}")));
+        }
+        taken.push((option, place));
+    }
+    Ok(())
+}
+
+fn twice(path: &Path, option: &str, other: &str) -> Failure {
+    Failure::input(format!(
+        "{}: expected a path of its own for {option}, found {other}, which one of the two would take the place of; name another with {option}",
+        path.display()
+    ))
+}
+
+/// Where a path leads, whether there is anything or not: without links as far as it exists, and without `.` and `..` beyond.
+fn place(path: &Path) -> PathBuf {
+    if let Ok(found) = path.canonicalize() {
+        return found;
+    }
+    let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
+    let mut clean = PathBuf::new();
+    for component in absolute.components() {
+        match component {
+            Component::ParentDir => drop(clean.pop()),
+            Component::CurDir => {}
+            other => clean.push(other),
+        }
+        if let Ok(found) = clean.canonicalize() {
+            clean = found;
+        }
+    }
+    clean
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(paths: [Option<&str>; 3], folder: &Path) -> OutputArgs {
+        let [verdicts, trace, save_map] = paths.map(|p| p.map(|p| folder.join(p)));
+        OutputArgs {
+            verdicts,
+            trace,
+            save_map,
+            ..OutputArgs::default()
+        }
+    }
+
+    #[test]
+    fn two_outputs_on_one_path_are_refused() {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path();
+        std::fs::create_dir(root.join("sub")).unwrap();
+        let out = root.join("out");
+        let said = |paths, log: Option<&str>, inputs: &[(&str, &Path)]| {
+            let log = log.map(|l| root.join(l));
+            match check_run(&args(paths, root), &out, log.as_deref(), inputs) {
+                Ok(()) => String::new(),
+                Err(e) => e.to_string(),
+            }
+        };
+        assert_eq!(said([Some("a"), Some("b"), Some("c")], Some("d"), &[]), "");
+        let found = said([None, Some("f"), Some("f")], None, &[]);
+        assert!(
+            found.contains("for --trace, found that of --save-map"),
+            "{found}"
+        );
+        let found = said([Some("no/f"), None, Some("no/f")], None, &[]);
+        assert!(
+            found.contains("--save-map, found that of --verdicts"),
+            "{found}"
+        );
+        // However it is written, and whether its folder is there or not.
+        for other in ["sub/../f", "./f", "no/../f"] {
+            assert!(
+                said([Some("f"), Some(other), None], None, &[]).contains("f"),
+                "{other}"
+            );
+        }
+        assert!(said([None, None, Some("f")], Some("f"), &[]).contains("--log"));
+        // A file of the result.
+        let found = said([Some("out/frames.csv"), None, None], None, &[]);
+        assert!(found.contains("a file of the result"), "{found}");
+        assert_eq!(
+            said(
+                [Some("out/verdicts.csv"), None, None],
+                Some("out/run.log"),
+                &[]
+            ),
+            ""
+        );
+        // What is read.
+        let log = root.join("f");
+        assert!(said([Some("f"), None, None], None, &[("the log", &log)]).contains("the log"));
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_lead_to_one_place_and_devices_have_room_for_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let root = dir.path();
+        std::fs::write(root.join("f"), "old").unwrap();
+        std::os::unix::fs::symlink(root.join("f"), root.join("link")).unwrap();
+        let out = root.join("out");
+        let link = args([Some("f"), Some("link"), None], root);
+        assert!(check_run(&link, &out, None, &[]).is_err());
+        let null = args([Some("/dev/null"), Some("/dev/null"), None], root);
+        assert!(check_run(&null, &out, None, &[]).is_ok());
+    }
+}
