@@ -136,7 +136,7 @@ impl CameraModel {
     ///
     /// # Errors
     /// [`DatasetError::Malformed`].
-    pub fn parse_text(text: &str, path: &Path) -> Result<Self> {
+    fn parse_text(text: &str, path: &Path) -> Result<Self> {
         const EXPECTED: &str = "one line of 5 numbers: fx fy cx cy depth_scale";
         let malformed = |line, found: String| DatasetError::Malformed {
             path: path.to_owned(),

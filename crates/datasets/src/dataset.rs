@@ -188,7 +188,7 @@ impl Dataset {
 
     /// True when an unreadable frame ends the stream.
     #[must_use]
-    pub fn is_strict(&self) -> bool {
+    pub(crate) fn is_strict(&self) -> bool {
         self.strict
     }
 
@@ -198,14 +198,6 @@ impl Dataset {
     /// [`DatasetError::NoFrames`] when `start` lies behind the last frame.
     pub fn frames(&self, options: &FrameOptions) -> Result<DatasetSource> {
         DatasetSource::new(self, options)
-    }
-
-    /// Where the ground truth comes from, if there is any: a file, or for 7-Scenes the folder.
-    ///
-    /// # Errors
-    /// [`DatasetError::Read`].
-    pub fn ground_truth_path(&self) -> Result<Option<PathBuf>> {
-        ground_truth::find(&self.path, self.layout)
     }
 
     /// The ground truth as poses `world_from_camera` of the colour camera, if there is any.

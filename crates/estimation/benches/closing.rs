@@ -87,7 +87,7 @@ fn absolute_pose_200(bencher: Bencher, outliers: f64) {
     let mut frame = 0;
     bencher.bench_local(|| {
         frame += 1;
-        let random = rng(1, frame, Purpose::ABSOLUTE_POSE);
+        let random = rng(1, frame, Purpose(7));
         let options = AbsolutePoseOptions::default();
         find_absolute_pose(&CAMERA, black_box(&observations), &options, random)
     });

@@ -21,8 +21,6 @@ impl Purpose {
     pub const DEPTH: Self = Self(5);
     /// Samples of the motion between two keyframes.
     pub const RIGID: Self = Self(6);
-    /// Samples of the pose of a camera that may be anywhere.
-    pub const ABSOLUTE_POSE: Self = Self(7);
     /// Samples of the motion between a keyframe and a frame that does not match the last one.
     pub const KEYFRAME_MOTION: Self = Self(8);
     /// Samples of the pose of a camera that has drifted off the map, against what is found of the map again.

@@ -49,7 +49,7 @@ fn find(observations: &[PoseObservation], seed: u64) -> AbsolutePoseOutcome {
         &Intrinsics::from(&camera()),
         observations,
         &AbsolutePoseOptions::default(),
-        rng(seed, 7, Purpose::ABSOLUTE_POSE),
+        rng(seed, 7, Purpose(7)),
     )
 }
 

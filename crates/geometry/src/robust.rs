@@ -1,7 +1,7 @@
 //! Robust kernels and chi-square gates.
 //!
 //! A squared Mahalanobis residual of n normal components is chi-square distributed with n degrees of freedom; the gates
-//! are its 95 % and 99 % quantiles. For n = 2 the quantile has a closed form, `-2 ln(1 - p)`; the others solve
+//! are its 95 % quantiles. For n = 2 the quantile has a closed form, `-2 ln(1 - p)`; the others solve
 //! `P(n/2, x/2) = p` (regularised incomplete gamma function), which a test evaluates.
 
 /// 95 % quantile, 1 degree of freedom (depth alone).
@@ -10,10 +10,6 @@ pub const CHI2_95_1: f64 = 3.841_458_820_694_124;
 pub const CHI2_95_2: f64 = 5.991_464_547_107_979;
 /// 95 % quantile, 3 degrees of freedom (a pixel and its depth).
 pub const CHI2_95_3: f64 = 7.814_727_903_251_179;
-/// 99 % quantile, 2 degrees of freedom.
-pub const CHI2_99_2: f64 = 9.210_340_371_976_182;
-/// 99 % quantile, 3 degrees of freedom.
-pub const CHI2_99_3: f64 = 11.344_866_730_144_373;
 
 /// Weight of the Huber kernel (Huber 1964) for a squared Mahalanobis residual `chi2` and a gate `delta2` (also squared):
 /// 1 inside, `delta / |r|` outside.

@@ -108,13 +108,6 @@ impl Pyramid {
         let scale = self.scales[level];
         ((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5)
     }
-
-    /// Position in level `level` of a position (px) in level 0; the inverse of [`Pyramid::to_base`]. Panics when there is no such level.
-    #[must_use]
-    pub fn from_base(&self, level: usize, x: f32, y: f32) -> (f32, f32) {
-        let scale = self.scales[level];
-        ((x + 0.5) / scale - 0.5, (y + 0.5) / scale - 0.5)
-    }
 }
 
 /// `base^exponent` by repeated multiplication, which gives the same bits everywhere.

@@ -29,7 +29,7 @@ impl Picture {
 
     /// The colour image of a frame, else its grey one.
     #[must_use]
-    pub fn from_frame(frame: &RgbdFrame) -> Self {
+    pub(crate) fn from_frame(frame: &RgbdFrame) -> Self {
         match &frame.colour {
             Some(colour) => Self::from_colour(colour),
             None => Self::from_gray(&frame.gray),
@@ -38,7 +38,7 @@ impl Picture {
 
     /// A copy of a colour image.
     #[must_use]
-    pub fn from_colour(image: &ColourImage) -> Self {
+    pub(crate) fn from_colour(image: &ColourImage) -> Self {
         Self {
             width: image.width(),
             height: image.height(),
