@@ -4,3 +4,4 @@
 
 mod closing;
 mod dynamic_mask;
+mod repeated_patterns;

@@ -206,10 +206,11 @@ mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
     use super::*;
     use crate::config::Config;
+    use crate::messages::{MapperMsg, NewKeyframe};
     use std::sync::Arc;
     use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
     use stillpoint_geometry::{Camera, Se3};
-    use stillpoint_map::{KeyframeData, NewLandmark};
+    use stillpoint_map::{KeyframeData, LandmarkId, NewLandmark};
 
     /// Features of each keyframe, each of which sees a landmark.
     const FEATURES: usize = 20;
@@ -278,6 +279,44 @@ mod tests {
             }
         }
         mapper
+    }
+
+    /// What another keyframe of the first place tells of the landmarks. Of the first so much is known that it was found and that it had gone.
+    fn tell(mapper: &mut Mapper, found: u32, gone: u32) -> Option<f32> {
+        let last = *mapper.order.last().unwrap();
+        let id = LandmarkId(0);
+        let statistics = vec![LandmarkStatistic {
+            id,
+            visible: found + gone,
+            found,
+            gone,
+        }];
+        let view = mapper.map.view();
+        let matches = view.keyframe(last).unwrap().matches.clone();
+        mapper.step(MapperMsg::Keyframe(Box::new(NewKeyframe {
+            id: KeyframeId(last.0 + 1),
+            data: data(1.0),
+            reference: Some(last),
+            reference_from_camera: Se3::identity(),
+            matches,
+            statistics,
+        })));
+        Some(mapper.map.view().landmark(id)?.static_odds)
+    }
+
+    #[test]
+    fn a_landmark_that_is_seen_through_leaves_the_map() {
+        let mut mapper = mapper(&[(4, 1.0)], 0);
+        // Equation 37, with its clamp.
+        let expected = |odds: f32| move |found: Option<f32>| (found.unwrap() - odds).abs() < 1e-6;
+        assert!(expected(1.5)(tell(&mut mapper, 5, 0)));
+        assert!(expected(0.5)(tell(&mut mapper, 0, 1)));
+        assert!(expected(MAX_ODDS)(tell(&mut mapper, 1000, 0)));
+        // A thing that was seen for long takes nine frames to be believed gone.
+        assert!(expected(-2.5)(tell(&mut mapper, 5, 10)));
+        assert_eq!(tell(&mut mapper, 0, 1), None);
+        let stays = |i: usize| mapper.map.view().landmark(LandmarkId(i as u32)).is_some();
+        assert!((1..FEATURES).all(stays));
     }
 
     fn live(mapper: &Mapper, ids: std::ops::Range<u32>) -> usize {
