@@ -9,6 +9,9 @@ use std::collections::BTreeMap;
 /// Weight of a class that always moves, and the largest there is.
 const MOST: f64 = 5.0;
 
+/// Classes that the publication behind preset `paper` of the static filter names: people, chairs and desks.
+const NAMED: [&str; 3] = ["person", "chair", "dining table"];
+
 /// A motion weight per class, from 0 (its boxes are ignored) to 5 (moves by itself). The filter multiplies a feature's
 /// epipolar distance by it.
 ///
@@ -63,6 +66,20 @@ impl MotionWeights {
         }
         self.0[usize::from(class.0)] = weight;
         Ok(())
+    }
+
+    /// These weights as far as the publication goes that they come from: classes that it does not name are ignored, unless they were given another
+    /// weight than their default.
+    #[must_use]
+    pub fn published(&self) -> Self {
+        let defaults = Self::default();
+        let ignored =
+            |class: ClassId, w: f64| !NAMED.contains(&class.name()) && w == defaults.get(class);
+        let mut weights = self.clone();
+        for (class, _) in self.iter().filter(|(class, w)| ignored(*class, *w)) {
+            weights.0[usize::from(class.0)] = 0.0;
+        }
+        weights
     }
 
     /// All classes with their weights, by rising number.

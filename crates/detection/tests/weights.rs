@@ -34,6 +34,27 @@ fn defaults_are_the_published_ones_and_sane_elsewhere() {
 }
 
 #[test]
+fn the_publication_names_three_classes() {
+    let weights = MotionWeights::default().published();
+    let counted = weights.iter().filter(|(_, w)| *w > 0.0);
+    let counted: Vec<(&str, f64)> = counted.map(|(class, w)| (class.name(), w)).collect();
+    assert_eq!(
+        counted,
+        [("person", 5.0), ("chair", 3.0), ("dining table", 1.0)]
+    );
+    // What a user sets is as the user set it.
+    let mut set = MotionWeights::default();
+    set.set("dog", 4.5).unwrap();
+    set.set("chair", 0.0).unwrap();
+    let weights = set.published();
+    assert_eq!(
+        (weight(&weights, "dog"), weight(&weights, "chair")),
+        (4.5, 0.0)
+    );
+    assert_eq!(weight(&weights, "cat"), 0.0);
+}
+
+#[test]
 fn a_table_changes_what_it_names() {
     let text = "[weights]\nchair = 0\ndining_table = 2.5\n\"sports ball\" = 5\n";
     let objects: Objects = toml::from_str(text).unwrap();

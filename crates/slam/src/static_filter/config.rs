@@ -13,6 +13,8 @@ pub enum Preset {
     Off,
     /// Objects, epipolar constraint and depth, fused as published.
     Paper,
+    /// The same, with the motion weights of all classes, and with boxes left whole whose depths have one mode.
+    Adapted,
     /// Log odds per depth-connected region from objects, free space, flow and the past.
     #[default]
     Default,
@@ -86,7 +88,8 @@ impl TryFrom<String> for FilterParts {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct StaticFilterConfig {
-    /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published) or "default".
+    /// Strategy: "off", "paper" (objects, epipolar constraint and depth as published), "adapted" (the same with the weights of all
+    /// classes, and without a split of boxes whose depths have one mode) or "default".
     pub preset: Preset,
     /// What it uses, for ablations: objects (O), flow between frames (G: the epipolar constraint, and in preset "default" the rigid
     /// test), depth within boxes (D: in preset "paper" splits a box into object and background, in preset "default" gives an object a
@@ -94,6 +97,12 @@ pub struct StaticFilterConfig {
     pub parts: FilterParts,
     /// Fewer static features than this starve tracking: the least risky dynamic ones are released. Range: 0 to 1000.
     pub min_features: usize,
+    /// Distance from its epipolar line from which a feature moves, px; in a box the motion weight multiplies the distance. In presets "paper"
+    /// and "adapted". Range: 0.1 to 20. 1 as published.
+    pub epipolar_px: f64,
+    /// Boxes of classes of at least this motion weight are split by depth. In presets "paper" and "adapted". Range: 0 to 5. 3 splits those of people and
+    /// chairs, and not those of desks.
+    pub split_weight: f64,
 }
 
 impl Default for StaticFilterConfig {
@@ -102,6 +111,8 @@ impl Default for StaticFilterConfig {
             preset: Preset::Default,
             parts: FilterParts::default(),
             min_features: 80,
+            epipolar_px: 1.0,
+            split_weight: 3.0,
         }
     }
 }
@@ -109,6 +120,8 @@ impl Default for StaticFilterConfig {
 impl StaticFilterConfig {
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range("min_features", self.min_features as f64, 0.0, 1000.0);
+        c.range("epipolar_px", self.epipolar_px, 0.1, 20.0);
+        c.range("split_weight", self.split_weight, 0.0, 5.0);
     }
 }
 
@@ -130,6 +143,41 @@ pub struct FilterSetup {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_out_of_range_is_refused() {
+        let problems = |f: &dyn Fn(&mut StaticFilterConfig)| {
+            let mut config = StaticFilterConfig::default();
+            f(&mut config);
+            let mut problems = Vec::new();
+            config.check(&mut Checker {
+                section: "static_filter",
+                problems: &mut problems,
+            });
+            problems.iter().map(ToString::to_string).collect::<String>()
+        };
+        assert_eq!(problems(&|_| ()), "");
+        for (value, valid) in [
+            (0.1, true),
+            (20.0, true),
+            (0.09, false),
+            (21.0, false),
+            (f64::NAN, false),
+        ] {
+            let said = problems(&|c| c.epipolar_px = value);
+            assert_eq!(said.is_empty(), valid, "{said}");
+            assert!(valid || said.contains("static_filter.epipolar_px: expected 0.1 to 20"));
+        }
+        for (value, valid) in [(0.0, true), (5.0, true), (-0.1, false), (5.1, false)] {
+            let said = problems(&|c| c.split_weight = value);
+            assert_eq!(said.is_empty(), valid, "{said}");
+            assert!(valid || said.contains("static_filter.split_weight: expected 0 to 5"));
+        }
+        for (value, valid) in [(0, true), (1000, true), (1001, false)] {
+            let said = problems(&|c| c.min_features = value);
+            assert_eq!(said.is_empty(), valid, "{said}");
+        }
+    }
 
     #[test]
     fn parts_are_read_as_they_are_written() {

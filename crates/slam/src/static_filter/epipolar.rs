@@ -78,3 +78,6 @@ fn fundamental(input: &FrameInput<'_>, movers: &[Mover], seed: u64) -> Option<Ma
     );
     (test.degeneracy == Degeneracy::None).then_some(f.f_matrix)
 }
+
+#[cfg(test)]
+mod tests;

@@ -135,11 +135,15 @@ pub(crate) struct StaticFilter {
 impl StaticFilter {
     pub(crate) fn new(setup: FilterSetup, camera: &Camera) -> Self {
         let cells = Cells::new(camera, setup.noise);
+        let weights = match setup.filter.preset {
+            Preset::Paper => setup.weights.published(),
+            _ => setup.weights,
+        };
         Self {
             surfaces: Arc::new(Surfaces::new(&cells)),
             rules: Arc::new(Rules {
                 config: setup.filter,
-                weights: setup.weights,
+                weights,
                 coast: setup.objects.coast_seconds,
                 camera: *camera,
                 seed: setup.seed,
@@ -220,7 +224,7 @@ impl StaticFilter {
         let objects = self.objects.predict(stamp, &input.world_from_camera);
         let movers = self.movers(&objects, stamp);
         let mut verdicts = match self.rules.config.preset {
-            Preset::Paper => paper::judge(
+            Preset::Paper | Preset::Adapted => paper::judge(
                 &self.rules.config,
                 input,
                 &self.rules.camera,

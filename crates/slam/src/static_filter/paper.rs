@@ -1,17 +1,13 @@
 //! Preset `paper`: objects, epipolar constraint and depth fused as published in "A real-time visual SLAM based on semantic
 //! information and geometric information in dynamic environment" (Journal of Real-Time Image Processing, 2024,
-//! doi:10.1007/s11554-024-01527-4), Algorithm 2. What it leaves open is settled in algorithm.md, section 15.
+//! doi:10.1007/s11554-024-01527-4), Algorithm 2. What it leaves open is settled in algorithm.md, section 15. Preset `adapted` differs
+//! in which boxes there are and in which of them are split, and in nothing else.
 
 use super::semantic::{MOVER, Mover};
 use super::verdict::{FeatureVerdict, Reasons};
-use super::{FrameInput, StaticFilterConfig, depth, epipolar};
+use super::{FrameInput, Preset, StaticFilterConfig, depth, epipolar};
 use stillpoint_estimation::{Purpose, address, rng};
 use stillpoint_geometry::Camera;
-
-/// Distance from the epipolar line up to which a feature is static, px.
-const EPSILON_PX: f64 = 1.0;
-/// Boxes of classes of at least this weight are split by depth.
-const SPLIT_WEIGHT: f64 = 3.0;
 
 /// A box with what its depths say.
 struct SplitBox<'a> {
@@ -57,7 +53,7 @@ fn split(
     mover: &Mover,
     seed: u64,
 ) -> Option<f64> {
-    if !config.parts.depth || mover.weight < SPLIT_WEIGHT {
+    if !config.parts.depth || mover.weight < config.split_weight {
         return None;
     }
     let inside = |(pixel, z): (&[f32; 2], &f32)| {
@@ -73,6 +69,9 @@ fn split(
         .zip(input.depths)
         .filter_map(inside)
         .collect();
+    if config.preset == Preset::Adapted && !depth::has_two_modes(&depths) {
+        return None;
+    }
     let stream = address(input.frame.id.0, mover.id.0);
     depth::threshold(&depths, rng(seed, stream, Purpose::DEPTH))
 }
@@ -96,7 +95,7 @@ fn decide(
     });
     let mut reasons = Reasons::default();
     let Some(b) = chosen else {
-        let dynamic = distance.is_some_and(|d| d >= EPSILON_PX);
+        let dynamic = distance.is_some_and(|d| d >= config.epipolar_px);
         if dynamic {
             reasons |= Reasons::EPIPOLAR;
         }
@@ -109,8 +108,8 @@ fn decide(
     };
     let weight = b.mover.weight;
     let background = is_background(b);
-    let off_line = distance.is_some_and(|d| weight * d >= EPSILON_PX);
-    let split = config.parts.depth && weight >= SPLIT_WEIGHT;
+    let off_line = distance.is_some_and(|d| weight * d >= config.epipolar_px);
+    let split = config.parts.depth && weight >= config.split_weight;
     let by_depth = split && !background;
     // Without depth and without a pair the class alone is left to decide.
     let by_class = !split && distance.is_none() && weight >= MOVER;
@@ -134,3 +133,6 @@ fn decide(
             + distance.unwrap_or(0.0).min(4.0)) as f32,
     }
 }
+
+#[cfg(test)]
+mod tests;
