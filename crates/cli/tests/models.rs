@@ -313,8 +313,11 @@ fn what_never_ends_is_not_read() {
     let file = std::fs::File::create(&huge).unwrap();
     file.set_len(1 << 40).unwrap();
     for (model, part) in [
-        (&zero, "something else than a file"),
-        (&huge, "more than 536870912 bytes"),
+        (&zero, "a device, where a regular file is needed"),
+        (
+            &huge,
+            "1099511627776 bytes, where at most 536870912 are read",
+        ),
     ] {
         let model = model.to_str().unwrap();
         for command in ["check", "import"] {

@@ -48,13 +48,12 @@ fn files_that_are_no_maps_are_refused_with_a_reason() {
             check(&stillpoint(["map", command, file]), 2, &[file, part]);
         }
     }
-    // Not read to its end, which does not come.
+    // Not read to its end, which does not come: as little of a file as a folder is.
     if cfg!(target_os = "linux") {
-        check(
-            &stillpoint(["map", "check", "/dev/zero"]),
-            1,
-            &["/dev/zero"],
-        );
+        for command in ["check", "info"] {
+            let parts = ["/dev/zero", "a device, where a regular file is needed"];
+            check(&stillpoint(["map", command, "/dev/zero"]), 2, &parts);
+        }
     }
 }
 
