@@ -19,6 +19,7 @@ mod live;
 mod map;
 mod map_kill;
 mod map_use;
+mod masks;
 mod models;
 mod models_pull;
 mod suite;

@@ -1,0 +1,161 @@
+//! One filter behind both: the masks of `run --masks` and those of the library.
+
+#![allow(clippy::print_stdout)] // What was measured is what docs/masks.md holds.
+
+use crate::common::{check, files, program, simulate};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
+use stillpoint::datasets::{Dataset, FrameOptions, OpenOptions, trajectory};
+use stillpoint::detection::{Detector, ScriptedDetector};
+use stillpoint::geometry::{Camera, Se3, Vec3};
+use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
+use stillpoint::slam::{Config, DynamicMask, System};
+
+/// Enough for somebody to begin to walk and to cross the image, and for corrections of the map.
+const FRAMES: usize = 60;
+/// Stamps of colour and depth drift against each other as those of a real camera, so that association may leave a frame out.
+const LEAST: usize = FRAMES - 2;
+
+/// A recording in which people walk, with what `run` said of it.
+struct Recording {
+    camera: Camera,
+    frames: Vec<Arc<RgbdFrame>>,
+    /// What a detector sees of it, as a script.
+    script: String,
+    /// `world_from_camera` of each frame as the run reported it at the time.
+    poses: Vec<Se3>,
+    /// The mask of each frame, as the run wrote it.
+    masks: Vec<Vec<u8>>,
+}
+
+static RECORDING: LazyLock<Recording> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let [room, out, masks] = ["room", "out", "masks"].map(|name| dir.path().join(name));
+    simulate(&room, "walking_xyz", FRAMES);
+    let script = room.join("detections.csv");
+    run(&room, &script, &out, &masks);
+    let dataset = Dataset::open(&room, &OpenOptions::default()).unwrap();
+    let mut source = dataset.frames(&FrameOptions::default()).unwrap();
+    let next = || Some(Arc::new(source.next_frame()?.unwrap()));
+    let frames: Vec<Arc<RgbdFrame>> = std::iter::from_fn(next).collect();
+    let poses = trajectory::read(&out.join("trajectory_online.txt")).unwrap();
+    let masks = files(&masks);
+    assert!(frames.len() >= LEAST, "{} frames", frames.len());
+    // Every frame has its mask and its pose.
+    assert_eq!([poses.len(), masks.len()], [frames.len(); 2]);
+    for ((frame, pose), mask) in frames.iter().zip(&poses).zip(&masks) {
+        assert!((frame.stamp - pose.stamp).abs() < 1e-5);
+        assert!(mask.ends_with(format!("{:.6}.png", frame.stamp)));
+    }
+    let pixels = |path: &PathBuf| image::open(path).unwrap().into_luma8().into_raw();
+    Recording {
+        camera: dataset.camera().camera,
+        frames,
+        script: std::fs::read_to_string(&script).unwrap(),
+        poses: poses.iter().map(|p| p.world_from_camera).collect(),
+        masks: masks.iter().map(pixels).collect(),
+    }
+});
+
+fn run(room: &Path, script: &Path, out: &Path, masks: &Path) {
+    let mut command = program();
+    command.arg("run").arg(room);
+    command.arg("--out").arg(out).arg("--masks").arg(masks);
+    let detector = format!("scripted:{}", script.display());
+    let output = command.args(["--detector", &detector]).output().unwrap();
+    check(&output, 0, &[]);
+}
+
+impl Recording {
+    fn detector(&self) -> ScriptedDetector {
+        ScriptedDetector::parse("script", &self.script).unwrap()
+    }
+
+    /// How far the run's masks are from those of a [`DynamicMask`] that is given its boxes and its poses, these moved along the
+    /// camera's x axis by half of `jump` (m), to and fro.
+    fn difference(&self, jump: f64) -> Difference {
+        let config = Config::default();
+        let mut filter = DynamicMask::new(&config, self.camera, Simd::detect()).unwrap();
+        let mut detector = self.detector();
+        let mut difference = Difference::default();
+        for (i, (frame, pose)) in self.frames.iter().zip(&self.poses).enumerate() {
+            let x = if i % 2 == 0 { 0.5 } else { -0.5 } * jump;
+            let aside = Se3 {
+                translation: Vec3::new(x, 0.0, 0.0),
+                ..Se3::identity()
+            };
+            filter.detections(detector.detect(frame).unwrap());
+            let found = filter.step(frame, Some(&(*pose * aside))).unwrap();
+            difference.add(&self.masks[i], found.mask().data());
+        }
+        println!(
+            "poses that jump by {jump} m: {:.3} % of the pixels differ, at most {:.2} % of a frame, overlap {:.3}",
+            100.0 * difference.share(),
+            100.0 * difference.worst,
+            difference.overlap()
+        );
+        difference
+    }
+}
+
+/// How far two sequences of masks are from each other.
+#[derive(Debug, Default)]
+struct Difference {
+    pixels: usize,
+    /// Pixels that one of two masks holds.
+    differ: usize,
+    /// Pixels that both hold.
+    both: usize,
+    /// Largest share of a frame's pixels that differ.
+    worst: f64,
+}
+
+impl Difference {
+    fn add(&mut self, a: &[u8], b: &[u8]) {
+        assert_eq!(a.len(), b.len());
+        let pairs = || a.iter().zip(b);
+        let differ = pairs().filter(|(a, b)| a != b).count();
+        self.pixels += a.len();
+        self.differ += differ;
+        self.both += pairs().filter(|(a, b)| **a > 0 && **b > 0).count();
+        self.worst = self.worst.max(differ as f64 / a.len() as f64);
+    }
+
+    /// Share of all pixels that differ.
+    fn share(&self) -> f64 {
+        self.differ as f64 / self.pixels as f64
+    }
+
+    /// What both mask, as a share of what either masks.
+    fn overlap(&self) -> f64 {
+        self.both as f64 / (self.both + self.differ).max(1) as f64
+    }
+}
+
+#[test]
+fn the_command_line_writes_the_masks_of_the_library_to_the_byte() {
+    let recording = &*RECORDING;
+    let mut system = System::new(Config::default(), recording.camera, Simd::detect())
+        .unwrap()
+        .with_detector(Box::new(recording.detector()));
+    let mut masked = 0;
+    for (frame, mask) in recording.frames.iter().zip(&recording.masks) {
+        let events = system.step(RgbdFrame::clone(frame));
+        let event = events.iter().find_map(|e| e.as_frame()).unwrap();
+        let own = event.report.segments.mask(&frame.depth);
+        assert!(own.data() == mask.as_slice(), "{}", frame.stamp);
+        masked += mask.iter().filter(|v| **v > 0).count();
+    }
+    assert!(masked > 0, "nobody walks");
+}
+
+#[test]
+fn with_the_poses_and_boxes_of_a_run_the_masks_are_those_of_the_run() {
+    let given = RECORDING.difference(0.0);
+    // What is left comes of the order in which things are known: a run judges a frame before its pose is measured.
+    assert!(given.share() < 0.002 && given.worst < 0.01, "{given:?}");
+    assert!(given.overlap() > 0.98, "{given:?}");
+    // Control: the poses are what this rests on.
+    let off = RECORDING.difference(0.05);
+    assert!(off.share() > 0.02 && off.overlap() < 0.8, "{off:?}");
+}
