@@ -30,6 +30,7 @@ use failure::{Failure, Status};
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
+    keep_expected_panics_quiet();
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(e) => {
@@ -51,6 +52,17 @@ fn main() -> ExitCode {
         }
     })
     .into()
+}
+
+/// Panics of a network's runtime become errors with a message. Others are mistakes of this program, and are told as usual.
+fn keep_expected_panics_quiet() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |info| {
+        let file = info.location().map_or("", |place| place.file());
+        if !stillpoint::inference::is_expected(file) {
+            usual(info);
+        }
+    }));
 }
 
 /// How the program ends: what it was to say on stdout is part of what it was to do.

@@ -16,6 +16,7 @@ mod dynamic;
 mod end_to_end;
 mod golden;
 mod live;
+mod malicious_models;
 mod map;
 mod map_kill;
 mod map_use;

@@ -17,6 +17,7 @@ mod heads;
 mod interface;
 mod known;
 mod letterbox;
+mod limits;
 mod loading;
 mod network;
 mod runtime;
@@ -33,7 +34,7 @@ pub use card::{
 pub use detector::{OnnxDetector, OnnxOptions};
 pub use error::ModelError;
 pub use interface::{Dimension, Interface, Port};
-pub use runtime::Runtime;
 #[cfg(feature = "onnxruntime")]
 pub use runtime::{OnnxRuntime, RuntimeError};
+pub use runtime::{Runtime, is_expected};
 pub use size::InputSize;

@@ -84,6 +84,7 @@ pub(super) fn load(
         Err(reason) if size != own => return Err(wrong_size(reason)),
         Err(reason) => return Err(not_running(name, size, reason)),
     };
+    numbers(&outputs).map_err(|Mismatch { found, .. }| not_running(name, size, found))?;
     in_pixels(name, &known, size, &outputs)?;
     if size != own && known.head == Head::YoloGrid {
         in_cells(&known, size, &outputs).map_err(|e| wrong_size(e.to_string()))?;
@@ -271,12 +272,29 @@ fn in_cells(card: &ModelCard, size: Size, outputs: &[Tensor]) -> Result<(), Fail
     }))
 }
 
+/// Refuses outputs that hold what is no number: no score of theirs reaches any threshold, so that nothing would be found, for ever and
+/// without a word.
+fn numbers(outputs: &[Tensor]) -> Result<(), Mismatch> {
+    let of = |t: &Tensor| t.data.iter().filter(|v| v.is_nan()).count();
+    let found = outputs.iter().map(of).enumerate().find(|(_, n)| *n > 0);
+    found.map_or(Ok(()), |(i, n)| {
+        Err(Mismatch {
+            expected: "numbers".to_owned(),
+            found: format!(
+                "NaN {n} times among the {} values of output {i}",
+                outputs[i].data.len()
+            ),
+        })
+    })
+}
+
 fn read(
     card: &ModelCard,
     size: Size,
     outputs: &[Tensor],
     threshold: f32,
 ) -> Result<Vec<Candidate>, Mismatch> {
+    numbers(outputs)?;
     let reading = Reading {
         card,
         size,

@@ -7,7 +7,7 @@ use super::known::{declared_numbers, image_of};
 use super::letterbox::plain;
 use super::runtime::{self, Runtime, Session, Tensor};
 use super::size::Size;
-use super::{container, graph};
+use super::{container, graph, limits};
 
 /// Sizes at which a network is kept ready. Pictures of a folder often have two, upright and lying; each holds all weights.
 const KEPT: usize = 2;
@@ -42,6 +42,7 @@ impl Network {
             reason,
         };
         container::check(&model).map_err(unreadable)?;
+        limits::check(&model).map_err(unreadable)?;
         let interface = Interface::read(&model).map_err(|e| unreadable(e.to_string()))?;
         let image = match &interface.inputs[..] {
             [input] => image_of(input).map(|size| (input.name.clone(), size)),

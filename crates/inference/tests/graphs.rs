@@ -284,3 +284,27 @@ fn decoded_boxes_are_recognised_and_held_against_their_cells() {
         "{error}"
     );
 }
+
+/// As many nodes as a file may have, one behind the other: a thread's stack of two megabytes, as a test's and a detector's have, is enough
+/// to prepare and run them.
+#[test]
+fn the_longest_chain_that_is_taken_runs() {
+    let name = |i: usize| {
+        if i == 0 {
+            "map8".to_owned()
+        } else {
+            format!("step{i}")
+        }
+    };
+    let steps = 2499;
+    let graph = (0..steps).fold(maps(&[1, 3, 64, 96], 255), |graph, i| {
+        graph.node("Relu", &[&name(i)], &[&name(i + 1)], &[])
+    });
+    let model = graph
+        .output(&name(steps), Some(&[1, 255, 8, 12]))
+        .output("map16", Some(&[1, 255, 4, 6]))
+        .output("map32", Some(&[1, 255, 2, 3]))
+        .model();
+    let mut chain = yolov7(&model, InputSize::Model);
+    assert!(chain.detect_image(&coloured(96, 64), FrameId(0)).is_ok());
+}

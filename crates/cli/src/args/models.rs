@@ -209,6 +209,9 @@ pub(crate) struct CheckArgs {
     /// Model: FILE.onnx, or the name of a model in the cache.
     #[arg(value_name = "FILE.onnx|NAME")]
     pub(crate) model: String,
+    /// For the program itself: tries the model that comes in on stdin, within limits, for who named it by this option.
+    #[arg(long, value_name = "OPTION", hide = true)]
+    pub(crate) trial: Option<String>,
     #[command(flatten)]
     pub(crate) network: NetworkArgs,
 }

@@ -4,7 +4,7 @@ use crate::args::models::{NetworkArgs, RuntimeChoice};
 use crate::console;
 use crate::detector::runtime;
 use crate::failure::Failure;
-use crate::models::cache;
+use crate::models::{cache, trial};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{read_regular, read_regular_text};
 use stillpoint::inference::{CachedModel, LARGEST};
@@ -179,6 +179,20 @@ pub(crate) fn open(model: &ModelFile, how: &Running, option: &str) -> Result<Net
 /// # Errors
 /// A card that cannot be used, a model that does not load or run, a runtime that is not there.
 pub(crate) fn load(
+    name: &str,
+    content: &Content,
+    how: &Running,
+    option: &str,
+) -> Result<Network, Failure> {
+    trial::check(name, content, how, option)?;
+    load_tried(name, content, how, option)
+}
+
+/// Loads a model that was tried, or that is tried here; see [`load`].
+///
+/// # Errors
+/// As [`load`].
+pub(crate) fn load_tried(
     name: &str,
     content: &Content,
     how: &Running,

@@ -5,7 +5,7 @@ use crate::bench::runner::median;
 use crate::console;
 use crate::detector::network::{self, ModelFile, Running};
 use crate::failure::{Failure, Status};
-use crate::models::megabytes;
+use crate::models::{megabytes, trial};
 use crate::run::summary::DetectorJson;
 use std::time::Instant;
 use stillpoint::detection::{ClassId, Detector};
@@ -22,6 +22,9 @@ const NAMED: usize = 5;
 
 /// `models check`.
 pub(crate) fn check(args: &CheckArgs) -> Result<Status, Failure> {
+    if let Some(option) = &args.trial {
+        return trial::carry_out(&args.model, &Running::from(args.network), option);
+    }
     let model = ModelFile::named(&args.model, OPTION)?;
     let network = network::open(&model, &Running::from(args.network), OPTION)?;
     let mut detector = network.detector;
@@ -73,9 +76,7 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Status, Failure> {
 
 /// Milliseconds of several looks at a grey image. The first, which makes everything ready, is not among them.
 fn look(detector: &mut OnnxDetector) -> Result<Vec<f64>, Failure> {
-    let (width, height) = SIZE;
-    let grey = ColourImage::from_vec(width, height, vec![114; 3 * width * height])
-        .map_err(Failure::input)?;
+    let grey = grey()?;
     let mut times = Vec::new();
     for turn in 0..=LOOKS {
         let start = Instant::now();
@@ -87,6 +88,12 @@ fn look(detector: &mut OnnxDetector) -> Result<Vec<f64>, Failure> {
         }
     }
     Ok(times)
+}
+
+/// An image without anything in it.
+pub(crate) fn grey() -> Result<ColourImage, Failure> {
+    let (width, height) = SIZE;
+    ColourImage::from_vec(width, height, vec![114; 3 * width * height]).map_err(Failure::input)
 }
 
 /// How many classes there are, and what the first are called.

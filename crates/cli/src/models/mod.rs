@@ -4,6 +4,7 @@ pub(crate) mod cache;
 pub(crate) mod check;
 pub(crate) mod import;
 pub(crate) mod pull;
+pub(crate) mod trial;
 
 use crate::args::models::ModelsCommand;
 use crate::console;

@@ -20,6 +20,11 @@ pub fn write(folder: &Path) -> PathBuf {
 
 /// The model's bytes: on each of three maps the mean of the cell, by a 1x1 convolution, becomes objectness.
 pub fn model() -> Vec<u8> {
+    with_offset(0.0)
+}
+
+/// The same with a number added to everything that it gives.
+pub fn with_offset(offset: f32) -> Vec<u8> {
     let mut graph = Message::new().field(2, "tiny");
     let mut maps = Vec::new();
     for stride in [8, 16, 32] {
@@ -43,7 +48,8 @@ pub fn model() -> Vec<u8> {
     let order = ints("perm", &[0, 2, 1]);
     graph = graph
         .message(1, &node("Concat", &maps, "all", &[int("axis", 2)]))
-        .message(1, &node("Transpose", &["all"], "output", &[order]));
+        .message(1, &node("Transpose", &["all"], "rows", &[order]))
+        .message(1, &node("Add", &["rows", "offset"], "output", &[]));
     let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect();
     let shape: Vec<u8> = [1_i64, COLUMNS as i64, -1]
         .iter()
@@ -57,6 +63,7 @@ pub fn model() -> Vec<u8> {
         )
         .message(5, &tensor("bias", FLOAT, &[COLUMNS], floats(&bias)))
         .message(5, &tensor("shape", INT64, &[3], shape))
+        .message(5, &tensor("offset", FLOAT, &[1], floats(&[offset])))
         .message(11, &port("images", &[1, 3, SIZE, SIZE]))
         .message(12, &port("output", &[1, 64 + 16 + 4, COLUMNS]));
     let opset = Message::new().field(1, "").integer(2, 13);
@@ -80,7 +87,7 @@ fn weights() -> (Vec<f32>, Vec<f32>) {
     (weight, bias)
 }
 
-fn node(operator: &str, inputs: &[&str], output: &str, attributes: &[Message]) -> Message {
+pub fn node(operator: &str, inputs: &[&str], output: &str, attributes: &[Message]) -> Message {
     let mut node = Message::new();
     for input in inputs {
         node = node.field(1, input);
@@ -100,12 +107,12 @@ fn int(name: &str, value: u64) -> Message {
     attribute.integer(20, 2)
 }
 
-fn tensor(name: &str, kind: u64, shape: &[u64], bytes: Vec<u8>) -> Message {
+pub fn tensor(name: &str, kind: u64, shape: &[u64], bytes: Vec<u8>) -> Message {
     let tensor = shape.iter().fold(Message::new(), |t, n| t.integer(1, *n));
     tensor.integer(2, kind).field(8, name).field(9, bytes)
 }
 
-fn port(name: &str, shape: &[u64]) -> Message {
+pub fn port(name: &str, shape: &[u64]) -> Message {
     let shape = shape.iter().fold(Message::new(), |s, n| {
         s.message(1, &Message::new().integer(1, *n))
     });

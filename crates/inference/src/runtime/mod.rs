@@ -7,6 +7,8 @@ mod rten;
 #[cfg(test)]
 mod tests;
 
+pub use rten::is_expected;
+
 #[cfg(feature = "onnxruntime")]
 pub use onnxruntime::{OnnxRuntime, RuntimeError};
 

@@ -1,0 +1,265 @@
+//! A model that nobody vouches for is tried in a process of its own before it is run in this one. What a network does can only be
+//! known by running it, and a runtime that asks for too much memory, overflows its stack or never ends takes its process with it.
+
+use crate::detector::network::{Content, Running, load_tried};
+use crate::failure::{Failure, Status};
+use crate::models::check::grey;
+use std::io::{Read, Write};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+use stillpoint::imaging::FrameId;
+use stillpoint::inference::sha256_hex;
+use stillpoint::models::known_by_sha256;
+
+/// Bytes of address space that a trial may take beside [`PER_BYTE`]: several times what the largest detectors need.
+const MEMORY: u64 = 6 << 30;
+/// How many more per byte of the model: it is held as read, as patched and as prepared, for two sizes.
+const PER_BYTE: u64 = 12;
+/// How long a trial may take: two loads and three looks. The largest detectors take some seconds for them.
+const TIME: Duration = Duration::from_secs(60);
+/// Between two looks at whether it has ended: shorter at first, since most take a fraction of a second.
+const PAUSE: Duration = Duration::from_millis(5);
+
+/// Tries a model in a process of its own, unless it is one of those that are known.
+///
+/// # Errors
+/// What is wrong with the model, in the words that this process would have; a model that takes its process with it, or does not end.
+pub(crate) fn check(
+    name: &str,
+    content: &Content,
+    how: &Running,
+    option: &str,
+) -> Result<(), Failure> {
+    // Tests of the program's parts are another program.
+    if cfg!(test) || known_by_sha256(&sha256_hex(&content.bytes)).is_some() {
+        return Ok(());
+    }
+    let none = |e: std::io::Error| {
+        Failure::input(format!(
+            "{option}: expected to start a process to try the model in, found: {e}; end other programs"
+        ))
+    };
+    let mut command = Command::new(std::env::current_exe().map_err(none)?);
+    command
+        .args(["-q", "models", "check", "--runtime", how.runtime.name()])
+        .args(["--threads", &how.options.threads.to_string()])
+        .args([&format!("--trial={option}"), "--", name]);
+    let trial = Trial::begin(command, content).map_err(none)?;
+    let found = match trial.end(TIME).map_err(none)? {
+        Ended::Well => return Ok(()),
+        Ended::Saying(message) => return Err(Failure::input(message)),
+        Ended::Never => format!("one that is not done after {} s", TIME.as_secs()),
+        Ended::Dead(status) => format!(
+            "one that ends the process that runs it ({status}), as by asking for over {:.0} GB, or by a graph that is too deep",
+            memory(content.bytes.len()) as f64 * 1e-9
+        ),
+    };
+    Err(Failure::input(format!(
+        "{option} {name}: expected a model that can be loaded and run, found {found}; use another one"
+    )))
+}
+
+/// A process at work on a model.
+struct Trial {
+    child: Child,
+    /// Reads what it says on stderr.
+    said: JoinHandle<String>,
+    begun: Instant,
+}
+
+/// How it ended.
+#[derive(Debug, PartialEq)]
+enum Ended {
+    Well,
+    Saying(String),
+    Dead(ExitStatus),
+    Never,
+}
+
+impl Trial {
+    fn begin(mut command: Command, content: &Content) -> std::io::Result<Self> {
+        let begun = Instant::now();
+        let mut child = command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let (stdin, stderr) = (child.stdin.take(), child.stderr.take());
+        // On its own, since who waits for one of the pipes lets the other fill up.
+        let said = std::thread::spawn(move || {
+            let mut said = Vec::new();
+            if let Some(mut pipe) = stderr {
+                let _ = (&mut pipe).take(LONGEST).read_to_end(&mut said);
+                let _ = std::io::copy(&mut pipe, &mut std::io::sink());
+            }
+            String::from_utf8_lossy(&said).into_owned()
+        });
+        if let Some(pipe) = stdin {
+            // A child that is gone tells by how it ended.
+            let _ = hand_over(pipe, content);
+        }
+        Ok(Self { child, said, begun })
+    }
+
+    /// Waits for its end, for so long.
+    fn end(mut self, time: Duration) -> std::io::Result<Ended> {
+        let status = loop {
+            if let Some(status) = self.child.try_wait()? {
+                break status;
+            }
+            if self.begun.elapsed() > time {
+                self.child.kill()?;
+                self.child.wait()?;
+                return Ok(Ended::Never);
+            }
+            let pause = (self.begun.elapsed() / 20).clamp(PAUSE, 20 * PAUSE);
+            std::thread::sleep(pause);
+        };
+        let said = self.said.join().unwrap_or_default();
+        let message = said.strip_prefix(ERROR).map(str::to_owned).or_else(|| {
+            let at = said.find(&format!("\n{ERROR}"))?;
+            Some(said[at + 1 + ERROR.len()..].to_owned())
+        });
+        Ok(match (status.code(), message) {
+            (Some(0), _) => Ended::Well,
+            (Some(2), Some(message)) => Ended::Saying(message.trim_end().to_owned()),
+            _ => Ended::Dead(status),
+        })
+    }
+}
+
+/// Begins the message that a command ends with.
+const ERROR: &str = "error: ";
+/// Bytes of such a message at most.
+const LONGEST: u64 = 1 << 16;
+
+/// Gives the child the card and the model: the lengths of the card's name and text, then all three. A model without a card has an empty
+/// name for it.
+fn hand_over(mut pipe: impl Write, content: &Content) -> std::io::Result<()> {
+    let none = (String::new(), String::new());
+    let (name, text) = content.card.as_ref().unwrap_or(&none);
+    for part in [name, text] {
+        pipe.write_all(&(part.len() as u64).to_le_bytes())?;
+    }
+    for part in [name.as_bytes(), text.as_bytes(), &content.bytes] {
+        pipe.write_all(part)?;
+    }
+    pipe.flush()
+}
+
+/// What [`hand_over`] gives.
+fn take(mut pipe: impl Read) -> std::io::Result<Content> {
+    let mut length = || -> std::io::Result<u64> {
+        let mut bytes = [0; 8];
+        pipe.read_exact(&mut bytes)?;
+        Ok(u64::from_le_bytes(bytes))
+    };
+    let lengths = [length()?, length()?];
+    let [name, text] = lengths.map(|n| {
+        let mut part = String::new();
+        let read = (&mut pipe).take(n).read_to_string(&mut part);
+        read.map(|_| part)
+    });
+    let (name, text) = (name?, text?);
+    let mut bytes = Vec::new();
+    pipe.read_to_end(&mut bytes)?;
+    Ok(Content {
+        bytes,
+        card: (!name.is_empty()).then_some((name, text)),
+    })
+}
+
+/// Address space for a model of so many bytes.
+fn memory(bytes: usize) -> u64 {
+    MEMORY + PER_BYTE * bytes as u64
+}
+
+/// The child: loads the model that comes in and looks at an image. How it ends is all that it says.
+pub(crate) fn carry_out(name: &str, how: &Running, option: &str) -> Result<Status, Failure> {
+    let content = take(std::io::stdin().lock()).map_err(Failure::input)?;
+    limit(memory(content.bytes.len())).map_err(Failure::input)?;
+    let mut network = load_tried(name, &content, how, option)?;
+    // What an image leads to is for who looks at one to say; here it is enough to come back from it.
+    let _ = network.detector.detect_image(&grey()?, FrameId(0));
+    Ok(Status::Ok)
+}
+
+/// Limits this process's address space; and no picture of its memory is written to the disk should it end by that.
+#[cfg(target_os = "linux")]
+fn limit(bytes: u64) -> std::io::Result<()> {
+    use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
+    let least = |resource, wanted: u64| {
+        let maximum = getrlimit(resource).maximum;
+        let wanted = Some(maximum.map_or(wanted, |m| m.min(wanted)));
+        setrlimit(
+            resource,
+            Rlimit {
+                current: wanted,
+                maximum,
+            },
+        )
+    };
+    least(Resource::Core, 0)?;
+    least(Resource::As, bytes)?;
+    Ok(())
+}
+
+#[cfg(not(target_os = "linux"))]
+fn limit(_: u64) -> std::io::Result<()> {
+    Ok(())
+}
+
+#[cfg(test)]
+#[cfg(unix)]
+mod tests {
+    use super::*;
+
+    fn ended(script: &str, time: Duration) -> Ended {
+        let content = Content {
+            bytes: vec![7; 300_000],
+            card: None,
+        };
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        Trial::begin(command, &content).unwrap().end(time).unwrap()
+    }
+
+    #[test]
+    fn however_a_process_ends_it_is_known() {
+        let long = Duration::from_secs(30);
+        assert_eq!(ended("cat > /dev/null", long), Ended::Well);
+        // One that does not even read.
+        assert_eq!(ended("exit 0", long), Ended::Well);
+        let said = ended(
+            "echo 'warning: x' >&2; echo 'error: of\ntwo lines' >&2; exit 2",
+            long,
+        );
+        assert_eq!(said, Ended::Saying("of\ntwo lines".to_owned()));
+        for dead in [
+            "kill -SEGV $$",
+            "exit 2",
+            "exit 101",
+            "echo 'error: x' >&2; kill -ABRT $$",
+        ] {
+            assert!(matches!(ended(dead, long), Ended::Dead(_)), "{dead}");
+        }
+        let endless = "cat > /dev/null; while :; do :; done";
+        assert_eq!(ended(endless, Duration::from_millis(50)), Ended::Never);
+    }
+
+    #[test]
+    fn what_is_handed_over_arrives() {
+        for card in [None, Some(("a.toml".to_owned(), "x = 1\n".to_owned()))] {
+            let content = Content {
+                bytes: (0..=255).collect(),
+                card,
+            };
+            let mut pipe = Vec::new();
+            hand_over(&mut pipe, &content).unwrap();
+            let back = take(&*pipe).unwrap();
+            assert_eq!((back.bytes, back.card), (content.bytes, content.card));
+        }
+        assert!(take(&[1, 2][..]).is_err());
+    }
+}

@@ -1,0 +1,140 @@
+//! Models made to break whoever runs them: each is refused in words, and in bounded time and memory.
+
+use crate::common::{check, stderr, stillpoint, tiny_model};
+use stillpoint::inference::wire::Message;
+
+/// A graph from an image of 64 x 64 px to `output`, in a file.
+fn refused(graph: &Message, parts: &[&str]) {
+    let sizes = [1, 3, 64, 64];
+    let graph = Message::new()
+        .raw_of(graph)
+        .message(11, &tiny_model::port("images", &sizes))
+        .message(12, &tiny_model::port("output", &sizes));
+    let opset = Message::new().field(1, "").integer(2, 13);
+    let model = Message::new()
+        .integer(1, 8)
+        .message(8, &opset)
+        .message(7, &graph);
+    refused_bytes(&model.into_bytes(), parts);
+}
+
+fn refused_bytes(model: &[u8], parts: &[&str]) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("bad.onnx");
+    std::fs::write(&path, model).unwrap();
+    let output = stillpoint([
+        "models",
+        "check",
+        "--runtime",
+        "rten",
+        path.to_str().unwrap(),
+    ]);
+    check(&output, 2, &["error: models check ", "bad.onnx: expected"]);
+    check(&output, 2, parts);
+    // One message, and no trace of what happened in a runtime.
+    let said = stderr(&output);
+    assert!(
+        !said.contains("panicked") && !said.contains("stack"),
+        "{said}"
+    );
+}
+
+trait Fields {
+    fn raw_of(self, other: &Message) -> Self;
+}
+
+impl Fields for Message {
+    /// With all fields of another.
+    fn raw_of(self, other: &Message) -> Self {
+        let bytes = other.clone().into_bytes();
+        let fields = stillpoint::inference::wire::fields(&bytes);
+        fields.fold(self, |m, field| m.raw(&field.unwrap()))
+    }
+}
+
+fn node(operator: &str, inputs: &[&str], output: &str) -> Message {
+    tiny_model::node(operator, inputs, output, &[])
+}
+
+fn integers(name: &str, values: &[i64]) -> Message {
+    let raw = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+    tiny_model::tensor(name, 7, &[values.len() as u64], raw)
+}
+
+#[test]
+fn sizes_whose_product_wraps() {
+    let weight = Message::new()
+        .integer(1, 1 << 32)
+        .integer(1, 1 << 32)
+        .integer(2, 1)
+        .field(8, "w");
+    refused(
+        &Message::new().message(5, &weight),
+        &["a tensor of [4294967296, 4294967296]"],
+    );
+}
+
+#[test]
+fn long_chains_and_deep_nests() {
+    let step = |g: Message, i: usize| {
+        g.message(
+            1,
+            &node("Relu", &[&format!("x{i}")], &format!("x{}", i + 1)),
+        )
+    };
+    refused(
+        &(0..60_000).fold(Message::new(), step),
+        &["over 16384 nodes"],
+    );
+    let nested = (0..2000).fold(Message::new(), |inner, _| {
+        let branch = Message::new()
+            .field(1, "then_branch")
+            .message(6, &inner)
+            .integer(20, 5);
+        Message::new().message(1, &node("If", &["x"], "y").message(5, &branch))
+    });
+    refused(&nested, &["over 4 deep"]);
+}
+
+#[test]
+fn a_loop_without_an_end() {
+    let body = Message::new()
+        .field(1, "body")
+        .message(6, &Message::new())
+        .integer(20, 5);
+    let endless = node("Loop", &["", "go"], "output").message(5, &body);
+    refused(
+        &Message::new().message(1, &endless),
+        &["a loop whose turns are not stated"],
+    );
+}
+
+#[test]
+fn giant_results() {
+    let shape = integers("s", &[1 << 20, 1 << 20]);
+    let graph = Message::new()
+        .message(5, &shape)
+        .message(1, &node("Expand", &["images", "s"], "output"));
+    refused(
+        &graph,
+        &["an operator Expand that makes 1099511627776 numbers"],
+    );
+    // What is computed in the graph is only known by running it, which is done where it does no harm.
+    let side = integers("side", &[1 << 19]);
+    let computed = Message::new()
+        .message(5, &side)
+        .message(1, &node("Mul", &["side", "side"], "s"))
+        .message(1, &node("ConstantOfShape", &["s"], "zeros"))
+        .message(1, &node("ReduceMax", &["zeros"], "zero"))
+        .message(1, &node("Add", &["images", "zero"], "output"));
+    refused(&computed, &["found"]);
+}
+
+/// No score reaches any threshold where none is a number: it would see nothing, for ever and without a word.
+#[test]
+fn networks_that_answer_nan() {
+    refused_bytes(
+        &tiny_model::with_offset(f32::NAN),
+        &["NaN", "values of output 0"],
+    );
+}
