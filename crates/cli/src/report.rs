@@ -3,6 +3,7 @@
 use crate::models::megabytes;
 use crate::run::live_report::LiveJson;
 use crate::run::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
+use stillpoint::detection::MOST_DETECTIONS;
 use stillpoint::evaluation::Table;
 use stillpoint::evaluation::timing;
 
@@ -114,7 +115,14 @@ fn unused_text(detector: &DetectorJson) -> String {
         0 => String::new(),
         n => format!("{n} answers of the detector {why}\n"),
     };
-    line(detector.too_late, "came too late to be used")
+    let left_out = match detector.left_out {
+        0 => String::new(),
+        n => format!(
+            "{n} detections were left out: the weakest of over {MOST_DETECTIONS} in a frame\n"
+        ),
+    };
+    left_out
+        + &line(detector.too_late, "came too late to be used")
         + &line(
             detector.without_pose,
             "could not be used, since their frames have no pose",
@@ -239,6 +247,16 @@ mod tests {
             text.contains("70 of 73 frames tracked, 3 could not be read"),
             "{text}"
         );
+    }
+
+    #[test]
+    fn detections_that_nobody_looked_at_are_reported() {
+        let detector = DetectorJson {
+            left_out: 51_000,
+            ..DetectorJson::default()
+        };
+        let said = "51000 detections were left out: the weakest of over 100 in a frame\n";
+        assert_eq!(unused_text(&detector), said);
     }
 
     #[test]

@@ -14,7 +14,8 @@ mod weights;
 pub use detections::{BoundingBox, ClassId, Detection, Detections};
 pub use detector::{DetectError, Detector, DetectorInfo, DetectorKind, NoDetector};
 pub use objects::{
-    Motion, Object, ObjectId, ObjectInCamera, ObjectState, ObjectTracker, ObjectsConfig,
+    MOST_DETECTIONS, Motion, Object, ObjectId, ObjectInCamera, ObjectState, ObjectTracker,
+    ObjectsConfig,
 };
 pub use scripted::{
     SCRIPT_HEADER, ScriptError, ScriptRow, ScriptUse, ScriptedDetector, format_script, parse_script,

@@ -6,6 +6,7 @@ use crate::run::session::Session;
 use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson};
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
+use stillpoint::detection::MOST_DETECTIONS;
 use stillpoint::map::MapView;
 use stillpoint::slam::{Event, FrameReport, Subscriber, Trajectory};
 
@@ -44,7 +45,9 @@ impl Subscriber for Tally {
             Event::Corrected { report, .. } => tracing::debug!(?report, "corrected"),
             Event::Detected(detections) => {
                 self.detector.frames += 1;
-                self.detector.detections += detections.items.len();
+                let count = detections.items.len();
+                self.detector.detections += count;
+                self.detector.left_out += count.saturating_sub(MOST_DETECTIONS);
             }
             Event::DetectorFailed(e) => {
                 // The others are most likely the same; the number of them is in the report.
@@ -94,6 +97,7 @@ impl Tally {
         let detector = DetectorJson {
             frames: self.detector.frames,
             detections: self.detector.detections,
+            left_out: self.detector.left_out,
             failed_frames: self.detector.failed_frames,
             too_late: self.detector.too_late,
             without_pose: self.detector.without_pose,

@@ -2,15 +2,20 @@
 
 use super::measurement::Measurement;
 use super::occlusion::Occlusion;
-use super::track::Track;
+use super::track::{Expected, Track};
 use super::view::View;
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Integer units of one of benefit: the library needs a total order and exact sums.
 const UNITS: f64 = 1e6;
 /// What no sum of benefits outweighs.
 const FORBIDDEN: i64 = -1_000_000_000_000;
+/// Tracks or detections that the method is used on at once. Things that hide each other in chains so long are boxes without meaning, as of a
+/// detector with a wrong threshold; there each takes what fits it best.
+const LARGEST_GROUP: usize = 64;
 /// Head start of a confirmed object over one that was seen once, so that a false alarm does not take its detection.
 const CONFIRMED: f64 = 0.2;
 
@@ -25,28 +30,159 @@ pub(super) fn associate(
     if tracks.is_empty() || measurements.is_empty() {
         return vec![None; tracks.len()];
     }
-    let occlusion = Occlusion::new(tracks, view);
-    let own = |track: &Track, m: &Measurement| Measurement {
-        modes: occlusion.surfaces(track, view, m),
+    let expected: Vec<Expected> = tracks.iter().map(|t| t.expected(view)).collect();
+    let occlusion = Occlusion::new(tracks, &expected);
+    let own = |i: usize, m: &Measurement| Measurement {
+        modes: occlusion.surfaces(&tracks[i], &expected[i], m),
         ..m.clone()
     };
-    // Each track has a column of its own that stands for no detection.
-    let columns = measurements.len() + tracks.len();
-    let mut weights = Matrix::new(tracks.len(), columns, FORBIDDEN);
+    let mut pairs = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
-        weights[(i, measurements.len() + i)] = 0;
         for (j, m) in measurements.iter().enumerate() {
-            if let Some(fit) = track.fit(view, &own(track, m), share) {
+            // Most are of another class, which is known without any geometry.
+            if m.detection.class != track.class {
+                continue;
+            }
+            if let Some(fit) = track.fit(view, &expected[i], &own(i, m), share) {
                 let bonus = if track.confirmed() { CONFIRMED } else { 0.0 };
                 // Any match is better than none.
-                weights[(i, j)] = ((1.0 + fit.benefit + bonus) * UNITS) as i64;
+                let benefit = ((1.0 + fit.benefit + bonus) * UNITS) as i64;
+                pairs.push(Pair {
+                    track: i,
+                    detection: j,
+                    benefit,
+                });
             }
         }
     }
-    let (_, assigned) = kuhn_munkres(&weights);
-    tracks
-        .iter()
-        .zip(assigned)
-        .map(|(track, j)| measurements.get(j).map(|m| (j, own(track, m))))
+    let assigned = assign(&pairs, tracks.len(), measurements.len());
+    let found = assigned.iter().enumerate();
+    found
+        .map(|(i, j)| j.map(|j| (j, own(i, &measurements[j]))))
         .collect()
+}
+
+/// A track and a detection that may be of one object.
+struct Pair {
+    track: usize,
+    detection: usize,
+    /// What it adds to the sum.
+    benefit: i64,
+}
+
+/// For each track its detection. Tracks and detections that no chain of pairs connects cannot take each other's place, so each group is
+/// solved on its own: the effort grows with the cube of the largest group instead of with that of all.
+fn assign(pairs: &[Pair], tracks: usize, detections: usize) -> Vec<Option<usize>> {
+    let groups = groups(pairs, tracks, detections);
+    let mut members: BTreeMap<usize, Group<'_>> = BTreeMap::new();
+    for pair in pairs {
+        let group = members.entry(groups[pair.track]).or_default();
+        group.tracks.insert(pair.track);
+        group.detections.insert(pair.detection);
+        group.pairs.push(pair);
+    }
+    let mut assigned = vec![None; tracks];
+    for group in members.values() {
+        group.assign(&mut assigned);
+    }
+    assigned
+}
+
+/// Tracks and detections that pairs connect.
+#[derive(Default)]
+struct Group<'a> {
+    tracks: BTreeSet<usize>,
+    detections: BTreeSet<usize>,
+    pairs: Vec<&'a Pair>,
+}
+
+impl Group<'_> {
+    fn assign(&self, assigned: &mut [Option<usize>]) {
+        if self.tracks.len().max(self.detections.len()) > LARGEST_GROUP {
+            return self.assign_best_first(assigned);
+        }
+        let place = |set: &BTreeSet<usize>| -> BTreeMap<usize, usize> {
+            set.iter().enumerate().map(|(n, i)| (*i, n)).collect()
+        };
+        let (rows, columns) = (place(&self.tracks), place(&self.detections));
+        // Each track has a column of its own that stands for no detection.
+        let mut weights = Matrix::new(rows.len(), columns.len() + rows.len(), FORBIDDEN);
+        for row in 0..rows.len() {
+            weights[(row, columns.len() + row)] = 0;
+        }
+        for pair in &self.pairs {
+            weights[(rows[&pair.track], columns[&pair.detection])] = pair.benefit;
+        }
+        let (_, found) = kuhn_munkres(&weights);
+        let detections: Vec<usize> = self.detections.iter().copied().collect();
+        for (track, column) in self.tracks.iter().zip(found) {
+            assigned[*track] = detections.get(column).copied();
+        }
+    }
+}
+
+impl Group<'_> {
+    /// The pair of the greatest benefit first, then the one of those that are left.
+    fn assign_best_first(&self, assigned: &mut [Option<usize>]) {
+        let mut order = self.pairs.clone();
+        order.sort_by_key(|p| (Reverse(p.benefit), p.track, p.detection));
+        let mut taken = BTreeSet::new();
+        for pair in order {
+            if assigned[pair.track].is_none() && taken.insert(pair.detection) {
+                assigned[pair.track] = Some(pair.detection);
+            }
+        }
+    }
+}
+
+/// The group of each track, by the least number among its members.
+fn groups(pairs: &[Pair], tracks: usize, detections: usize) -> Vec<usize> {
+    fn root(of: &mut [usize], mut i: usize) -> usize {
+        while of[i] != i {
+            of[i] = of[of[i]];
+            i = of[i];
+        }
+        i
+    }
+    let mut of: Vec<usize> = (0..tracks + detections).collect();
+    for pair in pairs {
+        let (a, b) = (
+            root(&mut of, pair.track),
+            root(&mut of, tracks + pair.detection),
+        );
+        of[a.max(b)] = a.min(b);
+    }
+    (0..tracks).map(|i| root(&mut of, i)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Group by group the sum is that of all at once.
+        #[test]
+        fn groups_lose_nothing(numbers in prop::collection::vec((0..7_usize, 0..8_usize, 1..50_i64), 0..20)) {
+            let mut of = BTreeMap::new();
+            for (track, detection, benefit) in numbers {
+                of.insert((track, detection), benefit);
+            }
+            let pair = |(&(track, detection), &benefit): (&(usize, usize), &i64)| Pair { track, detection, benefit };
+            let pairs: Vec<Pair> = of.iter().map(pair).collect();
+            let mut weights = Matrix::new(7, 15, FORBIDDEN);
+            for i in 0..7 {
+                weights[(i, 8 + i)] = 0;
+            }
+            for p in &pairs {
+                weights[(p.track, p.detection)] = p.benefit;
+            }
+            let (best, _) = kuhn_munkres(&weights);
+            let found = assign(&pairs, 7, 8);
+            let matched: Vec<(usize, usize)> = found.iter().enumerate().filter_map(|(i, j)| Some((i, (*j)?))).collect();
+            prop_assert_eq!(matched.iter().map(|m| of[m]).sum::<i64>(), best);
+            let taken: BTreeSet<usize> = matched.iter().map(|m| m.1).collect();
+            prop_assert_eq!(taken.len(), matched.len());
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! Two tracks on one object: how they are kept from starting, and merged.
 
 use super::measurement::Measurement;
-use super::track::Track;
+use super::track::{Expected, Track};
 use super::view::View;
 use crate::BoundingBox;
 
@@ -38,12 +38,12 @@ pub(super) fn part_of_another(m: &Measurement, all: &[Measurement], taken: &[boo
 }
 
 /// Whether two tracks are on the same thing now.
-fn same(a: &Track, b: &Track, view: &View) -> bool {
+fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool {
     if a.class != b.class {
         return false;
     }
-    let (box_a, box_b) = (a.bounds(view), b.bounds(view));
-    match (a.depth(view), b.depth(view)) {
+    let (box_a, box_b) = (at_a.bounds, at_b.bounds);
+    match (at_a.depth(), at_b.depth()) {
         (Some(x), Some(y)) => (x - y).abs() <= SAME_DEPTH && overlap(&box_a, &box_b) >= PART,
         _ => (a.misses > 0) != (b.misses > 0) && box_a.iou(&box_b) >= SAME_BOX,
     }
@@ -55,12 +55,13 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) {
     let mut order: Vec<usize> = (0..tracks.len()).collect();
     order.sort_by_key(|&i| (!tracks[i].confirmed(), tracks[i].id));
     let mut gone = vec![false; tracks.len()];
+    let mut expected: Vec<Expected> = tracks.iter().map(|t| t.expected(view)).collect();
     for n in 0..order.len() {
         let young = order[n];
-        let elder = order[..n]
-            .iter()
-            .copied()
-            .find(|&i| !gone[i] && same(&tracks[i], &tracks[young], view));
+        let elder = order[..n].iter().copied().find(|&i| {
+            let of = |i: usize| (&tracks[i], &expected[i]);
+            !gone[i] && same(of(i), of(young))
+        });
         let Some(elder) = elder else {
             tracks[young].duplicate = 0;
             continue;
@@ -72,11 +73,12 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) {
         gone[young] = true;
         let other = tracks[young].clone();
         let kept = &mut tracks[elder];
-        let larger = other.bounds(view).area() > kept.bounds(view).area();
+        let larger = expected[young].bounds.area() > expected[elder].bounds.area();
         if other.misses < kept.misses || (other.misses == kept.misses && larger) {
             kept.body = other.body;
             kept.reach = other.reach;
             kept.score = other.score;
+            expected[elder] = kept.expected(view);
         }
         kept.misses = kept.misses.min(other.misses);
         kept.last_seen = kept.last_seen.max(other.last_seen);

@@ -20,7 +20,7 @@ mod view;
 
 pub use config::ObjectsConfig;
 pub use rigidity::Motion;
-pub use tracker::ObjectTracker;
+pub use tracker::{MOST_DETECTIONS, ObjectTracker};
 
 use crate::{BoundingBox, ClassId};
 use stillpoint_geometry::{Mat6, Se3, Vec3};

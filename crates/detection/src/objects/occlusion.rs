@@ -4,8 +4,7 @@ use super::ObjectId;
 use super::depth::DepthMode;
 use super::duplicates::SAME_DEPTH;
 use super::measurement::Measurement;
-use super::track::Track;
-use super::view::View;
+use super::track::{Expected, Track};
 use crate::BoundingBox;
 
 /// A confirmed object before an update.
@@ -22,27 +21,27 @@ struct Occupant {
 pub(super) struct Occlusion(Vec<Occupant>);
 
 impl Occlusion {
-    pub(super) fn new(tracks: &[Track], view: &View) -> Self {
-        let occupant = |t: &Track| {
-            t.depth(view).map(|z| Occupant {
+    pub(super) fn new(tracks: &[Track], expected: &[Expected]) -> Self {
+        let occupant = |(t, e): (&Track, &Expected)| {
+            e.depth().map(|z| Occupant {
                 id: t.id,
-                bounds: t.bounds(view),
+                bounds: e.bounds,
                 z,
             })
         };
-        Self(
-            tracks
-                .iter()
-                .filter(|t| t.confirmed())
-                .filter_map(occupant)
-                .collect(),
-        )
+        let confirmed = tracks.iter().zip(expected).filter(|(t, _)| t.confirmed());
+        Self(confirmed.filter_map(occupant).collect())
     }
 
     /// The surfaces in a detection's box that may be those of an object: without the ones of others that stand before it. None may be left, when
     /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong.
-    pub(super) fn surfaces(&self, track: &Track, view: &View, m: &Measurement) -> Vec<DepthMode> {
-        let Some(own) = track.depth(view) else {
+    pub(super) fn surfaces(
+        &self,
+        track: &Track,
+        expected: &Expected,
+        m: &Measurement,
+    ) -> Vec<DepthMode> {
+        let Some(own) = expected.depth() else {
             return m.modes.clone();
         };
         let theirs = |mode: &DepthMode| {

@@ -5,7 +5,7 @@ use super::kalman::{Gaussian, Row};
 use super::measurement::Measurement;
 use super::planar::Planar;
 use super::rigidity::Rigidity;
-use super::spatial::Spatial;
+use super::spatial::{Projection, Spatial};
 use super::view::View;
 use super::{Object, ObjectId, ObjectState};
 use crate::{BoundingBox, ClassId};
@@ -43,6 +43,22 @@ pub(super) struct Track {
 pub(super) struct Fit {
     /// Greater is better, about 0 to 2.
     pub(super) benefit: f64,
+}
+
+/// Where a track is expected in an image: computed once for all that it is compared with.
+#[derive(Clone, Debug)]
+pub(super) struct Expected {
+    /// Of an object in space, unless it is behind the camera.
+    projection: Option<Projection>,
+    /// Box in the raw image; without area when it is outside.
+    pub(super) bounds: BoundingBox,
+}
+
+impl Expected {
+    /// Depth in this camera, m.
+    pub(super) fn depth(&self) -> Option<f64> {
+        self.projection.as_ref().map(|p| p.z)
+    }
 }
 
 /// 99 % quantiles of chi-square for 0 to 5 degrees of freedom.
@@ -86,13 +102,24 @@ impl Track {
         }
     }
 
+    /// Where it is expected.
+    pub(super) fn expected(&self, view: &View) -> Expected {
+        let (sides, projection) = match &self.body {
+            Body::Spatial(s) => {
+                let projection = s.project(view);
+                (projection.as_ref().map(|p| p.sides), projection)
+            }
+            Body::Planar(p) => (p.project(view).map(|p| p.0), None),
+        };
+        Expected {
+            projection,
+            bounds: sides.map_or_else(BoundingBox::default, |s| view.raw(&s)),
+        }
+    }
+
     /// Box in the raw image; without area when it is outside.
     pub(super) fn bounds(&self, view: &View) -> BoundingBox {
-        let sides = match &self.body {
-            Body::Spatial(s) => s.project(view).map(|p| p.sides),
-            Body::Planar(p) => p.project(view).map(|p| p.0),
-        };
-        sides.map_or_else(BoundingBox::default, |s| view.raw(&s))
+        self.expected(view).bounds
     }
 
     /// Standard deviation of the box's vertical and horizontal sides, px.
@@ -108,24 +135,22 @@ impl Track {
         [0, 1].map(|axis| variance(axis).max(variance(axis + 2)).max(0.0).sqrt())
     }
 
-    /// Depth in this camera, m.
-    pub(super) fn depth(&self, view: &View) -> Option<f64> {
-        match &self.body {
-            Body::Spatial(s) => s.project(view).map(|p| p.z),
-            Body::Planar(_) => None,
-        }
-    }
-
-    /// How well a detection fits; `None` when it is not of this object.
-    pub(super) fn fit(&self, view: &View, m: &Measurement, share: f64) -> Option<Fit> {
+    /// How well a detection fits a track that is expected there; `None` when it is not of this object.
+    pub(super) fn fit(
+        &self,
+        view: &View,
+        expected: &Expected,
+        m: &Measurement,
+        share: f64,
+    ) -> Option<Fit> {
         if m.detection.class != self.class {
             return None;
         }
         let (chi2, rows, mode) = match &self.body {
             Body::Spatial(s) => {
-                let p = s.project(view)?;
-                let mode = s.own_mode(&p, &m.modes);
-                let rows = s.rows(&p, m, mode, share);
+                let p = expected.projection.as_ref()?;
+                let mode = s.own_mode(p, &m.modes);
+                let rows = s.rows(p, m, mode, share);
                 (s.state.distance(&rows), rows, mode)
             }
             Body::Planar(p) => {
@@ -133,7 +158,7 @@ impl Track {
                 (p.state.distance(&rows), rows, None)
             }
         };
-        let iou = self.bounds(view).iou(&m.detection.bounds);
+        let iou = expected.bounds.iou(&m.detection.bounds);
         let gate = CHI2_99[rows.len().min(5)];
         let contradicts =
             matches!(self.body, Body::Spatial(_)) && !m.modes.is_empty() && mode.is_none();

@@ -6,7 +6,7 @@ use super::measurement::Measurement;
 use super::track::Track;
 use super::view::View;
 use super::{Object, ObjectId, ObjectsConfig};
-use crate::Detections;
+use crate::{Detection, Detections};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::CoarseDepth;
 
@@ -24,6 +24,24 @@ pub struct ObjectTracker {
     tracks: Vec<Track>,
     next_id: u32,
     ignored: u64,
+}
+
+/// Detections of one frame that are looked at, those of the best scores: as many as networks are scored with (COCO). The work grows with
+/// the square of their number.
+pub const MOST_DETECTIONS: usize = 100;
+/// Objects that are followed at a time: no new ones begin above.
+const MOST_TRACKS: usize = 300;
+
+/// The detections that are looked at, in the order in which they came.
+fn strongest(all: &[Detection]) -> Vec<&Detection> {
+    if all.len() <= MOST_DETECTIONS {
+        return all.iter().collect();
+    }
+    let mut order: Vec<usize> = (0..all.len()).collect();
+    order.sort_by(|&i, &j| all[j].score.total_cmp(&all[i].score).then(i.cmp(&j)));
+    order.truncate(MOST_DETECTIONS);
+    order.sort_unstable();
+    order.into_iter().map(|i| &all[i]).collect()
 }
 
 impl ObjectTracker {
@@ -53,7 +71,7 @@ impl ObjectTracker {
     /// Takes in the detections of one frame, possibly some frames old, with the camera's pose and the depth of that frame.
     ///
     /// Detections that are not newer than the last ones, or whose stamp or pose is not finite, are left out and counted: see [`Self::ignored`]. Boxes
-    /// that are not finite or not in the image are left out.
+    /// that are not finite or not in the image are left out, and of more than [`MOST_DETECTIONS`] those of the lowest scores.
     pub fn update(
         &mut self,
         detections: &Detections,
@@ -71,9 +89,8 @@ impl ObjectTracker {
             .down
             .get_or_insert(world_from_camera.rotation * Vec3::y());
         let view = View::new(&self.camera, self.limits, world_from_camera, &down);
-        let measurements: Vec<Measurement> = detections
-            .items
-            .iter()
+        let measurements: Vec<Measurement> = strongest(&detections.items)
+            .into_iter()
             .filter_map(|d| Measurement::new(&view, d, depth))
             .collect();
         let share = self.config.side_sigma;
@@ -89,7 +106,8 @@ impl ObjectTracker {
             }
         }
         for (j, m) in measurements.iter().enumerate() {
-            if !taken[j] && !duplicates::part_of_another(m, &measurements, &taken) {
+            let room = self.tracks.len() < MOST_TRACKS;
+            if room && !taken[j] && !duplicates::part_of_another(m, &measurements, &taken) {
                 let id = ObjectId(self.next_id);
                 self.next_id += 1;
                 self.tracks.push(Track::new(id, &view, m, stamp, share));

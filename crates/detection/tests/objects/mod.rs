@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout)] // What was measured is worth reading.
 
 mod behaviour;
+mod crowded;
 mod laws;
 mod recorded;
 mod score;

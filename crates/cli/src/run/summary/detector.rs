@@ -32,6 +32,9 @@ pub(crate) struct DetectorJson {
     pub(crate) frames: usize,
     /// Detections in them.
     pub(crate) detections: usize,
+    /// Those of them that nobody looked at, since there were so many in one frame.
+    #[serde(skip_serializing_if = "is_none", default)]
+    pub(crate) left_out: usize,
     /// Frames it failed on.
     pub(crate) failed_frames: usize,
     /// Answers that came too late to be used.
@@ -43,6 +46,15 @@ pub(crate) struct DetectorJson {
     /// What the user should know of it.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) remark: Option<String>,
+}
+
+/// Whether a count is worth no line.
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde hands over references"
+)]
+fn is_none(count: &usize) -> bool {
+    *count == 0
 }
 
 impl DetectorJson {
