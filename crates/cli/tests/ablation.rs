@@ -42,7 +42,7 @@ fn labels(report: &Value) -> Vec<&str> {
 }
 
 #[test]
-fn a_simulated_scene_is_run_with_six_configurations() {
+fn a_simulated_scene_is_run_with_seven_configurations() {
     let dir = tempfile::tempdir().unwrap();
     let out = dir.path().join("out");
     let frames = ["--runs", "2", "--max-frames", "8", "--seed", "5"];
@@ -58,19 +58,16 @@ fn a_simulated_scene_is_run_with_six_configurations() {
         let end = text.find("\nwritten to").unwrap();
         text[..end].to_owned()
     });
-    assert!(
-        text.contains("2 runs each") && text.contains("(5 to 6)"),
-        "{text}"
-    );
+    assert!(text.contains("2 seeds each (5 to 6)"), "{text}");
     assert!(text.contains("30 % of the people missed"), "{text}");
     let ours = lines(&text, "sim:walking_xyz");
     // The overview, then a line per configuration.
-    assert_eq!(ours.len(), 7, "{text}");
-    assert_eq!(ours[0].len(), 7, "{text}");
+    assert_eq!(ours.len(), 8, "{text}");
+    assert_eq!(ours[0].len(), 8, "{text}");
     let published = lines(&text, "walking_xyz as published");
     assert_eq!(
         published[0][1..],
-        ["952.8", "16.2", "321.1", "17.8", "15.1", ""]
+        ["952.8", "16.2", "321.1", "17.8", "15.1", "", ""]
     );
 
     assert!(
@@ -81,7 +78,7 @@ fn a_simulated_scene_is_run_with_six_configurations() {
     let report = json(&out);
     assert_eq!(
         labels(&report),
-        ["none", "O", "G", "O+G", "O+G+D", "default"]
+        ["none", "O", "G", "O+G", "O+G+D", "adapted", "default"]
     );
     assert_eq!(report["seeds"], serde_json::json!([5, 6]));
     let row = &report["sequences"][0];
@@ -102,7 +99,7 @@ fn a_simulated_scene_is_run_with_six_configurations() {
     // The configurations reach the runs.
     let rejected = |k: usize| row["variants"][k]["rejected"].as_f64().unwrap();
     assert_eq!(rejected(0), 0.0);
-    for k in [1, 3, 4, 5] {
+    for k in [1, 3, 4, 5, 6] {
         assert!(rejected(k) > 0.0, "configuration {k} rejected nothing");
     }
     assert!(rejected(1) > rejected(2), "boxes reject more than lines");
@@ -139,7 +136,7 @@ fn a_folder_without_a_detector_shows_what_there_is_and_a_broken_one_stops_nobody
     let text = stdout(&output);
     assert_eq!(lines(&text, "broken")[0][1], "failed", "{text}");
     assert!(
-        text.contains("without a detector O, O+G and O+G+D are"),
+        text.contains("without a detector O, O+G, O+G+D and \"adapted\" are"),
         "{text}"
     );
     let report = json(&out);
@@ -153,7 +150,7 @@ fn a_folder_without_a_detector_shows_what_there_is_and_a_broken_one_stops_nobody
     let script = ["--runs", "1", "--detector", "scripted:{}/detections.csv"];
     check(&ablation(room.to_str().unwrap(), &out, &script), 0, &[]);
     let report = json(&out);
-    assert_eq!(labels(&report).len(), 6);
+    assert_eq!(labels(&report).len(), 7);
     let runs = &report["sequences"][0]["variants"][1]["runs"];
     let script = room.join("detections.csv");
     assert_eq!(runs[0]["detector"]["name"], script.to_str().unwrap());
@@ -166,12 +163,6 @@ fn what_cannot_be_used_is_said_before_anything_runs() {
     let output = ablation("sim:walking_xy", &out, &[]);
     check(&output, 2, &["did you mean \"walking_xyz\"?"]);
     check(&ablation("/no/such", &out, &[]), 2, &["found nothing"]);
-    let both = ["--suite", "bonn"];
-    check(
-        &ablation("sim:xyz", &out, &both),
-        2,
-        &["cannot be used with"],
-    );
     let twice = ["--set", "static_filter.preset=of"];
     check(
         &ablation("sim:xyz", &out, &twice),

@@ -76,7 +76,7 @@ fn a_document_holds_what_was_measured_and_how() {
             .as_array()
             .unwrap()
             .len(),
-        6
+        7
     );
 }
 

@@ -5,8 +5,10 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::LazyLock;
-use stillpoint::datasets::trajectory;
+use stillpoint::datasets::{CameraModel, ColourFormat, Recorder};
 use stillpoint::geometry::{Mat3, Se3, Vec3};
+use stillpoint::imaging::FrameSource;
+use stillpoint::simulator::{Simulator, SimulatorConfig};
 use tempfile::TempDir;
 
 /// A second and a half: RPE over 1 s has some pairs.
@@ -42,21 +44,34 @@ fn row<'a>(report: &'a Value, name: &str) -> &'a Value {
     rows.iter().find(|r| r["name"] == name).unwrap()
 }
 
-/// The median of a figure.
-fn figure(row: &Value, error: &str, statistic: &str) -> f64 {
-    row["figures"][error][statistic]["median"]
+/// The median of a figure of a case.
+fn figure(case: &Value, error: &str, statistic: &str) -> f64 {
+    case["figures"][error][statistic]["median"]
         .as_f64()
-        .unwrap_or_else(|| panic!("no {error} {statistic}: {}", row["figures"]))
+        .unwrap_or_else(|| panic!("no {error} {statistic}: {}", case["figures"]))
 }
 
-/// The line of the printed table that begins with a sequence's name, as cells.
-fn line(text: &str, name: &str) -> Vec<String> {
-    let line = text
+/// The lines of the printed table that begin with a sequence's name, as cells.
+fn lines(text: &str, name: &str) -> Vec<Vec<String>> {
+    let lines = text
         .lines()
-        .find(|l| l.starts_with(&format!("| {name} ")))
-        .unwrap_or_else(|| panic!("no line {name} in {text}"));
-    let cells = line.trim_matches('|').split('|');
-    cells.map(|c| c.trim().to_owned()).collect()
+        .filter(|l| l.starts_with(&format!("| {name} ")));
+    let cells = |l: &str| {
+        let cells = l.trim_matches('|').split('|');
+        cells.map(|c| c.trim().to_owned()).collect()
+    };
+    lines.map(cells).collect()
+}
+
+/// The first of them.
+fn line(text: &str, name: &str) -> Vec<String> {
+    let first = lines(text, name).into_iter().next();
+    first.unwrap_or_else(|| panic!("no line {name} in {text}"))
+}
+
+/// The part of the report that puts figures beside published ones.
+fn compared(text: &str) -> &str {
+    text.split("Beside published figures.").nth(1).unwrap()
 }
 
 #[test]
@@ -69,8 +84,12 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
     // Not of the suite.
     copy(&room(), &tum.join("rgbd_dataset_freiburg1_xyz"));
     let out = dir.path().join("out");
-    let output = suite("tum-dynamic", &tum, &out, &["--runs", "2"]);
-    check(&output, 0, &["2 of 9 sequences found"]);
+    let output = suite("tum-dynamic", &tum, &out, &["--seeds", "2", "--seed", "5"]);
+    check(
+        &output,
+        0,
+        &["2 of 9 sequences found", "walking_xyz: as set, seed 6"],
+    );
 
     let text = stdout(&output);
     assert_eq!(std::fs::read_to_string(out.join("suite.md")).unwrap(), {
@@ -78,22 +97,48 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
         text[..end].to_owned()
     });
     assert!(!text.contains("freiburg1"), "{text}");
+    assert!(text.contains("2 seeds each (5 to 6)"), "{text}");
     let walking = line(&text, "walking_xyz");
-    assert_eq!(walking[1], "ran");
-    assert_eq!(walking[3], "100.0 / 100.0");
-    assert_eq!(walking[10..], ["15.1"]);
-    let rpy = line(&text, "sitting_rpy");
-    assert_eq!(rpy[10..], ["-"]);
+    assert_eq!(walking[1..3], ["", "ran"]);
+    assert_eq!(walking[4], "100.0 / 100.0");
+    assert!(walking[11].contains(" / "), "{walking:?}");
     let missing = line(&text, "walking_halfsphere");
-    assert_eq!(missing[1..4], ["not found", "-", "-"]);
-    assert_eq!(missing[10..], ["25.8"]);
-    // Every published figure with its system and source.
-    let published = text.split("Published:").nth(1).unwrap();
+    assert_eq!(missing[1..5], ["", "not found", "-", "-"]);
+
+    // A row per system that is compared, with every figure and its source, and ours below them.
+    let published = compared(&text);
+    let systems = lines(published, "walking_xyz");
+    let names: Vec<&str> = systems.iter().map(|l| l[1].as_str()).collect();
     assert_eq!(
-        line(published, "walking_xyz")[1..],
-        ["952.8", "24.7", "57.1", "15.3", "15.2", "15.1"]
+        names,
+        [
+            "ORB-SLAM2",
+            "DS-SLAM",
+            "RDS-SLAM",
+            "Blitz-SLAM",
+            "SG-SLAM",
+            "published method",
+            "Stillpoint"
+        ]
     );
-    assert!(published.contains("SG-SLAM [6] "), "{published}");
+    assert_eq!(
+        systems[1][2..],
+        [
+            "24.7",
+            "16.1",
+            "33.3",
+            "22.9",
+            "0.83",
+            "0.58",
+            "76.46 (i7, P4000)",
+            "[1] Table 1, Table 2, Table 3, quoting [3]"
+        ]
+    );
+    assert_eq!(systems[5][9], "[1] Table 1, Table 2, Table 3");
+    assert_eq!(systems[6][2..8], walking[5..11]);
+    // Also of what was not found; and nothing of what nothing was published on.
+    assert_eq!(lines(published, "walking_halfsphere").len(), 6);
+    assert!(lines(published, "sitting_rpy").is_empty());
     for source in [
         "[6] Cheng et al.",
         "[1] \"A real-time visual SLAM",
@@ -103,24 +148,72 @@ fn a_folder_like_tum_gives_a_table_beside_published_figures() {
     }
 
     let report = json(&out);
+    assert_eq!(report["seeds"], serde_json::json!([5, 6]));
     let walking = row(&report, "walking_xyz");
     assert_eq!(walking["state"], "ran");
-    assert_eq!(walking["runs"].as_array().unwrap().len(), 2);
-    assert_eq!(walking["figures"]["identical"], true);
     assert_eq!(walking["published"][4]["system"], "SG-SLAM");
-    assert_eq!(walking["published"][4]["ate_rmse"], 0.0152);
+    assert_eq!(walking["published"][4]["ate"]["rmse"], 0.0152);
+    assert_eq!(walking["published"][4]["ate"]["table"], "Table 1");
+    let case = &walking["cases"][0];
+    assert_eq!(case["runs"].as_array().unwrap().len(), 2);
     for (error, limit) in [
         ("ate", 0.02),
         ("rpe_translation", 0.04),
         ("rpe_rotation_deg", 2.0),
     ] {
-        let (rmse, sd) = (figure(walking, error, "rmse"), figure(walking, error, "sd"));
+        let (rmse, sd) = (figure(case, error, "rmse"), figure(case, error, "sd"));
         assert!(0.0 < sd && sd < rmse && rmse < limit, "{error} {rmse} {sd}");
     }
     assert_eq!(row(&report, "sitting_rpy")["path"], deep.to_str().unwrap());
     assert_eq!(row(&report, "walking_rpy")["state"], "not_found");
     let runs = files(&out.join("runs"));
     assert_eq!(runs.len(), 4, "{runs:?}");
+}
+
+#[test]
+fn an_ablation_and_live_runs_go_with_a_suite() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = dir.path().join("rgbd_dataset_freiburg3_walking_rpy");
+    simulate(&folder, "walking_rpy", 8);
+    let out = dir.path().join("out");
+    let more = [
+        "--ablation",
+        "--live",
+        "--seeds",
+        "1",
+        "--detector",
+        "scripted:{}/detections.csv",
+    ];
+    let output = suite("tum-dynamic", dir.path(), &out, &more);
+    check(&output, 0, &["walking_rpy: O+G+D, seed 0", "live, seed 0"]);
+    let report = json(&out);
+    let cases = row(&report, "walking_rpy")["cases"].as_array().unwrap();
+    let labels: Vec<&str> = cases
+        .iter()
+        .map(|c| c["variant"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        labels,
+        [
+            "none", "O", "G", "O+G", "O+G+D", "adapted", "default", "live"
+        ]
+    );
+    for case in cases {
+        let live = case["variant"] == "live";
+        assert_eq!(case["live"], live);
+        assert_eq!(case["runs"][0]["live"].is_object(), live);
+        assert_eq!(case["runs"][0]["detector"]["kind"], "scripted");
+    }
+    let text = stdout(&output);
+    let ours = lines(&text, "walking_rpy");
+    assert_eq!(ours[7][1], "live");
+    let compared = lines(compared(&text), "walking_rpy");
+    assert_eq!(compared.len(), 6 + 8);
+    assert_eq!(compared[6 + 4][1], "Stillpoint, O+G+D");
+    assert_eq!(compared[6 + 7][1], "Stillpoint, live");
+    // Live runs are for suites.
+    let output = stillpoint(["bench", "--live", "sim:xyz"]);
+    check(&output, 2, &["--suite"]);
 }
 
 #[test]
@@ -135,17 +228,22 @@ fn a_sequence_that_fails_does_not_stop_the_others() {
         "tum-dynamic",
         dir.path(),
         &out,
-        &["--runs", "1", "--max-frames", "5"],
+        &["--seeds", "1", "--max-frames", "5"],
     );
-    check(&output, 1, &["walking_xyz: run failed", "rgb.txt:2"]);
+    check(
+        &output,
+        1,
+        &["walking_xyz: as set: run failed", "rgb.txt:2"],
+    );
     let text = stdout(&output);
-    assert_eq!(line(&text, "walking_xyz")[1], "failed");
+    assert_eq!(line(&text, "walking_xyz")[2], "failed");
     assert!(text.contains("- walking_xyz: run failed"), "{text}");
-    assert_eq!(line(&text, "walking_static")[1..3], ["ran", "5"]);
+    assert_eq!(line(&text, "walking_static")[2..4], ["ran", "5"]);
     let report = json(&out);
     let failed = row(&report, "walking_xyz");
     assert_eq!(failed["state"], "failed");
-    assert!(failed["error"].as_str().unwrap().contains("rgb.txt:2"));
+    let error = failed["cases"][0]["error"].as_str().unwrap();
+    assert!(error.contains("rgb.txt:2"), "{error}");
     assert_eq!(row(&report, "walking_static")["state"], "ran");
 
     // Alone, nothing is left to report.
@@ -153,32 +251,74 @@ fn a_sequence_that_fails_does_not_stop_the_others() {
     check(&output, 2, &["rgb.txt:2"]);
 }
 
+/// A room as Bonn's camera would have recorded it.
+fn bonn(folder: &Path) {
+    let model = CameraModel::preset("bonn").unwrap();
+    let simulator = Simulator::new(&SimulatorConfig {
+        scene: "halfsphere".to_owned(),
+        frames: Some(FRAMES),
+        camera: model.camera,
+        ..SimulatorConfig::default()
+    });
+    let simulator = simulator.unwrap();
+    let format = ColourFormat::Png;
+    let mut recorder = Recorder::create(folder, simulator.camera(), "bonn", format).unwrap();
+    let poses = simulator.ground_truth();
+    let mut source = simulator.source().with_colour();
+    for (_, pose) in poses {
+        let frame = source.next_frame().unwrap().unwrap();
+        let pose = marker_pose(&pose);
+        recorder.add(&frame, Some(&pose)).unwrap();
+    }
+    recorder.finish().unwrap();
+    // The data set has no such file.
+    std::fs::remove_file(folder.join("camera.toml")).unwrap();
+}
+
 #[test]
-fn bonn_is_scored_against_the_camera_behind_the_marker() {
+fn bonn_is_scored_against_the_camera_behind_the_marker_with_both_factors_of_depth() {
     let dir = tempfile::tempdir().unwrap();
     let crowd = dir.path().join("bonn/rgbd_bonn_crowd");
-    copy(&room(), &crowd);
+    bonn(&crowd);
     let file = crowd.join("groundtruth.txt");
-    let mut poses = trajectory::read(&file).unwrap();
-    for p in &mut poses {
-        p.world_from_camera = marker_pose(&p.world_from_camera);
-    }
-    std::fs::write(&file, trajectory::format(&poses)).unwrap();
     let out = dir.path().join("out");
     let output = suite("bonn", dir.path(), &out, &["--runs", "1"]);
     check(&output, 0, &["1 of 26 sequences found"]);
     let text = stdout(&output);
-    assert_eq!(line(&text, "crowd")[10..], ["19.0"]);
+    let ours = lines(&text, "crowd");
+    assert_eq!([&ours[0][1], &ours[1][1]], ["bonn", "bonn_calibrated"]);
+    let systems = lines(compared(&text), "crowd");
+    let names: Vec<&str> = systems.iter().map(|l| l[1].as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "ORB-SLAM2",
+            "StaticFusion",
+            "ReFusion",
+            "YOLO-SLAM",
+            "SG-SLAM",
+            "published method",
+            "Stillpoint, bonn",
+            "Stillpoint, bonn_calibrated"
+        ]
+    );
+    assert_eq!(systems[1][2..4], ["3586.0", "-"]);
+    assert_eq!(systems[5][2..4], ["19.0", "9.0"]);
     let report = json(&out);
-    let crowd = row(&report, "crowd");
+    let cases = row(&report, "crowd")["cases"].as_array().unwrap();
+    let [nominal, calibrated] = [&cases[0], &cases[1]];
     // One run cannot say that runs are the same.
-    assert_eq!(crowd["figures"]["identical"], Value::Null);
-    assert_eq!(crowd["runs"][0]["input"]["layout"], "Bonn");
-    let rpe = figure(crowd, "rpe_translation", "rmse");
-    assert!(rpe < 0.04 && figure(crowd, "rpe_rotation_deg", "rmse") < 2.0);
-    assert!(figure(crowd, "ate", "rmse") < 0.02);
+    assert_eq!(nominal["figures"]["identical"], Value::Null);
+    assert_eq!(nominal["runs"][0]["input"]["layout"], "Bonn");
+    let rpe = figure(nominal, "rpe_translation", "rmse");
+    assert!(rpe < 0.04 && figure(nominal, "rpe_rotation_deg", "rmse") < 2.0);
+    let ate = figure(nominal, "ate", "rmse");
+    assert!(ate < 0.02, "{ate}");
+    // The room was recorded with the nominal factor: with the other one everything is 5.9 % too large.
+    let large = figure(calibrated, "rpe_translation", "rmse");
+    assert!(large > 2.0 * rpe, "{large} {rpe}");
     // Control: the marker's own poses are far from that.
-    let estimate = out.join("runs/crowd-1/trajectory.txt");
+    let estimate = out.join("runs/crowd-bonn-as-set-1/trajectory.txt");
     let output = program()
         .args(["eval", "--json"])
         .args([&file, &estimate])
@@ -188,6 +328,15 @@ fn bonn_is_scored_against_the_camera_behind_the_marker() {
     let marker: Value = serde_json::from_slice(&output.stdout).unwrap();
     let marker = marker["rpe"]["translation"]["rmse"].as_f64().unwrap();
     assert!(marker > 5.0 * rpe, "{marker} {rpe}");
+
+    // A camera that the user names is the only one.
+    let out = dir.path().join("named");
+    let more = ["--runs", "1", "--camera", "bonn", "--max-frames", "5"];
+    check(&suite("bonn", dir.path(), &out, &more), 0, &[]);
+    assert_eq!(
+        row(&json(&out), "crowd")["cases"].as_array().unwrap().len(),
+        1
+    );
 }
 
 /// The pose that the data set would state for a camera: `T_ros T T_m^-1 T_ros`, the inverse of the published conversion

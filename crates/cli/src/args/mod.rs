@@ -267,11 +267,13 @@ fn positive(text: &str) -> Result<f64, String> {
 ///
 /// With --suite, the sequences of a public data set are looked for in PATH by their names, as
 /// published, down to three folders below it; those found are run, and suite.md and suite.json
-/// put their errors beside published ones. A sequence that fails is listed with its error.
+/// put their errors beside those that were published of other systems, each with its source. A sequence
+/// that fails is listed with its error. Runs differ in their seeds. Of Bonn's depth both factors are
+/// run, unless --camera names one; --ablation and --live add to what is run of each sequence.
 ///
-/// With --ablation, each PATH is run with six configurations of the static filter: none, objects (O),
-/// epipolar constraint (G), O+G, O+G and depth (O+G+D), as published, and the default one. Writes
-/// ablation.md and ablation.json, beside the published ablation where a name matches. Runs differ
+/// With --ablation, each PATH is run with seven configurations of the static filter: none, objects (O),
+/// epipolar constraint (G), O+G, O+G and depth (O+G+D), as published, preset adapted, and the default one.
+/// Writes ablation.md and ablation.json, beside the published ablation where a name matches. Runs differ
 /// in their seeds.
 ///
 /// With --document, all of docs/benchmarks.md is measured: each PATH and, where none of them is a scene,
@@ -286,8 +288,9 @@ fn positive(text: &str) -> Result<f64, String> {
     after_help = "Examples:
   stillpoint bench rgbd_dataset_freiburg1_xyz
   stillpoint bench data/* --runs 5 --out out/bench
-  stillpoint bench --suite tum-dynamic ~/data/tum --runs 1
-  stillpoint bench --ablation sim:walking_xyz sim:walking_rpy --runs 5
+  stillpoint bench --suite tum-dynamic ~/data/tum --seeds 5
+  stillpoint bench --suite bonn ~/data/bonn --ablation --live --detector yolox-nano
+  stillpoint bench --ablation sim:walking_xyz sim:walking_rpy --seeds 5
   stillpoint bench --ablation rgbd_dataset_freiburg3_walking_xyz --detector yolox-nano
   stillpoint bench --document rgbd_dataset_freiburg3_walking_xyz --detector yolox-nano
 
@@ -302,16 +305,19 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "NAME", value_enum)]
     pub(crate) suite: Option<Suite>,
     /// Show what each part of the static filter is worth.
-    #[arg(long, conflicts_with = "suite")]
+    #[arg(long)]
     pub(crate) ablation: bool,
+    /// Run the sequences of a suite live as well.
+    #[arg(long, requires = "suite")]
+    pub(crate) live: bool,
     /// Measure what docs/benchmarks.md shows.
     #[arg(long, conflicts_with_all = ["suite", "ablation"])]
     pub(crate) document: bool,
     /// What OpenCV's ORB (1000 features, one thread) takes on this machine, ms: the unit of the other systems' times.
     #[arg(long, value_name = "MS", requires = "document", value_parser = positive)]
     pub(crate) opencv_ms: Option<f64>,
-    /// Runs per data set; of an ablation, per data set and configuration; of a document, live runs.
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    /// Runs per data set; with --suite, --ablation or --document, seeds of every configuration, from --seed on.
+    #[arg(long, visible_alias = "seeds", value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,
     /// Folder to write to.
     #[arg(long, value_name = "DIR", default_value = "out/bench")]

@@ -49,7 +49,7 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     config::simd()?;
     let interrupt = Interrupt::listen();
     if let Some(suite) = args.suite {
-        return suite::bench(suite, &args.paths, &args.plan(), &interrupt);
+        return suite::bench(suite, args, &interrupt);
     }
     if args.ablation {
         return ablation::bench(args, &interrupt);

@@ -123,12 +123,27 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    fn of(path: PathBuf, input: &InputArgs, settled: &Settled) -> Self {
+    pub(crate) fn of(path: PathBuf, input: &InputArgs, settled: &Settled) -> Self {
         Self {
             path,
             blind: settled.is_none(),
             words: settled.words(),
             input: input.with_detector(settled.argument.clone()),
+            _temporary: None,
+        }
+    }
+
+    /// The same with another camera's model; not to be used once this is dropped.
+    pub(crate) fn with_camera(&self, camera: Option<&str>) -> Self {
+        let mut input = self.input.clone();
+        if let Some(camera) = camera {
+            input.camera = Some(camera.to_owned());
+        }
+        Self {
+            path: self.path.clone(),
+            input,
+            blind: self.blind,
+            words: self.words.clone(),
             _temporary: None,
         }
     }

@@ -30,18 +30,21 @@ pub(crate) enum Variant {
     Og,
     /// Objects, epipolar constraint and depth: all of the published method.
     Ogd,
+    /// The published method with what this project changed in it.
+    Adapted,
     /// This project's own filter.
     Default,
 }
 
 impl Variant {
     /// In the order of the report.
-    pub(crate) const ALL: [Self; 6] = [
+    pub(crate) const ALL: [Self; 7] = [
         Self::None,
         Self::O,
         Self::G,
         Self::Og,
         Self::Ogd,
+        Self::Adapted,
         Self::Default,
     ];
 
@@ -53,13 +56,14 @@ impl Variant {
             Self::G => "G",
             Self::Og => "O+G",
             Self::Ogd => "O+G+D",
+            Self::Adapted => "adapted",
             Self::Default => "default",
         }
     }
 
     /// Without a detector it is the same as one with fewer letters.
-    fn needs_detector(self) -> bool {
-        matches!(self, Self::O | Self::Og | Self::Ogd)
+    pub(crate) fn needs_detector(self) -> bool {
+        matches!(self, Self::O | Self::Og | Self::Ogd | Self::Adapted)
     }
 
     /// The settings of this variant, which come after all that the user set.
@@ -73,7 +77,29 @@ impl Variant {
         match self {
             Self::None => vec!["static_filter.preset=off".to_owned()],
             Self::O | Self::G | Self::Og | Self::Ogd => paper(),
+            Self::Adapted => vec!["static_filter.preset=adapted".to_owned()],
             Self::Default => vec!["static_filter.preset=default".to_owned()],
+        }
+    }
+}
+
+/// How the runs of a cell differ from what the user set.
+#[derive(Clone, Debug)]
+pub(crate) struct Asked {
+    /// As the report says it.
+    pub(crate) label: &'static str,
+    /// Settings, which come after all that the user set.
+    pub(crate) settings: Vec<String>,
+    /// With a thread per stage, at the pace of the camera.
+    pub(crate) live: bool,
+}
+
+impl From<Variant> for Asked {
+    fn from(variant: Variant) -> Self {
+        Self {
+            label: variant.label(),
+            settings: variant.settings(),
+            live: false,
         }
     }
 }
@@ -170,7 +196,7 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
 }
 
 /// Seeds of the runs: a run with the seed of another would be that run again.
-fn seeds(first: u64, runs: u32) -> Vec<u64> {
+pub(crate) fn seeds(first: u64, runs: u32) -> Vec<u64> {
     let last = i64::MAX as u64;
     (0..u64::from(runs))
         .map(|k| first.wrapping_add(k) & last)
@@ -203,7 +229,12 @@ fn variants(
             break;
         }
         if !(prepared.blind && variant.needs_detector()) {
-            cells.push(cell(args, (name, prepared), (variant, seeds), interrupt));
+            cells.push(cell(
+                args,
+                (name, prepared),
+                (&variant.into(), seeds),
+                interrupt,
+            ));
         }
     }
     cells
@@ -213,10 +244,11 @@ fn variants(
 pub(crate) fn cell(
     args: &BenchArgs,
     (name, prepared): (&str, &Prepared),
-    (variant, seeds): (Variant, &[u64]),
+    (asked, seeds): (&Asked, &[u64]),
     interrupt: &Interrupt,
 ) -> Cell {
-    let settings = variant.settings();
+    let Asked { label, live, .. } = *asked;
+    let settings = asked.settings.clone();
     let mut sequence = Sequence {
         name: name.to_owned(),
         path: prepared.path.display().to_string(),
@@ -237,9 +269,14 @@ pub(crate) fn cell(
             config: &config,
             ..args.plan()
         };
-        let label = variant.label();
         console::info(&format!("{name}: {label}, seed {seed}"));
-        let result = plan.once(&prepared.path, &format!("{name}-{label}-{}", k + 1));
+        let folder = format!("{name}-{label}-{}", k + 1).replace(' ', "-");
+        let result = if live {
+            // What is byte for byte the same is no question of live runs.
+            plan.live(&prepared.path, &folder).map(|s| (s, Vec::new()))
+        } else {
+            plan.once(&prepared.path, &folder)
+        };
         if interrupt.requested() {
             break;
         }
@@ -255,14 +292,14 @@ pub(crate) fn cell(
             }
         }
     }
-    sequence.identical = trajectories.identical();
+    sequence.identical = trajectories.identical().filter(|_| !live);
     let shares: Vec<f64> = sequence
         .runs
         .iter()
         .map(|r| r.features.dynamic_share)
         .collect();
     Cell {
-        variant: variant.label(),
+        variant: label,
         settings,
         error,
         figures: crate::bench::suite::figures(&sequence),
@@ -318,7 +355,7 @@ mod tests {
             let preset = format!("{:?}", f.preset).to_lowercase();
             match variant {
                 Variant::None => assert_eq!(preset, "off"),
-                Variant::Default => assert_eq!(preset, "default"),
+                Variant::Adapted | Variant::Default => assert_eq!(preset, variant.label()),
                 _ => assert_eq!(
                     (preset.as_str(), parts.as_str()),
                     ("paper", variant.label())

@@ -12,14 +12,16 @@ pub(crate) fn markdown(report: &Report) -> String {
         report.command, m.cpu, m.cores, m.system, m.rustc, m.stillpoint
     );
     text += "O: objects. G: epipolar constraint. D: depth within boxes. The first five configurations are the published method \
-             with that much of it (preset `off`, else `paper`), the last is this project's own filter (preset `default`). ATE is \
+             with that much of it (preset `off`, else `paper`); \"adapted\" is all of it with the weights of all classes, and without a split of boxes \
+             of one depth; the last is this project's own filter (preset `default`). ATE is \
              that of the final poses after alignment by a rigid motion; SD is its standard deviation over the frames. Frames go \
              through tracking and mapping one after the other, with nothing dropped.\n\n";
     text += &runs(&report.seeds);
-    text += "\n\nATE RMSE in mm, median over the runs; in brackets the share of frames with a pose where some have none.\n\n";
+    text += "\n\nATE RMSE in mm: median over the seeds and, after the stroke, the worst one where they differ; in brackets the median share of frames with \
+             a pose, where some have none.\n\n";
     text += &overview(&report.sequences);
     text +=
-        "\nIn detail: after the stroke the worst run. \"rejected\" is the share of keypoints.\n\n";
+        "\nIn detail: after the stroke the worst seed. \"rejected\" is the share of keypoints.\n\n";
     text += &details(&report.sequences);
     let notes: String = report.sequences.iter().map(notes).collect();
     if !notes.is_empty() {
@@ -34,13 +36,13 @@ pub(crate) fn markdown(report: &Report) -> String {
 }
 
 /// How often, and what differs.
-fn runs(seeds: &[u64]) -> String {
+pub(crate) fn runs(seeds: &[u64]) -> String {
     match seeds {
         [] => String::new(),
-        [one] => format!("One run each, with seed {one}."),
+        [one] => format!("One seed each, {one}: no spread is known."),
         [first, .., last] => format!(
-            "{} runs each: they differ in the seed of the system's random choices ({first} to {last}) and in nothing else. The \
-             same seed gives the same result.",
+            "{} seeds each ({first} to {last}): the runs differ in the seed of the system's random choices and in nothing else. The same seed \
+             gives the same result.",
             seeds.len()
         ),
     }
@@ -78,7 +80,14 @@ fn short(cell: &Cell) -> String {
     let Some(figures) = &cell.figures else {
         return "failed".to_owned();
     };
-    let error = errors(figures).map_or_else(absent, |e| format!("{:.1}", e.rmse.median * 1e3));
+    let error = errors(figures).map_or_else(absent, |e| {
+        let [median, worst] = [e.rmse.median, e.rmse.worst].map(|x| format!("{:.1}", x * 1e3));
+        if median == worst {
+            median
+        } else {
+            format!("{median} / {worst}")
+        }
+    });
     let tracked = figures.tracked.median;
     if tracked < 1.0 {
         format!("{error} ({:.0} %)", floor_percent(tracked))
@@ -139,7 +148,9 @@ fn notes(row: &Row) -> String {
     };
     add(&format!("detector: {}", row.detector));
     if row.error.is_none() && row.blind {
-        add("without a detector O, O+G and O+G+D are the same as none and G, and were left out");
+        add(
+            "without a detector O, O+G, O+G+D and \"adapted\" are the same as none and G, and were left out",
+        );
     }
     if row.published.is_some() && row.name.starts_with("sim:") {
         add(
@@ -185,12 +196,9 @@ mod tests {
 
     #[test]
     fn runs_are_listed_by_their_seeds() {
-        assert_eq!(runs(&[4]), "One run each, with seed 4.");
+        assert_eq!(runs(&[4]), "One seed each, 4: no spread is known.");
         let many = runs(&[4, 5, 6]);
-        assert!(
-            many.starts_with("3 runs each") && many.contains("(4 to 6)"),
-            "{many}"
-        );
+        assert!(many.starts_with("3 seeds each (4 to 6)"), "{many}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ mod report;
 mod unit;
 
 use crate::args::BenchArgs;
-use crate::bench::ablation::{self, Cell, Variant};
+use crate::bench::ablation::{self, Cell, Variant, seeds};
 use crate::bench::document::origin::Origin;
 use crate::bench::document::unit::Unit;
 use crate::bench::runner::Plan;
@@ -50,6 +50,8 @@ struct Document {
     unit_ms: [f64; 2],
     /// OpenCV's ORB on this machine at that time, ms, where the user measured it.
     opencv_ms: Option<f64>,
+    /// Seeds of the runs of every configuration.
+    seeds: Vec<u64>,
     sequences: Vec<Measured>,
 }
 
@@ -75,7 +77,7 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
     let sources: Result<Vec<Source>, Failure> = paths.iter().map(|p| Source::of(p)).collect();
     let sources = sources?;
     let settled = source::settle(&sources, &args.input)?;
-    let seed = config::resolve(&args.config)?.seed;
+    let seeds = seeds(config::resolve(&args.config)?.seed, args.runs);
     args.plan().prepare()?;
     let mut unit = Unit::new(config::simd()?)?;
     let before = unit.measure().median;
@@ -90,10 +92,10 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
             input.detector.detector = None;
         }
         let row = ablation::row(args, name, path);
-        match source.prepare(&input, &settled, &args.out, seed) {
+        match source.prepare(&input, &settled, &args.out, seeds[0]) {
             Ok(prepared) => {
                 let some_live = sequences.iter().any(|s| !s.live.is_empty());
-                let mut measured = measure(args, row, (&prepared, seed), interrupt);
+                let mut measured = measure(args, row, (&prepared, &seeds), interrupt);
                 let recording = matches!(source, Source::Folder(_)) && measured.movement_matters();
                 if recording || (measured.row.name == LIVE_SCENE && !some_live) {
                     measured.live = live_runs(args, (&measured.row.name, &prepared), interrupt);
@@ -122,6 +124,7 @@ pub(crate) fn bench(args: &BenchArgs, interrupt: &Interrupt) -> Result<Status, F
         detector: settled.words(),
         unit_ms: [before, unit.measure().median],
         opencv_ms: args.opencv_ms,
+        seeds,
         sequences,
     };
     write(&document, &args.out)?;
@@ -153,14 +156,14 @@ fn command() -> String {
 fn measure(
     args: &BenchArgs,
     mut row: ablation::Row,
-    (prepared, seed): (&Prepared, u64),
+    (prepared, seeds): (&Prepared, &[u64]),
     interrupt: &Interrupt,
 ) -> Measured {
     let name = row.name.clone();
     let run = |prepared: &Prepared, variant: Variant, label: &str| {
         let name = format!("{name}{label}");
         let wanted = !interrupt.requested();
-        wanted.then(|| ablation::cell(args, (&name, prepared), (variant, &[seed]), interrupt))
+        wanted.then(|| ablation::cell(args, (&name, prepared), (&variant.into(), seeds), interrupt))
     };
     let without = prepared.without_detector();
     row.detector.clone_from(&prepared.words);
@@ -177,7 +180,10 @@ fn measure(
     };
     let scene = name.starts_with("sim:");
     if !prepared.blind && (scene || measured.movement_matters()) {
-        for variant in [Variant::O, Variant::G, Variant::Og, Variant::Ogd] {
+        for variant in Variant::ALL {
+            if matches!(variant, Variant::None | Variant::Default) {
+                continue;
+            }
             measured.row.variants.extend(run(prepared, variant, ""));
         }
     }

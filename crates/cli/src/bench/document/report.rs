@@ -25,7 +25,7 @@ pub(crate) fn markdown(document: &Document) -> String {
     let parts = [
         head(document),
         accuracy(&document.sequences),
-        ablation(&document.sequences),
+        ablation(&document.sequences, &document.seeds),
         times(document),
         live(document),
         comparison(document),
@@ -38,6 +38,8 @@ pub(crate) fn markdown(document: &Document) -> String {
 
 /// How the figures came about.
 fn head(d: &Document) -> String {
+    let seeds: Vec<String> = d.seeds.iter().map(u64::to_string).collect();
+    let seeds = seeds.join(", ");
     let m = &d.machine;
     let [before, after] = d.unit_ms;
     format!(
@@ -47,7 +49,7 @@ fn head(d: &Document) -> String {
          | commit | {} |\n| date | {} |\n| machine | {}, {} cores, {} |\n| compiler | {}{} |\n| detector of the recordings | {} |\n\
          | unit of time | {before:.2} ms before the runs, {after:.2} ms after them |\n\n\
          Unless a table says live, frames go through tracking and mapping one after the other, nothing is dropped, and a detector's answer is there \
-         at once; errors are then the same on every run. The unit of time is {}. Times in units can be compared between machines; so can {}.\n",
+         at once; errors are then the same on every run with the same seed, and tables show medians over the seeds ({seeds}). The unit of time is {}. Times in units can be compared between machines; so can {}.\n",
         d.command,
         d.origin.commit,
         d.origin.date,
@@ -178,7 +180,18 @@ fn detectors(sequences: &[Measured]) -> Vec<(String, Vec<&str>)> {
     all
 }
 
-fn ablation(sequences: &[Measured]) -> String {
+/// How many seeds, and what two figures in a cell are.
+fn spread(seeds: &[u64]) -> String {
+    match seeds {
+        [one] => format!("Of one seed ({one})."),
+        seeds => format!(
+            "Of {} seeds: median and, after the stroke, the worst where they differ.",
+            seeds.len()
+        ),
+    }
+}
+
+fn ablation(sequences: &[Measured], seeds: &[u64]) -> String {
     let whole = |s: &&Measured| s.variant(Variant::O).is_some();
     let rows: Vec<_> = sequences.iter().filter(whole).map(|s| &s.row).collect();
     if rows.is_empty() {
@@ -186,11 +199,12 @@ fn ablation(sequences: &[Measured]) -> String {
     }
     let mut text = format!(
         "## Ablation of the static filter\n\nATE RMSE in mm, in brackets the share of frames with a pose where some have none. O: objects. G: epipolar \
-         constraint. D: depth within boxes. The first five are the published method with that much of it, the last is this project's own filter; all but \
-         \"none\" see the detections. Recordings are in the table where the filter changes the error by a factor of more than {MATTERS:.0}, or the frames \
+         constraint. D: depth within boxes. The first five are the published method with that much of it, \"adapted\" is all of it with the weights of all classes and \
+         without a split of boxes of one depth, the last is this project's own filter; all but \"none\" see the detections. {seeds} Recordings are in the table where the filter changes the error by a factor of more than {MATTERS:.0}, or the frames \
          that have a pose. Simulated scenes are named after the recordings that the published figures are about: other rooms, other people, and simulated \
          images, so only the pattern can be compared.\n\n{}\n",
-        overview(rows.iter().copied())
+        overview(rows.iter().copied()),
+        seeds = spread(seeds),
     );
     if rows.iter().any(|r| r.published.is_some()) {
         text += &sources(&[System::Paper], ABLATION_TABLE);

@@ -5,16 +5,20 @@ pub(crate) mod find;
 pub(crate) mod published;
 pub(crate) mod report;
 
+use crate::args::BenchArgs;
+use crate::bench::ablation::{self, Asked, Cell, Variant, seeds};
 use crate::bench::command_line;
-use crate::bench::runner::{Plan, Sequence, Spread};
+use crate::bench::runner::{Sequence, Spread};
+use crate::bench::source::Prepared;
 use crate::bench::suite::catalogue::Suite;
 use crate::bench::suite::find::{Found, find};
-use crate::bench::suite::published::PublishedAte;
+use crate::bench::suite::published::Published;
+use crate::detector::Settled;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::Machine;
-use crate::run::summary::{ScoreJson, StatisticsJson, Summary};
-use crate::{console, detector, output};
+use crate::run::summary::{ScoreJson, StatisticsJson};
+use crate::{config, console, detector, output};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
@@ -26,6 +30,8 @@ pub(crate) struct Report {
     pub(crate) command: String,
     /// What the runs were asked to detect objects with.
     pub(crate) detector: String,
+    /// Seeds of the runs of every case.
+    pub(crate) seeds: Vec<u64>,
     pub(crate) sequences: Vec<Row>,
 }
 
@@ -49,12 +55,32 @@ pub(crate) struct Row {
     pub(crate) name: &'static str,
     pub(crate) state: State,
     pub(crate) path: Option<PathBuf>,
-    pub(crate) error: Option<String>,
-    pub(crate) figures: Option<Figures>,
+    pub(crate) cases: Vec<Case>,
     /// What others published on it.
-    pub(crate) published: Vec<PublishedAte>,
-    pub(crate) runs: Vec<Summary>,
+    pub(crate) published: Vec<Published>,
 }
+
+/// A sequence with one camera and one configuration.
+#[derive(Debug, Serialize)]
+pub(crate) struct Case {
+    /// The camera that it was run with, where the suite has several.
+    pub(crate) camera: Option<&'static str>,
+    pub(crate) live: bool,
+    #[serde(flatten)]
+    pub(crate) cell: Cell,
+}
+
+impl Case {
+    /// What distinguishes it from other cases, in words; empty where there is nothing.
+    pub(crate) fn label(&self) -> String {
+        let camera = self.camera.into_iter();
+        let variant = Some(self.cell.variant).filter(|v| *v != AS_SET);
+        camera.chain(variant).collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// The configuration is what the user set.
+const AS_SET: &str = "as set";
 
 /// Figures over all runs of a sequence.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -103,37 +129,32 @@ impl Errors {
 /// report.
 pub(crate) fn bench(
     suite: Suite,
-    folders: &[PathBuf],
-    plan: &Plan<'_>,
+    args: &BenchArgs,
     interrupt: &Interrupt,
 ) -> Result<Status, Failure> {
-    let found = find(suite, folders)?;
+    let found = find(suite, &args.paths)?;
+    let seeds = seeds(config::resolve(&args.config)?.seed, args.runs);
     // Settled once, so that all runs get the same.
-    let settled = detector::settle(&plan.input.detector)?;
+    let settled = detector::settle(&args.input.detector)?;
     settled.announce();
-    let input = plan.input.with_detector(settled.argument.clone());
-    let plan = &Plan {
-        input: &input,
-        ..*plan
-    };
-    plan.prepare()?;
+    args.plan().prepare()?;
     let here = found.iter().filter(|f| f.path.is_some()).count();
     console::info(&format!(
         "suite {}: {here} of {} sequences found",
         suite.name(),
         found.len()
     ));
+    let row = |f: &Found| row(suite, f, args, (&settled, &seeds), interrupt);
+    let sequences = found.iter().map(row).collect();
     let report = Report {
         suite: suite.name(),
         machine: Machine::here(),
         command: command_line(),
         detector: settled.words(),
-        sequences: found
-            .iter()
-            .map(|f| row(suite, f, plan, interrupt))
-            .collect(),
+        seeds,
+        sequences,
     };
-    write(&report, suite, plan.out)?;
+    write(&report, suite, &args.out)?;
     if interrupt.requested() {
         console::line("interrupted: the report holds the runs that ended");
         return Ok(Status::Failed);
@@ -141,39 +162,77 @@ pub(crate) fn bench(
     Ok(status(&report.sequences))
 }
 
-fn row(suite: Suite, found: &Found, plan: &Plan<'_>, interrupt: &Interrupt) -> Row {
+/// What is run on every sequence with every camera.
+fn asked(args: &BenchArgs, blind: bool) -> Vec<Asked> {
+    let mut all: Vec<Asked> = Vec::new();
+    if args.ablation {
+        let differs = |v: &Variant| !(blind && v.needs_detector());
+        all.extend(Variant::ALL.into_iter().filter(differs).map(Asked::from));
+    } else {
+        all.push(Asked {
+            label: AS_SET,
+            settings: Vec::new(),
+            live: false,
+        });
+    }
+    if args.live {
+        all.push(Asked {
+            label: "live",
+            settings: Vec::new(),
+            live: true,
+        });
+    }
+    all
+}
+
+fn row(
+    suite: Suite,
+    found: &Found,
+    args: &BenchArgs,
+    (settled, seeds): (&Settled, &[u64]),
+    interrupt: &Interrupt,
+) -> Row {
     let known = found.known;
     let mut row = Row {
         name: known.name,
         state: State::NotFound,
         path: found.path.clone(),
-        error: None,
-        figures: None,
-        published: suite.published().list(known.name),
-        runs: Vec::new(),
+        cases: Vec::new(),
+        published: suite.published().of(known.name),
     };
     let Some(path) = &found.path else {
         return row;
     };
     row.state = State::NotRun;
-    if interrupt.requested() {
-        return row;
-    }
-    match plan.run(path, known.name.to_owned(), interrupt) {
-        Ok(sequence) => {
-            if let Some(figures) = figures(&sequence) {
-                (row.state, row.figures) = (State::Ran, Some(figures));
-                row.runs = sequence.runs;
+    let prepared = Prepared::of(path.clone(), &args.input, settled);
+    let cameras = match args.input.camera {
+        Some(_) => &[None],
+        None => suite.cameras(),
+    };
+    for camera in cameras {
+        let prepared = prepared.with_camera(*camera);
+        for asked in asked(args, prepared.blind) {
+            if interrupt.requested() {
+                return row;
             }
-        }
-        // Ctrl-C reaches the run too, and ends it before its first frame: that is no failure of the sequence.
-        Err(_) if interrupt.requested() => {}
-        Err(e) => {
-            let e = e.to_string();
-            console::warn(&format!("{}: {e}", known.name));
-            (row.state, row.error) = (State::Failed, Some(e));
+            let name = match camera {
+                Some(camera) => format!("{}-{camera}", known.name),
+                None => known.name.to_owned(),
+            };
+            let cell = ablation::cell(args, (&name, &prepared), (&asked, seeds), interrupt);
+            // Ctrl-C reaches the run too, and ends it before its first frame: that is no failure of the sequence.
+            if cell.figures.is_none() && interrupt.requested() {
+                return row;
+            }
+            row.cases.push(Case {
+                camera: *camera,
+                live: asked.live,
+                cell,
+            });
         }
     }
+    let any = row.cases.iter().any(|c| c.cell.figures.is_some());
+    row.state = if any { State::Ran } else { State::Failed };
     row
 }
 
@@ -220,14 +279,23 @@ fn write(report: &Report, suite: Suite, out: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Well when every sequence that was found was tracked throughout and has a score; unusable when none could be run.
+/// Well when every sequence that was found has a score in every case, and was tracked throughout by the configuration that the user set, or in an
+/// ablation by the default filter: that the others lose frames is what it shows. Unusable when none could be run.
 fn status(rows: &[Row]) -> Status {
-    let whole = |f: &Figures| f.tracked.worst >= 1.0 && (f.ate.is_some() || f.drift.is_some());
+    let scored = |f: &Figures| f.ate.is_some() || f.drift.is_some();
+    let own = |c: &Case| c.live || [AS_SET, Variant::Default.label()].contains(&c.cell.variant);
+    let well = |c: &Case| {
+        let figures = c.cell.figures.as_ref();
+        let whole = |f: &Figures| !own(c) || f.tracked.worst >= 1.0;
+        c.cell.error.is_none() && figures.is_some_and(|f| scored(f) && whole(f))
+    };
     let well = |r: &Row| match r.state {
         State::NotFound => true,
-        _ => r.figures.as_ref().is_some_and(whole),
+        State::Failed | State::NotRun => false,
+        State::Ran => r.cases.iter().all(well),
     };
-    if rows.iter().all(|r| r.figures.is_none()) {
+    let mut cases = rows.iter().flat_map(|r| &r.cases);
+    if cases.all(|c| c.cell.figures.is_none()) {
         Status::Unusable
     } else if rows.iter().all(well) {
         Status::Ok
@@ -247,7 +315,7 @@ mod tests {
         }
     }
 
-    fn row(state: State, tracked: Option<f64>, scored: bool) -> Row {
+    fn case(variant: &'static str, tracked: Option<f64>, scored: bool) -> Case {
         let errors = Errors {
             rmse: spread(0.01),
             sd: spread(0.005),
@@ -263,31 +331,50 @@ mod tests {
             rpe_rotation_deg: None,
             drift: None,
         });
+        Case {
+            camera: None,
+            live: false,
+            cell: Cell {
+                variant,
+                settings: Vec::new(),
+                error: None,
+                figures,
+                rejected: None,
+                runs: Vec::new(),
+            },
+        }
+    }
+
+    fn row(state: State, cases: Vec<Case>) -> Row {
         Row {
             name: "walking_xyz",
             state,
             path: None,
-            error: None,
-            figures,
+            cases,
             published: Vec::new(),
-            runs: Vec::new(),
         }
     }
 
     #[test]
     fn the_status_is_that_of_what_was_found() {
-        let good = || row(State::Ran, Some(1.0), true);
-        let missing = || row(State::NotFound, None, false);
+        let good = || row(State::Ran, vec![case(AS_SET, Some(1.0), true)]);
+        let missing = || row(State::NotFound, Vec::new());
+        let failed = || row(State::Failed, vec![case(AS_SET, None, false)]);
         assert_eq!(status(&[good(), missing()]), Status::Ok);
         for bad in [
-            row(State::Ran, Some(0.99), true),
-            row(State::Ran, Some(1.0), false),
-            row(State::Failed, None, false),
+            row(State::Ran, vec![case(AS_SET, Some(0.99), true)]),
+            row(State::Ran, vec![case(AS_SET, Some(1.0), false)]),
+            row(State::NotRun, Vec::new()),
+            failed(),
         ] {
             assert_eq!(status(&[good(), bad]), Status::Failed);
         }
-        let failed = row(State::Failed, None, false);
-        assert_eq!(status(&[failed, missing()]), Status::Unusable);
+        assert_eq!(status(&[failed(), missing()]), Status::Unusable);
+        // What an ablation takes away may lose frames.
+        for (variant, expected) in [("O+G", Status::Ok), ("default", Status::Failed)] {
+            let cases = vec![case(variant, Some(0.5), true)];
+            assert_eq!(status(&[row(State::Ran, cases)]), expected, "{variant}");
+        }
     }
 
     #[test]
