@@ -240,6 +240,7 @@ mod tests {
             infrared: 1.0,
             mover: 0,
             surface: 0,
+            thing: 0,
         };
         let scene = Scene::of(vec![face], ramp());
         let (fine, coarse) = (

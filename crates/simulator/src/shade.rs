@@ -24,6 +24,8 @@ pub(crate) struct Visible {
     pub(crate) mover: u8,
     /// Number of the smooth surface that it is part of; 0 for a face of its own.
     surface: u16,
+    /// Number of the thing of a known class that it belongs to; 0 for none.
+    pub(crate) thing: u16,
     /// Distance of the camera from the face's plane, m.
     plane_distance: f32,
 }
@@ -126,6 +128,7 @@ impl Visible {
             infrared: face.infrared,
             mover: face.mover,
             surface: face.surface,
+            thing: face.thing,
             plane_distance: distance as f32,
         }
     }

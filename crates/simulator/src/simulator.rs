@@ -240,10 +240,10 @@ impl Simulator {
     #[must_use]
     pub fn truth(&self, index: usize) -> FrameTruth {
         let view = self.view(self.stamp(index), 1).through(&self.lens);
-        truth::truth(&view, &self.scene.movers())
+        truth::truth(&view, &self.scene.movers(), self.scene.things())
     }
 
-    /// What a detector that errs as `noise` says would find in a frame: persons only.
+    /// What a detector that errs as `noise` says would find in a frame: persons, and furniture where it knows that.
     #[must_use]
     pub fn detections(&self, index: usize, noise: &DetectionNoise) -> Vec<ScriptedDetection> {
         let (truth, stamp) = (self.truth(index), self.stamp(index));

@@ -1,7 +1,7 @@
 //! What moves in a frame, pixel by pixel and box by box, and what a detector would say about it.
 //!
-//! Answers: exact masks and boxes of the movers, and scripted detections that miss, jitter and never know a box. Knows
-//! nothing of the sensor: noise does not change what is true.
+//! Answers: exact masks and boxes of the movers, boxes of furniture, and scripted detections that miss, jitter, see what is not there and
+//! never know a carried box. Knows nothing of the sensor: noise does not change what is true.
 
 use crate::random::{Normal, Purpose, Stream, key};
 use crate::raster::View;
@@ -14,6 +14,8 @@ pub struct FrameTruth {
     pub mask: GrayImage,
     /// The movers that are seen, in the order of their numbers.
     pub boxes: Vec<MoverBox>,
+    /// The things that are seen, stand still and are of a class that detectors know, in the order of their numbers; those count for themselves.
+    pub things: Vec<MoverBox>,
 }
 
 impl FrameTruth {
@@ -25,12 +27,12 @@ impl FrameTruth {
     }
 }
 
-/// The visible part of one mover. Pixel (0, 0) reaches from -0.5 to 0.5.
+/// The visible part of one mover or thing. Pixel (0, 0) reaches from -0.5 to 0.5.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MoverBox {
     /// Number of the mover, from 1; the same thing in all frames of a scene.
     pub mover: u32,
-    /// What it is: `person` or `box`.
+    /// What it is: `person` or `box`, or of a thing its class in COCO.
     pub class: &'static str,
     /// Left border, px of the recorded image.
     pub x0: f64,
@@ -53,17 +55,30 @@ pub struct DetectionNoise {
     pub jitter_px: f64,
     /// Persons of whom fewer pixels are seen are never found.
     pub min_visible_px: usize,
+    /// Probability that a burst of misses begins for a person in a frame, 0 to 1: in it the person is found in no frame, as somebody is who turns the
+    /// back on the camera.
+    pub burst: f64,
+    /// Length of a burst, frames.
+    pub burst_frames: usize,
+    /// Probability that somebody is found in a frame where nobody is, 0 to 1.
+    pub false_alarm: f64,
+    /// Whether furniture is found as well: chairs, desks, screens, keyboards, books and cups, as often missed as people.
+    pub things: bool,
     /// Decides what is missed and how borders jitter.
     pub seed: u64,
 }
 
 impl Default for DetectionNoise {
-    /// The errors of a small network on people who move: 30 % missed, borders off by 4 px.
+    /// The errors of a small network on people who move: 30 % missed, borders off by 4 px; none of the others.
     fn default() -> Self {
         Self {
             drop: 0.3,
             jitter_px: 4.0,
             min_visible_px: 1500,
+            burst: 0.0,
+            burst_frames: 25,
+            false_alarm: 0.0,
+            things: false,
             seed: 0,
         }
     }
@@ -74,7 +89,7 @@ impl Default for DetectionNoise {
 pub struct ScriptedDetection {
     /// Stamp of the colour image, s.
     pub stamp: f64,
-    /// Always `person`: what people carry is in no detector's list.
+    /// `person`, or what a thing is: what people carry is in no detector's list.
     pub class: &'static str,
     /// How sure the detector is, 0 to 1.
     pub score: f32,
@@ -88,43 +103,69 @@ pub struct ScriptedDetection {
     pub y1: f64,
 }
 
-/// Mask and boxes of a view with one sample per pixel, seen through the lens. `classes[k - 1]` is what mover k is.
-pub(crate) fn truth(view: &View, classes: &[&'static str]) -> FrameTruth {
-    let mut mask = GrayImage::new(view.width, view.height);
-    let nothing = [usize::MAX, usize::MAX, 0, 0];
-    // Per mover: left, top, right and bottom pixel, and the number of pixels.
-    let mut found = vec![(nothing, 0); classes.len()];
-    for (k, (out, number)) in mask.data_mut().iter_mut().zip(&view.face).enumerate() {
-        let mover = view.faces.get(usize::from(*number)).map_or(0, |f| f.mover);
-        *out = mover;
-        if let Some((b, count)) = usize::from(mover)
-            .checked_sub(1)
-            .and_then(|m| found.get_mut(m))
-        {
-            let (x, y) = (k % view.width, k / view.width);
-            *b = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
-            *count += 1;
-        }
+/// Left, top, right and bottom pixel, and the number of pixels.
+#[derive(Clone, Copy)]
+struct Extent([usize; 4], usize);
+
+impl Extent {
+    const NOTHING: Self = Self([usize::MAX, usize::MAX, 0, 0], 0);
+
+    fn take(&mut self, x: usize, y: usize) {
+        let b = self.0;
+        self.0 = [b[0].min(x), b[1].min(y), b[2].max(x), b[3].max(y)];
+        self.1 += 1;
     }
-    let seen = found
-        .iter()
-        .enumerate()
-        .filter(|(_, (_, count))| *count > 0);
-    let boxes = seen
-        .map(|(k, (b, count))| MoverBox {
-            mover: k as u32 + 1,
-            class: classes[k],
-            x0: b[0] as f64 - 0.5,
-            y0: b[1] as f64 - 0.5,
-            x1: b[2] as f64 + 0.5,
-            y1: b[3] as f64 + 0.5,
-            visible_px: *count,
-        })
-        .collect();
-    FrameTruth { mask, boxes }
 }
 
-/// What a detector would say about the movers of frame `index`.
+/// The boxes of what is seen; entry k - 1 is that of number k.
+fn boxes(found: &[Extent], classes: &[&'static str]) -> Vec<MoverBox> {
+    let numbered = found.iter().zip(classes).enumerate();
+    let seen = numbered.filter(|(_, (extent, _))| extent.1 > 0);
+    seen.map(|(k, (Extent(b, count), class))| MoverBox {
+        mover: k as u32 + 1,
+        class,
+        x0: b[0] as f64 - 0.5,
+        y0: b[1] as f64 - 0.5,
+        x1: b[2] as f64 + 0.5,
+        y1: b[3] as f64 + 0.5,
+        visible_px: *count,
+    })
+    .collect()
+}
+
+/// Mask and boxes of a view with one sample per pixel, seen through the lens. `classes[k - 1]` is what mover k is, `things[k - 1]` what thing
+/// k is.
+pub(crate) fn truth(view: &View, classes: &[&'static str], things: &[&'static str]) -> FrameTruth {
+    let mut mask = GrayImage::new(view.width, view.height);
+    let mut movers = vec![Extent::NOTHING; classes.len()];
+    let mut still = vec![Extent::NOTHING; things.len()];
+    for (k, (out, number)) in mask.data_mut().iter_mut().zip(&view.face).enumerate() {
+        let face = view.faces.get(usize::from(*number));
+        let (mover, thing) = face.map_or((0, 0), |f| (f.mover, f.thing));
+        *out = mover;
+        let (x, y) = (k % view.width, k / view.width);
+        let of = |extents: &mut [Extent], number: usize| {
+            if let Some(e) = number.checked_sub(1).and_then(|n| extents.get_mut(n)) {
+                e.take(x, y);
+            }
+        };
+        of(&mut movers, usize::from(mover));
+        of(&mut still, usize::from(thing));
+    }
+    FrameTruth {
+        mask,
+        boxes: boxes(&movers, classes),
+        things: boxes(&still, things),
+    }
+}
+
+/// Numbers of things and of false alarms, beyond those of movers.
+const THINGS: u64 = 1 << 32;
+const FALSE_ALARMS: u64 = 1 << 33;
+/// Bursts of misses, beside what else happens to a mover.
+const BURSTS: u64 = 1 << 34;
+
+/// What a detector would say about frame `index`.
 pub(crate) fn detections(
     truth: &FrameTruth,
     noise: &DetectionNoise,
@@ -132,33 +173,98 @@ pub(crate) fn detections(
     index: usize,
     stamp: f64,
 ) -> Vec<ScriptedDetection> {
-    let mut rows = Vec::new();
-    let (w, h) = (truth.mask.width() as f64, truth.mask.height() as f64);
-    for mover in &truth.boxes {
-        // Addressed by mover and frame: what happens to one person does not depend on who else is seen.
-        let seed = key(noise.seed, Purpose::Detections, u64::from(mover.mover));
-        let mut rng = Stream::new(seed, Purpose::Detections, index as u64);
-        let missed = rng.chance(noise.drop);
-        if missed || mover.class != "person" || mover.visible_px < noise.min_visible_px.max(1) {
-            continue;
+    let detector = ScriptedDetector {
+        noise,
+        normal,
+        size: [truth.mask.width() as f64, truth.mask.height() as f64],
+        index,
+        stamp,
+    };
+    let people = truth.boxes.iter().filter(|b| b.class == "person");
+    let people = people.filter_map(|b| {
+        let number = u64::from(b.mover);
+        detector
+            .find(b, number)
+            .filter(|_| !detector.in_burst(number))
+    });
+    let mut rows: Vec<ScriptedDetection> = people.collect();
+    if noise.things {
+        let find = |b: &MoverBox| detector.find(b, THINGS + u64::from(b.mover));
+        rows.extend(truth.things.iter().filter_map(find));
+    }
+    rows.extend(detector.false_alarm());
+    rows
+}
+
+/// A detector that looks at one frame.
+struct ScriptedDetector<'a> {
+    noise: &'a DetectionNoise,
+    normal: &'a Normal,
+    /// Width and height of the image, px.
+    size: [f64; 2],
+    index: usize,
+    stamp: f64,
+}
+
+impl ScriptedDetector<'_> {
+    /// Addressed by number and frame: what happens to one person does not depend on who else is seen.
+    fn stream(&self, number: u64, index: usize) -> Stream {
+        let seed = key(self.noise.seed, Purpose::Detections, number);
+        Stream::new(seed, Purpose::Detections, index as u64)
+    }
+
+    /// Whether a burst of misses that began in this frame or before is not over yet.
+    fn in_burst(&self, number: u64) -> bool {
+        let first = (self.index + 1).saturating_sub(self.noise.burst_frames);
+        let begins = |index| self.stream(BURSTS + number, index).chance(self.noise.burst);
+        self.noise.burst > 0.0 && (first..=self.index).any(begins)
+    }
+
+    /// What is said of something that is seen; `None` when it is missed.
+    fn find(&self, seen: &MoverBox, number: u64) -> Option<ScriptedDetection> {
+        let (noise, [w, h]) = (self.noise, self.size);
+        let mut rng = self.stream(number, self.index);
+        if rng.chance(noise.drop) || seen.visible_px < noise.min_visible_px.max(1) {
+            return None;
         }
         let mut border = |at: f64, end: f64| {
-            let off = noise.jitter_px * f64::from(normal.at(rng.bits()));
+            let off = noise.jitter_px * f64::from(self.normal.at(rng.bits()));
             (at + off).clamp(-0.5, end - 0.5)
         };
-        let (x0, x1) = (border(mover.x0, w), border(mover.x1, w));
-        let (y0, y1) = (border(mover.y0, h), border(mover.y1, h));
+        let (x0, x1) = (border(seen.x0, w), border(seen.x1, w));
+        let (y0, y1) = (border(seen.y0, h), border(seen.y1, h));
         // Larger persons are surer ones.
-        let size = (mover.visible_px as f64 / (0.06 * w * h)).min(1.0);
-        rows.push(ScriptedDetection {
-            stamp,
-            class: mover.class,
+        let size = (seen.visible_px as f64 / (0.06 * w * h)).min(1.0);
+        Some(ScriptedDetection {
+            stamp: self.stamp,
+            class: seen.class,
             score: (0.45 + 0.35 * size + 0.15 * rng.unit()) as f32,
             x0: x0.min(x1),
             y0: y0.min(y1),
             x1: x0.max(x1),
             y1: y0.max(y1),
-        });
+        })
     }
-    rows
+
+    /// A person where nobody need be, anywhere in the image and of any size that people have in it, and not very sure.
+    fn false_alarm(&self) -> Option<ScriptedDetection> {
+        let mut rng = self.stream(FALSE_ALARMS, self.index);
+        if !rng.chance(self.noise.false_alarm) {
+            return None;
+        }
+        let [w, h] = self.size;
+        let height = h * rng.range(0.2, 0.8);
+        let width = (height * rng.range(0.3, 0.6)).min(w);
+        let x0 = rng.range(-0.5, w - 0.5 - width);
+        let y0 = rng.range(-0.5, h - 0.5 - height);
+        Some(ScriptedDetection {
+            stamp: self.stamp,
+            class: "person",
+            score: rng.range(0.3, 0.5) as f32,
+            x0,
+            y0,
+            x1: x0 + width,
+            y1: y0 + height,
+        })
+    }
 }

@@ -247,6 +247,101 @@ fn detections_miss_jitter_and_know_no_box() {
     assert!((2.4..4.3).contains(&jitter), "{jitter} px");
 }
 
+/// Two people walk all the time.
+#[test]
+fn bursts_hide_a_person_for_their_length() {
+    let sim = simulator("walking_static", |_| ());
+    let noise = DetectionNoise {
+        drop: 0.0,
+        jitter_px: 0.0,
+        burst: 0.02,
+        seed: 1,
+        ..DetectionNoise::default()
+    };
+    assert_eq!(noise.burst_frames, 25);
+    let exact = DetectionNoise {
+        burst: 0.0,
+        ..noise
+    };
+    let mut hidden: Vec<Vec<usize>> = vec![Vec::new(); 2];
+    let mut seen = 0;
+    for index in 0..150 {
+        let truth = sim.detections(index, &exact);
+        let found = sim.detections(index, &noise);
+        // What is found is found as it would be without bursts.
+        assert!(found.iter().all(|row| truth.contains(row)), "frame {index}");
+        seen += truth.len();
+        for b in sim.truth(index).boxes {
+            let whole = b.visible_px >= noise.min_visible_px;
+            if whole && !found.iter().any(|r| r.x0 == b.x0 && r.y1 == b.y1) {
+                hidden[b.mover as usize - 1].push(index);
+            }
+        }
+    }
+    let runs = hidden.iter().flat_map(|frames| {
+        let runs = frames.chunk_by(|a, b| a + 1 == *b);
+        runs.map(<[usize]>::len).collect::<Vec<_>>()
+    });
+    let runs: Vec<usize> = runs.collect();
+    let total: usize = runs.iter().sum();
+    assert!(total > 20 && total < seen, "{total} of {seen}");
+    assert!(runs.iter().any(|n| *n >= 25), "{runs:?}");
+}
+
+#[test]
+fn false_alarms_are_people_where_none_need_be() {
+    let sim = simulator("xyz", |_| ());
+    let noise = DetectionNoise {
+        false_alarm: 0.2,
+        ..DetectionNoise::default()
+    };
+    let rows: Vec<_> = (0..200).flat_map(|i| sim.detections(i, &noise)).collect();
+    assert!((25..=55).contains(&rows.len()), "{}", rows.len());
+    for row in &rows {
+        assert_eq!(row.class, "person");
+        assert!((0.3..0.5).contains(&row.score), "{}", row.score);
+        assert!(-0.5 <= row.x0 && row.x0 + 20.0 < row.x1 && row.x1 <= 639.5);
+        assert!(-0.5 <= row.y0 && row.y0 + 60.0 < row.y1 && row.y1 <= 479.5);
+    }
+    assert!(rows[0].x0 != rows[1].x0);
+}
+
+#[test]
+fn furniture_is_found_where_it_stands() {
+    let sim = simulator("walking_xyz", |_| ());
+    let noise = DetectionNoise {
+        drop: 0.0,
+        jitter_px: 0.0,
+        min_visible_px: 500,
+        things: true,
+        ..DetectionNoise::default()
+    };
+    let mut classes = std::collections::BTreeSet::new();
+    for index in [0, 60, 120, 180, 240] {
+        let truth = sim.truth(index);
+        assert!(truth.things.iter().all(|b| b.class != "person"));
+        let rows = sim.detections(index, &noise);
+        let large = |b: &&stillpoint_simulator::MoverBox| b.visible_px >= 500;
+        let things: Vec<_> = truth.things.iter().filter(large).collect();
+        let found: Vec<_> = rows.iter().filter(|r| r.class != "person").collect();
+        assert_eq!(things.len(), found.len());
+        for (a, b) in things.iter().zip(found) {
+            assert_eq!((a.class, a.x0, a.y1), (b.class, b.x0, b.y1));
+            classes.insert(b.class);
+        }
+        // People are found as they were.
+        let people = DetectionNoise {
+            things: false,
+            ..noise
+        };
+        let people = sim.detections(index, &people);
+        assert_eq!(rows[..people.len()], people);
+    }
+    for class in ["chair", "dining table", "tv", "keyboard"] {
+        assert!(classes.contains(class), "{classes:?}");
+    }
+}
+
 #[test]
 fn exact_detections_are_the_truth() {
     let exact = DetectionNoise {
@@ -254,6 +349,7 @@ fn exact_detections_are_the_truth() {
         jitter_px: 0.0,
         min_visible_px: 0,
         seed: 3,
+        ..DetectionNoise::default()
     };
     let sim = simulator("walking_static", |_| ());
     for index in [60, 150, 250] {

@@ -222,5 +222,6 @@ fn triangle(p: [Vec3; 3], texels: [[f64; 2]; 3], light: [f64; 3], cover: Cover) 
         infrared: cover.infrared,
         mover: cover.mover,
         surface: cover.surface,
+        thing: 0,
     }
 }

@@ -70,6 +70,7 @@ pub(crate) struct Builder {
     names: Vec<(Pattern, u64)>,
     light: Light,
     pub(crate) people: Vec<Person>,
+    things: Vec<&'static str>,
 }
 
 impl Builder {
@@ -82,7 +83,24 @@ impl Builder {
             names: Vec::new(),
             light: Light::default(),
             people: Vec::new(),
+            things: Vec::new(),
         }
+    }
+
+    /// Notes that all faces from `first` on are one thing of a class.
+    fn note(&mut self, class: &'static str, first: usize) {
+        self.things.push(class);
+        let number = self.things.len() as u16;
+        for face in &mut self.faces[first..] {
+            face.thing = number;
+        }
+    }
+
+    /// Builds a thing of a class that detectors know, by its name in COCO.
+    pub(crate) fn thing(&mut self, class: &'static str, build: impl FnOnce(&mut Self)) {
+        let first = self.faces.len();
+        build(self);
+        self.note(class, first);
     }
 
     pub(crate) fn finish(self) -> Scene {
@@ -91,6 +109,7 @@ impl Builder {
             textures: self.textures,
             light: self.light,
             people: self.people,
+            things: self.things,
         }
     }
 
@@ -104,8 +123,12 @@ impl Builder {
             for (offset, axis) in face.offsets.iter_mut().zip(&face.axes) {
                 *offset -= axis.dot(shift);
             }
+            if face.thing > 0 {
+                face.thing += self.things.len() as u16;
+            }
             self.faces.push(face);
         }
+        self.things.extend_from_within(..);
     }
 
     /// Lamps light only what is added after them.
@@ -172,6 +195,7 @@ impl Builder {
             infrared: skin.infrared,
             mover: 0,
             surface: 0,
+            thing: 0,
         });
     }
 

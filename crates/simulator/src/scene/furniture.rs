@@ -9,7 +9,11 @@ pub(crate) const DESK: f64 = 0.74;
 
 impl Builder {
     /// A desk of `width` x `depth`, centred at a place on the floor, with its front to -y; bare.
-    pub(crate) fn desk(&mut self, place: &Place, [width, depth]: [f64; 2], variant: usize) {
+    pub(crate) fn desk(&mut self, place: &Place, size: [f64; 2], variant: usize) {
+        self.thing("dining table", |b| b.desk_faces(place, size, variant));
+    }
+
+    fn desk_faces(&mut self, place: &Place, [width, depth]: [f64; 2], variant: usize) {
         let top = self.skin(Pattern::Laminate, variant).tiled(640.0);
         let edge = self.skin(Pattern::Wood, 3).tiled(300.0);
         let leg = self.skin(Pattern::Plastic, 90);
@@ -27,7 +31,11 @@ impl Builder {
     }
 
     /// A monitor that stands at a place on a desk and faces -y.
-    pub(crate) fn monitor(
+    pub(crate) fn monitor(&mut self, place: &Place, size: [f64; 2], lit: bool, variant: usize) {
+        self.thing("tv", |b| b.monitor_faces(place, size, lit, variant));
+    }
+
+    fn monitor_faces(
         &mut self,
         place: &Place,
         [width, height]: [f64; 2],
@@ -67,6 +75,15 @@ impl Builder {
 
     /// A flat thing that lies at a place: a book, a keyboard, a sheet.
     pub(crate) fn slab(&mut self, place: &Place, size: [f64; 3], pattern: Pattern, variant: usize) {
+        let build = |b: &mut Self| b.slab_faces(place, size, pattern, variant);
+        match pattern {
+            Pattern::Keyboard => self.thing("keyboard", build),
+            Pattern::Cover => self.thing("book", build),
+            _ => build(self),
+        }
+    }
+
+    fn slab_faces(&mut self, place: &Place, size: [f64; 3], pattern: Pattern, variant: usize) {
         let top = self.skin(pattern, variant);
         let side = self.skin(
             if pattern == Pattern::Cover {
@@ -97,7 +114,7 @@ impl Builder {
     pub(crate) fn mug(&mut self, place: &Place, variant: usize) {
         let side = self.skin(Pattern::Package, 40 + variant);
         let top = self.skin(Pattern::Plastic, 40 + variant);
-        self.prism(place, [0.04, 0.1], 14, [side, top]);
+        self.thing("cup", |b| b.prism(place, [0.04, 0.1], 14, [side, top]));
     }
 
     /// A beaker with pens.
@@ -119,6 +136,10 @@ impl Builder {
 
     /// An office chair that faces -y.
     pub(crate) fn chair(&mut self, place: &Place, variant: usize) {
+        self.thing("chair", |b| b.chair_faces(place, variant));
+    }
+
+    fn chair_faces(&mut self, place: &Place, variant: usize) {
         let fabric = self.skin(Pattern::Fabric, variant).tiled(400.0);
         let black = self.skin(Pattern::Black, 0);
         self.cuboid(

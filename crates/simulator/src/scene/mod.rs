@@ -35,6 +35,8 @@ pub(crate) struct Face {
     pub(crate) mover: u8,
     /// Number of the smooth surface that it is part of; 0 for a face of its own.
     pub(crate) surface: u16,
+    /// Number of the thing of a known class that it belongs to and that stands still; 0 for none.
+    pub(crate) thing: u16,
 }
 
 /// A lamp under the ceiling.
@@ -76,6 +78,8 @@ pub(crate) struct Scene {
     textures: Vec<Texture>,
     light: Light,
     people: Vec<Person>,
+    /// What each thing is that stands still and has a class; thing k is entry k - 1.
+    things: Vec<&'static str>,
 }
 
 impl Scene {
@@ -127,6 +131,11 @@ impl Scene {
         self.people.iter().flat_map(Person::classes).collect()
     }
 
+    /// What each thing is that stands still and has a class; thing k is entry k - 1.
+    pub(crate) fn things(&self) -> &[&'static str] {
+        &self.things
+    }
+
     /// A texture by its number.
     pub(crate) fn texture(&self, number: u16) -> &Texture {
         &self.textures[usize::from(number)]
@@ -145,6 +154,7 @@ impl Scene {
             textures: vec![texture],
             light: Light::default(),
             people: Vec::new(),
+            things: Vec::new(),
         }
     }
 }
