@@ -16,7 +16,7 @@ const OFTEN: [&str; 8] = [
     "--set",
     "keyframes.min_close_untracked=0",
     "--set",
-    "keyframes.min_gap=7",
+    "keyframes.min_seconds=0.22",
     "--set",
     "mapping.redundant_share=1",
 ];

@@ -20,6 +20,8 @@ pub struct SimulatorConfig {
     pub seed: u64,
     /// Number of frames; `None` for the scene's own length.
     pub frames: Option<usize>,
+    /// Frames per second, 1 to 1000. The scene takes as long at any rate.
+    pub rate: f64,
     /// Without noise the images are ideal: no blur, vignetting, exposure change, noise, quantisation or holes.
     pub noise: bool,
     /// How long after the colour image the depth image is taken, s, on average; it drifts by 70 % to both sides, as the
@@ -35,6 +37,7 @@ impl Default for SimulatorConfig {
             scene: "xyz".to_owned(),
             seed: 0,
             frames: None,
+            rate: 30.0,
             noise: true,
             depth_delay: 0.01,
             camera: Camera::pinhole(640, 480, [535.0, 535.0, 319.5, 239.5]),
@@ -52,8 +55,10 @@ pub enum SimulatorError {
         /// The scene with the most similar name.
         nearest: &'static str,
     },
-    /// The delay of depth images is not a number from 0 to 1/30 s.
+    /// The delay of depth images is not a number from 0 to the time between two frames, s.
     DepthDelay(f64),
+    /// The rate is not a number from 1 to 1000, 1/s.
+    Rate(f64),
     /// The camera's size or focal length cannot be rendered; it is given back.
     Camera(Box<Camera>),
 }
@@ -71,7 +76,13 @@ impl std::fmt::Display for SimulatorError {
             Self::DepthDelay(found) => {
                 write!(
                     f,
-                    "expected a depth delay from 0 to 0.0333 s, found {found}"
+                    "expected a depth delay from 0 to the time between two frames (0.0333 s at 30 per second), found {found}"
+                )
+            }
+            Self::Rate(found) => {
+                write!(
+                    f,
+                    "expected a rate of 1 to 1000 frames per second, found {found}"
                 )
             }
             Self::Camera(found) => write!(
@@ -92,20 +103,21 @@ pub struct Simulator {
     path: Path,
     sensor: Sensor,
     length: usize,
+    rate: f64,
     noise: bool,
     depth_delay: f64,
 }
-
-/// Frames per second.
-const RATE: f64 = 30.0;
 
 impl Simulator {
     /// Builds the scene and paints its textures.
     ///
     /// # Errors
-    /// [`SimulatorError`] for an unknown scene, a delay that is longer than a frame, or a camera out of range.
+    /// [`SimulatorError`] for an unknown scene, a rate out of range, a delay that is longer than a frame, or a camera out of range.
     pub fn new(config: &SimulatorConfig) -> Result<Self, SimulatorError> {
-        if !(0.0..=1.0 / RATE).contains(&config.depth_delay) {
+        if !(1.0..=1000.0).contains(&config.rate) {
+            return Err(SimulatorError::Rate(config.rate));
+        }
+        if !(0.0..=1.0 / config.rate).contains(&config.depth_delay) {
             return Err(SimulatorError::DepthDelay(config.depth_delay));
         }
         if !can_render(&config.camera) {
@@ -123,7 +135,7 @@ impl Simulator {
         if lens.rendered.width.max(lens.rendered.height) > 8192 || lens.rendered.width == 0 {
             return Err(SimulatorError::Camera(Box::new(config.camera)));
         }
-        let default_length = (path.duration() * RATE).round() as usize;
+        let default_length = (path.duration() * config.rate).round() as usize;
         Ok(Self {
             sensor: Sensor::new(&lens, seed),
             camera: config.camera,
@@ -131,6 +143,7 @@ impl Simulator {
             scene,
             length: config.frames.unwrap_or(default_length),
             path,
+            rate: config.rate,
             noise: config.noise,
             depth_delay: config.depth_delay,
         })
@@ -157,7 +170,7 @@ impl Simulator {
     /// Stamp of a frame's colour image, s.
     #[must_use]
     pub fn stamp(&self, index: usize) -> f64 {
-        index as f64 / RATE
+        index as f64 / self.rate
     }
 
     /// Stamp of a frame's depth image, s.

@@ -444,3 +444,24 @@ fn frames_with_people_are_the_same_bits_on_every_machine() {
     ];
     assert_eq!(sums, expected, "found {sums:#018x?}");
 }
+
+#[test]
+fn a_scene_takes_as_long_at_any_rate() {
+    let at = |rate: f64| {
+        Simulator::new(&SimulatorConfig {
+            scene: "walking_xyz".to_owned(),
+            rate,
+            depth_delay: 0.001,
+            ..SimulatorConfig::default()
+        })
+    };
+    let (slow, fast) = (at(15.0).unwrap(), at(60.0).unwrap());
+    assert_eq!(4 * slow.len(), fast.len());
+    // The same moment is the same picture.
+    assert_eq!(slow.stamp(30), fast.stamp(120));
+    assert_eq!(slow.truth(30), fast.truth(120));
+    for rate in [0.9, 1001.0, f64::NAN] {
+        let said = at(rate).err().map(|e| e.to_string());
+        assert!(said.is_some_and(|s| s.contains("1 to 1000 frames per second")));
+    }
+}

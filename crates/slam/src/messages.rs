@@ -36,7 +36,7 @@ pub struct NewKeyframe {
 }
 
 /// How often a landmark was expected to be seen, and was.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LandmarkStatistic {
     /// The landmark.
     pub id: LandmarkId,
@@ -46,6 +46,10 @@ pub struct LandmarkStatistic {
     pub found: u32,
     /// Frames in which the camera saw through its place.
     pub gone: u32,
+    /// How much the frames in which it was found say, in frames of 30 Hz: those of a faster camera each say less, those of a slower one more.
+    pub found_worth: f32,
+    /// The same of the frames in which the camera saw through its place.
+    pub gone_worth: f32,
 }
 
 /// What the mapper reads.

@@ -36,7 +36,14 @@ const REMOVED: &[(&str, &str)] = &[
         "static_filter.depth",
         "static_filter.parts names what the filter uses, e.g. \"O+G\" without depth",
     ),
-    ("objects.tentative_misses", "it is fixed at 3"),
+    (
+        "objects.tentative_misses",
+        "it is fixed at a tenth of a second",
+    ),
+    (
+        "keyframes.min_gap",
+        "keyframes.min_seconds says it in seconds: three frames of 30 Hz are 0.09",
+    ),
     ("objects.acceleration", "it is fixed at 1 m/s^2"),
     ("objects.side_sigma", "it is fixed at 0.1"),
     ("objects.parked_share", "it is fixed at 0.8"),

@@ -9,9 +9,9 @@ pub struct ObjectsConfig {
     /// How long a confirmed object lives on without a detection, s, 0.1..=10. Small networks miss a walking person for up to 25 frames of 30 per
     /// second; beyond 1.5 s the prediction says little.
     pub coast_seconds: f64,
-    /// Missed detections after which an object that was seen only once is dropped, 1..=30. Three keep a walker who is found in every third frame,
-    /// and let a false alarm mask for a tenth of a second only.
-    pub tentative_misses: u32,
+    /// How long an object is kept that was seen only once, s, 0..=10, and for two missed detections at least. A tenth of a second keeps a walker who is
+    /// found in every third frame of 30 per second, and lets a false alarm mask no longer; a little less leaves room for the frames' jitter.
+    pub tentative_seconds: f64,
     /// Acceleration that objects are expected to have, m/s^2, 0.05..=20: what a velocity changes by in a second. 1 is a person who walks, turns and stops.
     pub acceleration: f64,
     /// Standard deviation of a side of a detected box as a share of the box's size, 0.005..=0.5. Boxes of small networks jitter by some hundredths,
@@ -28,7 +28,7 @@ impl Default for ObjectsConfig {
     fn default() -> Self {
         Self {
             coast_seconds: 1.5,
-            tentative_misses: 3,
+            tentative_seconds: 0.09,
             acceleration: 1.0,
             side_sigma: 0.1,
             parked_share: 0.8,
@@ -48,12 +48,7 @@ impl ObjectsConfig {
             }
         };
         check("coast_seconds", self.coast_seconds, 0.1, 10.0);
-        check(
-            "tentative_misses",
-            f64::from(self.tentative_misses),
-            1.0,
-            30.0,
-        );
+        check("tentative_seconds", self.tentative_seconds, 0.0, 10.0);
         check("acceleration", self.acceleration, 0.05, 20.0);
         check("side_sigma", self.side_sigma, 0.005, 0.5);
         check("parked_share", self.parked_share, 0.6, 1.0);

@@ -114,9 +114,11 @@ impl ObjectTracker {
             }
         }
         duplicates::merge(&mut self.tracks, &view);
-        let misses = self.config.tentative_misses;
+        // One miss says little of a detector that misses every third time, however long it takes.
+        let kept = self.config.tentative_seconds;
+        let waits = |t: &Track| t.misses < 2 || stamp - t.last_seen < kept;
         self.tracks
-            .retain(|t| (t.confirmed() || t.misses < misses) && !(t.misses > 0 && t.vague()));
+            .retain(|t| (t.confirmed() || waits(t)) && !(t.misses > 0 && t.vague()));
     }
 
     /// Brings all objects to a new stamp, without those that have coasted too long.

@@ -359,7 +359,7 @@ fn the_configuration_tells_what_is_out_of_range() {
     assert!(ObjectsConfig::default().problems().is_empty());
     let bad = ObjectsConfig {
         coast_seconds: f64::NAN,
-        tentative_misses: 0,
+        tentative_seconds: -1.0,
         side_sigma: 2.0,
         ..ObjectsConfig::default()
     };

@@ -7,13 +7,13 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 use stillpoint_map::KeyframeId;
 
-/// Log odds that one frame adds to a landmark's being static when it was found where it should be. Little: things that
+/// Log odds that one frame of 30 Hz adds to a landmark's being static when it was found where it should be: 9 per second. Little: things that
 /// moved and stopped are found as well.
 const FOUND: f32 = 0.3;
-/// Log odds that one frame takes when the camera saw through its place. The place is known to some pixels, and thin things
+/// Log odds that one frame of 30 Hz takes when the camera saw through its place: 30 per second. The place is known to some pixels, and thin things
 /// have holes in depth: no single frame is proof.
 const GONE: f32 = 1.0;
-/// Years of evidence must be overturned within ten frames.
+/// Years of evidence must be overturned within a third of a second.
 const MAX_ODDS: f32 = 6.0;
 /// A landmark less likely to be static than this leaves the map: 1 in 20.
 const MIN_ODDS: f32 = -3.0;
@@ -50,7 +50,7 @@ impl PartialOrd for Surplus {
 
 /// Bayes' rule in log odds for what was seen of a landmark since the last keyframe.
 pub(super) fn static_odds(before: f32, seen: &LandmarkStatistic) -> f32 {
-    let after = before + FOUND * seen.found as f32 - GONE * seen.gone as f32;
+    let after = before + FOUND * seen.found_worth - GONE * seen.gone_worth;
     after.clamp(2.0 * MIN_ODDS, MAX_ODDS)
 }
 
@@ -290,6 +290,8 @@ mod tests {
             visible: found + gone,
             found,
             gone,
+            found_worth: found as f32,
+            gone_worth: gone as f32,
         }];
         let view = mapper.map.view();
         let matches = view.keyframe(last).unwrap().matches.clone();

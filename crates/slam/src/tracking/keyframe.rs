@@ -20,8 +20,8 @@ pub struct KeyframeConfig {
     pub min_close_tracked: usize,
     /// ... while more than this many others could be made into landmarks. Range: 0 to 10000.
     pub min_close_untracked: usize,
-    /// Frames between two keyframes, at least. Range: 1 to 1000. Nearer ones share all they see.
-    pub min_gap: u32,
+    /// Time between two keyframes, at least, s. Range: 0 to 100. Nearer ones share all they see; this is three frames of 30 Hz, with their jitter.
+    pub min_seconds: f64,
 }
 
 impl Default for KeyframeConfig {
@@ -30,7 +30,7 @@ impl Default for KeyframeConfig {
             min_tracked_share: 0.75,
             min_close_tracked: 100,
             min_close_untracked: 70,
-            min_gap: 3,
+            min_seconds: 0.09,
         }
     }
 }
@@ -45,7 +45,7 @@ impl KeyframeConfig {
             0.0,
             1e4,
         );
-        c.range("min_gap", f64::from(self.min_gap), 1.0, 1e3);
+        c.range("min_seconds", self.min_seconds, 0.0, 100.0);
     }
 
     /// Whether a frame that observes `matches` (inliers only) is due to become a keyframe.

@@ -4,7 +4,7 @@ use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::motion::ConstantVelocity;
 use super::state::{LastFrame, State};
-use super::statistics::Statistics;
+use super::statistics::{Pace, Statistics};
 use super::{Notes, Solution, Submap, Tracker};
 use crate::anchored_pose::AnchoredPose;
 use crate::evidence::Cells;
@@ -20,8 +20,8 @@ use stillpoint_map::{KeyframeData, LandmarkId, SubmapId};
 /// Keyframes that a submap gets early, whether they are needed or not: only keyframes are compared with the places of other
 /// submaps, and it takes some in a row to be recognised.
 const YOUNG_KEYFRAMES: u32 = 5;
-/// Frames between these.
-const YOUNG_GAP: u32 = 10;
+/// Time between these, at least, s: ten frames of 30 Hz.
+const YOUNG_SECONDS: f64 = 0.32;
 
 /// How the way of a frame ends.
 pub(super) struct Ending {
@@ -46,6 +46,8 @@ impl Ending {
 pub(super) struct SinceKeyframe {
     /// The frame that became it.
     frame: Option<FrameId>,
+    /// How fast frames come.
+    pace: Pace,
     /// How often landmarks were expected, found and seen through.
     statistics: Statistics,
 }
@@ -90,6 +92,7 @@ impl Tracker {
             // The first submap of all has no others whose places it could be compared with.
             young: (!self.map.is_empty()).then_some(1),
         });
+        self.since_keyframe.pace.next(frame);
         self.since_keyframe.frame = Some(frame.id);
         self.write_down(frame, &place, inliers);
         let motion = ConstantVelocity::default();
@@ -130,7 +133,10 @@ impl Tracker {
             _ => ConstantVelocity::default(),
         };
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
-        self.since_keyframe.statistics.count(solution.sightings);
+        let worth = self.since_keyframe.pace.next(frame);
+        self.since_keyframe
+            .statistics
+            .count(solution.sightings, worth);
         let (view, reference) = (&self.map.view, solution.reference);
         // A recognised place may lie in another submap than the frames before.
         if let Some(id) = view.submap_of(reference)
@@ -175,14 +181,16 @@ impl Tracker {
             return None;
         }
         let since = |id: FrameId| frame.id.0.saturating_sub(id.0);
-        let gap = self.since_keyframe.frame.map_or(u32::MAX, since);
+        let frames = self.since_keyframe.frame.map(since);
+        let pace = self.since_keyframe.pace.seconds();
+        let gap = frames.map_or(f64::INFINITY, |n| f64::from(n) * pace);
         let (config, view) = (&self.setup.keyframes, &self.map.view);
         let of_reference = view.keyframe(pose.reference)?;
         let close_depth = self.setup.sensor.close_depth;
-        let needed =
-            gap >= config.min_gap && config.is_due(view, of_reference, data, matches, close_depth);
+        let needed = gap >= config.min_seconds
+            && config.is_due(view, of_reference, data, matches, close_depth);
         let young = self.submap.and_then(|s| s.young);
-        let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_GAP;
+        let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_SECONDS;
         if !needed && !early {
             return None;
         }

@@ -4,6 +4,7 @@
 
 mod determinism;
 mod late;
+mod rates;
 mod real;
 mod scenes;
 mod starvation;

@@ -53,11 +53,19 @@ impl Recording {
         drop: f64,
         camera: Camera,
     ) -> Self {
-        let simulator = Simulator::new(&SimulatorConfig {
+        let config = SimulatorConfig {
             scene: scene.into(),
-            frames: Some(range.end),
             camera,
             ..SimulatorConfig::default()
+        };
+        Self::made(config, range, drop)
+    }
+
+    /// The frames `range` of what is configured.
+    pub(crate) fn made(config: SimulatorConfig, range: std::ops::Range<usize>, drop: f64) -> Self {
+        let simulator = Simulator::new(&SimulatorConfig {
+            frames: Some(range.end),
+            ..config
         })
         .unwrap();
         let noise = DetectionNoise {
@@ -98,6 +106,22 @@ impl Recording {
                     world_from_camera,
                 })
                 .collect(),
+        }
+    }
+
+    /// Every `n`-th frame, as a camera that is so much slower records it. Detections of the others are left out by their stamps.
+    pub(crate) fn every(&self, n: usize) -> Self {
+        let frames = self.frames.iter().step_by(n).enumerate();
+        let frames = frames.map(|(i, frame)| RgbdFrame {
+            id: FrameId(i as u32),
+            ..frame.clone()
+        });
+        Self {
+            camera: self.camera,
+            script: self.script.clone(),
+            frames: frames.collect(),
+            masks: self.masks.iter().step_by(n).cloned().collect(),
+            truth: self.truth.iter().step_by(n).cloned().collect(),
         }
     }
 

@@ -1,0 +1,34 @@
+//! The same two seconds, in which a person walks before the camera, at 15, 30 and 60 frames per second.
+
+use super::world::{Recording, with};
+use stillpoint_simulator::SimulatorConfig;
+use stillpoint_slam::Preset;
+
+/// Rendered once at the fastest rate: the slower ones leave frames out.
+#[test]
+fn walking_people_are_tracked_past_at_any_frame_rate() {
+    let config = SimulatorConfig {
+        scene: "walking_xyz".to_owned(),
+        rate: 60.0,
+        ..SimulatorConfig::default()
+    };
+    let fastest = Recording::made(config, 0..120, 0.3);
+    for (step, rate) in [(1, 60), (2, 30), (4, 15)] {
+        let recording = fastest.every(step);
+        for (name, run, limit) in [
+            ("none", recording.run(with(Preset::Default)), 15.0),
+            (
+                "30 % missed",
+                recording.run_detected(with(Preset::Default)),
+                10.0,
+            ),
+        ] {
+            let (error, shares) = (recording.ate_mm(&run), recording.shares(&run));
+            println!("{rate} Hz, {name}: {error:.2} mm, {shares:?}");
+            assert_eq!(run.lost(), 0, "{rate} Hz, {name}");
+            assert_eq!(run.poses().len(), 120 / step, "{rate} Hz, {name}");
+            assert!(error < limit, "{rate} Hz, {name}: {error} mm");
+            assert!(shares.kept > 0.93, "{rate} Hz, {name}: {shares:?}");
+        }
+    }
+}
