@@ -143,9 +143,12 @@ pub(crate) fn script_rows(
 }
 
 fn mover_row(seen: &MoverBox) -> MoverRow {
+    let motion = seen.motion.unwrap_or_default();
     MoverRow {
         mover: seen.mover,
         bounds: [seen.x0, seen.y0, seen.x1, seen.y1],
         visible_px: seen.visible_px,
+        position: motion.position,
+        velocity: motion.velocity,
     }
 }

@@ -45,10 +45,14 @@ pub struct MoverRow {
     pub bounds: [f64; 4],
     /// Number of its pixels in the mask.
     pub visible_px: usize,
+    /// Where it is in the world, m.
+    pub position: [f64; 3],
+    /// Its velocity in the world, m/s.
+    pub velocity: [f64; 3],
 }
 
 /// Columns of `boxes.csv`.
-const BOXES_HEADER: &str = "timestamp,mover,x0,y0,x1,y1,visible_px\n";
+const BOXES_HEADER: &str = "timestamp,mover,x0,y0,x1,y1,visible_px,px,py,pz,vx,vy,vz\n";
 
 /// Records frames and poses into a folder: `rgb/*.png` (or `.jpg`), `depth/*.png` (16 bit, 5000 per metre), `rgb.txt`,
 /// `depth.txt`, `groundtruth.txt` (when there are poses) and `camera.toml`; of what moves, where it is known, `mask/*.png` and
@@ -183,10 +187,11 @@ impl Recorder {
         let rows = self.boxes.get_or_insert_with(|| BOXES_HEADER.to_owned());
         for row in movers {
             let [x0, y0, x1, y1] = row.bounds;
+            let ([px, py, pz], [vx, vy, vz]) = (row.position, row.velocity);
             // Writing to a String cannot fail.
             let _ = writeln!(
                 rows,
-                "{stamp:.6},{},{x0:.1},{y0:.1},{x1:.1},{y1:.1},{}",
+                "{stamp:.6},{},{x0:.1},{y0:.1},{x1:.1},{y1:.1},{},{px:.4},{py:.4},{pz:.4},{vx:.4},{vy:.4},{vz:.4}",
                 row.mover, row.visible_px
             );
         }
@@ -284,6 +289,8 @@ mod tests {
             mover: 2,
             bounds: [2.5, 0.5, 3.5, 1.5],
             visible_px: 1,
+            position: [1.0, -0.25, 2.0],
+            velocity: [0.5, 0.0, -0.125],
         };
         r.add_movers(0.5, &mask, &[row]).unwrap();
         r.add_movers(0.6, &GrayImage::new(64, 48), &[]).unwrap();
@@ -291,7 +298,9 @@ mod tests {
         let boxes = std::fs::read_to_string(dir.path().join("boxes.csv")).unwrap();
         assert_eq!(
             boxes,
-            format!("{BOXES_HEADER}0.500000,2,2.5,0.5,3.5,1.5,1\n")
+            format!(
+                "{BOXES_HEADER}0.500000,2,2.5,0.5,3.5,1.5,1,1.0000,-0.2500,2.0000,0.5000,0.0000,-0.1250\n"
+            )
         );
         let image = image::open(dir.path().join("mask/0.500000.png")).unwrap();
         assert_eq!(image.into_luma8().as_raw(), mask.data());

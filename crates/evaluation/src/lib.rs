@@ -1,12 +1,13 @@
-//! ATE, RPE, timing statistics and plots of trajectories.
+//! ATE, RPE, timing statistics and plots of trajectories; scores of tracked objects.
 //!
 //! Answers: how far an estimated trajectory is from the truth (Sturm et al., "A benchmark for the evaluation of RGB-D SLAM
 //! systems", IROS 2012), and how long things took. Knows trajectories only: not how they were made, nor the files they
-//! came from. [`score`] is the whole of it; [`evaluate`], [`drift`] and [`associate`] are its parts.
+//! came from. [`score`] is the whole of it; [`evaluate`], [`drift`] and [`associate`] are its parts. [`objects`] does the same for boxes.
 
 mod associate;
 mod ate;
 mod error;
+pub mod objects;
 pub mod plot;
 mod report;
 mod rpe;

@@ -22,4 +22,4 @@ mod truth;
 
 pub use catalogue::scene_names;
 pub use simulator::{Simulator, SimulatorConfig, SimulatorError, SimulatorSource};
-pub use truth::{DetectionNoise, FrameTruth, MoverBox, ScriptedDetection};
+pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection};

@@ -252,8 +252,9 @@ impl Simulator {
     /// What moves in a frame, exactly: mask and boxes at the stamp of its colour image, whatever the noise.
     #[must_use]
     pub fn truth(&self, index: usize) -> FrameTruth {
-        let view = self.view(self.stamp(index), 1).through(&self.lens);
-        truth::truth(&view, &self.scene.movers(), self.scene.things())
+        let stamp = self.stamp(index);
+        let view = self.view(stamp, 1).through(&self.lens);
+        truth::truth(&view, &self.scene.movers(stamp), self.scene.things())
     }
 
     /// What a detector that errs as `noise` says would find in a frame: persons, and furniture where it knows that.

@@ -44,6 +44,24 @@ pub struct MoverBox {
     pub y1: f64,
     /// Number of pixels in the mask.
     pub visible_px: usize,
+    /// Where it is and how it moves; `None` for what stands still.
+    pub motion: Option<MoverMotion>,
+}
+
+/// Where a mover is in the world, and how fast it moves.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MoverMotion {
+    /// Middle of the hips of a person, of a load itself, m.
+    pub position: [f64; 3],
+    /// Velocity of this point, m/s.
+    pub velocity: [f64; 3],
+}
+
+/// What a mover is, and how it moves.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MoverState {
+    pub(crate) class: &'static str,
+    pub(crate) motion: Option<MoverMotion>,
 }
 
 /// How a scripted detector errs.
@@ -118,26 +136,27 @@ impl Extent {
 }
 
 /// The boxes of what is seen; entry k - 1 is that of number k.
-fn boxes(found: &[Extent], classes: &[&'static str]) -> Vec<MoverBox> {
-    let numbered = found.iter().zip(classes).enumerate();
+fn boxes(found: &[Extent], what: &[MoverState]) -> Vec<MoverBox> {
+    let numbered = found.iter().zip(what).enumerate();
     let seen = numbered.filter(|(_, (extent, _))| extent.1 > 0);
-    seen.map(|(k, (Extent(b, count), class))| MoverBox {
+    seen.map(|(k, (Extent(b, count), state))| MoverBox {
         mover: k as u32 + 1,
-        class,
+        class: state.class,
         x0: b[0] as f64 - 0.5,
         y0: b[1] as f64 - 0.5,
         x1: b[2] as f64 + 0.5,
         y1: b[3] as f64 + 0.5,
         visible_px: *count,
+        motion: state.motion,
     })
     .collect()
 }
 
-/// Mask and boxes of a view with one sample per pixel, seen through the lens. `classes[k - 1]` is what mover k is, `things[k - 1]` what thing
+/// Mask and boxes of a view with one sample per pixel, seen through the lens. Mover k is `movers[k - 1]`, `things[k - 1]` is what thing
 /// k is.
-pub(crate) fn truth(view: &View, classes: &[&'static str], things: &[&'static str]) -> FrameTruth {
+pub(crate) fn truth(view: &View, movers: &[MoverState], things: &[&'static str]) -> FrameTruth {
     let mut mask = GrayImage::new(view.width, view.height);
-    let mut movers = vec![Extent::NOTHING; classes.len()];
+    let mut moving = vec![Extent::NOTHING; movers.len()];
     let mut still = vec![Extent::NOTHING; things.len()];
     for (k, (out, number)) in mask.data_mut().iter_mut().zip(&view.face).enumerate() {
         let face = view.faces.get(usize::from(*number));
@@ -149,13 +168,18 @@ pub(crate) fn truth(view: &View, classes: &[&'static str], things: &[&'static st
                 e.take(x, y);
             }
         };
-        of(&mut movers, usize::from(mover));
+        of(&mut moving, usize::from(mover));
         of(&mut still, usize::from(thing));
     }
+    let thing = |class: &&'static str| MoverState {
+        class,
+        motion: None,
+    };
+    let things: Vec<MoverState> = things.iter().map(thing).collect();
     FrameTruth {
         mask,
-        boxes: boxes(&movers, classes),
-        things: boxes(&still, things),
+        boxes: boxes(&moving, movers),
+        things: boxes(&still, &things),
     }
 }
 

@@ -14,10 +14,10 @@ pub(crate) use body::{Body, Dress};
 pub(crate) use cast::Cast;
 
 use crate::scene::{Face, Light};
+use crate::truth::{MoverMotion, MoverState};
 use gait::Gait;
 use mesh::{Cover, Mesh};
 use skeleton::Skeleton;
-#[cfg(test)]
 use stillpoint_geometry::Vec3;
 
 /// A person with or without a load.
@@ -28,10 +28,12 @@ pub(crate) struct Person {
 }
 
 impl Person {
-    /// What the person is and what it carries, in the order of their numbers as movers.
-    pub(crate) fn classes(&self) -> impl Iterator<Item = &'static str> {
-        let carried = self.load.as_ref().map(|_| "box");
-        std::iter::once("person").chain(carried)
+    /// The person at a time (s), and what it carries, in the order of their numbers as movers.
+    pub(crate) fn movers(&self, stamp: f64) -> impl Iterator<Item = MoverState> {
+        let hips = |t| self.gait.posture(t).hips;
+        let person = state("person", stamp, |t| Some(hips(t)));
+        let carried = state("box", stamp, |t| Some(self.gait.load_pose(t)?.translation));
+        person.into_iter().chain(carried)
     }
 
     /// Adds the person's faces at a time (s).
@@ -42,6 +44,21 @@ impl Person {
             mesh.place(&pose, *cover, light, out);
         }
     }
+}
+
+/// Half of the time over which velocities are taken, s: short beside a step, and long beside the rounding of positions.
+const HALF_SPAN: f64 = 0.005;
+
+/// A mover whose position is a function of time.
+fn state(class: &'static str, stamp: f64, at: impl Fn(f64) -> Option<Vec3>) -> Option<MoverState> {
+    let (before, after) = (at(stamp - HALF_SPAN)?, at(stamp + HALF_SPAN)?);
+    Some(MoverState {
+        class,
+        motion: Some(MoverMotion {
+            position: at(stamp)?.into(),
+            velocity: ((after - before) / (2.0 * HALF_SPAN)).into(),
+        }),
+    })
 }
 
 #[cfg(test)]

@@ -194,7 +194,17 @@ fn a_carried_box_stays_in_its_carriers_hands() {
             );
         }
     }
-    assert!(people[0].classes().eq(["person", "box"]));
+    let classes = people[0].movers(0.0).map(|m| m.class);
+    assert!(classes.eq(["person", "box"]));
+    // Positions follow velocities.
+    let at = |t| -> Vec<_> { people[0].movers(t).filter_map(|m| m.motion).collect() };
+    for (n, now) in at(2.0).into_iter().enumerate() {
+        let (before, after) = (at(1.98)[n], at(2.02)[n]);
+        for i in 0..3 {
+            let change = (after.position[i] - before.position[i]) / 0.04;
+            assert!((change - now.velocity[i]).abs() < 0.05, "{now:?}");
+        }
+    }
 }
 
 /// Triangles close up: seen from anywhere a mesh's front faces and back faces have the same outline.

@@ -12,6 +12,7 @@ pub(crate) use build::{Builder, Place};
 
 use crate::people::{Cast, Person};
 use crate::texture::Texture;
+use crate::truth::MoverState;
 use stillpoint_geometry::Vec3;
 
 /// A convex planar polygon with its texture and its light.
@@ -126,9 +127,9 @@ impl Scene {
         faces
     }
 
-    /// What each mover is; mover k is entry k - 1.
-    pub(crate) fn movers(&self) -> Vec<&'static str> {
-        self.people.iter().flat_map(Person::classes).collect()
+    /// What each mover is and how it moves at a time (s); mover k is entry k - 1.
+    pub(crate) fn movers(&self, stamp: f64) -> Vec<MoverState> {
+        self.people.iter().flat_map(|p| p.movers(stamp)).collect()
     }
 
     /// What each thing is that stands still and has a class; thing k is entry k - 1.

@@ -1,0 +1,118 @@
+//! `eval`: the score of a trajectory file against a ground truth file, and of tracks against boxes.
+
+mod objects;
+mod tracks;
+
+use crate::args::EvalArgs;
+use crate::failure::{Failure, Status};
+use crate::run::paths;
+use crate::run::result::{score_figure, timed};
+use crate::run::summary::ScoreJson;
+use crate::{console, output, report};
+use std::path::Path;
+use stillpoint::datasets::trajectory;
+use stillpoint::evaluation::{EvalOptions, Score, score};
+
+/// `eval`.
+pub(crate) fn eval(args: &EvalArgs) -> Result<Status, Failure> {
+    let trajectories = args.ground_truth.as_deref().zip(args.estimate.as_deref());
+    let score = trajectories.map(|files| score_files(args, files));
+    let score = score.transpose()?;
+    let Some(files) = &args.objects else {
+        if let Some((score, poses)) = &score {
+            let json = ScoreJson::new(score, args.scale);
+            if args.json {
+                print_json(&json)?;
+            } else {
+                print_score(&json, *poses);
+            }
+        }
+        return Ok(Status::Ok);
+    };
+    let truth_from_found = score.as_ref().and_then(|(score, _)| match score {
+        // Tracks are in metres: a world of another scale has no rigid way to the truth's.
+        Score::Moving(e) if !args.scale => Some(e.ate.alignment.target_from_source),
+        _ => None,
+    });
+    let json = objects::evaluate(files, &args.object_options, truth_from_found)?;
+    if args.json {
+        print_json(&json)?;
+    } else {
+        if let Some((score, poses)) = &score {
+            print_score(&ScoreJson::new(score, args.scale), *poses);
+            console::print("\n");
+        }
+        console::print(&json.text(args.object_options.max_speed));
+    }
+    Ok(Status::Ok)
+}
+
+fn print_json(json: &impl serde::Serialize) -> Result<(), Failure> {
+    let text = serde_json::to_string(json).map_err(Failure::input)?;
+    console::print(&format!("{text}\n"));
+    Ok(())
+}
+
+/// `poses` are those of ground truth and estimate.
+fn print_score(json: &ScoreJson, [reference, estimate]: [usize; 2]) {
+    console::print(&report::score_text(&[("", json)], estimate));
+    console::print(&format!(
+        "ground truth: {reference} poses; estimate: {estimate} poses\n"
+    ));
+}
+
+/// The score of two trajectory files, ground truth first, and their numbers of poses; draws the plot.
+fn score_files(
+    args: &EvalArgs,
+    (ground_truth, estimate_file): (&Path, &Path),
+) -> Result<(Score, [usize; 2]), Failure> {
+    // A plot that cannot be written is a mistake in the arguments: better said before the work.
+    let format = args.plot.as_deref().map(plot_format).transpose()?;
+    let inputs = [
+        ("the ground truth", ground_truth),
+        ("the estimate", estimate_file),
+    ];
+    paths::check(&[("--plot", args.plot.as_deref())], &inputs)?;
+    let reference = trajectory::read(ground_truth)?;
+    let estimate = trajectory::read(estimate_file)?;
+    let options = EvalOptions {
+        with_scale: args.scale,
+        delta: args.delta,
+        ..EvalOptions::default()
+    };
+    let score = score(&timed(&reference), &timed(&estimate), &options).map_err(|e| {
+        Failure::input(format!(
+            "{} against {}: {e}",
+            estimate_file.display(),
+            ground_truth.display()
+        ))
+    })?;
+    if let (Some(path), Some(format)) = (&args.plot, format) {
+        let title = estimate_file.display().to_string();
+        let figure = score_figure(&title, &score, &timed(&estimate));
+        let bytes = match format {
+            PlotFormat::Svg => figure.to_svg().into_bytes(),
+            PlotFormat::Png => figure.to_png().map_err(Failure::input)?,
+        };
+        output::write_file(path, &bytes)?;
+    }
+    Ok((score, [reference.len(), estimate.len()]))
+}
+
+enum PlotFormat {
+    Svg,
+    Png,
+}
+
+/// From the name's ending.
+fn plot_format(path: &Path) -> Result<PlotFormat, Failure> {
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    match ending.as_deref() {
+        Some("svg") => Ok(PlotFormat::Svg),
+        Some("png") => Ok(PlotFormat::Png),
+        _ => Err(Failure::input(format!(
+            "--plot {}: expected a name that ends with .svg or .png; rename it",
+            path.display()
+        ))),
+    }
+}
