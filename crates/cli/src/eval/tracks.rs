@@ -15,7 +15,7 @@ const LARGEST: u64 = 1 << 30;
 pub(super) struct TrackRow {
     pub(super) stamp: f64,
     pub(super) class: String,
-    /// Seen more than once: confirmed or coasting.
+    /// Confirmed or coasting: neither tentative nor hidden.
     pub(super) confirmed: bool,
     pub(super) parked: bool,
     pub(super) thing: TrackedBox,
@@ -42,7 +42,7 @@ pub(super) fn read_tracks(path: &Path) -> Result<Vec<TrackRow>, Failure> {
             stamp,
             thing,
             class: cells[class].to_owned(),
-            confirmed: cells[state] != "tentative",
+            confirmed: ["confirmed", "coasting"].contains(&cells[state]),
             parked: cells[motion] == "parked",
         })
     };

@@ -78,6 +78,7 @@ fn row(stamp: f64, object: &Object) -> String {
         ObjectState::Tentative => "tentative",
         ObjectState::Confirmed => "confirmed",
         ObjectState::Coasting => "coasting",
+        ObjectState::Hidden => "hidden",
     };
     let motion = match object.motion {
         Motion::Unknown => "unknown",

@@ -230,7 +230,7 @@ fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
         bounds: object.bounds,
         label,
         colour: Colour::of_number(object.id.0),
-        coasting: object.state == ObjectState::Coasting,
+        coasting: matches!(object.state, ObjectState::Coasting | ObjectState::Hidden),
         quiet: !style.mover(object),
     }
 }
@@ -239,7 +239,7 @@ fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
 fn label(object: &Object) -> String {
     let doubt = match object.state {
         ObjectState::Tentative => "?",
-        ObjectState::Confirmed | ObjectState::Coasting => "",
+        ObjectState::Confirmed | ObjectState::Coasting | ObjectState::Hidden => "",
     };
     let name = format!("{} {}{doubt}", object.class, object.id.0);
     match object.motion {

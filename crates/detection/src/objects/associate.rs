@@ -2,7 +2,7 @@
 
 use super::measurement::Measurement;
 use super::occlusion::Occlusion;
-use super::track::{Expected, Track};
+use super::track::{Expected, Track, may_be_one};
 use super::view::View;
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
@@ -40,7 +40,7 @@ pub(super) fn associate(
     for (i, track) in tracks.iter().enumerate() {
         for (j, m) in measurements.iter().enumerate() {
             // Most are of another class, which is known without any geometry.
-            if m.detection.class != track.class {
+            if !may_be_one(m.detection.class, track.class) {
                 continue;
             }
             if let Some(fit) = track.fit(view, &expected[i], &own(i, m), share) {

@@ -18,6 +18,8 @@ pub(super) struct DepthMode {
 const CENTRAL: [f64; 2] = [0.5, 0.7];
 /// A surface is what lies within this depth, m: a body with its arms.
 const THICKNESS: f64 = 0.4;
+/// Rows and columns of cells that are looked at in a box, less than twice as many.
+const MOST_CELLS: usize = 32;
 /// A surface with less than this share of the cells is a stray one.
 const DOMINANT: f64 = 0.25;
 
@@ -42,13 +44,24 @@ pub(super) fn modes(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<DepthMode>
 }
 
 /// Depths of the cells whose middle is in the central part of the box.
-fn central_depths(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<f64> {
+pub(super) fn central_depths(depth: &CoarseDepth, bounds: &BoundingBox) -> Vec<f64> {
     let [u, v] = bounds.centre();
     let half_width = bounds.width() / 2.0 * CENTRAL[0];
     let half_height = bounds.height() / 2.0 * CENTRAL[1];
+    let cell = depth.cell().max(1) as f64;
+    // One cell more on each side: whether its middle is inside is asked below.
+    let range = |from: f64, to: f64, end: usize| {
+        let first = ((from / cell).floor() - 1.0).max(0.0) as usize;
+        let last = ((to / cell).ceil() + 1.0).max(0.0) as usize;
+        first.min(end)..last.min(end)
+    };
+    let columns = range(u - half_width, u + half_width, depth.width());
+    let rows = range(v - half_height, v + half_height, depth.height());
+    // Of large boxes every n-th cell of each direction is as good: the surfaces are found from shares.
+    let step = (columns.len().max(rows.len()) / MOST_CELLS).max(1);
     let mut found = Vec::new();
-    for y in 0..depth.height() {
-        for x in 0..depth.width() {
+    for y in rows.step_by(step) {
+        for x in columns.clone().step_by(step) {
             let [cu, cv] = depth.centre(x, y);
             if (cu - u).abs() <= half_width && (cv - v).abs() <= half_height {
                 found.extend(depth.get(x, y).map(f64::from));

@@ -1,7 +1,7 @@
 //! Two tracks on one object: how they are kept from starting, and merged.
 
 use super::measurement::Measurement;
-use super::track::{Expected, Track};
+use super::track::{Expected, Track, may_be_one};
 use super::view::View;
 use crate::BoundingBox;
 
@@ -9,13 +9,19 @@ use crate::BoundingBox;
 const PART: f64 = 0.85;
 /// Surfaces this near to each other are of one body, m.
 pub(super) const SAME_DEPTH: f64 = 0.25;
+/// The same at the border where only one of the two is detected: the other is where it went when its box changed at once.
+const NEAR_DEPTH: f64 = 0.6;
+/// See [`NEAR_DEPTH`].
+const NEAR_PART: f64 = 0.8;
 /// Without depth only boxes that are nearly the same are of one object.
 const SAME_BOX: f64 = 0.7;
+/// Boxes of different classes that overlap so much are of one thing.
+const ONE_THING: f64 = 0.55;
 /// Updates in a row for which two tracks are on one thing before they become one: people who cross are together for less.
 const UPDATES: u32 = 3;
 
 /// Share of the smaller box that lies in the other.
-fn overlap(a: &BoundingBox, b: &BoundingBox) -> f64 {
+pub(super) fn overlap(a: &BoundingBox, b: &BoundingBox) -> f64 {
     let iou = a.iou(b);
     let common = iou * (a.area() + b.area()) / (1.0 + iou);
     let least = a.area().min(b.area());
@@ -37,14 +43,44 @@ pub(super) fn part_of_another(m: &Measurement, all: &[Measurement], taken: &[boo
     })
 }
 
+/// The detections without those that call a thing by a second name: of boxes of different classes that are nearly the same the surest one stays.
+pub(super) fn one_name_each(mut all: Vec<Measurement>) -> Vec<Measurement> {
+    all.sort_by(|a, b| b.detection.score.total_cmp(&a.detection.score));
+    let mut kept: Vec<Measurement> = Vec::with_capacity(all.len());
+    for m in all {
+        let d = &m.detection;
+        let named = |k: &Measurement| {
+            let other = &k.detection;
+            other.class != d.class
+                && may_be_one(other.class, d.class)
+                && other.bounds.iou(&d.bounds) >= ONE_THING
+        };
+        if !kept.iter().any(named) {
+            kept.push(m);
+        }
+    }
+    kept
+}
+
 /// Whether two tracks are on the same thing now.
 fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool {
-    if a.class != b.class {
+    if !may_be_one(a.class, b.class) {
         return false;
     }
+    let same_class = a.class == b.class;
     let (box_a, box_b) = (at_a.bounds, at_b.bounds);
     match (at_a.depth(), at_b.depth()) {
-        (Some(x), Some(y)) => (x - y).abs() <= SAME_DEPTH && overlap(&box_a, &box_b) >= PART,
+        // A cup on a table is a part of its box; things of two names are one only where their boxes are.
+        (Some(x), Some(y)) if same_class => {
+            let seen_once = (a.misses > 0) != (b.misses > 0) && a.cut && b.cut;
+            let (depth, part) = if seen_once {
+                (NEAR_DEPTH, NEAR_PART)
+            } else {
+                (SAME_DEPTH, PART)
+            };
+            (x - y).abs() <= depth && overlap(&box_a, &box_b) >= part
+        }
+        (Some(x), Some(y)) => (x - y).abs() <= SAME_DEPTH && box_a.iou(&box_b) >= ONE_THING,
         _ => (a.misses > 0) != (b.misses > 0) && box_a.iou(&box_b) >= SAME_BOX,
     }
 }
@@ -83,6 +119,10 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) {
         kept.misses = kept.misses.min(other.misses);
         kept.last_seen = kept.last_seen.max(other.last_seen);
         kept.hits = kept.hits.saturating_add(other.hits);
+        kept.evidence += other.evidence;
+        for (class, score) in other.votes {
+            *kept.votes.entry(class).or_default() += score;
+        }
     }
     let mut i = 0;
     tracks.retain(|_| {

@@ -27,6 +27,30 @@ pub(super) struct Drive {
     pub(super) rate: Option<usize>,
     /// Variance that the rate (or the walking value) gains per second.
     pub(super) density: f64,
+    /// Share of the rate that is lost per second: without measurements it returns to zero. 0: it stays.
+    pub(super) decay: f64,
+}
+
+impl Drive {
+    /// By how much rate and value change over `dt` seconds per unit of rate, and the noise of value, both and rate that comes in: a velocity that returns to
+    /// zero under white noise (Singer, "Estimating optimal tracking filter performance for manned maneuvering targets", 1970, with the velocity in place of the
+    /// acceleration), and in the limit of no decay one that is constant.
+    fn over(&self, dt: f64) -> ([f64; 2], [f64; 3]) {
+        let (k, q, span) = (self.decay, self.density, dt.abs());
+        if k * span < 1e-4 {
+            let noise = [q * span * span * span / 3.0, q * dt * span / 2.0, q * span];
+            return ([1.0, dt], noise);
+        }
+        let (kept, way) = (libm::exp(-k * dt), -libm::expm1(-k * dt) / k);
+        let both = -libm::expm1(-2.0 * k * dt) / (2.0 * k);
+        let sign = dt.signum();
+        let noise = [
+            sign * q * (dt - 2.0 * way + both) / (k * k),
+            sign * q * way * way / 2.0,
+            sign * q * both,
+        ];
+        ([kept, way], noise)
+    }
 }
 
 /// A normal distribution of a state.
@@ -51,12 +75,13 @@ impl Gaussian {
                 q[(d.value, d.value)] = d.density * span;
                 continue;
             };
-            f[(d.value, rate)] = dt;
-            let cross = d.density * dt * span / 2.0;
-            q[(d.value, d.value)] = d.density * span * span * span / 3.0;
+            let ([kept, way], [value, cross, rates]) = d.over(dt);
+            f[(d.value, rate)] = way;
+            f[(rate, rate)] = kept;
+            q[(d.value, d.value)] = value;
             q[(d.value, rate)] = cross;
             q[(rate, d.value)] = cross;
-            q[(rate, rate)] = d.density * span;
+            q[(rate, rate)] = rates;
         }
         self.mean = f * self.mean;
         let p = f * self.covariance * f.transpose() + q;
@@ -126,16 +151,19 @@ mod tests {
             value: 0,
             rate: Some(3),
             density: 1.3,
+            decay: 0.6,
         },
         Drive {
             value: 1,
             rate: Some(4),
             density: 0.7,
+            decay: 0.0,
         },
         Drive {
             value: 6,
             rate: None,
             density: 0.4,
+            decay: 0.0,
         },
     ];
 

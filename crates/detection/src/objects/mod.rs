@@ -2,13 +2,14 @@
 //!
 //! Answers: where every object is in the image of any pose and stamp, how it moves, and whether it has been standing still. Bridges what the detector
 //! misses or answers late. Does not decide which features are rejected. One module each for the filter with depth (`spatial`), the one without (`planar`),
-//! what a detection measures (`measurement`, `depth`), the assignment (`associate`, `occlusion`), the life of an object (`track`, `tracker`, `duplicates`).
+//! what a detection measures (`measurement`, `depth`), the assignment (`associate`, `occlusion`), the life of an object (`track`, `tracker`, `duplicates`, `lost`).
 
 mod associate;
 mod config;
 mod depth;
 mod duplicates;
 mod kalman;
+mod lost;
 mod measurement;
 mod occlusion;
 mod planar;
@@ -32,12 +33,14 @@ pub struct ObjectId(pub u32);
 /// How sure it is that an object is there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ObjectState {
-    /// Seen once: may be a false alarm, masks all the same.
+    /// Seen too little to be sure: may be a false alarm, masks all the same.
     Tentative,
-    /// Seen at least twice, and in the newest detections.
+    /// Seen at least three times, and in the newest detections.
     Confirmed,
-    /// Seen at least twice, but not in the newest detections.
+    /// Seen at least three times, but not in the newest detections.
     Coasting,
+    /// Seen at least three times, but not in the newest detections; and what their frame shows in its place is something else, mostly nearer.
+    Hidden,
 }
 
 /// An object at a stamp, seen from a camera.

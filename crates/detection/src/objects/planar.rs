@@ -58,6 +58,7 @@ impl Planar {
             value,
             rate: Some(value + 4),
             density,
+            decay: 0.0,
         };
         let drives = [
             drive(0, pixels * pixels),

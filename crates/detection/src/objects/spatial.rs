@@ -28,7 +28,19 @@ pub(super) struct Spatial {
 }
 
 /// Standard deviation of the first velocity, m/s: walking pace either way.
-const FIRST_SPEED: f64 = 1.0;
+pub(super) const FIRST_SPEED: f64 = 1.0;
+/// Standard deviation of the speed along the vertical, m/s: people and things indoors move over the floor.
+const VERTICAL_SPEED: f64 = 0.3;
+/// Indoors nothing that a detector finds is faster, m/s: a run. A faster velocity comes from a surface that was taken for another; it is brought back to
+/// this with all that depends on it (Simon, "Kalman filtering with state constraints", 2010).
+const FASTEST: f64 = 2.4;
+/// A thing whose velocity is not told from zero is taken to stand still, to this, m/s.
+const REST_SPEED: f64 = 0.1;
+/// Squared Mahalanobis distance from which a velocity is told from zero: 99.9 % of those at rest.
+const AT_REST: f64 = 16.27;
+/// Share of the velocity that is lost per second: with an acceleration of 1 m/s^2 the spread of speeds stays
+/// at 1 m/s, and most of a velocity outlasts a second without detections.
+const DECAY: f64 = 0.5;
 /// What the logarithm of a size changes by in a second, standard deviation: arms that stretch, a person who sits down.
 const RESHAPE: f64 = 0.3;
 /// Linearisations per update.
@@ -40,12 +52,18 @@ const DEPTH_GATE: f64 = 9.0;
 
 /// Standard deviation of the depth of a surface in a box, m: which part of the body it is, and the sensor's noise, which grows with the square.
 fn depth_sigma(z: f64) -> f64 {
-    0.05 + 0.003 * z * z
+    0.1 + 0.003 * z * z
 }
 
 impl Spatial {
     /// From one detection and the surface that is taken for the object. What the sides leave open stays uncertain: the prior is wide.
-    pub(super) fn new(view: &View, m: &Measurement, mode: &DepthMode, share: f64) -> Self {
+    pub(super) fn new(
+        view: &View,
+        m: &Measurement,
+        mode: &DepthMode,
+        share: f64,
+        liveliness: f64,
+    ) -> Self {
         let z = mode.depth.max(NEAREST);
         let centre = Vec2::new(
             (m.sides[0] + m.sides[2]) / 2.0,
@@ -57,7 +75,7 @@ impl Spatial {
         let size = upright([w * z / view.camera.fx, h * z / view.camera.fy], view.roll);
         let mut mean = Vec8::zeros();
         mean.fixed_rows_mut::<3>(0).copy_from(&position);
-        let speed = FIRST_SPEED * FIRST_SPEED;
+        let speed = FIRST_SPEED * FIRST_SPEED * liveliness * liveliness;
         let mut spread = Vec8::repeat(speed);
         for i in 0..3 {
             spread[i] = z * z / 4.0;
@@ -78,17 +96,20 @@ impl Spatial {
         filter
     }
 
-    /// The state `dt` seconds later, for objects that accelerate by `acceleration` m/s^2.
+    /// The state `dt` seconds later, for objects that accelerate by `acceleration` m/s^2. Their velocity returns to zero in some seconds, so that its spread stays that of
+    /// people who walk.
     pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
         let moving = |i| Drive {
             value: i,
             rate: Some(i + 3),
             density: acceleration * acceleration,
+            decay: DECAY,
         };
         let walking = |i| Drive {
             value: i,
             rate: None,
             density: RESHAPE * RESHAPE,
+            decay: 0.0,
         };
         let drives = [moving(0), moving(1), moving(2), walking(6), walking(7)];
         self.state.propagate(dt, &drives);
@@ -107,6 +128,38 @@ impl Spatial {
         });
         for i in 6..8 {
             self.state.mean[i] = self.state.mean[i].clamp(LOG_SIZES[0], LOG_SIZES[1]);
+        }
+    }
+
+    /// Takes the velocity for zero, to [`REST_SPEED`], where it is not told from it or `certain` says so; and its vertical part for small.
+    pub(super) fn settle(&mut self, down: &Vec3, may_rest: bool, certain: bool) {
+        let mut rows = vec![self.speed_row(down, VERTICAL_SPEED)];
+        let velocity = self.velocity();
+        let covariance = self.state.covariance.fixed_view::<3, 3>(3, 3).into_owned();
+        let still = covariance
+            .try_inverse()
+            .is_some_and(|inverse| velocity.dot(&(inverse * velocity)) < AT_REST);
+        if certain || (may_rest && still) {
+            rows.extend([Vec3::x(), Vec3::y(), Vec3::z()].map(|a| self.speed_row(&a, REST_SPEED)));
+        }
+        self.state.update(&rows);
+        let speed = self.velocity().norm();
+        if speed > FASTEST {
+            let mut row = self.speed_row(&(self.velocity() / speed), 0.0);
+            row.residual += FASTEST;
+            row.variance = 1e-6;
+            self.state.update(&[row]);
+        }
+    }
+
+    /// That the speed along a direction is zero, to a standard deviation.
+    fn speed_row(&self, direction: &Vec3, sigma: f64) -> Row {
+        let mut jacobian = Vec8::zeros();
+        jacobian.fixed_rows_mut::<3>(3).copy_from(direction);
+        Row {
+            jacobian,
+            residual: -direction.dot(&self.velocity()),
+            variance: sigma * sigma,
         }
     }
 

@@ -1,14 +1,18 @@
 //! One object: its filter, and how it was seen.
 
 use super::depth::DepthMode;
+use super::duplicates::overlap;
 use super::kalman::{Gaussian, Row};
 use super::measurement::Measurement;
 use super::planar::Planar;
 use super::rigidity::Rigidity;
 use super::spatial::{Projection, Spatial};
 use super::view::View;
-use super::{Object, ObjectId, ObjectState};
-use crate::{BoundingBox, ClassId};
+use super::{Motion, Object, ObjectId, ObjectState};
+use crate::{BoundingBox, ClassId, MotionWeights};
+use std::collections::BTreeMap;
+use stillpoint_geometry::Vec3;
+use stillpoint_imaging::CoarseDepth;
 
 /// The state of an object, by what was measured of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +31,26 @@ pub(super) struct Track {
     /// How far the surface reaches in front of its median and behind it, m.
     pub(super) reach: [f64; 2],
     pub(super) hits: u32,
+    /// Sum of the scores of its detections by class: it is of the class with the greatest one.
+    pub(super) votes: BTreeMap<ClassId, f64>,
+    /// What the scores of its detections say in sum.
+    pub(super) evidence: f64,
+    /// Stamp of the first detection, s.
+    pub(super) born: f64,
+    /// Where it was when it was seen last, m.
+    pub(super) seen_at: Option<Vec3>,
+    /// The greatest height that it was measured to have, m.
+    pub(super) tallest: f64,
+    /// Whether it was looked up among those that were lost.
+    pub(super) known: bool,
+    /// Whether another track goes on with its number.
+    pub(super) replaced: bool,
+    /// Updates in a row in which its place was seen and it was not there.
+    pub(super) absent: u32,
+    /// Whether the border cut its last detection.
+    pub(super) cut: bool,
+    /// Whether its place showed something else when it was not detected last.
+    pub(super) hidden: bool,
     /// Updates without a detection since the last one.
     pub(super) misses: u32,
     /// Stamp of the last detection, s.
@@ -63,6 +87,8 @@ impl Expected {
 
 /// 99 % quantiles of chi-square for 0 to 5 degrees of freedom.
 const CHI2_99: [f64; 6] = [0.0, 6.635, 9.210, 11.345, 13.277, 15.086];
+/// Share of the smaller of two boxes in the larger from which one that the border cuts may be the other, come in or gone out at once.
+const GROWS: f64 = 0.7;
 /// Boxes that overlap so much are of one object even when the filter did not expect its change of shape or speed.
 const SAME_BOX: f64 = 0.5;
 /// The same where the depths agree: arms that stretch, and others who hide a part, change a box at once.
@@ -71,6 +97,24 @@ const SAME_BOX_SAME_DEPTH: f64 = 0.3;
 const SAME_BOX_OTHER_DEPTH: f64 = 0.6;
 /// So many contradictions in a row, and the depth is started over.
 const CONTRADICTIONS: u32 = 3;
+/// How long an object lives on that was seen once, s.
+const FIRST_PATIENCE: f64 = 0.3;
+/// A box at the border that overlaps less with the one expected has changed at once.
+const CHANGED: f64 = 0.4;
+/// Detections from which an object is reported as one, and what their scores exceed [`LEAST_SCORE`] by in sum.
+const REPORTED_HITS: u32 = 3;
+/// See [`REPORTED_HITS`].
+const REPORTED_EVIDENCE: f64 = 0.9;
+/// Scores of false alarms are about the detector's threshold: this much is no evidence.
+const LEAST_SCORE: f64 = 0.2;
+/// Share of the middle of a box that an object covers at least where it is.
+const LEAST_SUPPORT: f64 = 0.2;
+/// Share of it that must lie behind for the object to be gone and not hidden.
+const SEEN_THROUGH: f64 = 0.5;
+/// Fewer cells with depth say nothing.
+const LEAST_CELLS: usize = 6;
+/// How long an object is followed behind others, s: the time that two people need to pass. After that it is looked for where it went in.
+const HIDDEN_SECONDS: f64 = 1.0;
 /// Least reach of a surface as a share of the object's width: bodies are not flat.
 const LEAST_REACH: f64 = 0.4;
 
@@ -80,9 +124,19 @@ impl Track {
             id,
             class: m.detection.class,
             score: m.detection.score,
-            body: body_from(view, m, share),
+            body: body_from(view, m, share, liveliness(m.detection.class)),
             reach: m.modes.first().map_or([0.0; 2], reach),
             hits: 1,
+            votes: BTreeMap::from([(m.detection.class, f64::from(m.detection.score))]),
+            evidence: evidence(m),
+            born: stamp,
+            seen_at: None,
+            tallest: 0.0,
+            known: false,
+            replaced: false,
+            absent: 0,
+            hidden: false,
+            cut: m.cut.contains(&true),
             misses: 0,
             last_seen: stamp,
             contradictions: 0,
@@ -91,11 +145,18 @@ impl Track {
         }
     }
 
+    /// Whether it lives on without detections.
     pub(super) fn confirmed(&self) -> bool {
         self.hits >= 2
     }
 
+    /// Whether it is sure enough to be called an object: false alarms come twice now and then, and with low scores.
+    pub(super) fn reported(&self) -> bool {
+        self.hits >= REPORTED_HITS && self.evidence >= REPORTED_EVIDENCE
+    }
+
     pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
+        let acceleration = acceleration * liveliness(self.class);
         match &mut self.body {
             Body::Spatial(s) => s.propagate(dt, acceleration),
             Body::Planar(p) => p.propagate(dt, acceleration),
@@ -143,7 +204,8 @@ impl Track {
         m: &Measurement,
         share: f64,
     ) -> Option<Fit> {
-        if m.detection.class != self.class {
+        let same_class = m.detection.class == self.class;
+        if !may_be_one(m.detection.class, self.class) {
             return None;
         }
         let (chi2, rows, mode) = match &self.body {
@@ -167,9 +229,19 @@ impl Track {
             Some(_) => SAME_BOX_SAME_DEPTH,
             None => SAME_BOX,
         };
-        let allowed = iou >= least || (chi2 <= gate && !contradicts);
+        // What another class is said of must be at the very place.
+        let at_border = m.cut.contains(&true)
+            && mode.is_some()
+            && overlap(&expected.bounds, &m.detection.bounds) >= GROWS;
+        let occluded = self.hidden && self.absent == 0;
+        let allowed = if same_class {
+            // Who is hidden is expected vaguely: a gate that wide takes false alarms for the person.
+            iou >= least || at_border || (chi2 <= gate && !contradicts && !occluded)
+        } else {
+            iou >= SAME_BOX && !contradicts
+        };
         let closeness = (1.0 - chi2 / gate.max(1.0)).max(0.0);
-        let penalty = if contradicts { 0.5 } else { 0.0 };
+        let penalty = if contradicts { 0.5 } else { 0.0 } + if same_class { 0.0 } else { 0.3 };
         allowed.then_some(Fit {
             benefit: iou + 0.5 * closeness - penalty,
         })
@@ -177,10 +249,17 @@ impl Track {
 
     /// Takes in a detection of this object.
     pub(super) fn absorb(&mut self, view: &View, m: &Measurement, stamp: f64, share: f64) {
+        if m.cut.contains(&true) && self.bounds(view).iou(&m.detection.bounds) < CHANGED {
+            self.restart(view, m, share);
+        }
         self.hits = self.hits.saturating_add(1);
         self.misses = 0;
+        self.absent = 0;
+        self.hidden = false;
+        self.cut = m.cut.contains(&true);
         self.last_seen = stamp;
         self.score = m.detection.score;
+        self.vote(m);
         let mode = match &mut self.body {
             Body::Planar(p) if m.modes.is_empty() => {
                 p.rebase(view);
@@ -209,6 +288,82 @@ impl Track {
         self.judge_depth(view, m, mode, share);
     }
 
+    /// Starts over with the box as it is: what comes in at the border grows faster than any size changes. The velocity stays.
+    fn restart(&mut self, view: &View, m: &Measurement, share: f64) {
+        let mut body = body_from(view, m, share, liveliness(self.class));
+        if let (Body::Spatial(old), Body::Spatial(new)) = (&self.body, &mut body) {
+            let velocity = old.state.mean.fixed_rows::<3>(3).into_owned();
+            new.state.mean.fixed_rows_mut::<3>(3).copy_from(&velocity);
+            self.body = body;
+        }
+    }
+
+    /// Goes on as an object that was out of sight: it is one already.
+    pub(super) fn return_as(&mut self, id: ObjectId) {
+        self.id = id;
+        self.known = true;
+        self.hits = self.hits.max(REPORTED_HITS);
+        self.evidence = self.evidence.max(REPORTED_EVIDENCE);
+    }
+
+    /// How long it may live on without detections, s: no longer than it was seen, so that false alarms end soon.
+    pub(super) fn patience(&self, coast: f64) -> f64 {
+        (self.last_seen - self.born + FIRST_PATIENCE).min(coast)
+    }
+
+    fn vote(&mut self, m: &Measurement) {
+        self.evidence += evidence(m);
+        *self.votes.entry(m.detection.class).or_default() += f64::from(m.detection.score);
+        // Of equals the one that it is.
+        let own = self.votes.get(&self.class).copied().unwrap_or(0.0);
+        let best = self.votes.iter().max_by(|a, b| a.1.total_cmp(b.1));
+        if let Some((&class, _)) = best.filter(|b| *b.1 > own) {
+            self.class = class;
+        }
+    }
+
+    /// After a detection: where it is, and whether it rests.
+    pub(super) fn settle(&mut self, down: &Vec3) {
+        let parked = self.rigidity.motion() == Motion::Parked;
+        let may_rest = liveliness(self.class) < 1.0;
+        if let Body::Spatial(s) = &mut self.body {
+            s.settle(down, may_rest, parked);
+            self.seen_at = Some(s.position());
+            self.tallest = self.tallest.max(s.size()[1]);
+        }
+    }
+
+    /// What the depth image says of an object that was not detected: absent where its place is seen and something else is there. Of a place with little depth
+    /// nothing is known.
+    pub(super) fn look(&mut self, view: &View, depth: &CoarseDepth) {
+        let seen = match &self.body {
+            Body::Spatial(s) => s.project(view).and_then(|p| {
+                let bounds = view.raw(&p.sides);
+                let sigma = s.depth_variance(&p).max(0.0).sqrt().min(0.5);
+                let margin = 0.25 + sigma;
+                let range = [p.z - self.reach[0] - margin, p.z + self.reach[1] + margin];
+                support(depth, &bounds, range)
+            }),
+            Body::Planar(_) => None,
+        };
+        match seen {
+            Some([_, own, behind]) if own < LEAST_SUPPORT && behind >= SEEN_THROUGH => {
+                self.absent += 1;
+                self.hidden = true;
+            }
+            Some([_, own, _]) => {
+                self.absent = 0;
+                self.hidden = own < LEAST_SUPPORT;
+            }
+            None => {}
+        }
+    }
+
+    /// Whether it is out of sight: hidden, or gone from where it was.
+    pub(super) fn out_of_sight(&self, stamp: f64) -> bool {
+        self.hidden && stamp - self.last_seen > HIDDEN_SECONDS
+    }
+
     /// Follows the reach of the object's surface, or starts the depth over when it has been contradicted for long.
     fn judge_depth(&mut self, view: &View, m: &Measurement, own: Option<DepthMode>, share: f64) {
         let nearest = m.modes[0];
@@ -220,7 +375,7 @@ impl Track {
         };
         let planar = matches!(self.body, Body::Planar(_));
         if planar || self.contradictions >= CONTRADICTIONS {
-            self.body = body_from(view, m, share);
+            self.body = body_from(view, m, share, liveliness(self.class));
             self.reach = reach(&nearest);
             self.contradictions = 0;
         } else if let Some(own) = own {
@@ -252,9 +407,10 @@ impl Track {
 
     /// The object as the tracker's users see it.
     pub(super) fn object(&self, view: &View) -> Object {
-        let state = match (self.confirmed(), self.misses) {
+        let state = match (self.reported(), self.misses) {
             (false, _) => ObjectState::Tentative,
             (true, 0) => ObjectState::Confirmed,
+            (true, _) if self.hidden => ObjectState::Hidden,
             (true, _) => ObjectState::Coasting,
         };
         let mut object = Object {
@@ -288,9 +444,39 @@ impl Track {
     }
 }
 
-fn body_from(view: &View, m: &Measurement, share: f64) -> Body {
+/// What a detection says for there being something.
+fn evidence(m: &Measurement) -> f64 {
+    (f64::from(m.detection.score) - LEAST_SCORE).max(0.0)
+}
+
+/// How lively things of a class are, beside people: 1 for what moves by itself.
+pub(super) fn liveliness(class: ClassId) -> f64 {
+    let weight = MotionWeights::default().get(class);
+    if weight >= 4.0 {
+        1.0
+    } else {
+        0.1 + 0.1 * weight
+    }
+}
+
+/// Whether a detector may call one thing by both names. People are told from things by all detectors.
+pub(super) fn may_be_one(a: ClassId, b: ClassId) -> bool {
+    a == b || (liveliness(a) < 1.0 && liveliness(b) < 1.0)
+}
+
+/// Shares of the cells with depth, in the middle of a box, that lie before, in and behind a range of depth (m); `None` where few have one.
+fn support(depth: &CoarseDepth, bounds: &BoundingBox, [near, far]: [f64; 2]) -> Option<[f64; 3]> {
+    let found = super::depth::central_depths(depth, bounds);
+    let share = |test: &dyn Fn(f64) -> bool| {
+        found.iter().filter(|z| test(**z)).count() as f64 / found.len() as f64
+    };
+    let (before, behind) = (share(&|z| z < near), share(&|z| z > far));
+    (found.len() >= LEAST_CELLS).then_some([before, 1.0 - before - behind, behind])
+}
+
+fn body_from(view: &View, m: &Measurement, share: f64, liveliness: f64) -> Body {
     match m.modes.first() {
-        Some(mode) => Body::Spatial(Spatial::new(view, m, mode, share)),
+        Some(mode) => Body::Spatial(Spatial::new(view, m, mode, share, liveliness)),
         None => Body::Planar(Planar::new(view, m, share)),
     }
 }

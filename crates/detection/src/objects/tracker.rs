@@ -2,14 +2,17 @@
 
 use super::associate::associate;
 use super::duplicates;
+use super::lost::Memory;
 use super::measurement::Measurement;
-use super::track::Track;
+use super::track::{Track, liveliness};
 use super::view::View;
 use super::{Object, ObjectId, ObjectsConfig};
 use crate::{Detection, Detections};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::CoarseDepth;
 
+/// Share of the time to park after which a thing that does not move by itself is parked.
+const THINGS_PARK: f64 = 0.4;
 /// Follows what a detector sees: an extended Kalman filter per object, detections assigned to objects by the Hungarian method.
 ///
 /// The state is that of the newest detections' stamp; [`Self::predict`] says where things are at any other time. The first camera is taken to be held
@@ -22,6 +25,7 @@ pub struct ObjectTracker {
     down: Option<Vec3>,
     stamp: Option<f64>,
     tracks: Vec<Track>,
+    memory: Memory,
     next_id: u32,
     ignored: u64,
 }
@@ -55,6 +59,7 @@ impl ObjectTracker {
             down: None,
             stamp: None,
             tracks: Vec::new(),
+            memory: Memory::default(),
             next_id: 0,
             ignored: 0,
         }
@@ -64,6 +69,7 @@ impl ObjectTracker {
     /// Ids go on.
     pub fn forget(&mut self) {
         self.tracks.clear();
+        self.memory.clear();
         self.stamp = None;
         self.down = None;
     }
@@ -89,10 +95,10 @@ impl ObjectTracker {
             .down
             .get_or_insert(world_from_camera.rotation * Vec3::y());
         let view = View::new(&self.camera, self.limits, world_from_camera, &down);
-        let measurements: Vec<Measurement> = strongest(&detections.items)
+        let measurements = strongest(&detections.items)
             .into_iter()
-            .filter_map(|d| Measurement::new(&view, d, depth))
-            .collect();
+            .filter_map(|d| Measurement::new(&view, d, depth));
+        let measurements = duplicates::one_name_each(measurements.collect());
         let share = self.config.side_sigma;
         let assigned = associate(&self.tracks, &view, &measurements, share);
         let mut taken = vec![false; measurements.len()];
@@ -100,9 +106,13 @@ impl ObjectTracker {
             match found {
                 Some((j, m)) => {
                     track.absorb(&view, &m, stamp, share);
+                    track.settle(&down);
                     taken[j] = true;
                 }
-                None => track.misses += 1,
+                None => {
+                    track.misses += 1;
+                    track.look(&view, depth);
+                }
             }
         }
         for (j, m) in measurements.iter().enumerate() {
@@ -115,17 +125,33 @@ impl ObjectTracker {
         }
         duplicates::merge(&mut self.tracks, &view);
         // One miss says little of a detector that misses every third time, however long it takes.
-        let kept = self.config.tentative_seconds;
-        let waits = |t: &Track| t.misses < 2 || stamp - t.last_seen < kept;
-        self.tracks
-            .retain(|t| (t.confirmed() || waits(t)) && !(t.misses > 0 && t.vague()));
+        let patience = self.config.tentative_seconds;
+        let waits = |t: &Track| t.misses < 2 || stamp - t.last_seen < patience;
+        let memory = &mut self.memory;
+        self.tracks.retain(|t| {
+            let kept = (t.confirmed() || waits(t))
+                && !(t.misses > 0 && (t.vague() || t.out_of_sight(stamp)));
+            if !kept {
+                memory.keep(t);
+            }
+            kept
+        });
+        self.memory.recognise(&mut self.tracks);
     }
 
     /// Brings all objects to a new stamp, without those that have coasted too long.
     fn advance(&mut self, stamp: f64) {
         let dt = self.stamp.map_or(0.0, |last| stamp - last);
         let coast = self.config.coast_seconds;
-        self.tracks.retain(|t| stamp - t.last_seen <= coast);
+        self.memory.age(stamp);
+        let memory = &mut self.memory;
+        self.tracks.retain(|t| {
+            let kept = stamp - t.last_seen <= t.patience(coast);
+            if !kept {
+                memory.keep(t);
+            }
+            kept
+        });
         for track in &mut self.tracks {
             track.propagate(dt, self.config.acceleration);
         }
@@ -158,8 +184,11 @@ impl ObjectTracker {
     /// What the rigid test says about an object in the frame of a stamp (s): how many of its tested features agree with a static scene. Over time, with
     /// hysteresis, this makes it parked or moving. Unknown ids are ignored: the object may have ended since.
     pub fn observe_rigidity(&mut self, id: ObjectId, stamp: f64, agreeing: u32, tested: u32) {
-        let (share, seconds) = (self.config.parked_share, self.config.parked_seconds);
+        let share = self.config.parked_share;
         if let Some(track) = self.tracks.iter_mut().find(|t| t.id == id) {
+            // Walkers stand still when they turn round; things do so only for good.
+            let lively = liveliness(track.class) >= 1.0;
+            let seconds = self.config.parked_seconds * if lively { 1.0 } else { THINGS_PARK };
             track
                 .rigidity
                 .observe(stamp, [agreeing, tested], share, seconds);

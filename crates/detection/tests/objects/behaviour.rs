@@ -49,25 +49,44 @@ fn feed_items(
 }
 
 #[test]
-fn one_detection_masks_and_two_earn_coasting() {
+fn one_detection_masks_and_three_make_an_object() {
     let world = standing();
     let mut t = tracker(&world);
     let first = feed(&mut t, &world, 0, true);
     assert_eq!(first.len(), 1);
     assert_eq!(first[0].state, ObjectState::Tentative);
     assert!(first[0].bounds.iou(&truth(&world, 0)) > 0.95);
-    let second = feed(&mut t, &world, 1, true);
-    assert_eq!(second[0].state, ObjectState::Confirmed);
-    assert_eq!(second[0].id, first[0].id);
-    for frame in 2..=46 {
+    assert_eq!(
+        feed(&mut t, &world, 1, true)[0].state,
+        ObjectState::Tentative
+    );
+    for frame in 2..=60 {
+        let objects = feed(&mut t, &world, frame, true);
+        assert_eq!(objects[0].state, ObjectState::Confirmed);
+        assert_eq!(objects[0].id, first[0].id);
+    }
+    for frame in 61..=105 {
         let objects = feed(&mut t, &world, frame, false);
         assert_eq!(objects.len(), 1, "frame {frame}");
         assert_eq!(objects[0].state, ObjectState::Coasting);
-        assert_eq!(objects[0].last_seen, 1.0 / RATE);
+        assert_eq!(objects[0].last_seen, 60.0 / RATE);
     }
-    assert!(feed(&mut t, &world, 47, false).is_empty());
-    // Seen again, it is somebody else: ids are never used again.
-    assert_ne!(feed(&mut t, &world, 48, true)[0].id, first[0].id);
+    assert!(feed(&mut t, &world, 106, false).is_empty());
+    // Seen again in its place it is the same, as soon as it is sure to be there.
+    feed(&mut t, &world, 107, true);
+    assert_eq!(feed(&mut t, &world, 108, true)[0].id, first[0].id);
+}
+
+#[test]
+fn what_was_seen_for_a_moment_is_not_waited_for_long() {
+    let world = standing();
+    let mut t = tracker(&world);
+    for frame in 0..=4 {
+        feed(&mut t, &world, frame, true);
+    }
+    // Seen for 0.13 s, it is believed in for that and 0.3 s.
+    assert_eq!(feed(&mut t, &world, 16, false).len(), 1);
+    assert!(feed(&mut t, &world, 18, false).is_empty());
 }
 
 #[test]

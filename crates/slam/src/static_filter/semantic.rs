@@ -76,7 +76,7 @@ pub(super) fn movers(
         let faded = ((stamp - o.last_seen) / coast).clamp(0.0, 1.0) as f32;
         let strength = match o.state {
             _ if !moves || parked => 0.0,
-            ObjectState::Coasting => SEEN + (COASTED - SEEN) * faded,
+            ObjectState::Coasting | ObjectState::Hidden => SEEN + (COASTED - SEEN) * faded,
             ObjectState::Tentative | ObjectState::Confirmed => SEEN,
         };
         Mover {

@@ -1,0 +1,120 @@
+//! Objects that are out of sight, and who of them is back.
+
+use super::ObjectId;
+use super::track::{Body, Track};
+use crate::ClassId;
+use stillpoint_geometry::Vec3;
+
+/// How long an object that is out of sight is remembered, s: about as long as someone is hidden behind another or turns round outside the view.
+const REMEMBERED: f64 = 5.0;
+/// Distance within which an object is the same one at once, m: a step, and the error of both positions while others hide a part.
+const NEAR: f64 = 0.8;
+/// What this distance grows by in a second, m/s: a walk. Faster, and anybody who enters a room would be the last who left it.
+const PACE: f64 = 1.2;
+/// Distance beyond which nobody is recognised, m.
+const FAR: f64 = 1.8;
+/// What a second out of sight counts for, m.
+const AGE: f64 = 0.2;
+/// Updates in a row without it after which an object that is followed may be the one that was found elsewhere: fewer are misses of the detector.
+const MISSED: u32 = 4;
+/// An object that is back is taller than it ever was by at most this factor.
+const SIZES: f64 = 2.5;
+
+/// An object that is out of sight.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Lost {
+    id: ObjectId,
+    class: ClassId,
+    position: Vec3,
+    velocity: Vec3,
+    height: f64,
+    last_seen: f64,
+}
+
+/// Those that are out of sight.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Memory(Vec<Lost>);
+
+impl Memory {
+    pub(super) fn clear(&mut self) {
+        self.0.clear();
+    }
+
+    /// Remembers a track that ends. Those without depth, and those that never were reported, are not known again.
+    pub(super) fn keep(&mut self, track: &Track) {
+        self.0.extend(Lost::of(track));
+    }
+
+    /// Forgets those that have been away for too long.
+    pub(super) fn age(&mut self, stamp: f64) {
+        self.0.retain(|l| stamp - l.last_seen <= REMEMBERED);
+    }
+
+    /// Gives tracks that were seen twice the numbers of the objects that they continue: of those that are out of sight, or were not in the newest
+    /// detections, and near enough, the nearest. What is sure to be an object and continues none is a new one. The track that had the number before ends.
+    pub(super) fn recognise(&mut self, tracks: &mut Vec<Track>) {
+        let mut known: Vec<Lost> = self.0.clone();
+        let missed = tracks.iter().filter(|t| t.misses >= MISSED);
+        known.extend(missed.filter_map(Lost::of));
+        let mut pairs: Vec<(f64, usize, ObjectId)> = Vec::new();
+        for (n, track) in tracks.iter_mut().enumerate() {
+            if !track.known && track.confirmed() && track.misses == 0 {
+                let near = known.iter();
+                pairs.extend(near.filter_map(|l| Some((l.distance(track)?, n, l.id))));
+                track.known = track.reported();
+            }
+        }
+        // The nearest pair first: two who come back at once are not exchanged.
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut given = vec![false; tracks.len()];
+        for (_, n, id) in pairs {
+            if given[n] || !known.iter().any(|l| l.id == id) {
+                continue;
+            }
+            given[n] = true;
+            known.retain(|l| l.id != id);
+            self.0.retain(|l| l.id != id);
+            if let Some(old) = tracks.iter_mut().find(|t| t.id == id) {
+                old.replaced = true;
+            }
+            tracks[n].return_as(id);
+        }
+        tracks.retain(|t| !t.replaced);
+        tracks.sort_by_key(|t| t.id);
+    }
+}
+
+impl Lost {
+    fn of(track: &Track) -> Option<Self> {
+        let Body::Spatial(s) = &track.body else {
+            return None;
+        };
+        track.reported().then(|| Self {
+            id: track.id,
+            class: track.class,
+            position: track.seen_at.unwrap_or_else(|| s.position()),
+            velocity: s.velocity(),
+            height: track.tallest,
+            last_seen: track.last_seen,
+        })
+    }
+
+    /// How far a track is from being this object, m; `None` when it is not. Time counts as distance: of two it is the one that was seen last.
+    fn distance(&self, track: &Track) -> Option<f64> {
+        let Body::Spatial(s) = &track.body else {
+            return None;
+        };
+        let (position, height) = (s.position(), s.size()[1]);
+        let gap = track.born - self.last_seen;
+        let reach = (NEAR + PACE * gap.max(0.0)).min(FAR);
+        // Others and the border may hide most of it; what was small all the time does not become tall.
+        let grown = height / self.height;
+        // Where it was, or where it was going: people stop and turn round as often as not.
+        let ahead = self.position + self.velocity * gap.clamp(0.0, 1.0);
+        let d = (position - self.position)
+            .norm()
+            .min((position - ahead).norm());
+        let possible = self.class == track.class && gap > 0.0 && d <= reach && grown <= SIZES;
+        possible.then_some(d + AGE * gap)
+    }
+}
