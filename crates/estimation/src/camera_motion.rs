@@ -60,6 +60,10 @@ pub struct MotionOptions {
     pub max_iterations: usize,
     /// Factor on the squared chi-square gates (95 %) of the measurements.
     pub gate_scale: f64,
+    /// How much more a pair near the middle of its gate counts than one near its border, 0 or more: with the share `r` of the squared
+    /// gate that its residual takes up, a vote is `(1 - r) / (1 + peak r)`. Within wide gates two crowds may both agree with a motion
+    /// between theirs; a high peak lets the motion win that one of them agrees with exactly.
+    pub peak: f64,
     /// Share of its votes that a motion far from the prior loses, 0 to below 1.
     pub prior_strength: f64,
     /// Least number of inliers with a weight.
@@ -73,6 +77,7 @@ impl Default for MotionOptions {
             min_iterations: 8,
             max_iterations: 200,
             gate_scale: 1.0,
+            peak: 0.0,
             prior_strength: 0.3,
             min_inliers: 8,
         }
@@ -161,7 +166,7 @@ impl<'a> Search<'a> {
             pairs,
             prior,
             options,
-            votes: Votes::new(camera, pairs, options.gate_scale),
+            votes: Votes::new(camera, pairs, options),
             cumulative,
             best: None,
             best_score: 0.0,
@@ -202,7 +207,7 @@ impl<'a> Search<'a> {
 
     /// A short optimisation on at most [`REFINE_PAIRS`] pairs that agree when the squared gates are opened by a factor.
     fn refine(&self, pose: &Se3, opening: f64) -> Option<Se3> {
-        let observations = self.agreeing(pose, opening * self.options.gate_scale);
+        let observations = self.weighted(pose, opening * self.options.gate_scale);
         let stride = observations.len().div_ceil(REFINE_PAIRS).max(1);
         let chosen: Vec<_> = observations.into_iter().step_by(stride).collect();
         if chosen.len() < 4 {
@@ -228,6 +233,23 @@ impl<'a> Search<'a> {
                     point: p.point,
                     measurement: *m,
                 });
+            }
+        }
+        found
+    }
+
+    /// The same, each with as much weight as its vote falls with its squared residual at `pose`: minimising their squares raises the vote.
+    fn weighted(&self, pose: &Se3, scale: f64) -> Vec<PoseObservation> {
+        let mut found = self.agreeing(pose, scale);
+        if self.options.peak > 0.0 {
+            let (r, t) = (pose.rotation_matrix(), pose.translation);
+            for o in &mut found {
+                let m = &mut o.measurement;
+                let chi2 = m.chi2(self.camera, &transform(&r, &t, &o.point));
+                let share = chi2 / (m.gate() * self.options.gate_scale);
+                let weight = 1.0 / (1.0 + self.options.peak * share).powi(2);
+                m.pixel_weight *= weight;
+                m.inverse_depth_weight *= weight;
             }
         }
         found
@@ -260,8 +282,12 @@ impl<'a> Search<'a> {
 
     /// The weight that agrees with the best motion: as samples are drawn by weight, also the probability of a good draw.
     fn share(&self) -> f64 {
-        self.best
-            .map_or(0.0, |pose| self.votes.inlier_weight(&pose) / self.total())
+        // Within wide gates almost everything may agree with almost anything; what agrees exactly does not.
+        let agreeing = |pose: Se3| match self.options.peak > 0.0 {
+            true => self.votes.count(&pose, 0.0),
+            false => self.votes.inlier_weight(&pose),
+        };
+        self.best.map_or(0.0, agreeing) / self.total()
     }
 
     /// Three different pairs, by weight; `None` when a few pairs hold nearly all weight and keep being drawn.
@@ -324,15 +350,19 @@ impl<'a> Search<'a> {
     fn conclude(self, iterations: usize) -> Option<CameraMotion> {
         let scale = self.options.gate_scale;
         // Opened gates: the best motion is still rough, and the optimisation tests all that it is given again.
-        let observations = self.agreeing(&self.best?, FINAL_OPENING * scale);
         let options = PoseOptions {
             rounds: 2,
             plain_rounds: 1,
             iterations: 2,
             gate_scale: scale,
         };
-        let estimate = optimise_pose(self.camera, &self.best?, &observations, &options);
-        let b_from_a = estimate.camera_from_world;
+        let rounds = if self.options.peak > 0.0 { 3 } else { 1 };
+        let (mut b_from_a, mut information) = (self.best?, Mat6::zeros());
+        for _ in 0..rounds {
+            let observations = self.weighted(&b_from_a, FINAL_OPENING * scale);
+            let estimate = optimise_pose(self.camera, &b_from_a, &observations, &options);
+            (b_from_a, information) = (estimate.camera_from_world, estimate.information);
+        }
         let (r, t) = (b_from_a.rotation_matrix(), b_from_a.translation);
         let (mut inliers, mut weight, mut count, mut voters) = (Vec::new(), 0.0, 0, 0);
         for p in self.pairs {
@@ -352,7 +382,7 @@ impl<'a> Search<'a> {
             count,
             weight_share: weight / self.total(),
             iterations,
-            information: estimate.information,
+            information,
         })
     }
 }

@@ -25,6 +25,8 @@ impl Purpose {
     pub const KEYFRAME_MOTION: Self = Self(8);
     /// Samples of the pose of a camera that has drifted off the map, against what is found of the map again.
     pub const REGAINED_MAP: Self = Self(9);
+    /// Samples of the motion between two frames by descriptors.
+    pub const FIRST_MOTION: Self = Self(10);
 }
 
 /// A stream of random numbers (SplitMix64: Steele, Lea, Flood, "Fast splittable pseudorandom number generators",

@@ -1,7 +1,7 @@
 //! The kernel of the weighted vote on a camera motion.
 
 use crate::Intrinsics;
-use crate::camera_motion::{MotionPair, believed};
+use crate::camera_motion::{MotionOptions, MotionPair, believed};
 use stillpoint_geometry::Se3;
 
 /// Pairs that go through the kernel together.
@@ -31,10 +31,11 @@ pub(crate) struct Votes {
     /// Votes that are still to come before each look.
     remaining: Vec<f64>,
     focal: [f64; 2],
+    peak: f64,
 }
 
 impl Votes {
-    pub(crate) fn new(camera: &Intrinsics, pairs: &[MotionPair], gate_scale: f64) -> Self {
+    pub(crate) fn new(camera: &Intrinsics, pairs: &[MotionPair], options: &MotionOptions) -> Self {
         let voters: Vec<&MotionPair> = pairs.iter().filter(|p| believed(p) > 0.0).collect();
         let blocks: Vec<Block> = voters
             .chunks(LANES)
@@ -42,7 +43,7 @@ impl Votes {
                 let mut b = Block::default();
                 for (i, p) in chunk.iter().enumerate() {
                     let m = &p.measurement;
-                    let gate = 1.0 / (m.gate() * gate_scale);
+                    let gate = 1.0 / (m.gate() * options.gate_scale);
                     [b.x[i], b.y[i], b.z[i]] = [p.point.x, p.point.y, p.point.z];
                     [b.u[i], b.v[i]] = [m.pixel.x - camera.cx, m.pixel.y - camera.cy];
                     b.d[i] = m.inverse_depth;
@@ -64,10 +65,11 @@ impl Votes {
             blocks,
             remaining,
             focal: [camera.fx, camera.fy],
+            peak: options.peak,
         }
     }
 
-    /// The sum over pairs of weight times `1 - chi2 / gate`, where positive; 0 as soon as it cannot exceed `limit`, which
+    /// The sum over pairs of weight times `(1 - r) / (1 + peak r)` with `r = chi2 / gate`, where positive; 0 as soon as it cannot exceed `limit`, which
     /// changes no decision.
     pub(crate) fn count(&self, b_from_a: &Se3, limit: f64) -> f64 {
         let motion = BlockMotion::new(b_from_a);
@@ -76,7 +78,7 @@ impl Votes {
             for block in group {
                 let ratios = self.ratios(&motion, block);
                 for ((sum, ratio), vote) in sums.iter_mut().zip(ratios).zip(block.vote) {
-                    let agreement = 1.0 - ratio;
+                    let agreement = (1.0 - ratio) / (1.0 + self.peak * ratio);
                     *sum += if agreement > 0.0 {
                         vote * agreement
                     } else {
@@ -154,7 +156,7 @@ mod tests {
     proptest! {
         /// The kernel against the measurement's own squared distance; leaving early means nothing but losing.
         #[test]
-        fn votes_are_weighted_agreements(count in 0usize..90, seed in any::<u64>(), share in 0.0..1.5f64, scale in 0.5..3.0f64) {
+        fn votes_are_weighted_agreements(count in 0usize..90, seed in any::<u64>(), share in 0.0..1.5f64, scale in 0.5..3.0f64, peak in 0.0..80.0f64) {
             let random = &mut rng(seed, 0, Purpose(1000));
             let pairs: Vec<MotionPair> = (0..count)
                 .map(|_| {
@@ -174,10 +176,11 @@ mod tests {
             for p in pairs.iter().filter(|p| p.weight > 0.0) {
                 let m = &p.measurement;
                 let ratio = m.chi2(&CAMERA, &pose.transform(&p.point)) / (m.gate() * scale);
-                vote += p.weight * (1.0 - ratio).max(0.0);
+                vote += p.weight * (1.0 - ratio).max(0.0) / (1.0 + peak * ratio);
                 weight += if ratio <= 1.0 { p.weight } else { 0.0 };
             }
-            let votes = Votes::new(&CAMERA, &pairs, scale);
+            let options = MotionOptions { gate_scale: scale, peak, ..MotionOptions::default() };
+            let votes = Votes::new(&CAMERA, &pairs, &options);
             let all = votes.count(&pose, -1.0);
             prop_assert!((all - vote).abs() < 1e-9 * (1.0 + vote), "{all} {vote}");
             prop_assert!((votes.inlier_weight(&pose) - weight).abs() < 1e-9);

@@ -303,3 +303,46 @@ fn p3p_refuses_what_fixes_no_pose() {
     // Whatever coinciding directions give, it is finite.
     assert!(p3p([x, y, z], [z, z, z]).iter().all(Se3::is_finite));
 }
+
+/// Somebody who walks slowly past a desk: between two frames both are within pixels of a motion that lies between theirs. Judged widely
+/// almost everything agrees with that one; judged sharply the desk's own motion wins.
+#[test]
+fn a_motion_between_two_crowds_loses_when_judged_sharply() {
+    let (mut wide_errors, mut sharp_errors) = (Vec::new(), Vec::new());
+    for seed in 0..20 {
+        let random = &mut rng(seed, 0, Purpose(1002));
+        let camera_moves = Se3::exp(&Vec6::new(0.005, -0.004, -0.007, 0.001, -0.012, 0.002));
+        let person_moves = camera_moves * Se3::exp(&Vec6::new(-0.01, 0.002, 0.0, 0.0, 0.0, 0.0));
+        let mut pairs = follow(&camera_moves, 140, (10.0, 630.0), (1.0, 2.2), true, random);
+        pairs.extend(follow(
+            &person_moves,
+            70,
+            (350.0, 500.0),
+            (0.8, 1.0),
+            true,
+            random,
+        ));
+        for p in &mut pairs {
+            // Wide gates: measured to 0.6 px, judged as if to 1.5.
+            p.measurement.pixel_weight = 1.0 / (1.5 * 1.5);
+        }
+        let found = |peak: f64| {
+            let options = MotionOptions {
+                peak,
+                ..MotionOptions::default()
+            };
+            let rng = rng(seed, 7, Purpose::CAMERA_MOTION);
+            let camera = Intrinsics::from(&camera());
+            let motion = find_camera_motion(&camera, &pairs, None, &options, rng).unwrap();
+            error(&motion.b_from_a, &camera_moves).0
+        };
+        wide_errors.push(found(0.0));
+        sharp_errors.push(found(60.0));
+    }
+    let median = |errors: &mut Vec<f64>| {
+        errors.sort_by(f64::total_cmp);
+        errors[errors.len() / 2]
+    };
+    let (wide, sharp) = (median(&mut wide_errors), median(&mut sharp_errors));
+    assert!(sharp < 0.5 * wide, "{sharp} m sharply, {wide} m widely");
+}

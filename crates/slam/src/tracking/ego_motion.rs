@@ -1,6 +1,7 @@
 //! How the camera moved, before anything is known of what else does.
 
 use super::flow::Guess;
+use super::vote::Vote;
 use super::{Notes, Tracker};
 use crate::association::Matches;
 use crate::report::LostReason;
@@ -21,8 +22,8 @@ pub(super) struct EgoMotion {
     pub(super) pairs: Vec<Option<FlowPair>>,
     /// Features that were not looked for there, with where they are expected.
     pub(super) rest: Vec<Guess>,
-    /// `camera_from_world` by a vote of the flow alone.
-    pub(super) by_flow: Option<Se3>,
+    /// What a vote of the flow alone says of it.
+    pub(super) by_flow: Option<Vote>,
 }
 
 impl EgoMotion {
@@ -53,11 +54,14 @@ impl Tracker {
         if data.len() < self.setup.tracking.min_inliers {
             return Err(LostReason::FewFeatures);
         }
-        let (mut pairs, rest) = self.flow(data, predicted);
-        let by_flow = self.pose_by_flow(frame, data, &pairs, predicted);
-        let (matches, pose) = self
-            .match_last_frame(frame.id, data, reference, &by_flow.unwrap_or(*predicted))
-            .or_else(|lost| Ok((Matches::new(data.len()), by_flow.ok_or(lost)?)))?;
+        let (found, mut pairs, rest) = self.follow(frame, data, predicted);
+        let voted = found.as_ref().map(|v| v.camera_from_world);
+        let (matches, matched) = self
+            .match_last_frame(frame.id, data, reference, &voted.unwrap_or(*predicted))
+            .or_else(|lost| Ok((Matches::new(data.len()), voted.ok_or(lost)?)))?;
+        // While who moves is undecided, it is for the flow to say which motion is the camera's: people are among what matches.
+        let exact = found.as_ref().filter(|v| v.exact);
+        let pose = exact.map_or(matched, |v| v.camera_from_world);
         notes.counts.frame_matches = matches.count as u32;
         self.recheck_flow(data, &mut pairs, &pose);
         Ok(EgoMotion {
@@ -66,7 +70,42 @@ impl Tracker {
             matches,
             pairs,
             rest,
-            by_flow,
+            by_flow: found,
         })
+    }
+
+    /// Follows the camera from the last frame by flow; from where descriptors say that it is, while its velocity is not known and where
+    /// flow loses its way from the prediction. Returns the vote, and the pairs and the rest of [`Tracker::flow`].
+    fn follow(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        predicted: &Se3,
+    ) -> (Option<Vote>, Vec<Option<FlowPair>>, Vec<Guess>) {
+        let agreed = |vote: &Option<Vote>| vote.as_ref().map_or(0, |v| v.agreed);
+        let enough = self.setup.tracking.min_inliers;
+        let first = if self.state.velocity().is_some() {
+            let (pairs, rest) = self.flow(data, predicted);
+            let vote = self.vote(frame, data, &pairs, predicted);
+            if agreed(&vote) >= enough {
+                return (vote, pairs, rest);
+            }
+            Some((vote, pairs, rest))
+        } else {
+            None
+        };
+        let found = self.vote_by_descriptors(frame, data);
+        let start = found.as_ref().map_or(*predicted, |v| v.camera_from_world);
+        let (pairs, rest) = self.flow(data, &start);
+        let vote = self.vote(frame, data, &pairs, &start);
+        let second = (vote, pairs, rest);
+        let (mut vote, pairs, rest) = match first {
+            Some(first) if agreed(&first.0) >= agreed(&second.0) => first,
+            _ => second,
+        };
+        if agreed(&vote) < enough && agreed(&found) >= enough {
+            vote = found;
+        }
+        (vote, pairs, rest)
     }
 }

@@ -2,26 +2,11 @@
 
 use super::Tracker;
 use super::frame::Observer;
-use crate::sensor::DepthReader;
 use crate::static_filter::FlowPair;
-use stillpoint_estimation::{
-    Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
-    rng,
-};
 use stillpoint_features::FlowMatch;
 use stillpoint_geometry::{Se3, Vec2};
-use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
-/// Standard deviation of a flow vector, px, with what corners on edges add.
-const SIGMA_PX: f64 = 1.0;
-/// A constant velocity is wrong by about this much after a frame.
-const PRIOR_SIGMA_M: f64 = 0.02;
-const PRIOR_SIGMA_RAD: f64 = 0.02;
-/// Pairs that vote on the camera's motion, at most: enough for a pose to a millimetre.
-const MAX_PAIRS: usize = 300;
-/// The motion is believed when pairs with this share of the weight agree on it.
-const MIN_WEIGHT_SHARE: f64 = 0.4;
 /// Features farther than this from where a static scene would have them are looked at again, px.
 const RECHECK_PX: f64 = 1.5;
 /// A feature and where it is expected, raw px.
@@ -98,61 +83,6 @@ impl Tracker {
                 pairs[*i] = Some(found.0);
             }
         }
-    }
-
-    /// The camera's motion since the last frame by a vote of the flow, as the pose it leads to. Features on surfaces that moved
-    /// before have next to no say.
-    pub(super) fn pose_by_flow(
-        &self,
-        frame: &RgbdFrame,
-        data: &KeyframeData,
-        pairs: &[Option<FlowPair>],
-        predicted: &Se3,
-    ) -> Option<Se3> {
-        let _span = tracing::info_span!("motion").entered();
-        let last = self.state.last().filter(|_| !pairs.is_empty())?;
-        let previous = self.previous.as_ref()?;
-        let reader = DepthReader::new(&self.setup.sensor, &data.camera, &previous.depth, None, 0.0);
-        let with_depth: Vec<usize> = (0..pairs.len())
-            .filter(|i| pairs[*i].is_some() && data.depth(*i).is_some())
-            .collect();
-        let step = with_depth.len().div_ceil(MAX_PAIRS).max(1);
-        let motion_pair = |i: usize| {
-            let pair = pairs[i]?;
-            let reading = reader.read(pair.before_raw.map(f64::from).into(), pair.before)?;
-            let (z, sigma) = (data.depth(i)?, f64::from(data.depth_sigmas[i]));
-            // Both depths are wrong: the error of the point is added to that of the measurement.
-            let sigma = (reading.sigma * reading.sigma + sigma * sigma).sqrt();
-            Some(MotionPair {
-                point: data.camera.backproject(pair.now, z),
-                measurement: Measurement::new(pair.before, SIGMA_PX, Some((reading.z, sigma))),
-                // Of the place in the frame before, whose surfaces are judged already; those of this frame need its pose first.
-                weight: self.filter.static_probability(pair.before_raw),
-            })
-        };
-        let votes: Vec<MotionPair> = with_depth
-            .iter()
-            .step_by(step)
-            .filter_map(|i| motion_pair(*i))
-            .collect();
-        let prior = MotionPrior {
-            b_from_a: last.world_from_camera.inverse() * predicted.inverse(),
-            sigma_m: PRIOR_SIGMA_M,
-            sigma_rad: PRIOR_SIGMA_RAD,
-        };
-        let motion = find_camera_motion(
-            &Intrinsics::from(&data.camera),
-            &votes,
-            Some(&prior),
-            &MotionOptions::default(),
-            rng(
-                self.setup.seed,
-                u64::from(frame.id.0),
-                Purpose::CAMERA_MOTION,
-            ),
-        )?;
-        let believed = motion.weight_share >= MIN_WEIGHT_SHARE;
-        believed.then(|| motion.b_from_a.inverse() * last.world_from_camera.inverse())
     }
 }
 

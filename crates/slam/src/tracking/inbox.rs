@@ -90,6 +90,7 @@ impl Tracker {
         if let Some(before) = before.filter(|before| stamp <= *before) {
             self.filter.forget_times();
             self.state.set_clock(stamp - before);
+            self.begun += stamp - before;
         }
     }
 }

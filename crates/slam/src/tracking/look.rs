@@ -103,6 +103,7 @@ impl Tracker {
             });
         }
         if self.state.last().is_none() {
+            self.begun = frame.stamp;
             let begins = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
             return begins.then(|| EgoMotion {
                 matches: Matches::new(data.len()),

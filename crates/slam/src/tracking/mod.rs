@@ -23,6 +23,7 @@ mod sight;
 mod starved;
 mod state;
 mod statistics;
+mod vote;
 
 pub(crate) use config::MIN_INITIAL_POINTS;
 pub use config::TrackingConfig;
@@ -73,6 +74,8 @@ pub struct Tracker {
     state: State,
     /// The submap that the last pose was in.
     submap: Option<Submap>,
+    /// When the last submap was begun, s.
+    begun: f64,
     since_keyframe: SinceKeyframe,
     /// The frame before, whatever became of it.
     previous: Option<Arc<RgbdFrame>>,
@@ -126,6 +129,7 @@ impl Tracker {
             map: KnownMap::new(Arc::default(), true),
             state: State::default(),
             submap: None,
+            begun: f64::NEG_INFINITY,
             since_keyframe: SinceKeyframe::default(),
             previous: None,
             trajectory: Trajectory::default(),

@@ -93,6 +93,7 @@ impl Tracker {
             young: (!self.map.is_empty()).then_some(1),
         });
         self.since_keyframe.pace.next(frame);
+        self.begun = frame.stamp;
         self.since_keyframe.frame = Some(frame.id);
         self.write_down(frame, &place, inliers);
         let motion = ConstantVelocity::default();

@@ -5,6 +5,7 @@ use super::known_map::KnownMap;
 use super::local_map::{LOCAL_RADIUS, SearchArea};
 use super::sight::Sight;
 use super::statistics::Sightings;
+use super::vote::Vote;
 use super::{Fix, Tracker, pose};
 use crate::association::{Matches, measurement};
 use crate::sensor::DepthReader;
@@ -132,7 +133,7 @@ impl Tracker {
         fix: Fix,
     ) -> Fix {
         let starved = self.is_starved(&fix);
-        let Some(start) = motion.by_flow.filter(|_| starved) else {
+        let Some(vote) = motion.by_flow.as_ref().filter(|_| starved) else {
             return fix;
         };
         let mut pairs = motion.pairs.clone();
@@ -141,7 +142,12 @@ impl Tracker {
             .flow_to_previous(&motion.rest, &mut pairs);
         let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
         let matched = matches.count;
-        let (matches, pose, information) = pose::solve_with_information(data, &start, matches);
+        let (matches, pose, information) =
+            pose::solve_with_information(data, &vote.camera_from_world, matches);
+        let enough = self.setup.tracking.min_inliers;
+        if matches.count < enough && vote.agreed >= enough {
+            return Self::follow_vote(vote, data.len());
+        }
         Fix {
             camera_from_world: pose,
             inliers: matches.count,
@@ -149,6 +155,19 @@ impl Tracker {
             matched,
             information,
             // What should be seen from a pose that the map does not bear out says nothing against landmarks.
+            sightings: Sightings::default(),
+        }
+    }
+
+    /// Takes the pose that the vote of the flow leads to, where too little stands still around it to measure it better: as many pairs
+    /// agree with it as make a pose, whatever the filter says of them.
+    fn follow_vote(vote: &Vote, features: usize) -> Fix {
+        Fix {
+            camera_from_world: vote.camera_from_world,
+            inliers: vote.agreed,
+            matches: Matches::new(features),
+            matched: vote.voted,
+            information: vote.information,
             sightings: Sightings::default(),
         }
     }

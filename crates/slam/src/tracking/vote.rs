@@ -1,0 +1,187 @@
+//! The vote of the flow: how the camera moved since the frame before, whatever else moved with it.
+//!
+//! Two things keep a crowd from winning. Every pair has as much say as the surface that it stands for: people are near and their
+//! clothes are full of corners, but a room is large. And agreement is judged sharply: whoever walks slowly past a desk is, between two
+//! frames, within a few pixels of some motion that lies between the desk's and his own.
+
+use super::Tracker;
+use crate::association::{Candidate, match_by_descriptor, measurement};
+use crate::sensor::DepthReader;
+use crate::static_filter::FlowPair;
+use stillpoint_estimation::{
+    Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
+    rng,
+};
+use stillpoint_geometry::{Mat6, Se3};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::KeyframeData;
+
+/// Standard deviation of a flow vector, px, with what corners on edges add.
+const SIGMA_PX: f64 = 1.0;
+/// How sharply agreement is judged: a vote is halved at an eighth of the gate's residual, a third of a pixel, which is what flow errs by.
+const PEAK: f64 = 60.0;
+/// The same of matches by descriptor, which err by a pixel and more.
+const ROUGH_PEAK: f64 = 6.0;
+/// Who moves is undecided for so long after a submap was begun, s.
+const UNDECIDED: f64 = 2.0;
+/// A constant velocity is wrong by about this much after a frame.
+const PRIOR_SIGMA_M: f64 = 0.02;
+const PRIOR_SIGMA_RAD: f64 = 0.02;
+/// Pairs that vote on the camera's motion, at most: enough for a pose to a millimetre.
+const MAX_PAIRS: usize = 300;
+/// The motion is believed when pairs with this share of the weight agree on it.
+const MIN_WEIGHT_SHARE: f64 = 0.4;
+/// Side of the blocks of the image that have one say each, px.
+const BLOCK_PX: f64 = 40.0;
+/// Surfaces farther than this have no more say, m: what is farther tells the turning only.
+const FAR: f64 = 4.0;
+
+/// The camera's motion by a vote of the flow.
+#[derive(Clone, Debug)]
+pub(super) struct Vote {
+    /// The pose that it leads to.
+    pub(super) camera_from_world: Se3,
+    /// Whether it was judged sharply: then it says which motion is the camera's, though matches by descriptor say another.
+    pub(super) exact: bool,
+    /// Pairs that agree.
+    pub(super) agreed: usize,
+    /// Pairs that voted.
+    pub(super) voted: usize,
+    /// Inverse covariance of the motion, as that of the pose.
+    pub(super) information: Mat6,
+}
+
+impl Tracker {
+    /// The camera's motion since the last frame by a vote of the flow. Features on surfaces that moved before have next to no say.
+    pub(super) fn vote(
+        &self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        pairs: &[Option<FlowPair>],
+        predicted: &Se3,
+    ) -> Option<Vote> {
+        let _span = tracing::info_span!("motion").entered();
+        let last = self.state.last().filter(|_| !pairs.is_empty())?;
+        let prior = MotionPrior {
+            b_from_a: last.world_from_camera.inverse() * predicted.inverse(),
+            sigma_m: PRIOR_SIGMA_M,
+            sigma_rad: PRIOR_SIGMA_RAD,
+        };
+        // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
+        let exact = frame.stamp - self.begun < UNDECIDED;
+        let mut votes = self.voters(data, pairs)?;
+        if exact {
+            give_say_by_area(&mut votes);
+        }
+        let options = MotionOptions {
+            peak: if exact { PEAK } else { 0.0 },
+            ..MotionOptions::default()
+        };
+        let address = u64::from(frame.id.0);
+        let motion = find_camera_motion(
+            &Intrinsics::from(&data.camera),
+            &votes,
+            Some(&prior),
+            &options,
+            rng(self.setup.seed, address, Purpose::CAMERA_MOTION),
+        )?;
+        (motion.weight_share >= MIN_WEIGHT_SHARE).then(|| Vote {
+            camera_from_world: motion.b_from_a.inverse() * last.world_from_camera.inverse(),
+            exact,
+            agreed: motion.count,
+            voted: votes.len(),
+            information: motion.information,
+        })
+    }
+
+    /// The pairs that vote, spread over the features.
+    fn voters(&self, data: &KeyframeData, pairs: &[Option<FlowPair>]) -> Option<Vec<MotionPair>> {
+        let previous = self.previous.as_ref()?;
+        let reader = DepthReader::new(&self.setup.sensor, &data.camera, &previous.depth, None, 0.0);
+        let with_depth: Vec<usize> = (0..pairs.len())
+            .filter(|i| pairs[*i].is_some() && data.depth(*i).is_some())
+            .collect();
+        let step = with_depth.len().div_ceil(MAX_PAIRS).max(1);
+        let voter = |i: usize| {
+            let pair = pairs[i]?;
+            let reading = reader.read(pair.before_raw.map(f64::from).into(), pair.before)?;
+            let (z, sigma) = (data.depth(i)?, f64::from(data.depth_sigmas[i]));
+            // Both depths are wrong: the error of the point is added to that of the measurement.
+            let sigma = (reading.sigma * reading.sigma + sigma * sigma).sqrt();
+            Some(MotionPair {
+                point: data.camera.backproject(pair.now, z),
+                measurement: Measurement::new(pair.before, SIGMA_PX, Some((reading.z, sigma))),
+                // Of the place in the frame before, whose surfaces are judged already; those of this frame need its pose first.
+                weight: self.filter.static_probability(pair.before_raw),
+            })
+        };
+        let chosen = with_depth.iter().step_by(step);
+        Some(chosen.filter_map(|i| voter(*i)).collect())
+    }
+
+    /// The camera's motion since the last frame with a pose by a vote of matches by descriptor, wherever in the image they are: while no
+    /// velocity is known, and where the camera turned so abruptly that flow lost its way. What moved then is not among them.
+    pub(super) fn vote_by_descriptors(
+        &self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+    ) -> Option<Vote> {
+        let _span = tracing::info_span!("motion").entered();
+        let last = self.state.last()?;
+        let candidate = |i: usize| {
+            Some(Candidate {
+                landmark: None,
+                position: last.data.point_in_camera(i)?,
+                feature: i as u32,
+            })
+        };
+        let candidates: Vec<Candidate> = (0..last.data.len()).filter_map(candidate).collect();
+        let matches = match_by_descriptor(data, &last.data, &candidates);
+        let targets = matches.targets.iter().enumerate();
+        let mut votes: Vec<MotionPair> = targets
+            .filter_map(|(i, t)| {
+                Some(MotionPair {
+                    point: (*t)?.position,
+                    measurement: measurement(data, i),
+                    weight: 1.0,
+                })
+            })
+            .collect();
+        give_say_by_area(&mut votes);
+        let address = u64::from(frame.id.0);
+        let motion = find_camera_motion(
+            &Intrinsics::from(&data.camera),
+            &votes,
+            None,
+            &MotionOptions {
+                peak: ROUGH_PEAK,
+                ..MotionOptions::default()
+            },
+            rng(self.setup.seed, address, Purpose::FIRST_MOTION),
+        )?;
+        (motion.weight_share >= MIN_WEIGHT_SHARE).then(|| Vote {
+            camera_from_world: motion.b_from_a * last.world_from_camera.inverse(),
+            exact: false,
+            agreed: motion.count,
+            voted: votes.len(),
+            information: motion.information,
+        })
+    }
+}
+
+/// Gives each block of the image one say, shared by its pairs, and more to what is far: a surface of one size shows as many corners
+/// near as far, and covers less of the image.
+fn give_say_by_area(votes: &mut [MotionPair]) {
+    let block = |p: &MotionPair| {
+        let pixel = p.measurement.pixel / BLOCK_PX;
+        [pixel.x.floor() as i64, pixel.y.floor() as i64]
+    };
+    let mut blocks: Vec<[i64; 2]> = votes.iter().map(block).collect();
+    blocks.sort_unstable();
+    for vote in votes {
+        let own = block(vote);
+        let first = blocks.partition_point(|b| *b < own);
+        let count = blocks[first..].partition_point(|b| *b == own);
+        vote.weight *= vote.point.z.clamp(0.0, FAR) / count as f64;
+    }
+}
