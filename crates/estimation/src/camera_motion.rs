@@ -247,7 +247,8 @@ impl<'a> Search<'a> {
                 let m = &mut o.measurement;
                 let chi2 = m.chi2(self.camera, &transform(&r, &t, &o.point));
                 let share = chi2 / (m.gate() * self.options.gate_scale);
-                let weight = 1.0 / (1.0 + self.options.peak * share).powi(2);
+                let fall = 1.0 / (1.0 + self.options.peak * share);
+                let weight = fall * fall;
                 m.pixel_weight *= weight;
                 m.inverse_depth_weight *= weight;
             }
