@@ -82,6 +82,10 @@ impl Tracker {
         data: &KeyframeData,
         predicted: &Se3,
     ) -> (Option<Vote>, Vec<Option<FlowPair>>, Vec<Guess>) {
+        if !self.filter.wants_flow() {
+            let (pairs, rest) = self.flow(data, predicted);
+            return (None, pairs, rest);
+        }
         let agreed = |vote: &Option<Vote>| vote.as_ref().map_or(0, |v| v.agreed);
         let enough = self.setup.tracking.min_inliers;
         let first = if self.state.velocity().is_some() {
