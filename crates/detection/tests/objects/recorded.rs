@@ -176,7 +176,8 @@ fn real_people() {
     // Two people who take turns to fill half of the image and hide each other; the boxes are those of what is visible.
     let s = follow(camera, &frames, third);
     assert!(s.switches <= 7 && s.mean() > 0.7, "{s}");
-    assert!(s.held > 20 * s.missed, "{s}");
+    // Somebody new is reported from the third detection on, which is the seventh frame here: that is most of what is missed.
+    assert!(s.held > 10 * s.missed, "{s}");
     let s = follow(camera, &frames, gap);
     assert!(s.mean() > 0.45 && s.held > 5 * s.missed, "{s}");
 }
