@@ -20,6 +20,13 @@ const ONE_THING: f64 = 0.55;
 /// Updates in a row for which two tracks are on one thing before they become one: people who cross are together for less.
 const UPDATES: u32 = 3;
 
+/// Whether the smaller of two boxes has the shape of a part of the larger. Networks cut people across: head and shoulders, or legs, keep more of the width than of the
+/// height. A box that keeps more of the height is somebody else who shows at the side of the one in front.
+fn cut_across(a: &BoundingBox, b: &BoundingBox) -> bool {
+    let (part, whole) = if a.area() < b.area() { (a, b) } else { (b, a) };
+    part.width() * whole.height() >= part.height() * whole.width()
+}
+
 /// Share of the smaller box that lies in the other.
 pub(super) fn overlap(a: &BoundingBox, b: &BoundingBox) -> f64 {
     let iou = a.iou(b);
@@ -40,6 +47,7 @@ pub(super) fn part_of_another(m: &Measurement, all: &[Measurement], taken: &[boo
             && m.detection.class == other.detection.class
             && m.detection.bounds.area() <= other.detection.bounds.area()
             && overlap(&m.detection.bounds, &other.detection.bounds) >= PART
+            && cut_across(&m.detection.bounds, &other.detection.bounds)
     })
 }
 
@@ -78,7 +86,9 @@ fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool 
             } else {
                 (SAME_DEPTH, PART)
             };
-            (x - y).abs() <= depth && overlap(&box_a, &box_b) >= part
+            // Of the detections of one frame those that do not have the shape of a whole and its part are of two people.
+            let two = a.misses == 0 && b.misses == 0 && !cut_across(&box_a, &box_b);
+            !two && (x - y).abs() <= depth && overlap(&box_a, &box_b) >= part
         }
         (Some(x), Some(y)) => (x - y).abs() <= SAME_DEPTH && box_a.iou(&box_b) >= ONE_THING,
         _ => (a.misses > 0) != (b.misses > 0) && box_a.iou(&box_b) >= SAME_BOX,
@@ -86,7 +96,8 @@ fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool 
 }
 
 /// Merges tracks that have been on the same thing for some updates. The elder keeps its id; the state is that of the one that was seen, or of the larger.
-pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) {
+/// Returns the ones that ended: two people who stood before each other go apart again.
+pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
     // Confirmed ones are elder than those that were seen once.
     let mut order: Vec<usize> = (0..tracks.len()).collect();
     order.sort_by_key(|&i| (!tracks[i].confirmed(), tracks[i].id));
@@ -124,9 +135,8 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) {
             *kept.votes.entry(class).or_default() += score;
         }
     }
-    let mut i = 0;
-    tracks.retain(|_| {
-        i += 1;
-        !gone[i - 1]
-    });
+    let all = std::mem::take(tracks).into_iter().zip(gone);
+    let (ended, kept): (Vec<_>, Vec<_>) = all.partition(|(_, gone)| *gone);
+    tracks.extend(kept.into_iter().map(|(track, _)| track));
+    ended.into_iter().map(|(track, _)| track).collect()
 }

@@ -123,7 +123,12 @@ impl ObjectTracker {
                 self.tracks.push(Track::new(id, &view, m, stamp, share));
             }
         }
-        duplicates::merge(&mut self.tracks, &view);
+        // One that was an object on its own before may be somebody who stands before another.
+        let ended = duplicates::merge(&mut self.tracks, &view);
+        ended
+            .iter()
+            .filter(|t| t.known)
+            .for_each(|t| self.memory.keep(t));
         // One miss says little of a detector that misses every third time, however long it takes.
         let patience = self.config.tentative_seconds;
         let waits = |t: &Track| t.misses < 2 || stamp - t.last_seen < patience;

@@ -1,52 +1,10 @@
 //! Single rules of the tracker, each on a few frames.
 
+use super::feed::{detections, feed, feed_items, standing, tracker, truth};
 use super::world::{Faults, RATE, Walker, World, person};
-use stillpoint_detection::{
-    BoundingBox, ClassId, Detection, Detections, Motion, Object, ObjectState, ObjectTracker,
-    ObjectsConfig,
-};
+use stillpoint_detection::{BoundingBox, Motion, ObjectState, ObjectsConfig};
 use stillpoint_geometry::{Se3, Vec3};
-use stillpoint_imaging::{CoarseDepth, FrameId};
-
-/// Somebody who stands 2.5 m before a camera that stands still.
-fn standing() -> World {
-    World::new(vec![Walker::new(|_| Vec3::new(0.2, 0.2, 2.5))], |_| {
-        Se3::default()
-    })
-}
-
-fn tracker(world: &World) -> ObjectTracker {
-    ObjectTracker::new(ObjectsConfig::default(), world.camera)
-}
-
-fn detections(frame: u64, items: Vec<Detection>) -> Detections {
-    Detections {
-        frame: FrameId(frame as u32),
-        stamp: frame as f64 / RATE,
-        items,
-    }
-}
-
-fn truth(world: &World, frame: u64) -> BoundingBox {
-    world.truth(0, frame as f64 / RATE).unwrap().0
-}
-
-/// Feeds one frame with the true box, or none, and returns the objects of that frame.
-fn feed(tracker: &mut ObjectTracker, world: &World, frame: u64, seen: bool) -> Vec<Object> {
-    let items = seen.then(|| person(truth(world, frame)));
-    feed_items(tracker, world, frame, items.into_iter().collect())
-}
-
-fn feed_items(
-    tracker: &mut ObjectTracker,
-    world: &World,
-    frame: u64,
-    items: Vec<Detection>,
-) -> Vec<Object> {
-    let t = frame as f64 / RATE;
-    tracker.update(&detections(frame, items), &world.pose(t), &world.depth(t));
-    tracker.predict(t, &world.pose(t))
-}
+use stillpoint_imaging::CoarseDepth;
 
 #[test]
 fn one_detection_masks_and_three_make_an_object() {
@@ -212,67 +170,6 @@ fn broken_boxes_are_left_out() {
         bad(f64::NEG_INFINITY, f64::INFINITY),
     ];
     assert!(feed_items(&mut t, &world, 0, items).is_empty());
-}
-
-#[test]
-fn classes_are_not_mixed() {
-    let world = standing();
-    let mut t = tracker(&world);
-    let person_box = person(truth(&world, 0));
-    let chair = Detection {
-        class: ClassId(56),
-        ..person_box
-    };
-    feed_items(&mut t, &world, 0, vec![person_box]);
-    let objects = feed_items(&mut t, &world, 1, vec![chair]);
-    assert_eq!(objects.len(), 2);
-    assert_eq!([objects[0].class.0, objects[1].class.0], [0, 56]);
-}
-
-#[test]
-fn a_second_box_on_the_same_person_does_not_stay() {
-    let world = standing();
-    let whole = truth(&world, 0);
-    let half = BoundingBox {
-        y1: whole.y0 + 0.55 * whole.height(),
-        ..whole
-    };
-    // Beside the whole, the half starts nothing.
-    let mut t = tracker(&world);
-    feed(&mut t, &world, 0, true);
-    let both = || vec![person(whole), person(half)];
-    for frame in 1..20 {
-        assert_eq!(feed_items(&mut t, &world, frame, both()).len(), 1);
-    }
-    // Known by the half first, it becomes the whole and keeps its id.
-    let mut t = tracker(&world);
-    for frame in 0..5 {
-        feed_items(&mut t, &world, frame, vec![person(half)]);
-    }
-    let id = t.predict(5.0 / RATE, &world.pose(0.0))[0].id;
-    let mut last = Vec::new();
-    for frame in 5..15 {
-        last = feed_items(&mut t, &world, frame, both());
-    }
-    assert_eq!(last.len(), 1);
-    assert_eq!(last[0].id, id);
-    assert!(last[0].bounds.iou(&whole) > 0.9, "{:?}", last[0].bounds);
-}
-
-#[test]
-fn two_people_close_together_stay_two() {
-    let world = World::new(
-        vec![
-            Walker::new(|_| Vec3::new(-0.2, 0.2, 2.5)),
-            Walker::new(|_| Vec3::new(0.15, 0.2, 3.1)),
-        ],
-        |_| Se3::default(),
-    );
-    let mut t = tracker(&world);
-    for frame in 0..30 {
-        let items = Faults::default().detect(&world, frame).items;
-        assert_eq!(feed_items(&mut t, &world, frame, items).len(), 2);
-    }
 }
 
 #[test]

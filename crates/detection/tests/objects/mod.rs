@@ -3,6 +3,8 @@
 
 mod behaviour;
 mod crowded;
+mod duplicates;
+mod feed;
 mod laws;
 mod recorded;
 mod score;

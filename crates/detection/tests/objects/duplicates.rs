@@ -1,0 +1,132 @@
+//! One thing has one box: what is kept from starting, what is merged, and what stays two.
+
+use super::feed::{feed, feed_items, standing, tracker, truth};
+use super::world::{Faults, RATE, Walker, World, person};
+use stillpoint_detection::{BoundingBox, ClassId, Detection, ObjectId, ObjectState};
+use stillpoint_geometry::{Se3, Vec3};
+
+#[test]
+fn classes_are_not_mixed() {
+    let world = standing();
+    let mut t = tracker(&world);
+    let person_box = person(truth(&world, 0));
+    let chair = Detection {
+        class: ClassId(56),
+        ..person_box
+    };
+    feed_items(&mut t, &world, 0, vec![person_box]);
+    let objects = feed_items(&mut t, &world, 1, vec![chair]);
+    assert_eq!(objects.len(), 2);
+    assert_eq!([objects[0].class.0, objects[1].class.0], [0, 56]);
+}
+
+#[test]
+fn a_second_box_on_the_same_person_does_not_stay() {
+    let world = standing();
+    let whole = truth(&world, 0);
+    let half = BoundingBox {
+        y1: whole.y0 + 0.55 * whole.height(),
+        ..whole
+    };
+    // Beside the whole, the half starts nothing.
+    let mut t = tracker(&world);
+    feed(&mut t, &world, 0, true);
+    let both = || vec![person(whole), person(half)];
+    for frame in 1..20 {
+        assert_eq!(feed_items(&mut t, &world, frame, both()).len(), 1);
+    }
+    // Known by the half first, it becomes the whole and keeps its id.
+    let mut t = tracker(&world);
+    for frame in 0..5 {
+        feed_items(&mut t, &world, frame, vec![person(half)]);
+    }
+    let id = t.predict(5.0 / RATE, &world.pose(0.0))[0].id;
+    let mut last = Vec::new();
+    for frame in 5..15 {
+        last = feed_items(&mut t, &world, frame, both());
+    }
+    assert_eq!(last.len(), 1);
+    assert_eq!(last[0].id, id);
+    assert!(last[0].bounds.iou(&whole) > 0.9, "{:?}", last[0].bounds);
+}
+
+#[test]
+fn two_people_close_together_stay_two() {
+    let world = World::new(
+        vec![
+            Walker::new(|_| Vec3::new(-0.2, 0.2, 2.5)),
+            Walker::new(|_| Vec3::new(0.15, 0.2, 3.1)),
+        ],
+        |_| Se3::default(),
+    );
+    let mut t = tracker(&world);
+    for frame in 0..30 {
+        let items = Faults::default().detect(&world, frame).items;
+        assert_eq!(feed_items(&mut t, &world, frame, items).len(), 2);
+    }
+}
+
+/// The box of a second person who shows at the side of the first, at the same depth, as high as he is and a quarter as wide.
+fn strip(whole: &BoundingBox) -> BoundingBox {
+    BoundingBox {
+        x0: whole.x1 - 0.25 * whole.width(),
+        ..*whole
+    }
+}
+
+/// Who shows at the side of another is no part of him, however near: neither kept from starting nor merged. The upper half is: see above.
+#[test]
+fn who_shows_at_the_side_of_another_is_somebody_else() {
+    let world = standing();
+    let whole = truth(&world, 0);
+    let mut t = tracker(&world);
+    feed(&mut t, &world, 0, true);
+    let both = || vec![person(whole), person(strip(&whole))];
+    let mut seen = Vec::new();
+    for frame in 1..30 {
+        let objects = feed_items(&mut t, &world, frame, both());
+        assert_eq!(objects.len(), 2, "frame {frame}");
+        seen = objects;
+    }
+    assert!(seen.iter().all(|o| o.state == ObjectState::Confirmed));
+    assert!(seen[0].bounds.iou(&whole) > 0.9 && seen[1].bounds.iou(&strip(&whole)) > 0.8);
+}
+
+/// Two who were known one by one, and were seen as one for a while, have their numbers when they part.
+#[test]
+fn two_who_stood_as_one_are_known_again() {
+    let world = World::new(
+        vec![
+            Walker::new(|t| Vec3::new(-0.05 - (0.8 - 0.8 * t).abs(), 0.2, 2.5)),
+            Walker::new(|t| Vec3::new(0.05 + (0.8 - 0.8 * t).abs(), 0.2, 2.6)),
+        ],
+        |_| Se3::default(),
+    );
+    let mut t = tracker(&world);
+    let mut numbers: Vec<Vec<ObjectId>> = Vec::new();
+    for frame in 0..60 {
+        let mut items = Faults::default().detect(&world, frame).items;
+        // While they are together the network sees one, and calls his upper half another.
+        if (22..38).contains(&frame) {
+            let both = items.iter().map(|d| d.bounds);
+            let whole = both.reduce(|a, b| BoundingBox {
+                x0: a.x0.min(b.x0),
+                y0: a.y0.min(b.y0),
+                x1: a.x1.max(b.x1),
+                y1: a.y1.max(b.y1),
+            });
+            let whole = whole.unwrap();
+            let half = BoundingBox {
+                y1: whole.y0 + 0.5 * whole.height(),
+                ..whole
+            };
+            items = vec![person(whole), person(half)];
+        }
+        let objects = feed_items(&mut t, &world, frame, items);
+        let sure = objects.iter().filter(|o| o.state == ObjectState::Confirmed);
+        numbers.push(sure.map(|o| o.id).collect());
+    }
+    assert_eq!(numbers[20].len(), 2);
+    assert_eq!(numbers[37].len(), 1, "{numbers:?}");
+    assert_eq!(numbers[59], numbers[20], "{numbers:?}");
+}
