@@ -1,8 +1,9 @@
 //! Which detection is of which object.
 
+use super::kind::may_be_one;
 use super::measurement::Measurement;
 use super::occlusion::Occlusion;
-use super::track::{Expected, Track, may_be_one};
+use super::track::{Expected, Track};
 use super::view::View;
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
@@ -32,10 +33,7 @@ pub(super) fn associate(
     }
     let expected: Vec<Expected> = tracks.iter().map(|t| t.expected(view)).collect();
     let occlusion = Occlusion::new(tracks, &expected);
-    let own = |i: usize, m: &Measurement| Measurement {
-        modes: occlusion.surfaces(&tracks[i], &expected[i], m),
-        ..m.clone()
-    };
+    let own = |i: usize, m: &Measurement| occlusion.seen_of(&tracks[i], &expected[i], m);
     let mut pairs = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
         for (j, m) in measurements.iter().enumerate() {

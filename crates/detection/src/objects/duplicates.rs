@@ -1,7 +1,8 @@
 //! Two tracks on one object: how they are kept from starting, and merged.
 
+use super::kind::may_be_one;
 use super::measurement::Measurement;
-use super::track::{Expected, Track, may_be_one};
+use super::track::{Expected, Track};
 use super::view::View;
 use crate::BoundingBox;
 

@@ -12,7 +12,7 @@ pub(super) struct Measurement {
     pub(super) detection: Detection,
     /// Sides of the box, undistorted px.
     pub(super) sides: Sides,
-    /// Which sides are at the border of the image: the object goes on beyond them.
+    /// Which sides are at the border of the image, or end in somebody who stands before the object: it goes on beyond them.
     pub(super) cut: [bool; 4],
     /// Surfaces in the box, nearest first.
     pub(super) modes: Vec<DepthMode>,
@@ -37,18 +37,19 @@ impl Measurement {
         }
         let margin = BORDER * width as f64;
         let (w, h) = (width as f64 - 0.5, height as f64 - 0.5);
+        let cut = [
+            bounds.x0 < margin - 0.5,
+            bounds.y0 < margin - 0.5,
+            bounds.x1 > w - margin,
+            bounds.y1 > h - margin,
+        ];
         Some(Self {
             detection: Detection {
                 bounds,
                 ..*detection
             },
             sides: view.undistorted(&bounds),
-            cut: [
-                bounds.x0 < margin - 0.5,
-                bounds.y0 < margin - 0.5,
-                bounds.x1 > w - margin,
-                bounds.y1 > h - margin,
-            ],
+            cut,
             modes: modes(depth, &bounds),
         })
     }

@@ -47,14 +47,6 @@ const RESHAPE: f64 = 0.3;
 const ROUNDS: usize = 3;
 /// Logarithms of 2 cm and 20 m: no thing that a detector finds is smaller or larger.
 const LOG_SIZES: [f64; 2] = [-3.9, 3.0];
-/// 99.7 % of the depths of the object's own surface.
-const DEPTH_GATE: f64 = 9.0;
-
-/// Standard deviation of the depth of a surface in a box, m: which part of the body it is, and the sensor's noise, which grows with the square.
-fn depth_sigma(z: f64) -> f64 {
-    0.1 + 0.003 * z * z
-}
-
 impl Spatial {
     /// From one detection and the surface that is taken for the object. What the sides leave open stays uncertain: the prior is wide.
     pub(super) fn new(
@@ -231,57 +223,6 @@ impl Spatial {
             z_jacobian: row(Vec3::z(), 0.0, 0.0),
         })
     }
-
-    /// Variance of the depth as this camera sees it, m^2.
-    pub(super) fn depth_variance(&self, p: &Projection) -> f64 {
-        p.z_jacobian.dot(&(self.state.covariance * p.z_jacobian))
-    }
-
-    fn depth_row(&self, p: &Projection, mode: &DepthMode) -> Row {
-        let sigma = depth_sigma(mode.depth);
-        Row {
-            jacobian: p.z_jacobian,
-            residual: mode.depth - p.z,
-            variance: sigma * sigma,
-        }
-    }
-
-    /// The surface that is this object's: the nearest one that holds half of the box if the prediction allows it, else the one that fits the prediction best.
-    pub(super) fn own_mode<'m>(
-        &self,
-        p: &Projection,
-        modes: &'m [DepthMode],
-    ) -> Option<&'m DepthMode> {
-        let variance = self.depth_variance(p);
-        let misfit = |mode: &DepthMode| {
-            let (error, sigma) = (mode.depth - p.z, depth_sigma(mode.depth));
-            error * error / (variance + sigma * sigma)
-        };
-        let fits = |mode: &&DepthMode| misfit(mode) <= DEPTH_GATE;
-        modes
-            .iter()
-            .filter(fits)
-            .find(|mode| mode.share >= 0.5)
-            .or_else(|| {
-                modes
-                    .iter()
-                    .filter(fits)
-                    .min_by(|a, b| misfit(a).total_cmp(&misfit(b)))
-            })
-    }
-
-    /// All that a detection measures.
-    pub(super) fn rows(
-        &self,
-        p: &Projection,
-        m: &Measurement,
-        mode: Option<&DepthMode>,
-        share: f64,
-    ) -> Vec<Row> {
-        let mut rows = m.side_rows(&p.sides, &p.jacobians, share);
-        rows.extend(mode.map(|mode| self.depth_row(p, mode)));
-        rows
-    }
 }
 
 /// Width and height of an upright ellipse whose image has this size in a rolled camera. Near 45 degrees both are alike: then the size seen.
@@ -381,35 +322,5 @@ mod tests {
                 .project(&view)
                 .is_none()
         );
-    }
-
-    #[test]
-    fn keeps_to_its_own_surface() {
-        let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
-        let view = View::new(
-            &camera,
-            camera.undistorted_bounds(),
-            &Se3::default(),
-            &Vec3::y(),
-        );
-        let mut f = filter(&[0.0, 0.0, 2.5, 0.0, 0.0, 0.0, 0.0, 0.0]);
-        f.state.covariance *= 0.01;
-        let p = f.project(&view).unwrap();
-        let mode = |depth: f64, share| DepthMode {
-            depth,
-            range: [depth, depth],
-            share,
-        };
-        let pick = |modes: &[DepthMode]| f.own_mode(&p, modes).map(|m| m.depth);
-        // Somebody in front and the wall behind are not it.
-        assert_eq!(
-            pick(&[mode(1.5, 0.5), mode(2.6, 0.3), mode(5.0, 0.2)]),
-            Some(2.6)
-        );
-        assert_eq!(pick(&[mode(1.5, 0.6), mode(5.0, 0.4)]), None);
-        // What holds half of the box is preferred when both are possible.
-        assert_eq!(pick(&[mode(2.3, 0.6), mode(2.52, 0.4)]), Some(2.3));
-        assert_eq!(pick(&[mode(2.3, 0.3), mode(2.52, 0.4)]), Some(2.52));
-        assert_eq!(pick(&[]), None);
     }
 }

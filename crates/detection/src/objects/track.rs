@@ -1,18 +1,18 @@
 //! One object: its filter, and how it was seen.
 
 use super::depth::DepthMode;
-use super::duplicates::overlap;
+use super::fit::CHI2_99;
 use super::kalman::{Gaussian, Row};
+use super::kind::liveliness;
 use super::measurement::Measurement;
 use super::planar::Planar;
 use super::rigidity::Rigidity;
 use super::spatial::{Projection, Spatial};
 use super::view::View;
 use super::{Motion, Object, ObjectId, ObjectState};
-use crate::{BoundingBox, ClassId, MotionWeights};
+use crate::{BoundingBox, ClassId};
 use std::collections::BTreeMap;
 use stillpoint_geometry::Vec3;
-use stillpoint_imaging::CoarseDepth;
 
 /// The state of an object, by what was measured of it.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,6 +31,8 @@ pub(super) struct Track {
     /// How far the surface reaches in front of its median and behind it, m.
     pub(super) reach: [f64; 2],
     pub(super) hits: u32,
+    /// Detections since it began or came back.
+    pub(super) fresh: u32,
     /// Sum of the scores of its detections by class: it is of the class with the greatest one.
     pub(super) votes: BTreeMap<ClassId, f64>,
     /// What the scores of its detections say in sum.
@@ -62,18 +64,11 @@ pub(super) struct Track {
     pub(super) rigidity: Rigidity,
 }
 
-/// How well a detection fits a track.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fit {
-    /// Greater is better, about 0 to 2.
-    pub(super) benefit: f64,
-}
-
 /// Where a track is expected in an image: computed once for all that it is compared with.
 #[derive(Clone, Debug)]
 pub(super) struct Expected {
     /// Of an object in space, unless it is behind the camera.
-    projection: Option<Projection>,
+    pub(super) projection: Option<Projection>,
     /// Box in the raw image; without area when it is outside.
     pub(super) bounds: BoundingBox,
 }
@@ -85,16 +80,6 @@ impl Expected {
     }
 }
 
-/// 99 % quantiles of chi-square for 0 to 5 degrees of freedom.
-const CHI2_99: [f64; 6] = [0.0, 6.635, 9.210, 11.345, 13.277, 15.086];
-/// Share of the smaller of two boxes in the larger from which one that the border cuts may be the other, come in or gone out at once.
-const GROWS: f64 = 0.7;
-/// Boxes that overlap so much are of one object even when the filter did not expect its change of shape or speed.
-const SAME_BOX: f64 = 0.5;
-/// The same where the depths agree: arms that stretch, and others who hide a part, change a box at once.
-const SAME_BOX_SAME_DEPTH: f64 = 0.3;
-/// The same where the depths contradict each other.
-const SAME_BOX_OTHER_DEPTH: f64 = 0.6;
 /// So many contradictions in a row, and the depth is started over.
 const CONTRADICTIONS: u32 = 3;
 /// How long an object lives on that was seen once, s.
@@ -107,14 +92,6 @@ const REPORTED_HITS: u32 = 3;
 const REPORTED_EVIDENCE: f64 = 0.9;
 /// Scores of false alarms are about the detector's threshold: this much is no evidence.
 const LEAST_SCORE: f64 = 0.2;
-/// Share of the middle of a box that an object covers at least where it is.
-const LEAST_SUPPORT: f64 = 0.2;
-/// Share of it that must lie behind for the object to be gone and not hidden.
-const SEEN_THROUGH: f64 = 0.5;
-/// Fewer cells with depth say nothing.
-const LEAST_CELLS: usize = 6;
-/// How long an object is followed behind others, s: the time that two people need to pass. After that it is looked for where it went in.
-const HIDDEN_SECONDS: f64 = 1.0;
 /// Least reach of a surface as a share of the object's width: bodies are not flat.
 const LEAST_REACH: f64 = 0.4;
 
@@ -127,6 +104,7 @@ impl Track {
             body: body_from(view, m, share, liveliness(m.detection.class)),
             reach: m.modes.first().map_or([0.0; 2], reach),
             hits: 1,
+            fresh: 1,
             votes: BTreeMap::from([(m.detection.class, f64::from(m.detection.score))]),
             evidence: evidence(m),
             born: stamp,
@@ -196,63 +174,13 @@ impl Track {
         [0, 1].map(|axis| variance(axis).max(variance(axis + 2)).max(0.0).sqrt())
     }
 
-    /// How well a detection fits a track that is expected there; `None` when it is not of this object.
-    pub(super) fn fit(
-        &self,
-        view: &View,
-        expected: &Expected,
-        m: &Measurement,
-        share: f64,
-    ) -> Option<Fit> {
-        let same_class = m.detection.class == self.class;
-        if !may_be_one(m.detection.class, self.class) {
-            return None;
-        }
-        let (chi2, rows, mode) = match &self.body {
-            Body::Spatial(s) => {
-                let p = expected.projection.as_ref()?;
-                let mode = s.own_mode(p, &m.modes);
-                let rows = s.rows(p, m, mode, share);
-                (s.state.distance(&rows), rows, mode)
-            }
-            Body::Planar(p) => {
-                let rows = p.rows(view, m, share);
-                (p.state.distance(&rows), rows, None)
-            }
-        };
-        let iou = expected.bounds.iou(&m.detection.bounds);
-        let gate = CHI2_99[rows.len().min(5)];
-        let contradicts =
-            matches!(self.body, Body::Spatial(_)) && !m.modes.is_empty() && mode.is_none();
-        let least = match mode {
-            _ if contradicts => SAME_BOX_OTHER_DEPTH,
-            Some(_) => SAME_BOX_SAME_DEPTH,
-            None => SAME_BOX,
-        };
-        // What another class is said of must be at the very place.
-        let at_border = m.cut.contains(&true)
-            && mode.is_some()
-            && overlap(&expected.bounds, &m.detection.bounds) >= GROWS;
-        let occluded = self.hidden && self.absent == 0;
-        let allowed = if same_class {
-            // Who is hidden is expected vaguely: a gate that wide takes false alarms for the person.
-            iou >= least || at_border || (chi2 <= gate && !contradicts && !occluded)
-        } else {
-            iou >= SAME_BOX && !contradicts
-        };
-        let closeness = (1.0 - chi2 / gate.max(1.0)).max(0.0);
-        let penalty = if contradicts { 0.5 } else { 0.0 } + if same_class { 0.0 } else { 0.3 };
-        allowed.then_some(Fit {
-            benefit: iou + 0.5 * closeness - penalty,
-        })
-    }
-
     /// Takes in a detection of this object.
     pub(super) fn absorb(&mut self, view: &View, m: &Measurement, stamp: f64, share: f64) {
         if m.cut.contains(&true) && self.bounds(view).iou(&m.detection.bounds) < CHANGED {
             self.restart(view, m, share);
         }
         self.hits = self.hits.saturating_add(1);
+        self.fresh = self.fresh.saturating_add(1);
         self.misses = 0;
         self.absent = 0;
         self.hidden = false;
@@ -331,37 +259,6 @@ impl Track {
             self.seen_at = Some(s.position());
             self.tallest = self.tallest.max(s.size()[1]);
         }
-    }
-
-    /// What the depth image says of an object that was not detected: absent where its place is seen and something else is there. Of a place with little depth
-    /// nothing is known.
-    pub(super) fn look(&mut self, view: &View, depth: &CoarseDepth) {
-        let seen = match &self.body {
-            Body::Spatial(s) => s.project(view).and_then(|p| {
-                let bounds = view.raw(&p.sides);
-                let sigma = s.depth_variance(&p).max(0.0).sqrt().min(0.5);
-                let margin = 0.25 + sigma;
-                let range = [p.z - self.reach[0] - margin, p.z + self.reach[1] + margin];
-                support(depth, &bounds, range)
-            }),
-            Body::Planar(_) => None,
-        };
-        match seen {
-            Some([_, own, behind]) if own < LEAST_SUPPORT && behind >= SEEN_THROUGH => {
-                self.absent += 1;
-                self.hidden = true;
-            }
-            Some([_, own, _]) => {
-                self.absent = 0;
-                self.hidden = own < LEAST_SUPPORT;
-            }
-            None => {}
-        }
-    }
-
-    /// Whether it is out of sight: hidden, or gone from where it was.
-    pub(super) fn out_of_sight(&self, stamp: f64) -> bool {
-        self.hidden && stamp - self.last_seen > HIDDEN_SECONDS
     }
 
     /// Follows the reach of the object's surface, or starts the depth over when it has been contradicted for long.
@@ -447,31 +344,6 @@ impl Track {
 /// What a detection says for there being something.
 fn evidence(m: &Measurement) -> f64 {
     (f64::from(m.detection.score) - LEAST_SCORE).max(0.0)
-}
-
-/// How lively things of a class are, beside people: 1 for what moves by itself.
-pub(super) fn liveliness(class: ClassId) -> f64 {
-    let weight = MotionWeights::default().get(class);
-    if weight >= 4.0 {
-        1.0
-    } else {
-        0.1 + 0.1 * weight
-    }
-}
-
-/// Whether a detector may call one thing by both names. People are told from things by all detectors.
-pub(super) fn may_be_one(a: ClassId, b: ClassId) -> bool {
-    a == b || (liveliness(a) < 1.0 && liveliness(b) < 1.0)
-}
-
-/// Shares of the cells with depth, in the middle of a box, that lie before, in and behind a range of depth (m); `None` where few have one.
-fn support(depth: &CoarseDepth, bounds: &BoundingBox, [near, far]: [f64; 2]) -> Option<[f64; 3]> {
-    let found = super::depth::central_depths(depth, bounds);
-    let share = |test: &dyn Fn(f64) -> bool| {
-        found.iter().filter(|z| test(**z)).count() as f64 / found.len() as f64
-    };
-    let (before, behind) = (share(&|z| z < near), share(&|z| z > far));
-    (found.len() >= LEAST_CELLS).then_some([before, 1.0 - before - behind, behind])
 }
 
 fn body_from(view: &View, m: &Measurement, share: f64, liveliness: f64) -> Body {

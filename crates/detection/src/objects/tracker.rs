@@ -2,9 +2,10 @@
 
 use super::associate::associate;
 use super::duplicates;
+use super::kind::liveliness;
 use super::lost::Memory;
 use super::measurement::Measurement;
-use super::track::{Track, liveliness};
+use super::track::Track;
 use super::view::View;
 use super::{Object, ObjectId, ObjectsConfig};
 use crate::{Detection, Detections};

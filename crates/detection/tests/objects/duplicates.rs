@@ -130,3 +130,57 @@ fn two_who_stood_as_one_are_known_again() {
     assert_eq!(numbers[37].len(), 1, "{numbers:?}");
     assert_eq!(numbers[59], numbers[20], "{numbers:?}");
 }
+
+/// A screen that the network calls a tv and a laptop has one box and one name, that of the surer detections; two things side by side are two.
+#[test]
+fn one_thing_of_two_names_is_one() {
+    let world = World {
+        walkers: Vec::new(),
+        ..standing()
+    };
+    let screen = BoundingBox {
+        x0: 200.0,
+        y0: 150.0,
+        x1: 320.0,
+        y1: 240.0,
+    };
+    let shifted = |by: f64| BoundingBox {
+        x0: screen.x0 + by,
+        x1: screen.x1 + by,
+        ..screen
+    };
+    let thing = |class: u8, score: f32, bounds| Detection {
+        class: ClassId(class),
+        score,
+        bounds,
+    };
+    let (tv, laptop) = (62, 63);
+    let mut t = tracker(&world);
+    let mut seen = Vec::new();
+    for frame in 0..20 {
+        // Both names in the first frames; then now this, now that.
+        let items = match frame {
+            0..5 => vec![thing(tv, 0.7, screen), thing(laptop, 0.5, shifted(8.0))],
+            _ if frame % 3 == 0 => vec![thing(laptop, 0.6, shifted(6.0))],
+            _ => vec![thing(tv, 0.6, screen)],
+        };
+        seen = feed_items(&mut t, &world, frame, items);
+        assert_eq!(seen.len(), 1, "frame {frame}: {seen:?}");
+    }
+    assert_eq!((seen[0].class, seen[0].id), (ClassId(tv), ObjectId(0)));
+    // Each was found in frames of its own at first: the younger is merged into the elder.
+    let mut t = tracker(&world);
+    for frame in 0..12 {
+        let class = if frame % 2 == 0 { tv } else { laptop };
+        let by = if frame < 4 { 0.0 } else { 5.0 };
+        seen = feed_items(&mut t, &world, frame, vec![thing(class, 0.6, shifted(by))]);
+    }
+    assert_eq!(seen.len(), 1, "{seen:?}");
+    // Control: beside each other they are two.
+    let mut t = tracker(&world);
+    for frame in 0..12 {
+        let items = vec![thing(tv, 0.7, screen), thing(laptop, 0.7, shifted(80.0))];
+        seen = feed_items(&mut t, &world, frame, items);
+    }
+    assert_eq!(seen.len(), 2, "{seen:?}");
+}

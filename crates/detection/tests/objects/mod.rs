@@ -8,6 +8,7 @@ mod feed;
 mod laws;
 mod recorded;
 mod score;
+mod sight;
 mod world;
 
 use score::{Drive, Score, run};
