@@ -8,17 +8,13 @@ use crate::output::write_file;
 use stillpoint::datasets::{ColourFormat, MoverRow, ReadAhead, Recorder};
 use stillpoint::detection::{BoundingBox, ClassId, Detection, ScriptRow, format_script};
 use stillpoint::imaging::{FrameSource, GrayImage};
-use stillpoint::simulator::{DetectionNoise, MoverBox, Simulator, SimulatorConfig};
+use stillpoint::simulator::{
+    DepthModel, DetectionNoise, MoverBox, Shutter, Simulator, SimulatorConfig,
+};
 
 /// `simulate`.
 pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
-    let config = SimulatorConfig {
-        scene: args.scene.clone(),
-        seed: args.seed,
-        frames: args.frames.map(|n| n as usize),
-        noise: !args.ideal,
-        ..SimulatorConfig::default()
-    };
+    let config = config(args)?;
     let simulator = Simulator::new(&config).map_err(Failure::input)?;
     let format = if args.jpeg {
         ColourFormat::Jpeg
@@ -60,6 +56,35 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     }
     console::report(&format!("{written} frames in {}\n", args.out.display()));
     Ok(Status::Ok)
+}
+
+/// What to simulate; what the arguments do not say of the camera is the scene's own.
+fn config(args: &SimulateArgs) -> Result<SimulatorConfig, Failure> {
+    let mut config = SimulatorConfig {
+        scene: args.scene.clone(),
+        seed: args.seed,
+        frames: args.frames.map(|n| n as usize),
+        noise: !args.ideal,
+        depth_model: args.depth_model.as_deref().map(|name| match name {
+            "structured-light" => DepthModel::StructuredLight,
+            _ => DepthModel::Independent,
+        }),
+        ..SimulatorConfig::default()
+    };
+    let (readout, depth_readout, exposure) = (args.readout, args.depth_readout, args.exposure);
+    if [readout, depth_readout, exposure]
+        .iter()
+        .any(Option::is_some)
+    {
+        let simulator = Simulator::new(&config).map_err(Failure::input)?;
+        let own = simulator.shutter();
+        config.shutter = Some(Shutter {
+            readout: readout.unwrap_or(own.readout),
+            depth_readout: depth_readout.unwrap_or(own.depth_readout),
+            exposure: exposure.unwrap_or(own.exposure),
+        });
+    }
+    Ok(config)
 }
 
 /// Masks, boxes and scripted detections of a scene in which something moves.

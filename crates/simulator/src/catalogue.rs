@@ -1,10 +1,12 @@
 //! The scenes by their names.
 
+use crate::disparity::DepthModel;
 use crate::path::Path;
 use crate::people::Cast;
 use crate::scene::Scene;
+use crate::shutter::Shutter;
 
-const NAMES: [&str; 13] = [
+const NAMES: [&str; 24] = [
     "xyz",
     "rpy",
     "halfsphere",
@@ -18,7 +20,21 @@ const NAMES: [&str; 13] = [
     "walking_static",
     "sitting_xyz",
     "box_carried",
+    "rpy_60",
+    "rpy_100",
+    "rpy_150",
+    "walking_rpy_60",
+    "walking_rpy_100",
+    "walking_rpy_150",
+    "crowd_xyz",
+    "crowd_static",
+    "crowd_halfsphere",
+    "crowd_rpy_60",
+    "crowd_rpy_150",
 ];
+
+/// Factors on the pace of `rpy` with which it turns by up to 60, 100 and 150 deg/s.
+const PACES: [f64; 3] = [1.0, 1.7, 2.5];
 
 /// The names of the scenes: what [`SimulatorConfig::scene`] may be.
 #[must_use]
@@ -26,9 +42,13 @@ pub fn scene_names() -> &'static [&'static str] {
     &NAMES
 }
 
+/// When the camera on the half sphere passes before the desk, where the crowd is, s.
+pub(crate) const CROWD_AHEAD: f64 = 0.95;
+
 /// The scene and the path of a name.
 pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
     let people = |cast| Scene::office_with_people(seed, cast);
+    let fast = |pace: usize| Path::rpy_at(seed, PACES[pace]);
     Some(match name {
         "xyz" => (Scene::office(seed), Path::xyz(seed)),
         "rpy" => (Scene::office(seed), Path::rpy(seed)),
@@ -46,8 +66,33 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
         "walking_static" => (people(Cast::Walking), Path::still(seed).farther(0.66)),
         "sitting_xyz" => (people(Cast::Sitting), Path::xyz(seed).farther(0.25)),
         "box_carried" => (people(Cast::Carrying), Path::xyz(seed).farther(0.85)),
+        "rpy_60" => (Scene::office(seed), fast(0)),
+        "rpy_100" => (Scene::office(seed), fast(1)),
+        "rpy_150" => (Scene::office(seed), fast(2)),
+        "walking_rpy_60" => (people(Cast::Walking), fast(0).farther(0.6)),
+        "walking_rpy_100" => (people(Cast::Walking), fast(1).farther(0.6)),
+        "walking_rpy_150" => (people(Cast::Walking), fast(2).farther(0.6)),
+        "crowd_xyz" => (people(Cast::Crowd), Path::xyz(seed).farther(1.0)),
+        "crowd_static" => (people(Cast::Crowd), Path::still(seed).farther(0.9)),
+        "crowd_halfsphere" => (
+            people(Cast::Crowd),
+            Path::halfsphere_at(seed, 2.2)
+                .farther(0.9)
+                .starting_at(CROWD_AHEAD),
+        ),
+        "crowd_rpy_60" => (people(Cast::Crowd), fast(0).farther(0.9)),
+        "crowd_rpy_150" => (people(Cast::Crowd), fast(2).farther(0.9)),
         _ => return None,
     })
+}
+
+/// The shutter and the depth model of a scene's own camera. Those that are there to be hard have a camera as it is.
+pub(crate) fn camera(name: &str) -> (Shutter, DepthModel) {
+    let fast = ["_60", "_100", "_150"].iter().any(|s| name.ends_with(s));
+    if fast || name.starts_with("crowd_") {
+        return (Shutter::ROLLING, DepthModel::StructuredLight);
+    }
+    (Shutter::default(), DepthModel::default())
 }
 
 /// The equal rooms with the shorter or the longer walk.

@@ -56,4 +56,18 @@ impl Lens {
             None => [x as f64, y as f64],
         }
     }
+
+    /// The rows of the rendered image that the recorded row `y` looks at.
+    pub(crate) fn rendered_rows(&self, y: usize) -> std::ops::Range<usize> {
+        if self.is_ideal() {
+            return y..y + 1;
+        }
+        let places = &self.places[y * self.width..(y + 1) * self.width];
+        let (top, bottom) = places.iter().fold((f64::MAX, f64::MIN), |(a, b), [_, v]| {
+            (a.min(*v), b.max(*v))
+        });
+        let last = self.rendered.height as usize;
+        // Samples about a place reach half a pixel beyond it.
+        ((top - 1.0).max(0.0) as usize).min(last)..((bottom + 2.0) as usize).min(last)
+    }
 }

@@ -4,22 +4,28 @@
 //! same on every machine. Frames are pure functions of configuration and index. Knows no SLAM; writes no files.
 //!
 //! Scenes are convex textured faces (`scene`, `texture`), rasterised with a depth buffer (`raster`, `shade`) from exact poses
-//! (`path`) at the stamps of the colour image and of the depth image, and then spoiled as a real camera does (`sensor`).
+//! (`path`) at the stamps of the colour image and of the depth image, row by row where the shutter rolls (`shutter`), and then spoiled as a
+//! real camera does (`sensor`, `disparity`).
 //! People move through some scenes (`people`); what they cover is known exactly (`truth`).
 
 mod catalogue;
+mod disparity;
 mod lens;
 mod path;
 mod people;
+mod pixels;
 mod random;
 mod raster;
 mod scene;
 mod sensor;
 mod shade;
+mod shutter;
 mod simulator;
 mod texture;
 mod truth;
 
 pub use catalogue::scene_names;
+pub use disparity::DepthModel;
+pub use shutter::Shutter;
 pub use simulator::{Simulator, SimulatorConfig, SimulatorError, SimulatorSource};
 pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection};

@@ -13,19 +13,24 @@ pub(crate) struct Path {
     tremor: Tremor,
     /// How much farther from the desk the camera is, m.
     back: f64,
+    /// How much of the motion is over at the start, s.
+    ahead: f64,
 }
 
 enum Kind {
     /// Translations along the axes, nearly without rotation.
     Xyz,
-    /// Rotations about the axes, nearly without translation.
-    Rpy,
-    /// On half a sphere about the desk, looking at it.
-    Halfsphere,
+    /// Rotations about the axes, nearly without translation, faster than the slowest ones by a factor.
+    Rpy { pace: f64 },
+    /// On half a sphere about the desk, looking at it; the camera's elevation is divided by `flat`.
+    Halfsphere { flat: f64 },
     /// Held still.
     Static,
     /// A walk along a closed curve.
     Loop(Walk),
+    /// From a pose with a constant twist per second in camera coordinates.
+    #[cfg(test)]
+    Steady(Se3, stillpoint_geometry::Vec6),
 }
 
 /// Height and place of what the small scenes look at, m.
@@ -41,22 +46,35 @@ impl Path {
             kind: Kind::Xyz,
             tremor: Tremor::new(seed, 3.0),
             back: 0.0,
+            ahead: 0.0,
         }
     }
 
     pub(crate) fn rpy(seed: u64) -> Self {
+        Self::rpy_at(seed, 1.0)
+    }
+
+    /// The rotations of [`Self::rpy`] over the same angles, faster by a factor.
+    pub(crate) fn rpy_at(seed: u64, pace: f64) -> Self {
         Self {
-            kind: Kind::Rpy,
+            kind: Kind::Rpy { pace },
             tremor: Tremor::new(seed, 2.0),
             back: 0.0,
+            ahead: 0.0,
         }
     }
 
     pub(crate) fn halfsphere(seed: u64) -> Self {
+        Self::halfsphere_at(seed, 1.0)
+    }
+
+    /// The motion of [`Self::halfsphere`] with the elevation divided by `flat`, so that people are seen from the front.
+    pub(crate) fn halfsphere_at(seed: u64, flat: f64) -> Self {
         Self {
-            kind: Kind::Halfsphere,
+            kind: Kind::Halfsphere { flat },
             tremor: Tremor::new(seed, 1.0),
             back: 0.0,
+            ahead: 0.0,
         }
     }
 
@@ -65,6 +83,18 @@ impl Path {
             kind: Kind::Static,
             tremor: Tremor::new(seed, 0.6),
             back: 0.0,
+            ahead: 0.0,
+        }
+    }
+
+    /// Without tremor, from a pose with a constant twist per second in camera coordinates.
+    #[cfg(test)]
+    pub(crate) fn steady(start: Se3, twist: stillpoint_geometry::Vec6) -> Self {
+        Self {
+            kind: Kind::Steady(start, twist),
+            tremor: Tremor::new(0, 0.0),
+            back: 0.0,
+            ahead: 0.0,
         }
     }
 
@@ -74,6 +104,7 @@ impl Path {
             kind: Kind::Loop(Walk::new(corners)),
             tremor: Tremor::new(seed, 1.5),
             back: 0.0,
+            ahead: 0.0,
         }
     }
 
@@ -90,6 +121,11 @@ impl Path {
         Self { back, ..self }
     }
 
+    /// The same motion from a later moment on, s.
+    pub(crate) fn starting_at(self, ahead: f64) -> Self {
+        Self { ahead, ..self }
+    }
+
     /// How long the path is by default, s.
     pub(crate) fn duration(&self) -> f64 {
         match &self.kind {
@@ -101,6 +137,7 @@ impl Path {
     /// The pose at a stamp (s).
     pub(crate) fn world_from_camera(&self, t: f64) -> Se3 {
         let centre = Vec3::from(DESK_CENTRE);
+        let t = t + self.ahead;
         let base = match &self.kind {
             Kind::Xyz => {
                 let offset = Vec3::new(
@@ -111,7 +148,8 @@ impl Path {
                 let at = centre + Vec3::new(-0.05, -1.0 - self.back, 0.5) + offset;
                 look_at(at, centre + offset + Vec3::new(-0.05, 0.0, 0.0))
             }
-            Kind::Rpy => {
+            Kind::Rpy { pace } => {
+                let t = t * pace;
                 let at = centre + Vec3::new(0.0, -1.1 - self.back, 0.5);
                 // The three axes take turns, with soft changes.
                 let share = |k: f64| 0.5 + 0.5 * wave(t, 0.1, 2.1 * k);
@@ -122,11 +160,12 @@ impl Path {
                 );
                 look_at(at, centre) * Se3::new(so3::exp(&turn), Vec3::zeros())
             }
-            Kind::Halfsphere => {
+            Kind::Halfsphere { flat } => {
                 let radius = 1.0 + self.back + 0.12 * wave(t, 0.11, 0.0);
                 let azimuth = 0.9 * wave(t, 0.1, -0.6);
                 // A wider sphere is flatter, as the ceiling wants it.
-                let elevation = (0.7 + 0.33 * wave(t, 0.17, 0.8)) / (1.0 + 0.55 * self.back);
+                let elevation =
+                    (0.7 + 0.33 * wave(t, 0.17, 0.8)) / ((1.0 + 0.55 * self.back) * flat);
                 let ground = radius * libm::cos(elevation);
                 let out = Vec3::new(
                     ground * libm::sin(azimuth),
@@ -137,6 +176,8 @@ impl Path {
             }
             Kind::Static => look_at(centre + Vec3::new(-0.1, -1.1 - self.back, 0.55), centre),
             Kind::Loop(walk) => walk.pose(t),
+            #[cfg(test)]
+            Kind::Steady(start, twist) => *start * Se3::exp(&(twist * t)),
         };
         base * self.tremor.at(t)
     }

@@ -14,6 +14,9 @@ pub(crate) enum Purpose {
     Layout = 6,
     People = 7,
     Detections = 8,
+    Lateral = 9,
+    Matching = 10,
+    Distortion = 11,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a bijection of 64 bits that mixes them well.

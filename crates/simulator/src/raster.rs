@@ -3,9 +3,9 @@
 //! Answers: visibility of convex planar faces in a pinhole view, by scan lines and a depth buffer on 1 / z (which is
 //! affine in the image). Knows no colours (module `shade`) and no noise (module `sensor`).
 
-use crate::lens::Lens;
 use crate::scene::Face;
 use crate::shade::Visible;
+use std::ops::Range;
 use stillpoint_geometry::{Camera, Se3, Vec3};
 
 /// Faces nearer than this are cut off, m.
@@ -21,10 +21,15 @@ pub(crate) struct Eye<'a> {
     pub(crate) centre: Vec3,
 }
 
-/// The faces of one view, sample by sample.
+/// The faces of one view, sample by sample: of the whole image, or of some of its rows.
 pub(crate) struct View {
     pub(crate) width: usize,
+    /// Rows of samples that there are.
     pub(crate) height: usize,
+    /// The first of them.
+    top: usize,
+    /// Rows of samples of the whole image.
+    whole: usize,
     /// Samples per pixel along each side.
     factor: usize,
     /// 1 / z of each sample, 1/m; 0 where nothing is seen.
@@ -44,13 +49,24 @@ impl View {
         world_from_camera: &Se3,
         factor: usize,
     ) -> Self {
-        let (width, height) = (
-            camera.width as usize * factor,
-            camera.height as usize * factor,
-        );
+        let rows = 0..camera.height as usize;
+        Self::of_rows(faces, camera, world_from_camera, factor, rows)
+    }
+
+    /// The same of some rows of the image alone.
+    pub(crate) fn of_rows<'a>(
+        faces: impl Iterator<Item = &'a Face>,
+        camera: &Camera,
+        world_from_camera: &Se3,
+        factor: usize,
+        rows: Range<usize>,
+    ) -> Self {
+        let (width, height) = (camera.width as usize * factor, rows.len() * factor);
         let mut view = Self {
             width,
             height,
+            top: rows.start * factor,
+            whole: camera.height as usize * factor,
             factor,
             inverse_depth: vec![0.0; width * height],
             face: vec![NOTHING; width * height],
@@ -96,11 +112,14 @@ impl View {
         let mut seen = false;
         for y in rows {
             let bound = |v: f64| v.ceil().clamp(0.0, self.width as f64) as usize;
-            let (x0, x1) = (bound(self.left[y]), bound(self.right[y]));
+            let (x0, x1) = (
+                bound(self.left[y - self.top]),
+                bound(self.right[y - self.top]),
+            );
             if x0 >= x1 {
                 continue;
             }
-            let row = y * self.width;
+            let row = (y - self.top) * self.width;
             let w0 = (start + dv * y as f64 + du * x0 as f64) as f32;
             let du = du as f32;
             let depths = &mut self.inverse_depth[row + x0..row + x1];
@@ -119,8 +138,9 @@ impl View {
     }
 
     /// Fills `left` and `right` with the borders of a convex polygon for each row that it covers.
-    fn scan(&mut self, polygon: &[[f64; 2]]) -> Option<std::ops::Range<usize>> {
-        let bound = |v: f64| v.ceil().clamp(0.0, self.height as f64) as usize;
+    fn scan(&mut self, polygon: &[[f64; 2]]) -> Option<Range<usize>> {
+        let (first, end) = (self.top, self.top + self.height);
+        let bound = |v: f64| v.ceil().clamp(first as f64, end as f64) as usize;
         let (mut top, mut bottom, mut west, mut east) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
         for p in polygon {
             (west, east) = (west.min(p[0]), east.max(p[0]));
@@ -130,8 +150,8 @@ impl View {
         if rows.is_empty() || east <= 0.0 || west >= self.width as f64 {
             return None;
         }
-        self.left[rows.clone()].fill(f64::MAX);
-        self.right[rows.clone()].fill(f64::MIN);
+        self.left[rows.start - first..rows.end - first].fill(f64::MAX);
+        self.right[rows.start - first..rows.end - first].fill(f64::MIN);
         for i in 0..polygon.len() {
             let (mut a, mut b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
             if a[1] > b[1] {
@@ -140,6 +160,7 @@ impl View {
             let slope = (b[0] - a[0]) / (b[1] - a[1]);
             for y in bound(a[1])..bound(b[1]) {
                 let x = a[0] + (y as f64 - a[1]) * slope;
+                let y = y - first;
                 self.left[y] = self.left[y].min(x);
                 self.right[y] = self.right[y].max(x);
             }
@@ -147,37 +168,25 @@ impl View {
         Some(rows)
     }
 
-    /// The view of the recorded image: this one, which must have one sample per pixel, through the lens.
-    pub(crate) fn through(self, lens: &Lens) -> Self {
-        if lens.is_ideal() {
-            return self;
-        }
-        let mut recorded = Self {
-            width: lens.width,
-            height: lens.height,
-            inverse_depth: Vec::with_capacity(lens.width * lens.height),
-            face: Vec::with_capacity(lens.width * lens.height),
-            ..self
-        };
-        for y in 0..lens.height {
-            for x in 0..lens.width {
-                let [u, v] = lens.place(x, y);
-                let number = self.face[(v + 0.5) as usize * self.width + (u + 0.5) as usize];
-                let face = recorded.faces.get(usize::from(number));
-                let [c0, cu, cv] = face.map_or([0.0; 3], |f| f.inverse_depth);
-                // At a face's border the line of sight may just miss it, where its plane is behind the camera.
-                recorded
-                    .inverse_depth
-                    .push((c0 + cu * u + cv * v).max(0.0) as f32);
-                recorded.face.push(number);
-            }
-        }
-        recorded
+    /// The number of the face that a sample of the whole image sees.
+    #[inline]
+    pub(crate) fn face_at(&self, x: usize, y: usize) -> u16 {
+        self.face[(y - self.top) * self.width + x]
+    }
+
+    /// 1 / z at a sample of the whole image, 1/m.
+    pub(crate) fn inverse_depth_at(&self, x: usize, y: usize) -> f32 {
+        self.inverse_depth[(y - self.top) * self.width + x]
+    }
+
+    /// Rows of samples of the whole image.
+    pub(crate) fn whole(&self) -> usize {
+        self.whole
     }
 }
 
 /// The pixels of a polygon's part in front of the near plane.
-fn project_clipped(
+pub(crate) fn project_clipped(
     vertices: &[Vec3],
     camera: &Camera,
     camera_from_world: &Se3,
@@ -207,6 +216,7 @@ fn project_clipped(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::lens::Lens;
     use crate::scene::Scene;
     use crate::texture::tests::ramp;
     use stillpoint_geometry::{Vec2, so3};
@@ -225,23 +235,8 @@ mod tests {
             Vec3::y() * -0.64,
         );
         let normal = right.cross(&up).normalize();
-        let axes = [
-            right * (64.0 / right.norm_squared()),
-            up * (-64.0 / up.norm_squared()),
-        ];
-        let offsets = [-axes[0].dot(&(corner + up)), -axes[1].dot(&(corner + up))];
-        let face = Face {
-            vertices: vec![corner, corner + right, corner + right + up, corner + up],
-            normal,
-            texture: 0,
-            axes,
-            offsets,
-            light: [1.0, 0.0, 0.0],
-            infrared: 1.0,
-            mover: 0,
-            surface: 0,
-            thing: 0,
-        };
+        let face = Face::quad(corner, right, up);
+        let (axes, offsets) = (face.axes, face.offsets);
         let scene = Scene::of(vec![face], ramp());
         let (fine, coarse) = (
             View::new(scene.fixed().iter(), &camera, &pose, 2),

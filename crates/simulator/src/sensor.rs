@@ -5,18 +5,18 @@
 //! 2012).
 
 use crate::lens::Lens;
+use crate::pixels::Pixels;
 use crate::random::{self, Normal, Purpose};
-use crate::raster::{NOTHING, View};
 use stillpoint_geometry::Vec2;
 
 /// What turns ideal images into recorded ones.
 pub(crate) struct Sensor {
     pub(crate) normal: Normal,
-    seed: u64,
+    pub(crate) seed: u64,
     /// Share of light that reaches each pixel.
     vignette: Vec<f32>,
     /// Length of the ray (x, y, 1) through each pixel.
-    ray: Vec<f32>,
+    pub(crate) ray: Vec<f32>,
 }
 
 /// Weight of each of the two neighbours in the point spread function, along rows and along columns.
@@ -27,15 +27,15 @@ const READ_NOISE: f32 = 1.5;
 const PHOTON_NOISE: f32 = 0.022;
 
 /// Distance between the infrared projector and its camera, m.
-const BASELINE: f32 = 0.075;
+pub(crate) const BASELINE: f32 = 0.075;
 /// Depths outside these limits are not measured, m.
-const RANGE: [f32; 2] = [0.4, 7.0];
+pub(crate) const RANGE: [f32; 2] = [0.4, 7.0];
 /// Disparities are multiples of this, px.
-const DISPARITY_STEP: f32 = 0.125;
+pub(crate) const DISPARITY_STEP: f32 = 0.125;
 /// The infrared signal (reflectivity x cosine / depth^2) below which there is no measurement, about.
-const SIGNAL: f32 = 0.009;
+pub(crate) const SIGNAL: f32 = 0.009;
 /// Borders without depth after registration to the colour camera: left, top, right, bottom, px of 640 x 480.
-const BORDER: [usize; 4] = [10, 28, 34, 4];
+pub(crate) const BORDER: [usize; 4] = [10, 28, 34, 4];
 
 impl Sensor {
     pub(crate) fn new(lens: &Lens, seed: u64) -> Self {
@@ -110,7 +110,7 @@ impl Sensor {
     }
 
     /// Depth in metres from a view with one sample per pixel: holes, noise, quantisation.
-    pub(crate) fn record_depth(&self, view: &View, focal: f32, index: u64) -> Vec<f32> {
+    pub(crate) fn record_depth(&self, view: &Pixels, focal: f32, index: u64) -> Vec<f32> {
         let (w, h) = (view.width, view.height);
         let key = random::key(self.seed, Purpose::Depth, index);
         let patches = Patches::new(random::key(self.seed, Purpose::Holes, index), w, h);
@@ -125,11 +125,10 @@ impl Sensor {
             for (x, lit) in measured {
                 let i = y * w + x;
                 let inverse = view.inverse_depth[i];
-                if !lit || view.face[i] == NOTHING {
+                let Some(face) = view.face(i).filter(|_| *lit) else {
                     continue;
-                }
+                };
                 let z = 1.0 / inverse;
-                let face = &view.faces[usize::from(view.face[i])];
                 let signal = face.infrared_back(z, self.ray[i]) * inverse * inverse;
                 let patch = patches.at(x, y);
                 // An unlucky patch needs three times the signal of a lucky one.
@@ -160,7 +159,7 @@ fn measure(z: f32, focal: f32, normal: f32) -> f32 {
 /// Marks the pixels of a row that the projector lights. It sits a baseline to the right of the infrared camera and sees a
 /// pixel at column x - focal * baseline / z; from right to left these columns fall, except for what lies in the shadow of
 /// something nearer.
-fn find_lit(inverse_depth: &[f32], focal: f32, lit: &mut [bool]) {
+pub(crate) fn find_lit(inverse_depth: &[f32], focal: f32, lit: &mut [bool]) {
     let shift = focal * BASELINE;
     let mut lowest = f32::MAX;
     for x in (0..inverse_depth.len()).rev() {
@@ -172,7 +171,7 @@ fn find_lit(inverse_depth: &[f32], focal: f32, lit: &mut [bool]) {
 
 /// True where the matching window of the depth camera straddles a depth edge and finds nothing; how far from the edge
 /// that happens varies in patches.
-fn ragged(view: &View, x: usize, y: usize, focal: f32, patch: f32) -> bool {
+fn ragged(view: &Pixels, x: usize, y: usize, focal: f32, patch: f32) -> bool {
     let reach = (2.2 + 1.9 * patch) as usize;
     if reach == 0 || x < reach || y < reach || x + reach >= view.width || y + reach >= view.height {
         return false;
@@ -189,7 +188,7 @@ fn ragged(view: &View, x: usize, y: usize, focal: f32, patch: f32) -> bool {
 const EDGE: f32 = 1.2;
 
 /// Smooth noise of about unit variance, in patches of some pixels: neighbours share their luck.
-struct Patches {
+pub(crate) struct Patches {
     values: Vec<f32>,
     columns: usize,
 }
@@ -198,7 +197,7 @@ struct Patches {
 const CELL: usize = 5;
 
 impl Patches {
-    fn new(key: u64, width: usize, height: usize) -> Self {
+    pub(crate) fn new(key: u64, width: usize, height: usize) -> Self {
         let (columns, rows) = (width / CELL + 2, height / CELL + 2);
         let values = (0..columns * rows)
             .map(|i| (random::bits(key, i as u64) >> 40) as f32 / (1 << 23) as f32 - 1.0)
@@ -208,7 +207,7 @@ impl Patches {
     }
 
     #[inline]
-    fn at(&self, x: usize, y: usize) -> f32 {
+    pub(crate) fn at(&self, x: usize, y: usize) -> f32 {
         let (i, j) = (x / CELL, y / CELL);
         let (fx, fy) = (
             (x % CELL) as f32 / CELL as f32,

@@ -66,12 +66,8 @@ impl View {
     fn samples(&self, [u, v]: [f64; 2]) -> [u16; 4] {
         // Sample k lies at pixel (k + 0.5) / 2 - 0.5.
         let clip = |p: f64, size: usize| ((2.0 * p + 0.5).max(0.0) as usize).min(size - 2);
-        let i = clip(v, self.height) * self.width + clip(u, self.width);
-        let (upper, lower) = (
-            &self.face[i..i + 2],
-            &self.face[i + self.width..i + self.width + 2],
-        );
-        [upper[0], upper[1], lower[0], lower[1]]
+        let (x, y) = (clip(u, self.width), clip(v, self.whole()));
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.face_at(x + i, y + j))
     }
 
     /// The face that colours a pixel on its own: the one that all its samples see or, where they see one smooth surface,
@@ -158,11 +154,17 @@ impl Visible {
         }
     }
 
+    /// Cosine of the angle between the face's normal and the line of sight to a point at depth `z` on a ray (x, y, 1) of length `ray`.
+    #[inline]
+    pub(crate) fn cosine(&self, z: f32, ray: f32) -> f32 {
+        self.plane_distance / (z * ray)
+    }
+
     /// Share of infrared light that comes back from a point at depth `z` on a ray (x, y, 1) of length `ray`: Lambert's law,
     /// and for glossy black plastic a lobe of the fourth power of the cosine.
     #[inline]
     pub(crate) fn infrared_back(&self, z: f32, ray: f32) -> f32 {
-        let cosine = self.plane_distance / (z * ray);
+        let cosine = self.cosine(z, ray);
         if self.infrared < GLOSSY {
             self.infrared * cosine * cosine * cosine * cosine
         } else {

@@ -1,11 +1,12 @@
 //! The simulator: a scene, a path and a sensor put together.
 
-use crate::catalogue::{build, nearest_name, scene_names};
+use crate::catalogue::{self, build, nearest_name, scene_names};
+use crate::disparity::DepthModel;
 use crate::lens::Lens;
 use crate::path::Path;
-use crate::raster::View;
 use crate::scene::Scene;
 use crate::sensor::Sensor;
+use crate::shutter::{Shutter, Sight};
 use crate::truth::{self, DetectionNoise, FrameTruth, ScriptedDetection};
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec2};
@@ -27,6 +28,11 @@ pub struct SimulatorConfig {
     /// How long after the colour image the depth image is taken, s, on average; it drifts by 70 % to both sides, as the
     /// two cameras of a Kinect run free.
     pub depth_delay: f64,
+    /// When the rows of an image are exposed, with noise or without; `None` for the scene's own shutter, which most scenes have global and
+    /// instantaneous.
+    pub shutter: Option<Shutter>,
+    /// How depth images err; `None` for the scene's own model.
+    pub depth_model: Option<DepthModel>,
     /// The camera, of colour and of depth: any size from 32 to 4096 px, with or without distortion.
     pub camera: Camera,
 }
@@ -40,6 +46,8 @@ impl Default for SimulatorConfig {
             rate: 30.0,
             noise: true,
             depth_delay: 0.01,
+            shutter: None,
+            depth_model: None,
             camera: Camera::pinhole(640, 480, [535.0, 535.0, 319.5, 239.5]),
         }
     }
@@ -57,6 +65,8 @@ pub enum SimulatorError {
     },
     /// The delay of depth images is not a number from 0 to the time between two frames, s.
     DepthDelay(f64),
+    /// A time of the shutter is not a number from 0 to the time between two frames; they are given back.
+    Shutter(Shutter),
     /// The rate is not a number from 1 to 1000, 1/s.
     Rate(f64),
     /// The camera's size or focal length cannot be rendered; it is given back.
@@ -79,6 +89,10 @@ impl std::fmt::Display for SimulatorError {
                     "expected a depth delay from 0 to the time between two frames (0.0333 s at 30 per second), found {found}"
                 )
             }
+            Self::Shutter(found) => write!(
+                f,
+                "expected readouts and an exposure from 0 to the time between two frames (0.0333 s at 30 per second), found {found:?}"
+            ),
             Self::Rate(found) => {
                 write!(
                     f,
@@ -106,13 +120,16 @@ pub struct Simulator {
     rate: f64,
     noise: bool,
     depth_delay: f64,
+    shutter: Shutter,
+    depth_model: DepthModel,
 }
 
 impl Simulator {
     /// Builds the scene and paints its textures.
     ///
     /// # Errors
-    /// [`SimulatorError`] for an unknown scene, a rate out of range, a delay that is longer than a frame, or a camera out of range.
+    /// [`SimulatorError`] for an unknown scene, a rate out of range, a delay or a shutter's time that is longer than a frame, or a
+    /// camera out of range.
     pub fn new(config: &SimulatorConfig) -> Result<Self, SimulatorError> {
         if !(1.0..=1000.0).contains(&config.rate) {
             return Err(SimulatorError::Rate(config.rate));
@@ -130,6 +147,14 @@ impl Simulator {
                 nearest: nearest_name(&config.scene),
             });
         };
+        let (own_shutter, own_model) = catalogue::camera(&config.scene);
+        let shutter = match config.shutter {
+            Some(shutter) if !shutter.fits(config.rate) => {
+                return Err(SimulatorError::Shutter(shutter));
+            }
+            Some(shutter) => shutter,
+            None => own_shutter.at_rate(config.rate),
+        };
         let lens = Lens::new(&config.camera);
         // A lens model that folds over or runs off asks for a boundless view.
         if lens.rendered.width.max(lens.rendered.height) > 8192 || lens.rendered.width == 0 {
@@ -146,6 +171,8 @@ impl Simulator {
             rate: config.rate,
             noise: config.noise,
             depth_delay: config.depth_delay,
+            shutter,
+            depth_model: config.depth_model.unwrap_or(own_model),
         })
     }
 
@@ -153,6 +180,12 @@ impl Simulator {
     #[must_use]
     pub fn camera(&self) -> &Camera {
         &self.camera
+    }
+
+    /// When the rows of an image are exposed.
+    #[must_use]
+    pub fn shutter(&self) -> &Shutter {
+        &self.shutter
     }
 
     /// Number of frames.
@@ -220,12 +253,8 @@ impl Simulator {
     #[must_use]
     pub fn colour(&self, index: usize) -> ColourImage {
         let stamp = self.stamp(index);
-        let view = self.view(stamp, 2);
         let (w, h) = (self.camera.width as usize, self.camera.height as usize);
-        let mut ideal = vec![0.0_f32; 3 * w * h];
-        for (y, row) in ideal.chunks_exact_mut(3 * w).enumerate() {
-            view.shade_row(&self.scene, &self.lens, y, row);
-        }
+        let mut ideal = self.sight().colour(stamp, &self.shutter);
         let bytes = if self.noise {
             self.sensor
                 .record_colour(&mut ideal, w, stamp, index as u64)
@@ -239,21 +268,21 @@ impl Simulator {
     #[must_use]
     pub fn depth(&self, index: usize) -> DepthImage {
         let stamp = self.depth_stamp(index);
-        let view = self.view(stamp, 1).through(&self.lens);
-        let depth = if self.noise {
-            self.sensor
-                .record_depth(&view, self.camera.fx as f32, index as u64)
-        } else {
-            view.inverse_depth.iter().map(|w| 1.0 / w).collect()
+        let view = self.sight().pixels(stamp, self.shutter.depth_readout);
+        let (focal, number) = (self.camera.fx as f32, index as u64);
+        let depth = match self.depth_model {
+            _ if !self.noise => view.inverse_depth.iter().map(|w| 1.0 / w).collect(),
+            DepthModel::Independent => self.sensor.record_depth(&view, focal, number),
+            DepthModel::StructuredLight => self.sensor.match_pattern(&view, focal, number),
         };
         DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default()
     }
 
-    /// What moves in a frame, exactly: mask and boxes at the stamp of its colour image, whatever the noise.
+    /// What moves in a frame, exactly, whatever the noise: mask and boxes in the middle of the exposure of each row of its colour image.
     #[must_use]
     pub fn truth(&self, index: usize) -> FrameTruth {
         let stamp = self.stamp(index);
-        let view = self.view(stamp, 1).through(&self.lens);
+        let view = self.sight().pixels(stamp, self.shutter.readout);
         truth::truth(&view, &self.scene.movers(stamp), self.scene.things())
     }
 
@@ -264,12 +293,12 @@ impl Simulator {
         truth::detections(&truth, noise, &self.sensor.normal, index, stamp)
     }
 
-    /// What the camera sees at a time, before the lens, with `factor`^2 samples per pixel.
-    fn view(&self, stamp: f64, factor: usize) -> View {
-        let moving = self.scene.moving(stamp);
-        let faces = self.scene.fixed().iter().chain(&moving);
-        let pose = self.world_from_camera(stamp);
-        View::new(faces, &self.lens.rendered, &pose, factor)
+    fn sight(&self) -> Sight<'_> {
+        Sight {
+            scene: &self.scene,
+            path: &self.path,
+            lens: &self.lens,
+        }
     }
 
     /// The frames in order, with colour when `colour` says so.

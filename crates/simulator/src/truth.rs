@@ -3,8 +3,8 @@
 //! Answers: exact masks and boxes of the movers, boxes of furniture, and scripted detections that miss, jitter, see what is not there and
 //! never know a carried box. Knows nothing of the sensor: noise does not change what is true.
 
+use crate::pixels::Pixels;
 use crate::random::{Normal, Purpose, Stream, key};
-use crate::raster::View;
 use stillpoint_imaging::GrayImage;
 
 /// What moves in a frame at the stamp of its colour image.
@@ -152,15 +152,14 @@ fn boxes(found: &[Extent], what: &[MoverState]) -> Vec<MoverBox> {
     .collect()
 }
 
-/// Mask and boxes of a view with one sample per pixel, seen through the lens. Mover k is `movers[k - 1]`, `things[k - 1]` is what thing
+/// Mask and boxes of what the pixels see. Mover k is `movers[k - 1]`, `things[k - 1]` is what thing
 /// k is.
-pub(crate) fn truth(view: &View, movers: &[MoverState], things: &[&'static str]) -> FrameTruth {
+pub(crate) fn truth(view: &Pixels, movers: &[MoverState], things: &[&'static str]) -> FrameTruth {
     let mut mask = GrayImage::new(view.width, view.height);
     let mut moving = vec![Extent::NOTHING; movers.len()];
     let mut still = vec![Extent::NOTHING; things.len()];
-    for (k, (out, number)) in mask.data_mut().iter_mut().zip(&view.face).enumerate() {
-        let face = view.faces.get(usize::from(*number));
-        let (mover, thing) = face.map_or((0, 0), |f| (f.mover, f.thing));
+    for (k, out) in mask.data_mut().iter_mut().enumerate() {
+        let (mover, thing) = view.face(k).map_or((0, 0), |f| (f.mover, f.thing));
         *out = mover;
         let (x, y) = (k % view.width, k / view.width);
         let of = |extents: &mut [Extent], number: usize| {

@@ -5,4 +5,5 @@
 mod equal_rooms;
 mod geometry;
 mod people;
+mod shutter;
 mod simulator;

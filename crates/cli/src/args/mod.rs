@@ -277,7 +277,8 @@ pub(crate) struct ObjectEvalArgs {
   stillpoint simulate --scene xyz --out xyz
   stillpoint simulate --scene halfsphere --frames 60 --seed 7 --jpeg --out small
   stillpoint simulate --scene walking_xyz --out walking
-  stillpoint run walking --detector scripted:walking/detections.csv"
+  stillpoint run walking --detector scripted:walking/detections.csv
+  stillpoint simulate --scene rpy_150 --readout 0 --exposure 0 --out sharp"
 )]
 pub(crate) struct SimulateArgs {
     #[arg(long, value_name = "NAME", help = scenes_in_words())]
@@ -297,6 +298,19 @@ pub(crate) struct SimulateArgs {
     /// Colour images as JPEG instead of PNG: a third of the size.
     #[arg(long)]
     pub(crate) jpeg: bool,
+    /// Rolling shutter: time from the colour image's first row to its last, s [default: the scene's own].
+    #[arg(long, value_name = "S")]
+    pub(crate) readout: Option<f64>,
+    /// The same of the depth image, s [default: the scene's own].
+    #[arg(long, value_name = "S")]
+    pub(crate) depth_readout: Option<f64>,
+    /// Motion blur: how long each row of the colour image is exposed, s [default: the scene's own].
+    #[arg(long, value_name = "S")]
+    pub(crate) exposure: Option<f64>,
+    /// How depth errs: by noise of each pixel alone, or as a structured-light camera [default: the
+    /// scene's own].
+    #[arg(long, value_name = "MODEL", value_parser = ["independent", "structured-light"])]
+    pub(crate) depth_model: Option<String>,
 }
 
 /// A number above 0 up to 1.
@@ -384,8 +398,9 @@ pub(crate) struct BenchArgs {
 
 /// The help of `--scene`: all scenes that there are, in lines of at most a hundred characters.
 fn scenes_in_words() -> String {
-    let mut lines =
-        vec!["Scene; people are in walking_*, sitting_* and box_carried. One of".to_owned()];
+    let mut lines = vec![
+        "Scene; people are in walking_*, crowd_*, sitting_* and box_carried. One of".to_owned(),
+    ];
     let names = stillpoint::simulator::scene_names();
     for (i, name) in names.iter().enumerate() {
         let word = match i + 1 {

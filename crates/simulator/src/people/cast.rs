@@ -17,6 +17,8 @@ pub(crate) enum Cast {
     Sitting,
     /// One person carries a box.
     Carrying,
+    /// Two people walk to and fro between the camera and the desk, from the first frame on.
+    Crowd,
 }
 
 /// Direction towards the camera, rad.
@@ -61,7 +63,7 @@ impl Cast {
         match self {
             Self::Walking => [SEAT, [0.9, 1.65, 0.8]],
             Self::Sitting => SEATS,
-            Self::Carrying => [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]],
+            Self::Carrying | Self::Crowd => [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]],
         }
     }
 
@@ -83,6 +85,10 @@ impl Cast {
                 .map(|(dress, seat)| (dress, [1.0, 1.02], seated(seat), None))
                 .collect(),
             Self::Carrying => vec![(PLAID, [1.01, 1.05], carrier(), Some(LOAD))],
+            Self::Crowd => vec![
+                (PLAID, [1.01, 1.05], near_one(), None),
+                (PRINT, [0.97, 1.0], far_one(), None),
+            ],
         };
         let mut mover = 0;
         for (dress, size, (start, stages), load) in people {
@@ -163,4 +169,23 @@ fn carrier() -> Script {
         Stand(60.0, TO_CAMERA),
     ];
     ([0.95, BEFORE, 3.1], stages)
+}
+
+/// The line of the nearer one of a crowd, m: 0.9 m before the camera ...
+const NEAR_LINE: f64 = -1.15;
+/// ... and that of the farther one.
+const FAR_LINE: f64 = -0.6;
+
+/// Walks to and fro on one side of the picture's middle, then on the other.
+fn near_one() -> Script {
+    let to = |x: f64| Leg::To(x, NEAR_LINE, 0.6);
+    let stages = vec![to(0.45), to(-0.75), to(0.7), to(-0.5), to(0.7), to(-0.7)];
+    ([-0.35, NEAR_LINE, 0.0], stages)
+}
+
+/// Walks faster, and against the nearer one from the second stage on.
+fn far_one() -> Script {
+    let to = |x: f64| Leg::To(x, FAR_LINE, 0.7);
+    let stages = vec![to(0.7), to(-0.7), to(0.7), to(-0.7), to(0.7), to(-0.7)];
+    ([0.25, FAR_LINE, 0.0], stages)
 }

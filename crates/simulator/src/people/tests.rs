@@ -2,13 +2,17 @@
 
 use super::skeleton::{SIDES, length};
 use super::*;
+use crate::catalogue::CROWD_AHEAD;
 use crate::path::Path;
 use crate::scene::{Builder, Scene};
 use proptest::prelude::*;
 use std::sync::OnceLock;
 use stillpoint_geometry::{Se3, Vec3};
 
-const CASTS: [Cast; 3] = [Cast::Walking, Cast::Sitting, Cast::Carrying];
+const CASTS: [Cast; 4] = [Cast::Walking, Cast::Sitting, Cast::Carrying, Cast::Crowd];
+
+/// How many people the crowds of four seeds have.
+const CROWD: usize = 8;
 
 fn people(cast: Cast, seed: u64) -> Vec<Person> {
     let b = &mut Builder::new(seed);
@@ -103,7 +107,9 @@ proptest! {
 
     #[test]
     fn bodies_stay_in_the_room_and_out_of_the_desk(t in 0.0..12.0_f64) {
-        for person in everyone() {
+        for (k, person) in everyone().iter().enumerate() {
+            // The crowd comes last; its desk stands farther back.
+            let desk = if k + CROWD < everyone().len() { -0.8..0.2 } else { -0.2..0.8 };
             for p in person.corners(t) {
                 prop_assert!(p.x.abs() < 2.95 && p.y.abs() < 2.45, "{p} at {t}");
                 prop_assert!((-0.02..2.0).contains(&p.z), "{p} at {t}");
@@ -112,7 +118,7 @@ proptest! {
             let s = skeleton(person, t);
             let legs = s.legs.iter().flatten().map(|pose| pose.translation);
             for p in legs.chain([s.hips.translation, s.chest.translation]) {
-                let inside = p.x.abs() < 1.0 && (-0.8..0.2).contains(&p.y);
+                let inside = p.x.abs() < 1.0 && desk.contains(&p.y);
                 prop_assert!(!inside || p.z < 0.7, "{p} in the desk at {t}");
             }
         }
@@ -121,13 +127,26 @@ proptest! {
 
 #[test]
 fn people_do_not_walk_through_each_other_or_the_camera() {
-    let paths = [
-        Path::xyz(3).farther(0.7),
-        Path::rpy(3).farther(0.6),
-        Path::halfsphere(3).farther(1.1),
-        Path::still(3).farther(0.66),
-    ];
+    let farther = |by: [f64; 4]| {
+        [
+            Path::xyz(3).farther(by[0]),
+            Path::rpy(3).farther(by[1]),
+            Path::halfsphere(3).farther(by[2]),
+            Path::still(3).farther(by[3]),
+        ]
+    };
     for cast in CASTS {
+        let paths = match cast {
+            Cast::Crowd => [
+                Path::xyz(3).farther(1.0),
+                Path::rpy(3).farther(0.9),
+                Path::halfsphere_at(3, 2.2)
+                    .farther(0.9)
+                    .starting_at(CROWD_AHEAD),
+                Path::still(3).farther(0.9),
+            ],
+            _ => farther([0.7, 0.6, 1.1, 0.66]),
+        };
         let people = people(cast, 3);
         for k in 0..200 {
             let t = 0.05 * f64::from(k);

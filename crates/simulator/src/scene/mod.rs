@@ -159,3 +159,26 @@ impl Scene {
         }
     }
 }
+
+#[cfg(test)]
+impl Face {
+    /// A face of 64 x 64 texels that stands still: from a corner to the right and up, seen from where these turn counter-clockwise.
+    pub(crate) fn quad(corner: Vec3, right: Vec3, up: Vec3) -> Self {
+        let axes = [
+            right * (64.0 / right.norm_squared()),
+            up * (-64.0 / up.norm_squared()),
+        ];
+        Self {
+            vertices: vec![corner, corner + right, corner + right + up, corner + up],
+            normal: right.cross(&up).normalize(),
+            texture: 0,
+            axes,
+            offsets: [-axes[0].dot(&(corner + up)), -axes[1].dot(&(corner + up))],
+            light: [1.0, 0.0, 0.0],
+            infrared: 1.0,
+            mover: 0,
+            surface: 0,
+            thing: 0,
+        }
+    }
+}

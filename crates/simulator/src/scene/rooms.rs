@@ -90,7 +90,9 @@ pub(super) fn office(seed: u64, cast: Option<Cast>) -> Scene {
     wall(b, [x, y], [x, -y], [0.0, HEIGHT], brick);
     wall(b, [x, -y], [-x, -y], [0.0, HEIGHT], plaster);
     wall(b, [-x, -y], [-x, y], [0.0, HEIGHT], plaster);
-    work_desk(b, &Place::new(0.0, -0.3, 0.0, 0.0));
+    // A crowd needs the room before it.
+    let desk = if cast == Some(Cast::Crowd) { 0.3 } else { -0.3 };
+    work_desk(b, &Place::new(0.0, desk, 0.0, 0.0));
     match cast {
         None => second_desk(b),
         Some(cast) => cast.enter(b, seed),

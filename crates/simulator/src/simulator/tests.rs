@@ -1,6 +1,7 @@
 //! What only the inside of a simulator can tell.
 
 use super::*;
+use crate::raster::View;
 use stillpoint_geometry::Vec3;
 
 /// Ideal bytes and inverse depths of a view from any pose.
@@ -64,7 +65,7 @@ fn masks_agree_with_what_the_colour_image_shows() {
     })
     .unwrap();
     for index in [40, 100, 260] {
-        let (fine, truth) = (sim.view(sim.stamp(index), 2), sim.truth(index));
+        let (fine, truth) = (sim.sight().view(sim.stamp(index), 2), sim.truth(index));
         let mover = |x: usize, y: usize| {
             let number = usize::from(fine.face[y * fine.width + x]);
             fine.faces.get(number).map_or(0, |f| f.mover)

@@ -1,0 +1,67 @@
+//! What each pixel of a recorded image sees, with one line of sight per pixel.
+//!
+//! Answers: face and inverse depth of a recorded pixel, through the lens, whether all rows were seen at once or one after
+//! the other. Knows no colours and no noise.
+
+use crate::lens::Lens;
+use crate::raster::{NOTHING, View};
+use crate::shade::Visible;
+
+/// Faces and depths of a recorded image.
+pub(crate) struct Pixels {
+    pub(crate) width: usize,
+    pub(crate) height: usize,
+    /// 1 / z, 1/m; 0 where nothing is seen.
+    pub(crate) inverse_depth: Vec<f32>,
+    /// Number of the face in `faces`, or beyond them for nothing.
+    face: Vec<u32>,
+    faces: Vec<Visible>,
+}
+
+impl Pixels {
+    pub(crate) fn new(lens: &Lens) -> Self {
+        let size = lens.width * lens.height;
+        Self {
+            width: lens.width,
+            height: lens.height,
+            inverse_depth: Vec::with_capacity(size),
+            face: Vec::with_capacity(size),
+            faces: Vec::new(),
+        }
+    }
+
+    /// The face that a pixel sees.
+    #[inline]
+    pub(crate) fn face(&self, pixel: usize) -> Option<&Visible> {
+        self.faces.get(self.face[pixel] as usize)
+    }
+
+    /// Adds the next rows of the recorded image, which a view with one sample per pixel shows.
+    pub(crate) fn push(&mut self, view: View, lens: &Lens, rows: std::ops::Range<usize>) {
+        let before = self.faces.len() as u32;
+        let number = |n: u16| match n {
+            NOTHING => u32::MAX,
+            n => before + u32::from(n),
+        };
+        for y in rows {
+            for x in 0..lens.width {
+                if lens.is_ideal() {
+                    self.inverse_depth.push(view.inverse_depth_at(x, y));
+                    self.face.push(number(view.face_at(x, y)));
+                    continue;
+                }
+                let [u, v] = lens.place(x, y);
+                let found = view.face_at((u + 0.5) as usize, (v + 0.5) as usize);
+                let [c0, cu, cv] = view
+                    .faces
+                    .get(usize::from(found))
+                    .map_or([0.0; 3], |f| f.inverse_depth);
+                // At a face's border the line of sight may just miss it, where its plane is behind the camera.
+                self.inverse_depth
+                    .push((c0 + cu * u + cv * v).max(0.0) as f32);
+                self.face.push(number(found));
+            }
+        }
+        self.faces.extend(view.faces);
+    }
+}

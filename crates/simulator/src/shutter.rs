@@ -1,0 +1,242 @@
+//! When each row of an image is exposed, and what it sees then.
+//!
+//! Answers: the ideal colours of an image whose rows are exposed one after the other and for some time, and what its pixels
+//! see. Every row has the exact pose of its own time; movers are placed anew every [`STEP`]. Knows no noise.
+
+use crate::lens::Lens;
+use crate::path::Path;
+use crate::pixels::Pixels;
+use crate::raster::{View, project_clipped};
+use crate::scene::{Face, Scene};
+use std::collections::BTreeMap;
+use stillpoint_geometry::{Se3, Vec2, Vec3};
+
+/// When the rows of a camera's images are exposed.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Shutter {
+    /// Time from the exposure of the colour image's first row to its last, s; 0 for a global shutter. The stamp is the middle of the
+    /// middle row's exposure.
+    pub readout: f64,
+    /// The same of the depth image: the infrared camera of a Kinect has a rolling shutter of its own (Ringaby and Forssen, ICCV 2011).
+    pub depth_readout: f64,
+    /// How long each row of the colour image is exposed, s; 0 for no motion blur.
+    pub exposure: f64,
+}
+
+impl Shutter {
+    /// What a camera in the hand has indoors: 20 ms of readout, 30 ms of the infrared camera's, 10 ms of exposure.
+    pub(crate) const ROLLING: Self = Self {
+        readout: 0.02,
+        depth_readout: 0.03,
+        exposure: 0.01,
+    };
+
+    /// The same for another rate: what takes most of a frame's time at 30 Hz does so at any higher one.
+    pub(crate) fn at_rate(self, rate: f64) -> Self {
+        let share = (30.0 / rate).min(1.0);
+        Self {
+            readout: share * self.readout,
+            depth_readout: share * self.depth_readout,
+            exposure: share * self.exposure,
+        }
+    }
+
+    /// True when every time is a number from 0 on and an image is read before the next one.
+    pub(crate) fn fits(&self, rate: f64) -> bool {
+        let period = 1.0 / rate;
+        [self.readout, self.depth_readout, self.exposure]
+            .iter()
+            .all(|t| (0.0..=period).contains(t))
+    }
+}
+
+/// Between two exposures that are averaged what is seen moves by less than this, px ...
+const BLUR_STEP: f64 = 2.0;
+/// ... unless it takes more exposures than this.
+const MOST_EXPOSURES: usize = 12;
+/// What is nearest in sight, for the bound on how far it moves in the image, m.
+const NEAREST: f64 = 0.7;
+/// Movers are placed anew after this time, s: limbs of 2 m/s at 1 m move by half a pixel.
+const STEP: f64 = 0.0005;
+/// Rows that a face may move by between two such moments, px.
+const MARGIN: f64 = 3.0;
+
+/// A camera on its path through a scene.
+#[derive(Clone, Copy)]
+pub(crate) struct Sight<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) path: &'a Path,
+    pub(crate) lens: &'a Lens,
+}
+
+/// What can be seen at a moment: the movers, and the rows of the rendered image that each face may touch.
+struct Moment {
+    moving: Vec<Face>,
+    rows: Vec<[f64; 2]>,
+}
+
+impl<'a> Sight<'a> {
+    /// Ideal RGB rows in grey levels of an image with the middle of its middle row's exposure at `stamp`.
+    pub(crate) fn colour(&self, stamp: f64, shutter: &Shutter) -> Vec<f32> {
+        let count = self.exposures(stamp, shutter.exposure);
+        let mut moments = BTreeMap::new();
+        let mut sum = Vec::new();
+        for k in 0..count {
+            let late = shutter.exposure * ((k as f64 + 0.5) / count as f64 - 0.5);
+            let one = self.exposed(stamp + late, shutter.readout, &mut moments);
+            if k == 0 {
+                sum = one;
+            } else {
+                sum.iter_mut().zip(&one).for_each(|(s, v)| *s += v);
+            }
+        }
+        if count > 1 {
+            let share = 1.0 / count as i32 as f32;
+            sum.iter_mut().for_each(|s| *s *= share);
+        }
+        sum
+    }
+
+    /// The same exposed for no time.
+    fn exposed(&self, stamp: f64, readout: f64, moments: &mut BTreeMap<i64, Moment>) -> Vec<f32> {
+        let (w, h) = (self.lens.width, self.lens.height);
+        let mut ideal = vec![0.0_f32; 3 * w * h];
+        let at_once = (readout == 0.0).then(|| self.view(stamp, 2));
+        for (y, row) in ideal.chunks_exact_mut(3 * w).enumerate() {
+            match &at_once {
+                Some(view) => view.shade_row(self.scene, self.lens, y, row),
+                None => self
+                    .strip(y, self.row_time(y, stamp, readout), 2, moments)
+                    .shade_row(self.scene, self.lens, y, row),
+            }
+        }
+        ideal
+    }
+
+    /// What the pixels see in the middle of their exposure.
+    pub(crate) fn pixels(&self, stamp: f64, readout: f64) -> Pixels {
+        let mut pixels = Pixels::new(self.lens);
+        let rows = 0..self.lens.height;
+        if readout == 0.0 {
+            pixels.push(self.view(stamp, 1), self.lens, rows);
+            return pixels;
+        }
+        let mut moments = BTreeMap::new();
+        for y in rows {
+            let time = self.row_time(y, stamp, readout);
+            let strip = self.strip(y, time, 1, &mut moments);
+            pixels.push(strip, self.lens, y..y + 1);
+        }
+        pixels
+    }
+
+    /// When a row of the recorded image is exposed, s.
+    pub(crate) fn row_time(&self, y: usize, stamp: f64, readout: f64) -> f64 {
+        stamp + readout * (y as f64 / self.lens.height as f64 - 0.5)
+    }
+
+    /// What the camera sees at a time, before the lens, with `factor`^2 samples per pixel.
+    pub(crate) fn view(&self, stamp: f64, factor: usize) -> View {
+        let moving = self.scene.moving(stamp);
+        let faces = self.scene.fixed().iter().chain(&moving);
+        let pose = self.path.world_from_camera(stamp);
+        View::new(faces, &self.lens.rendered, &pose, factor)
+    }
+
+    /// What the recorded row `y` sees at a time.
+    fn strip(
+        &self,
+        y: usize,
+        time: f64,
+        factor: usize,
+        moments: &mut BTreeMap<i64, Moment>,
+    ) -> View {
+        let rows = self.lens.rendered_rows(y);
+        let key = (time / STEP).round() as i64;
+        let moment = moments.entry(key).or_insert_with(|| self.moment(key));
+        let (top, bottom) = (rows.start as f64, rows.end as f64);
+        let faces = self.scene.fixed().iter().chain(&moment.moving);
+        let touched = faces.zip(&moment.rows).filter_map(|(face, [first, last])| {
+            (*first <= bottom + MARGIN && *last >= top - MARGIN).then_some(face)
+        });
+        let pose = self.path.world_from_camera(time);
+        View::of_rows(touched, &self.lens.rendered, &pose, factor, rows)
+    }
+
+    fn moment(&self, key: i64) -> Moment {
+        let time = key as f64 * STEP;
+        let moving = self.scene.moving(time);
+        let camera_from_world = self.path.world_from_camera(time).inverse();
+        let mut polygon = Vec::new();
+        let faces = self.scene.fixed().iter().chain(&moving);
+        let rows = faces
+            .map(|face| self.rows_of(face, &camera_from_world, &mut polygon))
+            .collect();
+        Moment { moving, rows }
+    }
+
+    /// The first and the last row of the rendered image that a face touches.
+    fn rows_of(&self, face: &Face, camera_from_world: &Se3, out: &mut Vec<[f64; 2]>) -> [f64; 2] {
+        let near = |p: &Vec3| camera_from_world.transform(p).z < 0.2;
+        if face.vertices.iter().any(near) {
+            // What passes the camera moves by more than the margin, or is not there at all.
+            let behind = face
+                .vertices
+                .iter()
+                .all(|p| camera_from_world.transform(p).z < -0.2);
+            return if behind {
+                [f64::MAX, f64::MIN]
+            } else {
+                [f64::MIN, f64::MAX]
+            };
+        }
+        project_clipped(&face.vertices, &self.lens.rendered, camera_from_world, out);
+        out.iter()
+            .fold([f64::MAX, f64::MIN], |[a, b], p| [a.min(p[1]), b.max(p[1])])
+    }
+
+    /// How many exposures are averaged.
+    fn exposures(&self, stamp: f64, exposure: f64) -> usize {
+        if exposure == 0.0 {
+            return 1;
+        }
+        let moved = self
+            .camera_px(stamp, exposure)
+            .max(self.mover_px(stamp, exposure));
+        ((moved / BLUR_STEP).ceil() as usize).clamp(1, MOST_EXPOSURES)
+    }
+
+    /// How far what stands still moves in the image within a time about a stamp, at most, px.
+    fn camera_px(&self, stamp: f64, span: f64) -> f64 {
+        let camera = &self.lens.rendered;
+        let pose = |t: f64| self.path.world_from_camera(t);
+        let later_from_earlier = pose(stamp + 0.5 * span).inverse() * pose(stamp - 0.5 * span);
+        let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+        let mut most = 0.0_f64;
+        for (u, v) in [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h), (0.5 * w, 0.5 * h)] {
+            let px = Vec2::new(u, v);
+            for z in [NEAREST, 10.0] {
+                let there = later_from_earlier.transform(&camera.backproject(px, z));
+                if there.z > 0.0 {
+                    most = most.max((camera.project(&there) - px).norm());
+                }
+            }
+        }
+        most
+    }
+
+    /// The same of movers in sight; limbs are twice as fast as bodies.
+    fn mover_px(&self, stamp: f64, span: f64) -> f64 {
+        let pose = self.path.world_from_camera(stamp);
+        let mut most = 0.0_f64;
+        for motion in self.scene.movers(stamp).iter().filter_map(|m| m.motion) {
+            let distance = (Vec3::from(motion.position) - pose.translation).norm();
+            let speed = 2.0 * Vec3::from(motion.velocity).norm();
+            most = most.max(speed * span * self.lens.rendered.fx / distance.max(NEAREST));
+        }
+        most
+    }
+}
+
+#[cfg(test)]
+mod tests;
