@@ -298,7 +298,8 @@ pub(crate) struct SimulateArgs {
     /// Colour images as JPEG instead of PNG: a third of the size.
     #[arg(long)]
     pub(crate) jpeg: bool,
-    /// Rolling shutter: time from the colour image's first row to its last, s [default: the scene's own].
+    /// Rolling shutter: time from the colour image's first row to its last, s [default: the
+    /// scene's own].
     #[arg(long, value_name = "S")]
     pub(crate) readout: Option<f64>,
     /// The same of the depth image, s [default: the scene's own].
