@@ -23,4 +23,5 @@ mod map_use;
 mod masks;
 mod models;
 mod models_pull;
+mod objects;
 mod suite;

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
+mod detections;
 mod equal_rooms;
 mod geometry;
 mod people;

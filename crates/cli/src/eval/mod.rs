@@ -3,7 +3,7 @@
 mod objects;
 mod tracks;
 
-use crate::args::EvalArgs;
+use crate::args::eval::EvalArgs;
 use crate::failure::{Failure, Status};
 use crate::run::paths;
 use crate::run::result::{score_figure, timed};

@@ -1,7 +1,7 @@
 //! `eval --objects`: tracks against boxes.
 
 use super::tracks::{BoxRow, TrackRow, read_boxes, read_tracks};
-use crate::args::ObjectEvalArgs;
+use crate::args::eval::ObjectEvalArgs;
 use crate::failure::Failure;
 use serde::Serialize;
 use std::collections::BTreeMap;

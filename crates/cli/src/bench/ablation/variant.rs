@@ -1,0 +1,116 @@
+//! The configurations that are compared.
+
+/// A configuration of the static filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Variant {
+    /// No filter.
+    None,
+    /// Objects.
+    O,
+    /// Epipolar constraint.
+    G,
+    /// Objects and epipolar constraint.
+    Og,
+    /// Objects, epipolar constraint and depth: all of the published method.
+    Ogd,
+    /// The published method with what this project changed in it.
+    Adapted,
+    /// This project's own filter.
+    Default,
+}
+
+impl Variant {
+    /// In the order of the report.
+    pub(crate) const ALL: [Self; 7] = [
+        Self::None,
+        Self::O,
+        Self::G,
+        Self::Og,
+        Self::Ogd,
+        Self::Adapted,
+        Self::Default,
+    ];
+
+    /// As the report says it.
+    pub(crate) fn label(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::O => "O",
+            Self::G => "G",
+            Self::Og => "O+G",
+            Self::Ogd => "O+G+D",
+            Self::Adapted => "adapted",
+            Self::Default => "default",
+        }
+    }
+
+    /// Without a detector it is the same as one with fewer letters.
+    pub(crate) fn needs_detector(self) -> bool {
+        matches!(self, Self::O | Self::Og | Self::Ogd | Self::Adapted)
+    }
+
+    /// The settings of this variant, which come after all that the user set.
+    fn settings(self) -> Vec<String> {
+        let paper = || {
+            vec![
+                "static_filter.preset=paper".to_owned(),
+                format!("static_filter.parts=\"{}\"", self.label()),
+            ]
+        };
+        match self {
+            Self::None => vec!["static_filter.preset=off".to_owned()],
+            Self::O | Self::G | Self::Og | Self::Ogd => paper(),
+            Self::Adapted => vec!["static_filter.preset=adapted".to_owned()],
+            Self::Default => vec!["static_filter.preset=default".to_owned()],
+        }
+    }
+}
+
+/// How the runs of a cell differ from what the user set.
+#[derive(Clone, Debug)]
+pub(crate) struct Asked {
+    /// As the report says it.
+    pub(crate) label: &'static str,
+    /// Settings, which come after all that the user set.
+    pub(crate) settings: Vec<String>,
+    /// With a thread per stage, at the pace of the camera.
+    pub(crate) live: bool,
+}
+
+impl From<Variant> for Asked {
+    fn from(variant: Variant) -> Self {
+        Self {
+            label: variant.label(),
+            settings: variant.settings(),
+            live: false,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::ConfigArgs;
+    use crate::config;
+
+    #[test]
+    fn settings_are_those_of_the_configuration() {
+        for variant in Variant::ALL {
+            let args = ConfigArgs {
+                set: variant.settings(),
+                ..ConfigArgs::default()
+            };
+            let f = config::resolve(&args).unwrap().static_filter;
+            let parts = String::from(f.parts);
+            let preset = format!("{:?}", f.preset).to_lowercase();
+            match variant {
+                Variant::None => assert_eq!(preset, "off"),
+                Variant::Adapted | Variant::Default => assert_eq!(preset, variant.label()),
+                _ => assert_eq!(
+                    (preset.as_str(), parts.as_str()),
+                    ("paper", variant.label())
+                ),
+            }
+        }
+    }
+}

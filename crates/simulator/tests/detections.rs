@@ -1,0 +1,169 @@
+//! What the simulated detector finds.
+
+use super::people::simulator;
+use stillpoint_simulator::DetectionNoise;
+
+#[test]
+fn detections_miss_jitter_and_know_no_box() {
+    let noise = DetectionNoise::default();
+    let (mut found, mut visible, mut off, mut n) = (0.0, 0.0, 0.0, 0.0);
+    for scene in ["walking_static", "sitting_xyz", "box_carried"] {
+        let sim = simulator(scene, |_| ());
+        for index in (0..300).step_by(4) {
+            let truth = sim.truth(index);
+            let people = truth
+                .boxes
+                .iter()
+                .filter(|b| b.class == "person" && b.visible_px >= noise.min_visible_px);
+            let rows = sim.detections(index, &noise);
+            visible += people.clone().count() as f64;
+            found += rows.len() as f64;
+            for row in rows {
+                assert_eq!((row.class, row.stamp), ("person", sim.stamp(index)));
+                assert!((0.4..1.0).contains(&row.score));
+                assert!(-0.5 <= row.x0 && row.x0 <= row.x1 && row.x1 <= 639.5);
+                assert!(-0.5 <= row.y0 && row.y0 <= row.y1 && row.y1 <= 479.5);
+                let errors = people.clone().map(|b| {
+                    let d = [row.x0 - b.x0, row.y0 - b.y0, row.x1 - b.x1, row.y1 - b.y1];
+                    d.map(|v| v * v).iter().sum::<f64>() / 4.0
+                });
+                let nearest = errors.fold(f64::MAX, f64::min);
+                assert!(nearest < 4.0 * 4.0 * 12.0, "{nearest}");
+                off += nearest;
+                n += 1.0;
+            }
+        }
+    }
+    let share = found / visible;
+    assert!(visible > 300.0, "{visible}");
+    assert!((share - 0.7).abs() < 0.07, "{share} of {visible} found");
+    // Borders at the image's edge are clipped, which hides part of the jitter.
+    let jitter = f64::sqrt(off / n);
+    assert!((2.4..4.3).contains(&jitter), "{jitter} px");
+}
+
+/// Two people walk all the time.
+#[test]
+fn bursts_hide_a_person_for_their_length() {
+    let sim = simulator("walking_static", |_| ());
+    let noise = DetectionNoise {
+        drop: 0.0,
+        jitter_px: 0.0,
+        burst: 0.02,
+        seed: 1,
+        ..DetectionNoise::default()
+    };
+    assert_eq!(noise.burst_frames, 25);
+    let exact = DetectionNoise {
+        burst: 0.0,
+        ..noise
+    };
+    let mut hidden: Vec<Vec<usize>> = vec![Vec::new(); 2];
+    let mut seen = 0;
+    for index in 0..150 {
+        let truth = sim.detections(index, &exact);
+        let found = sim.detections(index, &noise);
+        // What is found is found as it would be without bursts.
+        assert!(found.iter().all(|row| truth.contains(row)), "frame {index}");
+        seen += truth.len();
+        for b in sim.truth(index).boxes {
+            let whole = b.visible_px >= noise.min_visible_px;
+            if whole && !found.iter().any(|r| r.x0 == b.x0 && r.y1 == b.y1) {
+                hidden[b.mover as usize - 1].push(index);
+            }
+        }
+    }
+    let runs = hidden.iter().flat_map(|frames| {
+        let runs = frames.chunk_by(|a, b| a + 1 == *b);
+        runs.map(<[usize]>::len).collect::<Vec<_>>()
+    });
+    let runs: Vec<usize> = runs.collect();
+    let total: usize = runs.iter().sum();
+    assert!(total > 20 && total < seen, "{total} of {seen}");
+    assert!(runs.iter().any(|n| *n >= 25), "{runs:?}");
+}
+
+#[test]
+fn false_alarms_are_people_where_none_need_be() {
+    let sim = simulator("xyz", |_| ());
+    let noise = DetectionNoise {
+        false_alarm: 0.2,
+        ..DetectionNoise::default()
+    };
+    let rows: Vec<_> = (0..200).flat_map(|i| sim.detections(i, &noise)).collect();
+    assert!((25..=55).contains(&rows.len()), "{}", rows.len());
+    for row in &rows {
+        assert_eq!(row.class, "person");
+        assert!((0.3..0.5).contains(&row.score), "{}", row.score);
+        assert!(-0.5 <= row.x0 && row.x0 + 20.0 < row.x1 && row.x1 <= 639.5);
+        assert!(-0.5 <= row.y0 && row.y0 + 60.0 < row.y1 && row.y1 <= 479.5);
+    }
+    assert!(rows[0].x0 != rows[1].x0);
+}
+
+#[test]
+fn furniture_is_found_where_it_stands() {
+    let sim = simulator("walking_xyz", |_| ());
+    let noise = DetectionNoise {
+        drop: 0.0,
+        jitter_px: 0.0,
+        min_visible_px: 500,
+        things: true,
+        ..DetectionNoise::default()
+    };
+    let mut classes = std::collections::BTreeSet::new();
+    for index in [0, 60, 120, 180, 240] {
+        let truth = sim.truth(index);
+        assert!(truth.things.iter().all(|b| b.class != "person"));
+        let rows = sim.detections(index, &noise);
+        let large = |b: &&stillpoint_simulator::MoverBox| b.visible_px >= 500;
+        let things: Vec<_> = truth.things.iter().filter(large).collect();
+        let found: Vec<_> = rows.iter().filter(|r| r.class != "person").collect();
+        assert_eq!(things.len(), found.len());
+        for (a, b) in things.iter().zip(found) {
+            assert_eq!((a.class, a.x0, a.y1), (b.class, b.x0, b.y1));
+            classes.insert(b.class);
+        }
+        // People are found as they were.
+        let people = DetectionNoise {
+            things: false,
+            ..noise
+        };
+        let people = sim.detections(index, &people);
+        assert_eq!(rows[..people.len()], people);
+    }
+    for class in ["chair", "dining table", "tv", "keyboard"] {
+        assert!(classes.contains(class), "{classes:?}");
+    }
+}
+
+#[test]
+fn exact_detections_are_the_truth() {
+    let exact = DetectionNoise {
+        drop: 0.0,
+        jitter_px: 0.0,
+        min_visible_px: 0,
+        seed: 3,
+        ..DetectionNoise::default()
+    };
+    let sim = simulator("walking_static", |_| ());
+    for index in [60, 150, 250] {
+        let boxes = sim.truth(index).boxes;
+        let rows = sim.detections(index, &exact);
+        assert_eq!(boxes.len(), rows.len());
+        for (a, b) in boxes.iter().zip(rows) {
+            assert_eq!([a.x0, a.y0, a.x1, a.y1], [b.x0, b.y0, b.x1, b.y1]);
+        }
+    }
+    let none = DetectionNoise { drop: 1.0, ..exact };
+    assert!(sim.detections(60, &none).is_empty());
+    let other = DetectionNoise {
+        drop: 0.3,
+        seed: 4,
+        ..exact
+    };
+    let counts = |noise: &DetectionNoise| -> Vec<usize> {
+        (0..60).map(|i| sim.detections(i, noise).len()).collect()
+    };
+    assert_ne!(counts(&other), counts(&DetectionNoise { seed: 5, ..other }));
+}
