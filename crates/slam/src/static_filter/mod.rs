@@ -26,7 +26,7 @@ pub use verdict::{FeatureVerdict, Reasons};
 
 use cells::Cells;
 use history::{History, Snapshot};
-use rigid::Vote;
+use rigid::Votes;
 use semantic::Mover;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
@@ -65,6 +65,17 @@ pub(crate) struct FlowPair {
     pub(crate) before: Vec2,
     /// Undistorted pixel in the present frame.
     pub(crate) now: Vec2,
+    /// Standard deviation of what flow measures between them, px ...
+    pub(crate) flow_sigma: f64,
+    /// ... and of what the shutter makes of it that is not known, px.
+    pub(crate) shutter_sigma: f64,
+}
+
+impl FlowPair {
+    /// Standard deviation of the one pixel relative to the other, px.
+    pub(crate) fn sigma(&self) -> f64 {
+        libm::hypot(self.flow_sigma, self.shutter_sigma)
+    }
 }
 
 /// The depth-connected regions of a frame that move, by square cells of the raw image.
@@ -360,16 +371,18 @@ impl StaticFilter {
     }
 
     /// What the flow of each feature says of the surface it lies on.
-    fn rigid_votes(&self, input: &FrameInput<'_>) -> Vec<Vote> {
+    fn rigid_votes(&self, input: &FrameInput<'_>) -> Votes {
         if !self.rules.config.parts.geometry {
-            return Vec::new();
+            return Votes::default();
         }
         let distance = |(pair, z): (&Option<FlowPair>, &f32)| {
             rigid::distance_px(&self.rules.camera, pair.as_ref()?, *z, &input.last_from_now)
         };
         let distances: Vec<Option<f64>> =
             input.pairs.iter().zip(input.depths).map(distance).collect();
-        rigid::votes(&self.rules.cells, input.features, &distances)
+        let sigma = |p: &Option<FlowPair>| p.as_ref().map_or(0.0, FlowPair::sigma);
+        let sigmas: Vec<f64> = input.pairs.iter().map(sigma).collect();
+        rigid::votes(&self.rules.cells, input.features, &distances, &sigmas)
     }
 
     /// Tells the objects which part of their surface stands still.

@@ -11,6 +11,13 @@ const MOVING_PX: f64 = 2.0;
 const STATIC_PX: f64 = 1.2;
 /// A moving feature is this much farther than what is typical of the frame: the pose before the filter may be off by pixels.
 const EXCESS: f64 = 4.0;
+/// A moving feature is at least this many of its own standard deviations off ...
+const MOVING_SIGMAS: f64 = 4.0;
+/// ... and one that agrees with a static scene may be so many off.
+const STATIC_SIGMAS: f64 = 2.0;
+/// With this typical distance the flow of a frame counts half, px: the pose before the filter, or a shutter that was bent aside, is
+/// behind most of what seems to move then.
+const HALF_CERTAIN_PX: f64 = 0.7;
 /// Where even the nearest features are farther than this, the camera's motion is in doubt rather than the scene, px.
 const MAX_TYPICAL_PX: f64 = 5.0;
 
@@ -39,23 +46,44 @@ pub(super) fn distance_px(
     Some((pair.before - expected).norm())
 }
 
-/// The votes of all features that are clear, none when the camera's own motion is in doubt. `distances` belong to
-/// `pixels` (raw px).
-pub(super) fn votes(cells: &Cells, pixels: &[[f32; 2]], distances: &[Option<f64>]) -> Vec<Vote> {
+/// What the flow of a frame says.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Votes {
+    /// Of the features that are clear.
+    pub(super) votes: Vec<Vote>,
+    /// How far the camera's own motion is known well enough to tell, 0 to 1.
+    pub(super) certainty: f32,
+}
+
+/// The votes of all features that are clear, none when the camera's own motion is in doubt. `distances` and their standard deviations
+/// `sigmas` (px) belong to `pixels` (raw px).
+pub(super) fn votes(
+    cells: &Cells,
+    pixels: &[[f32; 2]],
+    distances: &[Option<f64>],
+    sigmas: &[f64],
+) -> Votes {
     let typical = typical(distances);
     if typical > MAX_TYPICAL_PX {
-        return Vec::new();
+        return Votes::default();
     }
     let scale = EXCESS * typical;
     let (moving, still) = (MOVING_PX.max(scale), STATIC_PX.max(0.5 * scale));
-    let vote = |(p, d): (&[f32; 2], &Option<f64>)| {
+    let vote = |((p, d), sigma): ((&[f32; 2], &Option<f64>), &f64)| {
         let d = (*d)?;
+        let moving = moving.max(MOVING_SIGMAS * sigma);
+        let still = still.max(STATIC_SIGMAS * sigma);
         (!(still..=moving).contains(&d)).then(|| Vote {
             cell: cells.at(p[0], p[1]),
             moving: d > moving,
         })
     };
-    pixels.iter().zip(distances).filter_map(vote).collect()
+    let features = pixels.iter().zip(distances).zip(sigmas);
+    let doubt = typical / HALF_CERTAIN_PX;
+    Votes {
+        votes: features.filter_map(vote).collect(),
+        certainty: (1.0 / (1.0 + doubt * doubt)) as f32,
+    }
 }
 
 /// The distance that three in ten features stay within, px: that of static ones, even when people are half of the image.
@@ -88,6 +116,11 @@ mod tests {
 
     /// Judges features with these distances (px), all in one row.
     fn judge(distances: &[Option<f64>]) -> Vec<Vote> {
+        judge_with(distances, 0.1).votes
+    }
+
+    /// The same with flow of a standard deviation, px.
+    fn judge_with(distances: &[Option<f64>], sigma: f64) -> Votes {
         let pixels: Vec<[f32; 2]> = (0..distances.len())
             .map(|i| [(i % 640) as f32, 100.0])
             .collect();
@@ -95,6 +128,7 @@ mod tests {
             &Cells::new(&camera(), DepthNoise::default()),
             &pixels,
             distances,
+            &vec![sigma; distances.len()],
         )
     }
 
@@ -120,6 +154,8 @@ mod tests {
                 before_raw: [0.0; 2],
                 before: camera.project(&before),
                 now: camera.project(&p),
+                flow_sigma: 0.1,
+                shutter_sigma: 0.0,
             };
             let still = distance_px(&camera, &pair(before), z as f32, &last_from_now);
             assert!(still.unwrap() < 1e-3);
@@ -137,6 +173,8 @@ mod tests {
             before_raw: [0.0; 2],
             before: Vec2::new(1.0, 1.0),
             now: Vec2::new(1.0, 1.0),
+            flow_sigma: 0.1,
+            shutter_sigma: 0.0,
         };
         let distance = |z, pose| distance_px(&camera(), &pair, z, &pose);
         assert_eq!(distance(0.0, Se3::identity()), None);
@@ -163,7 +201,8 @@ mod tests {
     fn a_vote_belongs_to_the_cell_of_its_feature() {
         let cells = Cells::new(&camera(), DepthNoise::default());
         let pixels = [[4.0, 4.0], [100.0, 50.0], [630.0, 470.0], [300.0, 10.0]];
-        let votes = votes(&cells, &pixels, &[Some(0.1), Some(0.1), Some(8.0), None]);
+        let distances = [Some(0.1), Some(0.1), Some(8.0), None];
+        let votes = votes(&cells, &pixels, &distances, &[0.1; 4]).votes;
         let expected = pixels.map(|[u, v]| cells.at(u, v));
         assert_eq!(votes.len(), 3);
         for (vote, cell) in votes.iter().zip(expected) {
@@ -188,5 +227,25 @@ mod tests {
         // Nothing fits: the pose is wrong, not the world.
         assert_eq!(moving(&judge(&at(&[(100, 40.0)]))), 0);
         assert_eq!(moving(&judge(&at(&[(10, 0.2), (90, 40.0)]))), 0);
+    }
+
+    #[test]
+    fn blurred_flow_must_be_farther_off_to_move() {
+        let distances = at(&[(70, 0.2), (30, 3.0)]);
+        let moving_of = |sigma: f64| moving(&judge_with(&distances, sigma).votes);
+        assert_eq!(moving_of(0.3), 30);
+        assert_eq!(moving_of(1.0), 0);
+        assert_eq!(
+            judge_with(&at(&[(70, 0.2), (30, 6.0)]), 1.0).votes.len(),
+            100
+        );
+    }
+
+    #[test]
+    fn the_farther_the_static_are_off_the_less_the_flow_is_sure() {
+        let certainty = |typical: f64| judge_with(&at(&[(100, typical)]), 0.1).certainty;
+        assert!(certainty(0.1) > 0.95);
+        assert!((certainty(HALF_CERTAIN_PX) - 0.5).abs() < 1e-6);
+        assert!(certainty(2.0) < 0.15 && certainty(6.0).abs() < f32::EPSILON);
     }
 }

@@ -3,7 +3,7 @@
 
 use super::cells::Cells;
 use super::history::History;
-use super::rigid::Vote;
+use super::rigid::Votes;
 use super::segments::Links;
 use super::semantic::Mover;
 use super::visibility::{self, Earlier};
@@ -19,6 +19,8 @@ const KEEP: f32 = 0.85;
 /// Log odds of a surface whose features all move, by flow; at `NEUTRAL` of them it is even.
 const FLOW: f32 = 8.0;
 const NEUTRAL: f32 = 0.35;
+/// Log odds that speak for standing still where all features seem to move in a frame whose own motion is not known.
+const DOUBT: f32 = 3.0;
 /// Votes, after spreading, that are worth half of what many are.
 const HALF_VOTES: f32 = 0.5;
 
@@ -74,7 +76,7 @@ impl Surfaces {
         history: &History,
         now: &Now<'_>,
         movers: &[Mover],
-        votes: &[Vote],
+        flow: &Votes,
     ) -> Self {
         let links = Links::new(cells, now.grid.data());
         let (mut past, mut moved_at) = self.propagate(cells, history, now);
@@ -83,7 +85,7 @@ impl Surfaces {
             *past += at.map_or(0.0, |at| suspicion(now.stamp - at));
         }
         let mut evidence = weigh_free_space(cells, history, now);
-        weigh_flow(cells, &links, votes, &mut evidence, &mut past);
+        weigh_flow(cells, &links, flow, &mut evidence, &mut past);
         let mut own = past;
         for (own, evidence) in own.iter_mut().zip(&evidence) {
             *own += evidence;
@@ -164,13 +166,8 @@ fn weigh_free_space(cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32>
 
 /// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
 /// says that it moves, agreement of depths counts for nothing, now (`evidence`) and in the past (`past`).
-fn weigh_flow(
-    cells: &Cells,
-    links: &Links,
-    votes: &[Vote],
-    evidence: &mut [f32],
-    past: &mut [f32],
-) {
+fn weigh_flow(cells: &Cells, links: &Links, flow: &Votes, evidence: &mut [f32], past: &mut [f32]) {
+    let Votes { votes, certainty } = flow;
     if votes.is_empty() {
         return;
     }
@@ -188,7 +185,7 @@ fn weigh_flow(
         if *n <= 0.0 {
             continue;
         }
-        let (share, trust) = (m / n, n / (n + HALF_VOTES));
+        let (share, trust) = (m / n, certainty * n / (n + HALF_VOTES));
         // Only what speaks for standing still is taken back: depths that were seen through are proof whatever the flow says.
         if *e < 0.0 {
             *e *= 1.0 - trust * share;
@@ -197,7 +194,7 @@ fn weigh_flow(
         if *past < 0.0 {
             *past *= 1.0 - trust * ((share - NEUTRAL) / (1.0 - NEUTRAL)).max(0.0);
         }
-        *e += FLOW * trust * (share - NEUTRAL);
+        *e += FLOW * trust * (share - NEUTRAL) - DOUBT * (1.0 - certainty) * share;
     }
 }
 

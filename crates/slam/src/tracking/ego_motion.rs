@@ -10,6 +10,9 @@ use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, KeyframeId};
 
+/// Where the shutter bends the flow by less than this, px, the pairs are not measured again.
+const SHUTTER_PX: f64 = 0.3;
+
 /// The camera's motion since the last frame, and what it was found from.
 pub(super) struct EgoMotion {
     /// The first pose.
@@ -56,22 +59,47 @@ impl Tracker {
         }
         let (found, mut pairs, rest) = self.follow(frame, data, predicted);
         let voted = found.as_ref().map(|v| v.camera_from_world);
+        let start = voted.unwrap_or(*predicted);
+        let velocity = self.state.motion_to(&start, frame.stamp).at_last();
+        // How fast the camera turns is known now, and with it where the rows of the image belong.
+        let data = &self.front_end.measure(frame, velocity.as_ref(), None);
         let (matches, matched) = self
-            .match_last_frame(frame.id, data, reference, &voted.unwrap_or(*predicted))
+            .match_last_frame(frame.id, data, reference, &start)
             .or_else(|lost| Ok((Matches::new(data.len()), voted.ok_or(lost)?)))?;
         // While who moves is undecided, it is for the flow to say which motion is the camera's: people are among what matches.
         let exact = found.as_ref().filter(|v| v.exact);
         let pose = exact.map_or(matched, |v| v.camera_from_world);
         notes.counts.frame_matches = matches.count as u32;
+        self.bring_to_stamps(data, &mut pairs, &self.state.motion_to(&pose, frame.stamp));
         self.recheck_flow(data, &mut pairs, &pose);
         Ok(EgoMotion {
             camera_from_world: pose,
-            velocity: self.state.motion_to(&pose, frame.stamp).velocity().copied(),
+            velocity: self.state.motion_to(&pose, frame.stamp).at_last(),
             matches,
             pairs,
             rest,
             by_flow: found,
         })
+    }
+
+    /// The vote of the flow, and once it says how fast the camera turns, the vote of the flow that is corrected for that.
+    fn vote_twice(
+        &self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        pairs: &mut [Option<FlowPair>],
+        start: &Se3,
+    ) -> Option<Vote> {
+        let vote = self.vote(frame, data, pairs, start)?;
+        let velocity_at = |pose: &Se3| self.state.motion_to(pose, frame.stamp);
+        let (expected, found) = (velocity_at(start), velocity_at(&vote.camera_from_world));
+        let change = found.at_last()? - expected.at_last()?;
+        if self.front_end.shutter().reach_px(&change) < SHUTTER_PX {
+            return Some(vote);
+        }
+        self.bring_to_stamps(data, pairs, &found);
+        self.vote(frame, data, pairs, &vote.camera_from_world)
+            .or(Some(vote))
     }
 
     /// Follows the camera from the last frame by flow; from where descriptors say that it is, while its velocity is not known and where
@@ -89,8 +117,8 @@ impl Tracker {
         let agreed = |vote: &Option<Vote>| vote.as_ref().map_or(0, |v| v.agreed);
         let enough = self.setup.tracking.min_inliers;
         let first = if self.state.velocity().is_some() {
-            let (pairs, rest) = self.flow(data, predicted);
-            let vote = self.vote(frame, data, &pairs, predicted);
+            let (mut pairs, rest) = self.flow(data, predicted);
+            let vote = self.vote_twice(frame, data, &mut pairs, predicted);
             if agreed(&vote) >= enough {
                 return (vote, pairs, rest);
             }
@@ -100,8 +128,8 @@ impl Tracker {
         };
         let found = self.vote_by_descriptors(frame, data);
         let start = found.as_ref().map_or(*predicted, |v| v.camera_from_world);
-        let (pairs, rest) = self.flow(data, &start);
-        let vote = self.vote(frame, data, &pairs, &start);
+        let (mut pairs, rest) = self.flow(data, &start);
+        let vote = self.vote_twice(frame, data, &mut pairs, &start);
         let second = (vote, pairs, rest);
         let (mut vote, pairs, rest) = match first {
             Some(first) if agreed(&first.0) >= agreed(&second.0) => first,

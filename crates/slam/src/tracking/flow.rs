@@ -2,18 +2,19 @@
 
 use super::Tracker;
 use super::frame::Observer;
+use super::motion::CameraMotion;
+use super::shutter::TYPICAL_DEPTH;
+use crate::sensor::DepthReader;
 use crate::static_filter::FlowPair;
 use stillpoint_features::FlowMatch;
-use stillpoint_geometry::{Se3, Vec2};
+use stillpoint_geometry::{Se3, Vec2, Vec6};
+use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
 /// Features farther than this from where a static scene would have them are looked at again, px.
 const RECHECK_PX: f64 = 1.5;
 /// A feature and where it is expected, raw px.
 pub(super) type Guess = (usize, [f32; 2]);
-
-/// Depth taken for a feature that has none, m, where only a guess depends on it.
-const TYPICAL_DEPTH: f64 = 2.0;
 
 impl Tracker {
     /// Finds the features of the frame in the one before. The guess is that the scene stands still and the camera moves to
@@ -29,17 +30,21 @@ impl Tracker {
             return (Vec::new(), Vec::new());
         };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
+        let motion = self.state.motion_to(camera_from_world, data.stamp);
+        let (now, before) = (motion.at_last(), motion.at_before());
+        let shutter = self.front_end.shutter();
+        let undistorted = &self.front_end.observer.undistorted;
         let guess = |i: usize| {
             let k = &data.keypoints[i];
             let z = data.depth(i).unwrap_or(TYPICAL_DEPTH);
-            let p = last_from_now.transform(&data.camera.backproject(data.position(i), z));
+            let seen = shutter.at_stamp(undistorted[i], f64::from(k.y), z, now.as_ref());
+            let p = last_from_now.transform(&seen);
             if p.z <= 0.05 {
                 // So near, a small error of the motion throws the projection far off: the feature's own place is the better guess.
                 return (i, [k.x, k.y]);
             }
-            // The keypoint's own lens and shutter effects are taken to be the same in both frames.
-            let shift = data.camera.project(&p) - data.position(i);
-            (i, [k.x + shift.x as f32, k.y + shift.y as f32])
+            let raw = shutter.exposed(&p, before.as_ref());
+            (i, [raw.x as f32, raw.y as f32])
         };
         let all = !self.filter.measures_flow_by_depth();
         let (wanted, rest): (Vec<Guess>, Vec<Guess>) = (0..data.len())
@@ -49,7 +54,46 @@ impl Tracker {
         self.front_end
             .observer
             .flow_to_previous(&wanted, &mut pairs);
+        self.bring_to_stamps(data, &mut pairs, &motion);
         (pairs, rest)
+    }
+
+    /// Brings both ends of the pairs to the stamps of their frames, by the camera's motion: rows are exposed one after the other, and
+    /// the camera turns differently while each image is read.
+    pub(super) fn bring_to_stamps(
+        &self,
+        data: &KeyframeData,
+        pairs: &mut [Option<FlowPair>],
+        motion: &CameraMotion,
+    ) {
+        let shutter = self.front_end.shutter();
+        let (now, before) = (motion.at_last(), motion.at_before());
+        let unsteady = motion.unsteadiness();
+        let observer = &self.front_end.observer;
+        for (i, pair) in pairs.iter_mut().enumerate() {
+            let Some(pair) = pair else { continue };
+            let z = data.depth(i).unwrap_or(TYPICAL_DEPTH);
+            let at_stamp = |pixel: Vec2, y: f32, v: &Option<Vec6>| {
+                let p = shutter.at_stamp(pixel, f64::from(y), z, v.as_ref());
+                data.camera.project(&p)
+            };
+            pair.now = at_stamp(observer.undistorted[i], data.keypoints[i].y, &now);
+            let before_raw = Vec2::from(pair.before_raw.map(f64::from));
+            let undistorted = data.camera.undistort(before_raw);
+            pair.before = at_stamp(undistorted, pair.before_raw[1], &before);
+            pair.shutter_sigma = shutter.sigma_px(f64::from(pair.before_raw[1]), unsteady);
+        }
+    }
+
+    /// The depths of a frame, taken while the camera moved by `velocity`.
+    pub(super) fn depth_reader<'a>(
+        &'a self,
+        frame: &'a RgbdFrame,
+        velocity: Option<&Vec6>,
+    ) -> DepthReader<'a> {
+        let dt = frame.depth_stamp - frame.stamp - self.front_end.timing().depth_delay;
+        let camera = &self.front_end.observer.camera;
+        DepthReader::new(&self.setup.sensor, camera, &frame.depth, velocity, dt)
     }
 
     /// Looks again at features that seem to move, from where a static scene would have them: on a keyboard or a shirt one key or
@@ -64,6 +108,9 @@ impl Tracker {
             return;
         };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
+        let motion = self.state.motion_to(camera_from_world, data.stamp);
+        let before = motion.at_before();
+        let shutter = self.front_end.shutter();
         let mut again = Vec::new();
         for (i, pair) in pairs.iter().enumerate() {
             let Some((pair, z)) = pair.as_ref().zip(data.depth(i)) else {
@@ -73,17 +120,27 @@ impl Tracker {
             if p.z <= 0.05 {
                 continue;
             }
-            let expected = data.camera.project(&p);
-            if (pair.before - expected).norm() > RECHECK_PX {
-                again.push((i, data.camera.distort(expected)));
+            if (pair.before - data.camera.project(&p)).norm() > RECHECK_PX {
+                again.push((i, shutter.exposed(&p, before.as_ref())));
             }
         }
-        for ((i, expected), found) in again.iter().zip(self.front_end.observer.flow_again(&again)) {
-            if let Some(found) = found.filter(|f| (f.1 - expected).norm() < RECHECK_PX) {
-                pairs[*i] = Some(found.0);
+        let near = |at: &[f32; 2], expected: &Vec2| {
+            (Vec2::from(at.map(f64::from)) - expected).norm() < RECHECK_PX
+        };
+        let found = self.front_end.observer.flow_again(&again);
+        for ((i, expected), found) in again.iter().zip(found) {
+            if let Some(found) = found.filter(|f| near(&f.before_raw, expected)) {
+                pairs[*i] = Some(found);
             }
         }
+        self.bring_to_stamps(data, pairs, &motion);
     }
+}
+
+/// Standard deviation of a flow vector whose way back ends so far from the start, px. In blurred images, where few gradients hold
+/// a window, both grow alike.
+fn flow_sigma(forward_backward: f64) -> f64 {
+    0.08 + 0.85 * libm::sqrt(forward_backward)
 }
 
 impl Observer {
@@ -99,12 +156,12 @@ impl Observer {
         self.flow
             .track(now, before, &points, Some(&expected), &mut found);
         for ((i, _), found) in guesses.iter().zip(found) {
-            pairs[*i] = found.map(|f| self.pair(&f, &self.undistorted[*i]).0);
+            pairs[*i] = found.map(|f| self.pair(&f, &self.undistorted[*i]));
         }
     }
 
-    /// The same for some features, from a raw pixel each; with what is found the raw pixel.
-    fn flow_again(&mut self, features: &[(usize, Vec2)]) -> Vec<Option<(FlowPair, Vec2)>> {
+    /// The same for some features, from a raw pixel each.
+    fn flow_again(&mut self, features: &[(usize, Vec2)]) -> Vec<Option<FlowPair>> {
         let raw = |f: &(usize, Vec2)| {
             let k = &self.features.keypoints[f.0];
             ([k.x, k.y], [f.1.x as f32, f.1.y as f32])
@@ -120,14 +177,14 @@ impl Observer {
         found.into_iter().zip(features).map(pair).collect()
     }
 
-    fn pair(&self, found: &FlowMatch, now: &Vec2) -> (FlowPair, Vec2) {
-        let before_raw = found.position;
-        let raw = Vec2::from(before_raw.map(f64::from));
-        let pair = FlowPair {
-            before_raw,
-            before: self.camera.undistort(raw),
+    /// Both ends as exposed.
+    fn pair(&self, found: &FlowMatch, now: &Vec2) -> FlowPair {
+        FlowPair {
+            before_raw: found.position,
+            before: self.camera.undistort(found.position.map(f64::from).into()),
             now: *now,
-        };
-        (pair, raw)
+            flow_sigma: flow_sigma(f64::from(found.forward_backward)),
+            shutter_sigma: 0.0,
+        }
     }
 }

@@ -1,15 +1,13 @@
 //! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
 
+use super::shutter::{Shutter, TYPICAL_DEPTH};
 use crate::sensor::{DepthReader, SensorConfig, Timing};
 use crate::static_filter::FeatureVerdict;
 use std::sync::Arc;
 use stillpoint_features::{FeatureGrid, Features, Flow, FlowConfig, OrbConfig, OrbExtractor};
-use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
+use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_map::KeyframeData;
-
-/// Depth taken for a keypoint that has none, m, where only its share in the image's motion within a readout depends on it.
-const TYPICAL_DEPTH: f64 = 2.0;
 
 /// Extracts features and reads their depths; keeps its buffers between frames.
 pub(super) struct Observer {
@@ -88,6 +86,7 @@ impl Observer {
         let mut depth_sigmas = Vec::with_capacity(n);
         let dt = frame.depth_stamp - frame.stamp - timing.depth_delay;
         let reader = DepthReader::new(&self.sensor, &self.camera, &frame.depth, velocity, dt);
+        let shutter = Shutter::new(&self.camera, timing, 0.0);
         for i in kept {
             let (k, undistorted) = (&self.features.keypoints[i], &self.undistorted[i]);
             keypoints.push(*k);
@@ -97,16 +96,11 @@ impl Observer {
             let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
             let reading = reader.read(raw, *undistorted);
             let (mut position, mut z) = (*undistorted, reading.map_or(0.0, |r| r.z));
-            if let Some(v) = velocity.filter(|_| timing.readout != 0.0) {
-                let late = self.row_share(k.y) * timing.readout;
-                let depth = reading.map_or(TYPICAL_DEPTH, |r| r.z);
-                let seen = self.camera.backproject(position, depth);
-                // First order: within a readout the camera moves by millimetres and fractions of a degree.
-                let there = seen - point_velocity(v, &seen) * late;
-                if there.z > 0.0 {
-                    position = self.camera.project(&there);
-                    z = reading.map_or(0.0, |_| there.z);
-                }
+            let depth = reading.map_or(TYPICAL_DEPTH, |r| r.z);
+            let there = shutter.at_stamp(position, raw.y, depth, velocity);
+            if timing.readout != 0.0 {
+                position = self.camera.project(&there);
+                z = reading.map_or(0.0, |_| there.z);
             }
             positions.push([position.x as f32, position.y as f32]);
             sigma_px.push(self.level_sigmas[usize::from(k.level)]);
@@ -127,15 +121,4 @@ impl Observer {
             grid,
         })
     }
-
-    /// When the row of a raw pixel is exposed, as a share of the readout before (-) or after (+) the stamp.
-    pub(super) fn row_share(&self, raw_y: f32) -> f64 {
-        f64::from(raw_y) / f64::from(self.camera.height) - 0.5
-    }
-}
-
-/// Velocity (m/s, camera coordinates) of a point that stands still while the camera moves by the twist `v` per second.
-pub(super) fn point_velocity(v: &Vec6, p: &Vec3) -> Vec3 {
-    let phi: Vec3 = v.fixed_rows::<3>(3).into();
-    v.fixed_rows::<3>(0) + phi.cross(p)
 }

@@ -4,6 +4,7 @@ use super::TrackerSetup;
 use super::demand::Demand;
 use super::frame::Observer;
 use super::self_calibration::SelfCalibration;
+use super::shutter::Shutter;
 use crate::association::Matches;
 use crate::sensor::Timing;
 use crate::static_filter::FeatureVerdict;
@@ -80,6 +81,16 @@ impl FrontEnd {
     /// When the parts of a frame are exposed, as estimated so far.
     pub(super) fn timing(&self) -> Timing {
         *self.calibration.timing()
+    }
+
+    /// The shutter, as estimated so far.
+    pub(super) fn shutter(&self) -> Shutter<'_> {
+        let sigma = if self.self_calibrates {
+            self.calibration.sigma()
+        } else {
+            0.0
+        };
+        Shutter::new(&self.observer.camera, self.calibration.timing(), sigma)
     }
 
     /// Keypoints that the last image was asked for.

@@ -50,7 +50,9 @@ impl Tracker {
         {
             self.filter.remember(&CapturePose {
                 anchored: last.pose,
-                camera_from_depth: self.front_end.camera_from_depth(frame, motion.velocity()),
+                camera_from_depth: self
+                    .front_end
+                    .camera_from_depth(frame, motion.at_last().as_ref()),
             });
         }
         self.filter.end_frame();
@@ -95,7 +97,7 @@ impl Tracker {
             let motion = self.state.motion_to(&camera_from_world, frame.stamp);
             return Some(EgoMotion {
                 camera_from_world,
-                velocity: motion.velocity().copied(),
+                velocity: motion.at_last(),
                 matches: Matches::new(data.len()),
                 pairs,
                 rest,

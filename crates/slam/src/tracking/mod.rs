@@ -19,6 +19,7 @@ mod outcome;
 mod pose;
 mod relocalise;
 mod self_calibration;
+mod shutter;
 mod sight;
 mod starved;
 mod state;
@@ -202,7 +203,9 @@ impl Tracker {
 
     /// Extracts the features of a frame and reads their depths.
     fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
-        let data = self.front_end.observe(frame, self.state.velocity());
+        let data = self
+            .front_end
+            .observe(frame, self.state.velocity().as_ref());
         // What is said of a frame that gives no pose: nothing against any feature.
         let kept = data
             .keypoints

@@ -1,29 +1,168 @@
-//! Where the camera is expected to be: constant velocity, in time rather than in frames.
+//! How the camera moves, in time rather than in frames: where it is expected to be, and how fast it moves at a stamp.
 
 use stillpoint_geometry::{Se3, Vec6};
 
-/// The camera's velocity as a twist per second of `camera_later_from_camera_earlier`; none while it is not known.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct ConstantVelocity(Option<Vec6>);
+/// Share of the last change of turning that the next one may differ from it by; of the turning itself, while no change is known ...
+const UNSTEADY_CHANGE: f64 = 0.5;
+/// ... and the share of the turning that comes to it: who turns fast does not turn steadily.
+const UNSTEADY_TURN: f64 = 0.2;
 
-impl ConstantVelocity {
-    /// The velocity between two poses of one map view, `dt` seconds apart.
-    pub(super) fn between(last_from_world: &Se3, now_from_world: &Se3, dt: f64) -> Self {
-        let twist = || (*now_from_world * last_from_world.inverse()).log() / dt;
-        Self((dt > 1e-6).then(twist))
+/// The camera's motion over the intervals between the last poses. Twists are per second, of `camera_later_from_camera_earlier`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct CameraMotion {
+    last: Option<Interval>,
+    before: Option<Interval>,
+}
+
+/// The mean velocity between two poses.
+#[derive(Clone, Copy, Debug)]
+struct Interval {
+    velocity: Vec6,
+    /// s.
+    seconds: f64,
+}
+
+impl CameraMotion {
+    /// The motion once the camera has got from one pose to another of one map view, `seconds` later.
+    pub(super) fn followed_by(
+        &self,
+        last_from_world: &Se3,
+        now_from_world: &Se3,
+        seconds: f64,
+    ) -> Self {
+        let moved = || Interval {
+            velocity: (*now_from_world * last_from_world.inverse()).log() / seconds,
+            seconds,
+        };
+        Self {
+            last: (seconds > 1e-6).then(moved),
+            before: self.last,
+        }
     }
 
-    /// The velocity, when it is known.
-    pub(super) fn velocity(&self) -> Option<&Vec6> {
-        self.0.as_ref()
+    /// The mean velocity since the pose before: that of the middle between both.
+    pub(super) fn mean(&self) -> Option<&Vec6> {
+        self.last.as_ref().map(|i| &i.velocity)
+    }
+
+    /// The velocity at the last pose. A mean over an interval is that of its middle; a head that turns changes its velocity by much of
+    /// itself within half a frame.
+    pub(super) fn at_last(&self) -> Option<Vec6> {
+        let last = self.last?;
+        Some(match self.before {
+            Some(before) => last.velocity + before.change_to(&last) * (0.5 * last.seconds),
+            None => last.velocity,
+        })
+    }
+
+    /// The velocity at the pose before the last, which lies between what is known of both its sides.
+    pub(super) fn at_before(&self) -> Option<Vec6> {
+        let last = self.last?;
+        Some(match self.before {
+            Some(before) => before.velocity + before.change_to(&last) * (0.5 * before.seconds),
+            None => last.velocity,
+        })
+    }
+
+    /// By how much the turning may change within a frame beyond what is known of it, rad/s: one standard deviation.
+    pub(super) fn unsteadiness(&self) -> f64 {
+        let turning = |v: &Vec6| v.fixed_rows::<3>(3).norm();
+        let Some(last) = self.last else {
+            return 0.0;
+        };
+        let turn = turning(&last.velocity);
+        match self.before {
+            Some(before) => {
+                UNSTEADY_CHANGE * turning(&(last.velocity - before.velocity)) + UNSTEADY_TURN * turn
+            }
+            None => UNSTEADY_CHANGE * turn,
+        }
     }
 
     /// The expected pose `dt` seconds after `last_from_world`.
     pub(super) fn predict(&self, last_from_world: &Se3, dt: f64) -> Se3 {
         // After a long gap a constant velocity is a wild guess: half a second of it is the most that is believed.
-        match &self.0 {
+        match self.mean() {
             Some(v) => Se3::exp(&(v * dt.clamp(0.0, 0.5))) * *last_from_world,
             None => *last_from_world,
         }
+    }
+}
+
+impl Interval {
+    /// By how much the velocity changes per second, from the middle of this interval to that of the next.
+    fn change_to(&self, next: &Self) -> Vec6 {
+        (next.velocity - self.velocity) / (0.5 * (self.seconds + next.seconds))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::Vec3;
+
+    /// A pose on a path that turns about one axis with an angular velocity of `w + a t` rad/s.
+    fn turned(w: f64, a: f64, t: f64) -> Se3 {
+        let angle = w * t + 0.5 * a * t * t;
+        Se3::exp(&Vec6::new(0.0, 0.0, 0.0, 0.0, angle, 0.0))
+    }
+
+    fn motion(w: f64, a: f64, stamps: [f64; 3]) -> CameraMotion {
+        let [p, q, r] = stamps.map(|t| turned(w, a, t));
+        CameraMotion::default()
+            .followed_by(&p, &q, stamps[1] - stamps[0])
+            .followed_by(&q, &r, stamps[2] - stamps[1])
+    }
+
+    #[test]
+    fn a_constant_acceleration_gives_exact_velocities_at_both_stamps() {
+        for stamps in [[0.0, 0.033, 0.067], [0.0, 0.03, 0.10]] {
+            let m = motion(1.0, 20.0, stamps);
+            let turn = |v: Option<Vec6>| v.map_or(f64::NAN, |v| v[4]);
+            assert!((turn(m.at_last()) - (1.0 + 20.0 * stamps[2])).abs() < 1e-9);
+            assert!((turn(m.at_before()) - (1.0 + 20.0 * stamps[1])).abs() < 1e-9);
+            // The mean lags by half a frame: here by more than a third of a radian per second.
+            assert!(turn(m.at_last()) - turn(m.mean().copied()) > 0.3);
+        }
+    }
+
+    #[test]
+    fn before_two_intervals_are_known_the_mean_stands_for_both_ends() {
+        let none = CameraMotion::default();
+        assert!(none.at_last().is_none() && none.at_before().is_none());
+        let one = none.followed_by(&turned(1.0, 0.0, 0.0), &turned(1.0, 0.0, 0.1), 0.1);
+        assert_eq!(one.at_last(), one.mean().copied());
+        assert_eq!(one.at_before(), one.mean().copied());
+        // At the same stamp there is no velocity.
+        assert!(
+            one.followed_by(&Se3::identity(), &Se3::identity(), 0.0)
+                .mean()
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn a_steady_turn_is_less_unsteady_than_one_that_begins() {
+        let still = motion(0.0, 0.0, [0.0, 0.03, 0.06]).unsteadiness();
+        let steady = motion(2.0, 0.0, [0.0, 0.03, 0.06]).unsteadiness();
+        let begins = motion(0.0, 30.0, [0.0, 0.03, 0.06]).unsteadiness();
+        let first = CameraMotion::default()
+            .followed_by(&turned(2.0, 0.0, 0.0), &turned(2.0, 0.0, 0.03), 0.03)
+            .unsteadiness();
+        assert!(still.abs() < 1e-9);
+        assert!((steady - 2.0 * UNSTEADY_TURN).abs() < 1e-9 && begins > steady);
+        assert!((first - 2.0 * UNSTEADY_CHANGE).abs() < 1e-9);
+    }
+
+    #[test]
+    fn it_predicts_by_the_mean_and_for_half_a_second_at_most() {
+        let m = motion(1.0, 0.0, [0.0, 0.1, 0.2]);
+        let at = |dt: f64| m.predict(&turned(1.0, 0.0, 0.2), dt).log()[4];
+        assert!((at(0.1) - 0.3).abs() < 1e-9 && (at(9.0) - 0.7).abs() < 1e-9);
+        let still = CameraMotion::default().predict(&turned(1.0, 0.0, 0.2), 1.0);
+        assert!(
+            (still.transform(&Vec3::z()) - turned(1.0, 0.0, 0.2).transform(&Vec3::z())).norm()
+                < 1e-12
+        );
     }
 }

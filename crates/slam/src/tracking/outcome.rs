@@ -2,7 +2,7 @@
 
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
-use super::motion::ConstantVelocity;
+use super::motion::CameraMotion;
 use super::state::{LastFrame, State};
 use super::statistics::{Pace, Statistics};
 use super::{Notes, Solution, Submap, Tracker};
@@ -96,7 +96,7 @@ impl Tracker {
         self.begun = frame.stamp;
         self.since_keyframe.frame = Some(frame.id);
         self.write_down(frame, &place, inliers);
-        let motion = ConstantVelocity::default();
+        let motion = CameraMotion::default();
         self.follow_from(frame, &data, &matches, &place, motion);
         let keyframe = NewKeyframe {
             id,
@@ -131,7 +131,7 @@ impl Tracker {
         let motion = match outcome {
             Outcome::Tracked => self.state.motion_to(camera_from_world, frame.stamp),
             // From where it was lost to where it was found again it did not move like that.
-            _ => ConstantVelocity::default(),
+            _ => CameraMotion::default(),
         };
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
         let worth = self.since_keyframe.pace.next(frame);
@@ -158,7 +158,9 @@ impl Tracker {
         anchored.keyframe = keyframe.as_ref().map(|k| k.id);
         let place = CapturePose {
             anchored,
-            camera_from_depth: self.front_end.camera_from_depth(frame, motion.velocity()),
+            camera_from_depth: self
+                .front_end
+                .camera_from_depth(frame, motion.at_last().as_ref()),
         };
         self.write_down(frame, &place, notes.counts.inliers);
         self.follow_from(frame, &solution.data, &solution.matches, &place, motion);
@@ -226,7 +228,7 @@ impl Tracker {
         data: &Arc<KeyframeData>,
         matches: &[Option<LandmarkId>],
         place: &CapturePose,
-        motion: ConstantVelocity,
+        motion: CameraMotion,
     ) {
         let last = LastFrame {
             stamp: frame.stamp,

@@ -5,7 +5,8 @@
 //! explain part of the trace), to those of all frames before. The delay of the depth image is not estimated: its trace
 //! is weak, and on simulated images the same method overestimates it by 6 to 18 ms.
 
-use super::frame::{Observer, point_velocity};
+use super::frame::Observer;
+use super::shutter::{Shutter, point_velocity};
 use crate::association::{Matches, measurement};
 use crate::sensor::Timing;
 use stillpoint_estimation::{Intrinsics, linearise};
@@ -44,6 +45,11 @@ impl SelfCalibration {
         &self.timing
     }
 
+    /// Standard deviation of the estimated readout, s.
+    pub(super) fn sigma(&self) -> f64 {
+        1.0 / self.information.sqrt()
+    }
+
     /// Learns from the inliers of a tracked frame, which was measured with the present estimate while the camera moved
     /// by `velocity` (twist per second).
     pub(super) fn learn(
@@ -72,7 +78,7 @@ impl SelfCalibration {
             let m = measurement(data, i);
             let l = linearise(&camera, &m, &p);
             let rate = point_velocity(velocity, &p);
-            let share = observer.row_share(data.keypoints[i].y);
+            let share = Shutter::row_share(&observer.camera, f64::from(data.keypoints[i].y));
             let w = [m.pixel_weight, m.pixel_weight, m.inverse_depth_weight];
             for (k, w) in w.into_iter().enumerate() {
                 // A measurement changes by the readout as it moves, in proportion to its row's share.

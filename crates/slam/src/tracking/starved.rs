@@ -8,7 +8,6 @@ use super::statistics::Sightings;
 use super::vote::Vote;
 use super::{Fix, Tracker, pose};
 use crate::association::{Matches, measurement};
-use crate::sensor::DepthReader;
 use crate::static_filter::{FeatureVerdict, FlowPair};
 use stillpoint_estimation::{
     AbsolutePoseOptions, Intrinsics, PoseObservation, Purpose, find_absolute_pose, rng,
@@ -183,8 +182,8 @@ impl Tracker {
         let (Some(last), Some(previous)) = (self.state.last(), &self.previous) else {
             return matches;
         };
-        let sensor = &self.setup.sensor;
-        let reader = DepthReader::new(sensor, &data.camera, &previous.depth, None, 0.0);
+        let velocity = self.state.velocity();
+        let reader = self.depth_reader(previous, velocity.as_ref());
         let kept = pairs.iter().zip(verdicts).filter(|(_, v)| !v.dynamic);
         for (i, (pair, _)) in kept.enumerate() {
             let Some(pair) = pair.filter(|_| matches.targets[i].is_none()) else {
@@ -193,7 +192,7 @@ impl Tracker {
             let raw = pair.before_raw.map(f64::from).into();
             if let Some(reading) = reader.read(raw, pair.before)
                 // A farther point from one depth alone is too uncertain to hold a pose.
-                && reading.z < sensor.close_depth
+                && reading.z < self.setup.sensor.close_depth
             {
                 let seen = data.camera.backproject(pair.before, reading.z);
                 matches.assign_point(i as u32, last.world_from_camera.transform(&seen));

@@ -7,7 +7,7 @@
 //!     +--- the submap is left ------------------------------------------------------------------------+
 //! ```
 
-use super::motion::ConstantVelocity;
+use super::motion::CameraMotion;
 use crate::anchored_pose::AnchoredPose;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec6};
@@ -38,7 +38,7 @@ pub(super) enum State {
     /// The frame before has a pose.
     Tracking {
         last: LastFrame,
-        motion: ConstantVelocity,
+        motion: CameraMotion,
     },
     /// The camera was tracked, and is not any more.
     Lost {
@@ -84,10 +84,10 @@ impl State {
         }
     }
 
-    /// The camera's velocity, twist per second: known from the second tracked frame in a row on.
-    pub(super) fn velocity(&self) -> Option<&Vec6> {
+    /// The camera's velocity at the last frame, twist per second: known from the second tracked frame in a row on.
+    pub(super) fn velocity(&self) -> Option<Vec6> {
         match self {
-            Self::Tracking { motion, .. } => motion.velocity(),
+            Self::Tracking { motion, .. } => motion.at_last(),
             Self::Waiting { .. } | Self::Lost { .. } => None,
         }
     }
@@ -102,12 +102,14 @@ impl State {
     }
 
     /// The motion that a new pose `camera_from_world` at `stamp` amounts to; unknown unless the frame before has a pose.
-    pub(super) fn motion_to(&self, camera_from_world: &Se3, stamp: f64) -> ConstantVelocity {
-        let of = |last: &LastFrame| {
-            let last_from_world = last.world_from_camera.inverse();
-            ConstantVelocity::between(&last_from_world, camera_from_world, stamp - last.stamp)
-        };
-        self.tracked().map(of).unwrap_or_default()
+    pub(super) fn motion_to(&self, camera_from_world: &Se3, stamp: f64) -> CameraMotion {
+        match self {
+            Self::Tracking { last, motion } => {
+                let last_from_world = last.world_from_camera.inverse();
+                motion.followed_by(&last_from_world, camera_from_world, stamp - last.stamp)
+            }
+            Self::Waiting { .. } | Self::Lost { .. } => CameraMotion::default(),
+        }
     }
 
     /// Expresses the last pose in a view of the map, then predicts that at `stamp`. Returns the reference keyframe, and
@@ -167,7 +169,7 @@ impl State {
     /// The clock was set by `by`, s: nothing is known of the time in between.
     pub(super) fn set_clock(&mut self, by: f64) {
         if let Self::Tracking { motion, .. } = self {
-            *motion = ConstantVelocity::default();
+            *motion = CameraMotion::default();
         }
         if let Some(last) = self.last_mut() {
             last.stamp += by;
@@ -219,7 +221,7 @@ mod tests {
     fn tracking() -> State {
         let before = State::Tracking {
             last: last(0.0, 0.0),
-            motion: ConstantVelocity::default(),
+            motion: CameraMotion::default(),
         };
         State::Tracking {
             motion: before.motion_to(&at(1.0).inverse(), 1.0),
@@ -243,7 +245,7 @@ mod tests {
         assert!(state.velocity().is_none() && state.tracked().is_none());
         // Found again, it has no velocity before the second frame.
         let motion = state.motion_to(&at(2.0).inverse(), 2.0);
-        assert!(motion.velocity().is_none());
+        assert!(motion.mean().is_none());
     }
 
     #[test]

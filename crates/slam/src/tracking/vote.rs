@@ -6,18 +6,19 @@
 
 use super::Tracker;
 use crate::association::{Candidate, match_by_descriptor, measurement};
-use crate::sensor::DepthReader;
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
     Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
     rng,
 };
-use stillpoint_geometry::{Mat6, Se3};
+use stillpoint_geometry::{Mat6, Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::KeyframeData;
 
-/// Standard deviation of a flow vector, px, with what corners on edges add.
-const SIGMA_PX: f64 = 1.0;
+/// What flow in a sharp image is taken to err by, px, with what corners on edges add and what depths err by ...
+const SIGMA_PX: f64 = 0.85;
+/// ... and how many of its own standard deviations come to it.
+const SIGMAS: f64 = 5.0;
 /// How sharply agreement is judged: a vote is halved at an eighth of the gate's residual, a third of a pixel, which is what flow errs by.
 const PEAK: f64 = 60.0;
 /// The same of matches by descriptor, which err by a pixel and more.
@@ -69,7 +70,8 @@ impl Tracker {
         };
         // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
         let exact = frame.stamp - self.begun < UNDECIDED;
-        let mut votes = self.voters(data, pairs)?;
+        let velocity = self.state.motion_to(predicted, frame.stamp).at_before();
+        let mut votes = self.voters(data, pairs, velocity.as_ref())?;
         if exact {
             give_say_by_area(&mut votes);
         }
@@ -94,10 +96,15 @@ impl Tracker {
         })
     }
 
-    /// The pairs that vote, spread over the features.
-    fn voters(&self, data: &KeyframeData, pairs: &[Option<FlowPair>]) -> Option<Vec<MotionPair>> {
+    /// The pairs that vote, spread over the features, with the camera moving by `velocity` in the frame before.
+    fn voters(
+        &self,
+        data: &KeyframeData,
+        pairs: &[Option<FlowPair>],
+        velocity: Option<&Vec6>,
+    ) -> Option<Vec<MotionPair>> {
         let previous = self.previous.as_ref()?;
-        let reader = DepthReader::new(&self.setup.sensor, &data.camera, &previous.depth, None, 0.0);
+        let reader = self.depth_reader(previous, velocity);
         let with_depth: Vec<usize> = (0..pairs.len())
             .filter(|i| pairs[*i].is_some() && data.depth(*i).is_some())
             .collect();
@@ -108,9 +115,10 @@ impl Tracker {
             let (z, sigma) = (data.depth(i)?, f64::from(data.depth_sigmas[i]));
             // Both depths are wrong: the error of the point is added to that of the measurement.
             let sigma = (reading.sigma * reading.sigma + sigma * sigma).sqrt();
+            let sigma_px = libm::hypot(SIGMA_PX, SIGMAS * pair.sigma());
             Some(MotionPair {
                 point: data.camera.backproject(pair.now, z),
-                measurement: Measurement::new(pair.before, SIGMA_PX, Some((reading.z, sigma))),
+                measurement: Measurement::new(pair.before, sigma_px, Some((reading.z, sigma))),
                 // Of the place in the frame before, whose surfaces are judged already; those of this frame need its pose first.
                 weight: self.filter.static_probability(pair.before_raw),
             })

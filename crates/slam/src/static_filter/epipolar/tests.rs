@@ -62,6 +62,8 @@ impl Scene {
                 before_raw: [before.x as f32, before.y as f32],
                 before,
                 now: pixel,
+                flow_sigma: 0.1,
+                shutter_sigma: 0.0,
             }));
         }
         scene

@@ -196,6 +196,8 @@ fn judged(config: &StaticFilterConfig, depths: [f32; 2], weight: f64) -> Vec<boo
             before_raw: *p,
             before: at,
             now: at,
+            flow_sigma: 0.1,
+            shutter_sigma: 0.0,
         })
     };
     let pairs: Vec<Option<FlowPair>> = features.iter().map(pair).collect();

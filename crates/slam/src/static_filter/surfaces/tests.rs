@@ -1,6 +1,7 @@
 //! A wall and a person of cells, frame by frame.
 
 use super::super::history::CapturePose;
+use super::super::rigid::Vote;
 use super::*;
 use crate::anchored_pose::AnchoredPose;
 use crate::sensor::DepthNoise;
@@ -38,6 +39,17 @@ impl World {
 
     /// The next frame at 30 Hz, with the person's left edge in a column of cells.
     fn step(&mut self, column: Option<usize>, movers: &[Mover], votes: &[Vote]) {
+        self.step_in_doubt(column, movers, votes, 1.0);
+    }
+
+    /// The same with flow of a frame whose own motion is known so far.
+    fn step_in_doubt(
+        &mut self,
+        column: Option<usize>,
+        movers: &[Mover],
+        votes: &[Vote],
+        certainty: f32,
+    ) {
         let depth = |i: usize| {
             let cell = i / 320 / 8 * 40 + i % 320 / 8;
             let there = column.is_some_and(|c| person(cell, c));
@@ -52,9 +64,13 @@ impl World {
             world_from_depth: Se3::identity(),
             view: &MapView::default(),
         };
+        let flow = Votes {
+            votes: votes.to_vec(),
+            certainty,
+        };
         self.surfaces = self
             .surfaces
-            .next(&self.cells, &self.history, &now, movers, votes);
+            .next(&self.cells, &self.history, &now, movers, &flow);
         let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
         let place = CapturePose {
             anchored: AnchoredPose {
@@ -228,4 +244,28 @@ fn a_few_wrong_votes_do_not_move_a_wall() {
         world.step(None, &[], &votes);
     }
     assert!(world.moving(12).1.abs() < f64::EPSILON);
+}
+
+#[test]
+fn flow_of_a_frame_in_doubt_moves_nothing() {
+    let votes: Vec<Vote> = (0..1200)
+        .map(|cell| Vote {
+            cell,
+            moving: person(cell, 12),
+        })
+        .collect();
+    // What stood still goes on doing so, and what was never seen before is not taken to move.
+    for known in [30, 0] {
+        let judged = |certainty: f32| {
+            let mut world = World::new();
+            for _ in 0..known {
+                world.step(Some(12), &[], &[]);
+            }
+            world.step_in_doubt(Some(12), &[], &votes, certainty);
+            world.moving(12).0
+        };
+        // Control: the same flow of a frame whose motion is known.
+        assert!(judged(1.0) > 0.9, "{known}");
+        assert!(judged(0.2).abs() < f64::EPSILON, "{known}");
+    }
 }
