@@ -62,6 +62,8 @@ const NORMAL: &[(&str, &[&str])] = &[
             "evaluation",
         ],
     ),
+    // Bytes and what they mean, for recordings and nodes.
+    ("ros-messages", &[]),
     ("cli", &["stillpoint"]),
     // What every crate's tests may ask for recordings.
     ("testdata", &[]),

@@ -1,0 +1,24 @@
+//! ROS messages as bytes and back.
+//!
+//! Answers: what a message of a recording says ([`from_bytes`]), and how one is written ([`to_bytes`]), in the CDR of ROS 2 (XCDR version 1, of both
+//! byte orders, with its encapsulation header) and in the serialisation of ROS 1. Large fields borrow from the bytes. Does not know files, topics or
+//! encodings of images, and reads no message definitions: each type has the fields that its definition has, in their order.
+//!
+//! Bytes are not trusted: every length is compared with what is left before anything is allocated, so what a message takes is in proportion to its bytes.
+//!
+//! ```
+//! use stillpoint_ros_messages::{Format, Header, Image, Time, from_bytes, to_bytes};
+//!
+//! let header = Header { seq: 0, stamp: Time { sec: 12, nanosec: 5 }, frame_id: "camera".into() };
+//! let data = vec![7_u8; 6].into();
+//! let image = Image { header, height: 1, width: 2, encoding: "rgb8".into(), is_bigendian: 0, step: 6, data };
+//! let bytes = to_bytes(&image, Format::CdrLittleEndian);
+//! assert_eq!(from_bytes::<Image>(&bytes, Format::CdrLittleEndian)?, image);
+//! # Ok::<(), stillpoint_ros_messages::WireError>(())
+//! ```
+
+mod messages;
+mod wire;
+
+pub use messages::*;
+pub use wire::{Format, Reader, Wire, WireError, Writer, from_bytes, to_bytes};

@@ -1,0 +1,164 @@
+//! Bytes that another implementation wrote: `golden/make.py`, with PyPI `rosbags` (0.11).
+
+use std::fmt::Debug;
+
+use stillpoint_ros_messages::*;
+
+const STAMP: Time = Time {
+    sec: 1_305_031_102,
+    nanosec: 175_304_000,
+};
+const Q: Quaternion = Quaternion {
+    x: 0.5,
+    y: -0.5,
+    z: 0.5,
+    w: -0.5,
+};
+const P: Vector3 = Vector3 {
+    x: 0.1,
+    y: 0.2,
+    z: 0.3,
+};
+
+/// Reads what was written elsewhere, and writes the same bytes.
+fn check<T: PartialEq + Debug>(
+    name: &str,
+    expected: impl Fn(u32) -> T,
+    read: impl Fn(&[u8], Format, &T),
+    write: impl Fn(&T, Format) -> Vec<u8>,
+) {
+    let mut seen = 0;
+    for line in include_str!("golden/messages.txt").lines() {
+        let words: Vec<&str> = line.split(' ').collect();
+        if words[0] != name {
+            continue;
+        }
+        let (format, seq) = match words[1] {
+            "cdr_le" => (Format::CdrLittleEndian, 0),
+            "cdr_be" => (Format::CdrBigEndian, 0),
+            _ => (Format::Ros1, 7),
+        };
+        let hex = words[2].as_bytes().chunks(2);
+        let byte = |pair: &[u8]| u8::from_str_radix(str::from_utf8(pair).unwrap(), 16).unwrap();
+        let bytes: Vec<u8> = hex.map(byte).collect();
+        let expected = expected(seq);
+        read(&bytes, format, &expected);
+        assert_eq!(write(&expected, format), bytes, "{name} {format:?}");
+        seen += 1;
+    }
+    assert_eq!(seen, 3, "formats of {name}");
+}
+
+macro_rules! golden {
+    ($test:ident, $name:literal, $type:ident, $expected:expr) => {
+        #[test]
+        fn $test() {
+            let read = |bytes: &[u8], format, expected: &$type<'static>| {
+                let found = from_bytes::<$type<'_>>(bytes, format).unwrap();
+                assert_eq!(&found, expected, "{format:?}");
+            };
+            check($name, $expected, read, |m, format| to_bytes(m, format));
+        }
+    };
+}
+
+fn header(seq: u32, frame_id: &'static str) -> Header<'static> {
+    Header {
+        seq,
+        stamp: STAMP,
+        frame_id: frame_id.into(),
+    }
+}
+
+golden!(image, "Image", Image, |seq| Image {
+    header: header(seq, "cam"),
+    height: 1,
+    width: 2,
+    encoding: "rgb8".into(),
+    is_bigendian: 0,
+    step: 6,
+    data: vec![1, 2, 3, 4, 5, 6].into(),
+});
+
+golden!(
+    compressed_image,
+    "CompressedImage",
+    CompressedImage,
+    |seq| CompressedImage {
+        header: header(seq, "camera"),
+        format: "16UC1; compressedDepth png".into(),
+        data: vec![9, 8, 7].into(),
+    }
+);
+
+golden!(camera_info, "CameraInfo", CameraInfo, |seq| CameraInfo {
+    header: header(seq, "camera_"),
+    height: 480,
+    width: 640,
+    distortion_model: "plumb_bob".into(),
+    d: vec![0.25, -0.5, 0.125],
+    k: [517.3, 0., 318.6, 0., 516.5, 255.3, 0., 0., 1.],
+    r: [1., 0., 0., 0., 1., 0., 0., 0., 1.],
+    p: [517.3, 0., 318.6, 0.25, 0., 516.5, 255.3, 0., 0., 0., 1., 0.],
+    binning_x: 1,
+    binning_y: 2,
+    roi: RegionOfInterest {
+        x_offset: 1,
+        y_offset: 2,
+        height: 3,
+        width: 4,
+        do_rectify: 1
+    },
+});
+
+fn from(first: f64) -> [f64; 9] {
+    std::array::from_fn(|i| first + i as f64)
+}
+
+golden!(imu, "Imu", Imu, |seq| Imu {
+    header: header(seq, "imu"),
+    orientation: Q,
+    orientation_covariance: from(0.0),
+    angular_velocity: Vector3 {
+        x: 1.0,
+        y: 2.0,
+        z: 3.0
+    },
+    angular_velocity_covariance: from(9.0),
+    linear_acceleration: Vector3 {
+        x: 4.0,
+        y: 5.0,
+        z: 6.0
+    },
+    linear_acceleration_covariance: from(18.0),
+});
+
+golden!(tf, "TFMessage", TfMessage, |seq| TfMessage {
+    transforms: ["a", "base_link"]
+        .map(|child| TransformStamped {
+            header: header(seq, "map"),
+            child_frame_id: child.into(),
+            transform: Transform {
+                translation: P,
+                rotation: Q
+            },
+        })
+        .into(),
+});
+
+golden!(path, "Path", Path, |seq| Path {
+    header: header(seq, "map"),
+    poses: ["", "odom"]
+        .map(|frame| PoseStamped {
+            header: header(seq, frame),
+            pose: Pose {
+                position: P,
+                orientation: Q
+            },
+        })
+        .into(),
+});
+
+golden!(string, "String", StringMessage, |_| StringMessage {
+    data: "k=v;".into()
+});
