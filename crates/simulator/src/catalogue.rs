@@ -6,14 +6,16 @@ use crate::people::Cast;
 use crate::scene::Scene;
 use crate::shutter::Shutter;
 
-const NAMES: [&str; 24] = [
+const NAMES: [&str; 26] = [
     "xyz",
     "rpy",
     "halfsphere",
     "static",
     "loop_two_rooms",
+    "loop_in_haste",
     "equal_rooms",
     "equal_rooms_return",
+    "equal_rooms_in_haste",
     "walking_xyz",
     "walking_rpy",
     "walking_halfsphere",
@@ -58,8 +60,16 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
             Scene::two_rooms(seed),
             Path::walk(seed, &Scene::TWO_ROOMS_WALK),
         ),
+        "loop_in_haste" => (
+            Scene::two_rooms(seed),
+            Path::walk(seed, &Scene::TWO_ROOMS_WALK).in_haste(),
+        ),
         "equal_rooms" => equal_rooms(seed, 0),
         "equal_rooms_return" => equal_rooms(seed, 1),
+        "equal_rooms_in_haste" => {
+            let (scene, path) = equal_rooms(seed, 1);
+            (scene, path.in_haste())
+        }
         "walking_xyz" => (people(Cast::Walking), Path::xyz(seed).farther(0.7)),
         "walking_rpy" => (people(Cast::Walking), Path::rpy(seed).farther(0.6)),
         "walking_halfsphere" => (people(Cast::Walking), Path::halfsphere(seed).farther(1.1)),

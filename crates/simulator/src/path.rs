@@ -108,6 +108,14 @@ impl Path {
         }
     }
 
+    /// The same walk in haste: fast walking, and looking to both sides all the time.
+    pub(crate) fn in_haste(mut self) -> Self {
+        if let Kind::Loop(walk) = &mut self.kind {
+            walk.hurry();
+        }
+        self
+    }
+
     /// The same walk, ended after this length of its polygon (m); other motions have no length and stay as they are.
     pub(crate) fn for_length(mut self, length: f64) -> Self {
         if let Kind::Loop(walk) = &mut self.kind {
@@ -239,11 +247,21 @@ struct Walk {
     spacing: f64,
     /// Where the walk ends, m along the control polygon.
     length: f64,
+    /// Walking speed, m/s.
+    speed: f64,
+    /// Looks to both sides: by so much (rad), so often (Hz). The walker's slow wandering of the eyes comes on top.
+    looks: [f64; 2],
 }
 
 impl Walk {
     /// Walking speed, m/s.
     const SPEED: f64 = 0.9;
+    /// Walking speed in haste, m/s.
+    const FAST: f64 = 1.6;
+    /// Looks of a walker in haste: 35 degrees to both sides, up to 110 degrees per second.
+    const FAST_LOOKS: [f64; 2] = [0.61, 0.5];
+    /// In haste more of the loop must be walked again for the same time, m.
+    const FAST_OVERLAP: f64 = 6.0;
     /// Height of the camera, m.
     const EYE: f64 = 1.35;
     /// The walker looks at the point that comes after this length, m.
@@ -276,11 +294,19 @@ impl Walk {
             control,
             spacing,
             length: count * spacing + Self::OVERLAP,
+            speed: Self::SPEED,
+            looks: [0.0; 2],
         }
     }
 
+    fn hurry(&mut self) {
+        self.speed = Self::FAST;
+        self.looks = Self::FAST_LOOKS;
+        self.length += Self::FAST_OVERLAP - Self::OVERLAP;
+    }
+
     fn duration(&self) -> f64 {
-        self.length / Self::SPEED
+        self.length / self.speed
     }
 
     /// The point of the spline at length `s` (of its control polygon).
@@ -304,7 +330,7 @@ impl Walk {
     }
 
     fn pose(&self, t: f64) -> Se3 {
-        let s = Self::SPEED * t;
+        let s = self.speed * t;
         let (at, ahead) = (self.at(s), self.at(s + Self::AHEAD));
         let to = ahead - at;
         let across = Vec3::new(-to.y, to.x, 0.0);
@@ -314,6 +340,14 @@ impl Walk {
             + across * (0.008 * wave(t, 0.95, 0.4));
         let glance = across * (0.25 * wave(t, 0.13, 0.0))
             - Vec3::new(0.0, 0.0, 0.28 + 0.06 * wave(t, 0.21, 1.0));
-        look_at(eye, eye + Vec3::new(to.x, to.y, 0.0) + glance)
+        let ahead = Vec3::new(to.x, to.y, 0.0);
+        let [amplitude, hertz] = self.looks;
+        // Without looks nothing is turned, so that the slow walks keep their bits.
+        let forward = if amplitude > 0.0 {
+            so3::exp(&Vec3::new(0.0, 0.0, amplitude * wave(t, hertz, 0.0))) * ahead
+        } else {
+            ahead
+        };
+        look_at(eye, eye + forward + glance)
     }
 }

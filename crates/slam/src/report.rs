@@ -182,11 +182,14 @@ pub struct LoopReport {
     pub inliers: u32,
     /// Landmarks around `with` that are in the image there, hidden ones too.
     pub expected: u32,
+    /// Keyframes that told the same of the place, this one among them; 0 where it was not asked.
+    pub agreeing: u32,
     /// Pose of `keyframe` relative to `with`, once it is known.
     pub edge: Option<Se3>,
     /// The submaps that became one by it.
     pub joined: Option<Join>,
-    /// What it cost the pose graph to believe it: squared Mahalanobis distance, about 6 where the loop is right.
+    /// Squared Mahalanobis distance between the loop's motion and the map's, by what the path between both may have drifted: 6 on
+    /// average where that is told exactly. 0 for submaps, which nothing ties.
     pub cost: f64,
     /// Landmarks that turned out to be others seen before.
     pub merges: u32,
@@ -211,6 +214,8 @@ pub enum LoopOutcome {
     FewInliers,
     /// The motion contradicts the map by more than it can have drifted.
     Contradicted,
+    /// Too few keyframes told the same of the place so far.
+    Unconfirmed,
 }
 
 impl std::fmt::Display for LoopOutcome {
@@ -220,6 +225,7 @@ impl std::fmt::Display for LoopOutcome {
             Self::NoRigidMotion => "too few points agree on one motion",
             Self::FewInliers => "too few landmarks are where they should be",
             Self::Contradicted => "contradicts the map",
+            Self::Unconfirmed => "other keyframes have to agree",
         })
     }
 }

@@ -86,3 +86,36 @@ fn an_equal_place_is_no_loop() {
         "{tempted:?}"
     );
 }
+
+/// A path with gaps drifts by decimetres, all of it in the gaps, and its ties say so. Control: an equal place on the same path is none.
+#[test]
+fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
+    let around = 150;
+    let length = STEP_M * f64::from(around);
+    let mut walk = Walk::new(World::new(length)).with_gaps(25);
+    let (reports, correction) = go(&mut walk, around + 30);
+    let closed = reports.last().unwrap();
+    assert!(correction.is_some(), "{closed:?}");
+    assert_eq!(closed.outcome, LoopOutcome::Closed, "{closed:?}");
+    assert!(closed.agreeing >= 3, "{closed:?}");
+    let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;
+    let map = pose(closed.with).inverse() * pose(closed.keyframe);
+    let off = (map.inverse() * closed.edge.unwrap()).translation.norm();
+    assert!(off > 0.1, "{off} m");
+    assert!(closed.cost < 50.0, "{closed:?}");
+    // Before three keyframes told the same it was not closed.
+    let waits = |r: &&LoopReport| r.outcome == LoopOutcome::Unconfirmed;
+    assert_eq!(reports.iter().filter(waits).count(), 2, "{reports:?}");
+
+    let world = World::new(length).with_copy(0.5 * length, 8.0);
+    let (reports, correction) = go(&mut Walk::new(world).with_gaps(25), 120);
+    assert!(correction.is_none(), "{:?}", reports.last());
+    let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Contradicted;
+    let tempted: Vec<&LoopReport> = reports.iter().filter(tempted).collect();
+    assert!(tempted.len() > 5, "{reports:?}");
+    let least = tempted.iter().map(|r| r.cost).fold(f64::INFINITY, f64::min);
+    println!(
+        "off by {off:.3} m, cost {:.1}; equal place from {least:.1}",
+        closed.cost
+    );
+}

@@ -1,6 +1,7 @@
 //! What loop closing gains, and every loop against the truth: rendered scenes or recordings, each with looping and without.
 //!
-//! `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS [EVERY_NTH_FRAME]`, or `... loops -- FOLDER`
+//! `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS [EVERY_NTH_FRAME]`, or `... loops -- FOLDER`, or
+//! `... loops -- table SEEDS [MIN_INLIERS]`: a row per scene, true and false loops and what they cost.
 #![allow(clippy::print_stdout)]
 
 use std::path::Path;
@@ -80,6 +81,94 @@ impl Contestant {
     }
 }
 
+/// Runs of the table: a scene, and every so many frames.
+const TABLE: [(&str, u64); 6] = [
+    ("loop_two_rooms", 2),
+    ("loop_in_haste", 1),
+    ("loop_in_haste", 2),
+    ("equal_rooms", 2),
+    ("equal_rooms_return", 2),
+    ("equal_rooms_in_haste", 1),
+];
+
+/// Edges of one kind in a row of the table.
+#[derive(Default)]
+struct Edges {
+    closed: usize,
+    /// Of those that were judged.
+    costs: Vec<f64>,
+}
+
+impl Edges {
+    fn add(&mut self, l: &LoopReport) {
+        self.closed += usize::from(l.outcome == LoopOutcome::Closed);
+        if l.agreeing > 0 {
+            self.costs.push(l.cost);
+        }
+    }
+
+    fn costs(&self) -> String {
+        let least = self.costs.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = self.costs.iter().copied().fold(0.0, f64::max);
+        match self.costs.len() {
+            0 => "0 | -".to_owned(),
+            n => format!("{n} | {least:.2} to {most:.2}"),
+        }
+    }
+}
+
+/// Prints the table, with so many seeds a row.
+fn table(seeds: u64, min_inliers: Option<usize>) -> Result<(), Failure> {
+    println!(
+        "| scene | every frame of | runs | with a true loop closed | true edges | their cost | false edges | their cost | false loops closed |"
+    );
+    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|");
+    for (scene, every) in TABLE {
+        let (mut right, mut wrong, mut with_loop) = (Edges::default(), Edges::default(), 0);
+        for seed in 0..seeds {
+            let simulator = Simulator::new(&SimulatorConfig {
+                scene: scene.into(),
+                seed,
+                ..SimulatorConfig::default()
+            })?;
+            let mut config = Config::default();
+            if let Some(n) = min_inliers {
+                config.looping.min_inliers = n;
+            }
+            let mut system = System::new(config, *simulator.camera(), Simd::detect())?;
+            for i in (0..simulator.len()).step_by(every as usize) {
+                system.step(simulator.frame(i));
+            }
+            system.finish();
+            let truth = simulator.ground_truth();
+            let before = right.closed;
+            for l in system.loops() {
+                let [keyframe, with] = [l.keyframe, l.with].map(|k| truth[k.0 as usize].1);
+                let Some(edge) = l.edge else { continue };
+                if is_true(with.inverse() * keyframe, edge) {
+                    right.add(l);
+                } else {
+                    wrong.add(l);
+                }
+            }
+            with_loop += usize::from(right.closed > before);
+        }
+        println!(
+            "| `{scene}` | {every} | {seeds} | {with_loop} | {} | {} | {} |",
+            right.costs(),
+            wrong.costs(),
+            wrong.closed
+        );
+    }
+    Ok(())
+}
+
+/// Whether an edge is no farther than 10 cm and 5 degrees from the truth.
+fn is_true(with_from_keyframe: Se3, edge: Se3) -> bool {
+    let off = with_from_keyframe.inverse() * edge;
+    off.translation.norm() <= 0.1 && off.rotation.angle().to_degrees() <= 5.0
+}
+
 /// Says what became of a recognised place; returns whether a loop was closed that is farther than 10 cm or 5 degrees from the truth.
 fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
     let error = l.edge.map(|edge| {
@@ -93,7 +182,7 @@ fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
         format!(", edge off by {:.1} mm, {deg:.2} deg", m * 1e3)
     });
     println!(
-        "    {:>4} with {:>4}, {:.2} m apart: {}, score {:.3}, {} + {} of {} inliers, cost {:.2}, {} merged, moved {:.3} m{far}",
+        "    {:>4} with {:>4}, {:.2} m apart: {}, score {:.3}, {} + {} of {} inliers, {} agree, cost {:.2}, {} merged, moved {:.3} m{far}",
         l.keyframe.0,
         l.with.0,
         with_from_keyframe.translation.norm(),
@@ -102,11 +191,12 @@ fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
         l.rigid_inliers,
         l.inliers,
         l.expected,
+        l.agreeing,
         l.cost,
         l.merges,
         l.moved_m,
     );
-    l.outcome == LoopOutcome::Closed && error.is_none_or(|(m, deg)| m > 0.1 || deg > 5.0)
+    l.outcome == LoopOutcome::Closed && !l.edge.is_some_and(|e| is_true(with_from_keyframe, e))
 }
 
 /// Runs a recording three times; the third run must give the bytes of the second.
@@ -162,6 +252,10 @@ fn main() -> Result<(), Failure> {
     let scene = words.first().map_or("loop_two_rooms", String::as_str);
     if Path::new(scene).is_dir() {
         return recording(Path::new(scene));
+    }
+    if scene == "table" {
+        let min_inliers = words.get(2).map(|w| w.parse()).transpose()?;
+        return table(number(1, 10)?, min_inliers);
     }
     let (first, seeds, every) = (number(1, 0)?, number(2, 5)?, number(3, 1)?);
     let (mut open_ate, mut closed_ate) = (Vec::new(), Vec::new());

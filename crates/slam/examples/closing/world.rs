@@ -134,6 +134,8 @@ pub(crate) struct Walk {
     drift: Se3,
     random: Rng,
     keyframes: u32,
+    /// Every so many keyframes nothing is known again.
+    gap: Option<u32>,
 }
 
 impl Walk {
@@ -148,7 +150,16 @@ impl Walk {
             drift: Se3::identity(),
             random: rng(2, 0, Purpose(1001)),
             keyframes: 0,
+            gap: None,
         }
+    }
+
+    /// The same walk with gaps, as turns faster than can be followed leave them: every so many keyframes nothing of before is known, and
+    /// the camera was off by some 6 cm and 1 degree meanwhile.
+    #[allow(dead_code)] // The example has none.
+    pub(crate) fn with_gaps(mut self, every: u32) -> Self {
+        self.gap = Some(every);
+        self
     }
 
     /// The true pose `world_from_camera` of a keyframe.
@@ -169,9 +180,13 @@ impl Walk {
             (self.known, self.rounds) = (BTreeMap::new(), rounds);
         }
         let place = gone - rounds * length;
+        let is_gap = self.gap.is_some_and(|n| id.0 > 0 && id.0.is_multiple_of(n));
+        if is_gap {
+            self.known = BTreeMap::new();
+        }
         let (data, which) = self.world.look(place, &self.camera, &mut self.random);
         let mut noise = |size: f64| size * normal(&mut self.random);
-        let (m, rad) = (5e-4, 5e-5);
+        let (m, rad) = if is_gap { (0.035, 0.01) } else { (5e-4, 5e-5) };
         let step = Vec6::new(
             noise(m),
             noise(m),

@@ -60,6 +60,7 @@ impl From<&Config> for LoopCloserSetup {
     fn from(config: &Config) -> Self {
         Self {
             looping: config.looping.clone(),
+            min_held: config.tracking.min_inliers,
             seed: config.seed,
             scale_factor: config.features.orb().scale_factor,
         }

@@ -34,6 +34,8 @@ impl LoopingConfig {
 pub struct LoopCloserSetup {
     /// How loops are closed.
     pub looping: LoopingConfig,
+    /// Landmarks that hold a keyframe in bundle adjustment, at least: fewer make no pose.
+    pub min_held: usize,
     /// Seed of every random choice.
     pub seed: u64,
     /// Factor between two levels of the features' pyramid.

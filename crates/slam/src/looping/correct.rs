@@ -1,30 +1,26 @@
 //! From a verified motion to a correction: merged landmarks, a pose graph, and bundle adjustment of the whole map.
 
+use super::agree::{AGREEING, GATE, agreeing};
+use super::drift::{Drift, distance, loop_covariance};
 use super::group_of;
+use super::nodes::Nodes;
 use super::points::Points;
+use super::support::{follow, held};
 use super::verify::{RADIUS_PX, Search, Verified};
 use crate::association::measurement;
 use crate::report::{BundleCounts, LoopOutcome, LoopReport};
 use std::collections::BTreeMap;
+use stillpoint_estimation::pose_covariance;
 use stillpoint_estimation::{
-    BundleOptions, BundleProblem, EdgeKernel, Intrinsics, PoseGraph, PoseGraphEdge,
-    PoseGraphOptions, PoseGraphOutcome, adjust_bundle, optimise_pose_graph,
+    BundleOptions, EdgeKernel, Intrinsics, PoseGraph, PoseGraphEdge, PoseGraphOptions,
+    PoseGraphOutcome, adjust_bundle, optimise_pose_graph,
 };
-use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
-use stillpoint_map::{
-    Correction, Join, Keyframe, KeyframeId, LandmarkCorrection, LandmarkId, LoopEdge, MapView,
-    PoseCorrection, SubmapId,
-};
+use stillpoint_geometry::{Mat6, Se3};
+use stillpoint_map::{Correction, Join, Keyframe, LandmarkId, LoopEdge, MapView};
 
-/// Keyframes that share at least so many landmarks are tied in the pose graph beside the tree of parents.
-const MIN_SHARED: u32 = 100;
-/// What a motion between two keyframes may be wrong by: m, and rad per axis. Between neighbours it is what they drift.
-const SIGMA_M: f64 = 0.005;
-/// A quarter of a degree.
-const SIGMA_RAD: f64 = 0.0044;
-/// What a loop may cost the pose graph: squared Mahalanobis distance to what the map can have drifted. Beyond that the two places are
-/// equal, not the same: false loops cost a thousand times as much as true ones.
-const MAX_COST: f64 = 50.0;
+/// What a loop may cost: the path may have drifted three times as far as its ties tell, as they know nothing of what no simulation
+/// has. Beyond that the two places are equal, not the same.
+const MAX_COST: f64 = 9.0 * GATE;
 /// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take.
 const MAX_WORK: u64 = 200_000_000;
 
@@ -38,13 +34,11 @@ pub(super) struct Proposal<'a> {
     pub(super) verified: &'a Verified,
     /// Loops closed before.
     pub(super) earlier: &'a [LoopEdge],
+    /// What the keyframes of late told of older ones, this one's own motion among them.
+    pub(super) sightings: &'a [LoopEdge],
+    /// Landmarks that hold a keyframe in bundle adjustment, at least.
+    pub(super) min_held: usize,
     pub(super) scale_factor: f64,
-}
-
-/// The live keyframes of the submaps that take part, numbered.
-pub(super) struct Nodes<'a> {
-    pub(super) keyframes: Vec<&'a Keyframe>,
-    pub(super) index: BTreeMap<KeyframeId, u32>,
 }
 
 impl Proposal<'_> {
@@ -56,25 +50,30 @@ impl Proposal<'_> {
         let _span = tracing::info_span!("correct").entered();
         let join = self.join();
         let nodes = Nodes::new(self.view, self.with.submap, self.keyframe.submap);
-        let edge = LoopEdge {
-            old: self.with.id,
-            new: self.keyframe.id,
-            old_from_new: self.verified.new_from_old.inverse(),
-            // Sums of products are symmetric but for their last bits.
-            information: (self.verified.information + self.verified.information.transpose()) * 0.5,
-            inliers: report.inliers,
-        };
-        let (poses, cost) = match join {
+        let edge = self
+            .verified
+            .edge(self.with.id, self.keyframe.id, report.inliers);
+        let drift = Drift::new(self.view, &nodes, self.earlier);
+        report.agreeing = agreeing(self.view, &nodes, &drift, &edge, self.sightings) as u32;
+        report.cost = match join {
             // Nothing ties two submaps yet that could contradict.
-            Some(join) => (Self::put_together(&nodes, join), 0.0),
+            Some(_) => 0.0,
             None => self
-                .straighten(&nodes, &edge)
+                .cost(&nodes, &drift, &edge)
                 .ok_or(LoopOutcome::Contradicted)?,
         };
-        report.cost = cost;
-        if cost > MAX_COST {
+        if report.cost > MAX_COST {
             return Err(LoopOutcome::Contradicted);
         }
+        if (report.agreeing as usize) < AGREEING {
+            return Err(LoopOutcome::Unconfirmed);
+        }
+        let poses = match join {
+            Some(join) => Self::put_together(&nodes, join),
+            None => self
+                .straighten(&nodes, &drift, &edge)
+                .ok_or(LoopOutcome::Contradicted)?,
+        };
         let merges = self.merges();
         report.merges = merges.len() as u32;
         let correction = Correction {
@@ -164,15 +163,38 @@ impl Proposal<'_> {
         merges
     }
 
-    /// The poses of all keyframes after the pose graph, and what it cost to believe the loop.
-    ///
-    /// Nothing of the graph speaks against it but the drift that it takes away, so the new edge has no kernel: its cost has
-    /// no upper bound then, and tells an equal place from the same one. Loops closed before may turn out to have been wrong.
-    fn straighten(&self, nodes: &Nodes<'_>, edge: &LoopEdge) -> Option<(Vec<Se3>, f64)> {
-        let mut edges = nodes.essential_edges();
-        let earlier = self.earlier.iter();
-        edges.extend(earlier.filter_map(|l| nodes.loop_edge(self.view, l, EdgeKernel::Scaled)));
-        edges.push(nodes.loop_edge(self.view, edge, EdgeKernel::Square)?);
+    /// Squared Mahalanobis distance between the loop's motion and the map's, by what the path between both keyframes may have drifted.
+    fn cost(&self, nodes: &Nodes<'_>, drift: &Drift<'_>, edge: &LoopEdge) -> Option<f64> {
+        let (a, b, measured) = nodes.loop_between(self.view, edge)?;
+        let covariance = drift.between(a, b)? + loop_covariance(&edge.information, &measured);
+        Some(distance(&measured, &nodes.motion(a, b), &covariance))
+    }
+
+    /// The poses of all keyframes after the pose graph. The new edge is believed; loops closed before may turn out to have been wrong.
+    fn straighten(
+        &self,
+        nodes: &Nodes<'_>,
+        drift: &Drift<'_>,
+        edge: &LoopEdge,
+    ) -> Option<Vec<Se3>> {
+        let mut edges = Vec::with_capacity(drift.ties.len() + 1);
+        for tie in &drift.ties {
+            edges.push(PoseGraphEdge {
+                a: tie.a,
+                b: tie.b,
+                a_from_b: tie.a_from_b,
+                information: information(&tie.covariance)?,
+                kernel: tie.kernel,
+            });
+        }
+        let (a, b, a_from_b) = nodes.loop_between(self.view, edge)?;
+        edges.push(PoseGraphEdge {
+            a,
+            b,
+            a_from_b,
+            information: information(&loop_covariance(&edge.information, &a_from_b))?,
+            kernel: EdgeKernel::Square,
+        });
         let poses: Vec<Se3> = nodes
             .keyframes
             .iter()
@@ -186,17 +208,14 @@ impl Proposal<'_> {
             fixed,
             edges,
         };
-        // Bundle adjustment comes after; and a false loop, which takes longest, is none the better for being exact.
+        // Bundle adjustment comes after.
         let options = PoseGraphOptions {
             max_iterations: 12,
             min_relative_gain: 1e-3,
             ..PoseGraphOptions::default()
         };
         let report = optimise_pose_graph(&mut graph, &options);
-        if matches!(report.outcome, PoseGraphOutcome::Refused(_)) {
-            return None;
-        }
-        Some((graph.nodes, report.final_cost))
+        (!matches!(report.outcome, PoseGraphOutcome::Refused(_))).then_some(graph.nodes)
     }
 
     /// Bundle adjustment of all keyframes and of all landmarks that two of them see, and the correction that it amounts to.
@@ -214,29 +233,21 @@ impl Proposal<'_> {
             &poses,
             &merges,
         );
-        let count = poses.len();
-        // Free poses come first: the first keyframe, which holds the map in place, becomes the last.
-        let place = |node: u32| (node as usize + count - 1) % count;
-        let mut problem = BundleProblem {
-            camera: Intrinsics::from(&self.keyframe.data.camera),
-            poses: (0..count)
-                .map(|i| poses[(i + 1) % count].inverse())
-                .collect(),
-            free_poses: count - 1,
-            points: points.positions,
-            observations: points.observations,
-        };
-        for o in &mut problem.observations {
-            o.pose = place(o.pose) as u32;
-        }
+        let camera = Intrinsics::from(&self.keyframe.data.camera);
+        let held = held(&points, &poses, &camera, self.min_held);
+        let before = poses.clone();
+        let (mut problem, places) = points.problem(camera, &poses, &held);
         let options = BundleOptions {
             max_work: MAX_WORK,
             ..BundleOptions::default()
         };
         let result = adjust_bundle(&mut problem, &options);
-        for (node, pose) in poses.iter_mut().enumerate().skip(1) {
-            *pose = problem.poses[place(node as u32)].inverse().normalized();
+        for (pose, place) in poses.iter_mut().zip(&places).skip(1) {
+            if let Some(place) = place {
+                *pose = problem.poses[*place as usize].inverse().normalized();
+            }
         }
+        follow(nodes, &held, &before, &mut poses);
         report.bundle = BundleCounts {
             free_keyframes: problem.free_poses as u32,
             fixed_keyframes: 1,
@@ -261,104 +272,7 @@ impl Proposal<'_> {
         }
     }
 }
-
-impl<'a> Nodes<'a> {
-    /// Those of one or two submaps; of the submap that began first, the first keyframe comes first.
-    fn new(view: &'a MapView, a: SubmapId, b: SubmapId) -> Self {
-        let all = view.keyframes().map(|k| &**k);
-        let mut keyframes: Vec<&Keyframe> =
-            all.filter(|k| k.submap == a || k.submap == b).collect();
-        keyframes.sort_by_key(|k| (k.submap, k.id));
-        let numbered = keyframes.iter().zip(0..);
-        Self {
-            index: numbered.map(|(k, i)| (k.id, i)).collect(),
-            keyframes,
-        }
-    }
-
-    /// The tree of parents, and the pairs that share most.
-    fn essential_edges(&self) -> Vec<PoseGraphEdge> {
-        let mut edges = Vec::new();
-        for (b, k) in self.keyframes.iter().enumerate() {
-            let mut others: Vec<KeyframeId> = k.parent.into_iter().collect();
-            let strong = k
-                .covisible
-                .iter()
-                // Each pair once, from its younger end.
-                .filter(|(o, n)| *n >= MIN_SHARED && *o < k.id);
-            others.extend(strong.map(|c| c.0).filter(|o| Some(*o) != k.parent));
-            for other in others {
-                let Some(a) = self.index.get(&other).filter(|a| **a != b as u32) else {
-                    continue;
-                };
-                let a_from_world = self.keyframes[*a as usize].world_from_camera.inverse();
-                edges.push(PoseGraphEdge {
-                    a: *a,
-                    b: b as u32,
-                    a_from_b: a_from_world * k.world_from_camera,
-                    information: information(),
-                    kernel: EdgeKernel::Square,
-                });
-            }
-        }
-        edges
-    }
-
-    /// A loop between the keyframes that its ends are now, through tombstones.
-    fn loop_edge(
-        &self,
-        view: &MapView,
-        edge: &LoopEdge,
-        kernel: EdgeKernel,
-    ) -> Option<PoseGraphEdge> {
-        let end = |id: KeyframeId| {
-            let live = view.resolve_keyframe(id)?;
-            let live_from_world = view.world_from_keyframe(live)?.inverse();
-            // The end may have been culled; the measurement is then moved to the keyframe on which its tombstone hangs.
-            let live_from_id = live_from_world * view.world_from_keyframe(id)?;
-            Some((*self.index.get(&live)?, live_from_id))
-        };
-        let ((a, a_from_old), (b, b_from_new)) = (end(edge.old)?, end(edge.new)?);
-        (a != b).then(|| PoseGraphEdge {
-            a,
-            b,
-            a_from_b: a_from_old * edge.old_from_new * b_from_new.inverse(),
-            information: information(),
-            kernel,
-        })
-    }
-
-    fn corrections(&self, poses: &[Se3]) -> Vec<PoseCorrection> {
-        let pairs = self.keyframes.iter().zip(poses);
-        pairs
-            .map(|(k, pose)| PoseCorrection {
-                keyframe: k.id,
-                before: k.world_from_camera,
-                after: *pose,
-            })
-            .collect()
-    }
-
-    fn landmark_correction(
-        &self,
-        view: &MapView,
-        poses: &[Se3],
-        id: LandmarkId,
-        position: &Vec3,
-    ) -> Option<LandmarkCorrection> {
-        let l = view.landmark(id)?;
-        let anchor = *self.index.get(&l.anchor)?;
-        Some(LandmarkCorrection {
-            landmark: id,
-            anchor: l.anchor,
-            before: l.position_in_anchor,
-            after: poses[anchor as usize].inverse().transform(position),
-        })
-    }
-}
-
-/// What is known of a motion between two keyframes, for a perturbation `[translation; rotation]`.
-fn information() -> Mat6 {
-    let (t, r) = (1.0 / (SIGMA_M * SIGMA_M), 1.0 / (SIGMA_RAD * SIGMA_RAD));
-    Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
+/// The information of a covariance; none where it has no meaning.
+fn information(covariance: &Mat6) -> Option<Mat6> {
+    pose_covariance(covariance)
 }

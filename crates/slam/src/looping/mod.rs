@@ -2,9 +2,13 @@
 //!
 //! Owns the place index. Works on a view of the map and answers with a correction; changes nothing itself.
 
+mod agree;
 mod config;
 mod correct;
+mod drift;
+mod nodes;
 mod points;
+mod support;
 mod verify;
 
 pub use config::{LoopCloserSetup, LoopingConfig};
@@ -12,21 +16,22 @@ pub use config::{LoopCloserSetup, LoopingConfig};
 use crate::messages::{LoopCloserMsg, LoopCloserOut};
 use crate::report::{LoopOutcome, LoopReport};
 use correct::Proposal;
-use std::collections::BTreeSet;
+use nodes::{group_of, surroundings};
 use std::sync::Arc;
 use stillpoint_map::{Correction, Keyframe, KeyframeId, LoopEdge, MapView};
 use stillpoint_place::{PlaceIndex, PlaceMatch, PlaceVector, Vocabulary};
 
 /// Keyframes that look most alike and are looked into.
 const CANDIDATES: usize = 5;
-/// Keyframes around one that count as the same place: so many that share most landmarks with it.
-const GROUP: usize = 10;
 
 /// The newest keyframes, so many, are no candidates, and so many pass between two closed loops: what was seen just now needs no loop.
 /// This and the next as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MIN_GAP: usize = 10;
 /// A place must be recognised by so many keyframes in a row: one alone may be a coincidence.
 const CONSISTENCY: u32 = 3;
+
+/// Motions to older keyframes that are remembered: those of four keyframes at least.
+const SIGHTINGS: usize = 4 * CANDIDATES;
 
 /// A place that keyframe after keyframe looked like.
 struct Streak {
@@ -47,6 +52,9 @@ pub struct LoopCloser {
     streaks: Vec<Streak>,
     /// Loops that were closed.
     edges: Vec<LoopEdge>,
+    /// What the last keyframes told of older ones, whether a loop was closed with it or not.
+    sightings: Vec<LoopEdge>,
+    min_held: usize,
     last_closed: Option<KeyframeId>,
     /// The first version of the map that holds the last correction; none while the mapper has not answered.
     valid_from: Option<u64>,
@@ -65,6 +73,8 @@ impl LoopCloser {
             index: PlaceIndex::default(),
             streaks: Vec::new(),
             edges: Vec::new(),
+            sightings: Vec::new(),
+            min_held: setup.min_held,
             last_closed: None,
             valid_from: Some(0),
         }
@@ -211,6 +221,7 @@ impl LoopCloser {
                 rigid_inliers: 0,
                 inliers: 0,
                 expected: 0,
+                agreeing: 0,
                 edge: None,
                 joined: None,
                 cost: 0.0,
@@ -223,12 +234,18 @@ impl LoopCloser {
             let closed = self
                 .verify(view, keyframe, with, &mut report)
                 .and_then(|verified| {
+                    self.remember(verified.edge(with.id, keyframe.id, report.inliers));
+                    if !self.is_enough(keyframe, with, &report) {
+                        return Err(LoopOutcome::FewInliers);
+                    }
                     let proposal = Proposal {
                         view,
                         keyframe,
                         with,
                         verified: &verified,
                         earlier: &self.edges,
+                        sightings: &self.sightings,
+                        min_held: self.min_held,
                         scale_factor: self.scale_factor,
                     };
                     proposal.correct(&mut report)
@@ -244,6 +261,7 @@ impl LoopCloser {
                     self.valid_from = None;
                     // These candidates lead to the loop that is closed now.
                     self.streaks.clear();
+                    self.sightings.clear();
                     report.joined = correction.join;
                     return (Some(correction), Some(report));
                 }
@@ -256,6 +274,14 @@ impl LoopCloser {
             }
         }
         (None, reported)
+    }
+
+    /// Keeps what a keyframe told of an older one, and forgets the oldest.
+    fn remember(&mut self, sighting: LoopEdge) {
+        if self.sightings.len() == SIGHTINGS {
+            self.sightings.remove(0);
+        }
+        self.sightings.push(sighting);
     }
 
     /// Whether a view holds the last correction. One that does not must not be corrected, or the same drift would be taken out
@@ -273,25 +299,6 @@ impl LoopCloser {
     }
 }
 
-/// A keyframe and those that share most landmarks with it, by id.
-fn group_of(k: &Keyframe) -> Vec<KeyframeId> {
-    let mut group: Vec<KeyframeId> = k.covisible.iter().take(GROUP).map(|c| c.0).collect();
-    group.push(k.id);
-    group.sort_unstable();
-    group
-}
-
-/// The keyframes that share landmarks with one, and those that share landmarks with these.
-fn surroundings(view: &MapView, k: &Keyframe) -> BTreeSet<KeyframeId> {
-    let mut near = BTreeSet::from([k.id]);
-    for (id, _) in &k.covisible {
-        near.insert(*id);
-        let second = view.keyframe(*id);
-        near.extend(second.iter().flat_map(|k| k.covisible.iter().map(|c| c.0)));
-    }
-    near
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
@@ -302,7 +309,7 @@ mod tests {
     use stillpoint_map::{KeyframeData, Map};
 
     /// A map of keyframes that share nothing.
-    fn map(keyframes: u32) -> Map {
+    pub(super) fn map(keyframes: u32) -> Map {
         let mut map = Map::new(8, 1.2);
         for k in 0..keyframes {
             let data = KeyframeData {

@@ -1,9 +1,9 @@
 //! What bundle adjustment of whole submaps is about.
 
-use super::correct::Nodes;
+use super::nodes::Nodes;
 use crate::association::measurement_in;
 use std::collections::BTreeMap;
-use stillpoint_estimation::BundleObservation;
+use stillpoint_estimation::{BundleObservation, BundleProblem, Intrinsics};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_map::{LandmarkId, MapView};
 
@@ -63,5 +63,35 @@ impl Points {
             }
         }
         points
+    }
+
+    /// The problem of bundle adjustment for the nodes that are held, and where each node's pose is in it. Free poses come first; the
+    /// first keyframe, which holds the map in place, is the last.
+    pub(super) fn problem(
+        &self,
+        camera: Intrinsics,
+        poses: &[Se3],
+        held: &[bool],
+    ) -> (BundleProblem, Vec<Option<u32>>) {
+        let mut places = vec![None; poses.len()];
+        let mut in_camera = Vec::new();
+        let free = (1..poses.len()).filter(|n| held[*n]);
+        for node in free.chain((0..poses.len()).take(1)) {
+            places[node] = Some(in_camera.len() as u32);
+            in_camera.push(poses[node].inverse());
+        }
+        // What the others saw would pull at points without a pose that it could be weighed with.
+        let seen = self.observations.iter().filter_map(|o| {
+            let pose = places[o.pose as usize]?;
+            Some(BundleObservation { pose, ..*o })
+        });
+        let problem = BundleProblem {
+            camera,
+            free_poses: in_camera.len().saturating_sub(1),
+            poses: in_camera,
+            points: self.positions.clone(),
+            observations: seen.collect(),
+        };
+        (problem, places)
     }
 }

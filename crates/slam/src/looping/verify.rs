@@ -9,7 +9,7 @@ use stillpoint_estimation::{
 };
 use stillpoint_features::best_two;
 use stillpoint_geometry::{Mat6, Se3};
-use stillpoint_map::{Keyframe, LandmarkId, MapView};
+use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, LoopEdge, MapView};
 
 /// Points of both keyframes that agree on one rigid motion, at least: fewer agree by chance. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MIN_RIGID_INLIERS: usize = 20;
@@ -32,6 +32,20 @@ pub(super) struct Verified {
     pub(super) landmarks: Vec<LandmarkId>,
 }
 
+impl Verified {
+    /// The motion, as the map keeps it.
+    pub(super) fn edge(&self, old: KeyframeId, new: KeyframeId, inliers: u32) -> LoopEdge {
+        LoopEdge {
+            old,
+            new,
+            old_from_new: self.new_from_old.inverse(),
+            // Sums of products are symmetric but for their last bits.
+            information: (self.information + self.information.transpose()) * 0.5,
+            inliers,
+        }
+    }
+}
+
 /// A landmark and the feature that sees it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sighting {
@@ -41,7 +55,8 @@ pub(super) struct Sighting {
 }
 
 impl LoopCloser {
-    /// Finds the motion between two keyframes by their points, then by all landmarks around the older one.
+    /// Finds the motion between two keyframes by their points, then by all landmarks around the older one. Few of these may do where
+    /// others tell the same: whether they are enough is [`Self::is_enough`].
     pub(super) fn verify(
         &self,
         view: &MapView,
@@ -90,17 +105,19 @@ impl LoopCloser {
             information = fit.information;
         }
         report.edge = Some(new_from_old.inverse());
-        // Within a submap the map itself objects to a place that is only similar; between submaps nothing does.
-        let share = f64::from(report.inliers) / f64::from(report.expected.max(1));
-        let is_similar = new.submap != old.submap && share < MIN_SHARE;
-        if (report.inliers as usize) < self.config.min_inliers || is_similar {
-            return Err(LoopOutcome::FewInliers);
-        }
         Ok(Verified {
             new_from_old,
             information,
             landmarks,
         })
+    }
+
+    /// Whether enough landmarks are where the motion puts them for a loop to be closed with it.
+    pub(super) fn is_enough(&self, new: &Keyframe, old: &Keyframe, report: &LoopReport) -> bool {
+        // Within a submap the map itself objects to a place that is only similar; between submaps nothing does.
+        let share = f64::from(report.inliers) / f64::from(report.expected.max(1));
+        let is_similar = new.submap != old.submap && share < MIN_SHARE;
+        report.inliers as usize >= self.config.min_inliers && !is_similar
     }
 
     /// The motion on which most pairs of points agree.

@@ -1,0 +1,115 @@
+//! Whether several keyframes tell the same of a place: one motion alone may be a coincidence, also one that fits the map by chance.
+
+use super::drift::{Drift, distance, loop_covariance, moved};
+use super::nodes::Nodes;
+use stillpoint_geometry::{Mat6, Se3};
+use stillpoint_map::{KeyframeId, LoopEdge, MapView};
+
+/// Keyframes that must tell the same of a place, the newest one among them.
+pub(super) const AGREEING: usize = 3;
+/// 99.9 % quantile of chi-square with 6 degrees of freedom: how far two motions may be apart by what is known of them.
+pub(super) const GATE: f64 = 22.457_744_484_825_35;
+
+/// How many keyframes told the same as `edge`, each counted once, the one of the edge among them.
+pub(super) fn agreeing(
+    view: &MapView,
+    nodes: &Nodes<'_>,
+    drift: &Drift<'_>,
+    edge: &LoopEdge,
+    sightings: &[LoopEdge],
+) -> usize {
+    let Some((a, b, measured)) = nodes.loop_between(view, edge) else {
+        return 0;
+    };
+    let own = loop_covariance(&edge.information, &measured);
+    let mut agree: Vec<KeyframeId> = sightings
+        .iter()
+        .filter(|s| s.new != edge.new)
+        .filter(|s| {
+            let Some((old, new, told)) = nodes.loop_between(view, s) else {
+                return false;
+            };
+            let expected = nodes.motion(a, old) * told * nodes.motion(new, b);
+            let covariance = combined(drift, (a, old), (new, b), s, &told, &expected);
+            covariance.is_some_and(|c| distance(&measured, &expected, &(c + own)) <= GATE)
+        })
+        .map(|s| s.new)
+        .collect();
+    agree.sort_unstable();
+    agree.dedup();
+    agree.len() + 1
+}
+
+/// Covariance of what another sighting lets expect: of the path between the older keyframes, of that between the new ones, and its own.
+fn combined(
+    drift: &Drift<'_>,
+    (a, old): (u32, u32),
+    (new, b): (u32, u32),
+    sighting: &LoopEdge,
+    told: &Se3,
+    expected: &Se3,
+) -> Option<Mat6> {
+    let of_old = drift.between(a, old)?;
+    let a_from_old = drift.motion(a, old);
+    let own = moved(&loop_covariance(&sighting.information, told), &a_from_old);
+    // The perturbation on the left of `new_from_b`, brought to the left of the whole.
+    let a_from_new = *expected * drift.motion(new, b).inverse();
+    let of_new = moved(&drift.between(new, b)?, &a_from_new);
+    Some(of_old + own + of_new)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+    use super::super::tests::map;
+    use super::*;
+    use stillpoint_geometry::{Vec3, Vec6};
+    use stillpoint_map::SubmapId;
+
+    /// What a keyframe tells of an older one: `x` m to its right.
+    fn sighting(old: u32, new: u32, x: f64) -> LoopEdge {
+        LoopEdge {
+            old: KeyframeId(old),
+            new: KeyframeId(new),
+            old_from_new: Se3::new(Default::default(), Vec3::new(x, 0.0, 0.0)),
+            information: Mat6::from_diagonal(&Vec6::repeat(1e8)),
+            inliers: 40,
+        }
+    }
+
+    #[test]
+    fn keyframes_that_tell_the_same_are_counted_once_each() {
+        let map = map(12);
+        let view = map.view();
+        let nodes = Nodes::new(view, SubmapId(0), SubmapId(0));
+        let drift = Drift::new(view, &nodes, &[]);
+        let count = |sightings: &[LoopEdge]| {
+            agreeing(view, &nodes, &drift, &sighting(1, 10, 0.5), sightings)
+        };
+        assert_eq!(count(&[]), 1);
+        // Its own keyframe is no other witness.
+        assert_eq!(count(&[sighting(1, 10, 0.5)]), 1);
+        assert_eq!(count(&[sighting(1, 9, 0.5), sighting(2, 9, 0.5)]), 2);
+        assert_eq!(count(&[sighting(1, 9, 0.5), sighting(2, 8, 0.5)]), 3);
+        // Controls: another place, and one that is off by less than the ties between the keyframes know (5 cm each).
+        assert_eq!(count(&[sighting(1, 9, 3.0), sighting(2, 8, -2.0)]), 1);
+        assert_eq!(count(&[sighting(1, 9, 0.6), sighting(2, 8, 0.55)]), 3);
+    }
+
+    #[test]
+    fn what_a_path_may_have_drifted_grows_with_its_ties() {
+        let map = map(12);
+        let nodes = Nodes::new(map.view(), SubmapId(0), SubmapId(0));
+        let drift = Drift::new(map.view(), &nodes, &[]);
+        let one = drift.between(3, 4).unwrap();
+        // Nothing is shared: as after frames that were bridged.
+        assert!((one[(0, 0)].sqrt() - 0.05).abs() < 1e-9, "{one}");
+        let six = drift.between(2, 8).unwrap();
+        assert!((six - one * 6.0).amax() < 1e-12, "{six}");
+        assert_eq!(drift.between(8, 2).unwrap(), six);
+        assert_eq!(drift.between(5, 5), Some(Mat6::zeros()));
+        // A loop is a short way.
+        let closed = Drift::new(map.view(), &nodes, &[sighting(2, 8, 0.0)]);
+        assert!(closed.between(2, 8).unwrap()[(0, 0)] < 1e-4);
+    }
+}

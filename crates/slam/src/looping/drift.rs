@@ -1,0 +1,273 @@
+//! What a path may have drifted: the covariance of the motion between two keyframes, along the ties between them.
+//!
+//! A tie is as good as the landmarks that both of its keyframes see, as well as these fit, and no better than a share of the motion
+//! itself: errors that all features have in common (calibration, shutter, delay of depth) do not average out.
+
+use super::nodes::Nodes;
+use crate::association::measurement_in;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+use stillpoint_estimation::{EdgeKernel, Intrinsics, linearise, pose_covariance};
+use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
+use stillpoint_map::{Keyframe, LandmarkId, LoopEdge, MapView};
+
+/// What the motion of a tie is wrong by beside the noise of its landmarks, per axis: m, and rad (a twentieth of a degree).
+const TIE_M: f64 = 0.002;
+const TIE_RAD: f64 = 0.0009;
+/// And in relation to the motion itself, in length and in angle: the form of odometry's noise (Thrun, Burgard, Fox,
+/// "Probabilistic Robotics", 2005, section 5.4).
+const TIE_SHARE: f64 = 0.01;
+/// Fewer shared landmarks measure no motion: the frames between were bridged by flow, and are off by 5 to 10 cm after a second of it
+/// (decision 18).
+const MIN_MEASURED: usize = 15;
+const BRIDGED_M: f64 = 0.05;
+/// Two degrees.
+const BRIDGED_RAD: f64 = 0.035;
+const BRIDGED_SHARE: f64 = 0.1;
+
+/// Two nodes and what is known of the motion between them.
+pub(super) struct Tie {
+    pub(super) a: u32,
+    pub(super) b: u32,
+    pub(super) a_from_b: Se3,
+    /// For a left perturbation `[translation; rotation]` of `a_from_b`.
+    pub(super) covariance: Mat6,
+    /// How far a pose graph believes it: a loop may have been wrong.
+    pub(super) kernel: EdgeKernel,
+}
+
+/// The ties of a map.
+pub(super) struct Drift<'a> {
+    nodes: &'a Nodes<'a>,
+    pub(super) ties: Vec<Tie>,
+    /// Per node: the numbers of its ties.
+    of_node: Vec<Vec<u32>>,
+    /// Length by which an error of rotation acts on the far end, m: how far the nodes lie from their middle.
+    lever: f64,
+}
+
+/// A node on its way through the queue; the least uncertain comes first, ties by number.
+struct Reached(f64, u32);
+
+impl Ord for Reached {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.0.total_cmp(&self.0).then(other.1.cmp(&self.1))
+    }
+}
+impl PartialOrd for Reached {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl PartialEq for Reached {
+    fn eq(&self, other: &Self) -> bool {
+        self.cmp(other) == Ordering::Equal
+    }
+}
+impl Eq for Reached {}
+
+impl<'a> Drift<'a> {
+    /// The ties between neighbours, and those of loops that were closed before.
+    pub(super) fn new(view: &MapView, nodes: &'a Nodes<'a>, earlier: &[LoopEdge]) -> Self {
+        let mut ties: Vec<Tie> = nodes
+            .essential_pairs()
+            .into_iter()
+            .map(|(a, b)| {
+                let a_from_b = nodes.motion(a, b);
+                let [old, new] = [a, b].map(|i| nodes.keyframes[i as usize]);
+                Tie {
+                    a,
+                    b,
+                    a_from_b,
+                    covariance: neighbours(view, old, new, &a_from_b),
+                    kernel: EdgeKernel::Square,
+                }
+            })
+            .collect();
+        for edge in earlier {
+            let Some((a, b, a_from_b)) = nodes.loop_between(view, edge) else {
+                continue;
+            };
+            let covariance = loop_covariance(&edge.information, &edge.old_from_new);
+            ties.push(Tie {
+                a,
+                b,
+                a_from_b,
+                covariance,
+                kernel: EdgeKernel::Scaled,
+            });
+        }
+        let mut of_node = vec![Vec::new(); nodes.keyframes.len()];
+        for (i, tie) in ties.iter().enumerate() {
+            of_node[tie.a as usize].push(i as u32);
+            of_node[tie.b as usize].push(i as u32);
+        }
+        let centres = || nodes.keyframes.iter().map(|k| k.centre());
+        let count = nodes.keyframes.len().max(1) as f64;
+        let middle = centres().sum::<Vec3>() / count;
+        let spread = centres().map(|c| (c - middle).norm_squared()).sum::<f64>() / count;
+        Self {
+            nodes,
+            ties,
+            of_node,
+            lever: spread.sqrt(),
+        }
+    }
+
+    /// Covariance of the motion between two nodes along the least uncertain path, for a left perturbation of `a_from_b`; none when
+    /// nothing ties them. An upper bound: other paths know more, but not independently of this one.
+    pub(super) fn between(&self, a: u32, b: u32) -> Option<Mat6> {
+        let count = self.nodes.keyframes.len();
+        let mut best = vec![f64::INFINITY; count];
+        let mut from = vec![u32::MAX; count];
+        let mut queue = BinaryHeap::from([Reached(0.0, a)]);
+        best[a as usize] = 0.0;
+        while let Some(Reached(cost, node)) = queue.pop() {
+            if node == b {
+                break;
+            }
+            if cost > best[node as usize] {
+                continue;
+            }
+            for i in &self.of_node[node as usize] {
+                let tie = &self.ties[*i as usize];
+                let next = if tie.a == node { tie.b } else { tie.a };
+                let cost = cost + self.length(&tie.covariance);
+                if cost < best[next as usize] {
+                    best[next as usize] = cost;
+                    from[next as usize] = *i;
+                    queue.push(Reached(cost, next));
+                }
+            }
+        }
+        if !best[b as usize].is_finite() {
+            return None;
+        }
+        // In world coordinates the perturbation of a tie is the same from both of its ends.
+        let mut sum = Mat6::zeros();
+        let mut node = b;
+        while node != a {
+            let tie = &self.ties[from[node as usize] as usize];
+            let pose = self.nodes.keyframes[tie.a as usize].world_from_camera;
+            sum += moved(&tie.covariance, &pose);
+            node = if tie.a == node { tie.b } else { tie.a };
+        }
+        let a_from_world = self.nodes.keyframes[a as usize].world_from_camera.inverse();
+        Some(moved(&sum, &a_from_world))
+    }
+
+    /// The motion between two nodes, as the map has it.
+    pub(super) fn motion(&self, a: u32, b: u32) -> Se3 {
+        self.nodes.motion(a, b)
+    }
+
+    /// How uncertain a tie makes a path, m^2.
+    fn length(&self, covariance: &Mat6) -> f64 {
+        let d = covariance.diagonal();
+        d[0] + d[1] + d[2] + self.lever * self.lever * (d[3] + d[4] + d[5])
+    }
+}
+
+/// A covariance in other coordinates.
+pub(super) fn moved(covariance: &Mat6, to_from: &Se3) -> Mat6 {
+    let by = to_from.adjoint();
+    by * covariance * by.transpose()
+}
+
+/// Squared Mahalanobis distance between two motions, for a left perturbation; infinite where it has no meaning.
+pub(super) fn distance(measured: &Se3, expected: &Se3, covariance: &Mat6) -> f64 {
+    let off = (*measured * expected.inverse()).log();
+    let solved = pose_covariance(covariance).map(|information| off.dot(&(information * off)));
+    solved.filter(|d| d.is_finite()).unwrap_or(f64::INFINITY)
+}
+
+/// Covariance of a loop's motion `old_from_new` from the information of `new_from_old`.
+pub(super) fn loop_covariance(information: &Mat6, old_from_new: &Se3) -> Mat6 {
+    let measured = pose_covariance(information).map(|c| moved(&c, old_from_new));
+    measured.unwrap_or_else(Mat6::zeros) + common(old_from_new, TIE_M, TIE_RAD, TIE_SHARE)
+}
+
+/// What does not average out.
+fn common(motion: &Se3, metres: f64, radians: f64, share: f64) -> Mat6 {
+    let (length, angle) = (motion.translation.norm(), motion.rotation.angle());
+    let t = metres * metres + (share * length).powi(2);
+    let r = radians * radians + (share * angle).powi(2);
+    Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
+}
+
+/// Covariance of the motion between two keyframes from the landmarks that both see.
+fn neighbours(view: &MapView, a: &Keyframe, b: &Keyframe, a_from_b: &Se3) -> Mat6 {
+    let mut seen: Vec<LandmarkId> = a.matches.iter().flatten().copied().collect();
+    seen.sort_unstable();
+    let is_shared = |l: LandmarkId| seen.binary_search(&l).is_ok();
+    let of_b = known(view, b, is_shared);
+    let mut shared: Vec<LandmarkId> = b.matches.iter().flatten().copied().collect();
+    shared.sort_unstable();
+    let of_a = known(view, a, |l| shared.binary_search(&l).is_ok());
+    let measured = (of_a.count.min(of_b.count) >= MIN_MEASURED)
+        .then(|| Some((of_a.covariance()?, of_b.covariance()?)))
+        .flatten();
+    match measured {
+        Some((of_a, of_b)) => {
+            of_a + moved(&of_b, a_from_b) + common(a_from_b, TIE_M, TIE_RAD, TIE_SHARE)
+        }
+        None => common(a_from_b, BRIDGED_M, BRIDGED_RAD, BRIDGED_SHARE),
+    }
+}
+
+/// What some landmarks say of a keyframe's pose.
+pub(super) struct Known {
+    pub(super) count: usize,
+    information: Mat6,
+    /// Sum of their squared residuals.
+    chi2: f64,
+    /// Measured values.
+    values: f64,
+}
+
+impl Known {
+    /// For a left perturbation of `camera_from_world`; larger where the landmarks fit badly.
+    pub(super) fn covariance(&self) -> Option<Mat6> {
+        let fit = (self.chi2 / self.values.max(1.0)).max(1.0);
+        pose_covariance(&self.information).map(|c| c * fit)
+    }
+
+    /// From points in camera coordinates and their measurements. What is far off counts as one at three times its gate.
+    pub(super) fn gather(
+        camera: &Intrinsics,
+        seen: impl Iterator<Item = (Vec3, stillpoint_estimation::Measurement)>,
+    ) -> Self {
+        let mut known = Self {
+            count: 0,
+            information: Mat6::zeros(),
+            chi2: 0.0,
+            values: 0.0,
+        };
+        for (p, m) in seen {
+            let chi2 = m.chi2(camera, &p);
+            known.chi2 += chi2.min(9.0 * m.gate());
+            known.values += if m.has_depth() { 3.0 } else { 2.0 };
+            // An outlier holds nothing.
+            if chi2 > m.gate() {
+                continue;
+            }
+            known.count += 1;
+            let weights = [m.pixel_weight, m.pixel_weight, m.inverse_depth_weight];
+            for (row, w) in linearise(camera, &m, &p).by_pose.iter().zip(weights) {
+                let row = Vec6::from_row_slice(row);
+                known.information += row * row.transpose() * w;
+            }
+        }
+        known
+    }
+}
+
+fn known(view: &MapView, k: &Keyframe, is_asked: impl Fn(LandmarkId) -> bool) -> Known {
+    let camera_from_world = k.world_from_camera.inverse();
+    let seen = k.matches.iter().enumerate().filter_map(|(feature, l)| {
+        let id = l.filter(|l| is_asked(*l))?;
+        let p = camera_from_world.transform(&view.landmark_position(id)?);
+        Some((p, measurement_in(&k.data, feature, &k.data.camera)))
+    });
+    Known::gather(&Intrinsics::from(&k.data.camera), seen)
+}
