@@ -177,12 +177,12 @@ fn speeds_are_those_of_hand_held_recordings() {
     check("loop_two_rooms", [0.7, 1.0], [5.0, 30.0], [1.3, 90.0]);
     let turning = [15.0, 45.0];
     check("equal_rooms_return", [0.65, 1.0], turning, [1.3, 110.0]);
-    check("loop_in_haste", [1.2, 1.8], [50.0, 100.0], [2.2, 190.0]);
+    check("loop_in_haste", [1.2, 1.8], [50.0, 100.0], [2.2, 240.0]);
     check(
         "equal_rooms_in_haste",
         [1.1, 1.8],
         [50.0, 100.0],
-        [2.2, 190.0],
+        [2.2, 240.0],
     );
 }
 

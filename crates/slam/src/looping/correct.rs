@@ -65,7 +65,8 @@ impl Proposal<'_> {
         if report.cost > MAX_COST {
             return Err(LoopOutcome::Contradicted);
         }
-        if (report.agreeing as usize) < AGREEING {
+        // A submap may come back for a moment only, and what a wrong room tells agrees as well.
+        if join.is_none() && (report.agreeing as usize) < AGREEING {
             return Err(LoopOutcome::Unconfirmed);
         }
         let poses = match join {

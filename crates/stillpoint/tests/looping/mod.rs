@@ -123,7 +123,7 @@ fn a_walk_through_two_rooms_closes() {
     assert!(after < before, "{after} mm, without looping {before} mm");
 }
 
-/// A walk in haste, with turns up to 150 degrees per second, at every third frame: its loop is found, and is true. Control: without looping
+/// A walk in haste, with turns up to 220 degrees per second, at every third frame: its loop is found, and is true. Control: without looping
 /// the drift stays.
 #[test]
 fn a_walk_in_haste_closes() {
