@@ -190,8 +190,9 @@ pub(super) fn loop_covariance(information: &Mat6, old_from_new: &Se3) -> Mat6 {
 /// What does not average out.
 fn common(motion: &Se3, metres: f64, radians: f64, share: f64) -> Mat6 {
     let (length, angle) = (motion.translation.norm(), motion.rotation.angle());
-    let t = metres * metres + (share * length).powi(2);
-    let r = radians * radians + (share * angle).powi(2);
+    let (of_length, of_angle) = (share * length, share * angle);
+    let t = metres * metres + of_length * of_length;
+    let r = radians * radians + of_angle * of_angle;
     Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
 }
 

@@ -95,7 +95,7 @@ fn is_known(
     let depth = depths[depths.len() / 2];
     let d = covariance.diagonal();
     let (t, r) = (d[0].max(d[1]).max(d[2]), d[3].max(d[4]).max(d[5]));
-    t <= (MAX_SHARE * depth).powi(2) && r <= MAX_SHARE * MAX_SHARE
+    t <= MAX_SHARE * depth * MAX_SHARE * depth && r <= MAX_SHARE * MAX_SHARE
 }
 
 /// Moves the nodes that are not held with the nearest ancestor that is, or else with the node before: their place relative to it stays.
