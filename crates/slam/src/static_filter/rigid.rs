@@ -17,7 +17,7 @@ const MOVING_SIGMAS: f64 = 4.0;
 const STATIC_SIGMAS: f64 = 2.0;
 /// With this typical distance the flow of a frame counts half, px: the pose before the filter, or a shutter that was bent aside, is
 /// behind most of what seems to move then.
-const HALF_CERTAIN_PX: f64 = 0.7;
+const HALF_CERTAIN_PX: f64 = 0.9;
 /// Where even the nearest features are farther than this, the camera's motion is in doubt rather than the scene, px.
 const MAX_TYPICAL_PX: f64 = 5.0;
 
