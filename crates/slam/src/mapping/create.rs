@@ -1,5 +1,5 @@
 //! New landmarks: from depth, and by triangulation between covisible keyframes. What may become one follows ORB-SLAM2 (Mur-Artal,
-//! Tardos 2017): close points from depth and at least the nearest hundred, others from rays that differ enough.
+//! Tardos 2017), but that depth makes landmarks however far it is.
 
 use super::Mapper;
 use crate::association::{STRICT_DISTANCE, measurement};
@@ -8,16 +8,14 @@ use stillpoint_estimation::{Intrinsics, triangulate_midpoint};
 use stillpoint_geometry::{Mat3, Se3, Vec3, robust, so3};
 use stillpoint_map::{Keyframe, KeyframeId, NewLandmark};
 
-/// Landmarks made from depth at a keyframe, at least, nearest first, beyond the close ones.
-const MIN_DEPTH_LANDMARKS: usize = 100;
 /// Two rays must differ by at least this angle to fix a point: cos(1.15 deg).
 const MAX_PARALLAX_COSINE: f64 = 0.9998;
 /// Baseline over median depth below which triangulation is not tried.
 const MIN_BASELINE_SHARE: f64 = 0.01;
 
 impl Mapper {
-    /// Makes landmarks from the depths of the keyframe's unmatched features, nearest first: all close ones, and farther
-    /// ones until there are enough.
+    /// Makes landmarks from the depths of the keyframe's unmatched features, nearest first: what is far is weighed by
+    /// its noise, and not left out.
     pub(super) fn create_from_depth(&mut self, id: KeyframeId) -> u32 {
         let _span = tracing::info_span!("create").entered();
         let Some(keyframe) = self.map.view().keyframe(id).map(Arc::clone) else {
@@ -29,11 +27,7 @@ impl Mapper {
             .collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut created = 0;
-        for (rank, &(z, i)) in order.iter().enumerate() {
-            if z > self.close_depth && rank >= MIN_DEPTH_LANDMARKS {
-                break;
-            }
-            // They keep their rank: the nearest hundred are to be landmarks, which is not a hundred new ones.
+        for &(z, i) in &order {
             if keyframe.matches[i].is_some() || !data.mappable[i] {
                 continue;
             }

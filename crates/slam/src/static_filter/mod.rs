@@ -9,6 +9,7 @@ mod corners;
 mod depth;
 mod diagonals;
 mod epipolar;
+mod flow_pair;
 mod history;
 mod mask;
 mod paper;
@@ -20,6 +21,7 @@ mod verdict;
 mod visibility;
 
 pub use config::{FilterParts, FilterSetup, Preset, StaticFilterConfig};
+pub(crate) use flow_pair::FlowPair;
 pub(crate) use history::CapturePose;
 pub use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
@@ -30,7 +32,7 @@ use rigid::Votes;
 use semantic::Mover;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
-use stillpoint_geometry::{Camera, Se3, Vec2};
+use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{MOVES, Now, Surfaces};
@@ -54,28 +56,6 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) pairs: &'a [Option<FlowPair>],
     /// The camera's motion back to the frame before.
     pub(crate) last_from_now: Se3,
-}
-
-/// A feature of the present frame and where it was in the frame before.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct FlowPair {
-    /// Raw pixel in the frame before.
-    pub(crate) before_raw: [f32; 2],
-    /// Undistorted pixel in the frame before.
-    pub(crate) before: Vec2,
-    /// Undistorted pixel in the present frame.
-    pub(crate) now: Vec2,
-    /// Standard deviation of what flow measures between them, px ...
-    pub(crate) flow_sigma: f64,
-    /// ... and of what the shutter makes of it that is not known, px.
-    pub(crate) shutter_sigma: f64,
-}
-
-impl FlowPair {
-    /// Standard deviation of the one pixel relative to the other, px.
-    pub(crate) fn sigma(&self) -> f64 {
-        libm::hypot(self.flow_sigma, self.shutter_sigma)
-    }
 }
 
 /// The depth-connected regions of a frame that move, by square cells of the raw image.

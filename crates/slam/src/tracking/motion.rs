@@ -2,7 +2,9 @@
 
 use stillpoint_geometry::{Se3, Vec6};
 
-/// Share of the last change of turning that the next one may differ from it by; of the turning itself, while no change is known ...
+/// While no change of turning is known, it may have begun within the frame: a share of the turning.
+const UNSTEADY_FIRST: f64 = 0.5;
+/// Share of the last change of turning that the next one may differ from it by ...
 const UNSTEADY_CHANGE: f64 = 0.5;
 /// ... and the share of the turning that comes to it: who turns fast does not turn steadily.
 const UNSTEADY_TURN: f64 = 0.2;
@@ -75,7 +77,7 @@ impl CameraMotion {
             Some(before) => {
                 UNSTEADY_CHANGE * turning(&(last.velocity - before.velocity)) + UNSTEADY_TURN * turn
             }
-            None => UNSTEADY_CHANGE * turn,
+            None => UNSTEADY_FIRST * turn,
         }
     }
 
@@ -151,7 +153,7 @@ mod tests {
             .unsteadiness();
         assert!(still.abs() < 1e-9);
         assert!((steady - 2.0 * UNSTEADY_TURN).abs() < 1e-9 && begins > steady);
-        assert!((first - 2.0 * UNSTEADY_CHANGE).abs() < 1e-9);
+        assert!((first - 2.0 * UNSTEADY_FIRST).abs() < 1e-9);
     }
 
     #[test]

@@ -1,0 +1,25 @@
+//! What flow says of a feature.
+
+use stillpoint_geometry::Vec2;
+
+/// A feature of the present frame and where it was in the frame before.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct FlowPair {
+    /// Raw pixel in the frame before.
+    pub(crate) before_raw: [f32; 2],
+    /// Undistorted pixel in the frame before.
+    pub(crate) before: Vec2,
+    /// Undistorted pixel in the present frame.
+    pub(crate) now: Vec2,
+    /// Standard deviation of what flow measures between them, px ...
+    pub(crate) flow_sigma: f64,
+    /// ... and of what the shutter makes of it that is not known, px.
+    pub(crate) shutter_sigma: f64,
+}
+
+impl FlowPair {
+    /// Standard deviation of the one pixel relative to the other, px.
+    pub(crate) fn sigma(&self) -> f64 {
+        libm::hypot(self.flow_sigma, self.shutter_sigma)
+    }
+}
