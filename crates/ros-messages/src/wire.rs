@@ -40,6 +40,58 @@ pub enum WireError {
         /// Where the string begins.
         at: usize,
     },
+    /// One of the above, and where in the message.
+    #[error("{message}, field {field}: {reason}")]
+    InField {
+        /// The message, by its name in ROS 2.
+        message: &'static str,
+        /// The way to the field: `poses[3].header.stamp`.
+        field: String,
+        /// What is wrong with it.
+        reason: Box<WireError>,
+    },
+}
+
+impl WireError {
+    /// What is wrong, without the place.
+    #[must_use]
+    pub fn reason(&self) -> &Self {
+        match self {
+            Self::InField { reason, .. } => reason.reason(),
+            other => other,
+        }
+    }
+
+    /// The same error of a field of a message that holds the one it was found in.
+    #[cold]
+    pub(crate) fn within(self, message: &'static str, field: &str) -> Self {
+        let (inner, reason) = self.split();
+        let field = field.trim_start_matches("r#");
+        let dot = if inner.is_empty() || inner.starts_with('[') {
+            ""
+        } else {
+            "."
+        };
+        let field = format!("{field}{dot}{inner}");
+        Self::InField {
+            message,
+            field,
+            reason,
+        }
+    }
+
+    /// The same error of an element of a sequence.
+    #[cold]
+    fn of_element(self, index: usize) -> Self {
+        self.within("", &format!("[{index}]"))
+    }
+
+    fn split(self) -> (String, Box<Self>) {
+        match self {
+            Self::InField { field, reason, .. } => (field, reason),
+            other => (String::new(), Box::new(other)),
+        }
+    }
 }
 
 /// Reads values one after the other.
@@ -200,7 +252,18 @@ macro_rules! numbers {
         }
     )*};
 }
-numbers!(u8, i8, u16, u32, i32, f32, f64);
+numbers!(u8, i8, u16, i16, u32, i32, u64, i64, f32, f64);
+
+/// One byte; whatever is not zero is true.
+impl Wire<'_> for bool {
+    fn read(from: &mut Reader<'_>) -> Result<Self, WireError> {
+        u8::read(from).map(|byte| byte != 0)
+    }
+
+    fn write(&self, to: &mut Writer) {
+        u8::from(*self).write(to);
+    }
+}
 
 /// Text that is not UTF-8 is read with replacement characters: a name that is spelt badly is no reason to lose an image.
 impl<'a> Wire<'a> for Cow<'a, str> {
@@ -240,7 +303,8 @@ impl<'a> Wire<'a> for Cow<'a, [u8]> {
 impl<'a, T: Wire<'a>> Wire<'a> for Vec<T> {
     fn read(from: &mut Reader<'a>) -> Result<Self, WireError> {
         let length = from.length()?;
-        (0..length).map(|_| T::read(from)).collect::<Result<_, _>>()
+        let element = |i| T::read(from).map_err(|e| e.of_element(i));
+        (0..length).map(element).collect()
     }
 
     fn write(&self, to: &mut Writer) {

@@ -35,7 +35,7 @@ fn info(values: &[f64]) -> CameraInfo<'static> {
     };
     info.distortion_model = "plumb_bob".into();
     info.k[0] = 517.3;
-    info.roi.do_rectify = 1;
+    info.roi.do_rectify = true;
     info
 }
 
@@ -101,10 +101,8 @@ fn every_cut_is_refused() {
         let bytes = to_bytes(&image("camera", &[1, 2, 3]), format);
         for end in 0..bytes.len() {
             let cut = from_bytes::<Image<'_>>(&bytes[..end], format);
-            assert!(
-                matches!(cut, Err(WireError::Short { .. })),
-                "{format:?} {end}: {cut:?}"
-            );
+            let short = |e: &WireError| matches!(e.reason(), WireError::Short { .. });
+            assert!(cut.as_ref().is_err_and(short), "{format:?} {end}: {cut:?}");
         }
     }
 }
@@ -124,9 +122,25 @@ fn a_length_alone_reserves_nothing() {
         needed: u32::MAX as usize,
         left: 0,
     };
+    let found = from_bytes::<TfMessage<'_>>(&bytes, Format::CdrLittleEndian);
+    assert_eq!(found.unwrap_err().reason(), &expected);
+}
+
+#[test]
+fn errors_name_message_and_field() {
+    let names = ["base".to_owned(), "camera".to_owned()];
+    let bytes = to_bytes(&tree(&names), Format::Ros1);
+    let cut = from_bytes::<TfMessage<'_>>(&bytes[..bytes.len() - 1], Format::Ros1);
     assert_eq!(
-        from_bytes::<TfMessage<'_>>(&bytes, Format::CdrLittleEndian),
-        Err(expected)
+        cut.unwrap_err().to_string(),
+        "tf2_msgs/msg/TFMessage, field transforms[1].transform.rotation.w: expected 8 bytes at byte 158, found 7"
+    );
+    let marker = to_bytes(&Marker::default(), Format::CdrLittleEndian);
+    let cut = from_bytes::<Marker<'_>>(&marker[..20], Format::CdrLittleEndian).unwrap_err();
+    assert!(
+        cut.to_string()
+            .starts_with("visualization_msgs/msg/Marker, field ns: "),
+        "{cut}"
     );
 }
 
