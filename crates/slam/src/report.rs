@@ -112,6 +112,14 @@ pub struct FrameCounts {
     pub detections_without_pose: u32,
 }
 
+impl FrameCounts {
+    /// Share of the keypoints that move, among them those that are used all the same.
+    #[must_use]
+    pub fn moving_share(&self) -> f64 {
+        f64::from(self.dynamic + self.released) / f64::from(self.keypoints.max(1))
+    }
+}
+
 /// The mapper's report on one keyframe.
 #[derive(Clone, Debug)]
 pub struct MappingReport {

@@ -171,8 +171,7 @@ impl HealthMonitor {
         }
         self.version = Some(report.map_version);
         let counts = &report.counts;
-        let moving = f64::from(counts.dynamic + counts.released);
-        let dynamic_share = moving / f64::from(counts.keypoints.max(1));
+        let dynamic_share = counts.moving_share();
         let judged = evidence.judged && counts.keypoints > 0;
         let look = Look::at(frame);
         if judged {

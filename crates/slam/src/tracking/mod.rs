@@ -78,6 +78,8 @@ pub struct Tracker {
     /// When the last submap was begun, s.
     begun: f64,
     since_keyframe: SinceKeyframe,
+    /// Share of the keypoints that moved in the frame before.
+    moving_share: f64,
     /// The frame before, whatever became of it.
     previous: Option<Arc<RgbdFrame>>,
     trajectory: Trajectory,
@@ -132,6 +134,7 @@ impl Tracker {
             submap: None,
             begun: f64::NEG_INFINITY,
             since_keyframe: SinceKeyframe::default(),
+            moving_share: 0.0,
             previous: None,
             trajectory: Trajectory::default(),
         }

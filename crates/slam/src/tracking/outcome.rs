@@ -254,6 +254,7 @@ impl Tracker {
             _ => has_map.then_some(notes.counts.inliers),
         };
         self.front_end.note_inliers(agreed);
+        self.moving_share = notes.counts.moving_share();
         // What the filter saw counts also where no pose came of it: detections that it used are used up.
         if let Some(filter) = notes.filter {
             self.filter = filter;

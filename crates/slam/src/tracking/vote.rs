@@ -23,8 +23,11 @@ const SIGMAS: f64 = 5.0;
 const PEAK: f64 = 60.0;
 /// The same of matches by descriptor, which err by a pixel and more.
 const ROUGH_PEAK: f64 = 6.0;
-/// Who moves is undecided for so long after a submap was begun, s.
+/// Who moves is undecided for so long after a submap was begun, s ...
 const UNDECIDED: f64 = 2.0;
+/// ... and whenever more than this share of the keypoints moved in the frame before: where a crowd comes and goes, whoever is new in it
+/// did nothing yet that he could be known by.
+const CROWD: f64 = 0.35;
 /// A constant velocity is wrong by about this much after a frame.
 const PRIOR_SIGMA_M: f64 = 0.02;
 const PRIOR_SIGMA_RAD: f64 = 0.02;
@@ -69,7 +72,7 @@ impl Tracker {
             sigma_rad: PRIOR_SIGMA_RAD,
         };
         // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
-        let exact = frame.stamp - self.begun < UNDECIDED;
+        let exact = frame.stamp - self.begun < UNDECIDED || self.moving_share > CROWD;
         let velocity = self.state.motion_to(predicted, frame.stamp).at_before();
         let mut votes = self.voters(data, pairs, velocity.as_ref())?;
         if exact {
