@@ -90,6 +90,12 @@ impl Display for Failure {
     }
 }
 
+impl From<stillpoint::recordings::RecordingError> for Failure {
+    fn from(e: stillpoint::recordings::RecordingError) -> Self {
+        Self::input(e)
+    }
+}
+
 impl From<stillpoint::datasets::DatasetError> for Failure {
     fn from(e: stillpoint::datasets::DatasetError) -> Self {
         Self::input(e)

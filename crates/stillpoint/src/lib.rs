@@ -46,6 +46,10 @@ pub use stillpoint_map as map;
 pub use stillpoint_models as models;
 /// Place recognition.
 pub use stillpoint_place as place;
+/// Recordings (MCAP, bags) and data sets, behind one `open`.
+pub use stillpoint_recordings as recordings;
+/// Messages of ROS as bytes and back.
+pub use stillpoint_ros_messages as ros_messages;
 /// Rendered rooms with exact ground truth.
 pub use stillpoint_simulator as simulator;
 /// The system itself.

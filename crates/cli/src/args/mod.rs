@@ -103,7 +103,7 @@ pub(crate) struct ConfigArgs {
     pub(crate) seed: Option<u64>,
 }
 
-/// Which frames of a data set, seen by which camera.
+/// Which frames of a data set or recording, seen by which camera.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct InputArgs {
     /// Camera file (camera.toml or camera.txt) or preset; guessed when not given.
@@ -117,10 +117,37 @@ pub(crate) struct InputArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
     pub(crate) max_frames: Option<u64>,
     #[command(flatten)]
+    pub(crate) topics: TopicArgs,
+    #[command(flatten)]
     pub(crate) detector: DetectorArgs,
     /// End with an error at the first unreadable frame instead of skipping it.
     #[arg(long)]
     pub(crate) strict: bool,
+}
+
+/// Which messages of a recording; data set folders have no use for these.
+#[derive(Clone, Debug, Default, PartialEq, Args)]
+pub(crate) struct TopicArgs {
+    /// Topic of the colour images of a recording; guessed when not given.
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) color_topic: Option<String>,
+    /// Topic of the depth images of a recording; guessed when not given.
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) depth_topic: Option<String>,
+    /// Topic of poses or odometry in a recording that is ground truth [default: no ground truth].
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) truth_topic: Option<String>,
+    /// Depth values per metre of a recording [default: what the device says, else 1000].
+    #[arg(long, value_name = "N", value_parser = depth_scale)]
+    pub(crate) depth_scale: Option<f64>,
+}
+
+/// Values per metre.
+fn depth_scale(text: &str) -> Result<f64, String> {
+    let scale = text.parse().ok();
+    scale
+        .filter(|s| (1.0..=1e6).contains(s))
+        .ok_or_else(|| "expected 1 to 1000000 values per metre".to_owned())
 }
 
 impl InputArgs {

@@ -64,10 +64,10 @@ pub(crate) struct OutputArgs {
     pub(crate) trace: Option<PathBuf>,
 }
 
-/// Run SLAM on a data set folder.
+/// Run SLAM on a data set folder or a recording.
 ///
-/// The layout (TUM, Bonn, ICL-NUIM, 7-Scenes) and the camera are guessed, and each guess is
-/// printed. With ground truth in the folder the score is printed too.
+/// The layout of a folder (TUM, Bonn, ICL-NUIM, 7-Scenes), the topics of a recording (MCAP, ROS 1
+/// bag) and the camera are guessed, and each guess is printed. With ground truth the score is printed too.
 ///
 /// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
 /// least 30 inliers; TUM format), trajectory_online.txt (the poses as known at each frame),
@@ -85,6 +85,8 @@ pub(crate) struct OutputArgs {
     verbatim_doc_comment,
     after_help = "Examples:
   stillpoint run rgbd_dataset_freiburg1_xyz
+  stillpoint run walk.mcap
+  stillpoint run two_cameras.bag --color-topic /front/color/image_raw --truth-topic /odom
   stillpoint run recording --camera camera.toml --out result
   stillpoint run rgbd_dataset_freiburg3_long_office_household --start 100 --max-frames 500
   stillpoint run recording --camera tum_fr1 --config my.toml --set tracking.min_inliers=40
@@ -103,7 +105,7 @@ Ctrl-C ended the run, or a thread of a live run did not come to its end (frames 
 no reason); 2 when the input cannot be used, or the output folder, or another file to be written."
 )]
 pub(crate) struct RunArgs {
-    /// Data set folder.
+    /// Data set folder or recording.
     #[arg(value_name = "PATH")]
     pub(crate) path: PathBuf,
     /// Play the data set as a camera. A frame that tracking has not taken when the next one arrives is dropped, and counted;
@@ -174,7 +176,7 @@ pub(crate) struct ReplayArgs {
     /// Log of a run.
     #[arg(value_name = "LOG")]
     pub(crate) log: PathBuf,
-    /// Data set folder.
+    /// Data set folder or recording.
     #[arg(value_name = "PATH")]
     pub(crate) path: PathBuf,
     #[command(flatten)]

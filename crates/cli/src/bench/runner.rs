@@ -177,6 +177,7 @@ impl Plan<'_> {
             camera,
             start,
             max_frames,
+            topics,
             detector:
                 DetectorArgs {
                     detector,
@@ -209,6 +210,18 @@ impl Plan<'_> {
         }
         if let Some(seed) = seed {
             add("--seed", seed.to_string().into());
+        }
+        for (option, topic) in [
+            ("--color-topic", &topics.color_topic),
+            ("--depth-topic", &topics.depth_topic),
+            ("--truth-topic", &topics.truth_topic),
+        ] {
+            if let Some(topic) = topic {
+                add(option, topic.into());
+            }
+        }
+        if let Some(scale) = topics.depth_scale {
+            add("--depth-scale", scale.to_string().into());
         }
         if *strict {
             all.push("--strict".into());
@@ -259,6 +272,7 @@ fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::args::TopicArgs;
     use crate::args::models::RuntimeChoice;
 
     #[test]
@@ -288,6 +302,12 @@ mod tests {
             camera: Some("tum_fr3".into()),
             start: 5,
             max_frames: Some(7),
+            topics: TopicArgs {
+                color_topic: Some("/c".into()),
+                depth_topic: Some("/d".into()),
+                truth_topic: Some("/t".into()),
+                depth_scale: Some(5000.0),
+            },
             detector: DetectorArgs {
                 detector: Some("scripted:{}/boxes.csv".into()),
                 runtime: RuntimeChoice::Rten,
@@ -308,7 +328,8 @@ mod tests {
         };
         let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
                         --detector-threads 2 --config my.toml \
-                        --set a.b=1 --set a.c=2 --seed 9 --strict";
+                        --set a.b=1 --set a.c=2 --seed 9 --color-topic /c --depth-topic /d --truth-topic /t \
+                        --depth-scale 5000 --strict";
         let found: Vec<String> = plan
             .arguments(Path::new("a"))
             .iter()

@@ -1,4 +1,4 @@
-//! What a bench runs on: data set folders, and simulated scenes, which lie in a folder for as long as they are needed.
+//! What a bench runs on: data set folders, recordings, and simulated scenes, which lie in a folder for as long as they are needed.
 
 use crate::args::InputArgs;
 use crate::bench::runner::program;
@@ -18,14 +18,14 @@ const NOBODY: &str = "nobody is in the scene";
 /// One of the paths.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Source {
-    /// A data set.
+    /// A data set or recording.
     Folder(PathBuf),
     /// A scene of the simulator.
     Scene(String),
 }
 
 impl Source {
-    /// Tells a scene from a folder, and refuses what is neither, before anything runs.
+    /// Tells a scene from a path, and refuses what is neither, before anything runs.
     pub(crate) fn of(path: &Path) -> Result<Self, Failure> {
         let scene = path.to_str().and_then(|p| p.strip_prefix(PREFIX));
         match scene {
@@ -40,11 +40,11 @@ impl Source {
                 Simulator::new(&config).map_err(Failure::input)?;
                 Ok(Self::Scene(scene.to_owned()))
             }
-            None if path.is_dir() => Ok(Self::Folder(path.to_owned())),
+            None if path.is_dir() || path.is_file() => Ok(Self::Folder(path.to_owned())),
             None => {
-                let found = if path.exists() { "a file" } else { "nothing" };
+                let found = if path.exists() { "neither" } else { "nothing" };
                 Err(Failure::input(format!(
-                    "{}: expected a data set folder or {PREFIX}SCENE, found {found}",
+                    "{}: expected a data set folder, a recording or {PREFIX}SCENE, found {found}",
                     path.display()
                 )))
             }
@@ -208,7 +208,6 @@ mod tests {
         for (path, part) in [
             ("sim:walking_xy", "did you mean \"walking_xyz\"?"),
             ("/no/such", "found nothing"),
-            (env!("CARGO_MANIFEST_PATH"), "found a file"),
         ] {
             let e = Source::of(Path::new(path)).unwrap_err().to_string();
             assert!(e.contains(part), "{e}");

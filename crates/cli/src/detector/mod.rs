@@ -9,7 +9,7 @@ use crate::detector::network::{ModelFile, Running};
 use crate::failure::Failure;
 use crate::models::cache::{self, Preferred};
 use std::path::Path;
-use stillpoint::datasets::{Entry, read_regular_text};
+use stillpoint::datasets::read_regular_text;
 use stillpoint::detection::{Detector, ScriptedDetector};
 use stillpoint::imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 
@@ -102,19 +102,19 @@ pub(crate) struct Loaded {
     pub(crate) library: Option<String>,
 }
 
-/// The detector that was settled on, for a recording with these frames.
+/// The detector that was settled on, for a recording whose frames have these stamps of colour and depth, s.
 ///
 /// # Errors
 /// A file that cannot be read, a model or script that cannot be used, a script of another recording.
 pub(crate) fn load(
     settled: &Settled,
     args: &DetectorArgs,
-    entries: &[Entry],
+    stamps: &[(f64, f64)],
 ) -> Result<Loaded, Failure> {
     match &settled.choice {
         Choice::None => Ok(Loaded::default()),
         Choice::Scripted(file) => Ok(Loaded {
-            detector: Some(Box::new(script(file, entries)?)),
+            detector: Some(Box::new(script(file, stamps)?)),
             library: None,
         }),
         Choice::Model(model) => {
@@ -170,7 +170,7 @@ fn refused(argument: &str, advice: &str) -> Failure {
 const LARGEST_SCRIPT: u64 = 1 << 30;
 
 /// A script, tried on the stamps of all frames: one that belongs to another recording would see nothing in a long run.
-fn script(file: &str, entries: &[Entry]) -> Result<ScriptedDetector, Failure> {
+fn script(file: &str, stamps: &[(f64, f64)]) -> Result<ScriptedDetector, Failure> {
     let text = read_regular_text(file.as_ref(), LARGEST_SCRIPT).map_err(|e| {
         Failure::input(format!(
             "{OPTION} scripted:{file}: expected a script of detections, found: {e}; check the path"
@@ -179,11 +179,11 @@ fn script(file: &str, entries: &[Entry]) -> Result<ScriptedDetector, Failure> {
     let detector = ScriptedDetector::parse(file, &text)
         .map_err(|e| Failure::input(format!("{OPTION} scripted:{e}")))?;
     let mut trial = detector.clone();
-    for entry in entries {
+    for (stamp, depth_stamp) in stamps.iter().copied() {
         let found = trial.detect(&RgbdFrame {
             id: FrameId(0),
-            stamp: entry.stamp,
-            depth_stamp: entry.depth_stamp,
+            stamp,
+            depth_stamp,
             gray: GrayImage::new(0, 0),
             colour: None,
             depth: DepthImage::default(),

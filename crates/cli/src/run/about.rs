@@ -19,6 +19,16 @@ pub(crate) struct About {
     /// Camera file or preset, when one was named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) camera: Option<String>,
+    /// Topics that were named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) color_topic: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) depth_topic: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) truth_topic: Option<String>,
+    /// Depth values per metre, when they were named.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) depth_scale: Option<f64>,
     /// Frames left out at the start.
     pub(crate) start: usize,
     /// Map that was resumed.
@@ -57,6 +67,10 @@ impl About {
                     named.to_owned()
                 }
             }),
+            color_topic: input.topics.color_topic.clone(),
+            depth_topic: input.topics.depth_topic.clone(),
+            truth_topic: input.topics.truth_topic.clone(),
+            depth_scale: input.topics.depth_scale,
             start: input.start,
             load_map: file(MapUse::Grow),
             localize: file(MapUse::Localize),

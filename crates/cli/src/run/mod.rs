@@ -1,4 +1,4 @@
-//! `run`: a data set folder through the system, frame by frame or as a camera.
+//! `run`: a data set folder or recording through the system, frame by frame or as a camera.
 
 pub(crate) mod about;
 pub(crate) mod frames;
@@ -37,10 +37,11 @@ use crate::timing::Timing;
 use crate::trace::TraceFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use stillpoint::datasets::{CameraChoice, Dataset, Entry, OpenOptions, ReadAhead};
+use stillpoint::datasets::{CameraChoice, ReadAhead};
 use stillpoint::geometry::Camera;
 use stillpoint::live::Stage;
 use stillpoint::map::Map;
+use stillpoint::recordings::{self, OpenOptions};
 use stillpoint::slam::{Config, CostTable, MapUse, Plan, Preset, StartError};
 
 /// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
@@ -154,8 +155,12 @@ fn every(n: u32) -> String {
 
 /// The detector. What runs it in a live run gives way to tracking: so do the threads that a network brings, which have the priority
 /// of whoever starts them.
-fn load_detector(args: &RunArgs, settled: &Settled, dataset: &Dataset) -> Result<Loaded, Failure> {
-    let load = || detector::load(settled, &args.input.detector, dataset.entries());
+fn load_detector(
+    args: &RunArgs,
+    settled: &Settled,
+    dataset: &recordings::Input,
+) -> Result<Loaded, Failure> {
+    let load = || detector::load(settled, &args.input.detector, &dataset.stamps());
     if args.live.is_none() {
         return load();
     }
@@ -168,10 +173,10 @@ fn load_detector(args: &RunArgs, settled: &Settled, dataset: &Dataset) -> Result
 }
 
 /// What a result is of.
-pub(crate) fn input(path: &Path, dataset: &Dataset) -> Input {
+pub(crate) fn input(path: &Path, dataset: &recordings::Input) -> Input {
     Input {
         name: path.display().to_string(),
-        layout: dataset.layout().to_string(),
+        layout: dataset.kind(),
         camera: dataset.camera().name.clone(),
     }
 }
@@ -232,18 +237,19 @@ impl<'a> KnownMap<'a> {
 pub(crate) fn outputs(
     args: &OutputArgs,
     config: &Config,
-    dataset: &Dataset,
+    dataset: &recordings::Input,
     frames: Option<usize>,
     timing: &'static Timing,
 ) -> Result<Outputs, Failure> {
     let overlay = |folder: &PathBuf| {
         let every = args.overlay_every as usize;
-        let frames = frames.unwrap_or(dataset.entries().len());
+        let stamps = dataset.stamps();
+        let frames = frames.unwrap_or(stamps.len());
         OverlayFolder::create(
             folder,
             every,
             frames,
-            rate(dataset.entries()),
+            rate(&stamps),
             Style {
                 labels: args.overlay_labels,
                 weights: config.motion_weights.clone(),
@@ -279,11 +285,11 @@ pub(crate) fn outputs(
 }
 
 /// Frames per second; 30 where the stamps do not tell.
-fn rate(entries: &[Entry]) -> f64 {
-    let (Some(first), Some(last)) = (entries.first(), entries.last()) else {
+fn rate(stamps: &[(f64, f64)]) -> f64 {
+    let (Some((first, _)), Some((last, _))) = (stamps.first(), stamps.last()) else {
         return 30.0;
     };
-    let rate = (entries.len() - 1) as f64 / (last.stamp - first.stamp);
+    let rate = (stamps.len() - 1) as f64 / (last - first);
     if rate.is_finite() && rate > 0.0 {
         rate
     } else {
@@ -291,14 +297,18 @@ fn rate(entries: &[Entry]) -> f64 {
     }
 }
 
-/// Opens the data set and says what was guessed.
-pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<Dataset, Failure> {
+/// Opens the data set or recording and says what was guessed.
+pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<recordings::Input, Failure> {
     let options = OpenOptions {
         camera: input.camera.as_deref().map(CameraChoice::from_argument),
         strict: input.strict,
+        colour_topic: input.topics.color_topic.clone(),
+        depth_topic: input.topics.depth_topic.clone(),
+        truth_topic: input.topics.truth_topic.clone(),
+        depth_scale: input.topics.depth_scale,
         ..OpenOptions::default()
     };
-    let dataset = Dataset::open(path, &options)?;
+    let dataset = recordings::open(path, &options)?;
     for guess in dataset.guesses() {
         console::info(guess);
     }

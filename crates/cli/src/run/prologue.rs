@@ -11,15 +11,16 @@ use crate::run::session::{Driver, Outputs, Session};
 use crate::run::{KnownMap, default_out, input, open, outputs, paths, played};
 use crate::timing::Timing;
 use std::path::{Path, PathBuf};
-use stillpoint::datasets::{Dataset, DatasetSource, FrameOptions, ReadAhead, StampedPose};
+use stillpoint::datasets::{FrameOptions, ReadAhead, StampedPose};
 use stillpoint::detection::Detector;
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
+use stillpoint::recordings::{Input, Source};
 use stillpoint::slam::{Config, MapUse};
 
 /// What is asked for.
 pub(crate) struct Task<'a> {
-    /// Data set folder.
+    /// Data set folder or recording.
     pub(crate) path: &'a Path,
     pub(crate) input: &'a InputArgs,
     pub(crate) output: &'a OutputArgs,
@@ -37,14 +38,14 @@ pub(crate) struct Task<'a> {
 pub(crate) struct Opened<'a> {
     task: Task<'a>,
     simd: Simd,
-    pub(crate) dataset: Dataset,
+    pub(crate) dataset: Input,
 }
 
 /// A task whose first frame can go by.
 pub(crate) struct Begun<'a> {
     task: Task<'a>,
     simd: Simd,
-    dataset: Dataset,
+    dataset: Input,
     truth: Option<Vec<StampedPose>>,
     out: PathBuf,
     folder: ResultFolder,
@@ -59,7 +60,7 @@ pub(crate) struct Means {
 }
 
 impl<'a> Task<'a> {
-    /// Opens the data set.
+    /// Opens the data set or recording.
     pub(crate) fn open(self) -> Result<Opened<'a>, Failure> {
         let simd = config::simd()?;
         let dataset = open(self.path, self.input)?;
@@ -89,7 +90,7 @@ impl<'a> Opened<'a> {
         let truth = dataset.ground_truth()?;
         let source = frames(&task, &dataset, colour)?;
         let remaining = source.remaining();
-        let ids = adds_ids.then(|| remaining.unwrap_or(dataset.entries().len()));
+        let ids = adds_ids.then(|| remaining.unwrap_or(dataset.stamps().len()));
         let camera = dataset.camera().camera;
         let map = known.map(|k| k.load(&task.config, &camera, ids));
         let map = map.transpose()?;
@@ -117,7 +118,7 @@ impl<'a> Opened<'a> {
 }
 
 /// The frames that are asked for.
-fn frames(task: &Task<'_>, dataset: &Dataset, colour: bool) -> Result<DatasetSource, Failure> {
+fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Failure> {
     Ok(dataset.frames(&FrameOptions {
         start: task.input.start,
         max_frames: task.input.max_frames.map(|n| n as usize),

@@ -1,7 +1,7 @@
 //! `replay`: a run again, bit for bit, from its log and its data set.
 
-use crate::args::InputArgs;
 use crate::args::run::ReplayArgs;
+use crate::args::{InputArgs, TopicArgs};
 use crate::failure::{Failure, Status};
 use crate::run::KnownMap;
 use crate::run::about::About;
@@ -23,6 +23,12 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
     let frames_of = InputArgs {
         camera: args.camera.clone().or(about.camera),
         start: about.start,
+        topics: TopicArgs {
+            color_topic: about.color_topic,
+            depth_topic: about.depth_topic,
+            truth_topic: about.truth_topic,
+            depth_scale: about.depth_scale,
+        },
         ..InputArgs::default()
     };
     let task = Task {

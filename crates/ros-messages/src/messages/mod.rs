@@ -78,5 +78,6 @@ messages! {
         frame_id: Cow<'a, str>,
     }
     StringMessage<'a> "std_msgs/msg/String" "992ce8a1687cec8c8bd883ec73ca41d1" { data: Cow<'a, str>, }
+    Float32 "std_msgs/msg/Float32" "73fcbf46b49191e672908e50842a83d4" { data: f32, }
     ColorRgba "std_msgs/msg/ColorRGBA" { r: f32, g: f32, b: f32, a: f32, }
 }

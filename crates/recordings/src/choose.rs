@@ -1,0 +1,333 @@
+//! Which topics are the camera's: pairs of colour and depth are scored by what they have in common.
+
+use crate::error::{RecordingError, Result};
+use crate::probe::{Probe, Shows, Stream, base};
+use std::path::Path;
+
+/// Topics that the user named.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Named<'a> {
+    pub(crate) colour: Option<&'a str>,
+    pub(crate) depth: Option<&'a str>,
+}
+
+/// The chosen topics.
+#[derive(Clone, Debug)]
+pub(crate) struct Pair {
+    pub(crate) colour: Stream,
+    pub(crate) depth: Stream,
+    /// Why these, in words.
+    pub(crate) reasons: String,
+    score: i32,
+}
+
+/// Names by which drivers say that depth was brought into the colour camera.
+const REGISTERED: [&str; 4] = [
+    "aligned_depth_to_color",
+    "depth_registered",
+    "depth_to_rgb",
+    "depth2rgb",
+];
+
+pub(crate) fn says_registered(topic: &str) -> bool {
+    let topic = topic.to_lowercase();
+    REGISTERED.iter().any(|name| topic.contains(name))
+}
+
+/// Chooses a pair.
+///
+/// # Errors
+/// [`RecordingError::Topics`]: no such topic, no colour or depth, or several cameras.
+pub(crate) fn choose(path: &Path, probe: &Probe, named: Named<'_>) -> Result<Pair> {
+    let colours = candidates(path, probe, Shows::Colour, named.colour, "--color-topic")?;
+    let depths = candidates(path, probe, Shows::Depth, named.depth, "--depth-topic")?;
+    let mut pairs: Vec<Pair> = colours
+        .iter()
+        .flat_map(|c| depths.iter().map(|d| pair(probe, c, d)))
+        .collect();
+    // Equal scores keep the order of the file.
+    pairs.sort_by_key(|p| std::cmp::Reverse(p.score));
+    let best = pairs[0].clone();
+    let rivals: Vec<&Pair> = pairs[1..].iter().filter(|p| is_rival(p, &best)).collect();
+    if let Some(rival) = rivals.first() {
+        let several = std::iter::once(&best).chain(rivals.iter().copied());
+        let list: Vec<String> = several
+            .map(|p| format!("{} with {}", p.colour.topic, p.depth.topic))
+            .collect();
+        let option = if rival.colour.channel == best.colour.channel {
+            "--depth-topic"
+        } else {
+            "--color-topic"
+        };
+        return Err(RecordingError::topics(
+            path,
+            "one camera",
+            format!("{}: {}", list.len(), list.join("; ")),
+            &format!("name one with {option}"),
+        ));
+    }
+    Ok(best)
+}
+
+/// Whether a pair could as well be meant. Another camera may score a little less because its names are less telling.
+fn is_rival(pair: &Pair, best: &Pair) -> bool {
+    let apart = pair.colour.base != best.colour.base && pair.depth.base != best.depth.base;
+    pair.score == best.score || (apart && best.score - pair.score <= 2)
+}
+
+fn candidates<'p>(
+    path: &Path,
+    probe: &'p Probe,
+    shows: Shows,
+    named: Option<&str>,
+    option: &str,
+) -> Result<Vec<&'p Stream>> {
+    let all: Vec<&Stream> = probe.streams.iter().filter(|s| s.shows == shows).collect();
+    let what = if shows == Shows::Depth {
+        "depth"
+    } else {
+        "colour"
+    };
+    if let Some(named) = named {
+        // Also without what a transport adds, the raw one first.
+        let exact = all.iter().find(|s| s.topic == named);
+        let found = exact.or_else(|| all.iter().find(|s| s.base == base(named)));
+        return found.map(|s| vec![*s]).ok_or_else(|| {
+            let expected = format!("{option} to name a topic of {what} images");
+            RecordingError::topics(
+                path,
+                &expected,
+                format!("{named}, and of {what} images {}", listed(&all)),
+                "name one of these",
+            )
+        });
+    }
+    if all.is_empty() {
+        let found = format!(
+            "none among {}",
+            listed(&probe.streams.iter().collect::<Vec<_>>())
+        );
+        let remark = probe
+            .remarks
+            .first()
+            .map_or(String::new(), |r| format!(" ({r})"));
+        let advice = "record colour and depth of one camera";
+        return Err(RecordingError::topics(
+            path,
+            &format!("a topic of {what} images"),
+            found + &remark,
+            advice,
+        ));
+    }
+    // One of the same images raw and compressed: the raw one loses nothing and is read faster.
+    let raw = |s: &&&Stream| s.compressed && all.iter().any(|o| !o.compressed && o.base == s.base);
+    Ok(all.iter().filter(|s| !raw(s)).copied().collect())
+}
+
+fn listed(streams: &[&Stream]) -> String {
+    if streams.is_empty() {
+        return "no image topics".to_owned();
+    }
+    let each = streams
+        .iter()
+        .map(|s| format!("{} ({}, {} messages)", s.topic, s.encoding, s.messages));
+    each.collect::<Vec<_>>().join(", ")
+}
+
+fn pair(probe: &Probe, colour: &Stream, depth: &Stream) -> Pair {
+    let (mut score, mut reasons) = (0, Vec::new());
+    let mut add = |points: i32, reason: &str, holds: bool| {
+        if holds {
+            score += points;
+            reasons.push(reason.to_owned());
+        }
+    };
+    let same_info = colour.info.as_ref().zip(depth.info.as_ref());
+    let same_info =
+        same_info.is_some_and(|(c, d)| c.k == d.k && (c.width, c.height) == (d.width, d.height));
+    add(4, "the same camera matrix", same_info);
+    add(
+        3,
+        "its name says that it is registered",
+        says_registered(&depth.topic),
+    );
+    let same_frame = !colour.frame.is_empty() && colour.frame == depth.frame;
+    add(3, "the same frame", same_frame);
+    let chain = !same_frame && probe.transforms.find(&colour.frame, &depth.frame).is_some();
+    add(1, "a chain of transforms between them", chain);
+    let common = common_parts(&colour.topic, &depth.topic);
+    add(2 * common.min(2), "the same name space", common > 0);
+    let named = ["color", "colour", "rgb"]
+        .iter()
+        .any(|n| colour.topic.to_lowercase().contains(n));
+    add(2, "named after colour", named);
+    let infrared = ["infra", "/ir/", "_ir/", "fisheye"]
+        .iter()
+        .any(|n| colour.topic.to_lowercase().contains(n));
+    let grey = colour.encoding.starts_with("mono");
+    score -= 3 * i32::from(infrared) + 2 * i32::from(grey);
+    // Disparities and confidences have encodings of depth.
+    score -= 3 * i32::from(!crate::probe::says_depth(&depth.topic));
+    Pair {
+        colour: colour.clone(),
+        depth: depth.clone(),
+        reasons: reasons.join(", "),
+        score,
+    }
+}
+
+/// Names that both topics begin with.
+fn common_parts(a: &str, b: &str) -> i32 {
+    let parts = a.split('/').skip(1).zip(b.split('/').skip(1));
+    parts.take_while(|(a, b)| a == b).count() as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stream(channel: u32, topic: &str, encoding: &str, frame: &str) -> Stream {
+        let deep = crate::decode::depth::is_depth(encoding) || topic.ends_with("compressedDepth");
+        Stream {
+            channel,
+            topic: topic.to_owned(),
+            base: base(topic).to_owned(),
+            compressed: topic.contains("/compressed"),
+            encoding: encoding.to_owned(),
+            shows: if deep { Shows::Depth } else { Shows::Colour },
+            frame: frame.to_owned(),
+            size: (640, 480),
+            messages: 10,
+            info: None,
+        }
+    }
+
+    fn chosen(
+        streams: &[(&str, &str, &str)],
+        named: Named<'_>,
+    ) -> std::result::Result<(String, String), String> {
+        let streams = streams.iter().enumerate();
+        let probe = Probe {
+            streams: streams
+                .map(|(i, (t, e, f))| stream(i as u32, t, e, f))
+                .collect(),
+            ..Probe::default()
+        };
+        choose(Path::new("file.mcap"), &probe, named)
+            .map(|p| (p.colour.topic, p.depth.topic))
+            .map_err(|e| e.to_string())
+    }
+
+    fn both(colour: &str, depth: &str) -> std::result::Result<(String, String), String> {
+        Ok((colour.to_owned(), depth.to_owned()))
+    }
+
+    #[test]
+    fn drivers_of_the_field_are_understood() {
+        let none = Named::default();
+        // realsense-ros: aligned before raw depth, colour before infrared, raw before compressed.
+        let realsense = [
+            (
+                "/camera/camera/depth/image_rect_raw",
+                "16UC1",
+                "depth_optical",
+            ),
+            (
+                "/camera/camera/infra1/image_rect_raw",
+                "mono8",
+                "infra_optical",
+            ),
+            (
+                "/camera/camera/color/image_raw/compressed",
+                "rgb8; jpeg",
+                "colour_optical",
+            ),
+            ("/camera/camera/color/image_raw", "rgb8", "colour_optical"),
+            (
+                "/camera/camera/aligned_depth_to_color/image_raw",
+                "16UC1",
+                "colour_optical",
+            ),
+        ];
+        let expected = both(
+            "/camera/camera/color/image_raw",
+            "/camera/camera/aligned_depth_to_color/image_raw",
+        );
+        assert_eq!(chosen(&realsense, none), expected);
+        let without_raw = [realsense[0], realsense[1], realsense[2]];
+        let expected = both(
+            "/camera/camera/color/image_raw/compressed",
+            "/camera/camera/depth/image_rect_raw",
+        );
+        assert_eq!(chosen(&without_raw, none), expected);
+        // openni_launch and the Azure Kinect's driver.
+        let kinect = [
+            ("/camera/rgb/image_color", "bgr8", "rgb"),
+            ("/camera/depth/image", "32FC1", "depth"),
+            ("/camera/depth_registered/image_raw", "16UC1", "rgb"),
+        ];
+        assert_eq!(
+            chosen(&kinect, none),
+            both(
+                "/camera/rgb/image_color",
+                "/camera/depth_registered/image_raw"
+            )
+        );
+        let azure = [
+            ("/rgb/image_raw", "bgra8", "rgb_camera_link"),
+            ("/depth/image_raw", "16UC1", "depth_camera_link"),
+            ("/depth_to_rgb/image_raw", "16UC1", "rgb_camera_link"),
+            ("/ir/image_raw", "mono16", "depth_camera_link"),
+        ];
+        assert_eq!(
+            chosen(&azure, none),
+            both("/rgb/image_raw", "/depth_to_rgb/image_raw")
+        );
+    }
+
+    #[test]
+    fn two_cameras_are_refused_with_the_list() {
+        let two = [
+            ("/front/color/image_raw", "rgb8", "front"),
+            ("/front/depth/image_raw", "16UC1", "front"),
+            ("/rear/color/image_raw", "rgb8", "rear"),
+            ("/rear/depth/image_raw", "16UC1", "rear"),
+        ];
+        let refused = chosen(&two, Named::default()).unwrap_err();
+        for part in [
+            "/front/color/image_raw with /front/depth/image_raw",
+            "/rear/color",
+            "--color-topic",
+        ] {
+            assert!(refused.contains(part), "{refused}");
+        }
+        let rear = Named {
+            colour: Some("/rear/color/image_raw"),
+            depth: None,
+        };
+        assert_eq!(
+            chosen(&two, rear),
+            both("/rear/color/image_raw", "/rear/depth/image_raw")
+        );
+        let wrong = Named {
+            colour: None,
+            depth: Some("/front/dept"),
+        };
+        let refused = chosen(&two, wrong).unwrap_err();
+        assert!(
+            refused.contains("--depth-topic") && refused.contains("/rear/depth/image_raw"),
+            "{refused}"
+        );
+    }
+
+    #[test]
+    fn what_is_missing_is_said() {
+        let refused = chosen(&[("/a", "rgb8", "")], Named::default()).unwrap_err();
+        assert!(
+            refused.contains("a topic of depth images") && refused.contains("/a (rgb8"),
+            "{refused}"
+        );
+        let refused = chosen(&[], Named::default()).unwrap_err();
+        assert!(refused.contains("no image topics"), "{refused}");
+    }
+}

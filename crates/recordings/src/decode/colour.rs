@@ -1,0 +1,131 @@
+//! Colour images.
+
+use super::{Bad, Result, rows, size, yuv};
+use image::{DynamicImage, ImageFormat, ImageReader, Limits};
+use std::io::Cursor;
+use std::sync::Arc;
+use stillpoint_imaging::{ColourImage, GrayImage};
+use stillpoint_ros_messages::Image;
+
+/// Encodings that are read, for messages.
+const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, mono16, yuv422, yuv422_yuy2, uyvy or yuyv";
+
+/// A decoded colour image.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Colour {
+    pub(crate) gray: GrayImage,
+    /// `None` unless it was asked for.
+    pub(crate) colour: Option<Arc<ColourImage>>,
+}
+
+impl Colour {
+    fn of_rgb(rgb: ColourImage, keep: bool) -> Self {
+        Self {
+            gray: rgb.to_gray(),
+            colour: keep.then(|| Arc::new(rgb)),
+        }
+    }
+
+    fn of_gray(gray: GrayImage, keep: bool) -> Self {
+        let rgb = || {
+            let data = gray.data().iter().flat_map(|v| [*v; 3]).collect();
+            ColourImage::from_vec(gray.width(), gray.height(), data).ok()
+        };
+        let colour = if keep { rgb().map(Arc::new) } else { None };
+        Self { gray, colour }
+    }
+}
+
+/// Whether an encoding is one of colour or grey images; those of depth are others.
+pub(crate) fn is_colour(encoding: &str) -> bool {
+    layout(encoding).is_some() || yuv::order(encoding).is_some()
+}
+
+/// Bytes per pixel, and where red, green and blue are in them; one place for grey.
+fn layout(encoding: &str) -> Option<(usize, [usize; 3])> {
+    Some(match encoding {
+        "rgb8" | "8UC3/rgb" => (3, [0, 1, 2]),
+        "bgr8" | "8UC3" => (3, [2, 1, 0]),
+        "rgba8" => (4, [0, 1, 2]),
+        "bgra8" | "8UC4" => (4, [2, 1, 0]),
+        "mono8" | "8UC1" => (1, [0; 3]),
+        "mono16" => (2, [0; 3]),
+        _ => return None,
+    })
+}
+
+/// A raw image. `keep`: whether somebody looks at colours.
+pub(crate) fn colour(image: &Image<'_>, keep: bool) -> Result<Colour> {
+    let (width, height) = size(image.width, image.height)?;
+    let report = |e: stillpoint_imaging::SizeError| Bad::new("an image", e.to_string());
+    if let Some(order) = yuv::order(&image.encoding) {
+        let lines = rows(&image.data, image.height, image.step, 2 * width)?;
+        let rgb = yuv::rgb(lines, width, height, order);
+        let rgb = ColourImage::from_vec(width, height, rgb).map_err(report)?;
+        return Ok(Colour::of_rgb(rgb, keep));
+    }
+    let Some((bytes, places)) = layout(&image.encoding) else {
+        return Err(Bad::new(KNOWN, format!("encoding \"{}\"", image.encoding)));
+    };
+    let lines = rows(&image.data, image.height, image.step, bytes * width)?;
+    if bytes < 3 {
+        // Of two bytes the more significant one.
+        let at = usize::from(bytes == 2 && image.is_bigendian == 0);
+        let data = lines.flat_map(|r| r.chunks_exact(bytes).map(move |p| p[at]));
+        let gray = GrayImage::from_vec(width, height, data.collect()).map_err(report)?;
+        return Ok(Colour::of_gray(gray, keep));
+    }
+    let mut rgb = Vec::with_capacity(3 * width * height);
+    for line in lines {
+        if bytes == 3 && places == [0, 1, 2] {
+            rgb.extend_from_slice(line);
+        } else {
+            rgb.extend(
+                line.chunks_exact(bytes)
+                    .flat_map(|p| places.map(|at| p[at])),
+            );
+        }
+    }
+    let rgb = ColourImage::from_vec(width, height, rgb).map_err(report)?;
+    Ok(Colour::of_rgb(rgb, keep))
+}
+
+/// Decodes a PNG or JPEG.
+pub(super) fn decode(data: &[u8], expected: &str) -> Result<DynamicImage> {
+    let broken = |e: &dyn std::fmt::Display| Bad::new(expected, format!("a broken image ({e})"));
+    let format = match image::guess_format(data) {
+        Ok(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => f,
+        _ => {
+            let found = format!("{} bytes of another format", data.len());
+            return Err(Bad::new(expected, found));
+        }
+    };
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(1 << 15);
+    limits.max_image_height = Some(1 << 15);
+    let mut reader = ImageReader::with_format(Cursor::new(data), format);
+    reader.limits(limits.clone());
+    let (width, height) = reader.into_dimensions().map_err(|e| broken(&e))?;
+    size(width, height)?;
+    let mut reader = ImageReader::with_format(Cursor::new(data), format);
+    reader.limits(limits);
+    reader.decode().map_err(|e| broken(&e))
+}
+
+/// A compressed image, which says itself what it is.
+pub(crate) fn compressed_colour(data: &[u8], keep: bool) -> Result<Colour> {
+    let image = decode(data, "a PNG, JPEG or WebP image")?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let report = |e: stillpoint_imaging::SizeError| Bad::new("an image", e.to_string());
+    match image {
+        DynamicImage::ImageLuma8(gray) => {
+            let gray = GrayImage::from_vec(width, height, gray.into_raw()).map_err(report)?;
+            Ok(Colour::of_gray(gray, keep))
+        }
+        other => {
+            let rgb = other.into_rgb8().into_raw();
+            let rgb = ColourImage::from_vec(width, height, rgb).map_err(report)?;
+            Ok(Colour::of_rgb(rgb, keep))
+        }
+    }
+}

@@ -1,0 +1,56 @@
+//! Messages to images: colour to grey and RGB, depth to metres.
+
+pub(crate) mod colour;
+pub(crate) mod depth;
+mod rvl;
+mod yuv;
+
+pub(crate) use colour::{Colour, colour, compressed_colour};
+pub(crate) use depth::{compressed_depth, depth};
+
+/// What an image is not, and what it is instead.
+#[derive(Debug, PartialEq)]
+pub(crate) struct Bad {
+    pub(crate) expected: String,
+    pub(crate) found: String,
+}
+
+impl Bad {
+    fn new(expected: impl Into<String>, found: impl Into<String>) -> Self {
+        Self {
+            expected: expected.into(),
+            found: found.into(),
+        }
+    }
+}
+
+type Result<T> = std::result::Result<T, Bad>;
+
+/// Pixels of an image at most.
+const MOST_PIXELS: u64 = 100_000_000;
+
+/// Rows of an image without what pads them: `row` bytes of every `step`.
+fn rows(data: &[u8], height: u32, step: u32, row: usize) -> Result<impl Iterator<Item = &[u8]>> {
+    let (step, height) = (step as usize, height as usize);
+    // The last row may lack its padding.
+    let needed = step
+        .checked_mul(height.saturating_sub(1))
+        .and_then(|n| n.checked_add(row));
+    if height == 0 || row == 0 || step < row || needed.is_none_or(|n| n > data.len()) {
+        return Err(Bad::new(
+            format!("{height} rows of {row} bytes"),
+            format!("{} bytes in rows of {step}", data.len()),
+        ));
+    }
+    Ok(data.chunks(step).take(height).map(move |r| &r[..row]))
+}
+
+/// Width and height of an image that can be worked with.
+fn size(width: u32, height: u32) -> Result<(usize, usize)> {
+    let pixels = u64::from(width) * u64::from(height);
+    if pixels == 0 || pixels > MOST_PIXELS {
+        let found = format!("{width} x {height} px");
+        return Err(Bad::new("an image of 1 to 100 million pixels", found));
+    }
+    Ok((width as usize, height as usize))
+}

@@ -1,0 +1,222 @@
+//! A recording, opened as an RGB-D camera: its frames, its camera, and what was guessed.
+
+use crate::choose::{Named, Pair, choose};
+use crate::error::{RecordingError, Result};
+use crate::input::OpenOptions;
+use crate::probe::{Probe, Stream};
+use crate::realsense;
+use crate::recording::Recording;
+use crate::setup::{Setup, Treatment};
+use crate::source::RecordingSource;
+use crate::store::{Slot, seconds};
+use crate::truth;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use stillpoint_datasets::{CameraModel, FrameOptions, StampedPose, associate};
+
+/// A frame: a colour image and the depth image that belongs to it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry {
+    pub(crate) stamp: f64,
+    pub(crate) depth_stamp: f64,
+    pub(crate) colour: Slot,
+    pub(crate) depth: Slot,
+}
+
+/// An opened recording.
+#[derive(Debug)]
+pub struct FileRecording {
+    pub(crate) path: PathBuf,
+    pub(crate) entries: Arc<[Entry]>,
+    pub(crate) treatment: Arc<Treatment>,
+    pub(crate) strict: bool,
+    format: String,
+    truth: Option<Vec<StampedPose>>,
+    guesses: Vec<String>,
+    warnings: Vec<String>,
+}
+
+impl FileRecording {
+    pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
+        let mut recording = Recording::open(path)?;
+        let mut warnings = recording.contents.remarks.clone();
+        let probe = Probe::new(&mut recording)?;
+        let named = Named {
+            colour: options.colour_topic.as_deref(),
+            depth: options.depth_topic.as_deref(),
+        };
+        let pair = choose(path, &probe, named)?;
+        let mut guesses = vec![format!(
+            "{}: colour {} and depth {}{}",
+            recording.format(),
+            pair.colour.topic,
+            pair.depth.topic,
+            if pair.reasons.is_empty() {
+                String::new()
+            } else {
+                format!(" ({})", pair.reasons)
+            }
+        )];
+        let (entries, counted) = index(&mut recording, &pair, options.max_dt, &mut warnings)?;
+        guesses.push(counted);
+        let mut setup = Setup {
+            path,
+            options,
+            probe: &probe,
+            pair: &pair,
+            guesses: &mut guesses,
+            warnings: &mut warnings,
+        };
+        let treatment = setup.treatment(&mut recording, &entries)?;
+        let truth = match &options.truth_topic {
+            Some(topic) => Some(truth::read(
+                &mut recording,
+                &probe,
+                topic,
+                &pair.colour.frame,
+                &mut guesses,
+            )?),
+            None => None,
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            entries: entries.into(),
+            treatment: Arc::new(treatment),
+            strict: options.strict,
+            format: recording.format().to_owned(),
+            truth,
+            guesses,
+            warnings,
+        })
+    }
+
+    /// What kind of file it is.
+    #[must_use]
+    pub fn format(&self) -> &str {
+        &self.format
+    }
+
+    /// The camera, with the size of the images.
+    #[must_use]
+    pub fn camera(&self) -> &CameraModel {
+        &self.treatment.camera
+    }
+
+    /// Stamps of colour and depth of each frame, s.
+    pub fn stamps(&self) -> impl ExactSizeIterator<Item = (f64, f64)> + '_ {
+        self.entries.iter().map(|e| (e.stamp, e.depth_stamp))
+    }
+
+    /// What was guessed and why, one sentence each.
+    #[must_use]
+    pub fn guesses(&self) -> &[String] {
+        &self.guesses
+    }
+
+    /// What looks wrong but can be worked with, one sentence each.
+    #[must_use]
+    pub fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+
+    /// Poses of the topic that was named, if one was.
+    #[must_use]
+    pub fn ground_truth(&self) -> Option<Vec<StampedPose>> {
+        self.truth.clone()
+    }
+
+    /// A source of the frames, decoded. The file is opened once more, so that sources do not disturb each other.
+    ///
+    /// # Errors
+    /// A start behind the last frame, a file that is gone.
+    pub fn frames(&self, options: &FrameOptions) -> Result<RecordingSource> {
+        RecordingSource::new(self, options)
+    }
+}
+
+/// Messages of a stream by stamp, s, ascending and without repeats.
+fn stamped(
+    recording: &mut Recording,
+    stream: &Stream,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<(f64, Slot)>> {
+    let device = realsense::device_stamps(recording, &stream.topic)?;
+    let stamp = |s: &Slot| {
+        device
+            .get(&s.logged)
+            .copied()
+            .or(s.stamp.filter(|ns| *ns != 0))
+    };
+    let all: Vec<&Slot> = recording.slots_of(stream.channel).collect();
+    // A driver that stamps nothing leaves the time of arrival, for all or for none.
+    let unstamped = all.iter().filter(|s| stamp(s).is_none()).count();
+    if unstamped > 0 {
+        warnings.push(format!(
+            "topic {}: {unstamped} of {} images have no stamp; the times at which they were recorded are used",
+            stream.topic,
+            all.len()
+        ));
+    }
+    let time = |s: &Slot| {
+        if unstamped > 0 {
+            s.logged
+        } else {
+            stamp(s).unwrap_or(s.logged)
+        }
+    };
+    let mut found: Vec<(i64, Slot)> = all.into_iter().map(|s| (time(s), *s)).collect();
+    let before = found.len();
+    found.sort_by_key(|(ns, _)| *ns);
+    found.dedup_by_key(|(ns, _)| *ns);
+    if found.len() < before {
+        warnings.push(format!(
+            "topic {}: {} images repeat a stamp and are left out",
+            stream.topic,
+            before - found.len()
+        ));
+    }
+    Ok(found.into_iter().map(|(ns, s)| (seconds(ns), s)).collect())
+}
+
+/// The frames, and in words how many of the images they take.
+fn index(
+    recording: &mut Recording,
+    pair: &Pair,
+    max_dt: f64,
+    warnings: &mut Vec<String>,
+) -> Result<(Vec<Entry>, String)> {
+    let colour = stamped(recording, &pair.colour, warnings)?;
+    let depth = stamped(recording, &pair.depth, warnings)?;
+    let times = |list: &[(f64, Slot)]| list.iter().map(|(t, _)| *t).collect::<Vec<f64>>();
+    let pairs = associate(&times(&colour), &times(&depth), max_dt);
+    let counted = format!(
+        "frames: {} of {} colour images have one of {} depth images within {} ms",
+        pairs.len(),
+        colour.len(),
+        depth.len(),
+        max_dt * 1e3
+    );
+    if pairs.is_empty() {
+        let range = |list: &[(f64, Slot)]| match (list.first(), list.last()) {
+            (Some((a, _)), Some((b, _))) => format!("{a:.3} to {b:.3} s"),
+            _ => "nowhere".to_owned(),
+        };
+        return Err(RecordingError::topics(
+            &recording.path,
+            &format!("colour and depth images within {max_dt} s of each other"),
+            format!(
+                "colour from {}, depth from {}",
+                range(&colour),
+                range(&depth)
+            ),
+            "check that both have the stamps of one clock, or name other topics with --color-topic and --depth-topic",
+        ));
+    }
+    let entry = |(i, j): (usize, usize)| Entry {
+        stamp: colour[i].0,
+        depth_stamp: depth[j].0,
+        colour: colour[i].1,
+        depth: depth[j].1,
+    };
+    Ok((pairs.into_iter().map(entry).collect(), counted))
+}

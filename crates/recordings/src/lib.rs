@@ -1,0 +1,42 @@
+//! Recordings of RGB-D cameras, and data set folders, behind one [`open`].
+//!
+//! Answers: which frames a recording holds, with which camera they were taken, and what its pixels are as grey images and metres. Reads MCAP and
+//! bags of ROS 1. Does not know what is done with the frames, and describes no messages: those are in the crate `ros-messages`.
+//!
+//! A file is scanned once from its beginning: it needs no index, and one that was cut off gives all that is before the cut. Nothing in a file is
+//! trusted: lengths are compared with what is there before anything is allocated.
+//!
+//! ```no_run
+//! use stillpoint_imaging::FrameSource;
+//! use stillpoint_recordings::{FrameOptions, OpenOptions, open};
+//!
+//! let input = open("walk.mcap".as_ref(), &OpenOptions::default())?;
+//! let mut frames = input.frames(&FrameOptions::default())?;
+//! while let Some(frame) = frames.next_frame() {
+//!     println!("{:.6}", frame?.stamp);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod choose;
+mod decode;
+mod error;
+mod file;
+mod input;
+mod optics;
+mod probe;
+mod realsense;
+mod recording;
+mod rectify;
+mod register;
+mod setup;
+mod source;
+mod store;
+mod transforms;
+mod truth;
+
+pub use error::{RecordingError, Result};
+pub use file::FileRecording;
+pub use input::{Input, OpenOptions, Source, open};
+pub use source::RecordingSource;
+pub use stillpoint_datasets::FrameOptions;

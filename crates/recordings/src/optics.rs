@@ -1,0 +1,260 @@
+//! Cameras as recordings describe them: projection by each lens model.
+
+use stillpoint_geometry::{BrownConrady, Camera, Vec2};
+use stillpoint_ros_messages::CameraInfo;
+
+/// How a lens bends rays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Lens {
+    /// `plumb_bob`: what the system itself can undo.
+    Brown(BrownConrady),
+    /// `rational_polynomial`: k1 k2 p1 p2 k3 k4 k5 k6 of OpenCV.
+    Rational([f64; 8]),
+    /// `equidistant`: k1 to k4 of Kannala and Brandt, as OpenCV's fisheye model has them.
+    Equidistant([f64; 4]),
+    /// From pixels to rays by Brown's polynomial, as RealSense has it for its infrared cameras.
+    InverseBrown(BrownConrady),
+}
+
+impl Lens {
+    /// By the name that a recording gives. No coefficients are no distortion, whatever the name.
+    ///
+    /// # Errors
+    /// What is there instead of a known model.
+    pub(crate) fn new(model: &str, d: &[f64]) -> Result<Self, String> {
+        if d.iter().any(|k| !k.is_finite()) {
+            return Err(format!("{model} with {d:?}"));
+        }
+        if d.iter().all(|k| *k == 0.0) {
+            return Ok(Self::Brown(BrownConrady::default()));
+        }
+        let at = |i: usize| d.get(i).copied().unwrap_or(0.0);
+        let brown = BrownConrady {
+            k1: at(0),
+            k2: at(1),
+            p1: at(2),
+            p2: at(3),
+            k3: at(4),
+        };
+        let rest = |n: usize| d.iter().skip(n).any(|k| *k != 0.0);
+        match model.to_lowercase().replace([' ', '-'], "_").as_str() {
+            "plumb_bob" | "radtan" | "brown_conrady" | "" if !rest(5) => Ok(Self::Brown(brown)),
+            "rational_polynomial" if !rest(5) => Ok(Self::Brown(brown)),
+            // RealSense calls it modified: tangential terms act on the point that the radial ones moved, as in the inverse model.
+            "modified_brown_conrady" | "inverse_brown_conrady" if !rest(5) => {
+                Ok(Self::InverseBrown(brown))
+            }
+            "rational_polynomial" if !rest(8) => Ok(Self::Rational(std::array::from_fn(at))),
+            "equidistant" | "fisheye" | "kannala_brandt" | "kannala_brandt4" if !rest(4) => {
+                Ok(Self::Equidistant(std::array::from_fn(at)))
+            }
+            _ => Err(format!("{model} with {} coefficients", d.len())),
+        }
+    }
+
+    /// From normalised coordinates of the ray to those in the image.
+    pub(crate) fn distort(&self, p: Vec2) -> Vec2 {
+        match self {
+            Self::Brown(b) => b.distort(p),
+            Self::InverseBrown(b) => b.undistort(p),
+            Self::Rational([k1, k2, p1, p2, k3, k4, k5, k6]) => {
+                let (x, y) = (p.x, p.y);
+                let r2 = x * x + y * y;
+                let above = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+                let below = 1.0 + r2 * (k4 + r2 * (k5 + r2 * k6));
+                let radial = above / below;
+                Vec2::new(
+                    x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+                    y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+                )
+            }
+            Self::Equidistant([k1, k2, k3, k4]) => {
+                let r = p.norm();
+                if r < 1e-12 {
+                    return p;
+                }
+                let theta = r.atan();
+                let t2 = theta * theta;
+                let bent = theta * (1.0 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))));
+                p * (bent / r)
+            }
+        }
+    }
+
+    /// The inverse of [`Self::distort`]; fixed-point iteration by Newton's method with numeric slopes where there is no closed form.
+    pub(crate) fn undistort(&self, p: Vec2) -> Vec2 {
+        match self {
+            Self::Brown(b) => b.undistort(p),
+            Self::InverseBrown(b) => b.distort(p),
+            _ => self.solve(p),
+        }
+    }
+
+    fn solve(&self, p: Vec2) -> Vec2 {
+        const STEP: f64 = 1e-6;
+        let mut q = p;
+        for _ in 0..20 {
+            let e = self.distort(q) - p;
+            let along =
+                |step: Vec2| (self.distort(q + step) - self.distort(q - step)) / (2.0 * STEP);
+            let (u, v) = (along(Vec2::new(STEP, 0.0)), along(Vec2::new(0.0, STEP)));
+            let det = u.x * v.y - u.y * v.x;
+            let step = Vec2::new(v.y * e.x - v.x * e.y, u.x * e.y - u.y * e.x) / det;
+            if !step.iter().all(|s| s.is_finite()) {
+                break;
+            }
+            q -= step;
+            if step.norm_squared() < 1e-24 {
+                break;
+            }
+        }
+        q
+    }
+}
+
+/// A camera of a recording.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Optics {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// fx, fy, cx, cy, px.
+    pub(crate) k: [f64; 4],
+    pub(crate) lens: Lens,
+}
+
+impl Optics {
+    /// Of a camera info; `rectified` says that the images were undistorted already, so that the projection matrix holds.
+    ///
+    /// # Errors
+    /// What is there instead of a calibration.
+    pub(crate) fn new(info: &CameraInfo<'_>, rectified: bool) -> Result<Self, String> {
+        let (k, lens) = if rectified && info.p[0] > 0.0 {
+            let p = &info.p;
+            (
+                [p[0], p[5], p[2], p[6]],
+                Lens::Brown(BrownConrady::default()),
+            )
+        } else {
+            let k = &info.k;
+            let lens = Lens::new(&info.distortion_model, &info.d)?;
+            ([k[0], k[4], k[2], k[5]], lens)
+        };
+        if !(k.iter().all(|v| v.is_finite()) && k[0] > 0.0 && k[1] > 0.0) {
+            return Err(format!("focal lengths of {} and {} px", k[0], k[1]));
+        }
+        Ok(Self {
+            width: info.width,
+            height: info.height,
+            k,
+            lens,
+        })
+    }
+
+    pub(crate) fn of_camera(camera: &Camera) -> Self {
+        Self {
+            width: camera.width,
+            height: camera.height,
+            k: [camera.fx, camera.fy, camera.cx, camera.cy],
+            lens: Lens::Brown(camera.distortion),
+        }
+    }
+
+    /// The camera of the frames: this one, or where the system does not know its lens, one without distortion to which images are rectified.
+    pub(crate) fn camera(&self) -> Camera {
+        let pinhole = Camera::pinhole(self.width, self.height, self.k);
+        match self.lens {
+            Lens::Brown(distortion) => Camera {
+                distortion,
+                ..pinhole
+            },
+            _ => pinhole,
+        }
+    }
+
+    /// Whether images have to be rectified.
+    pub(crate) fn needs_rectifying(&self) -> bool {
+        !matches!(self.lens, Lens::Brown(_))
+    }
+
+    /// The pixel of a point at (x, y, 1).
+    pub(crate) fn project(&self, ray: Vec2) -> Vec2 {
+        let [fx, fy, cx, cy] = self.k;
+        let p = self.lens.distort(ray);
+        Vec2::new(fx * p.x + cx, fy * p.y + cy)
+    }
+
+    /// The ray (x, y, 1) through a pixel.
+    pub(crate) fn ray(&self, px: Vec2) -> Vec2 {
+        let [fx, fy, cx, cy] = self.k;
+        self.lens
+            .undistort(Vec2::new((px.x - cx) / fx, (px.y - cy) / fy))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Coefficients of an Azure Kinect's colour camera and of a fisheye camera.
+    const RATIONAL: [f64; 8] = [0.5, -2.6, 0.0006, -0.0003, 1.5, 0.38, -2.4, 1.4];
+    const FISHEYE: [f64; 4] = [-0.02, 0.01, -0.008, 0.002];
+
+    #[test]
+    fn every_model_is_inverted() {
+        for (model, d) in [
+            ("plumb_bob", &[0.1, -0.2, 0.001, 0.002, 0.05][..]),
+            ("rational_polynomial", &RATIONAL),
+            ("equidistant", &FISHEYE),
+            ("Inverse Brown Conrady", &[0.1, -0.2, 0.001, 0.002, 0.05]),
+        ] {
+            let lens = Lens::new(model, d).unwrap();
+            for (x, y) in [(0.0, 0.0), (0.3, -0.2), (-0.5, 0.4)] {
+                let p = Vec2::new(x, y);
+                let back = lens.undistort(lens.distort(p));
+                assert!((back - p).norm() < 1e-9, "{model}: {p:?} {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn models_are_told_by_name_and_coefficients() {
+        let none = Lens::Brown(BrownConrady::default());
+        assert_eq!(Lens::new("equidistant", &[0.0; 4]), Ok(none));
+        assert_eq!(Lens::new("anything", &[]), Ok(none));
+        let as_brown = Lens::new(
+            "rational_polynomial",
+            &[0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        );
+        assert!(matches!(as_brown, Ok(Lens::Brown(_))));
+        assert!(Lens::new("ftheta", &[0.1]).is_err());
+        assert!(Lens::new("plumb_bob", &[0.1, 0.0, 0.0, 0.0, 0.0, 0.2]).is_err());
+        assert!(Lens::new("plumb_bob", &[f64::NAN]).is_err());
+    }
+
+    #[test]
+    fn opencv_projects_these_points_so() {
+        // cv2.projectPoints([[0.3, -0.2, 1]]) and cv2.fisheye.projectPoints with K of 600, 600, 320, 240: OpenCV 5.0.
+        let mut info = CameraInfo {
+            width: 640,
+            height: 480,
+            k: [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0],
+            ..CameraInfo::default()
+        };
+        for (model, d, expected) in [
+            ("rational_polynomial", RATIONAL.to_vec(), RATIONAL_PX),
+            ("equidistant", FISHEYE.to_vec(), FISHEYE_PX),
+        ] {
+            info.distortion_model = model.into();
+            info.d = d;
+            let px = Optics::new(&info, false)
+                .unwrap()
+                .project(Vec2::new(0.3, -0.2));
+            assert!(
+                (px - Vec2::new(expected[0], expected[1])).norm() < 1e-9,
+                "{px:?}"
+            );
+        }
+    }
+    const RATIONAL_PX: [f64; 2] = [502.113_778_968_368_65, 118.622_014_021_087_52];
+    const FISHEYE_PX: [f64; 2] = [492.365_793_175_595_97, 125.089_471_216_269_33];
+}

@@ -1,0 +1,237 @@
+//! What the image topics of a recording are: one message of each is looked at, and the messages that describe cameras are gathered.
+
+use crate::decode::{colour::is_colour, depth::is_depth};
+use crate::error::Result;
+use crate::realsense;
+use crate::recording::Recording;
+use crate::store::Slot;
+use crate::transforms::{Transforms, frame_name};
+use std::collections::BTreeMap;
+use stillpoint_ros_messages as ros;
+
+/// What an image topic shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Shows {
+    Colour,
+    Depth,
+    /// Something else: the encoding is not read.
+    Other,
+}
+
+/// A topic of images.
+#[derive(Clone, Debug)]
+pub(crate) struct Stream {
+    pub(crate) channel: u32,
+    pub(crate) topic: String,
+    /// The topic without what image transports add.
+    pub(crate) base: String,
+    pub(crate) compressed: bool,
+    pub(crate) encoding: String,
+    pub(crate) shows: Shows,
+    pub(crate) frame: String,
+    /// Width and height; zero where only decoding would tell.
+    pub(crate) size: (u32, u32),
+    pub(crate) messages: u64,
+    pub(crate) info: Option<ros::CameraInfo<'static>>,
+}
+
+/// What a recording says of its cameras.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Probe {
+    pub(crate) streams: Vec<Stream>,
+    pub(crate) transforms: Transforms,
+    /// Values per metre of depth, where a RealSense says so.
+    pub(crate) depth_scale: Option<f64>,
+    pub(crate) device: Option<String>,
+    /// Topics that could not be looked into, and why.
+    pub(crate) remarks: Vec<String>,
+}
+
+/// Messages of transforms that are read at most: those of frames that stand still come first.
+const TRANSFORMS: usize = 2000;
+
+impl Probe {
+    pub(crate) fn new(recording: &mut Recording) -> Result<Self> {
+        let mut probe = Self::default();
+        let mut infos = probe.infos(recording)?;
+        for type_name in ["tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"] {
+            for channel in recording.channels_of(type_name) {
+                probe.transforms(recording, channel)?;
+            }
+        }
+        realsense::describe(recording, &mut probe, &mut infos)?;
+        for type_name in ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"] {
+            for channel in recording.channels_of(type_name) {
+                let compressed = type_name.ends_with("CompressedImage");
+                if let Some(stream) = probe.stream(recording, channel, compressed, &infos)? {
+                    probe.streams.push(stream);
+                }
+            }
+        }
+        Ok(probe)
+    }
+
+    /// The first camera info of each topic that is calibrated.
+    fn infos(
+        &mut self,
+        recording: &mut Recording,
+    ) -> Result<BTreeMap<String, ros::CameraInfo<'static>>> {
+        let mut infos = BTreeMap::new();
+        for channel in recording.channels_of("sensor_msgs/msg/CameraInfo") {
+            let slots: Vec<Slot> = recording.slots_of(channel).take(3).copied().collect();
+            for slot in slots {
+                let bytes = recording.read(&slot)?;
+                match recording.parse::<ros::CameraInfo<'_>>(&slot, &bytes) {
+                    Ok(info) => {
+                        infos.insert(recording.topic(channel).to_owned(), owned(&info));
+                        break;
+                    }
+                    Err(e) => self.remarks.push(e.to_string()),
+                }
+            }
+        }
+        Ok(infos)
+    }
+
+    fn transforms(&mut self, recording: &mut Recording, channel: u32) -> Result<()> {
+        let slots: Vec<Slot> = recording
+            .slots_of(channel)
+            .take(TRANSFORMS)
+            .copied()
+            .collect();
+        for slot in slots {
+            let bytes = recording.read(&slot)?;
+            match recording.parse::<ros::TfMessage<'_>>(&slot, &bytes) {
+                Ok(message) => message
+                    .transforms
+                    .iter()
+                    .for_each(|t| self.transforms.add(t)),
+                Err(e) => {
+                    self.remarks.push(e.to_string());
+                    break;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn stream(
+        &mut self,
+        recording: &mut Recording,
+        channel: u32,
+        compressed: bool,
+        infos: &BTreeMap<String, ros::CameraInfo<'static>>,
+    ) -> Result<Option<Stream>> {
+        let topic = recording.topic(channel).to_owned();
+        let Some(slot) = recording.slots_of(channel).next().copied() else {
+            return Ok(None);
+        };
+        let bytes = recording.read(&slot)?;
+        let looked = look(recording, &slot, &bytes, compressed);
+        let (encoding, shows, frame, size) = match looked {
+            Ok(looked) => looked,
+            Err(e) => {
+                self.remarks.push(e.to_string());
+                return Ok(None);
+            }
+        };
+        let base = base(&topic).to_owned();
+        let frame = realsense::frame(&topic).map_or(frame, str::to_owned);
+        // A RealSense names colour as depth where it knows the sensor only.
+        let shows = if shows == Shows::Depth && encoding == "mono16" && !says_depth(&topic) {
+            Shows::Colour
+        } else {
+            shows
+        };
+        let info = info_topics(&base)
+            .iter()
+            .find_map(|t| infos.get(t))
+            .cloned();
+        Ok(Some(Stream {
+            channel,
+            base,
+            compressed,
+            encoding,
+            shows,
+            frame,
+            size,
+            messages: recording.contents.counts[channel as usize].0,
+            info,
+            topic,
+        }))
+    }
+}
+
+type Looked = (String, Shows, String, (u32, u32));
+
+fn look(recording: &Recording, slot: &Slot, bytes: &[u8], compressed: bool) -> Result<Looked> {
+    let topic = &recording.channel(slot).topic;
+    if compressed {
+        let m: ros::CompressedImage<'_> = recording.parse(slot, bytes)?;
+        let deep = m.format.contains("compressedDepth") || topic.ends_with("/compressedDepth");
+        let shows = if deep { Shows::Depth } else { Shows::Colour };
+        let frame = frame_name(&m.header.frame_id).to_owned();
+        return Ok((m.format.into_owned(), shows, frame, (0, 0)));
+    }
+    let m: ros::Image<'_> = recording.parse(slot, bytes)?;
+    let shows = if is_depth(&m.encoding) {
+        Shows::Depth
+    } else if is_colour(&m.encoding) {
+        Shows::Colour
+    } else {
+        Shows::Other
+    };
+    let frame = frame_name(&m.header.frame_id).to_owned();
+    Ok((m.encoding.into_owned(), shows, frame, (m.width, m.height)))
+}
+
+pub(crate) fn says_depth(topic: &str) -> bool {
+    topic.to_lowercase().contains("depth")
+}
+
+/// The topic that an image transport began with.
+pub(crate) fn base(topic: &str) -> &str {
+    ["/compressedDepth", "/compressed"]
+        .iter()
+        .find_map(|ending| topic.strip_suffix(ending))
+        .unwrap_or(topic)
+}
+
+/// Where the camera info of an image topic is: beside it, as image transports have it, or as RealSense names it.
+fn info_topics(base: &str) -> Vec<String> {
+    let up = |topic: &str| {
+        topic
+            .rsplit_once('/')
+            .map_or("", |(parent, _)| parent)
+            .to_owned()
+    };
+    let parent = up(base);
+    let above = up(&parent);
+    vec![
+        format!("{parent}/camera_info"),
+        format!("{base}/camera_info"),
+        format!("{above}/info/camera_info"),
+        format!("{above}/camera_info"),
+    ]
+}
+
+fn owned(info: &ros::CameraInfo<'_>) -> ros::CameraInfo<'static> {
+    let header = ros::Header {
+        seq: info.header.seq,
+        stamp: info.header.stamp,
+        frame_id: info.header.frame_id.clone().into_owned().into(),
+    };
+    ros::CameraInfo {
+        header,
+        height: info.height,
+        width: info.width,
+        distortion_model: info.distortion_model.clone().into_owned().into(),
+        d: info.d.clone(),
+        k: info.k,
+        r: info.r,
+        p: info.p,
+        binning_x: info.binning_x,
+        binning_y: info.binning_y,
+        roi: info.roi.clone(),
+    }
+}

@@ -1,0 +1,195 @@
+//! The frames of a recording, decoded one after the other.
+
+use crate::choose::Pair;
+use crate::decode::{self, Colour};
+use crate::error::{RecordingError, Result};
+use crate::file::{Entry, FileRecording};
+use crate::recording::Recording;
+use crate::setup::Treatment;
+use crate::store::{Slot, seconds};
+use std::sync::Arc;
+use stillpoint_datasets::{DatasetError, FrameOptions};
+use stillpoint_imaging::{DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
+use stillpoint_ros_messages as ros;
+
+/// Reads the frames of a recording in order. Frame ids count from 0 at the first frame read; an unreadable frame uses up its id.
+#[derive(Debug)]
+pub struct RecordingSource {
+    recording: Recording,
+    entries: Arc<[Entry]>,
+    treatment: Arc<Treatment>,
+    /// Which of the entries are still to be read.
+    left: std::ops::Range<usize>,
+    next_id: u32,
+    keep_colour: bool,
+    strict: bool,
+    ended: bool,
+}
+
+impl RecordingSource {
+    pub(crate) fn new(of: &FileRecording, options: &FrameOptions) -> Result<Self> {
+        let all = of.entries.len();
+        if options.start >= all {
+            return Err(RecordingError::Dataset(DatasetError::NoFrames {
+                path: of.path.clone(),
+                expected: format!("a start below the number of frames, {all}"),
+                found: format!("start {}", options.start),
+                advice: "start earlier".into(),
+            }));
+        }
+        let rest = all - options.start;
+        let count = options.max_frames.unwrap_or(rest).min(rest);
+        Ok(Self {
+            recording: Recording::open(&of.path)?,
+            entries: Arc::clone(&of.entries),
+            treatment: Arc::clone(&of.treatment),
+            left: options.start..options.start + count,
+            next_id: 0,
+            keep_colour: options.keep_colour,
+            strict: of.strict,
+            ended: false,
+        })
+    }
+
+    fn read(&mut self, entry: &Entry, id: u32) -> Result<RgbdFrame> {
+        let camera = &self.treatment.camera.camera;
+        let expected = (camera.width as usize, camera.height as usize);
+        let scale = self.treatment.depth_scale;
+        let mut colour = colour(&mut self.recording, &entry.colour, self.keep_colour)?;
+        let found = (colour.gray.width(), colour.gray.height());
+        if found != expected {
+            return Err(image_error(
+                &self.recording,
+                &entry.colour,
+                other_size(expected, found),
+            ));
+        }
+        let mut depth = depth(&mut self.recording, &entry.depth, scale)?;
+        let found = (depth.width(), depth.height());
+        let registration = self.treatment.registration.as_ref();
+        if let Some(registration) = registration {
+            let registered = registration.register(&depth);
+            depth = registered.ok_or_else(|| {
+                let bad = other_size(registration.depth_size(), found);
+                image_error(&self.recording, &entry.depth, bad)
+            })?;
+        } else if found != expected {
+            return Err(image_error(
+                &self.recording,
+                &entry.depth,
+                other_size(expected, found),
+            ));
+        }
+        if let Some(rectifier) = &self.treatment.rectifier {
+            colour = rectifier.colour(colour);
+            if registration.is_none() {
+                depth = rectifier.depth(&depth).unwrap_or(depth);
+            }
+        }
+        Ok(RgbdFrame {
+            id: FrameId(id),
+            stamp: entry.stamp,
+            depth_stamp: entry.depth_stamp,
+            gray: colour.gray,
+            colour: colour.colour,
+            depth,
+        })
+    }
+}
+
+fn other_size(expected: (usize, usize), found: (usize, usize)) -> decode::Bad {
+    decode::Bad {
+        expected: format!("{} x {} px, the size of the camera", expected.0, expected.1),
+        found: format!("{} x {} px", found.0, found.1),
+    }
+}
+
+fn image_error(recording: &Recording, slot: &Slot, bad: decode::Bad) -> RecordingError {
+    RecordingError::Image {
+        path: recording.path.clone(),
+        topic: recording.channel(slot).topic.clone(),
+        stamp: seconds(slot.logged),
+        expected: bad.expected,
+        found: bad.found,
+    }
+}
+
+fn is_compressed(recording: &Recording, slot: &Slot) -> bool {
+    recording.channel(slot).type_name == "sensor_msgs/msg/CompressedImage"
+}
+
+fn colour(recording: &mut Recording, slot: &Slot, keep: bool) -> Result<Colour> {
+    let bytes = recording.read(slot)?;
+    let decoded = if is_compressed(recording, slot) {
+        let m: ros::CompressedImage<'_> = recording.parse(slot, &bytes)?;
+        decode::compressed_colour(&m.data, keep)
+    } else {
+        decode::colour(&recording.parse(slot, &bytes)?, keep)
+    };
+    decoded.map_err(|bad| image_error(recording, slot, bad))
+}
+
+fn depth(recording: &mut Recording, slot: &Slot, scale: f64) -> Result<DepthImage> {
+    let bytes = recording.read(slot)?;
+    let decoded = if is_compressed(recording, slot) {
+        let m: ros::CompressedImage<'_> = recording.parse(slot, &bytes)?;
+        decode::compressed_depth(&m.format, &m.data, scale)
+    } else {
+        decode::depth(&recording.parse(slot, &bytes)?, scale)
+    };
+    decoded.map_err(|bad| image_error(recording, slot, bad))
+}
+
+/// Sizes of colour and depth images: those of the first frame that can be decoded.
+///
+/// # Errors
+/// The first error, when none of the frames that are tried can be.
+pub(crate) fn sizes(
+    recording: &mut Recording,
+    pair: &Pair,
+    entries: &[Entry],
+) -> Result<((u32, u32), (u32, u32))> {
+    const TRIED: usize = 20;
+    if pair.colour.size != (0, 0) && pair.depth.size != (0, 0) {
+        return Ok((pair.colour.size, pair.depth.size));
+    }
+    let mut first = None;
+    for entry in entries.iter().take(TRIED) {
+        let both = colour(recording, &entry.colour, false)
+            .and_then(|c| Ok((c, depth(recording, &entry.depth, 1000.0)?)));
+        match both {
+            Ok((c, d)) => {
+                let size = |w: usize, h: usize| (w as u32, h as u32);
+                let colour = size(c.gray.width(), c.gray.height());
+                return Ok((colour, size(d.width(), d.height())));
+            }
+            Err(e) => first = first.or(Some(e)),
+        }
+    }
+    // There is an entry, and it did not read.
+    Err(first.unwrap_or_else(|| {
+        RecordingError::topics(&recording.path, "images", "none", "record it again")
+    }))
+}
+
+impl FrameSource for RecordingSource {
+    fn next_frame(&mut self) -> Option<std::result::Result<RgbdFrame, SourceError>> {
+        if self.ended {
+            return None;
+        }
+        let entry = self.entries[self.left.next()?];
+        let id = self.next_id;
+        self.next_id += 1;
+        Some(self.read(&entry, id).map_err(|e| {
+            self.ended = self.strict;
+            SourceError {
+                message: format!("frame {id} ({:.6} s): {e}", entry.stamp),
+                recoverable: !self.strict,
+            }
+        }))
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        Some(if self.ended { 0 } else { self.left.len() })
+    }
+}

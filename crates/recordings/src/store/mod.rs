@@ -1,0 +1,196 @@
+//! Files of messages: which messages there are, and their bytes.
+//!
+//! A file is scanned once from its beginning, so none of the formats needs its index, and a file that was cut off gives all that is before the cut.
+//! What is kept of a message is where it lies; its bytes are read when they are asked for.
+
+pub(crate) mod bag;
+pub(crate) mod blocks;
+pub(crate) mod cursor;
+pub(crate) mod mcap;
+
+use crate::error::Result;
+use stillpoint_ros_messages::Format;
+
+/// What is sent under one name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Channel {
+    pub(crate) topic: String,
+    /// As ROS 2 names it: `sensor_msgs/msg/Image`.
+    pub(crate) type_name: String,
+    /// `None` for messages that are not of ROS, which are counted only.
+    pub(crate) format: Option<Format>,
+}
+
+/// A message, where it lies.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Slot {
+    /// Index of its channel.
+    pub(crate) channel: u32,
+    /// When it was received, ns.
+    pub(crate) logged: i64,
+    /// What its header says, ns; `None` for messages without a header.
+    pub(crate) stamp: Option<i64>,
+    pub(crate) place: Place,
+}
+
+/// Where the bytes of a message are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Place {
+    /// Which of the recording's files.
+    pub(crate) file: u16,
+    /// Which compressed block of it, if any.
+    pub(crate) block: Option<u32>,
+    /// Where in the block or file; in a data base the row.
+    pub(crate) offset: u64,
+    pub(crate) len: u32,
+}
+
+/// What a file holds.
+#[derive(Debug, Default)]
+pub(crate) struct Contents {
+    pub(crate) channels: Vec<Channel>,
+    /// Messages of each channel: how many, and when the first and the last of them was received, ns.
+    pub(crate) counts: Vec<(u64, i64, i64)>,
+    /// Messages of the types that are looked into, in the order of the file.
+    pub(crate) slots: Vec<Slot>,
+    /// What is damaged or missing, one sentence each.
+    pub(crate) remarks: Vec<String>,
+}
+
+impl Contents {
+    /// The index of a channel, which is added where it is new: a channel may be declared again and again.
+    pub(crate) fn channel(&mut self, channel: Channel) -> u32 {
+        let known = self.channels.iter().position(|c| *c == channel);
+        let index = known.unwrap_or_else(|| {
+            self.channels.push(channel);
+            self.counts.push((0, i64::MAX, i64::MIN));
+            self.channels.len() - 1
+        });
+        index as u32
+    }
+
+    /// Counts a message, and keeps where it lies when its type is looked into. `head` are its first bytes.
+    pub(crate) fn message(&mut self, channel: u32, logged: i64, head: &[u8], place: Place) {
+        let declared = &self.channels[channel as usize];
+        let (count, first, last) = &mut self.counts[channel as usize];
+        *count += 1;
+        *first = logged.min(*first);
+        *last = logged.max(*last);
+        if u64::from(place.len) > LARGEST_MESSAGE {
+            let remark = format!(
+                "a message of {} bytes on {} is left out",
+                place.len, declared.topic
+            );
+            self.remarks.push(remark);
+        } else if self.slots.len() < MOST_SLOTS && looked_into(&declared.type_name) {
+            self.slots.push(Slot {
+                channel,
+                logged,
+                stamp: header_stamp(declared, head),
+                place,
+            });
+        }
+    }
+
+    /// Says that something is missing from a place on.
+    pub(crate) fn cut(&mut self, at: u64) {
+        self.remarks.push(format!(
+            "the file is cut off or damaged at byte {at}: what is before is used"
+        ));
+    }
+}
+
+/// Messages that are kept at most: ten days of images, or half a gigabyte of places.
+const MOST_SLOTS: usize = 1 << 23;
+
+/// Whether a type tells of cameras or poses. IMU samples, points and the rest are counted only.
+fn looked_into(type_name: &str) -> bool {
+    [
+        "sensor_msgs/msg/Image",
+        "sensor_msgs/msg/CompressedImage",
+        "sensor_msgs/msg/CameraInfo",
+        "tf2_msgs/msg/TFMessage",
+        "tf/msg/tfMessage",
+        "geometry_msgs/msg/PoseStamped",
+        "geometry_msgs/msg/TransformStamped",
+        "geometry_msgs/msg/Transform",
+        "nav_msgs/msg/Odometry",
+        "std_msgs/msg/String",
+        "std_msgs/msg/Float32",
+        "diagnostic_msgs/msg/KeyValue",
+    ]
+    .contains(&type_name)
+}
+
+/// A file that was scanned.
+pub(crate) trait Store: Send + std::fmt::Debug {
+    /// The bytes of a message.
+    fn read(&mut self, place: &Place) -> Result<Vec<u8>>;
+}
+
+/// Bytes of a message at most: an image of a hundred megapixels.
+pub(crate) const LARGEST_MESSAGE: u64 = 1 << 28;
+/// Bytes of a decompressed block at most.
+pub(crate) const LARGEST_BLOCK: u64 = 1 << 28;
+/// Channels at most.
+pub(crate) const MOST_CHANNELS: usize = 1 << 16;
+
+/// The name of a type as ROS 2 has it.
+pub(crate) fn full_name(name: &str) -> String {
+    match name.split_once('/') {
+        Some((package, kind)) if !kind.contains('/') => format!("{package}/msg/{kind}"),
+        _ => name.to_owned(),
+    }
+}
+
+/// Bytes of a message that tell its stamp.
+pub(crate) const HEAD: usize = 12;
+
+/// The stamp in the header that messages of this type begin with, ns.
+pub(crate) fn header_stamp(channel: &Channel, head: &[u8]) -> Option<i64> {
+    const WITHOUT: [&str; 7] = [
+        "tf2_msgs/msg/TFMessage",
+        "tf/msg/tfMessage",
+        "std_msgs/msg/String",
+        "diagnostic_msgs/msg/KeyValue",
+        "geometry_msgs/msg/Transform",
+        "visualization_msgs/msg/MarkerArray",
+        "rcl_interfaces/msg/Log",
+    ];
+    const WITH: [&str; 7] = [
+        "sensor_msgs/",
+        "nav_msgs/",
+        "geometry_msgs/",
+        "vision_msgs/",
+        "diagnostic_msgs/",
+        "rosgraph_msgs/msg/Log",
+        "stereo_msgs/",
+    ];
+    let name = channel.type_name.as_str();
+    if WITHOUT.contains(&name) || !WITH.iter().any(|with| name.starts_with(with)) {
+        return None;
+    }
+    let word = |at: usize, big: bool| {
+        let bytes: [u8; 4] = head.get(at..at + 4)?.try_into().ok()?;
+        Some(if big {
+            u32::from_be_bytes(bytes)
+        } else {
+            u32::from_le_bytes(bytes)
+        })
+    };
+    // Both have four bytes before the seconds: the encapsulation, or the sequence number.
+    let (sec, nanosec) = match channel.format? {
+        Format::Ros1 => (i64::from(word(4, false)?), word(8, false)?),
+        _ => {
+            let big = head.get(1) == Some(&0);
+            (i64::from(word(4, big)? as i32), word(8, big)?)
+        }
+    };
+    Some(sec * 1_000_000_000 + i64::from(nanosec))
+}
+
+/// ns as s, rounded once where the seconds are whole.
+pub(crate) fn seconds(ns: i64) -> f64 {
+    let (sec, rest) = (ns.div_euclid(1_000_000_000), ns.rem_euclid(1_000_000_000));
+    sec as f64 + rest as f64 / 1e9
+}

@@ -1,0 +1,108 @@
+//! Where frames stand to each other, as `tf` messages say.
+
+use std::collections::{BTreeMap, BTreeSet};
+use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
+use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_ros_messages as ros;
+
+/// Frames and the first transform that was said of each pair.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Transforms {
+    /// `parent_from_child`, by child and parent, both ways.
+    edges: BTreeMap<String, BTreeMap<String, Se3>>,
+}
+
+/// A pose; `None` where numbers are not finite or the rotation is none.
+pub(crate) fn pose(t: [f64; 3], q: &ros::Quaternion) -> Option<Se3> {
+    let q = Quaternion::new(q.w, q.x, q.y, q.z);
+    let norm = q.norm();
+    let finite = t.iter().all(|v| v.is_finite()) && norm.is_finite();
+    (finite && norm > 0.5 && norm < 2.0)
+        .then(|| Se3::new(UnitQuaternion::new_normalize(q), Vec3::from(t)))
+}
+
+/// ROS 1 wrote a slash before names of frames in its early years.
+pub(crate) fn frame_name(name: &str) -> &str {
+    name.trim_start_matches('/')
+}
+
+impl Transforms {
+    pub(crate) fn add(&mut self, transform: &ros::TransformStamped<'_>) {
+        let t = &transform.transform.translation;
+        let Some(pose) = pose([t.x, t.y, t.z], &transform.transform.rotation) else {
+            return;
+        };
+        let parent = frame_name(&transform.header.frame_id).to_owned();
+        let child = frame_name(&transform.child_frame_id).to_owned();
+        let known = self.edges.entry(child.clone()).or_default();
+        // The first counts: later ones of frames that move are of other times.
+        if let std::collections::btree_map::Entry::Vacant(new) = known.entry(parent.clone()) {
+            new.insert(pose);
+            self.edges
+                .entry(parent)
+                .or_default()
+                .insert(child, pose.inverse());
+        }
+    }
+
+    /// `to_from_from`, along the shortest chain.
+    pub(crate) fn find(&self, to: &str, from: &str) -> Option<Se3> {
+        let (to, from) = (frame_name(to), frame_name(from));
+        let mut seen = BTreeSet::from([from]);
+        let mut open = vec![(from, Se3::identity())];
+        while !open.is_empty() {
+            let mut next = Vec::new();
+            for (name, pose) in open {
+                if name == to {
+                    return Some(pose);
+                }
+                for (other, other_from_name) in self.edges.get(name).into_iter().flatten() {
+                    if seen.insert(other) {
+                        next.push((other.as_str(), *other_from_name * pose));
+                    }
+                }
+            }
+            open = next;
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn edge(parent: &'static str, child: &'static str, x: f64) -> ros::TransformStamped<'static> {
+        let mut t = ros::TransformStamped::default();
+        t.header.frame_id = parent.into();
+        t.child_frame_id = child.into();
+        t.transform.translation.x = x;
+        t.transform.rotation.w = 1.0;
+        t
+    }
+
+    #[test]
+    fn chains_go_up_and_down() {
+        let mut tree = Transforms::default();
+        for (parent, child, x) in [
+            ("base", "camera", 1.0),
+            ("/camera", "colour", 0.25),
+            ("camera", "/depth", 0.5),
+            ("camera", "depth", 9.0),
+            ("a", "b", 0.0),
+        ] {
+            tree.add(&edge(parent, child, x));
+        }
+        let found = tree.find("colour", "depth").unwrap();
+        assert_eq!(found.translation, Vec3::new(0.25, 0.0, 0.0));
+        let found = tree.find("base", "depth").unwrap();
+        assert_eq!(found.translation, Vec3::new(1.5, 0.0, 0.0));
+        assert!(tree.find("a", "depth").is_none());
+        let mut broken = edge("camera", "b", f64::NAN);
+        tree.add(&broken);
+        broken.transform.translation.x = 0.0;
+        broken.transform.rotation.w = 0.0;
+        tree.add(&broken);
+        assert!(tree.find("camera", "b").is_none());
+    }
+}

@@ -1,0 +1,104 @@
+//! Ground truth from a topic of poses.
+
+use crate::error::{RecordingError, Result};
+use crate::probe::Probe;
+use crate::recording::Recording;
+use crate::store::{Slot, seconds};
+use crate::transforms::{self, frame_name};
+use stillpoint_datasets::StampedPose;
+use stillpoint_geometry::Se3;
+use stillpoint_ros_messages as ros;
+
+/// Types of topics that hold poses.
+const TYPES: [&str; 3] = [
+    "geometry_msgs/msg/PoseStamped",
+    "geometry_msgs/msg/TransformStamped",
+    "nav_msgs/msg/Odometry",
+];
+
+/// Reads the poses of a topic, in order of time, as those of the colour camera, whose frame is `camera`: where transforms lead from what moves to the
+/// camera, they are applied.
+pub(crate) fn read(
+    recording: &mut Recording,
+    probe: &Probe,
+    topic: &str,
+    camera: &str,
+    guesses: &mut Vec<String>,
+) -> Result<Vec<StampedPose>> {
+    let channels = TYPES.iter().flat_map(|t| recording.channels_of(t));
+    let all: Vec<u32> = channels.collect();
+    let Some(channel) = all.iter().copied().find(|c| recording.topic(*c) == topic) else {
+        let names: Vec<&str> = all.iter().map(|c| recording.topic(*c)).collect();
+        let found = format!(
+            "{topic}, and of poses {}",
+            if names.is_empty() {
+                "none".to_owned()
+            } else {
+                names.join(", ")
+            }
+        );
+        let expected = "--truth-topic to name a topic of poses or odometry";
+        return Err(RecordingError::topics(
+            &recording.path,
+            expected,
+            found,
+            "name one of these",
+        ));
+    };
+    let slots: Vec<Slot> = recording.slots_of(channel).copied().collect();
+    let mut found: Vec<StampedPose> = Vec::with_capacity(slots.len());
+    let mut body = None;
+    for slot in slots {
+        let bytes = recording.read(&slot)?;
+        let (pose, child) = one(recording, &slot, &bytes)?;
+        let Some(world_from_body) = pose else {
+            continue;
+        };
+        let body_from_camera = body.get_or_insert_with(|| {
+            let known = child
+                .as_deref()
+                .and_then(|c| probe.transforms.find(c, camera));
+            guesses.push(match (&known, &child) {
+                (Some(_), Some(child)) => {
+                    format!("ground truth: {topic}, brought from {child} to {camera}")
+                }
+                _ => format!("ground truth: {topic}, taken as poses of the camera"),
+            });
+            known.unwrap_or_else(Se3::identity)
+        });
+        found.push(StampedPose {
+            stamp: seconds(slot.stamp.filter(|s| *s != 0).unwrap_or(slot.logged)),
+            world_from_camera: world_from_body * *body_from_camera,
+        });
+    }
+    found.sort_by(|a, b| a.stamp.total_cmp(&b.stamp));
+    found.dedup_by(|a, b| a.stamp == b.stamp);
+    Ok(found)
+}
+
+/// The pose in a message, and the frame that it is of.
+fn one(recording: &Recording, slot: &Slot, bytes: &[u8]) -> Result<(Option<Se3>, Option<String>)> {
+    let of = |p: &ros::Pose| {
+        transforms::pose([p.position.x, p.position.y, p.position.z], &p.orientation)
+    };
+    Ok(match recording.channel(slot).type_name.as_str() {
+        "nav_msgs/msg/Odometry" => {
+            let m: ros::Odometry<'_> = recording.parse(slot, bytes)?;
+            (
+                of(&m.pose.pose),
+                Some(frame_name(&m.child_frame_id).to_owned()),
+            )
+        }
+        "geometry_msgs/msg/TransformStamped" => {
+            let m: ros::TransformStamped<'_> = recording.parse(slot, bytes)?;
+            let t = &m.transform.translation;
+            let pose = transforms::pose([t.x, t.y, t.z], &m.transform.rotation);
+            (pose, Some(frame_name(&m.child_frame_id).to_owned()))
+        }
+        // Whose pose it is, the message does not say.
+        _ => {
+            let m: ros::PoseStamped<'_> = recording.parse(slot, bytes)?;
+            (of(&m.pose), None)
+        }
+    })
+}

@@ -1,0 +1,5 @@
+//! Tests of the public interface.
+#![allow(missing_docs, clippy::unwrap_used)]
+
+mod files;
+mod writers;
