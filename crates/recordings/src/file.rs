@@ -5,7 +5,7 @@ use crate::error::{RecordingError, Result};
 use crate::input::OpenOptions;
 use crate::probe::{Probe, Stream};
 use crate::realsense;
-use crate::recording::Recording;
+use crate::recording::{Files, Recording};
 use crate::setup::{Setup, Treatment};
 use crate::source::RecordingSource;
 use crate::store::{Slot, seconds};
@@ -30,7 +30,7 @@ pub struct FileRecording {
     pub(crate) entries: Arc<[Entry]>,
     pub(crate) treatment: Arc<Treatment>,
     pub(crate) strict: bool,
-    format: String,
+    pub(crate) files: Files,
     truth: Option<Vec<StampedPose>>,
     guesses: Vec<String>,
     warnings: Vec<String>,
@@ -38,7 +38,8 @@ pub struct FileRecording {
 
 impl FileRecording {
     pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
-        let mut recording = Recording::open(path)?;
+        let files = Files::scan(path)?;
+        let mut recording = files.open()?;
         let mut warnings = recording.contents.remarks.clone();
         let probe = Probe::new(&mut recording)?;
         let named = Named {
@@ -48,7 +49,7 @@ impl FileRecording {
         let pair = choose(path, &probe, named)?;
         let mut guesses = vec![format!(
             "{}: colour {} and depth {}{}",
-            recording.format(),
+            files.format,
             pair.colour.topic,
             pair.depth.topic,
             if pair.reasons.is_empty() {
@@ -83,7 +84,7 @@ impl FileRecording {
             entries: entries.into(),
             treatment: Arc::new(treatment),
             strict: options.strict,
-            format: recording.format().to_owned(),
+            files,
             truth,
             guesses,
             warnings,
@@ -93,7 +94,7 @@ impl FileRecording {
     /// What kind of file it is.
     #[must_use]
     pub fn format(&self) -> &str {
-        &self.format
+        self.files.format
     }
 
     /// The camera, with the size of the images.
@@ -125,7 +126,7 @@ impl FileRecording {
         self.truth.clone()
     }
 
-    /// A source of the frames, decoded. The file is opened once more, so that sources do not disturb each other.
+    /// A source of the frames, decoded. The files are opened once more, so that sources do not disturb each other.
     ///
     /// # Errors
     /// A start behind the last frame, a file that is gone.

@@ -57,7 +57,7 @@ pub enum Input {
 /// # Errors
 /// [`crate::RecordingError`]: see its variants.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Input> {
-    if path.is_file() {
+    if path.is_file() || crate::rosbag2::is_folder(path) {
         return FileRecording::open(path, options).map(|f| Input::File(Box::new(f)));
     }
     let folder = stillpoint_datasets::OpenOptions {

@@ -1,7 +1,7 @@
 //! Recordings of RGB-D cameras, and data set folders, behind one [`open`].
 //!
-//! Answers: which frames a recording holds, with which camera they were taken, and what its pixels are as grey images and metres. Reads MCAP and
-//! bags of ROS 1. Does not know what is done with the frames, and describes no messages: those are in the crate `ros-messages`.
+//! Answers: which frames a recording holds, with which camera they were taken, and what its pixels are as grey images and metres. Reads MCAP,
+//! bags of ROS 1, and rosbag2 with its data bases (feature `sqlite`). Does not know what is done with the frames, and describes no messages: those are in the crate `ros-messages`.
 //!
 //! A file is scanned once from its beginning: it needs no index, and one that was cut off gives all that is before the cut. Nothing in a file is
 //! trusted: lengths are compared with what is there before anything is allocated.
@@ -19,6 +19,8 @@
 //! ```
 
 mod choose;
+#[cfg(test)]
+mod d435;
 mod decode;
 mod error;
 mod file;
@@ -29,6 +31,7 @@ mod realsense;
 mod recording;
 mod rectify;
 mod register;
+mod rosbag2;
 mod setup;
 mod source;
 mod store;

@@ -43,7 +43,7 @@ pub(crate) fn describe(
                 probe.transforms.add(&t);
             }
             Some(Said::Unit(metres)) if metres > 0.0 => {
-                probe.depth_scale = Some((1.0 / metres * 1e6).round() / 1e6);
+                probe.depth_scale = Some((1.0 / metres * 1e3).round() / 1e3);
             }
             Some(Said::Name(name)) => probe.device = Some(name),
             _ => {}

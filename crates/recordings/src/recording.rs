@@ -1,78 +1,169 @@
 //! A recording: its files as one, and what their messages say.
 
 use crate::error::{RecordingError, Result};
-use crate::store::blocks::Bytes;
-use crate::store::{Channel, Contents, Slot, Store, bag, mcap, seconds};
+use crate::rosbag2;
+use crate::store::blocks::{Block, BlockFile, Bytes, Compression, decompress};
+#[cfg(feature = "sqlite")]
+use crate::store::sqlite::Sqlite;
+use crate::store::temporary::Temporary;
+use crate::store::{
+    Channel, Contents, HEAD, LARGEST_MESSAGE, Slot, Store, bag, header_stamp, mcap, seconds,
+};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use stillpoint_ros_messages::{Format, Wire, from_bytes};
 
-/// What a file is, by its first bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kind {
-    Mcap,
-    Bag,
+/// How a file is opened once more without being scanned.
+#[derive(Clone, Debug)]
+enum Opener {
+    Blocks(PathBuf, Vec<Block>),
+    #[cfg(feature = "sqlite")]
+    Sqlite(PathBuf),
 }
 
-impl Kind {
-    fn of(head: &[u8]) -> Option<Self> {
-        if head.starts_with(mcap::MAGIC) {
-            Some(Self::Mcap)
+/// The scanned files of a recording.
+#[derive(Clone, Debug)]
+pub(crate) struct Files {
+    pub(crate) path: PathBuf,
+    /// What it is, in words.
+    pub(crate) format: &'static str,
+    pub(crate) contents: Arc<Contents>,
+    openers: Vec<Opener>,
+    /// Each message is compressed by itself.
+    compressed: bool,
+    /// Kept while anything reads them.
+    _temporary: Arc<Vec<Temporary>>,
+}
+
+impl Files {
+    /// Scans a file, or the files of a rosbag2 folder.
+    pub(crate) fn scan(path: &Path) -> Result<Self> {
+        let plan = rosbag2::plan(path)?;
+        let mut files = Self {
+            path: path.to_owned(),
+            format: "",
+            contents: Arc::default(),
+            openers: Vec::new(),
+            compressed: plan.compressed_messages,
+            _temporary: Arc::default(),
+        };
+        let mut contents = Contents::default();
+        let mut temporary = Vec::new();
+        for (i, file) in plan.files.iter().enumerate().take(usize::from(u16::MAX)) {
+            let unpacked = rosbag2::unpack(file)?;
+            let at = unpacked
+                .as_ref()
+                .map_or(file.as_path(), |t| t.path.as_path());
+            contents.merge(files.scan_one(at, file, i as u16)?);
+            temporary.extend(unpacked);
+        }
+        contents.remarks.extend(plan.remarks);
+        files._temporary = Arc::new(temporary);
+        if plan.compressed_messages {
+            files.contents = Arc::new(contents);
+            contents = files.restamped()?;
+        }
+        files.contents = Arc::new(contents);
+        Ok(files)
+    }
+
+    /// Scans one file, which lies `at` a place that need not be that of `named`.
+    fn scan_one(&mut self, at: &Path, named: &Path, index: u16) -> Result<Contents> {
+        let mut bytes = Bytes::open(at)?;
+        let head = bytes.get(0, 16)?;
+        let (store, contents) = if head.starts_with(mcap::MAGIC) {
+            self.format = "MCAP";
+            mcap::open(bytes, index)?
         } else if head.starts_with(bag::MAGIC) {
-            Some(Self::Bag)
+            self.format = "ROS 1 bag";
+            bag::open(bytes, index)?
         } else {
-            None
-        }
+            return self.scan_data_base(at, named, index, &head);
+        };
+        self.openers
+            .push(Opener::Blocks(at.to_owned(), store.blocks));
+        Ok(contents)
     }
 
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Mcap => "MCAP",
-            Self::Bag => "ROS 1 bag",
+    #[cfg(feature = "sqlite")]
+    fn scan_data_base(
+        &mut self,
+        at: &Path,
+        named: &Path,
+        index: u16,
+        head: &[u8],
+    ) -> Result<Contents> {
+        if !head.starts_with(SQLITE) {
+            return Err(unknown(named, head));
         }
+        self.format = "SQLite";
+        self.openers.push(Opener::Sqlite(at.to_owned()));
+        Sqlite::open(at)?.scan(index)
+    }
+
+    #[cfg(not(feature = "sqlite"))]
+    fn scan_data_base(&mut self, _: &Path, named: &Path, _: u16, head: &[u8]) -> Result<Contents> {
+        Err(unknown(named, head))
+    }
+
+    /// The contents with the stamps that are in compressed messages.
+    fn restamped(&self) -> Result<Contents> {
+        let mut recording = self.open()?;
+        let mut contents = Contents::clone(&self.contents);
+        for slot in &mut contents.slots {
+            let channel = &self.contents.channels[slot.channel as usize];
+            let stored = recording.stores[usize::from(slot.place.file)].read(&slot.place)?;
+            let (head, _) = decompress(Compression::Zstd, &stored, HEAD as u64);
+            slot.stamp = header_stamp(channel, &head);
+        }
+        Ok(contents)
+    }
+
+    /// Opens the files for reading.
+    pub(crate) fn open(&self) -> Result<Recording> {
+        let open = |opener: &Opener| -> Result<Box<dyn Store>> {
+            Ok(match opener {
+                Opener::Blocks(path, blocks) => {
+                    let mut store = BlockFile::new(Bytes::open(path)?);
+                    store.blocks.clone_from(blocks);
+                    Box::new(store)
+                }
+                #[cfg(feature = "sqlite")]
+                Opener::Sqlite(path) => Box::new(Sqlite::open(path)?),
+            })
+        };
+        let stores = self.openers.iter().map(open).collect::<Result<_>>()?;
+        Ok(Recording {
+            path: self.path.clone(),
+            contents: Arc::clone(&self.contents),
+            stores,
+            files: self.clone(),
+        })
     }
 }
 
-/// Files of messages, scanned.
+/// A recording that is read.
 #[derive(Debug)]
 pub(crate) struct Recording {
     pub(crate) path: PathBuf,
-    pub(crate) kind: Kind,
-    pub(crate) contents: Contents,
+    pub(crate) contents: Arc<Contents>,
     stores: Vec<Box<dyn Store>>,
+    pub(crate) files: Files,
 }
 
 impl Recording {
-    /// Scans a file.
-    pub(crate) fn open(path: &Path) -> Result<Self> {
-        let mut bytes = Bytes::open(path)?;
-        let head = bytes.get(0, 16)?;
-        let Some(kind) = Kind::of(&head) else {
-            return Err(unknown(path, &head));
-        };
-        let (store, contents) = match kind {
-            Kind::Mcap => mcap::open(bytes, 0)?,
-            Kind::Bag => bag::open(bytes, 0)?,
-        };
-        Ok(Self {
-            path: path.to_owned(),
-            kind,
-            contents,
-            stores: vec![Box::new(store)],
-        })
-    }
-
-    /// What kind of file it is, in words.
-    pub(crate) fn format(&self) -> &'static str {
-        self.kind.name()
-    }
-
     pub(crate) fn channel(&self, slot: &Slot) -> &Channel {
         &self.contents.channels[slot.channel as usize]
     }
 
     /// The bytes of a message.
     pub(crate) fn read(&mut self, slot: &Slot) -> Result<Vec<u8>> {
-        self.stores[usize::from(slot.place.file)].read(&slot.place)
+        let stored = self.stores[usize::from(slot.place.file)].read(&slot.place)?;
+        if !self.files.compressed {
+            return Ok(stored);
+        }
+        // What is missing is told when the message is parsed.
+        Ok(decompress(Compression::Zstd, &stored, LARGEST_MESSAGE).0)
     }
 
     /// The message in bytes that [`Self::read`] gave.
@@ -108,16 +199,19 @@ impl Recording {
     }
 }
 
+/// First bytes of a data base.
+const SQLITE: &[u8] = b"SQLite format 3\0";
+
 /// What a file of no known format may be.
 fn unknown(path: &Path, head: &[u8]) -> RecordingError {
     let (found, advice) = if head.is_empty() {
         ("an empty file", "record it again")
     } else if head.starts_with(b"#ROSBAG V1") {
         ("a bag of version 1", "convert it with `rosbag fix`")
-    } else if head.starts_with(b"SQLite format 3\0") {
+    } else if head.starts_with(SQLITE) {
         (
             "a data base of SQLite",
-            "name a program that was built with the feature `sqlite`",
+            "use a program that was built with the feature `sqlite`",
         )
     } else {
         (

@@ -40,7 +40,7 @@ impl RecordingSource {
         let rest = all - options.start;
         let count = options.max_frames.unwrap_or(rest).min(rest);
         Ok(Self {
-            recording: Recording::open(&of.path)?,
+            recording: of.files.open()?,
             entries: Arc::clone(&of.entries),
             treatment: Arc::clone(&of.treatment),
             left: options.start..options.start + count,

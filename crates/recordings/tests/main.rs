@@ -2,4 +2,6 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod files;
+#[cfg(feature = "sqlite")]
+mod sqlite;
 mod writers;

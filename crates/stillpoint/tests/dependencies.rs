@@ -271,6 +271,7 @@ fn the_facade_brings_networks_and_tls_only_where_they_are_asked_for() {
         ("models", "stillpoint-models"),
         ("pull", "ureq"),
         ("pull", "rustls"),
+        ("sqlite", "rusqlite"),
     ];
     let plain = brought_by_the_facade("");
     assert!(plain.contains("stillpoint-slam"), "{plain:?}");

@@ -66,8 +66,8 @@ pub(crate) struct OutputArgs {
 
 /// Run SLAM on a data set folder or a recording.
 ///
-/// The layout of a folder (TUM, Bonn, ICL-NUIM, 7-Scenes), the topics of a recording (MCAP, ROS 1
-/// bag) and the camera are guessed, and each guess is printed. With ground truth the score is printed too.
+/// The layout of a folder (TUM, Bonn, ICL-NUIM, 7-Scenes), the topics of a recording (MCAP,
+/// rosbag2, ROS 1 bag) and the camera are guessed, and each guess is printed. With ground truth the score is printed too.
 ///
 /// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
 /// least 30 inliers; TUM format), trajectory_online.txt (the poses as known at each frame),

@@ -7,6 +7,9 @@ pub(crate) mod bag;
 pub(crate) mod blocks;
 pub(crate) mod cursor;
 pub(crate) mod mcap;
+#[cfg(feature = "sqlite")]
+pub(crate) mod sqlite;
+pub(crate) mod temporary;
 
 use crate::error::Result;
 use stillpoint_ros_messages::Format;
@@ -46,7 +49,7 @@ pub(crate) struct Place {
 }
 
 /// What a file holds.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Contents {
     pub(crate) channels: Vec<Channel>,
     /// Messages of each channel: how many, and when the first and the last of them was received, ns.
@@ -82,7 +85,7 @@ impl Contents {
                 place.len, declared.topic
             );
             self.remarks.push(remark);
-        } else if self.slots.len() < MOST_SLOTS && looked_into(&declared.type_name) {
+        } else if self.slots.len() < MOST_SLOTS && is_looked_into(&declared.type_name) {
             self.slots.push(Slot {
                 channel,
                 logged,
@@ -90,6 +93,24 @@ impl Contents {
                 place,
             });
         }
+    }
+
+    /// Adds what another file of the same recording holds.
+    pub(crate) fn merge(&mut self, other: Self) {
+        let declared = other.channels.into_iter().zip(other.counts);
+        let index: Vec<u32> = declared
+            .map(|(channel, (count, first, last))| {
+                let index = self.channel(channel);
+                let known = &mut self.counts[index as usize];
+                *known = (known.0 + count, known.1.min(first), known.2.max(last));
+                index
+            })
+            .collect();
+        self.slots.extend(other.slots.into_iter().map(|slot| Slot {
+            channel: index[slot.channel as usize],
+            ..slot
+        }));
+        self.remarks.extend(other.remarks);
     }
 
     /// Says that something is missing from a place on.
@@ -104,7 +125,7 @@ impl Contents {
 const MOST_SLOTS: usize = 1 << 23;
 
 /// Whether a type tells of cameras or poses. IMU samples, points and the rest are counted only.
-fn looked_into(type_name: &str) -> bool {
+pub(crate) fn is_looked_into(type_name: &str) -> bool {
     [
         "sensor_msgs/msg/Image",
         "sensor_msgs/msg/CompressedImage",

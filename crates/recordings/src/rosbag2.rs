@@ -1,0 +1,161 @@
+//! Folders of rosbag2: which files they hold, and how those are compressed.
+
+use crate::error::{RecordingError, Result};
+use crate::store::temporary::Temporary;
+use std::path::{Path, PathBuf};
+
+/// Describes a folder.
+const METADATA: &str = "metadata.yaml";
+/// Bytes of it at most.
+const LARGEST: u64 = 1 << 24;
+/// Bytes that a file may have when it is decompressed: that of an hour of raw images.
+const LARGEST_FILE: u64 = 1 << 38;
+/// First bytes of what Zstandard compressed.
+const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+
+/// Files of a recording in order.
+#[derive(Debug, Default, PartialEq)]
+pub(crate) struct Plan {
+    pub(crate) files: Vec<PathBuf>,
+    pub(crate) compressed_messages: bool,
+    pub(crate) remarks: Vec<String>,
+}
+
+/// Whether a folder is one of rosbag2.
+pub(crate) fn is_folder(path: &Path) -> bool {
+    path.is_dir()
+        && (path.join(METADATA).is_file()
+            || (!path.join("rgb.txt").is_file() && !listed(path).is_empty()))
+}
+
+/// The files of a path: itself, or those of its folder, as the description has them, else by name.
+pub(crate) fn plan(path: &Path) -> Result<Plan> {
+    if !path.is_dir() {
+        // A file of a folder is compressed as its description says.
+        let beside = path
+            .parent()
+            .map(|p| p.join(METADATA))
+            .filter(|p| p.is_file());
+        let described =
+            beside.and_then(|p| stillpoint_datasets::read_regular_text(&p, LARGEST).ok());
+        return Ok(Plan {
+            files: vec![path.to_owned()],
+            compressed_messages: described.is_some_and(|text| parse(&text).1),
+            remarks: Vec::new(),
+        });
+    }
+    let metadata = path.join(METADATA);
+    let mut plan = Plan::default();
+    if metadata.is_file() {
+        let text = stillpoint_datasets::read_regular_text(&metadata, LARGEST);
+        let text = text.map_err(RecordingError::read(&metadata))?;
+        let (names, compressed) = parse(&text);
+        plan.compressed_messages = compressed;
+        // Only names: a description from elsewhere must not lead out of the folder.
+        let names = names.iter().filter_map(|n| Path::new(n).file_name());
+        let (there, gone): (Vec<PathBuf>, Vec<PathBuf>) =
+            names.map(|n| path.join(n)).partition(|p| p.is_file());
+        plan.files = there;
+        plan.remarks = gone
+            .iter()
+            .map(|p| format!("{} is missing and left out", p.display()))
+            .collect();
+    }
+    if plan.files.is_empty() {
+        plan.files = listed(path);
+    }
+    if plan.files.is_empty() {
+        let found = "none of the files that metadata.yaml lists";
+        return Err(RecordingError::format(
+            path,
+            "a folder of rosbag2",
+            found,
+            "copy the whole folder",
+        ));
+    }
+    Ok(plan)
+}
+
+/// Files of recordings in a folder, by name.
+fn listed(path: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(path).into_iter().flatten().flatten();
+    let wanted = |p: &PathBuf| {
+        let name = p.to_string_lossy().into_owned();
+        [".mcap", ".db3", ".mcap.zstd", ".db3.zstd"]
+            .iter()
+            .any(|e| name.ends_with(e))
+    };
+    let mut files: Vec<PathBuf> = entries.map(|e| e.path()).filter(wanted).collect();
+    files.sort();
+    files
+}
+
+/// Names of files, and whether messages are compressed each. Of YAML what rosbag2 writes, for this alone.
+fn parse(text: &str) -> (Vec<String>, bool) {
+    let mut names = Vec::new();
+    let mut within = false;
+    let mut compressed = false;
+    for line in text.lines() {
+        let line = line.trim();
+        let unquoted = |t: &str| t.trim().trim_matches(['"', '\'']).to_owned();
+        if let Some(name) = line.strip_prefix("- ").filter(|_| within) {
+            names.push(unquoted(name));
+            continue;
+        }
+        within = line == "relative_file_paths:";
+        if let Some(mode) = line.strip_prefix("compression_mode:") {
+            compressed = unquoted(mode).eq_ignore_ascii_case("message");
+        }
+    }
+    (names, compressed)
+}
+
+/// A file that was compressed as a whole, decompressed; nothing for any other.
+pub(crate) fn unpack(path: &Path) -> Result<Option<Temporary>> {
+    use std::io::Read;
+    let file = stillpoint_datasets::open_regular(path).map_err(RecordingError::read(path))?;
+    let mut file = std::io::BufReader::new(file);
+    let mut head = Vec::new();
+    file.by_ref()
+        .take(4)
+        .read_to_end(&mut head)
+        .map_err(RecordingError::read(path))?;
+    if head != ZSTD {
+        return Ok(None);
+    }
+    let whole = std::io::Cursor::new(head).chain(file);
+    let broken = |e: String| {
+        RecordingError::format(path, "a file that Zstandard compressed", e, "copy it again")
+    };
+    let decoder =
+        ruzstd::decoding::StreamingDecoder::new(whole).map_err(|e| broken(e.to_string()))?;
+    let (temporary, mut to) = Temporary::create(path, ".unpacked")?;
+    // What was written before an error is scanned as a file that was cut off.
+    match std::io::copy(&mut decoder.take(LARGEST_FILE), &mut to) {
+        Err(e) if e.kind() == std::io::ErrorKind::StorageFull => Err(broken(e.to_string())),
+        _ => Ok(Some(temporary)),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn descriptions_are_read() {
+        let text = "rosbag2_bagfile_information:\n  compression_mode: MESSAGE\n  files:\n  - path: no.db3\n  relative_file_paths:\n    - a_0.db3\n    - \"a_1.db3\"\n  ros_distro: jazzy\n  - x\n";
+        let expected = (vec!["a_0.db3".to_owned(), "a_1.db3".to_owned()], true);
+        assert_eq!(parse(text), expected);
+    }
+
+    #[test]
+    fn a_description_does_not_lead_out_of_its_folder() {
+        let dir = tempfile::tempdir().unwrap();
+        std::fs::write(dir.path().join("a.mcap"), "").unwrap();
+        let text = "relative_file_paths:\n- ../../etc/a.mcap\n- gone.mcap\n";
+        std::fs::write(dir.path().join(METADATA), text).unwrap();
+        let plan = plan(dir.path()).unwrap();
+        assert_eq!(plan.files, [dir.path().join("a.mcap")]);
+        assert!(plan.remarks[0].contains("gone.mcap is missing"), "{plan:?}");
+    }
+}
