@@ -17,6 +17,7 @@ mod machine;
 mod map;
 mod models;
 mod output;
+mod recording;
 mod report;
 mod run;
 mod simulate;
@@ -89,6 +90,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Command::Simulate(a) => simulate::simulate(a),
         Command::Bench(a) => bench::bench(a),
         Command::Detect(a) => detect::detect(a, timing),
+        Command::Recording(a) => recording::recording(a),
         Command::Map(a) => map::map(a),
         Command::Models(a) => models::models(a),
         Command::Config(ConfigCommand::Print(a)) => config::print(a),

@@ -25,11 +25,25 @@ fn golden(name: &str, args: &[&str]) {
 fn help_of_every_command() {
     golden("help.txt", &["--help"]);
     for command in [
-        "demo", "run", "replay", "eval", "simulate", "bench", "detect", "map", "models", "config",
+        "demo",
+        "run",
+        "replay",
+        "eval",
+        "simulate",
+        "bench",
+        "detect",
+        "recording",
+        "map",
+        "models",
+        "config",
     ] {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
+    for command in ["info", "convert"] {
+        let name = format!("help_recording_{command}.txt");
+        golden(&name, &["recording", command, "--help"]);
+    }
     for command in ["info", "check", "export", "merge"] {
         let name = format!("help_map_{command}.txt");
         golden(&name, &["map", command, "--help"]);

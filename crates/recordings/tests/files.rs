@@ -3,7 +3,9 @@
 use crate::writers::*;
 use std::path::{Path, PathBuf};
 use stillpoint_imaging::{FrameSource, RgbdFrame};
-use stillpoint_recordings::{FrameOptions, Input, OpenOptions, open};
+use stillpoint_recordings::{
+    FrameOptions, Input, McapRecorder, OpenOptions, TRUTH_TOPIC, info, open,
+};
 
 const FRAMES: usize = 10;
 
@@ -205,4 +207,59 @@ fn other_files_are_refused_in_words() {
         .unwrap_err()
         .to_string();
     assert!(refused.contains("no image topics"), "{refused}");
+}
+
+#[test]
+fn what_is_recorded_reads_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let mut all = camera("/camera", 5);
+    all.extend(odometry(5));
+    let path = put(dir.path(), "source.bag", &bag(&all, "lz4"));
+    let named = |topic: &str| OpenOptions {
+        truth_topic: Some(topic.into()),
+        ..OpenOptions::default()
+    };
+    let input = open(&path, &named("/odom")).unwrap();
+    let colours = FrameOptions {
+        keep_colour: true,
+        ..FrameOptions::default()
+    };
+    let all = |input: &Input| {
+        let mut source = input.frames(&colours).unwrap();
+        std::iter::from_fn(move || source.next_frame())
+            .map(Result::unwrap)
+            .collect::<Vec<_>>()
+    };
+    let copy = dir.path().join("copy.mcap");
+    let mut recorder = McapRecorder::create(&copy, &input.camera().camera).unwrap();
+    all(&input).iter().for_each(|f| recorder.add(f).unwrap());
+    for pose in input.ground_truth().unwrap().unwrap() {
+        recorder.add_truth(&pose).unwrap();
+    }
+    assert!(!copy.exists(), "not before it is whole");
+    recorder.finish().unwrap();
+    let back = open(&copy, &named(TRUTH_TOPIC)).unwrap();
+    assert!(back.warnings().is_empty(), "{:?}", back.warnings());
+    assert_eq!(back.camera().camera, input.camera().camera);
+    let (ours, others) = (all(&back), all(&input));
+    assert_eq!(ours.len(), 5);
+    for (a, b) in ours.iter().zip(&others) {
+        assert!((a.stamp - b.stamp).abs() < 1e-6 && (a.depth_stamp - b.depth_stamp).abs() < 1e-6);
+        assert_eq!(
+            a.colour.as_ref().unwrap().data(),
+            b.colour.as_ref().unwrap().data()
+        );
+        assert_eq!(a.depth.data(), b.depth.data());
+    }
+    let poses = back.ground_truth().unwrap().unwrap();
+    assert_eq!(poses[3].world_from_camera.translation.x, 3.0);
+    assert!(
+        McapRecorder::create(&copy, &input.camera().camera).is_err(),
+        "nothing is overwritten"
+    );
+    let found = info(&copy).unwrap();
+    assert_eq!(
+        (found.format, found.topics.len(), found.topics[0].messages),
+        ("MCAP", 5, 5)
+    );
 }

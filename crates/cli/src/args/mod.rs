@@ -3,11 +3,13 @@
 pub(crate) mod eval;
 pub(crate) mod map;
 pub(crate) mod models;
+pub(crate) mod recording;
 pub(crate) mod run;
 
 use crate::args::eval::EvalArgs;
 use crate::args::map::MapCommand;
 use crate::args::models::{DetectArgs, DetectorArgs, ModelsCommand};
+use crate::args::recording::RecordingCommand;
 use crate::args::run::{ReplayArgs, RunArgs};
 use crate::bench::suite::catalogue::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
@@ -55,6 +57,8 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     Bench(BenchArgs),
     Detect(DetectArgs),
+    #[command(subcommand)]
+    Recording(RecordingCommand),
     #[command(subcommand)]
     Map(MapCommand),
     #[command(subcommand)]

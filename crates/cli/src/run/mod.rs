@@ -299,16 +299,7 @@ fn rate(stamps: &[(f64, f64)]) -> f64 {
 
 /// Opens the data set or recording and says what was guessed.
 pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<recordings::Input, Failure> {
-    let options = OpenOptions {
-        camera: input.camera.as_deref().map(CameraChoice::from_argument),
-        strict: input.strict,
-        colour_topic: input.topics.color_topic.clone(),
-        depth_topic: input.topics.depth_topic.clone(),
-        truth_topic: input.topics.truth_topic.clone(),
-        depth_scale: input.topics.depth_scale,
-        ..OpenOptions::default()
-    };
-    let dataset = recordings::open(path, &options)?;
+    let dataset = recordings::open(path, &options(input))?;
     for guess in dataset.guesses() {
         console::info(guess);
     }
@@ -316,6 +307,19 @@ pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<recordings::Input, 
         console::warn(warning);
     }
     Ok(dataset)
+}
+
+/// How the arguments want it opened.
+pub(crate) fn options(input: &InputArgs) -> OpenOptions {
+    OpenOptions {
+        camera: input.camera.as_deref().map(CameraChoice::from_argument),
+        strict: input.strict,
+        colour_topic: input.topics.color_topic.clone(),
+        depth_topic: input.topics.depth_topic.clone(),
+        truth_topic: input.topics.truth_topic.clone(),
+        depth_scale: input.topics.depth_scale,
+        ..OpenOptions::default()
+    }
 }
 
 /// `out/`, the folder's name, and `_` with what was done to it other than `run`.

@@ -1,0 +1,245 @@
+//! Frames as an MCAP file that the tools of ROS 2 open.
+
+use crate::error::{RecordingError, Result};
+use mcap::records::MessageHeader;
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+use stillpoint_datasets::StampedPose;
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_ros_messages as ros;
+use stillpoint_ros_messages::{Format, Message, Version, Wire};
+
+/// Topics of the files, named as the drivers of RealSense name theirs.
+const COLOUR: &str = "/camera/color/image_raw";
+const COLOUR_INFO: &str = "/camera/color/camera_info";
+const DEPTH: &str = "/camera/aligned_depth_to_color/image_raw";
+const DEPTH_INFO: &str = "/camera/aligned_depth_to_color/camera_info";
+/// Ground truth, as `--truth-topic` takes it.
+pub const TRUTH_TOPIC: &str = "/ground_truth/pose";
+const FRAME: &str = "camera_color_optical_frame";
+
+/// Writes frames. The file has its name only when [`McapRecorder::finish`] has come to its end.
+pub struct McapRecorder {
+    path: PathBuf,
+    partial: PathBuf,
+    writer: mcap::Writer<BufWriter<File>>,
+    channels: BTreeMap<&'static str, u16>,
+    sequence: u32,
+    camera: Camera,
+}
+
+impl std::fmt::Debug for McapRecorder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("McapRecorder")
+            .field("path", &self.path)
+            .finish_non_exhaustive()
+    }
+}
+
+impl McapRecorder {
+    /// Begins a file at a path where nothing is.
+    ///
+    /// # Errors
+    /// Something is there, or cannot be written.
+    pub fn create(path: &Path, camera: &Camera) -> Result<Self> {
+        if path.exists() {
+            return Err(RecordingError::format(
+                path,
+                "a new file",
+                "one that exists",
+                "choose another name, or remove it",
+            ));
+        }
+        let mut partial = path.as_os_str().to_owned();
+        partial.push(".partial");
+        let partial = PathBuf::from(partial);
+        let file = File::create(&partial).map_err(|e| refused(path, &e))?;
+        let options = mcap::WriteOptions::new()
+            .compression(None)
+            .profile("ros2")
+            .library("stillpoint");
+        let writer = options
+            .create(BufWriter::new(file))
+            .map_err(|e| refused(path, &e))?;
+        Ok(Self {
+            path: path.to_owned(),
+            partial,
+            writer,
+            channels: BTreeMap::new(),
+            sequence: 0,
+            camera: *camera,
+        })
+    }
+
+    fn write<'a, T: Message + Wire<'a>>(
+        &mut self,
+        topic: &'static str,
+        time: u64,
+        message: &T,
+    ) -> Result<()> {
+        let channel = match self.channels.get(topic) {
+            Some(id) => *id,
+            None => {
+                let definition = ros::definition::<T>(Version::Ros2);
+                let schema = self
+                    .writer
+                    .add_schema(T::NAME, "ros2msg", definition.as_bytes());
+                let schema = schema.map_err(|e| refused(&self.path, &e))?;
+                let id = self
+                    .writer
+                    .add_channel(schema, topic, "cdr", &BTreeMap::new());
+                let id = id.map_err(|e| refused(&self.path, &e))?;
+                self.channels.insert(topic, id);
+                id
+            }
+        };
+        let header = MessageHeader {
+            channel_id: channel,
+            sequence: self.sequence,
+            log_time: time,
+            publish_time: time,
+        };
+        let bytes = ros::to_bytes(message, Format::CdrLittleEndian);
+        self.writer
+            .write_to_known_channel(&header, &bytes)
+            .map_err(|e| refused(&self.path, &e))
+    }
+
+    /// Writes a frame: colour as it is (grey where there is none), depth as metres, both with their stamps and the camera.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn add(&mut self, frame: &RgbdFrame) -> Result<()> {
+        let (time, depth_time) = (nanoseconds(frame.stamp), nanoseconds(frame.depth_stamp));
+        let (encoding, bytes, data) = match &frame.colour {
+            Some(colour) => ("rgb8", 3, colour.data()),
+            None => ("mono8", 1, frame.gray.data()),
+        };
+        let width = frame.gray.width() as u32;
+        let colour = ros::Image {
+            header: header(time),
+            height: frame.gray.height() as u32,
+            width,
+            encoding: encoding.into(),
+            is_bigendian: 0,
+            step: bytes * width,
+            data: data.into(),
+        };
+        self.write(COLOUR, time, &colour)?;
+        self.write(COLOUR_INFO, time, &info(&self.camera, time))?;
+        let metres: Vec<u8> = frame
+            .depth
+            .data()
+            .iter()
+            .flat_map(|z| z.to_le_bytes())
+            .collect();
+        let width = frame.depth.width() as u32;
+        let depth = ros::Image {
+            header: header(depth_time),
+            height: frame.depth.height() as u32,
+            width,
+            encoding: "32FC1".into(),
+            is_bigendian: 0,
+            step: 4 * width,
+            data: metres.into(),
+        };
+        self.write(DEPTH, time, &depth)?;
+        self.write(DEPTH_INFO, time, &info(&self.camera, depth_time))?;
+        self.sequence += 1;
+        Ok(())
+    }
+
+    /// Writes a pose of ground truth, `world_from_camera`.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn add_truth(&mut self, pose: &StampedPose) -> Result<()> {
+        let time = nanoseconds(pose.stamp);
+        let (t, q) = (
+            pose.world_from_camera.translation,
+            pose.world_from_camera.rotation,
+        );
+        let message = ros::PoseStamped {
+            header: ros::Header {
+                frame_id: "world".into(),
+                ..header(time)
+            },
+            pose: ros::Pose {
+                position: ros::Point {
+                    x: t.x,
+                    y: t.y,
+                    z: t.z,
+                },
+                orientation: ros::Quaternion {
+                    x: q.i,
+                    y: q.j,
+                    z: q.k,
+                    w: q.w,
+                },
+            },
+        };
+        self.write(TRUTH_TOPIC, time, &message)
+    }
+
+    /// Writes indexes and summary, and gives the file its name.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn finish(mut self) -> Result<()> {
+        self.writer.finish().map_err(|e| refused(&self.path, &e))?;
+        std::fs::rename(&self.partial, &self.path).map_err(|e| refused(&self.path, &e))
+    }
+}
+
+impl Drop for McapRecorder {
+    fn drop(&mut self) {
+        // Gone when it got its name; what was not finished is of no use.
+        let _ = std::fs::remove_file(&self.partial);
+    }
+}
+
+fn refused(path: &Path, e: &dyn std::fmt::Display) -> RecordingError {
+    let advice = "check the folder's permissions and the free space";
+    RecordingError::format(path, "to write it", e.to_string(), advice)
+}
+
+/// The stamps of data sets have microseconds; what a number of seconds has beyond is rounding.
+fn nanoseconds(stamp: f64) -> u64 {
+    let micro = (stamp * 1e6).round();
+    if micro > 0.0 {
+        (micro as u64).saturating_mul(1000)
+    } else {
+        0
+    }
+}
+
+fn header(time: u64) -> ros::Header<'static> {
+    ros::Header {
+        seq: 0,
+        stamp: ros::Time {
+            sec: (time / 1_000_000_000) as i64,
+            nanosec: (time % 1_000_000_000) as u32,
+        },
+        frame_id: FRAME.into(),
+    }
+}
+
+fn info(camera: &Camera, time: u64) -> ros::CameraInfo<'static> {
+    let (c, d) = (camera, &camera.distortion);
+    ros::CameraInfo {
+        header: header(time),
+        height: c.height,
+        width: c.width,
+        distortion_model: "plumb_bob".into(),
+        d: vec![d.k1, d.k2, d.p1, d.p2, d.k3],
+        k: [c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0],
+        r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: [
+            c.fx, 0.0, c.cx, 0.0, 0.0, c.fy, c.cy, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ],
+        ..ros::CameraInfo::default()
+    }
+}
