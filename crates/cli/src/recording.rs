@@ -174,7 +174,11 @@ fn convert(args: &RecordingConvertArgs) -> Result<Status, Failure> {
             Err(e) => return Err(Failure::input(e)),
         }
     }
-    finish(target, args, &truth, times)?;
+    let (first, last) = times.unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
+    // A second around, so that poses can be interpolated at the ends.
+    let within = |p: &&StampedPose| p.stamp >= first - 1.0 && p.stamp <= last + 1.0;
+    let truth: Vec<StampedPose> = truth.iter().filter(within).copied().collect();
+    finish(target, args, &truth)?;
     console::report(&format!(
         "{}: {written} frames, {} poses of ground truth\n",
         args.out.display(),
@@ -192,14 +196,10 @@ fn finish(
     target: Target,
     args: &RecordingConvertArgs,
     truth: &[StampedPose],
-    times: Option<(f64, f64)>,
 ) -> Result<(), Failure> {
-    let (first, last) = times.unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
-    // A second around, so that poses can be interpolated at the ends.
-    let within = |p: &&StampedPose| p.stamp >= first - 1.0 && p.stamp <= last + 1.0;
     match target {
         Target::Mcap(mut recorder) => {
-            for pose in truth.iter().filter(within) {
+            for pose in truth {
                 recorder.add_truth(pose)?;
             }
             recorder.finish()?;
@@ -207,8 +207,7 @@ fn finish(
         Target::Folder(recorder) => {
             recorder.finish()?;
             if !truth.is_empty() {
-                let poses: Vec<StampedPose> = truth.iter().filter(within).copied().collect();
-                stillpoint::datasets::trajectory::write(&args.out.join("groundtruth.txt"), &poses)?;
+                stillpoint::datasets::trajectory::write(&args.out.join("groundtruth.txt"), truth)?;
             }
         }
     }
