@@ -16,6 +16,7 @@ mod loops;
 mod map;
 mod observations;
 mod observers;
+mod revoke;
 mod view;
 
 pub use append::AppendError;
