@@ -14,6 +14,7 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     let mut text = format!("\n{}: {}\n", s.input.name, headline(s));
     text += &format!("{} keyframes, {} landmarks\n", s.keyframes, s.landmarks);
     text += &filter_text(s, detailed);
+    text += &beginning_text(s);
     text += &s.live.as_ref().map_or_else(String::new, LiveJson::text);
     if s.loops != Default::default() {
         let l = s.loops;
@@ -107,6 +108,19 @@ fn filter_text(summary: &Summary, detailed: bool) -> String {
         );
     }
     text + "\n" + &unused_text(d)
+}
+
+/// How long it was undecided who moves, and what was taken back then.
+fn beginning_text(summary: &Summary) -> String {
+    if summary.undecided == 0 {
+        return String::new();
+    }
+    let mut text = format!("undecided who moves in {} frames", summary.undecided);
+    let revoked = summary.features.revoked_keyframes;
+    if revoked > 0 {
+        text += &format!(": the first ones were tracked again, and {revoked} keyframes taken back");
+    }
+    text + "\n"
 }
 
 /// Which answers of the detector were of no use.
@@ -212,6 +226,27 @@ mod tests {
             assert!(!text.contains(part), "{text}");
             assert!(detailed.contains(part), "{detailed}");
         }
+    }
+
+    #[test]
+    fn a_beginning_among_people_is_told() {
+        let none = run_text(&summary(serde_json::json!({})), false);
+        assert!(!none.contains("undecided"), "{none}");
+        let short = serde_json::json!({"undecided": 24});
+        let short = run_text(&summary(short), false);
+        assert!(
+            short.contains("undecided who moves in 24 frames\n"),
+            "{short}"
+        );
+        let features = serde_json::json!({"keypoints": 0, "dynamic": 0, "dynamic_share": 0.0, "released": 0, "rejudged_landmarks": 0, "revoked_keyframes": 3});
+        let long = serde_json::json!({"undecided": 38, "features": features});
+        let long = run_text(&summary(long), false);
+        assert!(
+            long.contains(
+                "in 38 frames: the first ones were tracked again, and 3 keyframes taken back\n"
+            ),
+            "{long}"
+        );
     }
 
     #[test]

@@ -36,7 +36,7 @@ pub(crate) struct Boxes {
     /// The places that were recognised so far.
     pub(crate) loops: Mailbox<Loops>,
     /// Frames tracked since somebody asked for the trajectory: tracking only ever adds to a short list ...
-    pub(crate) tracked: Mailbox<Vec<TrajectoryEntry>>,
+    pub(crate) tracked: Mailbox<NewEntries>,
     /// ... and whoever asks brings them here, where it does not have to wait for a long one.
     trajectory: Mailbox<Trajectory>,
     /// Frames that were tracked.
@@ -44,6 +44,44 @@ pub(crate) struct Boxes {
     /// Frames that were dropped.
     pub(crate) dropped: AtomicU64,
     pub(crate) audience: Audience,
+}
+
+/// What of a trajectory was passed on.
+#[derive(Default)]
+pub(crate) struct PassedOn {
+    entries: usize,
+    revision: u64,
+}
+
+impl PassedOn {
+    /// All of it.
+    pub(crate) fn of(trajectory: &Trajectory) -> Self {
+        Self {
+            entries: trajectory.entries().len(),
+            revision: trajectory.revision(),
+        }
+    }
+}
+
+/// Entries of a trajectory that nobody has asked for yet.
+#[derive(Default)]
+pub(crate) struct NewEntries {
+    /// Whether they take the place of all that were passed on before.
+    anew: bool,
+    entries: Vec<TrajectoryEntry>,
+}
+
+impl NewEntries {
+    /// Takes what was added to a trajectory, or all of it where it was rewritten.
+    pub(crate) fn take(&mut self, before: &PassedOn, trajectory: &Trajectory) {
+        let entries = trajectory.entries();
+        if trajectory.revision() == before.revision {
+            self.entries.extend_from_slice(&entries[before.entries..]);
+        } else {
+            self.anew = true;
+            self.entries = entries.to_vec();
+        }
+    }
 }
 
 impl Boxes {
@@ -55,7 +93,11 @@ impl Boxes {
     /// The frames tracked so far.
     pub(crate) fn trajectory(&self) -> Trajectory {
         self.trajectory.change(|known| {
-            known.extend(self.tracked.change(std::mem::take));
+            let new = self.tracked.change(std::mem::take);
+            if new.anew {
+                *known = Trajectory::default();
+            }
+            known.extend(new.entries);
             known.clone()
         })
     }

@@ -79,6 +79,7 @@ impl Threads {
         let Stages {
             gate,
             tracker,
+            retracer,
             health,
             mapper,
             loop_closer,
@@ -88,7 +89,7 @@ impl Threads {
         let looping = LoopingWorker::new(office.desk(Stage::Looping), loop_closer);
         let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, effort);
         let desk = office.desk(Stage::Tracking);
-        let tracking = TrackingWorker::new(desk, (tracker, health), stride, budget);
+        let tracking = TrackingWorker::new(desk, (tracker, retracer, health), stride, budget);
         let detection = detector.map(|detector| DetectionWorker {
             boxes: Arc::clone(boxes),
             hook: options.hook.clone(),

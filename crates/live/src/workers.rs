@@ -2,8 +2,8 @@
 
 use crate::backoff::Backoff;
 use crate::boxes::{
-    Boxes, LoopingBox, LoopingWork, MappingBox, MappingWork, Published, QUEUE, TrackingBox,
-    TrackingWork,
+    Boxes, LoopingBox, LoopingWork, MappingBox, MappingWork, PassedOn, Published, QUEUE,
+    TrackingBox, TrackingWork,
 };
 use crate::budget::Budget;
 use crate::health::{Newest, guarded};
@@ -15,7 +15,7 @@ use std::time::Instant;
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_slam::{
     Event, HealthMonitor, LogEntry, LoopCloser, LoopCloserMsg, LoopCloserOut, Mapper, MapperMsg,
-    MappingEffort, Subscriber, Tracker, routing,
+    MappingEffort, Retracer, Subscriber, Tracker, routing,
 };
 
 /// Called by every thread before it waits for its next message, with the stage it runs: to set its priority at the first call,
@@ -56,6 +56,7 @@ pub(crate) fn call(hook: Option<&Hook>, stage: Stage) {
 pub(crate) struct TrackingWorker {
     pub(crate) desk: Desk,
     pub(crate) tracker: Tracker,
+    retracer: Retracer,
     health: HealthMonitor,
     /// The detector is shown every so many frames.
     pub(crate) stride: u64,
@@ -74,20 +75,21 @@ pub(crate) struct TrackingWorker {
     /// Keyframes that the view in use holds, of those sent.
     mapped: u64,
     sent: u64,
-    /// Entries of the trajectory that were passed on.
-    entries: usize,
+    /// What of the trajectory was passed on.
+    passed_on: PassedOn,
 }
 
 impl TrackingWorker {
     pub(crate) fn new(
         desk: Desk,
-        (tracker, health): (Tracker, HealthMonitor),
+        (tracker, retracer, health): (Tracker, Retracer, HealthMonitor),
         stride: u64,
         budget: Option<Budget>,
     ) -> Self {
         Self {
             desk,
             tracker,
+            retracer,
             health,
             stride,
             budget,
@@ -99,7 +101,7 @@ impl TrackingWorker {
             view_at: None,
             mapped: 0,
             sent: 0,
-            entries: 0,
+            passed_on: PassedOn::default(),
         }
     }
 
@@ -133,7 +135,12 @@ impl TrackingWorker {
         self.take_news(news, &arrived.frame);
         self.desk.recorder.took(LogEntry::of_frame(&arrived.frame));
         let view_age = self.view_at.map(|at| at.elapsed().as_secs_f64());
-        let (event, message) = routing::track(&mut self.tracker, &mut self.health, &arrived.frame);
+        let (event, messages) = routing::track(
+            &mut self.tracker,
+            &mut self.retracer,
+            &mut self.health,
+            &arrived.frame,
+        );
         let latency = arrived.at.elapsed().as_secs_f64();
         let boxes = &self.desk.boxes;
         let timing = FrameTiming {
@@ -156,10 +163,9 @@ impl TrackingWorker {
                 at: Instant::now(),
             });
         });
-        let entries = self.tracker.trajectory().entries();
-        let new = &entries[self.entries..];
-        boxes.tracked.put(|t| t.extend_from_slice(new));
-        self.entries = entries.len();
+        let trajectory = self.tracker.trajectory();
+        boxes.tracked.put(|t| t.take(&self.passed_on, trajectory));
+        self.passed_on = PassedOn::of(trajectory);
         let wanted = self
             .budget
             .as_mut()
@@ -169,7 +175,7 @@ impl TrackingWorker {
             self.tracker.set_features(features);
         }
         self.desk.publish(&event);
-        if let Some(message) = message {
+        for message in messages {
             self.sent += 1;
             self.tell_mapper(message);
         }
@@ -197,8 +203,13 @@ impl TrackingWorker {
             if let Ok(detections) = &said.answer {
                 self.seen = Some(detections.stamp);
             }
-            let (event, message) =
-                routing::detections(&mut self.tracker, &mut self.health, said.answer, next.id);
+            let (event, message) = routing::detections(
+                &mut self.tracker,
+                &mut self.retracer,
+                &mut self.health,
+                said.answer,
+                next.id,
+            );
             self.desk.publish(&event);
             if let Some(message) = message {
                 self.tell_mapper(message);

@@ -10,6 +10,7 @@
 //! | the tracker takes a frame | [`Event::Frame`] |
 //! | the mapper takes a keyframe | [`Event::Mapped`] |
 //! | the mapper learns what moves in a keyframe | [`Event::Rejudged`] |
+//! | the mapper takes back the beginning of a map | [`Event::Revoked`] |
 //! | the mapper takes a correction | [`Event::Corrected`] |
 //! | the loop closer takes a keyframe | [`Event::Looped`], when a place was recognised |
 //!
@@ -23,7 +24,9 @@
 use crate::gate::RefusedFrame;
 use crate::health::Health;
 use crate::messages::{MapperOut, MapperReport};
-use crate::report::{CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport};
+use crate::report::{
+    CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport, RevokeReport,
+};
 use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::RgbdFrame;
@@ -54,6 +57,14 @@ pub enum Event {
         /// The new version of the map.
         view: Arc<MapView>,
     },
+    /// The first frames of a map turned out to have ridden on what moves: their keyframes were taken back, and the frames have other poses,
+    /// or none, in the trajectory.
+    Revoked {
+        /// What was taken back.
+        report: RevokeReport,
+        /// The new version of the map.
+        view: Arc<MapView>,
+    },
     /// A place was recognised, and a loop closed or refused. What applying the correction did comes later: [`Event::Corrected`].
     Looped(Box<LoopReport>),
     /// The correction of a loop is in the map: poses that were known before may have moved.
@@ -81,6 +92,7 @@ impl Event {
         match self {
             Self::Mapped { view, .. }
             | Self::Rejudged { view, .. }
+            | Self::Revoked { view, .. }
             | Self::Corrected { view, .. } => Some(view),
             _ => None,
         }
@@ -95,6 +107,7 @@ impl MapperOut {
         match self.report {
             MapperReport::Mapped(report) => Event::Mapped { report, view },
             MapperReport::Rejudged(report) => Event::Rejudged { report, view },
+            MapperReport::Revoked(report) => Event::Revoked { report, view },
             MapperReport::Corrected(report) => Event::Corrected { report, view },
         }
     }
@@ -110,6 +123,7 @@ impl std::fmt::Debug for Event {
             Self::Detected(detections) => f.debug_tuple("Detected").field(detections).finish(),
             Self::DetectorFailed(e) => f.debug_tuple("DetectorFailed").field(e).finish(),
             Self::Rejudged { report, .. } => f.debug_tuple("Rejudged").field(report).finish(),
+            Self::Revoked { report, .. } => f.debug_tuple("Revoked").field(report).finish(),
             Self::Looped(report) => f.debug_tuple("Looped").field(report).finish(),
             Self::Corrected { report, .. } => f.debug_tuple("Corrected").field(report).finish(),
         }

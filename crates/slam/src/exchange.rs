@@ -49,6 +49,7 @@ impl std::error::Error for NotSent {}
 /// | a stage takes | it may send | to |
 /// |---|---|---|
 /// | tracker: a frame | a keyframe | mapper |
+/// | | what is taken back of the beginning of the map | mapper |
 /// | tracker: detections | what moves in an earlier keyframe | mapper |
 /// | mapper: any message | a view of the map | tracker |
 /// | | what it did | loop closer |
@@ -167,7 +168,9 @@ impl Exchange {
                 self.stages.mapper.set_effort(*effort);
                 None
             }
-            LogEntry::MapKeyframe { .. } | LogEntry::MapRejudge { .. } => {
+            LogEntry::MapKeyframe { .. }
+            | LogEntry::MapRejudge { .. }
+            | LogEntry::MapRevoke { .. } => {
                 let message = take_named(&mut self.for_mapper, entry, |m| Some(m.into()))?;
                 Some(self.build_map(message))
             }
@@ -178,6 +181,7 @@ impl Exchange {
             }
             LogEntry::LoopKeyframe { .. }
             | LogEntry::LoopRejudged { .. }
+            | LogEntry::LoopRevoked { .. }
             | LogEntry::LoopCorrected { .. } => {
                 let message =
                     take_named(&mut self.for_loop_closer, entry, LogEntry::of_loop_closer)?;
@@ -197,10 +201,13 @@ impl Exchange {
         let frame = frame.filter(|_| found.as_ref() == Some(entry));
         let frame = frame.ok_or_else(|| not_sent(entry, found))?;
         let Stages {
-            tracker, health, ..
+            tracker,
+            retracer,
+            health,
+            ..
         } = &mut self.stages;
-        let (event, message) = routing::track(tracker, health, frame);
-        self.for_mapper.extend(message);
+        let (event, messages) = routing::track(tracker, retracer, health, frame);
+        self.for_mapper.extend(messages);
         Ok(event)
     }
 
@@ -210,9 +217,12 @@ impl Exchange {
         next: FrameId,
     ) -> Event {
         let Stages {
-            tracker, health, ..
+            tracker,
+            retracer,
+            health,
+            ..
         } = &mut self.stages;
-        let (event, message) = routing::detections(tracker, health, said, next);
+        let (event, message) = routing::detections(tracker, retracer, health, said, next);
         self.for_mapper.extend(message);
         event
     }

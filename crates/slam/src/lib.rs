@@ -22,6 +22,7 @@ mod mapping;
 mod messages;
 mod replay;
 mod report;
+mod retrace;
 pub mod routing;
 mod run_log;
 mod sensor;
@@ -54,8 +55,9 @@ pub use messages::{
 pub use replay::{Replay, ReplayError};
 pub use report::{
     BundleCounts, CorrectionReport, FrameCounts, FrameReport, LoopOutcome, LoopReport, LostReason,
-    MappingReport, Outcome, RejudgeReport,
+    MappingReport, Outcome, RejudgeReport, RevokeReport,
 };
+pub use retrace::Retracer;
 pub use run_log::{LogEntry, LogError, RunLog};
 pub use sensor::{DepthNoise, SensorConfig, Timing};
 pub use stages::{MapUse, Stages, StartError};

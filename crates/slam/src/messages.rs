@@ -1,7 +1,9 @@
 //! What the stages send each other.
 
 use crate::evidence::Evidence;
-use crate::report::{CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport};
+use crate::report::{
+    CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport, RevokeReport,
+};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
@@ -64,6 +66,13 @@ pub enum MapperMsg {
         /// The features.
         features: Vec<u32>,
     },
+    /// The keyframes of the first frames of a map, as far as these turned out to have ridden on what moves.
+    Revoke {
+        /// The first id that such a keyframe may have.
+        first: KeyframeId,
+        /// The last one.
+        last: KeyframeId,
+    },
     /// What was found on an older version of the map.
     Correct(Correction),
 }
@@ -91,6 +100,11 @@ impl MapperOut {
                 id: report.keyframe,
                 view: view(),
             },
+            MapperReport::Revoked(report) => LoopCloserMsg::Revoked {
+                first: report.first,
+                last: report.last,
+                view: view(),
+            },
             MapperReport::Corrected(report) => LoopCloserMsg::Corrected {
                 map_version: report.map_version,
             },
@@ -105,6 +119,8 @@ pub enum MapperReport {
     Mapped(MappingReport),
     /// It took out what moves.
     Rejudged(RejudgeReport),
+    /// It took keyframes back.
+    Revoked(RevokeReport),
     /// It applied a correction.
     Corrected(CorrectionReport),
 }
@@ -124,6 +140,15 @@ pub enum LoopCloserMsg {
         /// Its id.
         id: KeyframeId,
         /// The first version of the map that knows it.
+        view: Arc<MapView>,
+    },
+    /// Keyframes that were taken back: what was learned by them means nothing.
+    Revoked {
+        /// The first id that one of them may have.
+        first: KeyframeId,
+        /// The last one.
+        last: KeyframeId,
+        /// The first version of the map without them.
         view: Arc<MapView>,
     },
     /// A map that was there before the first frame.

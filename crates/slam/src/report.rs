@@ -66,6 +66,9 @@ pub struct FrameReport {
     pub outcome: Outcome,
     /// The pose as known at this frame, when one was measured in it.
     pub world_from_camera: Option<Se3>,
+    /// Time since the map was begun, s, while it is undecided who moves: until then the pose may ride on somebody, and may be replaced
+    /// later. None once that is decided.
+    pub undecided: Option<f64>,
     /// What the static filter said of each keypoint, and was used for this frame's pose; in the order of extraction.
     pub verdicts: Arc<[FeatureVerdict]>,
     /// The regions that move.
@@ -154,6 +157,19 @@ pub struct RejudgeReport {
     pub map_version: u64,
     /// Landmarks removed.
     pub landmarks: u32,
+}
+
+/// What was taken back of the beginning of a map.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RevokeReport {
+    /// The first id that a keyframe of it may have.
+    pub first: KeyframeId,
+    /// The last one.
+    pub last: KeyframeId,
+    /// Version of the published view.
+    pub map_version: u64,
+    /// Keyframes removed.
+    pub keyframes: u32,
 }
 
 /// What became of a correction.

@@ -7,18 +7,21 @@
 use crate::event::{Event, FrameEvent};
 use crate::health::HealthMonitor;
 use crate::messages::{MapperMsg, Tracked};
+use crate::retrace::Retracer;
 use crate::tracking::Tracker;
 use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// The tracker takes a frame: [`Event::Frame`], and the keyframe that the mapper gets.
+/// The tracker takes a frame: [`Event::Frame`], and what the mapper gets: a keyframe, and what is known by now of earlier ones.
 pub fn track(
     tracker: &mut Tracker,
+    retracer: &mut Retracer,
     health: &mut HealthMonitor,
     frame: &Arc<RgbdFrame>,
-) -> (Event, Option<MapperMsg>) {
-    let tracked = tracker.track(frame);
+) -> (Event, Vec<MapperMsg>) {
+    let mut tracked = tracker.track(frame);
+    let about_earlier = retracer.follow(tracker, frame, &mut tracked);
     let health = health.judge(frame, &tracked);
     let Tracked {
         report, keyframe, ..
@@ -28,14 +31,16 @@ pub fn track(
         report,
         health,
     };
-    let message = keyframe.map(|k| MapperMsg::Keyframe(Box::new(k)));
-    (Event::Frame(Arc::new(event)), message)
+    let keyframe = keyframe.map(|k| MapperMsg::Keyframe(Box::new(k)));
+    let messages = keyframe.into_iter().chain(about_earlier).collect();
+    (Event::Frame(Arc::new(event)), messages)
 }
 
 /// The tracker takes what a detector said, before it takes the frame `next`: [`Event::Detected`] or [`Event::DetectorFailed`], and
 /// what turned out to move in an earlier keyframe.
 pub fn detections(
     tracker: &mut Tracker,
+    retracer: &mut Retracer,
     health: &mut HealthMonitor,
     said: Result<Detections, DetectError>,
     next: FrameId,
@@ -43,6 +48,7 @@ pub fn detections(
     match said {
         Ok(detections) => {
             health.receive(&detections);
+            retracer.receive(&detections);
             let message = tracker.receive_detections(detections.clone(), next);
             (Event::Detected(detections), message)
         }

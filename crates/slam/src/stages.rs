@@ -11,6 +11,7 @@ use crate::health::HealthMonitor;
 use crate::looping::LoopCloser;
 use crate::mapping::Mapper;
 use crate::messages::LoopCloserMsg;
+use crate::retrace::Retracer;
 use crate::tracking::Tracker;
 use crate::validation::{ConfigError, check_camera};
 use std::sync::Arc;
@@ -69,6 +70,8 @@ pub struct Stages {
     pub gate: FrameGate,
     /// Finds the pose of every frame.
     pub tracker: Tracker,
+    /// Looks again at the first frames of a map, once it is known who moves.
+    pub retracer: Retracer,
     /// Says how well things stand at every frame, from what the tracker says of it.
     pub health: HealthMonitor,
     /// Builds the map.
@@ -94,6 +97,7 @@ impl Stages {
             gate: FrameGate::new(&camera),
             health: HealthMonitor::new(&config),
             mapper: Mapper::new(&config),
+            retracer: Retracer::new(&config),
             loop_closer: LoopCloser::new(&config),
             tracker: Tracker::new(&config, camera, simd),
             config,

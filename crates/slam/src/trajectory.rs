@@ -6,7 +6,8 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::FrameId;
 use stillpoint_map::MapView;
 
-/// One frame of the trajectory. Never rewritten: the pose is relative to a keyframe, whose own pose may still improve.
+/// One frame of the trajectory. Its pose is relative to a keyframe, whose own pose may still improve. It is rewritten only when the first
+/// frames of a map are tracked again ([`Retracer`](crate::Retracer)).
 #[derive(Clone, Copy, Debug)]
 pub struct TrajectoryEntry {
     /// The frame.
@@ -23,6 +24,7 @@ pub struct TrajectoryEntry {
 #[derive(Clone, Debug, Default)]
 pub struct Trajectory {
     entries: Vec<TrajectoryEntry>,
+    revision: u64,
 }
 
 /// Frames that were tracked later.
@@ -36,6 +38,20 @@ impl Trajectory {
     /// Appends an entry.
     pub(crate) fn push(&mut self, entry: TrajectoryEntry) {
         self.entries.push(entry);
+    }
+
+    /// Replaces the entries from one frame to another by `new`, which are in order.
+    pub(crate) fn replace(&mut self, first: FrameId, last: FrameId, new: Vec<TrajectoryEntry>) {
+        let from = self.entries.partition_point(|e| e.frame < first);
+        let to = self.entries.partition_point(|e| e.frame <= last);
+        self.entries.splice(from..to.max(from), new);
+        self.revision += 1;
+    }
+
+    /// How often entries that were there were replaced.
+    #[must_use]
+    pub fn revision(&self) -> u64 {
+        self.revision
     }
 
     /// The entries, in the order of frames.

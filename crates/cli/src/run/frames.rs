@@ -10,6 +10,9 @@ use stillpoint::slam::{FrameReport, Outcome, Trajectory, TrajectoryEntry};
 /// Fewer landmarks may agree on a pose by chance: such poses are not written.
 pub(crate) const MIN_INLIERS: u32 = 30;
 
+/// Why a frame has no pose any more.
+const WITHDRAWN: &str = "its pose rode on what moves and was withdrawn";
+
 /// What became of a frame.
 #[derive(Clone, Debug, PartialEq)]
 enum State {
@@ -40,10 +43,22 @@ struct Line {
     frame: FrameId,
     stamp: f64,
     state: State,
+    /// Whether it was undecided then who moves.
+    undecided: bool,
     /// The submap that its pose was in when it was measured.
     submap: Option<SubmapId>,
     inliers: u32,
     is_keyframe: bool,
+}
+
+impl Line {
+    fn name(&self) -> &'static str {
+        match self.state {
+            State::Lost(_) => self.state.name(),
+            _ if self.undecided => "undecided",
+            _ => self.state.name(),
+        }
+    }
 }
 
 /// All frames of a run, in order.
@@ -77,10 +92,33 @@ impl Frames {
             frame: report.frame,
             stamp: report.stamp,
             state,
+            undecided: report.undecided.is_some(),
             submap: report.submap.filter(|_| !lost),
             inliers,
             is_keyframe: report.is_keyframe,
         });
+    }
+
+    /// Brings the states to what became of the frames later: the first ones of a map may have been tracked again, and then others of them
+    /// have poses.
+    pub(crate) fn settle(&mut self, trajectory: &Trajectory) {
+        let entries = trajectory.entries();
+        for line in &mut self.0 {
+            let at = entries.binary_search_by_key(&line.frame, |e| e.frame);
+            let posed = at.is_ok_and(|i| entries[i].inliers >= MIN_INLIERS);
+            let lost = matches!(line.state, State::Lost(_));
+            if lost && posed {
+                (line.state, line.undecided) = (State::Tracked, true);
+            } else if !lost && !posed {
+                line.state = State::Lost(WITHDRAWN.into());
+            }
+        }
+    }
+
+    /// How many frames with a pose were tracked while it was undecided who moves.
+    pub(crate) fn undecided(&self) -> usize {
+        let undecided = |l: &&Line| l.undecided && !matches!(l.state, State::Lost(_));
+        self.0.iter().filter(undecided).count()
     }
 
     /// The stretches of frames without a pose: why, how long, and what ended them.
@@ -181,7 +219,7 @@ impl Frames {
                 "{},{:.6},{},{},{},{},{},{reason}\n",
                 line.frame,
                 line.stamp,
-                line.state.name(),
+                line.name(),
                 id(line.submap),
                 id(last.or(line.submap).filter(|_| line.submap.is_some())),
                 line.inliers,
@@ -241,6 +279,7 @@ mod tests {
                 ..FrameCounts::default()
             },
             is_keyframe: frame == 0,
+            undecided: None,
             submap: submap.map(SubmapId),
             map_version: 0,
         }
@@ -290,6 +329,49 @@ mod tests {
         assert!((lost[0].seconds - 0.2).abs() < 1e-9, "{}", lost[0].seconds);
         assert_eq!(lost[0].reason, "too few keypoints in the image");
         assert_eq!(lost[1].reason, "fewer than 30 inliers");
+    }
+
+    #[test]
+    fn states_follow_what_became_of_the_frames_later() {
+        let mut frames = Frames::default();
+        for i in 0..4 {
+            let outcome = match i {
+                2 => Outcome::Lost {
+                    since: FrameId(2),
+                    reason: LostReason::FewMatches,
+                },
+                _ => Outcome::Tracked,
+            };
+            let mut report = report(i, outcome, Some(0), 100);
+            report.undecided = (i < 3).then_some(0.1);
+            frames.take(&report);
+        }
+        // Frame 1 was withdrawn, and frame 2 has a pose now.
+        let entry = |i: u32, inliers| TrajectoryEntry {
+            frame: FrameId(i),
+            stamp: f64::from(i) / 10.0,
+            pose: stillpoint::slam::AnchoredPose {
+                keyframe: None,
+                reference: stillpoint::map::KeyframeId(0),
+                reference_from_camera: Default::default(),
+                online_world_from_camera: Default::default(),
+            },
+            inliers,
+        };
+        let mut trajectory = Trajectory::default();
+        trajectory.extend([entry(0, 100), entry(2, 80), entry(3, 100)]);
+        frames.settle(&trajectory);
+        let csv = frames.to_csv(&trajectory, &MapView::default());
+        let states: Vec<&str> = csv
+            .lines()
+            .skip(1)
+            .filter_map(|l| l.split(',').nth(2))
+            .collect();
+        assert_eq!(states, ["undecided", "lost", "undecided", "tracked"]);
+        assert_eq!(frames.undecided(), 2);
+        let lost = frames.lost();
+        assert_eq!((lost.len(), lost[0].first, lost[0].last), (1, 1, 1));
+        assert!(lost[0].reason.contains("withdrawn"), "{}", lost[0].reason);
     }
 
     #[test]

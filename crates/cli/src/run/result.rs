@@ -231,6 +231,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         frames: session.frames,
         skipped: session.skipped,
         tracked: session.final_poses.len(),
+        undecided: session.undecided,
         lost: session.lost.clone(),
         submaps: session.submaps.clone(),
         detector: session.detector.clone(),

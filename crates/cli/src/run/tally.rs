@@ -38,6 +38,10 @@ impl Subscriber for Tally {
             Event::Rejudged { report, .. } => {
                 self.features.rejudged_landmarks += u64::from(report.landmarks);
             }
+            Event::Revoked { report, .. } => {
+                tracing::debug!(?report, "revoked");
+                self.features.revoked_keyframes += u64::from(report.keyframes);
+            }
             Event::Looped(report) => {
                 tracing::debug!(?report, "looped");
                 self.loops.add(report);
@@ -77,7 +81,8 @@ impl Tally {
     }
 
     /// The pass as a whole.
-    pub(crate) fn close(self, end: End<'_>) -> Session {
+    pub(crate) fn close(mut self, end: End<'_>) -> Session {
+        self.each.settle(end.trajectory);
         let view = end.view;
         let mut submaps = self.each.submaps(end.trajectory, &view);
         let described = frames::describe(&submaps);
@@ -109,6 +114,7 @@ impl Tally {
             loops: self.loops,
             frames: self.frames,
             skipped: self.skipped,
+            undecided: self.each.undecided(),
             lost: self.each.lost(),
             frames_csv: self.each.to_csv(end.trajectory, &view),
             submaps: described,
@@ -188,6 +194,7 @@ mod tests {
             stamp: 0.0,
             outcome: Outcome::Initialised,
             world_from_camera: None,
+            undecided: None,
             verdicts: [].into(),
             segments: Segments::default(),
             objects: [].into(),

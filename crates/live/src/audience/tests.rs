@@ -30,6 +30,7 @@ fn tracked(n: u32) -> Event {
             stamp,
             outcome: Outcome::Tracked,
             world_from_camera: None,
+            undecided: None,
             verdicts: [].into(),
             segments: Segments::default(),
             objects: [].into(),

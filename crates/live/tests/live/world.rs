@@ -211,6 +211,9 @@ impl Order {
                 assert!(self.keyframes.contains(&report.keyframe.0), "{event:?}");
                 assert!(self.detected.contains(&report.keyframe.0), "{event:?}");
             }
+            Event::Revoked { report, .. } => {
+                assert!(self.keyframes.contains(&report.first.0), "{event:?}");
+            }
             Event::Looped(report) => {
                 assert!(self.keyframes.contains(&report.keyframe.0), "{event:?}");
                 self.loops += usize::from(report.outcome == LoopOutcome::Closed);
@@ -240,7 +243,10 @@ impl Checked {
                 self.tracking.push(text);
             }
             Event::Detected(_) | Event::DetectorFailed(_) => self.tracking.push(text),
-            Event::Mapped { .. } | Event::Rejudged { .. } | Event::Corrected { .. } => {
+            Event::Mapped { .. }
+            | Event::Rejudged { .. }
+            | Event::Revoked { .. }
+            | Event::Corrected { .. } => {
                 self.mapping.push(text);
             }
             Event::Looped(_) => self.looping.push(text),

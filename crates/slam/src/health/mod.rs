@@ -24,6 +24,11 @@ use stillpoint_estimation::pose_covariance;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
+/// How fast a pose is carried that rides on somebody, per axis, m/s and rad/s: one standard deviation. People walk at 1 m/s, and one start in
+/// some rides.
+const CARRIED_M_S: f64 = 0.2;
+const CARRIED_RAD_S: f64 = 0.1;
+
 /// How well things stand at a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Health {
@@ -50,6 +55,9 @@ pub struct Health {
     pub detections_age: Option<f64>,
     /// Time since the frame at which tracking got its present view of the map, s; none before the first change of the map.
     pub map_age: Option<f64>,
+    /// Whether it is undecided who moves, as a map has just begun: the pose may ride on somebody, which the covariance allows for, and may
+    /// be replaced later.
+    pub undecided: bool,
     /// Why there is no pose; none when there is one.
     pub loss: Option<Loss>,
 }
@@ -79,6 +87,24 @@ impl Health {
     }
 }
 
+/// The covariance of a pose by what was measured, and while it is undecided who moves, by how far it may have been carried.
+fn covariance_of(tracked: &Tracked) -> Option<Mat6> {
+    let mut covariance = tracked
+        .evidence
+        .information
+        .as_ref()
+        .and_then(pose_covariance)?;
+    if let Some(since) = tracked.report.undecided {
+        for (i, speed) in [CARRIED_M_S, CARRIED_RAD_S].into_iter().enumerate() {
+            let variance = (speed * since) * (speed * since);
+            for axis in 3 * i..3 * i + 3 {
+                covariance[(axis, axis)] += variance;
+            }
+        }
+    }
+    Some(covariance)
+}
+
 fn block_sigma(covariance: &Mat6, at: usize) -> f64 {
     let variance = |i: usize| covariance[(at + i, at + i)];
     (variance(0) + variance(1) + variance(2)).sqrt()
@@ -95,6 +121,9 @@ impl std::fmt::Display for Health {
         if let (Some(m), Some(rad)) = (self.sigma_m(), self.sigma_rad()) {
             let (mm, deg) = (1e3 * m, rad.to_degrees());
             write!(f, " | +-{mm:.1} mm {deg:.2} deg")?;
+        }
+        if self.undecided {
+            write!(f, " | undecided who moves")?;
         }
         write!(f, " | static {} %", percent(self.static_share))?;
         if let Some(age) = self.detections_age {
@@ -181,7 +210,8 @@ impl HealthMonitor {
             frame: report.frame,
             stamp,
             quality: Quality::default(),
-            covariance: evidence.information.as_ref().and_then(pose_covariance),
+            covariance: covariance_of(tracked),
+            undecided: report.undecided.is_some(),
             static_share: if judged { 1.0 - dynamic_share } else { 0.0 },
             dynamic_share,
             depth_share: look.depth,

@@ -24,6 +24,7 @@ fn report(frame: &RgbdFrame, outcome: Outcome, map_version: u64) -> FrameReport 
         stamp: frame.stamp,
         outcome,
         world_from_camera: None,
+        undecided: None,
         verdicts: Arc::from([]),
         segments: Segments::default(),
         objects: Arc::from([]),

@@ -90,6 +90,16 @@ impl LoopCloser {
                 }
                 self.answer()
             }
+            LoopCloserMsg::Revoked { first, last, .. } => {
+                let holds = |e: &LoopEdge| {
+                    let of_it = |id: KeyframeId| id >= first && id <= last;
+                    !of_it(e.old) && !of_it(e.new)
+                };
+                self.edges.retain(holds);
+                self.sightings.retain(holds);
+                // Their places go with those of culled ones.
+                self.answer()
+            }
             LoopCloserMsg::Known { view } => {
                 for keyframe in view.keyframes() {
                     self.learn(keyframe);

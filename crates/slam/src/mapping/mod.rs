@@ -10,12 +10,12 @@ mod refine;
 use crate::map_shift::MapShift;
 use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
 use crate::report::CorrectionReport;
-use crate::report::{MappingReport, RejudgeReport};
+use crate::report::{MappingReport, RejudgeReport, RevokeReport};
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
-use stillpoint_map::{Correction, KeyframeId, LandmarkId, Map, MapView};
+use stillpoint_map::{Correction, Keyframe, KeyframeId, LandmarkId, Map, MapView};
 
 /// Keyframes share at least this many landmarks to count as covisible.
 const MIN_SHARED: u32 = 15;
@@ -170,6 +170,7 @@ impl Mapper {
         match message {
             MapperMsg::Keyframe(keyframe) => self.take_keyframe(&keyframe),
             MapperMsg::Rejudge { keyframe, features } => self.rejudge(keyframe, &features),
+            MapperMsg::Revoke { first, last } => self.revoke(first, last),
             MapperMsg::Correct(correction) => self.correct(&correction),
         }
     }
@@ -215,6 +216,35 @@ impl Mapper {
             keyframe: id,
             map_version: view.version(),
             landmarks,
+        });
+        MapperOut { view, report }
+    }
+
+    /// Takes back the keyframes from one to another. The oldest after them holds the map in place from now on.
+    fn revoke(&mut self, first: KeyframeId, last: KeyframeId) -> MapperOut {
+        let view = self.map.view();
+        let submap = view.submap_of(first);
+        let later = |k: &&Arc<Keyframe>| k.id > last && Some(k.submap) == submap;
+        let onto = view.keyframes().find(later).map(|k| k.id);
+        let keyframes = match onto {
+            Some(onto) => self.map.revoke(
+                |k| k.id >= first && k.id <= last && Some(k.submap) == submap,
+                onto,
+            ),
+            None => 0,
+        };
+        let map = &self.map;
+        self.order
+            .retain(|id| *id < first || *id > last || map.view().keyframe(*id).is_some());
+        if cfg!(debug_assertions) {
+            self.map.check().expect("the map keeps its invariants");
+        }
+        let view = self.map.publish();
+        let report = MapperReport::Revoked(RevokeReport {
+            first,
+            last,
+            map_version: view.version(),
+            keyframes,
         });
         MapperOut { view, report }
     }

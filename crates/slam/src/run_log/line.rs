@@ -188,6 +188,9 @@ pub(super) fn write(text: &mut String, entry: &LogEntry) {
         }
         LogEntry::MapKeyframe { keyframe } => writeln!(text, "map-keyframe {}", keyframe.0),
         LogEntry::MapRejudge { keyframe } => writeln!(text, "map-rejudge {}", keyframe.0),
+        LogEntry::MapRevoke { first, last } => {
+            writeln!(text, "map-revoke {} {}", first.0, last.0)
+        }
         LogEntry::MapCorrect { base_version } => writeln!(text, "map-correct {base_version}"),
         LogEntry::LoopKeyframe {
             keyframe,
@@ -197,6 +200,7 @@ pub(super) fn write(text: &mut String, entry: &LogEntry) {
             keyframe,
             map_version,
         } => writeln!(text, "loop-rejudged {} {map_version}", keyframe.0),
+        LogEntry::LoopRevoked { map_version } => writeln!(text, "loop-revoked {map_version}"),
         LogEntry::LoopCorrected { map_version } => writeln!(text, "loop-corrected {map_version}"),
     };
 }
@@ -290,6 +294,10 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
         "map-rejudge" => LogEntry::MapRejudge {
             keyframe: words.keyframe()?,
         },
+        "map-revoke" => LogEntry::MapRevoke {
+            first: words.keyframe()?,
+            last: words.keyframe()?,
+        },
         "map-correct" => LogEntry::MapCorrect {
             base_version: words.version()?,
         },
@@ -299,6 +307,9 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
         },
         "loop-rejudged" => LogEntry::LoopRejudged {
             keyframe: words.keyframe()?,
+            map_version: words.version()?,
+        },
+        "loop-revoked" => LogEntry::LoopRevoked {
             map_version: words.version()?,
         },
         "loop-corrected" => LogEntry::LoopCorrected {

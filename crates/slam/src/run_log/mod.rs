@@ -68,6 +68,13 @@ pub enum LogEntry {
         /// Its id.
         keyframe: KeyframeId,
     },
+    /// The mapper took back the beginning of a map.
+    MapRevoke {
+        /// The first keyframe that it may hold.
+        first: KeyframeId,
+        /// The last one.
+        last: KeyframeId,
+    },
     /// The mapper took a correction.
     MapCorrect {
         /// The version that it corrects.
@@ -87,6 +94,11 @@ pub enum LogEntry {
         /// Version of the view that came with it.
         map_version: u64,
     },
+    /// The loop closer learned that the beginning of a map was taken back.
+    LoopRevoked {
+        /// Version of the view that came with it.
+        map_version: u64,
+    },
     /// The loop closer learned that its correction is in the map.
     LoopCorrected {
         /// The version that holds it.
@@ -100,6 +112,10 @@ impl From<&MapperMsg> for LogEntry {
             MapperMsg::Keyframe(k) => Self::MapKeyframe { keyframe: k.id },
             MapperMsg::Rejudge { keyframe, .. } => Self::MapRejudge {
                 keyframe: *keyframe,
+            },
+            MapperMsg::Revoke { first, last } => Self::MapRevoke {
+                first: *first,
+                last: *last,
             },
             MapperMsg::Correct(c) => Self::of_correction(c),
         }
@@ -134,6 +150,9 @@ impl LogEntry {
             }),
             LoopCloserMsg::Rejudged { id, view } => Some(Self::LoopRejudged {
                 keyframe: *id,
+                map_version: view.version(),
+            }),
+            LoopCloserMsg::Revoked { view, .. } => Some(Self::LoopRevoked {
                 map_version: view.version(),
             }),
             LoopCloserMsg::Corrected { map_version } => Some(Self::LoopCorrected {

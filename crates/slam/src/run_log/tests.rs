@@ -63,6 +63,7 @@ fn entry() -> impl Strategy<Value = LogEntry> {
         }),
         keyframe().prop_map(|keyframe| LogEntry::MapKeyframe { keyframe }),
         keyframe().prop_map(|keyframe| LogEntry::MapRejudge { keyframe }),
+        (keyframe(), keyframe()).prop_map(|(first, last)| LogEntry::MapRevoke { first, last }),
         any::<u64>().prop_map(|base_version| LogEntry::MapCorrect { base_version }),
         (keyframe(), any::<u64>()).prop_map(|(keyframe, map_version)| LogEntry::LoopKeyframe {
             keyframe,
@@ -72,6 +73,7 @@ fn entry() -> impl Strategy<Value = LogEntry> {
             keyframe,
             map_version
         }),
+        any::<u64>().prop_map(|map_version| LogEntry::LoopRevoked { map_version }),
         any::<u64>().prop_map(|map_version| LogEntry::LoopCorrected { map_version }),
     ]
 }

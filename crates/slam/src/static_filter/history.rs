@@ -73,6 +73,26 @@ impl History {
         }));
     }
 
+    /// What is known of the last frame alone, as of one that was taken at `stamp` from `anchored`.
+    pub(super) fn only_last(&self, frame: FrameId, stamp: f64, anchored: AnchoredPose) -> Self {
+        let as_of = |s: &Snapshot| {
+            Arc::new(Snapshot {
+                frame,
+                stamp,
+                grid: Arc::clone(&s.grid),
+                moving: s.moving.clone(),
+                place: CapturePose {
+                    anchored,
+                    ..s.place
+                },
+            })
+        };
+        Self {
+            frames: self.last().map(as_of).into_iter().collect(),
+            forgotten: None,
+        }
+    }
+
     /// The last frame.
     pub(super) fn last(&self) -> Option<&Snapshot> {
         self.frames.back().map(Arc::as_ref)

@@ -69,6 +69,15 @@ impl Surfaces {
         }
     }
 
+    /// The surfaces as one sees them who looks back from `stamp`: what moved before that is going to.
+    pub(super) fn mirrored(&self, stamp: f64) -> Self {
+        let moves = |at: &Option<f64>| at.filter(|at| stamp - at <= MEMORY).map(|_| stamp);
+        Self {
+            moved_at: self.moved_at.iter().map(moves).collect(),
+            ..self.clone()
+        }
+    }
+
     /// The surfaces of the next frame, given these of the frame before, the objects and what the flow of its features says.
     pub(super) fn next(
         &self,

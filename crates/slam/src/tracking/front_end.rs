@@ -18,8 +18,10 @@ pub(super) struct FrontEnd {
     pub(super) observer: Observer,
     demand: Demand,
     calibration: SelfCalibration,
-    /// Whether the readout is estimated while tracking.
+    /// Whether the readout is estimated ...
     self_calibrates: bool,
+    /// ... and the estimate improves while tracking.
+    learns: bool,
     /// Inliers that make a pose.
     min_inliers: usize,
 }
@@ -31,7 +33,17 @@ impl FrontEnd {
             demand: Demand::new(setup.features.features),
             calibration: SelfCalibration::new(setup.sensor.timing()),
             self_calibrates: setup.sensor.self_calibrate,
+            learns: setup.sensor.self_calibrate,
             min_inliers: setup.tracking.min_inliers,
+        }
+    }
+
+    /// A front end for frames whose stamps run backwards: it knows of the shutter what this one does, and learns nothing.
+    pub(super) fn mirrored(&self, setup: &TrackerSetup, simd: Simd) -> Self {
+        Self {
+            calibration: self.calibration.mirrored(),
+            learns: false,
+            ..Self::new(setup, self.observer.camera, simd)
         }
     }
 
@@ -67,7 +79,7 @@ impl FrontEnd {
         camera_from_world: &Se3,
         velocity: Option<&Vec6>,
     ) {
-        if let Some(v) = velocity.filter(|_| self.self_calibrates) {
+        if let Some(v) = velocity.filter(|_| self.learns) {
             self.calibration
                 .learn(&self.observer, data, matches, camera_from_world, v);
         }

@@ -14,6 +14,7 @@ mod known_map;
 mod last_frame;
 mod local_map;
 mod look;
+mod mirror;
 mod motion;
 mod outcome;
 mod pose;
@@ -29,6 +30,7 @@ mod vote;
 pub(crate) use config::MIN_INITIAL_POINTS;
 pub use config::TrackingConfig;
 pub use keyframe::KeyframeConfig;
+pub(crate) use mirror::TurningPoint;
 
 use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};
@@ -83,6 +85,9 @@ pub struct Tracker {
     /// The frame before, whatever became of it.
     previous: Option<Arc<RgbdFrame>>,
     trajectory: Trajectory,
+    simd: Simd,
+    /// Whether the next frame with a pose becomes a keyframe, needed or not.
+    keyframe_wanted: bool,
 }
 
 /// What is noted of a frame on its way.
@@ -137,6 +142,8 @@ impl Tracker {
             moving_share: 0.0,
             previous: None,
             trajectory: Trajectory::default(),
+            simd,
+            keyframe_wanted: false,
         }
     }
 

@@ -81,6 +81,18 @@ impl CameraMotion {
         }
     }
 
+    /// The motion of a camera that goes back the way that it came.
+    pub(super) fn reversed(&self) -> Self {
+        let back = |i: Interval| Interval {
+            velocity: -i.velocity,
+            ..i
+        };
+        Self {
+            last: self.last.map(back),
+            before: None,
+        }
+    }
+
     /// The expected pose `dt` seconds after `last_from_world`.
     pub(super) fn predict(&self, last_from_world: &Se3, dt: f64) -> Se3 {
         // After a long gap a constant velocity is a wild guess: half a second of it is the most that is believed.

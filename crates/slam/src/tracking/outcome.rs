@@ -194,9 +194,10 @@ impl Tracker {
             && config.is_due(view, of_reference, data, matches, close_depth);
         let young = self.submap.and_then(|s| s.young);
         let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_SECONDS;
-        if !needed && !early {
+        if !needed && !early && !self.keyframe_wanted {
             return None;
         }
+        self.keyframe_wanted = false;
         if let Some(submap) = &mut self.submap {
             submap.young = young.map(|n| n.saturating_add(1));
         }
@@ -273,6 +274,7 @@ impl Tracker {
             stamp: frame.stamp,
             outcome: ending.outcome,
             world_from_camera: ending.place.map(|p| p.anchored.online_world_from_camera),
+            undecided: None,
             verdicts: notes.judgement.verdicts,
             objects: notes.judgement.objects,
             segments: notes.judgement.segments,

@@ -40,6 +40,18 @@ impl SelfCalibration {
         }
     }
 
+    /// The estimate for frames whose stamps run backwards.
+    pub(super) fn mirrored(&self) -> Self {
+        Self {
+            vector: -self.vector,
+            timing: Timing {
+                readout: -self.timing.readout,
+                depth_delay: -self.timing.depth_delay,
+            },
+            ..self.clone()
+        }
+    }
+
     /// The present estimate.
     pub(super) fn timing(&self) -> &Timing {
         &self.timing

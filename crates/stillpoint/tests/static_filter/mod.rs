@@ -2,6 +2,7 @@
 
 #![allow(clippy::print_stdout)] // `--nocapture` shows what was measured beside each bound.
 
+mod beginnings;
 mod determinism;
 mod late;
 mod rates;

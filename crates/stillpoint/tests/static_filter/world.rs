@@ -7,7 +7,8 @@ use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, Simd};
 use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint_slam::{
-    Config, Event, FeatureVerdict, FrameReport, Outcome, Preset, RejudgeReport, System,
+    Config, Event, FeatureVerdict, FrameReport, Outcome, Preset, RejudgeReport, RevokeReport,
+    System,
 };
 
 /// A recording whose frames are rendered once, for several runs over them.
@@ -26,6 +27,7 @@ pub(crate) struct Run {
     pub(crate) system: System,
     pub(crate) reports: Vec<FrameReport>,
     pub(crate) rejudged: Vec<RejudgeReport>,
+    pub(crate) revoked: Vec<RevokeReport>,
 }
 
 /// Of all keypoints.
@@ -179,12 +181,13 @@ impl Recording {
 
     /// Runs a system to the end.
     pub(crate) fn drive(&self, mut system: System) -> Run {
-        let (mut reports, mut rejudged) = (Vec::new(), Vec::new());
+        let (mut reports, mut rejudged, mut revoked) = (Vec::new(), Vec::new(), Vec::new());
         for frame in &self.frames {
             for event in system.step(frame.clone()) {
                 match event {
                     Event::Frame(frame) => reports.push(frame.report.clone()),
                     Event::Rejudged { report, .. } => rejudged.push(report),
+                    Event::Revoked { report, .. } => revoked.push(report),
                     _ => {}
                 }
             }
@@ -194,6 +197,7 @@ impl Recording {
             system,
             reports,
             rejudged,
+            revoked,
         }
     }
 

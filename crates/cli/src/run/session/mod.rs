@@ -34,6 +34,8 @@ pub(crate) struct Session {
     pub(crate) frames: usize,
     /// Frames that could not be read.
     pub(crate) skipped: usize,
+    /// Frames with a pose that were tracked while it was undecided who moves.
+    pub(crate) undecided: usize,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
     /// What the detector was and did.

@@ -22,6 +22,9 @@ pub(crate) struct Summary {
     pub(crate) skipped: usize,
     /// Frames with a pose in `trajectory.txt`.
     pub(crate) tracked: usize,
+    /// Of these, frames that were tracked while it was undecided who moves.
+    #[serde(default)]
+    pub(crate) undecided: usize,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
     /// The submaps that frames have poses in; the first is that of `trajectory.txt`.
@@ -120,6 +123,9 @@ pub(crate) struct FeaturesJson {
     pub(crate) released: u64,
     /// Landmarks taken out of the map because late detections said that they move.
     pub(crate) rejudged_landmarks: u64,
+    /// Keyframes of the first frames of a map that were taken back, as these had ridden on what moves.
+    #[serde(default)]
+    pub(crate) revoked_keyframes: u64,
 }
 
 impl FeaturesJson {

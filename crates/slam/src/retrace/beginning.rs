@@ -1,0 +1,112 @@
+//! The first frames of a map, kept until it is known who moves.
+
+use crate::messages::Tracked;
+use crate::tracking::TurningPoint;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use stillpoint_detection::Detections;
+use stillpoint_imaging::{FrameId, RgbdFrame};
+
+/// Where nothing moved for so long after a map was begun, nothing does, s ...
+const QUIET: f64 = 0.8;
+/// ... from the time on at which it would have been seen, s: depths are compared with those of 0.2 s before ...
+const SEEN: f64 = 0.3;
+/// ... by this share of the keypoints: single ones seem to move everywhere.
+const QUIET_SHARE: f64 = 0.1;
+
+/// The frames since a map was begun.
+pub(super) struct Beginning {
+    /// When it was, s.
+    begun: f64,
+    /// The newest frame's stamp, s.
+    newest: f64,
+    /// The greatest share of keypoints that moved in a frame.
+    moved: f64,
+    /// Frames before the turning point, without colour.
+    frames: Vec<RgbdFrame>,
+    detections: BTreeMap<FrameId, Detections>,
+    /// From where one goes back, with its image, once it is known who moves.
+    turn: Option<(TurningPoint, Arc<RgbdFrame>)>,
+}
+
+/// All that is needed to go back.
+pub(super) struct Kept {
+    pub(super) frames: Vec<RgbdFrame>,
+    pub(super) detections: BTreeMap<FrameId, Detections>,
+    pub(super) point: TurningPoint,
+    pub(super) image: Arc<RgbdFrame>,
+}
+
+impl Beginning {
+    pub(super) fn at(begun: f64) -> Self {
+        Self {
+            begun,
+            newest: f64::NEG_INFINITY,
+            moved: 0.0,
+            frames: Vec::new(),
+            detections: BTreeMap::new(),
+            turn: None,
+        }
+    }
+
+    /// Takes a frame. Returns the time since the map was begun, s; none when the clock was set back.
+    pub(super) fn take(&mut self, frame: &RgbdFrame, tracked: &Tracked) -> Option<f64> {
+        if frame.stamp <= self.newest {
+            return None;
+        }
+        self.newest = frame.stamp;
+        let since = frame.stamp - self.begun;
+        if self.turn.is_none() {
+            if since >= SEEN {
+                self.moved = self.moved.max(tracked.report.counts.moving_share());
+            }
+            self.frames.push(RgbdFrame {
+                id: frame.id,
+                stamp: frame.stamp,
+                depth_stamp: frame.depth_stamp,
+                gray: frame.gray.clone(),
+                colour: None,
+                depth: frame.depth.clone(),
+            });
+        }
+        Some(since)
+    }
+
+    pub(super) fn receive(&mut self, detections: &Detections) {
+        if self.turn.is_none() {
+            self.detections.insert(detections.frame, detections.clone());
+        }
+    }
+
+    /// Whether nothing moves, `since` seconds after the beginning.
+    pub(super) fn is_quiet(&self, since: f64) -> bool {
+        self.turn.is_none() && since >= QUIET && self.moved < QUIET_SHARE
+    }
+
+    /// Whether it is known who moves.
+    pub(super) fn is_known(&self) -> bool {
+        self.turn.is_some()
+    }
+
+    /// The frame that was taken last is where one turns back.
+    pub(super) fn turn_at(&mut self, point: TurningPoint, frame: &Arc<RgbdFrame>) {
+        self.frames.pop();
+        self.turn = Some((point, Arc::clone(frame)));
+    }
+
+    /// The turning point, once there is one.
+    pub(super) fn turning_point(&self) -> Option<&TurningPoint> {
+        self.turn.as_ref().map(|(point, _)| point)
+    }
+
+    /// What is needed to go back from the turning point.
+    pub(super) fn into_kept(self) -> Option<Kept> {
+        let (point, image) = self.turn?;
+        Some(Kept {
+            frames: self.frames,
+            detections: self.detections,
+            point,
+            image,
+        })
+    }
+}

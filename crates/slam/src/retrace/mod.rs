@@ -1,0 +1,134 @@
+//! Retracing: the first frames of a map are tracked again, backwards, once it is known who moves.
+//!
+//! Answers: while who moves is undecided, and where the camera was then. Who walks past a camera that was just switched on looks like
+//! the room for a moment, and the pose may ride on him. A second later it is known who he is, and there is a map of what was seen since:
+//! from there a second tracker follows the frames of the beginning from the newest to the oldest, in a copy of the map without that
+//! beginning. Where both ways agree, all stays as it was; where they do not, the frames are posed anew and the map's first
+//! keyframes are taken back. Stands above the tracker, whose trajectory it corrects; changes the map by a message alone.
+
+mod beginning;
+mod way_back;
+
+use crate::mapping::MapperSetup;
+use crate::messages::{MapperMsg, Tracked};
+use crate::report::Outcome;
+use crate::tracking::Tracker;
+use beginning::Beginning;
+use std::sync::Arc;
+use stillpoint_detection::Detections;
+use stillpoint_imaging::RgbdFrame;
+use way_back::WayBack;
+
+/// Who moves is known so long after a map was begun, s: what a person does within it is more than noise.
+const KNOWN: f64 = 1.2;
+/// From so long after it on there is enough of a map to go back from, s.
+const RETRACED: f64 = 1.8;
+/// Frames that are tracked again with each new one: so many that it is over within a second, and so few that no frame is late.
+const PER_FRAME: usize = 2;
+
+/// Tracks the first frames of every map and submap again.
+pub struct Retracer {
+    setup: MapperSetup,
+    stage: Stage,
+}
+
+/// How far it is.
+#[derive(Default)]
+enum Stage {
+    /// Nothing is to be done.
+    #[default]
+    Decided,
+    /// A map was begun.
+    Begun(Box<Beginning>),
+    /// Its first frames are tracked again.
+    Retracing(Box<WayBack>),
+}
+
+impl Retracer {
+    /// A retracer before the first frame.
+    #[must_use]
+    pub fn new(setup: impl Into<MapperSetup>) -> Self {
+        Self {
+            setup: setup.into(),
+            stage: Stage::Decided,
+        }
+    }
+
+    /// Takes detections that the tracker takes.
+    pub(crate) fn receive(&mut self, detections: &Detections) {
+        if let Stage::Begun(beginning) = &mut self.stage {
+            beginning.receive(detections);
+        }
+    }
+
+    /// Takes note of a frame that was tracked, and tracks some of the first ones again when it is time. Says in the frame's report
+    /// whether who moves is undecided; answers with what the mapper is to take back.
+    pub(crate) fn follow(
+        &mut self,
+        tracker: &mut Tracker,
+        frame: &Arc<RgbdFrame>,
+        tracked: &mut Tracked,
+    ) -> Option<MapperMsg> {
+        if !tracker.learns_who_moves() {
+            return None;
+        }
+        if tracked.report.outcome == Outcome::Initialised {
+            self.stage = Stage::Begun(Box::new(Beginning::at(frame.stamp)));
+        }
+        let (stage, message) = match std::mem::take(&mut self.stage) {
+            Stage::Decided => (Stage::Decided, None),
+            Stage::Begun(beginning) => (self.go_on(beginning, tracker, frame, tracked), None),
+            Stage::Retracing(mut way) => {
+                (0..PER_FRAME).for_each(|_| way.step());
+                if way.is_over() {
+                    (Stage::Decided, way.settle(tracker))
+                } else {
+                    (Stage::Retracing(way), None)
+                }
+            }
+        };
+        self.stage = stage;
+        message
+    }
+
+    /// Takes a frame of the beginning.
+    fn go_on(
+        &self,
+        mut beginning: Box<Beginning>,
+        tracker: &mut Tracker,
+        frame: &Arc<RgbdFrame>,
+        tracked: &mut Tracked,
+    ) -> Stage {
+        let Some(since) = beginning.take(frame, tracked) else {
+            // The clock was set back.
+            return Stage::Decided;
+        };
+        if beginning.is_quiet(since) {
+            return Stage::Decided;
+        }
+        if !beginning.is_known() {
+            tracked.report.undecided = Some(since);
+            if since >= KNOWN {
+                if tracked.keyframe.is_some()
+                    && let Some(point) = tracker.turning_point()
+                {
+                    beginning.turn_at(point, frame);
+                } else {
+                    tracker.want_keyframe();
+                }
+            }
+            return Stage::Begun(beginning);
+        }
+        if since < RETRACED {
+            return Stage::Begun(beginning);
+        }
+        match WayBack::begin(*beginning, tracker, &self.setup) {
+            Ok(way) => Stage::Retracing(Box::new(way)),
+            Err(Some(beginning)) => Stage::Begun(Box::new(beginning)),
+            Err(None) => Stage::Decided,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,77 @@
+#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+use super::*;
+use crate::config::Config;
+use crate::system::System;
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::{DepthImage, FrameId, GrayImage, Simd};
+
+fn frame(id: u32, stamp: f64) -> RgbdFrame {
+    RgbdFrame {
+        id: FrameId(id),
+        stamp,
+        depth_stamp: stamp,
+        gray: GrayImage::new(64, 48),
+        colour: None,
+        depth: DepthImage::from_vec(64, 48, vec![0.0; 64 * 48]).unwrap(),
+    }
+}
+
+/// What a tracker says of a black frame.
+fn tracked(id: u32, keypoints: u32, dynamic: u32) -> Tracked {
+    let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+    let mut tracker = Tracker::new(&Config::default(), camera, Simd::Scalar);
+    let mut tracked = tracker.track(&Arc::new(frame(id, 0.0)));
+    tracked.report.counts.keypoints = keypoints;
+    tracked.report.counts.dynamic = dynamic;
+    tracked
+}
+
+#[test]
+fn nothing_that_moves_for_most_of_a_second_decides_that_nothing_does() {
+    for (dynamic, quiet) in [(0, true), (9, true), (11, false)] {
+        let still = tracked(0, 100, 0);
+        let said = tracked(0, 100, dynamic);
+        let mut beginning = Beginning::at(5.0);
+        for i in 0..30_u32 {
+            let stamp = 5.0 + f64::from(i) / 30.0;
+            // One frame tells, whichever it is.
+            let said = if i == 12 { &said } else { &still };
+            let since = beginning.take(&frame(i, stamp), said).unwrap();
+            assert!((since - f64::from(i) / 30.0).abs() < 1e-9);
+            let expected = quiet && since >= 0.8;
+            assert_eq!(beginning.is_quiet(since), expected, "{dynamic} {since}");
+        }
+    }
+}
+
+#[test]
+fn what_seems_to_move_before_depths_can_be_compared_does_not_count() {
+    let mut beginning = Beginning::at(0.0);
+    let said = tracked(0, 100, 90);
+    beginning.take(&frame(0, 0.0), &said);
+    beginning.take(&frame(1, 0.2), &said);
+    assert!(!beginning.is_quiet(0.7) && beginning.is_quiet(0.8));
+}
+
+#[test]
+fn a_clock_that_is_set_back_ends_the_beginning() {
+    let mut beginning = Beginning::at(0.0);
+    let said = tracked(0, 100, 0);
+    assert!(beginning.take(&frame(0, 0.0), &said).is_some());
+    assert!(beginning.take(&frame(1, 0.1), &said).is_some());
+    assert!(beginning.take(&frame(2, 0.1), &said).is_none());
+    assert!(beginning.take(&frame(3, -7.0), &said).is_none());
+}
+
+#[test]
+fn without_a_map_nobody_asks_who_moves() {
+    let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+    let mut system = System::new(Config::default(), camera, Simd::Scalar).unwrap();
+    for i in 0..40 {
+        for event in system.step(frame(i, f64::from(i) / 30.0)) {
+            if let Some(f) = event.as_frame() {
+                assert!(f.report.undecided.is_none() && !f.health.undecided);
+            }
+        }
+    }
+}

@@ -1,0 +1,230 @@
+//! The way back over the first frames, and what follows from it.
+
+use super::beginning::{Beginning, Kept};
+use crate::anchored_pose::AnchoredPose;
+use crate::mapping::{Mapper, MapperSetup};
+use crate::messages::MapperMsg;
+use crate::report::Outcome;
+use crate::tracking::{Tracker, TurningPoint};
+use crate::trajectory::TrajectoryEntry;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use stillpoint_detection::Detections;
+use stillpoint_geometry::{Se3, Vec6};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::Map;
+
+/// Both ways agree while they differ by no more than this, m: what each errs by within a second and a half ...
+const AGREE_M: f64 = 0.03;
+/// ... and by this, rad.
+const AGREE_RAD: f64 = 0.026;
+/// The way back is not believed where the camera jerks on it by so much more than on the way there: whoever boards somebody who walks, or gets
+/// off, changes his velocity at once, and a camera that is carried does not.
+const MAX_JERKS: f64 = 1.3;
+/// How far what is seen lies, m: what a turn moves by as much as a shift.
+const TYPICAL_DEPTH: f64 = 2.0;
+/// The way back is believed where it poses at least this share of the frames that it speaks about.
+const MIN_POSED: f64 = 0.9;
+
+/// A tracker on its way back, with a map of its own.
+pub(super) struct WayBack {
+    tracker: Tracker,
+    mapper: Mapper,
+    point: TurningPoint,
+    /// Frames that are still to come, oldest first.
+    frames: Vec<RgbdFrame>,
+    detections: BTreeMap<FrameId, Detections>,
+    /// The frames that were tracked again, with their stamps, s.
+    stamps: BTreeMap<FrameId, f64>,
+    /// Whether another map was begun on the way: then the way is lost.
+    astray: bool,
+}
+
+/// Where a frame is seen from the turning point.
+struct Retraced {
+    point_from_camera: Se3,
+    inliers: u32,
+}
+
+impl WayBack {
+    /// Begins the way back in a copy of the tracker's map without its beginning. Gives the beginning back while the map does not hold
+    /// the turning point yet, and nothing when there is no way.
+    pub(super) fn begin(
+        beginning: Beginning,
+        tracker: &Tracker,
+        setup: &MapperSetup,
+    ) -> Result<Self, Option<Beginning>> {
+        let view = tracker.view();
+        let Some(keyframe) = beginning.turning_point().map(|p| p.keyframe) else {
+            return Err(None);
+        };
+        if view.keyframe_bound() <= keyframe.index() {
+            return Err(Some(beginning));
+        }
+        let submap = view.submap_of(keyframe).ok_or(None)?;
+        let Kept {
+            frames,
+            detections,
+            point,
+            image,
+        } = beginning.into_kept().ok_or(None)?;
+        // What was joined to another map meanwhile was recognised by the frames that are in question.
+        if point.submap != Some(submap) || view.keyframe(keyframe).is_none() {
+            return Err(None);
+        }
+        let mut map = Map::from_view(&view, setup.levels, setup.scale_factor);
+        map.revoke(|k| k.submap == submap && k.id < keyframe, keyframe);
+        let mut mapper = Mapper::new(setup.clone()).with_map(map);
+        let mirrored = tracker.mirrored(&point, &image, mapper.publish());
+        Ok(Self {
+            tracker: mirrored.ok_or(None)?,
+            mapper,
+            point,
+            frames,
+            detections,
+            stamps: BTreeMap::new(),
+            astray: false,
+        })
+    }
+
+    /// Whether all frames were tracked again.
+    pub(super) fn is_over(&self) -> bool {
+        self.frames.is_empty() || self.astray
+    }
+
+    /// Tracks the newest frame that is left.
+    pub(super) fn step(&mut self) {
+        let Some(mut frame) = self.frames.pop().filter(|_| !self.astray) else {
+            return;
+        };
+        let _span = tracing::info_span!("retrace").entered();
+        let original = frame.id;
+        self.stamps.insert(original, frame.stamp);
+        frame.id = self.mirrored_id(original);
+        frame.stamp = self.mirrored_stamp(frame.stamp);
+        frame.depth_stamp = self.mirrored_stamp(frame.depth_stamp);
+        if let Some(seen) = self.detections.remove(&original) {
+            let seen = Detections {
+                frame: frame.id,
+                stamp: frame.stamp,
+                ..seen
+            };
+            self.tracker.receive_detections(seen, frame.id);
+        }
+        let tracked = self.tracker.track(&Arc::new(frame));
+        self.astray = tracked.report.outcome == Outcome::Initialised;
+        if let Some(keyframe) = tracked.keyframe.filter(|_| !self.astray) {
+            let out = self.mapper.step(MapperMsg::Keyframe(Box::new(keyframe)));
+            self.tracker.receive(out.view);
+        }
+    }
+
+    /// Compares both ways. Where they do not agree, the way back is taken: the poses of the tracker's trajectory are replaced,
+    /// and what has none on the way back loses its own. Returns what the mapper is to take back then.
+    pub(super) fn settle(&self, tracker: &mut Tracker) -> Option<MapperMsg> {
+        let view = tracker.view();
+        let keyframe = self.point.keyframe;
+        // A turning point that went to another map meanwhile tells nothing.
+        if self.astray || self.point.submap != view.submap_of(keyframe) {
+            return None;
+        }
+        let world_from_point = view.world_from_keyframe(keyframe)?;
+        let retraced = self.retraced()?;
+        let first = *self.stamps.keys().next()?;
+        let entries = tracker.trajectory().entries();
+        let old = entries
+            .iter()
+            .filter(|e| e.frame >= first && e.frame < self.point.frame);
+        let old: BTreeMap<FrameId, TrajectoryEntry> = old.map(|e| (e.frame, *e)).collect();
+        let differs = |id: &FrameId| {
+            let (old, new) = (old.get(id)?, retraced.get(id)?);
+            let pose = old.pose.best_world_from_camera(&view);
+            Some(differ(&pose, &(world_from_point * new.point_from_camera)))
+        };
+        // From the newest frame on which they do not agree back to the first.
+        let last = *retraced.keys().rev().find(|id| differs(id) == Some(true))?;
+        let there = old
+            .iter()
+            .map(|(id, e)| (*id, e.pose.best_world_from_camera(&view)));
+        let back = retraced.iter().map(|(id, r)| (*id, r.point_from_camera));
+        if self.jerks(back) > MAX_JERKS * self.jerks(there) {
+            return None;
+        }
+        let asked: BTreeSet<FrameId> = old.range(..=last).map(|(id, _)| *id).collect();
+        let posed = asked.iter().filter(|id| retraced.contains_key(id)).count();
+        if (posed as f64) < MIN_POSED * asked.len() as f64 {
+            return None;
+        }
+        let new = retraced.range(..=last).filter_map(|(id, r)| {
+            let world_from_camera = world_from_point * r.point_from_camera;
+            let online = old.get(id).map(|e| e.pose.online_world_from_camera);
+            Some(TrajectoryEntry {
+                frame: *id,
+                stamp: *self.stamps.get(id)?,
+                pose: AnchoredPose {
+                    keyframe: None,
+                    reference: keyframe,
+                    reference_from_camera: r.point_from_camera,
+                    online_world_from_camera: online.unwrap_or(world_from_camera),
+                },
+                inliers: r.inliers,
+            })
+        });
+        tracker.repose(first, last, new.collect());
+        Some(MapperMsg::Revoke {
+            first: tracker.keyframe_id(first),
+            last: tracker.keyframe_id(last),
+        })
+    }
+
+    /// By how much the camera's velocity changes from frame to frame on a way over these frames, m per frame.
+    fn jerks(&self, way: impl Iterator<Item = (FrameId, Se3)>) -> f64 {
+        let stamped = way.filter_map(|(id, pose)| Some((*self.stamps.get(&id)?, pose)));
+        let stamped: Vec<(f64, Se3)> = stamped.collect();
+        let velocity = |w: &[(f64, Se3)]| {
+            let seconds = w[1].0 - w[0].0;
+            let twist = (w[0].1.inverse() * w[1].1).log() / seconds;
+            (twist, seconds)
+        };
+        let velocities: Vec<(Vec6, f64)> = stamped.windows(2).map(velocity).collect();
+        let jerk = |w: &[(Vec6, f64)]| {
+            let change = (w[1].0 - w[0].0) * (0.5 * (w[0].1 + w[1].1));
+            let (shift, turn) = (change.fixed_rows::<3>(0), change.fixed_rows::<3>(3));
+            libm::hypot(shift.norm(), TYPICAL_DEPTH * turn.norm())
+        };
+        let count = velocities.len().saturating_sub(1).max(1);
+        velocities.windows(2).map(jerk).sum::<f64>() / count as f64
+    }
+
+    /// Where the frames that were tracked again are seen from the turning point, by the map of the way back.
+    fn retraced(&self) -> Option<BTreeMap<FrameId, Retraced>> {
+        let view = self.tracker.view();
+        let world_from_point = view.world_from_keyframe(self.point.keyframe)?;
+        let point_from_world = world_from_point.inverse();
+        let poses = self.tracker.trajectory().resolve(&view);
+        let retraced = poses.map(|(entry, pose)| {
+            let retraced = Retraced {
+                point_from_camera: point_from_world * pose,
+                inliers: entry.inliers,
+            };
+            (self.mirrored_id(entry.frame), retraced)
+        });
+        Some(retraced.collect())
+    }
+
+    /// The id of a frame on the way back, and of a frame of the way back. The turning point has 0, and those before it count on.
+    fn mirrored_id(&self, frame: FrameId) -> FrameId {
+        FrameId(self.point.frame.0.saturating_sub(frame.0))
+    }
+
+    /// A stamp on the way back, s: the turning point keeps its own.
+    fn mirrored_stamp(&self, stamp: f64) -> f64 {
+        2.0 * self.point.stamp - stamp
+    }
+}
+
+/// Whether two poses differ by more than both ways err by.
+fn differ(a: &Se3, b: &Se3) -> bool {
+    let d = a.inverse() * *b;
+    d.translation.norm() > AGREE_M || d.rotation.angle() > AGREE_RAD
+}

@@ -1,0 +1,106 @@
+//! A tracker that goes back in time: over frames that were tracked already, from one on at which it was known who moves.
+//!
+//! Its frames come newest first, with stamps mirrored at that frame's.
+
+use super::Tracker;
+use super::known_map::Submap;
+use super::motion::CameraMotion;
+use super::state::{LastFrame, State};
+use crate::anchored_pose::AnchoredPose;
+use crate::static_filter::StaticFilter;
+use crate::trajectory::TrajectoryEntry;
+use std::sync::Arc;
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, SubmapId};
+
+/// What the tracker knew at a frame that became a keyframe: from there one can go back.
+pub(crate) struct TurningPoint {
+    pub(crate) keyframe: KeyframeId,
+    pub(crate) frame: FrameId,
+    /// s.
+    pub(crate) stamp: f64,
+    /// The submap that it was in.
+    pub(crate) submap: Option<SubmapId>,
+    filter: StaticFilter,
+    motion: CameraMotion,
+    data: Arc<KeyframeData>,
+    matches: Vec<Option<LandmarkId>>,
+}
+
+impl Tracker {
+    /// Whether it is found out in time who moves, by a filter that begins without knowing, and in a map that grows.
+    pub(crate) fn learns_who_moves(&self) -> bool {
+        self.filter.learns_who_moves() && self.map.grows
+    }
+
+    /// The next frame with a pose becomes a keyframe.
+    pub(crate) fn want_keyframe(&mut self) {
+        self.keyframe_wanted = true;
+    }
+
+    /// What is known at the last frame. None where that has no pose, or became no keyframe.
+    pub(crate) fn turning_point(&self) -> Option<TurningPoint> {
+        let State::Tracking { last, motion } = &self.state else {
+            return None;
+        };
+        Some(TurningPoint {
+            keyframe: last.pose.keyframe?,
+            frame: self.trajectory.entries().last()?.frame,
+            stamp: last.stamp,
+            submap: self.submap.map(|s| s.id),
+            filter: self.filter.clone(),
+            motion: *motion,
+            data: Arc::clone(&last.data),
+            matches: last.matches.clone(),
+        })
+    }
+
+    /// A tracker of the frames before a turning point, in a map that holds its keyframe. It knows of the shutter what this one knows,
+    /// and of what moves what was known then. `image` is that of the turning point. None when the map does not hold it.
+    pub(crate) fn mirrored(
+        &self,
+        point: &TurningPoint,
+        image: &Arc<RgbdFrame>,
+        view: Arc<MapView>,
+    ) -> Option<Self> {
+        let world_from_camera = view.world_from_keyframe(point.keyframe)?;
+        let camera = self.front_end.observer.camera;
+        let mut mirrored = Self::new(self.setup.clone(), camera, self.simd).in_map(view, true);
+        mirrored.front_end = self.front_end.mirrored(&self.setup, self.simd);
+        // The flow of the next frame ends in this image.
+        mirrored.front_end.observe(image, None);
+        let pose = AnchoredPose {
+            keyframe: Some(point.keyframe),
+            reference: point.keyframe,
+            reference_from_camera: Se3::identity(),
+            online_world_from_camera: world_from_camera,
+        };
+        mirrored.filter = point.filter.mirrored(FrameId(0), point.stamp, pose);
+        mirrored.state = State::Tracking {
+            last: LastFrame {
+                stamp: point.stamp,
+                data: Arc::clone(&point.data),
+                matches: point.matches.clone(),
+                pose,
+                world_from_camera,
+            },
+            motion: point.motion.reversed(),
+        };
+        // Much of what the first frames show was seen by no frame after: whom it belongs to is asked as at every beginning.
+        mirrored.begun = point.stamp;
+        mirrored.submap = point.submap.map(Submap::known);
+        mirrored.previous = Some(Arc::clone(image));
+        Some(mirrored)
+    }
+
+    /// The id of the keyframe that a frame of this run may have become.
+    pub(crate) fn keyframe_id(&self, frame: FrameId) -> KeyframeId {
+        self.map.keyframe_id(frame)
+    }
+
+    /// Replaces the part of the trajectory from one frame to another.
+    pub(crate) fn repose(&mut self, first: FrameId, last: FrameId, entries: Vec<TrajectoryEntry>) {
+        self.trajectory.replace(first, last, entries);
+    }
+}

@@ -1,0 +1,84 @@
+//! Maps that begin among people: who moves is undecided, and what rode on somebody is corrected.
+
+use super::world::{Recording, Run, with};
+use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
+use stillpoint_slam::{Event, OnEvent, Preset, Replay, Stages, System};
+
+fn recording(scene: &str, range: std::ops::Range<usize>) -> Recording {
+    Recording::simulated(scene, range, 0.0)
+}
+
+fn run(recording: &Recording, preset: Preset) -> Run {
+    let system = System::new(with(preset), recording.camera, Simd::detect()).unwrap();
+    recording.drive(system.with_log())
+}
+
+/// The largest error of a pose after alignment, mm.
+fn worst_mm(recording: &Recording, poses: &[TimedPose]) -> f64 {
+    let score = evaluate(&recording.truth, poses, &EvalOptions::default()).unwrap();
+    1e3 * score.ate.statistics.max
+}
+
+#[test]
+fn nothing_is_undecided_for_long_where_nothing_moves() {
+    for scene in ["xyz", "rpy", "static", "halfsphere"] {
+        let recording = recording(scene, 0..40);
+        let reports = run(&recording, Preset::Default).reports;
+        let undecided = reports.iter().filter(|r| r.undecided.is_some());
+        let last = undecided.map(|r| r.frame.0).max();
+        assert!(
+            last.is_some_and(|last| (5..30).contains(&last)),
+            "{scene} {last:?}"
+        );
+    }
+}
+
+/// People walk close before the camera from its first frame on; for half a second its pose rides on them.
+#[test]
+fn a_beginning_that_rode_on_somebody_is_posed_again() {
+    let recording = recording("crowd_xyz", 0..80);
+    let run = run(&recording, Preset::Default);
+    let online = run.reports.iter().filter_map(|r| {
+        Some(TimedPose {
+            stamp: r.stamp,
+            world_from_camera: r.world_from_camera?,
+        })
+    });
+    let (then, now) = (
+        worst_mm(&recording, &online.collect::<Vec<_>>()),
+        worst_mm(&recording, &run.poses()),
+    );
+    let undecided = run.reports.iter().filter(|r| r.undecided.is_some()).count();
+    println!("{then:.0} mm at each frame, {now:.0} mm in the end, {undecided} undecided");
+    // Control: what was known at each frame.
+    assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
+    assert!((30..45).contains(&undecided), "{undecided}");
+    let [revoked] = &*run.revoked else {
+        panic!("{:?}", run.revoked)
+    };
+    assert!(revoked.keyframes > 0 && revoked.first.0 == 0 && revoked.last.0 < 40);
+    let view = run.system.view();
+    let first = view.keyframes().map(|k| k.id).min();
+    assert!(first > Some(revoked.last), "{first:?}");
+    assert_eq!(run.system.map().check(), Ok(()));
+    // Every frame has a pose, each once and in order, and a replay finds the same ones.
+    let entries = run.system.trajectory().entries();
+    assert_eq!(entries.len(), 80);
+    assert!(entries.windows(2).all(|e| e[0].frame < e[1].frame));
+    let stages = Stages::new(with(Preset::Default), recording.camera, Simd::Scalar);
+    let mut replay = Replay::new(stages.unwrap(), run.system.log().unwrap()).unwrap();
+    let mut frames = Frames(recording.frames.iter());
+    replay
+        .run(&mut frames, &mut OnEvent(|_: &Event| {}))
+        .unwrap();
+}
+
+/// The frames of a recording once more.
+struct Frames<'a>(std::slice::Iter<'a, RgbdFrame>);
+
+impl FrameSource for Frames<'_> {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        self.0.next().cloned().map(Ok)
+    }
+}
