@@ -7,7 +7,7 @@ use crate::messages::MapperMsg;
 use crate::report::Outcome;
 use crate::tracking::{Tracker, TurningPoint};
 use crate::trajectory::TrajectoryEntry;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
 use stillpoint_geometry::{Se3, Vec6};
@@ -40,9 +40,13 @@ pub(super) struct WayBack {
     astray: bool,
 }
 
-/// Where a frame is seen from the turning point.
-struct Retraced {
+/// Where frames are seen from the turning point.
+type Way = BTreeMap<FrameId, Seen>;
+
+/// Where one of them is.
+struct Seen {
     point_from_camera: Se3,
+    online_world_from_camera: Se3,
     inliers: u32,
 }
 
@@ -123,63 +127,69 @@ impl WayBack {
     /// and what has none on the way back loses its own. Returns what the mapper is to take back then.
     pub(super) fn settle(&self, tracker: &mut Tracker) -> Option<MapperMsg> {
         let view = tracker.view();
-        let keyframe = self.point.keyframe;
         // A turning point that went to another map meanwhile tells nothing.
-        if self.astray || self.point.submap != view.submap_of(keyframe) {
+        if self.astray || self.point.submap != view.submap_of(self.point.keyframe) {
             return None;
         }
-        let world_from_point = view.world_from_keyframe(keyframe)?;
-        let retraced = self.retraced()?;
+        let back = self.retraced()?;
         let first = *self.stamps.keys().next()?;
-        let entries = tracker.trajectory().entries();
-        let old = entries
-            .iter()
-            .filter(|e| e.frame >= first && e.frame < self.point.frame);
-        let old: BTreeMap<FrameId, TrajectoryEntry> = old.map(|e| (e.frame, *e)).collect();
+        let there = self.way_there(tracker, first)?;
         let differs = |id: &FrameId| {
-            let (old, new) = (old.get(id)?, retraced.get(id)?);
-            let pose = old.pose.best_world_from_camera(&view);
-            Some(differ(&pose, &(world_from_point * new.point_from_camera)))
+            let (a, b) = (there.get(id)?, back.get(id)?);
+            Some(differ(&a.point_from_camera, &b.point_from_camera))
         };
         // From the newest frame on which they do not agree back to the first.
-        let last = *retraced.keys().rev().find(|id| differs(id) == Some(true))?;
-        let there = old
-            .iter()
-            .map(|(id, e)| (*id, e.pose.best_world_from_camera(&view)));
-        let back = retraced.iter().map(|(id, r)| (*id, r.point_from_camera));
-        if self.jerks(back) > MAX_JERKS * self.jerks(there) {
+        let last = *back.keys().rev().find(|id| differs(id) == Some(true))?;
+        let posed = there.range(..=last).filter(|(id, _)| back.contains_key(id));
+        let enough = posed.count() as f64 >= MIN_POSED * there.range(..=last).count() as f64;
+        if !enough || self.jerks(&back) > MAX_JERKS * self.jerks(&there) {
             return None;
         }
-        let asked: BTreeSet<FrameId> = old.range(..=last).map(|(id, _)| *id).collect();
-        let posed = asked.iter().filter(|id| retraced.contains_key(id)).count();
-        if (posed as f64) < MIN_POSED * asked.len() as f64 {
-            return None;
-        }
-        let new = retraced.range(..=last).filter_map(|(id, r)| {
-            let world_from_camera = world_from_point * r.point_from_camera;
-            let online = old.get(id).map(|e| e.pose.online_world_from_camera);
+        let world_from_point = view.world_from_keyframe(self.point.keyframe)?;
+        let entries = back.range(..=last).filter_map(|(id, seen)| {
+            let world_from_camera = world_from_point * seen.point_from_camera;
+            let online = there.get(id).map(|seen| seen.online_world_from_camera);
             Some(TrajectoryEntry {
                 frame: *id,
                 stamp: *self.stamps.get(id)?,
                 pose: AnchoredPose {
                     keyframe: None,
-                    reference: keyframe,
-                    reference_from_camera: r.point_from_camera,
+                    reference: self.point.keyframe,
+                    reference_from_camera: seen.point_from_camera,
                     online_world_from_camera: online.unwrap_or(world_from_camera),
                 },
-                inliers: r.inliers,
+                inliers: seen.inliers,
             })
         });
-        tracker.repose(first, last, new.collect());
+        tracker.repose(first, last, entries.collect());
         Some(MapperMsg::Revoke {
             first: tracker.keyframe_id(first),
             last: tracker.keyframe_id(last),
         })
     }
 
+    /// Where the frames from `first` on were, as the tracker says.
+    fn way_there(&self, tracker: &Tracker, first: FrameId) -> Option<Way> {
+        let view = tracker.view();
+        let point_from_world = view.world_from_keyframe(self.point.keyframe)?.inverse();
+        let entries = tracker.trajectory().entries().iter();
+        let asked = entries.filter(|e| e.frame >= first && e.frame < self.point.frame);
+        let seen = asked.map(|e| {
+            let seen = Seen {
+                point_from_camera: point_from_world * e.pose.best_world_from_camera(&view),
+                online_world_from_camera: e.pose.online_world_from_camera,
+                inliers: e.inliers,
+            };
+            (e.frame, seen)
+        });
+        Some(seen.collect())
+    }
+
     /// By how much the camera's velocity changes from frame to frame on a way over these frames, m per frame.
-    fn jerks(&self, way: impl Iterator<Item = (FrameId, Se3)>) -> f64 {
-        let stamped = way.filter_map(|(id, pose)| Some((*self.stamps.get(&id)?, pose)));
+    fn jerks(&self, way: &Way) -> f64 {
+        let stamped = way
+            .iter()
+            .filter_map(|(id, seen)| Some((*self.stamps.get(id)?, seen.point_from_camera)));
         let stamped: Vec<(f64, Se3)> = stamped.collect();
         let velocity = |w: &[(f64, Se3)]| {
             let seconds = w[1].0 - w[0].0;
@@ -196,20 +206,20 @@ impl WayBack {
         velocities.windows(2).map(jerk).sum::<f64>() / count as f64
     }
 
-    /// Where the frames that were tracked again are seen from the turning point, by the map of the way back.
-    fn retraced(&self) -> Option<BTreeMap<FrameId, Retraced>> {
+    /// Where the frames that were tracked again are, by the map of the way back.
+    fn retraced(&self) -> Option<Way> {
         let view = self.tracker.view();
-        let world_from_point = view.world_from_keyframe(self.point.keyframe)?;
-        let point_from_world = world_from_point.inverse();
+        let point_from_world = view.world_from_keyframe(self.point.keyframe)?.inverse();
         let poses = self.tracker.trajectory().resolve(&view);
-        let retraced = poses.map(|(entry, pose)| {
-            let retraced = Retraced {
+        let seen = poses.map(|(entry, pose)| {
+            let seen = Seen {
                 point_from_camera: point_from_world * pose,
+                online_world_from_camera: entry.pose.online_world_from_camera,
                 inliers: entry.inliers,
             };
-            (self.mirrored_id(entry.frame), retraced)
+            (self.mirrored_id(entry.frame), seen)
         });
-        Some(retraced.collect())
+        Some(seen.collect())
     }
 
     /// The id of a frame on the way back, and of a frame of the way back. The turning point has 0, and those before it count on.

@@ -1,5 +1,6 @@
 //! The lines of a log.
 
+use super::word::{escaped, unescaped};
 use super::{LogEntry, LogError};
 use crate::mapping::MappingEffort;
 use std::fmt::Write;
@@ -369,41 +370,4 @@ fn read_failure(words: &mut Words<'_>) -> Result<DetectError, LogError> {
         },
         _ => return Err(words.line.error(kinds)),
     })
-}
-
-/// A text as one word of ASCII: in quotes, with every character but letters, digits and some marks as `\u{..}`.
-fn escaped(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        if c.is_ascii_graphic() && c != '\\' && c != '"' {
-            out.push(c);
-        } else if c == ' ' {
-            out.push_str("\\s");
-        } else {
-            let _ = write!(out, "\\u{{{:x}}}", u32::from(c));
-        }
-    }
-    out.push('"');
-    out
-}
-
-fn unescaped(word: &str) -> Option<String> {
-    let mut rest = word.strip_prefix('"')?.strip_suffix('"')?;
-    let mut out = String::new();
-    while let Some(c) = rest.chars().next() {
-        if let Some(after) = rest.strip_prefix("\\s") {
-            out.push(' ');
-            rest = after;
-        } else if let Some(after) = rest.strip_prefix("\\u{") {
-            let (code, after) = after.split_once('}')?;
-            out.push(char::from_u32(u32::from_str_radix(code, 16).ok()?)?);
-            rest = after;
-        } else if c == '\\' {
-            return None;
-        } else {
-            out.push(c);
-            rest = &rest[c.len_utf8()..];
-        }
-    }
-    Some(out)
 }

@@ -9,6 +9,7 @@
 //! Numbers are written so that they read back to the same bits.
 
 mod line;
+mod word;
 
 use crate::fingerprint::Fingerprint;
 use crate::mapping::MappingEffort;

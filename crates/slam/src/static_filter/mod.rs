@@ -12,6 +12,7 @@ mod epipolar;
 mod flow_pair;
 mod history;
 mod mask;
+mod mirrored;
 mod paper;
 mod rigid;
 mod segments;
@@ -26,7 +27,6 @@ pub(crate) use history::CapturePose;
 pub use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
-use crate::anchored_pose::AnchoredPose;
 use cells::Cells;
 use history::{History, Snapshot};
 use rigid::Votes;
@@ -175,24 +175,6 @@ impl StaticFilter {
     /// Forgets what is only known by its stamp, as the clock was set back. What is remembered of earlier frames goes with the next one.
     pub(crate) fn forget_times(&mut self) {
         self.objects.forget();
-    }
-
-    /// The filter for frames whose stamps run backwards from `stamp` on: it knows which surfaces of the last frame move. That frame is
-    /// known as `frame`, taken at `pose`.
-    pub(crate) fn mirrored(&self, frame: FrameId, stamp: f64, pose: AnchoredPose) -> Self {
-        let mut mirrored = self.clone();
-        mirrored.objects.forget();
-        mirrored.waiting = None;
-        mirrored.present = None;
-        mirrored.unused = Unused::default();
-        mirrored.surfaces = Arc::new(self.surfaces.mirrored(stamp));
-        mirrored.history = self.history.only_last(frame, stamp, pose);
-        mirrored
-    }
-
-    /// Whether it tells by surfaces what moves, and finds out in time who moves.
-    pub(crate) fn learns_who_moves(&self) -> bool {
-        self.rules.config.preset == Preset::Default
     }
 
     /// Takes detections of the frame to come.

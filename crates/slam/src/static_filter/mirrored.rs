@@ -1,0 +1,26 @@
+//! The filter of a tracker that goes back in time.
+
+use super::{Preset, StaticFilter, Unused};
+use crate::anchored_pose::AnchoredPose;
+use std::sync::Arc;
+use stillpoint_imaging::FrameId;
+
+impl StaticFilter {
+    /// The filter for frames whose stamps run backwards from `stamp` on: it knows which surfaces of the last frame move. That frame is
+    /// known as `frame`, taken at `pose`.
+    pub(crate) fn mirrored(&self, frame: FrameId, stamp: f64, pose: AnchoredPose) -> Self {
+        let mut mirrored = self.clone();
+        mirrored.objects.forget();
+        mirrored.waiting = None;
+        mirrored.present = None;
+        mirrored.unused = Unused::default();
+        mirrored.surfaces = Arc::new(self.surfaces.mirrored(stamp));
+        mirrored.history = self.history.only_last(frame, stamp, pose);
+        mirrored
+    }
+
+    /// Whether it tells by surfaces what moves, and finds out in time who moves.
+    pub(crate) fn learns_who_moves(&self) -> bool {
+        self.rules.config.preset == Preset::Default
+    }
+}
