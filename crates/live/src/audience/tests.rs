@@ -49,6 +49,7 @@ fn tracked(n: u32) -> Event {
             depth_share: 1.0,
             detections_age: None,
             map_age: None,
+            undecided: false,
             loss: None,
         },
     }))

@@ -41,8 +41,8 @@ pub struct Health {
     /// Covariance of the pose `world_from_camera`, as a twist `[translation; rotation]` (m^2, m rad, rad^2) in the axes of the
     /// camera: `truth = world_from_camera * exp(e)` with e of this covariance. It is what the measurements of this frame leave
     /// open against the map that it was tracked in, by the noise that the configuration states; that the map itself has
-    /// drifted is not in it. None for a frame without a pose, for one that begins a map (its pose is exact, by definition), and
-    /// when the measurements leave a direction open.
+    /// drifted is not in it. While it is undecided who moves, it allows for being carried along. None for a frame without a pose, for
+    /// one that begins a map (its pose is exact, by definition), and when the measurements leave a direction open.
     pub covariance: Option<Mat6>,
     /// Share of the keypoints that stand still; 0, as [`Health::dynamic_share`], when that was not judged because the frame was
     /// lost before.
@@ -87,22 +87,15 @@ impl Health {
     }
 }
 
-/// The covariance of a pose by what was measured, and while it is undecided who moves, by how far it may have been carried.
-fn covariance_of(tracked: &Tracked) -> Option<Mat6> {
-    let mut covariance = tracked
-        .evidence
-        .information
-        .as_ref()
-        .and_then(pose_covariance)?;
-    if let Some(since) = tracked.report.undecided {
-        for (i, speed) in [CARRIED_M_S, CARRIED_RAD_S].into_iter().enumerate() {
-            let variance = (speed * since) * (speed * since);
-            for axis in 3 * i..3 * i + 3 {
-                covariance[(axis, axis)] += variance;
-            }
+/// The covariance of a pose by what was measured, `covariance`, and by how far it may have been carried within `undecided` seconds.
+fn carried(mut covariance: Mat6, undecided: Option<f64>) -> Mat6 {
+    let since = undecided.unwrap_or(0.0);
+    for (i, speed) in [CARRIED_M_S, CARRIED_RAD_S].into_iter().enumerate() {
+        for axis in 3 * i..3 * i + 3 {
+            covariance[(axis, axis)] += (speed * since) * (speed * since);
         }
     }
-    Some(covariance)
+    covariance
 }
 
 fn block_sigma(covariance: &Mat6, at: usize) -> f64 {
@@ -210,7 +203,7 @@ impl HealthMonitor {
             frame: report.frame,
             stamp,
             quality: Quality::default(),
-            covariance: covariance_of(tracked),
+            covariance: evidence.information.as_ref().and_then(pose_covariance),
             undecided: report.undecided.is_some(),
             static_share: if judged { 1.0 - dynamic_share } else { 0.0 },
             dynamic_share,
@@ -230,6 +223,7 @@ impl HealthMonitor {
                 cells: evidence.cells,
                 sigmas: if begins { Some((0.0, 0.0)) } else { known },
             });
+            health.covariance = health.covariance.map(|c| carried(c, report.undecided));
             return health;
         };
         let lost = self.lost.filter(|(first, _)| *first == since);

@@ -212,3 +212,34 @@ proptest! {
         prop_assert!((moved - r * step.fixed_rows::<3>(0)).norm() < 1e-11);
     }
 }
+
+#[test]
+fn while_it_is_undecided_who_moves_the_covariance_grows_and_the_quality_does_not() {
+    let decided = with_covariance([0.001; 6]);
+    let mut monitor = monitor();
+    let frame = frame(0, 0.0, 120, 1.5);
+    let mut report = report(&frame, Outcome::Tracked, 0);
+    report.undecided = Some(0.5);
+    let evidence = Evidence {
+        information: Some(Mat6::from_diagonal(&Vec6::from([1e6; 6]))),
+        judged: true,
+        matched: 200,
+        agreed: 180,
+        has_map: true,
+        ..Evidence::default()
+    };
+    let tracked = Tracked {
+        report,
+        evidence,
+        keyframe: None,
+    };
+    let health = monitor.judge(&frame, &tracked);
+    // 0.1 m and 0.05 rad per axis within half a second.
+    let expected = [0.1, 0.05].map(|s: f64| (3.0 * (s * s + 1e-6)).sqrt());
+    assert!((health.sigma_m().unwrap() - expected[0]).abs() < 1e-9);
+    assert!((health.sigma_rad().unwrap() - expected[1]).abs() < 1e-9);
+    assert_eq!(health.quality.value(), decided.quality.value());
+    assert!(health.undecided && !decided.undecided);
+    assert!(health.to_string().contains(" | undecided who moves | "));
+    assert!(!decided.to_string().contains("undecided"));
+}

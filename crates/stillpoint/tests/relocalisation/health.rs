@@ -8,7 +8,7 @@ use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, FrameReport, Health, LossCause, Outcome, System};
 
-const FRAMES: usize = 30;
+const FRAMES: usize = 55;
 
 /// A room, with the frames rendered once.
 struct Room {
@@ -58,11 +58,12 @@ fn nees(error: &Vec6, covariance: &Mat6) -> f64 {
 }
 
 /// Against the truth, errors in the world hold what the map has drifted as well, and are larger than the covariance tells; those from
-/// frame to frame are smaller, as what the map gets wrong cancels. Both within a factor of 3 of the standard deviations.
+/// frame to frame are smaller, as what the map gets wrong cancels. Both within a factor of 3 of the standard deviations. While it is
+/// undecided who moves, the covariance allows for more.
 #[test]
 fn poses_are_about_as_good_as_their_covariance_says() {
     let (room, mut system) = (room(), system());
-    let (mut world, mut steps) = (Vec::new(), Vec::new());
+    let (mut world, mut steps, mut undecided) = (Vec::new(), Vec::new(), 0);
     let mut last: Option<(Se3, Mat6, Se3)> = None;
     for (frame, truth) in room.frames.iter().zip(&room.truth) {
         let (report, health) = step(&mut system, frame);
@@ -73,7 +74,14 @@ fn poses_are_about_as_good_as_their_covariance_says() {
         };
         let pose = report.world_from_camera.unwrap();
         let real = room.truth[0].inverse() * *truth;
-        world.push(nees(&(pose.inverse() * real).log(), &covariance));
+        let off = nees(&(pose.inverse() * real).log(), &covariance);
+        assert_eq!(health.undecided, report.undecided.is_some());
+        if health.undecided {
+            assert!(off < 6.0, "{off} {health}");
+            undecided += 1;
+            continue;
+        }
+        world.push(off);
         if let Some((before, covariance_before, real_before)) = last {
             let (step, real_step) = (before.inverse() * pose, real_before.inverse() * real);
             let error = (step.inverse() * real_step).log();
@@ -83,7 +91,8 @@ fn poses_are_about_as_good_as_their_covariance_says() {
         assert!(health.quality.value() > 0.5, "{health}");
         assert!((health.static_share + health.dynamic_share - 1.0).abs() < 1e-12);
     }
-    assert_eq!(world.len(), FRAMES - 1);
+    assert_eq!(world.len() + undecided, FRAMES - 1);
+    assert!((10..30).contains(&undecided), "{undecided}");
     let factor = |nees: &[f64]| (nees.iter().sum::<f64>() / nees.len() as f64 / 6.0).sqrt();
     let (world, steps) = (factor(&world), factor(&steps));
     println!("errors by what the covariance tells: {world:.2} in the world, {steps:.2} per step");
