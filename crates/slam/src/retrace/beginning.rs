@@ -6,6 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
 use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::MapView;
 
 /// Where nothing moved for so long after a map was begun, nothing does, s ...
 const QUIET: f64 = 0.8;
@@ -94,9 +95,10 @@ impl Beginning {
         self.turn = Some((point, Arc::clone(frame)));
     }
 
-    /// The turning point, once there is one.
-    pub(super) fn turning_point(&self) -> Option<&TurningPoint> {
-        self.turn.as_ref().map(|(point, _)| point)
+    /// Whether a version of the map is of after the turning point.
+    pub(super) fn is_mapped(&self, view: &MapView) -> bool {
+        let turn = self.turn.as_ref();
+        turn.is_some_and(|(point, _)| point.keyframe.index() < view.keyframe_bound())
     }
 
     /// What is needed to go back from the turning point.

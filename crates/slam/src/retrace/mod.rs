@@ -119,13 +119,13 @@ impl Retracer {
             }
             return Stage::Begun(beginning);
         }
-        if since < RETRACED {
+        // The map does not hold the turning point before the mapper has answered.
+        if since < RETRACED || !beginning.is_mapped(&tracker.view()) {
             return Stage::Begun(beginning);
         }
         match WayBack::begin(*beginning, tracker, &self.setup) {
-            Ok(way) => Stage::Retracing(Box::new(way)),
-            Err(Some(beginning)) => Stage::Begun(Box::new(beginning)),
-            Err(None) => Stage::Decided,
+            Some(way) => Stage::Retracing(Box::new(way)),
+            None => Stage::Decided,
         }
     }
 }

@@ -19,7 +19,7 @@ fn frame(id: u32, stamp: f64) -> RgbdFrame {
 /// What a tracker says of a black frame.
 fn tracked(id: u32, keypoints: u32, dynamic: u32) -> Tracked {
     let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
-    let mut tracker = Tracker::new(&Config::default(), camera, Simd::Scalar);
+    let mut tracker = Tracker::new(Config::default(), camera, Simd::Scalar);
     let mut tracked = tracker.track(&Arc::new(frame(id, 0.0)));
     tracked.report.counts.keypoints = keypoints;
     tracked.report.counts.dynamic = dynamic;

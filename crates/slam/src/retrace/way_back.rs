@@ -51,37 +51,31 @@ struct Seen {
 }
 
 impl WayBack {
-    /// Begins the way back in a copy of the tracker's map without its beginning. Gives the beginning back while the map does not hold
-    /// the turning point yet, and nothing when there is no way.
+    /// Begins the way back in a copy of the tracker's map without its beginning. None when there is no way.
     pub(super) fn begin(
         beginning: Beginning,
         tracker: &Tracker,
         setup: &MapperSetup,
-    ) -> Result<Self, Option<Beginning>> {
+    ) -> Option<Self> {
         let view = tracker.view();
-        let Some(keyframe) = beginning.turning_point().map(|p| p.keyframe) else {
-            return Err(None);
-        };
-        if view.keyframe_bound() <= keyframe.index() {
-            return Err(Some(beginning));
-        }
-        let submap = view.submap_of(keyframe).ok_or(None)?;
         let Kept {
             frames,
             detections,
             point,
             image,
-        } = beginning.into_kept().ok_or(None)?;
+        } = beginning.into_kept()?;
+        let keyframe = point.keyframe;
+        let submap = view.submap_of(keyframe)?;
         // What was joined to another map meanwhile was recognised by the frames that are in question.
         if point.submap != Some(submap) || view.keyframe(keyframe).is_none() {
-            return Err(None);
+            return None;
         }
         let mut map = Map::from_view(&view, setup.levels, setup.scale_factor);
         map.revoke(|k| k.submap == submap && k.id < keyframe, keyframe);
         let mut mapper = Mapper::new(setup.clone()).with_map(map);
         let mirrored = tracker.mirrored(&point, &image, mapper.publish());
-        Ok(Self {
-            tracker: mirrored.ok_or(None)?,
+        Some(Self {
+            tracker: mirrored?,
             mapper,
             point,
             frames,
