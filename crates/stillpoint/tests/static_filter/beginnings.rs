@@ -2,12 +2,9 @@
 
 use super::world::{Recording, Run, with};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
 use stillpoint_slam::{Event, OnEvent, Preset, Replay, Stages, System};
-
-fn recording(scene: &str, range: std::ops::Range<usize>) -> Recording {
-    Recording::simulated(scene, range, 0.0)
-}
 
 fn run(recording: &Recording, preset: Preset) -> Run {
     let system = System::new(with(preset), recording.camera, Simd::detect()).unwrap();
@@ -22,8 +19,9 @@ fn worst_mm(recording: &Recording, poses: &[TimedPose]) -> f64 {
 
 #[test]
 fn nothing_is_undecided_for_long_where_nothing_moves() {
+    let camera = Camera::pinhole(320, 240, [262.5, 262.5, 159.5, 119.5]);
     for scene in ["xyz", "rpy", "static", "halfsphere"] {
-        let recording = recording(scene, 0..40);
+        let recording = Recording::with_camera(scene, 0..40, 0.0, camera);
         let reports = run(&recording, Preset::Default).reports;
         let undecided = reports.iter().filter(|r| r.undecided.is_some());
         let last = undecided.map(|r| r.frame.0).max();
@@ -37,7 +35,7 @@ fn nothing_is_undecided_for_long_where_nothing_moves() {
 /// People walk close before the camera from its first frame on; for half a second its pose rides on them.
 #[test]
 fn a_beginning_that_rode_on_somebody_is_posed_again() {
-    let recording = recording("crowd_xyz", 0..80);
+    let recording = Recording::simulated("crowd_xyz", 0..80, 0.0);
     let run = run(&recording, Preset::Default);
     let online = run.reports.iter().filter_map(|r| {
         Some(TimedPose {
