@@ -1,12 +1,16 @@
-//! `recording`: what is in a recording, and conversions between recordings and data set folders.
+//! `recording`: what is in a recording, conversions between recordings and data set folders, and parts of them.
 
-use crate::args::recording::{RecordingCommand, RecordingConvertArgs, RecordingInfoArgs};
+use crate::args::recording::{
+    RecordingCommand, RecordingConvertArgs, RecordingCutArgs, RecordingInfoArgs,
+};
 use crate::args::{InputArgs, TopicArgs};
 use crate::console;
 use crate::failure::{Failure, Status};
 use crate::run::{open, options};
 use serde::Serialize;
 use std::fmt::Write;
+use std::ops::Range;
+use std::path::Path;
 use stillpoint::datasets::{ColourFormat, FrameOptions, ReadAhead, Recorder, StampedPose};
 use stillpoint::imaging::{FrameSource, RgbdFrame};
 use stillpoint::recordings::{self, Info, Input, McapRecorder};
@@ -16,6 +20,7 @@ pub(crate) fn recording(command: &RecordingCommand) -> Result<Status, Failure> {
     match command {
         RecordingCommand::Info(args) => info(args),
         RecordingCommand::Convert(args) => convert(args),
+        RecordingCommand::Cut(args) => cut(args),
     }
 }
 
@@ -138,23 +143,68 @@ impl Target {
     }
 }
 
+fn is_mcap(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("mcap"))
+}
+
 fn convert(args: &RecordingConvertArgs) -> Result<Status, Failure> {
     let input = open(&args.path, &input_args(&args.topics, args.camera.as_ref()))?;
+    write(&input, &args.out, args.start, args.max_frames)
+}
+
+fn cut(args: &RecordingCutArgs) -> Result<Status, Failure> {
+    if !is_mcap(&args.out) {
+        return Err(Failure::input(format!(
+            "{}: expected a name that ends with .mcap, found another; a part is written as MCAP, and recording convert makes a folder of it",
+            args.out.display()
+        )));
+    }
+    let input = open(&args.path, &input_args(&args.topics, args.camera.as_ref()))?;
+    let stamps: Vec<f64> = input.stamps().iter().map(|s| s.0).collect();
+    let within = part(&stamps, args.start_time, args.end_time);
+    let first = args.start.unwrap_or(within.start);
+    let left = within.end.saturating_sub(first);
+    let count = args.max_frames.map_or(left, |n| left.min(n as usize));
+    if count == 0 {
+        let length = stamps
+            .last()
+            .zip(stamps.first())
+            .map_or(0.0, |(l, f)| l - f);
+        return Err(Failure::input(format!(
+            "{}: expected a part with frames, found none in it; the recording has {} frames and lasts {length:.3} s",
+            args.path.display(),
+            stamps.len()
+        )));
+    }
+    write(&input, &args.out, first, Some(count as u64))
+}
+
+/// The frames from `start` on and before `end`, both in s after the first of them. Stamps are in order.
+fn part(stamps: &[f64], start: Option<f64>, end: Option<f64>) -> Range<usize> {
+    let origin = stamps.first().copied().unwrap_or(0.0);
+    let before = |time: f64| stamps.partition_point(|s| s - origin < time);
+    start.map_or(0, before)..end.map_or(stamps.len(), before)
+}
+
+/// Writes frames of an input, and the ground truth of their time.
+fn write(
+    input: &Input,
+    out: &Path,
+    start: usize,
+    max_frames: Option<u64>,
+) -> Result<Status, Failure> {
     let truth = input.ground_truth()?.unwrap_or_default();
     let frames = input.frames(&FrameOptions {
-        start: args.start,
-        max_frames: args.max_frames.map(|n| n as usize),
+        start,
+        max_frames: max_frames.map(|n| n as usize),
         keep_colour: true,
     })?;
     let model = input.camera();
-    let is_mcap = args
-        .out
-        .extension()
-        .is_some_and(|e| e.eq_ignore_ascii_case("mcap"));
-    let mut target = if is_mcap {
-        Target::Mcap(Box::new(McapRecorder::create(&args.out, &model.camera)?))
+    let mut target = if is_mcap(out) {
+        Target::Mcap(Box::new(McapRecorder::create(out, &model.camera)?))
     } else {
-        let recorder = Recorder::create(&args.out, &model.camera, &model.name, ColourFormat::Png)?;
+        let recorder = Recorder::create(out, &model.camera, &model.name, ColourFormat::Png)?;
         Target::Folder(Box::new(recorder))
     };
     let mut frames = ReadAhead::new(frames);
@@ -178,10 +228,10 @@ fn convert(args: &RecordingConvertArgs) -> Result<Status, Failure> {
     // A second around, so that poses can be interpolated at the ends.
     let within = |p: &&StampedPose| p.stamp >= first - 1.0 && p.stamp <= last + 1.0;
     let truth: Vec<StampedPose> = truth.iter().filter(within).copied().collect();
-    finish(target, args, &truth)?;
+    finish(target, out, &truth)?;
     console::report(&format!(
         "{}: {written} frames, {} poses of ground truth\n",
-        args.out.display(),
+        out.display(),
         truth.len()
     ));
     Ok(if skipped > 0 {
@@ -192,11 +242,7 @@ fn convert(args: &RecordingConvertArgs) -> Result<Status, Failure> {
 }
 
 /// Ends what is written, with the ground truth of the time of its frames.
-fn finish(
-    target: Target,
-    args: &RecordingConvertArgs,
-    truth: &[StampedPose],
-) -> Result<(), Failure> {
+fn finish(target: Target, out: &Path, truth: &[StampedPose]) -> Result<(), Failure> {
     match target {
         Target::Mcap(mut recorder) => {
             for pose in truth {
@@ -207,9 +253,30 @@ fn finish(
         Target::Folder(recorder) => {
             recorder.finish()?;
             if !truth.is_empty() {
-                stillpoint::datasets::trajectory::write(&args.out.join("groundtruth.txt"), truth)?;
+                stillpoint::datasets::trajectory::write(&out.join("groundtruth.txt"), truth)?;
             }
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::part;
+
+    #[test]
+    fn a_part_holds_its_start_and_not_its_end() {
+        let stamps = [5.0, 5.25, 5.5, 5.75];
+        for (start, end, expected) in [
+            (None, None, 0..4),
+            (Some(0.25), None, 1..4),
+            (None, Some(0.5), 0..2),
+            (Some(0.1), Some(0.6), 1..3),
+            (Some(9.0), None, 4..4),
+        ] {
+            assert_eq!(part(&stamps, start, end), expected, "{start:?} {end:?}");
+        }
+        assert!(part(&stamps, Some(0.5), Some(0.25)).is_empty());
+        assert_eq!(part(&[], Some(0.0), None), 0..0);
+    }
 }

@@ -40,7 +40,7 @@ fn help_of_every_command() {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
-    for command in ["info", "convert"] {
+    for command in ["info", "convert", "cut"] {
         let name = format!("help_recording_{command}.txt");
         golden(&name, &["recording", command, "--help"]);
     }
@@ -65,6 +65,10 @@ fn every_help_has_examples() {
         &["simulate", "--help"],
         &["bench", "--help"],
         &["detect", "--help"],
+        &["recording", "--help"],
+        &["recording", "info", "--help"],
+        &["recording", "convert", "--help"],
+        &["recording", "cut", "--help"],
         &["map", "--help"],
         &["map", "info", "--help"],
         &["map", "check", "--help"],

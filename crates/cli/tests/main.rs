@@ -24,4 +24,5 @@ mod masks;
 mod models;
 mod models_pull;
 mod objects;
+mod recordings;
 mod suite;

@@ -4,14 +4,16 @@ use crate::args::TopicArgs;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
-/// Look into recordings and convert them.
+/// Look into recordings, convert them, and cut parts out of them.
 #[derive(Debug, Subcommand)]
 #[command(after_help = "Examples:
   stillpoint recording info walk.mcap
-  stillpoint recording convert walk.bag walk")]
+  stillpoint recording convert walk.bag walk
+  stillpoint recording cut walk.mcap part.mcap --start-time 10 --end-time 25")]
 pub(crate) enum RecordingCommand {
     Info(RecordingInfoArgs),
     Convert(RecordingConvertArgs),
+    Cut(RecordingCutArgs),
 }
 
 /// Print what is in a recording: topics, types, messages, and what a run would take for its camera.
@@ -66,4 +68,52 @@ pub(crate) struct RecordingConvertArgs {
     pub(crate) max_frames: Option<u64>,
     #[command(flatten)]
     pub(crate) topics: TopicArgs,
+}
+
+/// Write a part of a recording or data set as MCAP.
+///
+/// The part is given by time, by frames, or by one of each. What is written is what convert writes: raw colour, depth in
+/// metres, camera and ground truth of the part, without loss; other topics are left out.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint recording cut walk.mcap part.mcap --start-time 10 --end-time 25
+  stillpoint recording cut walk.bag part.mcap --start 300 --max-frames 100
+
+Exit code 1 when frames could not be read and were left out; 2 when the input cannot be used, the part has no frames, or the
+output cannot be written."
+)]
+pub(crate) struct RecordingCutArgs {
+    /// Recording or data set folder.
+    #[arg(value_name = "PATH")]
+    pub(crate) path: PathBuf,
+    /// MCAP file to write; nothing may be there yet.
+    #[arg(value_name = "OUT")]
+    pub(crate) out: PathBuf,
+    /// Begin at the first frame that is at least this many seconds after the first of the recording.
+    #[arg(long, value_name = "S", conflicts_with = "start", value_parser = seconds)]
+    pub(crate) start_time: Option<f64>,
+    /// End before the first frame that is at least this many seconds after the first of the recording.
+    #[arg(long, value_name = "S", conflicts_with = "max_frames", value_parser = seconds)]
+    pub(crate) end_time: Option<f64>,
+    /// Leave out this many frames at the start.
+    #[arg(long, value_name = "N")]
+    pub(crate) start: Option<usize>,
+    /// Write at most this many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    pub(crate) max_frames: Option<u64>,
+    /// Camera file or preset [default: as for run].
+    #[arg(long, value_name = "FILE|PRESET")]
+    pub(crate) camera: Option<String>,
+    #[command(flatten)]
+    pub(crate) topics: TopicArgs,
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    let value = text
+        .parse()
+        .ok()
+        .filter(|s: &f64| s.is_finite() && *s >= 0.0);
+    value.ok_or_else(|| "expected seconds, at least 0".to_owned())
 }

@@ -1,0 +1,179 @@
+//! Recordings as users have them: converted, cut, run, and refused.
+
+use crate::common::{check, simulate, stderr, stdout, stillpoint};
+use std::path::{Path, PathBuf};
+use std::process::Output;
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+const FRAMES: usize = 12;
+
+/// A data set folder, and the same as MCAP.
+struct Pair {
+    dir: TempDir,
+    folder: PathBuf,
+    file: PathBuf,
+}
+
+static PAIR: LazyLock<Pair> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let (folder, file) = (dir.path().join("desk"), dir.path().join("desk.mcap"));
+    simulate(&folder, "halfsphere", FRAMES);
+    let output = stillpoint(["recording", "convert", text(&folder), text(&file)]);
+    writes(&output, FRAMES);
+    Pair { dir, folder, file }
+});
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Asserts success, and the number of frames that were written.
+#[track_caller]
+fn writes(output: &Output, frames: usize) {
+    check(output, 0, &[]);
+    let said = stdout(output);
+    assert!(said.contains(&format!(": {frames} frames, ")), "{said}");
+}
+
+/// Runs what is at a path: the trajectory, and what was said.
+fn run(path: &Path) -> (String, String) {
+    let out = tempfile::tempdir().unwrap();
+    let target = out.path().join("out");
+    let (path, target) = (text(path), text(&target));
+    let output = stillpoint(["run", path, "--detector", "none", "--out", target]);
+    check(&output, 0, &[]);
+    let trajectory = std::fs::read_to_string(Path::new(target).join("trajectory.txt"));
+    (trajectory.unwrap(), stderr(&output))
+}
+
+fn info(path: &Path) -> serde_json::Value {
+    let output = stillpoint(["recording", "info", "--json", text(path)]);
+    check(&output, 0, &[]);
+    serde_json::from_str(&stdout(&output)).unwrap()
+}
+
+#[test]
+fn a_converted_folder_runs_as_the_folder_does() {
+    let (of_folder, _) = run(&PAIR.folder);
+    let (of_file, _) = run(&PAIR.file);
+    assert!(of_folder.lines().count() >= FRAMES, "{of_folder}");
+    assert_eq!(of_folder, of_file);
+}
+
+#[test]
+fn info_tells_topics_and_frames() {
+    let found = info(&PAIR.file);
+    assert_eq!(found["format"], "MCAP");
+    assert_eq!(found["frames"], FRAMES);
+    let topics = found["topics"].as_array().unwrap();
+    let colour = topics
+        .iter()
+        .find(|t| t["name"] == "/camera/color/image_raw");
+    assert_eq!(colour.unwrap()["messages"], FRAMES);
+    assert!(found.get("refused").is_none(), "{found}");
+}
+
+#[test]
+fn a_part_is_cut_by_time_or_by_frames() {
+    let out = PAIR.dir.path();
+    // Frames are 1/30 s apart; times between those of frames do not depend on rounding.
+    let by_time = out.join("time.mcap");
+    let truth = ["--truth-topic", "/ground_truth/pose"];
+    let times = [&["--start-time", "0.09", "--end-time", "0.29"], &truth[..]].concat();
+    let by_frames = out.join("frames.mcap");
+    let frames = vec!["--start", "3", "--max-frames", "6"];
+    for (from, to, part) in [
+        (&PAIR.file, &by_time, times),
+        (&PAIR.folder, &by_frames, frames),
+    ] {
+        let output =
+            stillpoint([&["recording", "cut", text(from), text(to)][..], &part[..]].concat());
+        writes(&output, 6);
+        assert_eq!(info(to)["frames"], 6);
+    }
+    // The same part of file and folder.
+    assert!(std::fs::read(&by_time).unwrap() == std::fs::read(&by_frames).unwrap());
+}
+
+#[test]
+fn parts_that_make_no_sense_are_refused() {
+    let out = PAIR.dir.path().join("none.mcap");
+    let folder = PAIR.dir.path().join("none");
+    let cut = |out: &Path, part: &[&str]| {
+        stillpoint([&["recording", "cut", text(&PAIR.file), text(out)][..], part].concat())
+    };
+    let empty = &["expected a part with frames", "12 frames"];
+    check(&cut(&out, &["--start-time", "9"]), 2, empty);
+    check(
+        &cut(&out, &["--start-time", "0.3", "--end-time", "0.1"]),
+        2,
+        empty,
+    );
+    check(&cut(&out, &["--start", "12"]), 2, empty);
+    check(
+        &cut(&out, &["--start-time", "nan"]),
+        2,
+        &["expected seconds"],
+    );
+    check(
+        &cut(&out, &["--start", "1", "--start-time", "1"]),
+        2,
+        &["cannot be used with"],
+    );
+    check(&cut(&folder, &[]), 2, &[".mcap"]);
+    check(&cut(&PAIR.file, &[]), 2, &["choose another name"]);
+    assert!(!out.exists() && !folder.exists());
+}
+
+#[test]
+fn what_is_before_a_cut_off_end_runs() {
+    let whole = std::fs::read(&PAIR.file).unwrap();
+    let cut_off = PAIR.dir.path().join("cut_off.mcap");
+    std::fs::write(&cut_off, &whole[..whole.len() * 3 / 4]).unwrap();
+    let (trajectory, said) = run(&cut_off);
+    assert!(said.contains("cut off"), "{said}");
+    let frames = trajectory.lines().filter(|l| !l.starts_with('#')).count();
+    assert!((4..FRAMES).contains(&frames), "{frames}");
+}
+
+/// Every message twice: of a camera in front and of one behind.
+fn of_two_cameras(one: &Path, two: &Path) {
+    let bytes = std::fs::read(one).unwrap();
+    let file = std::fs::File::create(two).unwrap();
+    let options = mcap::WriteOptions::new().compression(None);
+    let mut writer = options.create(std::io::BufWriter::new(file)).unwrap();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        for name in ["/front", "/rear"] {
+            let mut message = message.clone();
+            let mut channel = (*message.channel).clone();
+            channel.id = 2 * channel.id + u16::from(name == "/rear");
+            channel.topic = channel.topic.replacen("/camera", name, 1);
+            message.channel = channel.into();
+            writer.write(&message).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+}
+
+#[test]
+fn of_two_cameras_one_has_to_be_named() {
+    let two = PAIR.dir.path().join("two.mcap");
+    of_two_cameras(&PAIR.file, &two);
+    let list = [
+        "expected one camera",
+        "/front/color/image_raw",
+        "/rear/color/image_raw",
+        "--color-topic",
+    ];
+    check(&stillpoint(["run", text(&two)]), 2, &list);
+    let rear = PAIR.dir.path().join("rear.mcap");
+    let named = ["--color-topic", "/rear/color/image_raw"];
+    let cut = ["recording", "cut", text(&two), text(&rear)];
+    writes(
+        &stillpoint([cut, [named[0], named[1], "--max-frames", "2"]].concat()),
+        2,
+    );
+    assert_eq!(info(&rear)["frames"], 2);
+}
