@@ -15,6 +15,9 @@ const SEEN: f64 = 0.3;
 /// ... by this share of the keypoints: single ones seem to move everywhere.
 const QUIET_SHARE: f64 = 0.1;
 
+/// Frames are kept up to this, bytes: 150 of 640x480. Larger or faster cameras go without.
+const ROOM: usize = 256 << 20;
+
 /// The frames since a map was begun.
 pub(super) struct Beginning {
     /// When it was, s.
@@ -25,6 +28,8 @@ pub(super) struct Beginning {
     moved: f64,
     /// Frames before the turning point, without colour.
     frames: Vec<RgbdFrame>,
+    /// What they take, bytes.
+    taken: usize,
     detections: BTreeMap<FrameId, Detections>,
     /// From where one goes back, with its image, once it is known who moves.
     turn: Option<(TurningPoint, Arc<RgbdFrame>)>,
@@ -45,6 +50,7 @@ impl Beginning {
             newest: f64::NEG_INFINITY,
             moved: 0.0,
             frames: Vec::new(),
+            taken: 0,
             detections: BTreeMap::new(),
             turn: None,
         }
@@ -61,6 +67,7 @@ impl Beginning {
             if since >= SEEN {
                 self.moved = self.moved.max(tracked.report.counts.moving_share());
             }
+            self.taken += frame.gray.data().len() + 4 * frame.depth.data().len();
             self.frames.push(RgbdFrame {
                 id: frame.id,
                 stamp: frame.stamp,
@@ -82,6 +89,11 @@ impl Beginning {
     /// Whether nothing moves, `since` seconds after the beginning.
     pub(super) fn is_quiet(&self, since: f64) -> bool {
         self.turn.is_none() && since >= QUIET && self.moved < QUIET_SHARE
+    }
+
+    /// Whether the frames take more than they may.
+    pub(super) fn is_too_large(&self) -> bool {
+        self.taken > ROOM
     }
 
     /// Whether it is known who moves.

@@ -21,6 +21,8 @@ use way_back::WayBack;
 
 /// Who moves is known so long after a map was begun, s: what a person does within it is more than noise.
 const KNOWN: f64 = 1.2;
+/// Where the camera is lost until so long after it, the beginning is let go, s: its frames are large.
+const MOST: f64 = 3.0;
 /// From so long after it on there is enough of a map to go back from, s.
 const RETRACED: f64 = 1.8;
 /// Frames that are tracked again with each new one: so many that it is over within a second, and so few that no frame is late.
@@ -103,7 +105,8 @@ impl Retracer {
             // The clock was set back.
             return Stage::Decided;
         };
-        if beginning.is_quiet(since) {
+        let endless = since > MOST && !beginning.is_known();
+        if beginning.is_quiet(since) || endless || beginning.is_too_large() {
             return Stage::Decided;
         }
         if !beginning.is_known() {

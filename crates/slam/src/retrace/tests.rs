@@ -75,3 +75,28 @@ fn without_a_map_nobody_asks_who_moves() {
         }
     }
 }
+
+#[test]
+fn the_frames_of_a_beginning_without_an_end_are_let_go() {
+    let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+    let mut tracker = Tracker::new(Config::default(), camera, Simd::Scalar);
+    let mut retracer = Retracer::new(&Config::default());
+    let mut said = tracked(0, 100, 90);
+    said.report.outcome = Outcome::Initialised;
+    let mut undecided = Vec::new();
+    for i in 0..150_u32 {
+        let stamp = f64::from(i) / 30.0;
+        said.report.undecided = None;
+        let frame = Arc::new(frame(i, stamp));
+        assert!(retracer.follow(&mut tracker, &frame, &mut said).is_none());
+        undecided.extend(said.report.undecided);
+        // From the second frame on the camera is lost.
+        said.report.outcome = Outcome::Lost {
+            since: FrameId(1),
+            reason: crate::report::LostReason::FewFeatures,
+        };
+    }
+    let last = undecided.last().copied().unwrap();
+    assert!((last - 3.0).abs() < 0.05, "{last}");
+    assert!(matches!(retracer.stage, Stage::Decided));
+}
