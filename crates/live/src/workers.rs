@@ -176,7 +176,7 @@ impl TrackingWorker {
         }
         self.desk.publish(&event);
         for message in messages {
-            self.sent += 1;
+            self.sent += u64::from(matches!(message, MapperMsg::Keyframe(_)));
             self.tell_mapper(message);
         }
     }
