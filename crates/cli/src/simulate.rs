@@ -1,6 +1,6 @@
 //! `simulate`: a data set of a simulated room, with exact ground truth.
 
-use crate::args::SimulateArgs;
+use crate::args::simulated::SimulateArgs;
 use crate::console::{self, Progress};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;

@@ -4,7 +4,7 @@ pub(crate) mod detector;
 pub(crate) mod pictures;
 pub(crate) mod report;
 
-use crate::args::{DemoArgs, DemoDetector};
+use crate::args::simulated::{DemoArgs, DemoDetector};
 use crate::demo::detector::{SimulatedDetector, errors_in_words};
 use crate::demo::pictures::{Shots, beside};
 use crate::demo::report::Pass;

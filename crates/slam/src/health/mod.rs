@@ -14,7 +14,7 @@ pub use quality::Quality;
 
 use crate::config::Config;
 use crate::messages::Tracked;
-use crate::report::Outcome;
+use crate::report::{LostReason, Outcome};
 use crate::tracking::MIN_INITIAL_POINTS;
 use crowd::Crowd;
 use loss::{Clues, Look, percent};
@@ -226,28 +226,36 @@ impl HealthMonitor {
             health.covariance = health.covariance.map(|c| carried(c, report.undecided));
             return health;
         };
+        health.covariance = None;
+        health.loss = Some(self.loss(tracked, since, reason, look));
+        health
+    }
+
+    /// What is known of the loss that began at the frame `since`, at the frame that was `tracked`.
+    fn loss(&mut self, tracked: &Tracked, since: FrameId, reason: LostReason, look: Look) -> Loss {
+        let Tracked {
+            report, evidence, ..
+        } = tracked;
         let lost = self.lost.filter(|(first, _)| *first == since);
-        let (_, began) = *self.lost.insert(lost.unwrap_or((since, stamp)));
+        let (_, began) = *self.lost.insert(lost.unwrap_or((since, report.stamp)));
         let needed = if evidence.has_map {
             self.min_inliers
         } else {
             self.min_initial_points
         };
-        health.covariance = None;
-        health.loss = Some(Loss {
+        Loss {
             since,
-            seconds: age(began),
+            seconds: (report.stamp - began).max(0.0),
             reason,
             cause: loss::cause(&Clues {
                 reason,
-                counts,
+                counts: &report.counts,
                 look,
-                moving: self.crowd.share(stamp, &report.verdicts),
+                moving: self.crowd.share(report.stamp, &report.verdicts),
                 needed,
             }),
             can_recognise: evidence.has_map,
-        });
-        health
+        }
     }
 }
 

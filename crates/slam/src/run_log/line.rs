@@ -283,6 +283,19 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
         "track-effort" => LogEntry::TrackEffort {
             features: words.number("a number of keypoints")?,
         },
+        _ => read_behind_tracking(name, line, &mut words)?,
+    };
+    words.finish()?;
+    Ok(entry)
+}
+
+/// Reads an entry of the mapper or the loop closer.
+fn read_behind_tracking(
+    name: &str,
+    line: &Line<'_>,
+    words: &mut Words<'_>,
+) -> Result<LogEntry, LogError> {
+    Ok(match name {
         "map-effort" => LogEntry::MapEffort {
             effort: MappingEffort {
                 neighbours: words.number("a number of neighbours")?,
@@ -317,9 +330,7 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
             map_version: words.version()?,
         },
         _ => return Err(line.error("an entry, or the trajectory's number after the last one")),
-    };
-    words.finish()?;
-    Ok(entry)
+    })
 }
 
 fn read_detections(words: &mut Words<'_>, rest: &mut AllLines<'_>) -> Result<Detections, LogError> {
