@@ -10,6 +10,7 @@ mod console;
 mod demo;
 mod detect;
 mod detector;
+mod doctor;
 mod eval;
 mod failure;
 mod interrupt;
@@ -90,6 +91,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Command::Simulate(a) => simulate::simulate(a),
         Command::Bench(a) => bench::bench(a),
         Command::Detect(a) => detect::detect(a, timing),
+        Command::Doctor(a) => doctor::doctor(a),
         Command::Recording(a) => recording::recording(a),
         Command::Map(a) => map::map(a),
         Command::Models(a) => models::models(a),

@@ -24,6 +24,8 @@
 pub use stillpoint_datasets as datasets;
 /// Object detectors, and the objects they see, tracked through time.
 pub use stillpoint_detection as detection;
+/// What is wrong with a stream, from a few seconds of it.
+pub use stillpoint_doctor as doctor;
 /// Solvers: pose, bundle adjustment, triangulation.
 pub use stillpoint_estimation as estimation;
 /// ATE, RPE and plots.

@@ -40,6 +40,8 @@ const NORMAL: &[(&str, &[&str])] = &[
     ("view", &["imaging", "detection"]),
     ("datasets", &["geometry", "imaging"]),
     ("simulator", &["geometry", "imaging"]),
+    // Frames in, findings out; from where they come is not its business.
+    ("doctor", &["geometry", "imaging", "features", "estimation"]),
     // The judge does not know the player.
     ("evaluation", &["geometry"]),
     (
@@ -61,6 +63,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "recordings",
             "ros-messages",
             "simulator",
+            "doctor",
             "evaluation",
         ],
     ),
@@ -85,6 +88,8 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("inference", &["datasets"]),
     ("slam", &["simulator"]),
     ("live", &["simulator"]),
+    // Streams without faults, and with those that are put into them.
+    ("doctor", &["simulator", "datasets"]),
     ("view", &["geometry"]),
     // How much the simulator's images are like real ones is measured in terms of features.
     ("simulator", &["features", "datasets"]),
@@ -109,6 +114,7 @@ const OUTSIDE: &[&str] = &[
     "recordings",
     "ros-messages",
     "simulator",
+    "doctor",
     "evaluation",
     "view",
     "stillpoint",

@@ -1,5 +1,6 @@
 //! The command line, as clap reads it. Every command's help ends with examples.
 
+pub(crate) mod doctor;
 pub(crate) mod eval;
 pub(crate) mod map;
 pub(crate) mod models;
@@ -7,6 +8,7 @@ pub(crate) mod recording;
 pub(crate) mod run;
 pub(crate) mod simulated;
 
+use crate::args::doctor::DoctorArgs;
 use crate::args::eval::EvalArgs;
 use crate::args::map::MapCommand;
 use crate::args::models::{DetectArgs, DetectorArgs, ModelsCommand};
@@ -59,6 +61,7 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     Bench(BenchArgs),
     Detect(DetectArgs),
+    Doctor(DoctorArgs),
     #[command(subcommand)]
     Recording(RecordingCommand),
     #[command(subcommand)]

@@ -1,0 +1,163 @@
+//! What is wrong with a whole stream when a camera, its driver or its calibration was set up wrongly.
+//!
+//! Answers: what a stream would have been with another depth scale, with depth that was not registered to colour or was taken at another time than
+//! its stamps say, with red and blue exchanged, or with one of both images mirrored. For tests of what looks for such mistakes.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use stillpoint_geometry::{Camera, Vec2, Vec3};
+use stillpoint_imaging::{ColourImage, DepthImage, FrameSource, RgbdFrame, SourceError};
+
+/// What is wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// Depths are multiplied by this.
+    DepthScale(f64),
+    /// Depth is in the pixels of a camera of its own, which stands beside the colour camera and sees along the same direction.
+    Unregistered {
+        /// The colour camera.
+        colour: Camera,
+        /// The depth camera, of the same size.
+        depth: Camera,
+        /// Where the depth camera is, right of the colour camera, m.
+        baseline: f64,
+    },
+    /// Depth images get stamps that are so much later, s, and are paired anew.
+    DepthLate(f64),
+    /// Red and blue are exchanged, before the grey image is made.
+    RedAndBlue,
+    /// Depth images are mirrored from left to right.
+    MirroredDepth,
+}
+
+/// Frames of which depth images are kept to be paired anew: 0.5 s at 30 Hz.
+const KEPT: usize = 15;
+
+/// A stream with a fault.
+#[derive(Debug)]
+pub struct Faulty<S> {
+    source: S,
+    fault: Fault,
+    /// Frames read, not yet given, and depth images with their stamps.
+    waiting: VecDeque<RgbdFrame>,
+    depths: VecDeque<(f64, DepthImage)>,
+    ended: bool,
+}
+
+impl<S: FrameSource> Faulty<S> {
+    /// The stream of a source with this fault.
+    pub fn new(source: S, fault: Fault) -> Self {
+        Self {
+            source,
+            fault,
+            waiting: VecDeque::new(),
+            depths: VecDeque::new(),
+            ended: false,
+        }
+    }
+
+    /// The next frame with the depth image whose stamp is nearest when all are late.
+    fn paired_anew(&mut self, late: f64) -> Option<Result<RgbdFrame, SourceError>> {
+        while !self.ended && self.waiting.len() < KEPT {
+            match self.source.next_frame() {
+                None => self.ended = true,
+                Some(Err(e)) => return Some(Err(e)),
+                Some(Ok(frame)) => {
+                    self.depths
+                        .push_back((frame.depth_stamp + late, frame.depth.clone()));
+                    self.waiting.push_back(frame);
+                }
+            }
+        }
+        let mut frame = self.waiting.pop_front()?;
+        let distance = |d: &(f64, DepthImage)| (d.0 - frame.stamp).abs();
+        let nearest = self
+            .depths
+            .iter()
+            .min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
+        (frame.depth_stamp, frame.depth) = (nearest.0, nearest.1.clone());
+        if self.depths.len() > 2 * KEPT {
+            self.depths.pop_front();
+        }
+        Some(Ok(frame))
+    }
+}
+
+impl<S: FrameSource> FrameSource for Faulty<S> {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        if let Fault::DepthLate(late) = self.fault {
+            return self.paired_anew(late);
+        }
+        let item = self.source.next_frame()?;
+        Some(item.map(|mut frame| {
+            apply(&self.fault, &mut frame);
+            frame
+        }))
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        self.source.remaining().map(|n| n + self.waiting.len())
+    }
+}
+
+fn apply(fault: &Fault, frame: &mut RgbdFrame) {
+    let (w, h) = (frame.depth.width(), frame.depth.height());
+    let image = |data| DepthImage::from_vec(w, h, data).unwrap_or_default();
+    match fault {
+        Fault::DepthScale(factor) => {
+            let scaled = frame.depth.data().iter().map(|z| z * *factor as f32);
+            frame.depth = image(scaled.collect());
+        }
+        Fault::Unregistered {
+            colour,
+            depth,
+            baseline,
+        } => frame.depth = image(seen_from(&frame.depth, colour, depth, *baseline)),
+        Fault::DepthLate(_) => {}
+        Fault::RedAndBlue => {
+            let Some(colour) = &frame.colour else { return };
+            let mut data = colour.data().to_vec();
+            data.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
+            let colour = ColourImage::from_vec(colour.width(), colour.height(), data);
+            let colour = colour.unwrap_or_default();
+            frame.gray = colour.to_gray();
+            frame.colour = Some(Arc::new(colour));
+        }
+        Fault::MirroredDepth => {
+            let mut data = frame.depth.data().to_vec();
+            data.chunks_exact_mut(w.max(1)).for_each(<[f32]>::reverse);
+            frame.depth = image(data);
+        }
+    }
+}
+
+/// A registered depth image as its own camera saw it: each measurement covers the pixels around where it falls; the nearest is seen.
+fn seen_from(registered: &DepthImage, colour: &Camera, depth: &Camera, baseline: f64) -> Vec<f32> {
+    let (w, h) = (registered.width(), registered.height());
+    let mut out = vec![0.0_f32; w * h];
+    for y in 0..h {
+        for x in 0..w {
+            let z = registered.at(x, y);
+            if z <= 0.0 {
+                continue;
+            }
+            let pixel = colour.undistort(Vec2::new(x as f64, y as f64));
+            let point = colour.backproject(pixel, f64::from(z)) - Vec3::new(baseline, 0.0, 0.0);
+            let there = depth.project_distorted(&point);
+            let reach = (0.5 * depth.fx / colour.fx).max(0.5);
+            let range = |p: f64, size: usize| {
+                let first = (p - reach).ceil().max(0.0) as usize;
+                first..((p + reach).floor() + 1.0).clamp(0.0, size as f64) as usize
+            };
+            for v in range(there.y, h) {
+                for u in range(there.x, w) {
+                    let seen = &mut out[v * w + u];
+                    if *seen == 0.0 || z < *seen {
+                        *seen = z;
+                    }
+                }
+            }
+        }
+    }
+    out
+}

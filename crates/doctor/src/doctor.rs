@@ -1,0 +1,214 @@
+//! The examination: frames in, a report out.
+
+use crate::edges::{Edge, FrameEdges, MeanProfile};
+use crate::finding::Report;
+use crate::gradient::{Axis, Gradient, PROFILE};
+use crate::sync::{Delay, Moving};
+use crate::tracks::{Motion, Tracks};
+use crate::{colour, depth_scale, focal, images, lens, registration, stamps, sync};
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
+
+/// What the frames are taken for.
+#[derive(Clone, Copy, Debug)]
+pub struct Setup {
+    /// The camera.
+    pub camera: Camera,
+    /// Depth image values per metre by which depth was brought to metres: what a remedy starts from.
+    pub depth_scale: f64,
+}
+
+/// Distance of corners from which a silhouette's motion is taken, px, and by how much their depth may differ from its own, as a share.
+const NEAR_PX: f32 = 60.0;
+const ALIKE: f32 = 0.12;
+/// Corners of which the motion is the median.
+const CORNERS: usize = 3;
+
+/// Looks at frames.
+pub struct Doctor {
+    setup: Setup,
+    tracks: Tracks,
+    depths: depth_scale::Depths,
+    colours: colour::Colours,
+    images: images::Images,
+    stamps: Vec<f64>,
+    /// Silhouettes of the last frame, whose motion is known with the next one.
+    last: Option<(FrameEdges, f32)>,
+    edges: Vec<Moving>,
+    profiles: Vec<f32>,
+    mirrored: [[MeanProfile; 2]; 3],
+    size: [usize; 2],
+}
+
+impl Doctor {
+    /// One that has seen nothing.
+    #[must_use]
+    pub fn new(setup: Setup) -> Self {
+        Self {
+            setup,
+            tracks: Tracks::new(),
+            depths: depth_scale::Depths::default(),
+            colours: colour::Colours::default(),
+            images: images::Images::default(),
+            stamps: Vec::new(),
+            last: None,
+            edges: Vec::new(),
+            profiles: Vec::new(),
+            mirrored: [[MeanProfile::default(); 2]; 3],
+            size: [0; 2],
+        }
+    }
+
+    /// Looks at the next frame; with its colour image, if the channels are to be judged. Keeps some 300 kB of each.
+    pub fn look(&mut self, frame: &RgbdFrame) {
+        let number = self.stamps.len() as u32;
+        self.stamps.push(frame.stamp);
+        self.size = [frame.gray.width(), frame.gray.height()];
+        self.depths.add(frame.stamp, &frame.depth);
+        if let Some(colour) = &frame.colour {
+            self.colours.add(frame.stamp, colour);
+        }
+        self.tracks.step(frame);
+        self.settle(number);
+        let gradient = Gradient::new(&frame.gray);
+        self.images.add(frame, &gradient);
+        let difference = (frame.stamp - frame.depth_stamp) as f32;
+        self.last = Some((FrameEdges::new(&gradient, &frame.depth), difference));
+    }
+
+    /// Gives the silhouettes of the last frame their motion.
+    fn settle(&mut self, number: u32) {
+        let Some((found, difference)) = self.last.take() else {
+            return;
+        };
+        let motions = self.tracks.motions();
+        for (edge, profile) in found.edges.iter().zip(found.profiles.chunks_exact(PROFILE)) {
+            let Some(velocity) = velocity(edge, &motions) else {
+                continue;
+            };
+            self.edges.push(Moving {
+                axis: edge.axis,
+                x: edge.x,
+                y: edge.y,
+                z: edge.z,
+                velocity,
+                stamp_difference: difference,
+                frame: number - 1,
+            });
+            self.profiles.extend_from_slice(profile);
+        }
+        for (sums, more) in self.mirrored.iter_mut().zip(&found.mirrored) {
+            for (sum, more) in sums.iter_mut().zip(more) {
+                sum.merge(more);
+            }
+        }
+    }
+
+    /// What the frames so far show, the most harmful finding first. What a finding makes unreliable is not judged.
+    #[must_use]
+    pub fn report(&mut self) -> Report {
+        let mut report = Report {
+            frames: self.stamps.len(),
+            ..Report::default()
+        };
+        if let [first, .., last] = self.stamps[..] {
+            report.seconds = last - first;
+        }
+        let lens_is_sound = lens::judge(&self.setup.camera, &mut report);
+        let scale_is_right =
+            depth_scale::judge(&mut self.depths, self.setup.depth_scale, &mut report);
+        let delay = sync::estimate(&self.edges, &self.profiles);
+        let registered = self.judge_registration(delay.as_ref(), &mut report);
+        if registered {
+            sync::judge(delay.as_ref(), &mut report);
+        } else {
+            report.pass_over("synchronisation: depth has to be registered first");
+        }
+        if lens_is_sound {
+            let late = report.names(crate::Symptom::Synchronisation);
+            let why_not = match (scale_is_right, registered) {
+                (false, _) => Some("the depth scale has to be right first"),
+                (_, false) => Some("depth has to be registered first"),
+                _ if late => Some("colour and depth have to be synchronous first"),
+                _ => None,
+            };
+            let factor = match why_not {
+                None => focal::estimate(&self.setup.camera, &self.tracks),
+                Some(_) => None,
+            };
+            focal::judge(&self.setup.camera, factor, why_not, &mut report);
+        }
+        stamps::judge(&self.stamps, &mut report);
+        images::judge(&mut self.images, &mut report);
+        colour::judge(&self.colours, &mut report);
+        report.findings.sort_by_key(|f| f.symptom);
+        report
+    }
+
+    fn judge_registration(&self, delay: Option<&Delay>, report: &mut Report) -> bool {
+        registration::judge(
+            &self.edges,
+            &self.profiles,
+            delay,
+            self.size,
+            &self.mirrored,
+            report,
+        )
+    }
+}
+
+/// Velocity of the image at a silhouette along its axis, px/s: the median of corners nearby on the same surface.
+fn velocity(edge: &Edge, motions: &[Motion]) -> Option<f32> {
+    let mut nearest = [(NEAR_PX * NEAR_PX, 0.0_f32); CORNERS];
+    let mut count = 0;
+    for m in motions {
+        let (dx, dy) = (
+            m.pixel[0] - f32::from(edge.x),
+            m.pixel[1] - f32::from(edge.y),
+        );
+        let distance = dx * dx + dy * dy;
+        if distance >= nearest[CORNERS - 1].0 || (m.z - edge.z).abs() > ALIKE * edge.z {
+            continue;
+        }
+        let along = match edge.axis {
+            Axis::X => m.velocity[0],
+            Axis::Y => m.velocity[1],
+        };
+        count += 1;
+        nearest[CORNERS - 1] = (distance, along);
+        nearest.sort_by(|a, b| a.0.total_cmp(&b.0));
+    }
+    if count < CORNERS {
+        return None;
+    }
+    nearest.sort_by(|a, b| a.1.total_cmp(&b.1));
+    Some(nearest[CORNERS / 2].1)
+}
+
+/// Looks at so many seconds of a stream; frames that cannot be read are passed over.
+///
+/// # Errors
+/// The error that ended the stream before a frame was seen.
+pub fn examine(
+    source: &mut dyn FrameSource,
+    setup: Setup,
+    seconds: f64,
+) -> Result<Report, SourceError> {
+    let mut doctor = Doctor::new(setup);
+    let mut first = None;
+    while let Some(item) = source.next_frame() {
+        match item {
+            Ok(frame) => {
+                let begin = *first.get_or_insert(frame.stamp);
+                if frame.stamp - begin > seconds {
+                    break;
+                }
+                doctor.look(&frame);
+            }
+            Err(e) if e.recoverable => {}
+            Err(_) if first.is_some() => break,
+            Err(e) => return Err(e),
+        }
+    }
+    Ok(doctor.report())
+}

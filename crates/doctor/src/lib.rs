@@ -1,0 +1,26 @@
+//! What is wrong with an RGB-D stream, from a few seconds of it.
+//!
+//! Answers: which of the usual mistakes (depth scale, registration, mirrored images, focal length, synchronisation, lens model, stamps,
+//! exposure, blur, holes, channel order) a stream shows, how sure that is, and what to do about it. Takes frames from anywhere and knows no files:
+//! [`Doctor::look`] at each frame, then [`Doctor::report`]. One module per kind of symptom; each says what it measured and, where that
+//! is not as it should be, gives a [`Finding`].
+//!
+//! It does not correct anything, and what a scene does not show (a focal length while the camera stands still) it does not judge.
+
+mod colour;
+mod depth_scale;
+mod doctor;
+mod edges;
+mod finding;
+mod focal;
+mod gradient;
+mod images;
+mod lens;
+mod median;
+mod registration;
+mod stamps;
+mod sync;
+mod tracks;
+
+pub use doctor::{Doctor, Setup, examine};
+pub use finding::{Figure, Finding, Report, Symptom};

@@ -1,0 +1,101 @@
+//! Whether stamps go on as a clock does.
+//!
+//! Answers: how often frames come, how many are missing, and where stamps run backwards, stand still or jump.
+
+use crate::finding::{Figure, Finding, Report, Symptom};
+use crate::median::median;
+
+/// A step of more than this many intervals, and of more than this many seconds, is a jump.
+const JUMP: f64 = 10.0;
+const JUMP_S: f64 = 1.0;
+/// A step of more than this many intervals leaves frames out.
+const GAP: f64 = 1.7;
+/// Share of missing frames from which tracking suffers: fast motion then goes twice as far between frames now and again.
+const MISSING: f64 = 0.15;
+/// Frames that a judgement needs.
+const MIN_FRAMES: usize = 10;
+
+pub(crate) fn judge(stamps: &[f64], report: &mut Report) {
+    if stamps.len() < MIN_FRAMES {
+        report.pass_over("stamps and dropped frames: there are too few frames");
+        return;
+    }
+    let steps: Vec<f64> = stamps.windows(2).map(|w| w[1] - w[0]).collect();
+    let mut forward: Vec<f64> = steps.iter().copied().filter(|s| *s > 0.0).collect();
+    let interval = median(&mut forward).unwrap_or(0.0);
+    let backwards = steps.iter().filter(|s| **s <= 0.0).count();
+    let is_jump = |s: &f64| *s > JUMP_S && *s > JUMP * interval;
+    let jumps = steps.iter().filter(|s| is_jump(s)).count();
+    if interval > 0.0 {
+        report.measure(Figure::new("frames per second", 1.0 / interval, "1/s"));
+    }
+    if backwards + jumps > 0 {
+        let mut sizes = steps.iter().filter(|s| is_jump(s) || **s <= 0.0);
+        let first = sizes.next().copied().unwrap_or(0.0);
+        report.find(Finding {
+            symptom: Symptom::Stamps,
+            message: format!("stamps jump {} times, first by {first:.3} s", backwards + jumps),
+            remedy: "use the device's stamps, or let no other clock set the recording computer's while it records; cut the recording there: stillpoint recording cut".into(),
+            evidence: vec![
+                Figure::new("steps backwards or of nothing", backwards as f64, ""),
+                Figure::new("jumps ahead", jumps as f64, ""),
+            ],
+        });
+    }
+    let left_out = |s: &f64| {
+        let gap = s / interval;
+        if gap > GAP && !is_jump(s) {
+            libm::round(gap) - 1.0
+        } else {
+            0.0
+        }
+    };
+    let missing: f64 = steps.iter().map(left_out).sum();
+    let share = missing / (missing + stamps.len() as f64);
+    report.measure(Figure::new("share of frames missing", share, ""));
+    if share > MISSING {
+        report.find(Finding {
+            symptom: Symptom::DroppedFrames,
+            message: format!("{:.0} % of the frames are missing", 100.0 * share),
+            remedy: "record on a faster disk or uncompressed, through USB 3, or at a lower rate that is kept; where stamps of colour and depth differ, allow more: the pairing leaves out what has no partner".into(),
+            evidence: vec![Figure::new("share of frames missing", share, "")],
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn findings(stamps: &[f64]) -> Vec<Symptom> {
+        let mut report = Report::default();
+        judge(stamps, &mut report);
+        report.findings.iter().map(|f| f.symptom).collect()
+    }
+
+    #[test]
+    fn a_steady_clock_is_well_and_jumps_and_gaps_are_named() {
+        let steady: Vec<f64> = (0..60).map(|i| f64::from(i) / 30.0).collect();
+        assert_eq!(findings(&steady), []);
+        let mut back = steady.clone();
+        back[30] -= 0.1;
+        assert_eq!(findings(&back), [Symptom::Stamps]);
+        let jumped: Vec<f64> = steady
+            .iter()
+            .map(|t| t + if *t > 1.0 { 5.0 } else { 0.0 })
+            .collect();
+        assert_eq!(findings(&jumped), [Symptom::Stamps]);
+        let mut gaps = steady.clone();
+        let mut k = 0;
+        gaps.retain(|_| {
+            k += 1;
+            k % 4 != 0
+        });
+        assert_eq!(findings(&gaps), [Symptom::DroppedFrames]);
+        // One in twenty does no harm.
+        let mut few = steady;
+        few.remove(20);
+        few.remove(40);
+        assert_eq!(findings(&few), []);
+    }
+}

@@ -1,0 +1,261 @@
+//! Whether depth was taken when its stamps say.
+//!
+//! Answers: how much later the stamp of a depth image is than its exposure, as seen beside the colour image's. A silhouette of the depth image
+//! lies beside its contour in the colour image by the velocity of that contour times the time between both exposures. Over some seconds the
+//! velocity changes, so the delay at which contours and silhouettes agree best stands apart from any constant offset, which is found with it.
+
+use crate::finding::{Figure, Finding, Report, Symptom};
+use crate::gradient::{Axis, PROFILE, REACH};
+
+/// Delays that are tried: so many steps to both sides of zero.
+const STEPS: usize = 24;
+/// s per step.
+const STEP: f64 = 0.003;
+/// Constant offsets that are tried to both sides, px.
+const OFFSETS: usize = 8;
+/// Parts of the stream of which each is left out in turn for the standard deviation (jackknife; Efron, 1982).
+const PARTS: usize = 10;
+/// Delays that stamps taken at the arrival of images have: a depth image is exposed for up to a frame's time and computed before it arrives, so
+/// its stamp may be late by about a frame of 30 Hz; hardly ever is it early. s.
+const USUAL: [f64; 2] = [-0.012, 0.030];
+/// The agreement at the best delay is better than at any usual one by this share of what the delay makes of it altogether.
+const MARGIN: f64 = 0.06;
+/// A delay whose standard deviation is above this is not known, s.
+const MAX_SIGMA: f64 = 0.006;
+/// The delay matters where it changes the agreement by this share.
+const MIN_CONTRAST: f64 = 0.1;
+/// Silhouette pixels that a judgement needs.
+const MIN_EDGES: usize = 2000;
+
+/// A silhouette pixel with what the image does there.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Moving {
+    pub(crate) axis: Axis,
+    pub(crate) x: u16,
+    pub(crate) y: u16,
+    /// Depth, m.
+    pub(crate) z: f32,
+    /// Velocity of the image along the axis, px/s.
+    pub(crate) velocity: f32,
+    /// Stamp of colour less that of depth, s.
+    pub(crate) stamp_difference: f32,
+    /// Number of the frame.
+    pub(crate) frame: u32,
+}
+
+impl Moving {
+    /// Where its contour is in the colour image beside it, px along the axis, when stamps of depth are late by `delay` s.
+    pub(crate) fn shift(&self, delay: f64) -> f32 {
+        self.velocity * (self.stamp_difference + delay as f32)
+    }
+
+    /// Whether all delays that are tried keep its profile in reach.
+    fn is_slow(&self) -> bool {
+        let latest = STEPS as f32 * STEP as f32 + self.stamp_difference.abs();
+        self.velocity.abs() * latest + (OFFSETS as f32) < REACH as f32 - 1.0
+    }
+}
+
+/// The value of a profile beside its middle, by linear interpolation; the ends where it is out of reach.
+pub(crate) fn sample(profile: &[f32], shift: f32) -> f32 {
+    let p = (shift + REACH as f32).clamp(0.0, (PROFILE - 2) as f32);
+    let i = p as usize;
+    let f = p - i as f32;
+    (1.0 - f) * profile[i] + f * profile[i + 1]
+}
+
+/// The delay, where there is one to be seen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Delay {
+    /// s by which stamps of depth are late.
+    pub(crate) value: f64,
+    pub(crate) sigma: f64,
+    /// Share by which the delay changes the agreement.
+    contrast: f64,
+    /// How much better the best delay agrees than the best usual one, as a share of that.
+    beyond: f64,
+}
+
+impl Delay {
+    /// Whether it is known.
+    pub(crate) fn is_known(&self) -> bool {
+        self.sigma <= MAX_SIGMA && self.contrast >= MIN_CONTRAST
+    }
+
+    fn is_unusual(&self) -> bool {
+        let aside = (USUAL[0] - self.value).max(self.value - USUAL[1]);
+        self.is_known() && aside > 2.0 * self.sigma && self.beyond > MARGIN
+    }
+}
+
+const DELAYS: usize = 2 * STEPS + 1;
+const SHIFTS: usize = 2 * OFFSETS + 1;
+
+/// Sums of profiles by delay and offset.
+#[derive(Clone)]
+struct Votes {
+    sum: Vec<f64>,
+    count: [f64; 2],
+}
+
+impl Votes {
+    fn new() -> Self {
+        Self {
+            sum: vec![0.0; 2 * DELAYS * SHIFTS],
+            count: [0.0; 2],
+        }
+    }
+
+    fn add(&mut self, edge: &Moving, profile: &[f32]) {
+        let axis = edge.axis.index();
+        self.count[axis] += 1.0;
+        for d in 0..DELAYS {
+            let shift = edge.shift(delay_of(d as f64));
+            let row = &mut self.sum[(axis * DELAYS + d) * SHIFTS..][..SHIFTS];
+            for (k, sum) in row.iter_mut().enumerate() {
+                *sum += f64::from(sample(profile, shift + k as f32 - OFFSETS as f32));
+            }
+        }
+    }
+
+    fn combine(&mut self, other: &Self, sign: f64) {
+        for (sum, value) in self.sum.iter_mut().zip(&other.sum) {
+            *sum += sign * value;
+        }
+        for (count, value) in self.count.iter_mut().zip(&other.count) {
+            *count += sign * value;
+        }
+    }
+
+    /// How well silhouettes and contours agree at each delay, with the best offset along each axis.
+    fn agreement(&self) -> [f64; DELAYS] {
+        let mut total = [0.0; DELAYS];
+        let all = (self.count[0] + self.count[1]).max(1.0);
+        for axis in 0..2 {
+            for (d, total) in total.iter_mut().enumerate() {
+                let row = &self.sum[(axis * DELAYS + d) * SHIFTS..][..SHIFTS];
+                *total += row.iter().copied().fold(0.0, f64::max) / all;
+            }
+        }
+        total
+    }
+}
+
+fn delay_of(step: f64) -> f64 {
+    (step - STEPS as f64) * STEP
+}
+
+/// The step with the best agreement, to a fraction by a parabola through its neighbours.
+fn best_step(agreement: &[f64; DELAYS]) -> f64 {
+    let at = (0..DELAYS)
+        .max_by(|&a, &b| agreement[a].total_cmp(&agreement[b]))
+        .unwrap_or(STEPS);
+    if at == 0 || at + 1 == DELAYS {
+        return at as f64;
+    }
+    let [a, b, c] = [agreement[at - 1], agreement[at], agreement[at + 1]];
+    let bend = a - 2.0 * b + c;
+    if bend < 0.0 {
+        at as f64 + 0.5 * (a - c) / bend
+    } else {
+        at as f64
+    }
+}
+
+/// Estimates the delay from silhouettes and their profiles ([`PROFILE`] numbers each).
+pub(crate) fn estimate(edges: &[Moving], profiles: &[f32]) -> Option<Delay> {
+    let slow = |(e, _): &(&Moving, &[f32])| e.is_slow();
+    let usable = || {
+        edges
+            .iter()
+            .zip(profiles.chunks_exact(PROFILE))
+            .filter(slow)
+    };
+    let count = usable().count();
+    if count < MIN_EDGES {
+        return None;
+    }
+    // Parts of as many frames each, one after the other: neighbouring frames err alike.
+    let (first, last) = (edges.first()?.frame, edges.last()?.frame);
+    let span = last - first + 1;
+    let mut parts = vec![Votes::new(); PARTS];
+    for (edge, profile) in usable() {
+        let part = (edge.frame - first) as usize * PARTS / span as usize;
+        parts[part].add(edge, profile);
+    }
+    let mut whole = Votes::new();
+    for part in &parts {
+        whole.combine(part, 1.0);
+    }
+    let agreement = whole.agreement();
+    let (low, high) = agreement
+        .iter()
+        .fold((f64::MAX, 0.0_f64), |(l, h), a| (l.min(*a), h.max(*a)));
+    let is_usual = |d: &usize| {
+        let delay = delay_of(*d as f64);
+        (USUAL[0]..=USUAL[1]).contains(&delay)
+    };
+    let usual = (0..DELAYS)
+        .filter(is_usual)
+        .map(|d| agreement[d])
+        .fold(0.0, f64::max);
+    Some(Delay {
+        value: delay_of(best_step(&agreement)),
+        sigma: jackknife(&whole, &parts),
+        contrast: (high - low) / high.max(1e-9),
+        beyond: (high - usual) / (high - low).max(1e-9),
+    })
+}
+
+fn jackknife(whole: &Votes, parts: &[Votes]) -> f64 {
+    let without = |part: &Votes| {
+        let mut rest = whole.clone();
+        rest.combine(part, -1.0);
+        delay_of(best_step(&rest.agreement()))
+    };
+    let filled = parts.iter().filter(|p| p.count[0] + p.count[1] > 0.0);
+    let values: Vec<f64> = filled.map(without).collect();
+    let n = values.len() as f64;
+    if n < 3.0 {
+        return f64::INFINITY;
+    }
+    let mean = values.iter().sum::<f64>() / n;
+    let squares: f64 = values.iter().map(|v| (v - mean) * (v - mean)).sum();
+    // Half a step is what the grid leaves.
+    (squares * (n - 1.0) / n).sqrt().max(0.5 * STEP)
+}
+
+pub(crate) fn judge(delay: Option<&Delay>, report: &mut Report) {
+    let Some(delay) = delay.filter(|d| d.is_known()) else {
+        report.pass_over(
+            "whether colour and depth were taken at the same time: the view of the camera changes too little, or too fast throughout",
+        );
+        return;
+    };
+    let figure = Figure::new("stamps of depth late by", 1000.0 * delay.value, "ms")
+        .with_sigma(1000.0 * delay.sigma);
+    report.measure(figure.clone());
+    if !delay.is_unusual() {
+        return;
+    }
+    let (late, ms) = if delay.value > 0.0 {
+        ("later", 1000.0 * delay.value)
+    } else {
+        ("earlier", -1000.0 * delay.value)
+    };
+    report.find(Finding {
+        symptom: Symptom::Synchronisation,
+        message: format!(
+            "colour and depth are out of sync: stamps of depth images are {ms:.0} ms +- {:.0} ms {late} than what they show",
+            1000.0 * delay.sigma
+        ),
+        remedy: format!(
+            "run with --set sensor.depth_delay={:.3}, or correct the stamps where they are made (use the device's clock, not the arrival)",
+            delay.value
+        ),
+        evidence: vec![
+            figure,
+            Figure::new("share of the agreement gained over any usual delay", delay.beyond, ""),
+        ],
+    });
+}

@@ -1,0 +1,103 @@
+//! Streams in memory, and what the doctor says of them with and without faults.
+
+use std::collections::VecDeque;
+use stillpoint_datasets::{Fault, Faulty};
+use stillpoint_doctor::{Report, Setup, Symptom, examine};
+use stillpoint_geometry::Camera;
+use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
+
+/// Seconds that are looked at.
+pub(crate) const SECONDS: f64 = 3.0;
+
+/// Frames with the camera that they are of.
+pub(crate) struct Stream {
+    pub(crate) name: String,
+    pub(crate) frames: Vec<RgbdFrame>,
+    pub(crate) setup: Setup,
+}
+
+/// Gives frames one after the other.
+pub(crate) struct Played(VecDeque<RgbdFrame>);
+
+impl FrameSource for Played {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        self.0.pop_front().map(Ok)
+    }
+}
+
+impl Stream {
+    fn played(&self) -> Played {
+        Played(self.frames.iter().cloned().collect())
+    }
+
+    /// What is found as it is.
+    pub(crate) fn report(&self) -> Report {
+        self.look(&mut self.played(), self.setup, "as it is")
+    }
+
+    /// What is found with a fault in its frames.
+    pub(crate) fn with(&self, fault: Fault) -> Report {
+        let mut faulty = Faulty::new(self.played(), fault);
+        self.look(&mut faulty, self.setup, &format!("{fault:?}"))
+    }
+
+    /// What is found when it is taken for the images of another camera.
+    pub(crate) fn taken_for(&self, camera: Camera) -> Report {
+        let setup = Setup {
+            camera,
+            ..self.setup
+        };
+        let what = format!("fx {:.1} fy {:.1}", camera.fx, camera.fy);
+        self.look(&mut self.played(), setup, &what)
+    }
+
+    fn look(&self, source: &mut dyn FrameSource, setup: Setup, what: &str) -> Report {
+        let report = examine(source, setup, SECONDS).unwrap();
+        println!("== {} {what}\n{report}", self.name);
+        report
+    }
+
+    /// The fault is the first that is named. Others may be, where it causes them.
+    pub(crate) fn check(&self, report: &Report, symptom: Symptom) {
+        let first = report.findings.first().map(|f| f.symptom);
+        assert_eq!(first, Some(symptom), "{}\n{report}", self.name);
+    }
+
+    /// The five faults of which each has to be named.
+    pub(crate) fn check_faults(&self) {
+        let camera = self.setup.camera;
+        for factor in [5.0, 0.2] {
+            let report = self.with(Fault::DepthScale(factor));
+            self.check(&report, Symptom::DepthScale);
+        }
+        // The cameras of a Kinect: the infrared camera 25 mm aside, of 580 px.
+        let depth = Camera {
+            width: camera.width,
+            height: camera.height,
+            ..Camera::pinhole(0, 0, [580.0, 580.0, 314.0, 252.0])
+        };
+        let report = self.with(Fault::Unregistered {
+            colour: camera,
+            depth,
+            baseline: 0.025,
+        });
+        self.check(&report, Symptom::Registration);
+        for late in [0.04, -0.04] {
+            let report = self.with(Fault::DepthLate(late));
+            self.check(&report, Symptom::Synchronisation);
+        }
+        let wrong = Camera {
+            fx: 1.1 * camera.fx,
+            ..camera
+        };
+        self.check(&self.taken_for(wrong), Symptom::FocalLength);
+        let report = self.with(Fault::RedAndBlue);
+        self.check(&report, Symptom::RedAndBlue);
+        assert_eq!(report.findings.len(), 1, "{report}");
+    }
+}
+
+/// Nothing is wrong.
+pub(crate) fn assert_well(name: &str, report: &Report) {
+    assert!(report.findings.is_empty(), "{name}\n{report}");
+}
