@@ -78,6 +78,11 @@ pub(crate) fn report(text: &str) {
     }
 }
 
+/// Whether `-q` was given.
+pub(crate) fn is_quiet() -> bool {
+    verbosity() == 0
+}
+
 /// A line on stderr, whatever the verbosity.
 pub(crate) fn line(text: &str) {
     write_over(text, true);

@@ -11,6 +11,7 @@ mod common;
 mod config_docs;
 mod demo;
 mod detect;
+mod doctor;
 mod document;
 mod dynamic;
 mod end_to_end;

@@ -10,18 +10,24 @@ use crate::gradient::{Axis, PROFILE, REACH};
 /// Delays that are tried: so many steps to both sides of zero.
 const STEPS: usize = 24;
 /// s per step.
-const STEP: f64 = 0.003;
-/// Constant offsets that are tried to both sides, px.
-const OFFSETS: usize = 8;
+const STEP: f64 = 0.004;
+/// Constant offsets that are tried to both sides, px: what registered depth has. More would take the place of the delay where the velocity hardly
+/// changes.
+const OFFSETS: usize = 3;
 /// Parts of the stream of which each is left out in turn for the standard deviation (jackknife; Efron, 1982).
 const PARTS: usize = 10;
 /// Delays that stamps taken at the arrival of images have: a depth image is exposed for up to a frame's time and computed before it arrives, so
-/// its stamp may be late by about a frame of 30 Hz; hardly ever is it early. s.
-const USUAL: [f64; 2] = [-0.012, 0.030];
+/// its stamp may be late by nearly a frame of 30 Hz; hardly ever is it early. s.
+const USUAL: [f64; 2] = [-0.010, 0.028];
 /// The agreement at the best delay is better than at any usual one by this share of what the delay makes of it altogether.
-const MARGIN: f64 = 0.06;
+const MARGIN: f64 = 0.02;
+/// The best delay is the mean of those whose agreement is among the uppermost share of what it makes of it: its top is flat where contours run side by
+/// side.
+const TOP: f64 = 0.12;
 /// A delay whose standard deviation is above this is not known, s.
 const MAX_SIGMA: f64 = 0.006;
+/// ... but may still be told to be unusual up to this one, s.
+const MAX_SIGMA_UNUSUAL: f64 = 0.010;
 /// The delay matters where it changes the agreement by this share.
 const MIN_CONTRAST: f64 = 0.1;
 /// Silhouette pixels that a judgement needs.
@@ -84,7 +90,8 @@ impl Delay {
 
     fn is_unusual(&self) -> bool {
         let aside = (USUAL[0] - self.value).max(self.value - USUAL[1]);
-        self.is_known() && aside > 2.0 * self.sigma && self.beyond > MARGIN
+        let sharp = self.sigma <= MAX_SIGMA_UNUSUAL && self.contrast >= MIN_CONTRAST;
+        sharp && aside > 2.0 * self.sigma && self.beyond > MARGIN
     }
 }
 
@@ -145,20 +152,26 @@ fn delay_of(step: f64) -> f64 {
     (step - STEPS as f64) * STEP
 }
 
-/// The step with the best agreement, to a fraction by a parabola through its neighbours.
-fn best_step(agreement: &[f64; DELAYS]) -> f64 {
-    let at = (0..DELAYS)
+/// The delay with the best agreement, s: the mean of the top that holds the greatest.
+fn best_delay(agreement: &[f64; DELAYS]) -> f64 {
+    let low = agreement.iter().copied().fold(f64::MAX, f64::min);
+    let top = (0..DELAYS)
         .max_by(|&a, &b| agreement[a].total_cmp(&agreement[b]))
         .unwrap_or(STEPS);
-    if at == 0 || at + 1 == DELAYS {
-        return at as f64;
+    let limit = agreement[top] - TOP * (agreement[top] - low);
+    let above = |d: &usize| agreement[*d] > limit;
+    let left = (0..=top).rev().take_while(above);
+    let right = (top + 1..DELAYS).take_while(above);
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for d in left.chain(right) {
+        let weight = agreement[d] - limit;
+        sum += weight * delay_of(d as f64);
+        weights += weight;
     }
-    let [a, b, c] = [agreement[at - 1], agreement[at], agreement[at + 1]];
-    let bend = a - 2.0 * b + c;
-    if bend < 0.0 {
-        at as f64 + 0.5 * (a - c) / bend
+    if weights > 0.0 {
+        sum / weights
     } else {
-        at as f64
+        delay_of(top as f64)
     }
 }
 
@@ -200,7 +213,7 @@ pub(crate) fn estimate(edges: &[Moving], profiles: &[f32]) -> Option<Delay> {
         .map(|d| agreement[d])
         .fold(0.0, f64::max);
     Some(Delay {
-        value: delay_of(best_step(&agreement)),
+        value: best_delay(&agreement),
         sigma: jackknife(&whole, &parts),
         contrast: (high - low) / high.max(1e-9),
         beyond: (high - usual) / (high - low).max(1e-9),
@@ -211,7 +224,7 @@ fn jackknife(whole: &Votes, parts: &[Votes]) -> f64 {
     let without = |part: &Votes| {
         let mut rest = whole.clone();
         rest.combine(part, -1.0);
-        delay_of(best_step(&rest.agreement()))
+        best_delay(&rest.agreement())
     };
     let filled = parts.iter().filter(|p| p.count[0] + p.count[1] > 0.0);
     let values: Vec<f64> = filled.map(without).collect();
@@ -226,7 +239,7 @@ fn jackknife(whole: &Votes, parts: &[Votes]) -> f64 {
 }
 
 pub(crate) fn judge(delay: Option<&Delay>, report: &mut Report) {
-    let Some(delay) = delay.filter(|d| d.is_known()) else {
+    let Some(delay) = delay.filter(|d| d.is_known() || d.is_unusual()) else {
         report.pass_over(
             "whether colour and depth were taken at the same time: the view of the camera changes too little, or too fast throughout",
         );

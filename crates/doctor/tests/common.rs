@@ -1,7 +1,7 @@
 //! Streams in memory, and what the doctor says of them with and without faults.
 
 use std::collections::VecDeque;
-use stillpoint_datasets::{Fault, Faulty};
+use stillpoint_datasets::{Disturbance, Disturbed, Fault, Faulty};
 use stillpoint_doctor::{Report, Setup, Symptom, examine};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
@@ -39,6 +39,13 @@ impl Stream {
     pub(crate) fn with(&self, fault: Fault) -> Report {
         let mut faulty = Faulty::new(self.played(), fault);
         self.look(&mut faulty, self.setup, &format!("{fault:?}"))
+    }
+
+    /// What is found with all its frames disturbed.
+    pub(crate) fn disturbed(&self, what: Disturbance) -> Report {
+        let all = vec![(0..u32::MAX, what)];
+        let mut disturbed = Disturbed::new(self.played(), all).unwrap();
+        self.look(&mut disturbed, self.setup, &format!("{what:?}"))
     }
 
     /// What is found when it is taken for the images of another camera.

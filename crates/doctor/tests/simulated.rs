@@ -1,9 +1,9 @@
 //! Simulated streams: nothing is wrong with them, and each fault that is put into one is named.
 
 use crate::common::{SECONDS, Stream, assert_well};
-use stillpoint_datasets::Fault;
+use stillpoint_datasets::{Disturbance, Fault};
 use stillpoint_doctor::{Setup, Symptom};
-use stillpoint_geometry::Camera;
+use stillpoint_geometry::{BrownConrady, Camera};
 use stillpoint_simulator::{Simulator, SimulatorConfig};
 
 fn simulated(scene: &str) -> Stream {
@@ -39,14 +39,52 @@ fn faults_of_a_simulated_stream_are_named() {
     let stream = simulated("xyz");
     assert_well("xyz", &stream.report());
     stream.check_faults();
-    // Of both focal lengths nothing but the motion tells.
-    let camera = stream.setup.camera;
-    let wrong = Camera {
-        fx: 1.1 * camera.fx,
-        fy: 1.1 * camera.fy,
-        ..camera
-    };
-    stream.check(&stream.taken_for(wrong), Symptom::FocalLength);
     let mirrored = stream.with(Fault::MirroredDepth);
     stream.check(&mirrored, Symptom::Mirrored);
+    cameras(&stream);
+    disturbances(&stream);
+}
+
+/// Focal lengths and lens models that belong to another camera.
+fn cameras(stream: &Stream) {
+    let camera = stream.setup.camera;
+    // A lens model that folds within the image: its k3 was left out.
+    let fold = Camera {
+        distortion: BrownConrady {
+            k1: 0.262_383,
+            k2: -0.953_104,
+            ..BrownConrady::default()
+        },
+        ..camera
+    };
+    stream.check(&stream.taken_for(fold), Symptom::Lens);
+}
+
+/// What happens to a camera in somebody's hands, for as long as is looked at.
+fn disturbances(stream: &Stream) {
+    for (what, symptom) in [
+        (Disturbance::Covered, Symptom::Exposure),
+        (Disturbance::Saturated, Symptom::Exposure),
+        (Disturbance::Blurred(6), Symptom::Blur),
+        (Disturbance::NoDepth, Symptom::DepthHoles),
+    ] {
+        let report = stream.disturbed(what);
+        assert!(report.names(symptom), "{what:?}\n{report}");
+    }
+}
+
+/// When the camera turns, its motion tells a focal length that is wrong along both axes, which the camera's figures do not.
+#[test]
+fn a_focal_length_that_is_wrong_along_both_axes_is_told_by_turns() {
+    let stream = simulated("rpy");
+    assert_well("rpy", &stream.report());
+    let camera = stream.setup.camera;
+    for factor in [0.87, 1.15] {
+        let wrong = Camera {
+            fx: factor * camera.fx,
+            fy: factor * camera.fy,
+            ..camera
+        };
+        stream.check(&stream.taken_for(wrong), Symptom::FocalLength);
+    }
 }

@@ -22,6 +22,7 @@ use crate::args::run::{OutputArgs, RunArgs};
 use crate::config;
 use crate::console;
 use crate::detector::{self, Loaded, Settled};
+use crate::doctor;
 use crate::failure::{Failure, Status};
 use crate::map::file::{self, MapOutput};
 use crate::output::StreamedFile;
@@ -98,6 +99,7 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
     session.detector.library = loaded.library;
     let about = About::new(&args.input, begun.config(), known, &session.detector)?;
     let status = begun.end(&session, outputs, || run_log(&session, &about, log_file))?;
+    doctor::after_run(&args.path, &args.input);
     last(session, status)
 }
 

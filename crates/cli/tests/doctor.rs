@@ -1,0 +1,76 @@
+//! `doctor`, and what `run` prints of it.
+
+use crate::common::{check, program, simulate, stderr, stdout};
+use serde_json::Value;
+use std::path::Path;
+use std::process::Output;
+
+/// A command on a data set that is taken for the images of a camera.
+fn with_camera(command: &str, data: &Path, camera: &Path, more: &[&str]) -> Output {
+    program()
+        .args([command])
+        .arg(data)
+        .arg("--camera")
+        .arg(camera)
+        .args(more)
+        .output()
+        .unwrap()
+}
+
+/// Twelve frames: what the camera's figures and the depths tell needs no motion.
+#[test]
+fn a_data_set_is_well_and_wrong_figures_are_named_in_the_order_of_harm() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    simulate(&data, "xyz", 12);
+    let right = data.join("camera.toml");
+    let well = with_camera("doctor", &data, &right, &[]);
+    check(&well, 0, &[]);
+    assert!(
+        stdout(&well).contains("nothing wrong was found"),
+        "{well:?}"
+    );
+
+    let text = std::fs::read_to_string(&right).unwrap();
+    let wrong = dir.path().join("wrong.toml");
+    let changed = text
+        .replace("fx = 535.0", "fx = 588.5")
+        .replace("depth_scale = 5000.0", "depth_scale = 1000.0");
+    assert_ne!(changed, text);
+    std::fs::write(&wrong, changed).unwrap();
+    let said = stdout(&with_camera("doctor", &data, &wrong, &[]));
+    let scale = said.find("1. depth is too large by a factor of about 5");
+    let focal = said.find("2. fx");
+    assert!(scale.is_some() && focal > scale, "{said}");
+    assert!(said.contains("--depth-scale 5000"), "{said}");
+
+    let json = with_camera("doctor", &data, &wrong, &["--json", "--seconds", "1"]);
+    check(&json, 1, &[]);
+    let json: Value = serde_json::from_str(&stdout(&json)).unwrap();
+    assert_eq!(json["findings"][0]["symptom"], "depth_scale");
+    assert_eq!(json["findings"][1]["symptom"], "focal_length");
+
+    // The short form follows a run, and a quiet one has none.
+    let out = dir.path().join("out");
+    let out = ["--out", out.to_str().unwrap()];
+    let run = with_camera("run", &data, &wrong, &out);
+    let said = stderr(&run);
+    assert!(said.contains("warning: depth is too large"), "{said}");
+    let quiet = with_camera("run", &data, &wrong, &[&out[..], &["-q"]].concat());
+    assert!(!stderr(&quiet).contains("depth is too"), "{quiet:?}");
+    let run = with_camera("run", &data, &right, &out);
+    assert!(!stderr(&run).contains("warning:"), "{}", stderr(&run));
+}
+
+#[test]
+fn what_cannot_be_looked_at_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    let output = program().arg("doctor").arg(dir.path()).output().unwrap();
+    check(&output, 2, &["error: "]);
+    let output = program()
+        .args(["doctor", "--seconds", "0.1"])
+        .arg(dir.path())
+        .output()
+        .unwrap();
+    check(&output, 2, &["expected 0.5 to 30 s"]);
+}
