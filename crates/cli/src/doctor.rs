@@ -7,8 +7,10 @@ use crate::failure::{Failure, Status};
 use crate::run::{open, options};
 use std::path::Path;
 use stillpoint::datasets::FrameOptions;
-use stillpoint::doctor::{Report, Setup, examine};
+use stillpoint::doctor::{Figure, Report, Setup, examine};
+use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::recordings::{self, Input};
+use stillpoint::slam::{Config, System};
 
 /// `doctor`.
 pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
@@ -18,7 +20,16 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
         ..InputArgs::default()
     };
     let input = open(&args.path, &input)?;
-    let report = look(&input, args.start, args.seconds)?;
+    let mut report = look(&input, args.start, args.seconds)?;
+    // What is wrong with the geometry or the clocks would be learned as a readout.
+    if report.findings.is_empty() {
+        match readout(&input, args.start, args.seconds)? {
+            Some(figure) => report.measured.push(figure),
+            None => report
+                .not_judged
+                .push("the readout of a rolling shutter: the camera moves too little".into()),
+        }
+    }
     if args.json {
         let text = serde_json::to_string(&report).map_err(Failure::input)?;
         console::print(&format!("{text}\n"));
@@ -45,6 +56,38 @@ fn look(input: &Input, start: usize, seconds: f64) -> Result<Report, Failure> {
         keep_colour: true,
     })?;
     examine(&mut frames, setup, seconds).map_err(Failure::input)
+}
+
+/// Standard deviation of a readout that says something, s: a tenth of what readouts are, and a quarter of what they may be before the first frame.
+const MAX_SIGMA: f64 = 0.005;
+
+/// What three seconds leave open beyond that, s: on five streams whose readout is known (fr1_xyz, fr1_rpy_walkers, and the simulator's xyz, rpy and rpy_100)
+/// the estimate was 0, 17, 0, 1 and 8 ms off, the most in fast turns.
+const SYSTEMATIC: f64 = 0.008;
+
+/// The readout of the colour images as tracking estimates it from the same frames; none where they tell nothing of it.
+fn readout(input: &Input, start: usize, seconds: f64) -> Result<Option<Figure>, Failure> {
+    let camera = input.camera().camera;
+    let mut system =
+        System::new(Config::default(), camera, Simd::detect()).map_err(Failure::input)?;
+    let mut frames = input.frames(&FrameOptions {
+        start,
+        ..FrameOptions::default()
+    })?;
+    let mut first = None;
+    while let Some(Ok(frame)) = frames.next_frame() {
+        if frame.stamp - *first.get_or_insert(frame.stamp) > seconds {
+            break;
+        }
+        system.step(frame);
+    }
+    let sigma = system.readout_sigma();
+    Ok((sigma <= MAX_SIGMA).then(|| Figure {
+        name: "readout of a rolling shutter",
+        value: 1000.0 * system.timing().readout,
+        sigma: Some(1000.0 * sigma.hypot(SYSTEMATIC)),
+        unit: "ms",
+    }))
 }
 
 /// What a run of it looks at, s: enough for all that there is to find.

@@ -3,6 +3,7 @@
 use crate::edges::{Edge, FrameEdges, MeanProfile};
 use crate::finding::Report;
 use crate::gradient::{Axis, Gradient, PROFILE};
+use crate::registration::Registered;
 use crate::sync::{Delay, Moving};
 use crate::tracks::{Motion, Tracks};
 use crate::{colour, depth_scale, focal, images, lens, registration, stamps, sync};
@@ -21,8 +22,11 @@ pub struct Setup {
 /// Distance of corners from which a silhouette's motion is taken, px, and by how much their depth may differ from its own, as a share.
 const NEAR_PX: f32 = 60.0;
 const ALIKE: f32 = 0.12;
-/// Corners of which the motion is the median.
+/// Corners of which the motion is the median, and how far they may differ: by so many px/s and so large a share. A velocity that is not the
+/// silhouette's own makes every delay look shorter.
 const CORNERS: usize = 3;
+const AGREE: f32 = 12.0;
+const AGREE_SHARE: f32 = 0.15;
 
 /// Looks at frames.
 pub struct Doctor {
@@ -119,14 +123,15 @@ impl Doctor {
             depth_scale::judge(&mut self.depths, self.setup.depth_scale, &mut report);
         let delay = sync::estimate(&self.edges, &self.profiles);
         let registered = self.judge_registration(delay.as_ref(), &mut report);
-        if registered {
-            sync::judge(delay.as_ref(), &mut report);
+        if registered.yes {
+            let held = delay.as_ref().filter(|_| registered.delay_holds);
+            sync::judge(held, &mut report);
         } else {
             report.pass_over("synchronisation: depth has to be registered first");
         }
         if lens_is_sound {
             let late = report.names(crate::Symptom::Synchronisation);
-            let why_not = match (scale_is_right, registered) {
+            let why_not = match (scale_is_right, registered.yes) {
                 (false, _) => Some("the depth scale has to be right first"),
                 (_, false) => Some("depth has to be registered first"),
                 _ if late => Some("colour and depth have to be synchronous first"),
@@ -145,7 +150,7 @@ impl Doctor {
         report
     }
 
-    fn judge_registration(&self, delay: Option<&Delay>, report: &mut Report) -> bool {
+    fn judge_registration(&self, delay: Option<&Delay>, report: &mut Report) -> Registered {
         registration::judge(
             &self.edges,
             &self.profiles,
@@ -182,7 +187,9 @@ fn velocity(edge: &Edge, motions: &[Motion]) -> Option<f32> {
         return None;
     }
     nearest.sort_by(|a, b| a.1.total_cmp(&b.1));
-    Some(nearest[CORNERS / 2].1)
+    let median = nearest[CORNERS / 2].1;
+    let spread = nearest[CORNERS - 1].1 - nearest[0].1;
+    (spread <= AGREE + AGREE_SHARE * median.abs()).then_some(median)
 }
 
 /// Looks at so many seconds of a stream; frames that cannot be read are passed over.

@@ -24,6 +24,8 @@ const BETTER: f64 = 1.25;
 const REGISTERED: f64 = 1.3;
 /// It shifts half of the silhouettes by more than this, px.
 const MIN_SHIFT: f64 = 4.0;
+/// A shift that is the same at all times agrees better than a delay by this factor where it is the cause.
+const FITS: f64 = 1.1;
 /// Mirrored images agree better than those at hand by this factor.
 const MIRRORED: f64 = 1.3;
 
@@ -71,7 +73,16 @@ struct AxisResult {
     size: f64,
 }
 
-/// Judges registration and mirroring. True when depth is in the pixels of the colour image, as far as can be seen.
+/// What was seen of registration.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Registered {
+    /// Depth is in the pixels of the colour image, as far as can be seen.
+    pub(crate) yes: bool,
+    /// The delay explains where silhouettes lie better than a shift does that is the same at all times.
+    pub(crate) delay_holds: bool,
+}
+
+/// Judges registration and mirroring.
 pub(crate) fn judge(
     edges: &[Moving],
     profiles: &[f32],
@@ -79,25 +90,34 @@ pub(crate) fn judge(
     size: [usize; 2],
     mirrored: &[[MeanProfile; 2]; 3],
     report: &mut Report,
-) -> bool {
-    let delay = delay.filter(|d| d.is_known()).map_or(0.0, |d| d.value);
-    let along = Axis::BOTH.map(|axis| examine(axis, edges, profiles, delay, size));
+) -> Registered {
+    let at = |delay: f64| Axis::BOTH.map(|axis| examine(axis, edges, profiles, delay, size));
+    let still = at(0.0);
+    let moved = delay.filter(|d| d.is_sharp()).map(|d| at(d.value));
+    // Depth that is not registered has a delay of its own that happens to fit best.
+    let held = moved.filter(|moved| mean(&still, |r| r.best) <= FITS * mean(moved, |r| r.here));
+    let mut found = Registered {
+        yes: true,
+        delay_holds: held.is_some(),
+    };
+    let along = held.unwrap_or(still);
     let judged: Vec<AxisResult> = along.iter().flatten().copied().collect();
     if judged.is_empty() {
         report
             .pass_over("whether depth is registered to colour: too few surfaces end before others");
-        return true;
+        return found;
     }
     if mirror(edges, profiles, mirrored, report) {
-        return false;
+        found.yes = false;
+        return found;
     }
-    for (axis, found) in along.iter().enumerate() {
-        let Some(found) = found else { continue };
+    for (axis, result) in along.iter().enumerate() {
+        let Some(result) = result else { continue };
         let name = [
             "contours at silhouettes, along x",
             "contours at silhouettes, along y",
         ][axis];
-        report.measure(Figure::new(name, found.here, "times those around"));
+        report.measure(Figure::new(name, result.here, "times those around"));
     }
     let off = |r: &&AxisResult| {
         r.here < REGISTERED && r.best >= HOLDS && r.best >= BETTER * r.here && r.size > MIN_SHIFT
@@ -107,11 +127,12 @@ pub(crate) fn judge(
         .filter(off)
         .max_by(|a, b| a.size.total_cmp(&b.size));
     let Some(worst) = worst else {
-        return true;
+        return found;
     };
+    found.yes = false;
     let mut evidence = Vec::new();
-    for (axis, found) in along.iter().enumerate() {
-        let Some(found) = found.as_ref().filter(off) else {
+    for (axis, result) in along.iter().enumerate() {
+        let Some(result) = result.as_ref().filter(off) else {
             continue;
         };
         let [shift, here, best] = [
@@ -126,9 +147,9 @@ pub(crate) fn judge(
                 "the same with that shift, along y",
             ],
         ][axis];
-        evidence.push(Figure::new(shift, found.shift, "px"));
-        evidence.push(Figure::new(here, found.here, "times those around"));
-        evidence.push(Figure::new(best, found.best, "times those around"));
+        evidence.push(Figure::new(shift, result.shift, "px"));
+        evidence.push(Figure::new(here, result.here, "times those around"));
+        evidence.push(Figure::new(best, result.best, "times those around"));
     }
     report.find(Finding {
         symptom: Symptom::Registration,
@@ -139,7 +160,13 @@ pub(crate) fn judge(
         remedy: "record depth aligned to colour (RealSense: align_depth.enable:=true; Azure Kinect, Femto: depth transformed to the colour camera; OpenNI: depth_registered), or give the file its CameraInfo and tf of both cameras: depth is then registered when it is read".into(),
         evidence,
     });
-    false
+    found
+}
+
+/// A figure of both axes, on average.
+fn mean(along: &[Option<AxisResult>; 2], of: impl Fn(&AxisResult) -> f64) -> f64 {
+    let values: Vec<f64> = along.iter().flatten().map(of).collect();
+    values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
 fn examine(

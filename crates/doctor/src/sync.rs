@@ -18,7 +18,9 @@ const OFFSETS: usize = 3;
 const PARTS: usize = 10;
 /// Delays that stamps taken at the arrival of images have: a depth image is exposed for up to a frame's time and computed before it arrives, so
 /// its stamp may be late by nearly a frame of 30 Hz; hardly ever is it early. s.
-const USUAL: [f64; 2] = [-0.010, 0.028];
+const USUAL: [f64; 2] = [-0.010, 0.025];
+/// Beyond them by so many standard deviations it is unusual.
+const SIGMAS: f64 = 1.5;
 /// The agreement at the best delay is better than at any usual one by this share of what the delay makes of it altogether.
 const MARGIN: f64 = 0.02;
 /// The best delay is the mean of those whose agreement is among the uppermost share of what it makes of it: its top is flat where contours run side by
@@ -84,14 +86,18 @@ pub(crate) struct Delay {
 
 impl Delay {
     /// Whether it is known.
-    pub(crate) fn is_known(&self) -> bool {
+    fn is_known(&self) -> bool {
         self.sigma <= MAX_SIGMA && self.contrast >= MIN_CONTRAST
+    }
+
+    /// Whether it may be told, at least when it is unusual.
+    pub(crate) fn is_sharp(&self) -> bool {
+        self.sigma <= MAX_SIGMA_UNUSUAL && self.contrast >= MIN_CONTRAST
     }
 
     fn is_unusual(&self) -> bool {
         let aside = (USUAL[0] - self.value).max(self.value - USUAL[1]);
-        let sharp = self.sigma <= MAX_SIGMA_UNUSUAL && self.contrast >= MIN_CONTRAST;
-        sharp && aside > 2.0 * self.sigma && self.beyond > MARGIN
+        self.is_sharp() && aside > SIGMAS * self.sigma && self.beyond > MARGIN
     }
 }
 

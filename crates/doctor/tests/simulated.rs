@@ -25,7 +25,8 @@ fn simulated(scene: &str) -> Stream {
     }
 }
 
-/// The four scenes on which nothing may be wrong: translations, an orbit with turns, people, fast turns with blur and a rolling shutter.
+/// The four scenes on which nothing may be wrong: translations, an orbit with turns, people, fast turns with blur and a rolling shutter. Long,
+/// since three seconds of each are rendered: less would not be what is promised.
 #[test]
 fn nothing_is_wrong_with_simulated_streams() {
     for scene in ["halfsphere", "walking_xyz", "crowd_rpy_60", "static"] {
@@ -34,6 +35,7 @@ fn nothing_is_wrong_with_simulated_streams() {
     }
 }
 
+/// Long, since three seconds are rendered, and examined fifteen times.
 #[test]
 fn faults_of_a_simulated_stream_are_named() {
     let stream = simulated("xyz");

@@ -304,6 +304,12 @@ impl Exchange {
         self.stages.tracker.timing()
     }
 
+    /// Standard deviation of the readout in [`Exchange::timing`], s.
+    #[must_use]
+    pub fn readout_sigma(&self) -> f64 {
+        self.stages.tracker.readout_sigma()
+    }
+
     /// The map as the mapper has it: that of [`Exchange::view`].
     #[must_use]
     pub fn map(&self) -> &Map {

@@ -276,6 +276,12 @@ impl System {
         self.exchange.timing()
     }
 
+    /// Standard deviation of the readout in [`System::timing`], s: 0.02 before anything was learned; 0 where it is taken as configured.
+    #[must_use]
+    pub fn readout_sigma(&self) -> f64 {
+        self.exchange.readout_sigma()
+    }
+
     /// The map as the mapper has it now: that of [`System::view`]. [`Map::to_bytes`] of it is a map file, at any time.
     #[must_use]
     pub fn map(&self) -> &Map {

@@ -99,7 +99,9 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
     session.detector.library = loaded.library;
     let about = About::new(&args.input, begun.config(), known, &session.detector)?;
     let status = begun.end(&session, outputs, || run_log(&session, &about, log_file))?;
-    doctor::after_run(&args.path, &args.input);
+    if !session.interrupted {
+        doctor::after_run(&args.path, &args.input);
+    }
     last(session, status)
 }
 

@@ -97,12 +97,17 @@ impl FrontEnd {
 
     /// The shutter, as estimated so far.
     pub(super) fn shutter(&self) -> Shutter<'_> {
-        let sigma = if self.self_calibrates {
+        let sigma = self.readout_sigma();
+        Shutter::new(&self.observer.camera, self.calibration.timing(), sigma)
+    }
+
+    /// Standard deviation of the readout, s; 0 where it is taken as configured.
+    pub(super) fn readout_sigma(&self) -> f64 {
+        if self.self_calibrates {
             self.calibration.sigma()
         } else {
             0.0
-        };
-        Shutter::new(&self.observer.camera, self.calibration.timing(), sigma)
+        }
     }
 
     /// Keypoints that the last image was asked for.

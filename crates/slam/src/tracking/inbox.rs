@@ -77,6 +77,12 @@ impl Tracker {
         self.front_end.timing()
     }
 
+    /// Standard deviation of the readout in it, s.
+    #[must_use]
+    pub fn readout_sigma(&self) -> f64 {
+        self.front_end.readout_sigma()
+    }
+
     /// The view in use.
     #[must_use]
     pub fn view(&self) -> Arc<MapView> {
