@@ -161,3 +161,69 @@ fn seen_from(registered: &DepthImage, colour: &Camera, depth: &Camera, baseline:
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_imaging::{FrameId, GrayImage};
+
+    /// Frames at 10 Hz whose depth is their number and one, in a patch at the left.
+    struct Numbered(u32);
+
+    impl FrameSource for Numbered {
+        fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+            let (id, stamp) = (self.0, f64::from(self.0) / 10.0);
+            self.0 += 1;
+            let mut depth = vec![0.0; 64 * 4];
+            (0..4).for_each(|y| depth[64 * y + 8] = id as f32 + 1.0);
+            let colour = ColourImage::from_vec(64, 4, [10, 20, 30].repeat(64 * 4)).unwrap();
+            (id < 40).then(|| {
+                Ok(RgbdFrame {
+                    id: FrameId(id),
+                    stamp,
+                    depth_stamp: stamp,
+                    gray: GrayImage::new(64, 4),
+                    colour: Some(Arc::new(colour)),
+                    depth: DepthImage::from_vec(64, 4, depth).unwrap(),
+                })
+            })
+        }
+    }
+
+    fn all(fault: Fault) -> Vec<RgbdFrame> {
+        let mut faulty = Faulty::new(Numbered(0), fault);
+        std::iter::from_fn(|| faulty.next_frame())
+            .map(|frame| frame.unwrap())
+            .collect()
+    }
+
+    #[test]
+    fn late_depth_is_paired_with_what_came_before() {
+        for (late, lag) in [(0.12, 1), (-0.21, -2), (0.04, 0)] {
+            let frames = all(Fault::DepthLate(late));
+            assert_eq!(frames.len(), 40);
+            for frame in &frames[3..37] {
+                let of = i64::from(frame.id.0) - lag;
+                assert_eq!(frame.depth.at(8, 0), of as f32 + 1.0);
+                assert!((frame.depth_stamp - of as f64 / 10.0 - late).abs() < 1e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn channels_scales_and_places_are_changed() {
+        let swapped = &all(Fault::RedAndBlue)[0];
+        assert_eq!(swapped.colour.as_ref().unwrap().at(0, 0), [30, 20, 10]);
+        assert_eq!(swapped.gray, swapped.colour.as_ref().unwrap().to_gray());
+        assert_eq!(all(Fault::DepthScale(5.0))[1].depth.at(8, 2), 10.0);
+        assert_eq!(all(Fault::MirroredDepth)[0].depth.at(55, 2), 1.0);
+        let camera = Camera::pinhole(64, 4, [100.0, 100.0, 31.5, 1.5]);
+        let aside = &all(Fault::Unregistered {
+            colour: camera,
+            depth: camera,
+            baseline: -0.05,
+        })[0];
+        // 100 px times 0.05 m over 1 m.
+        assert_eq!([8, 13].map(|x| aside.depth.at(x, 2)), [0.0, 1.0]);
+    }
+}
