@@ -81,7 +81,7 @@ fn readout(input: &Input, start: usize, seconds: f64) -> Result<Option<Figure>, 
         }
         system.step(frame);
     }
-    let sigma = system.readout_sigma();
+    let sigma = system.timing().readout_sigma;
     Ok((sigma <= MAX_SIGMA).then(|| Figure {
         name: "readout of a rolling shutter",
         value: 1000.0 * system.timing().readout,

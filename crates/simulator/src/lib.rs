@@ -10,6 +10,7 @@
 
 mod catalogue;
 mod disparity;
+mod error;
 mod lens;
 mod path;
 mod people;
@@ -26,6 +27,7 @@ mod truth;
 
 pub use catalogue::scene_names;
 pub use disparity::DepthModel;
+pub use error::SimulatorError;
 pub use shutter::Shutter;
-pub use simulator::{Simulator, SimulatorConfig, SimulatorError, SimulatorSource};
+pub use simulator::{Simulator, SimulatorConfig, SimulatorSource};
 pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection};

@@ -30,6 +30,18 @@ impl Pixels {
         }
     }
 
+    /// Makes all depths `factor` times as deep.
+    pub(crate) fn scale(&mut self, factor: f64) {
+        if factor == 1.0 {
+            return;
+        }
+        let per_pixel = self.inverse_depth.iter_mut();
+        per_pixel.for_each(|w| *w = (f64::from(*w) / factor) as f32);
+        for face in &mut self.faces {
+            face.inverse_depth = face.inverse_depth.map(|c| c / factor);
+        }
+    }
+
     /// The face that a pixel sees.
     #[inline]
     pub(crate) fn face(&self, pixel: usize) -> Option<&Visible> {

@@ -1,7 +1,8 @@
 //! The simulator: a scene, a path and a sensor put together.
 
-use crate::catalogue::{self, build, nearest_name, scene_names};
+use crate::catalogue::{self, build, nearest_name};
 use crate::disparity::DepthModel;
+use crate::error::SimulatorError;
 use crate::lens::Lens;
 use crate::path::Path;
 use crate::scene::Scene;
@@ -23,6 +24,9 @@ pub struct SimulatorConfig {
     pub frames: Option<usize>,
     /// Frames per second, 1 to 1000. The scene takes as long at any rate.
     pub rate: f64,
+    /// All lengths of the scene, the camera's path included, are so many times as long, 0.01 to 100: ideal images stay the same, and depths are
+    /// measured as the sensor measures them there.
+    pub scale: f64,
     /// Without noise the images are ideal: no blur, vignetting, exposure change, noise, quantisation or holes.
     pub noise: bool,
     /// How long after the colour image the depth image is taken, s, on average; it drifts by 70 % to both sides, as the
@@ -44,6 +48,7 @@ impl Default for SimulatorConfig {
             seed: 0,
             frames: None,
             rate: 30.0,
+            scale: 1.0,
             noise: true,
             depth_delay: 0.01,
             shutter: None,
@@ -52,62 +57,6 @@ impl Default for SimulatorConfig {
         }
     }
 }
-
-/// The configuration asks for something that does not exist.
-#[derive(Clone, Debug, PartialEq)]
-pub enum SimulatorError {
-    /// No scene has this name.
-    UnknownScene {
-        /// The name asked for.
-        found: String,
-        /// The scene with the most similar name.
-        nearest: &'static str,
-    },
-    /// The delay of depth images is not a number from 0 to the time between two frames, s.
-    DepthDelay(f64),
-    /// A time of the shutter is not a number from 0 to the time between two frames; they are given back.
-    Shutter(Shutter),
-    /// The rate is not a number from 1 to 1000, 1/s.
-    Rate(f64),
-    /// The camera's size or focal length cannot be rendered; it is given back.
-    Camera(Box<Camera>),
-}
-
-impl std::fmt::Display for SimulatorError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::UnknownScene { found, nearest } => {
-                let names = scene_names().join(", ");
-                write!(
-                    f,
-                    "expected a scene ({names}), found \"{found}\"; did you mean \"{nearest}\"?"
-                )
-            }
-            Self::DepthDelay(found) => {
-                write!(
-                    f,
-                    "expected a depth delay from 0 to the time between two frames (0.0333 s at 30 per second), found {found}"
-                )
-            }
-            Self::Shutter(found) => write!(
-                f,
-                "expected readouts and an exposure from 0 to the time between two frames (0.0333 s at 30 per second), found {found:?}"
-            ),
-            Self::Rate(found) => {
-                write!(
-                    f,
-                    "expected a rate of 1 to 1000 frames per second, found {found}"
-                )
-            }
-            Self::Camera(found) => write!(
-                f,
-                "expected a camera of 32 to 4096 px with focal lengths of 16 to 8192 px, its principal point in the image and a finite, one-to-one distortion, found {found:?}"
-            ),
-        }
-    }
-}
-
-impl std::error::Error for SimulatorError {}
 
 /// A simulated RGB-D recording with exact poses. Every frame is a pure function of configuration and index.
 pub struct Simulator {
@@ -118,6 +67,7 @@ pub struct Simulator {
     sensor: Sensor,
     length: usize,
     rate: f64,
+    scale: f64,
     noise: bool,
     depth_delay: f64,
     shutter: Shutter,
@@ -128,7 +78,7 @@ impl Simulator {
     /// Builds the scene and paints its textures.
     ///
     /// # Errors
-    /// [`SimulatorError`] for an unknown scene, a rate out of range, a delay or a shutter's time that is longer than a frame, or a
+    /// [`SimulatorError`] for an unknown scene, a rate or a scale out of range, a delay or a shutter's time that is longer than a frame, or a
     /// camera out of range.
     pub fn new(config: &SimulatorConfig) -> Result<Self, SimulatorError> {
         if !(1.0..=1000.0).contains(&config.rate) {
@@ -136,6 +86,9 @@ impl Simulator {
         }
         if !(0.0..=1.0 / config.rate).contains(&config.depth_delay) {
             return Err(SimulatorError::DepthDelay(config.depth_delay));
+        }
+        if !(0.01..=100.0).contains(&config.scale) {
+            return Err(SimulatorError::Scale(config.scale));
         }
         if !can_render(&config.camera) {
             return Err(SimulatorError::Camera(Box::new(config.camera)));
@@ -169,6 +122,7 @@ impl Simulator {
             length: config.frames.unwrap_or(default_length),
             path,
             rate: config.rate,
+            scale: config.scale,
             noise: config.noise,
             depth_delay: config.depth_delay,
             shutter,
@@ -216,7 +170,9 @@ impl Simulator {
     /// The exact pose at any time, s.
     #[must_use]
     pub fn world_from_camera(&self, stamp: f64) -> Se3 {
-        self.path.world_from_camera(stamp)
+        let mut pose = self.path.world_from_camera(stamp);
+        pose.translation *= self.scale;
+        pose
     }
 
     /// The exact pose at each colour stamp.
@@ -268,7 +224,8 @@ impl Simulator {
     #[must_use]
     pub fn depth(&self, index: usize) -> DepthImage {
         let stamp = self.depth_stamp(index);
-        let view = self.sight().pixels(stamp, self.shutter.depth_readout);
+        let mut view = self.sight().pixels(stamp, self.shutter.depth_readout);
+        view.scale(self.scale);
         let (focal, number) = (self.camera.fx as f32, index as u64);
         let depth = match self.depth_model {
             _ if !self.noise => view.inverse_depth.iter().map(|w| 1.0 / w).collect(),
@@ -283,7 +240,12 @@ impl Simulator {
     pub fn truth(&self, index: usize) -> FrameTruth {
         let stamp = self.stamp(index);
         let view = self.sight().pixels(stamp, self.shutter.readout);
-        truth::truth(&view, &self.scene.movers(stamp), self.scene.things())
+        let mut movers = self.scene.movers(stamp);
+        for motion in movers.iter_mut().filter_map(|m| m.motion.as_mut()) {
+            motion.position = motion.position.map(|v| v * self.scale);
+            motion.velocity = motion.velocity.map(|v| v * self.scale);
+        }
+        truth::truth(&view, &movers, self.scene.things())
     }
 
     /// What a detector that errs as `noise` says would find in a frame: persons, and furniture where it knows that.

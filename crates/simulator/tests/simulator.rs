@@ -104,6 +104,34 @@ fn an_unknown_scene_is_an_error_that_names_the_nearest() {
     );
 }
 
+/// All lengths in proportion: the same ideal images, and depths, poses and movers' velocities so many times as long.
+#[test]
+fn a_scene_can_be_of_any_size() {
+    let at = |scale| {
+        let config = SimulatorConfig {
+            scene: "walking_xyz".to_owned(),
+            scale,
+            noise: false,
+            ..SimulatorConfig::default()
+        };
+        Simulator::new(&config)
+    };
+    let (one, three) = (at(1.0).unwrap(), at(3.0).unwrap());
+    assert_eq!(one.colour(40).data(), three.colour(40).data());
+    for (a, b) in one.depth(40).data().iter().zip(three.depth(40).data()) {
+        assert!((3.0 * a - b).abs() <= 1e-5 * b, "{a} {b}");
+    }
+    let pose = |sim: &Simulator| sim.world_from_camera(0.7);
+    assert_eq!(pose(&one).rotation, pose(&three).rotation);
+    assert!((pose(&one).translation * 3.0 - pose(&three).translation).norm() < 1e-12);
+    let speed = |sim: &Simulator| sim.truth(40).boxes[0].motion.unwrap().velocity[0];
+    assert!((3.0 * speed(&one) - speed(&three)).abs() < 1e-12 && speed(&one).abs() > 0.01);
+    for scale in [0.0, f64::NAN, 1e9] {
+        let error = at(scale).err().unwrap();
+        assert!(error.to_string().contains("scale"), "{error}");
+    }
+}
+
 #[test]
 fn a_camera_out_of_range_is_an_error() {
     let mut tiny = SimulatorConfig::default();

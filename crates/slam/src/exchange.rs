@@ -12,9 +12,9 @@ use crate::messages::{LoopCloserMsg, MapperMsg};
 use crate::report::LoopReport;
 use crate::routing;
 use crate::run_log::LogEntry;
-use crate::sensor::Timing;
 use crate::stages::{MapUse, Stages, StartError};
 use crate::subscriber::Subscriber;
+use crate::timing::Timing;
 use crate::trajectory::Trajectory;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -302,12 +302,6 @@ impl Exchange {
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.stages.tracker.timing()
-    }
-
-    /// Standard deviation of the readout in [`Exchange::timing`], s.
-    #[must_use]
-    pub fn readout_sigma(&self) -> f64 {
-        self.stages.tracker.readout_sigma()
     }
 
     /// The map as the mapper has it: that of [`Exchange::view`].

@@ -20,6 +20,7 @@ mod loops;
 mod map_shift;
 mod mapping;
 mod messages;
+mod pace;
 mod replay;
 mod report;
 mod retrace;
@@ -30,6 +31,7 @@ mod stages;
 mod static_filter;
 mod subscriber;
 mod system;
+mod timing;
 mod tracking;
 mod trajectory;
 mod validation;
@@ -59,7 +61,7 @@ pub use report::{
 };
 pub use retrace::Retracer;
 pub use run_log::{LogEntry, LogError, RunLog};
-pub use sensor::{DepthNoise, SensorConfig, Timing};
+pub use sensor::{DepthNoise, SensorConfig};
 pub use stages::{MapUse, Stages, StartError};
 pub use static_filter::{
     FeatureVerdict, FilterParts, FilterSetup, MOVER, Preset, Reasons, Segments, StaticFilterConfig,
@@ -67,6 +69,7 @@ pub use static_filter::{
 pub use stillpoint_imaging::Simd;
 pub use subscriber::{OnEvent, Subscriber};
 pub use system::System;
+pub use timing::Timing;
 pub use tracking::{KeyframeConfig, Tracker, TrackerSetup, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};
 pub use validation::{ConfigError, ConfigProblem};

@@ -10,6 +10,7 @@ use crate::report::LoopReport;
 use crate::run_log::{LogEntry, RunLog};
 use crate::stages::Stages;
 use crate::subscriber::Subscriber;
+use crate::timing::Timing;
 use crate::trajectory::Trajectory;
 use std::sync::Arc;
 use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
@@ -171,6 +172,12 @@ impl Replay {
     #[must_use]
     pub fn is_over(&self) -> bool {
         self.at == self.log.entries.len()
+    }
+
+    /// When the parts of a frame are exposed, as estimated so far.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        self.exchange.timing()
     }
 
     /// The frames tracked so far.

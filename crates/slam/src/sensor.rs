@@ -1,5 +1,6 @@
 //! The depth sensor: its range, its noise, and the depth of a keypoint.
 
+use crate::timing::Timing;
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec6};
@@ -23,6 +24,9 @@ pub struct SensorConfig {
     /// Time from the exposure of the colour image's first row to its last, s; 0 for a global shutter. Range: 0 to 0.1.
     /// With `self_calibrate` this is where the estimate starts.
     pub readout: f64,
+    /// Standard deviation of `readout`, s, where `self_calibrate` starts from it. Range: 0.00001 to 0.1. Of a camera that nothing is known of 0.02: rolling
+    /// shutters take up to a frame's 33 ms.
+    pub readout_sigma: f64,
     /// Age of a depth image at its stamp, s, beyond that of a colour image. Range: -0.1 to 0.1.
     pub depth_delay: f64,
     /// Estimates `readout` while tracking. Range: true or false. Few cameras state it, and on a rolling shutter it costs
@@ -40,6 +44,7 @@ impl Default for SensorConfig {
             noise_scale: 1.0,
             calibration_error: 0.014,
             readout: 0.0,
+            readout_sigma: 0.02,
             depth_delay: 0.0,
             self_calibrate: true,
         }
@@ -54,17 +59,9 @@ impl SensorConfig {
         c.range("noise_scale", self.noise_scale, 0.1, 100.0);
         c.range("calibration_error", self.calibration_error, 0.0, 0.2);
         c.range("readout", self.readout, 0.0, 0.1);
+        c.range("readout_sigma", self.readout_sigma, 1e-5, 0.1);
         c.range("depth_delay", self.depth_delay, -0.1, 0.1);
     }
-}
-
-/// When the parts of a frame were exposed, relative to its stamp.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Timing {
-    /// Time from the exposure of the first row to that of the last, s; the stamp is that of the middle row.
-    pub readout: f64,
-    /// Age of the depth image at its stamp, s.
-    pub depth_delay: f64,
 }
 
 impl SensorConfig {
@@ -72,6 +69,11 @@ impl SensorConfig {
     pub(crate) fn timing(&self) -> Timing {
         Timing {
             readout: self.readout,
+            readout_sigma: if self.self_calibrate {
+                self.readout_sigma
+            } else {
+                0.0
+            },
             depth_delay: self.depth_delay,
         }
     }

@@ -5,8 +5,8 @@ use crate::event::Event;
 use crate::exchange::Exchange;
 use crate::report::LoopReport;
 use crate::run_log::{LogEntry, RunLog};
-use crate::sensor::Timing;
 use crate::stages::{MapUse, Stages, StartError};
+use crate::timing::Timing;
 use crate::trajectory::{Trajectory, TrajectoryEntry};
 use crate::validation::ConfigError;
 use std::collections::VecDeque;
@@ -274,12 +274,6 @@ impl System {
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.exchange.timing()
-    }
-
-    /// Standard deviation of the readout in [`System::timing`], s: 0.02 before anything was learned; 0 where it is taken as configured.
-    #[must_use]
-    pub fn readout_sigma(&self) -> f64 {
-        self.exchange.readout_sigma()
     }
 
     /// The map as the mapper has it now: that of [`System::view`]. [`Map::to_bytes`] of it is a map file, at any time.

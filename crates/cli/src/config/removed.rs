@@ -73,7 +73,11 @@ const REMOVED: &[(&str, &str)] = &[
     ("mapping.min_found_share", "it is fixed at 0.25"),
     (
         "tracking.new_piece_after",
-        "it is called tracking.new_submap_after",
+        "tracking.new_submap_seconds says it in seconds: 30 frames of 30 Hz are 1.0",
+    ),
+    (
+        "tracking.new_submap_after",
+        "tracking.new_submap_seconds says it in seconds: 30 frames of 30 Hz are 1.0",
     ),
     ("schedule.looper", "it is called schedule.loop_closer"),
     ("looping.min_gap", "it is fixed at 10"),

@@ -4,12 +4,22 @@ use crate::args::map::MapMergeArgs;
 use crate::failure::{Failure, Status};
 use crate::map::file::MapOutput;
 use crate::{console, map};
-use stillpoint::slam::{Config, join_maps};
+use stillpoint::slam::{Config, Timing, join_maps};
 
 /// `map merge`.
 pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
-    let first = map::file::load(&args.first)?.file.map;
-    let second = map::file::load(&args.second)?.file.map;
+    let [first, second] = [&args.first, &args.second].map(|path| map::file::load(path));
+    let (first, second) = (first?, second?);
+    // Of one camera: what is known better is right for both.
+    let readouts = [first.readout(), second.readout()];
+    let surest = readouts.into_iter().flatten();
+    let surest = surest.min_by(|a, b| a[1].total_cmp(&b[1]));
+    let timing = surest.map(|[readout, readout_sigma]| Timing {
+        readout,
+        readout_sigma,
+        ..Timing::default()
+    });
+    let (first, second) = (first.file.map, second.file.map);
     map::file::check_alike([&args.first, &args.second], [&first, &second])?;
     map::file::check_room(&args.first, &first, second.view().keyframe_bound())?;
     let file = MapOutput::create(&args.out, "--out")?;
@@ -25,7 +35,7 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
             joined.reports.len()
         )));
     }
-    let saved = file.save(&joined.map)?;
+    let saved = file.save(&joined.map, timing.as_ref())?;
     let submaps = map::submaps(joined.map.view());
     console::report(&format!(
         "{}: {} keyframes and {} landmarks; {a} and {b} submaps became {}\n",

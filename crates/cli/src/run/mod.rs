@@ -203,15 +203,17 @@ impl<'a> KnownMap<'a> {
         Some(Self { path, map_use })
     }
 
-    /// Reads it. `ids` is how many keyframe ids the run may add, if it is to be saved.
+    /// Reads it, and has the run begin with what it knows of the camera. `ids` is how many keyframe ids the run may add, if it is to be saved.
     pub(crate) fn load(
         &self,
-        config: &Config,
+        config: &mut Config,
         camera: &Camera,
         ids: Option<usize>,
     ) -> Result<(Map, MapUse), Failure> {
         let Self { path, map_use } = *self;
-        let map = file::load(path)?.file.map;
+        let loaded = file::load(path)?;
+        file::start_readout(config, loaded.readout());
+        let map = loaded.file.map;
         file::check_fits(path, &map, config, camera)?;
         if map_use == MapUse::Localize && map.view().keyframe_count() == 0 {
             return Err(Failure::input(format!(

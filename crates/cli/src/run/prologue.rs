@@ -83,7 +83,7 @@ impl<'a> Opened<'a> {
         adds_ids: bool,
     ) -> Result<(Begun<'a>, Means), Failure> {
         let Self {
-            task,
+            mut task,
             simd,
             dataset,
         } = self;
@@ -92,7 +92,7 @@ impl<'a> Opened<'a> {
         let remaining = source.remaining();
         let ids = adds_ids.then(|| remaining.unwrap_or(dataset.stamps().len()));
         let camera = dataset.camera().camera;
-        let map = known.map(|k| k.load(&task.config, &camera, ids));
+        let map = known.map(|k| k.load(&mut task.config, &camera, ids));
         let map = map.transpose()?;
         let out = task.output.out.clone();
         let out = out.unwrap_or_else(|| default_out(task.path, task.done));

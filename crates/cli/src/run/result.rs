@@ -8,7 +8,7 @@ use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
 use crate::run::frames;
 use crate::run::session::Session;
-use crate::run::summary::{Accuracy, Input, ScoreJson, StageTiming, Summary};
+use crate::run::summary::{Accuracy, Input, ReadoutJson, ScoreJson, StageTiming, Summary};
 use crate::timing::Timing;
 use crate::{config, report};
 use std::path::Path;
@@ -232,6 +232,10 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         skipped: session.skipped,
         tracked: session.final_poses.len(),
         undecided: session.undecided,
+        readout: ReadoutJson {
+            seconds: session.timing.readout,
+            sigma: session.timing.readout_sigma,
+        },
         lost: session.lost.clone(),
         submaps: session.submaps.clone(),
         detector: session.detector.clone(),

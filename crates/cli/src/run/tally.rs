@@ -115,6 +115,7 @@ impl Tally {
             frames: self.frames,
             skipped: self.skipped,
             undecided: self.each.undecided(),
+            timing: end.timing,
             lost: self.each.lost(),
             frames_csv: self.each.to_csv(end.trajectory, &view),
             submaps: described,
@@ -137,6 +138,8 @@ pub(crate) struct End<'a> {
     pub(crate) trajectory: &'a Trajectory,
     /// The newest version of the map.
     pub(crate) view: Arc<MapView>,
+    /// When the parts of a frame are exposed, as estimated in the end.
+    pub(crate) timing: stillpoint::slam::Timing,
     /// What the detector was, without counts.
     pub(crate) detector: DetectorJson,
     /// The user ended it early.

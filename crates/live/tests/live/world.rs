@@ -141,7 +141,7 @@ pub(crate) fn stages_for_submaps(camera: Camera) -> Stages {
 /// The same, with something set.
 pub(crate) fn stages_for_submaps_with(camera: Camera, change: impl Fn(&mut Config)) -> Stages {
     let mut config = Config::default();
-    config.tracking.new_submap_after = 10;
+    config.tracking.new_submap_seconds = 0.33;
     change(&mut config);
     Stages::new(config, camera, Simd::detect()).unwrap()
 }

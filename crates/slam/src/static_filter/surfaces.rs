@@ -7,13 +7,14 @@ use super::rigid::Votes;
 use super::segments::Links;
 use super::semantic::Mover;
 use super::visibility::{self, Earlier};
+use crate::pace::worth;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::CoarseDepth;
 use stillpoint_map::MapView;
 
 /// Ages of the frames that a frame is compared with, s: from a few frames, for fast things, to seconds, for slow ones.
 const AGES: [f64; 5] = [0.2, 0.4, 0.8, 1.6, 3.0];
-/// Share of a surface's log odds that it keeps from frame to frame.
+/// Share of a surface's log odds that it keeps from one frame of 30 Hz to the next.
 const KEEP: f32 = 0.85;
 
 /// Log odds of a surface whose features all move, by flow; at `NEUTRAL` of them it is even.
@@ -132,6 +133,7 @@ impl Surfaces {
         let pose = last.world_from_depth(now.view).inverse() * now.world_from_depth;
         let motion = visibility::CellMotion::new(&pose);
         let before = last.grid.data();
+        let keep = libm::powf(KEEP, worth(Some(now.stamp - last.stamp)));
         motion.for_each(cells, now.grid.data(), |cell, place, z| {
             let Some(place) = cells.at_place(place, z) else {
                 return;
@@ -150,7 +152,7 @@ impl Surfaces {
             if count > 0.0 {
                 moved_at[cell] = moved;
                 // Not all of it is kept: old evidence is to be overturned by new.
-                past[cell] = KEEP * sum / count;
+                past[cell] = keep * sum / count;
             }
         });
         (past, moved_at)

@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 pub struct TrackingConfig {
     /// A pose counts as measured with at least this many inliers. Range: 10 to 1000. Fewer agree by chance.
     pub min_inliers: usize,
-    /// A new submap is begun after so many frames that show enough and nothing that is known. Range: 1 to 100000. Frames of
-    /// a covered lens do not count.
-    pub new_submap_after: u32,
+    /// A new submap is begun after frames for so long, s, that show enough and nothing that is known. Range: 0.03 to 3600. Frames of a
+    /// covered lens do not count, and a frame stands for 0.1 s at most.
+    pub new_submap_seconds: f64,
 }
 
 impl Default for TrackingConfig {
@@ -19,7 +19,7 @@ impl Default for TrackingConfig {
         // The number of inliers is that of ORB-SLAM2 (Mur-Artal, Tardos 2017).
         Self {
             min_inliers: 30,
-            new_submap_after: 30,
+            new_submap_seconds: 1.0,
         }
     }
 }
@@ -37,11 +37,6 @@ impl TrackingConfig {
 
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
-        c.range(
-            "new_submap_after",
-            f64::from(self.new_submap_after),
-            1.0,
-            1e5,
-        );
+        c.range("new_submap_seconds", self.new_submap_seconds, 0.03, 3600.0);
     }
 }

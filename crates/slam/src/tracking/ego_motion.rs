@@ -60,7 +60,7 @@ impl Tracker {
         let (found, mut pairs, rest) = self.follow(frame, data, predicted);
         let voted = found.as_ref().map(|v| v.camera_from_world);
         let start = voted.unwrap_or(*predicted);
-        let velocity = self.state.motion_to(&start, frame.stamp).at_last();
+        let velocity = self.motion_to(&start).at_last();
         // How fast the camera turns is known now, and with it where the rows of the image belong.
         let data = &self.front_end.measure(frame, velocity.as_ref(), None);
         let (matches, matched) = self
@@ -70,11 +70,11 @@ impl Tracker {
         let exact = found.as_ref().filter(|v| v.exact);
         let pose = exact.map_or(matched, |v| v.camera_from_world);
         notes.counts.frame_matches = matches.count as u32;
-        self.bring_to_stamps(data, &mut pairs, &self.state.motion_to(&pose, frame.stamp));
+        self.bring_to_stamps(data, &mut pairs, &self.motion_to(&pose));
         self.recheck_flow(data, &mut pairs, &pose);
         Ok(EgoMotion {
             camera_from_world: pose,
-            velocity: self.state.motion_to(&pose, frame.stamp).at_last(),
+            velocity: self.motion_to(&pose).at_last(),
             matches,
             pairs,
             rest,
@@ -91,7 +91,7 @@ impl Tracker {
         start: &Se3,
     ) -> Option<Vote> {
         let vote = self.vote(frame, data, pairs, start)?;
-        let velocity_at = |pose: &Se3| self.state.motion_to(pose, frame.stamp);
+        let velocity_at = |pose: &Se3| self.motion_to(pose);
         let (expected, found) = (velocity_at(start), velocity_at(&vote.camera_from_world));
         let change = found.at_last()? - expected.at_last()?;
         if self.front_end.shutter().reach_px(&change) < SHUTTER_PX {

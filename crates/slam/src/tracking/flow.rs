@@ -1,22 +1,34 @@
 //! Flow: where each feature was in the frame before, and how the camera moved since.
 
-use super::Tracker;
+use super::ego_motion::EgoMotion;
 use super::frame::Observer;
 use super::motion::CameraMotion;
+use super::self_calibration::{Between, RowPair};
 use super::shutter::TYPICAL_DEPTH;
+use super::state::LastFrame;
+use super::{Solution, Tracker};
 use crate::sensor::DepthReader;
-use crate::static_filter::FlowPair;
+use crate::static_filter::{FeatureVerdict, FlowPair};
+use std::collections::BTreeMap;
 use stillpoint_features::FlowMatch;
 use stillpoint_geometry::{Se3, Vec2, Vec6};
 use stillpoint_imaging::RgbdFrame;
-use stillpoint_map::KeyframeData;
+use stillpoint_map::{KeyframeData, LandmarkId};
 
 /// Features farther than this from where a static scene would have them are looked at again, px.
 const RECHECK_PX: f64 = 1.5;
+/// Standard deviation of flow where it is best, px: what corners on edges add, and what depths err by.
+const SIGMA_PX: f64 = 0.5;
 /// A feature and where it is expected, raw px.
 pub(super) type Guess = (usize, [f32; 2]);
 
 impl Tracker {
+    /// The camera's motion if it is at `camera_from_world` in the present frame.
+    pub(super) fn motion_to(&self, camera_from_world: &Se3) -> CameraMotion {
+        let now = self.front_end.clock.now();
+        self.state.motion_to(camera_from_world, now)
+    }
+
     /// Finds the features of the frame in the one before. The guess is that the scene stands still and the camera moves to
     /// `camera_from_world`. Where the filter has no use for features without depth, these are not looked for: they are returned
     /// with their guesses.
@@ -30,7 +42,7 @@ impl Tracker {
             return (Vec::new(), Vec::new());
         };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
-        let motion = self.state.motion_to(camera_from_world, data.stamp);
+        let motion = self.motion_to(camera_from_world);
         let (now, before) = (motion.at_last(), motion.at_before());
         let shutter = self.front_end.shutter();
         let undistorted = &self.front_end.observer.undistorted;
@@ -91,7 +103,7 @@ impl Tracker {
         frame: &'a RgbdFrame,
         velocity: Option<&Vec6>,
     ) -> DepthReader<'a> {
-        let dt = frame.depth_stamp - frame.stamp - self.front_end.timing().depth_delay;
+        let dt = self.front_end.depth_lag(frame);
         let camera = &self.front_end.observer.camera;
         DepthReader::new(&self.setup.sensor, camera, &frame.depth, velocity, dt)
     }
@@ -108,7 +120,7 @@ impl Tracker {
             return;
         };
         let last_from_now = last.world_from_camera.inverse() * camera_from_world.inverse();
-        let motion = self.state.motion_to(camera_from_world, data.stamp);
+        let motion = self.motion_to(camera_from_world);
         let before = motion.at_before();
         let shutter = self.front_end.shutter();
         let mut again = Vec::new();
@@ -135,6 +147,70 @@ impl Tracker {
         }
         self.bring_to_stamps(data, pairs, &motion);
     }
+}
+
+impl Tracker {
+    /// What stands still in the frame before and in this one, whose features are `data`, as exposed.
+    pub(super) fn followed(
+        &self,
+        motion: &EgoMotion,
+        verdicts: &[FeatureVerdict],
+        data: &KeyframeData,
+    ) -> Vec<RowPair> {
+        let observer = &self.front_end.observer;
+        let pair = |(i, pair): (usize, &Option<FlowPair>)| {
+            let pair = pair.as_ref().filter(|_| !verdicts[i].dynamic)?;
+            let before_raw = Vec2::from(pair.before_raw.map(f64::from));
+            Some(RowPair {
+                now: (observer.undistorted[i], f64::from(data.keypoints[i].y)),
+                before: (data.camera.undistort(before_raw), before_raw.y),
+                z: data.depth(i)?,
+                sigma: libm::hypot(SIGMA_PX, pair.flow_sigma),
+            })
+        };
+        motion.pairs.iter().enumerate().filter_map(pair).collect()
+    }
+
+    /// Learns the readout, now that it is known how the camera moved to this frame.
+    pub(super) fn learn_readout(&mut self, solution: &mut Solution) {
+        let newest = self.state.tracked().map(|last| Between {
+            before_from_now: last.world_from_camera.inverse()
+                * solution.camera_from_world.inverse(),
+            seconds: self.front_end.clock.now() - last.time,
+            pairs: if solution.followed.is_empty() {
+                seen_twice(last, solution)
+            } else {
+                std::mem::take(&mut solution.followed)
+            },
+        });
+        self.front_end.learn(newest);
+    }
+}
+
+/// Landmarks that both frames see, where nothing is known of flow.
+fn seen_twice(last: &LastFrame, solution: &Solution) -> Vec<RowPair> {
+    let seen = last.matches.iter().enumerate();
+    let features: BTreeMap<LandmarkId, usize> =
+        seen.filter_map(|(i, id)| Some(((*id)?, i))).collect();
+    let data = &solution.data;
+    let pixel = |data: &KeyframeData, i: usize| {
+        let k = &data.keypoints[i];
+        let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
+        (data.camera.undistort(raw), raw.y)
+    };
+    let pair = |(i, id): (usize, &Option<LandmarkId>)| {
+        let before = *features.get(&(*id)?)?;
+        let sigmas = [data.sigma_px[i], last.data.sigma_px[before]].map(f64::from);
+        Some(RowPair {
+            now: pixel(data, i),
+            before: pixel(&last.data, before),
+            z: data.depth(i)?,
+            // Those of keypoints are of one that is matched from anywhere; between two frames in a row they are half as large.
+            sigma: 0.5 * libm::hypot(sigmas[0], sigmas[1]),
+        })
+    };
+    let matches = solution.matches.iter().enumerate();
+    matches.filter_map(pair).collect()
 }
 
 /// Standard deviation of a flow vector whose way back ends so far from the start, px. In blurred images, where few gradients hold

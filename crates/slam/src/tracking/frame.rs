@@ -1,8 +1,9 @@
 //! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
 
 use super::shutter::{Shutter, TYPICAL_DEPTH};
-use crate::sensor::{DepthReader, SensorConfig, Timing};
+use crate::sensor::{DepthReader, SensorConfig};
 use crate::static_filter::FeatureVerdict;
+use crate::timing::Timing;
 use std::sync::Arc;
 use stillpoint_features::{FeatureGrid, Features, Flow, FlowConfig, OrbConfig, OrbExtractor};
 use stillpoint_geometry::{Camera, Vec2, Vec6};
@@ -64,13 +65,14 @@ impl Observer {
         }
     }
 
-    /// What the frame saw, brought to the time of its stamp by the camera's velocity (twist per second): all of it, or
-    /// without the features whose verdict is dynamic.
+    /// What the frame saw, whose depth image was taken `depth_lag` s after its colour image, brought to the time of its stamp by the camera's
+    /// velocity (twist per second): all of it, or without the features whose verdict is dynamic.
     pub(super) fn measure(
         &self,
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
         timing: &Timing,
+        depth_lag: f64,
         verdicts: Option<&[FeatureVerdict]>,
     ) -> Arc<KeyframeData> {
         let _span = tracing::info_span!("depth").entered();
@@ -84,9 +86,14 @@ impl Observer {
         let mut sigma_px = Vec::with_capacity(n);
         let mut depths = Vec::with_capacity(n);
         let mut depth_sigmas = Vec::with_capacity(n);
-        let dt = frame.depth_stamp - frame.stamp - timing.depth_delay;
-        let reader = DepthReader::new(&self.sensor, &self.camera, &frame.depth, velocity, dt);
-        let shutter = Shutter::new(&self.camera, timing, 0.0);
+        let reader = DepthReader::new(
+            &self.sensor,
+            &self.camera,
+            &frame.depth,
+            velocity,
+            depth_lag,
+        );
+        let shutter = Shutter::new(&self.camera, timing);
         for i in kept {
             let (k, undistorted) = (&self.features.keypoints[i], &self.undistorted[i]);
             keypoints.push(*k);

@@ -1,13 +1,13 @@
 //! The front end: from a frame to its features, where they were in the frame before, and what both are asked for.
 
 use super::TrackerSetup;
+use super::clock::FrameClock;
 use super::demand::Demand;
 use super::frame::Observer;
-use super::self_calibration::SelfCalibration;
+use super::self_calibration::{Between, SelfCalibration};
 use super::shutter::Shutter;
-use crate::association::Matches;
-use crate::sensor::Timing;
 use crate::static_filter::FeatureVerdict;
+use crate::timing::Timing;
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
@@ -16,11 +16,10 @@ use stillpoint_map::KeyframeData;
 /// All that looks at images: extraction, flow, undistortion, the readout of the shutter, and how many keypoints are wanted.
 pub(super) struct FrontEnd {
     pub(super) observer: Observer,
+    pub(super) clock: FrameClock,
     demand: Demand,
     calibration: SelfCalibration,
-    /// Whether the readout is estimated ...
-    self_calibrates: bool,
-    /// ... and the estimate improves while tracking.
+    /// Whether the estimate of the readout improves while tracking.
     learns: bool,
     /// Inliers that make a pose.
     min_inliers: usize,
@@ -30,17 +29,18 @@ impl FrontEnd {
     pub(super) fn new(setup: &TrackerSetup, camera: Camera, simd: Simd) -> Self {
         Self {
             observer: Observer::new(camera, setup.sensor.clone(), &setup.features, simd),
+            clock: FrameClock::default(),
             demand: Demand::new(setup.features.features),
             calibration: SelfCalibration::new(setup.sensor.timing()),
-            self_calibrates: setup.sensor.self_calibrate,
             learns: setup.sensor.self_calibrate,
             min_inliers: setup.tracking.min_inliers,
         }
     }
 
     /// A front end for frames whose stamps run backwards: it knows of the shutter what this one does, and learns nothing.
-    pub(super) fn mirrored(&self, setup: &TrackerSetup, simd: Simd) -> Self {
+    pub(super) fn mirrored(&self, setup: &TrackerSetup, pivot: f64, simd: Simd) -> Self {
         Self {
+            clock: self.clock.mirrored(pivot),
             calibration: self.calibration.mirrored(),
             learns: false,
             ..Self::new(setup, self.observer.camera, simd)
@@ -67,21 +67,16 @@ impl FrontEnd {
         velocity: Option<&Vec6>,
         verdicts: Option<&[FeatureVerdict]>,
     ) -> Arc<KeyframeData> {
+        let timing = self.calibration.timing();
         self.observer
-            .measure(frame, velocity, self.calibration.timing(), verdicts)
+            .measure(frame, velocity, timing, self.depth_lag(frame), verdicts)
     }
 
-    /// Learns the readout from the inliers of a frame in which the camera moves by `velocity`.
-    pub(super) fn learn(
-        &mut self,
-        data: &KeyframeData,
-        matches: &Matches,
-        camera_from_world: &Se3,
-        velocity: Option<&Vec6>,
-    ) {
-        if let Some(v) = velocity.filter(|_| self.learns) {
-            self.calibration
-                .learn(&self.observer, data, matches, camera_from_world, v);
+    /// Learns the readout: takes the two newest frames; none where the frame before has no pose.
+    pub(super) fn learn(&mut self, newest: Option<Between>) {
+        if self.learns {
+            let camera = &self.observer.camera;
+            self.calibration.learn(camera, newest);
         }
     }
 
@@ -97,17 +92,7 @@ impl FrontEnd {
 
     /// The shutter, as estimated so far.
     pub(super) fn shutter(&self) -> Shutter<'_> {
-        let sigma = self.readout_sigma();
-        Shutter::new(&self.observer.camera, self.calibration.timing(), sigma)
-    }
-
-    /// Standard deviation of the readout, s; 0 where it is taken as configured.
-    pub(super) fn readout_sigma(&self) -> f64 {
-        if self.self_calibrates {
-            self.calibration.sigma()
-        } else {
-            0.0
-        }
+        Shutter::new(&self.observer.camera, self.calibration.timing())
     }
 
     /// Keypoints that the last image was asked for.
@@ -120,9 +105,15 @@ impl FrontEnd {
         self.demand.set(features);
     }
 
+    /// How long after a frame's colour image its depth image was taken, s.
+    pub(super) fn depth_lag(&self, frame: &RgbdFrame) -> f64 {
+        let times = self.clock.times(frame);
+        times.depth - times.colour - self.calibration.timing().depth_delay
+    }
+
     /// The camera's motion from the depth image's exposure to the colour image's.
     pub(super) fn camera_from_depth(&self, frame: &RgbdFrame, velocity: Option<&Vec6>) -> Se3 {
-        let dt = frame.depth_stamp - frame.stamp - self.calibration.timing().depth_delay;
+        let dt = self.depth_lag(frame);
         velocity.map_or(Se3::identity(), |v| Se3::exp(&(v * dt)).inverse())
     }
 }

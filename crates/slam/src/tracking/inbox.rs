@@ -3,7 +3,7 @@
 
 use super::{Submap, Tracker};
 use crate::messages::MapperMsg;
-use crate::sensor::Timing;
+use crate::timing::Timing;
 use crate::trajectory::Trajectory;
 use std::sync::Arc;
 use stillpoint_detection::Detections;
@@ -75,12 +75,6 @@ impl Tracker {
     #[must_use]
     pub fn timing(&self) -> Timing {
         self.front_end.timing()
-    }
-
-    /// Standard deviation of the readout in it, s.
-    #[must_use]
-    pub fn readout_sigma(&self) -> f64 {
-        self.front_end.readout_sigma()
     }
 
     /// The view in use.

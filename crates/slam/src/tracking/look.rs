@@ -13,9 +13,9 @@ use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId};
 
-/// Frames in a row that show enough and do not fit the last known pose, after which all starts over: a third of a second, for
-/// which a hand before the camera or a jerk may last.
-const PATIENCE: u32 = 10;
+/// How long frames show enough and do not fit the last known pose until all starts over, s: a hand before the camera or a jerk may last as
+/// long.
+const PATIENCE: f64 = 0.33;
 
 /// What was found in a frame.
 pub(crate) struct Look {
@@ -29,6 +29,8 @@ impl Tracker {
     pub(crate) fn look(&mut self, frame: &Arc<RgbdFrame>, given: Option<&Se3>) -> Look {
         let _span = tracing::info_span!("frame").entered();
         self.handle_clock(frame.stamp);
+        self.pace.next(frame);
+        self.front_end.clock.take(frame);
         let mut notes = Notes::default();
         let data = self.observe(frame, &mut notes);
         let world_from_camera = match self.motion_without_map(frame, &data, given, &mut notes) {
@@ -94,7 +96,7 @@ impl Tracker {
             let camera_from_world = world_from_camera.inverse();
             let (mut pairs, rest) = self.flow(data, &camera_from_world);
             self.recheck_flow(data, &mut pairs, &camera_from_world);
-            let motion = self.state.motion_to(&camera_from_world, frame.stamp);
+            let motion = self.motion_to(&camera_from_world);
             return Some(EgoMotion {
                 camera_from_world,
                 velocity: motion.at_last(),
@@ -112,7 +114,8 @@ impl Tracker {
                 ..EgoMotion::unknown()
             });
         }
-        let (reference, predicted) = self.state.predict(&self.map.view, frame.stamp);
+        let now = self.front_end.clock.now();
+        let (reference, predicted) = self.state.predict(&self.map.view, now);
         self.estimate_motion(frame, data, reference, &predicted, notes)
             .ok()
     }
@@ -137,12 +140,11 @@ impl Tracker {
             }
             None => motion.camera_from_world.inverse(),
         };
-        let since = self
-            .state
-            .motion_to(&world_from_camera.inverse(), frame.stamp);
+        let since = self.motion_to(&world_from_camera.inverse());
         self.state = State::Tracking {
             last: LastFrame {
                 stamp: frame.stamp,
+                time: self.front_end.clock.times(frame).colour,
                 matches: vec![None; data.len()],
                 data,
                 // There is no map that it could follow.
@@ -164,7 +166,8 @@ impl Tracker {
     fn lose_without_map(&mut self, frame: &RgbdFrame, features: usize) {
         self.state.lose(frame.id);
         let shows_enough = features >= MIN_INITIAL_POINTS;
-        if self.state.count_unplaced(shows_enough) >= PATIENCE && self.state.last().is_some() {
+        let unplaced = self.state.count_unplaced(shows_enough, self.pace.worth());
+        if unplaced >= PATIENCE && self.state.last().is_some() {
             self.state = State::default();
             self.filter.forget();
         }

@@ -64,10 +64,17 @@ impl Tracker {
         image: &Arc<RgbdFrame>,
         view: Arc<MapView>,
     ) -> Option<Self> {
+        // As all frames of the way back.
+        let image = &Arc::new(RgbdFrame {
+            id: FrameId(0),
+            depth_stamp: 2.0 * point.stamp - image.depth_stamp,
+            ..RgbdFrame::clone(image)
+        });
         let world_from_camera = view.world_from_keyframe(point.keyframe)?;
         let camera = self.front_end.observer.camera;
         let mut mirrored = Self::new(self.setup.clone(), camera, self.simd).in_map(view, true);
-        mirrored.front_end = self.front_end.mirrored(&self.setup, self.simd);
+        mirrored.front_end = self.front_end.mirrored(&self.setup, point.stamp, self.simd);
+        mirrored.front_end.clock.take(image);
         // The flow of the next frame ends in this image.
         mirrored.front_end.observe(image, None);
         let pose = AnchoredPose {
@@ -80,6 +87,7 @@ impl Tracker {
         mirrored.state = State::Tracking {
             last: LastFrame {
                 stamp: point.stamp,
+                time: mirrored.front_end.clock.times(image).colour,
                 data: Arc::clone(&point.data),
                 matches: point.matches.clone(),
                 pose,

@@ -2,6 +2,7 @@
 //!
 //! Owns the motion model and the last frame; sees the map only as a view. Does not change the map.
 
+mod clock;
 mod config;
 mod demand;
 mod ego_motion;
@@ -35,6 +36,7 @@ pub(crate) use mirror::TurningPoint;
 use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};
 use crate::messages::Tracked;
+use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
 use crate::sensor::SensorConfig;
 use crate::static_filter::{FeatureVerdict, FilterSetup, FrameInput, Judgement, StaticFilter};
@@ -43,6 +45,7 @@ use ego_motion::EgoMotion;
 use front_end::FrontEnd;
 use known_map::{KnownMap, Submap};
 use outcome::SinceKeyframe;
+use self_calibration::RowPair;
 use state::State;
 use statistics::Sightings;
 use std::sync::Arc;
@@ -80,6 +83,8 @@ pub struct Tracker {
     /// When the last submap was begun, s.
     begun: f64,
     since_keyframe: SinceKeyframe,
+    /// How fast frames come.
+    pace: Pace,
     /// Share of the keypoints that moved in the frame before.
     moving_share: f64,
     /// The frame before, whatever became of it.
@@ -121,6 +126,8 @@ struct Solution {
     reference: KeyframeId,
     matches: Vec<Option<LandmarkId>>,
     sightings: Sightings,
+    /// What stands still since the frame before, where flow tells.
+    followed: Vec<RowPair>,
     /// The keyframe whose place was recognised, where the camera was not just followed.
     recognised: Option<KeyframeId>,
 }
@@ -139,6 +146,7 @@ impl Tracker {
             submap: None,
             begun: f64::NEG_INFINITY,
             since_keyframe: SinceKeyframe::default(),
+            pace: Pace::default(),
             moving_share: 0.0,
             previous: None,
             trajectory: Trajectory::default(),
@@ -158,6 +166,8 @@ impl Tracker {
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
         self.handle_clock(frame.stamp);
+        self.pace.next(frame);
+        self.front_end.clock.take(frame);
         let mut notes = Notes::default();
         let data = self.observe(frame, &mut notes);
         let ending = if self.is_first() {
@@ -186,7 +196,8 @@ impl Tracker {
         data: &KeyframeData,
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
-        let (reference, predicted) = self.state.predict(&self.map.view, frame.stamp);
+        let now = self.front_end.clock.now();
+        let (reference, predicted) = self.state.predict(&self.map.view, now);
         let motion = self.estimate_motion(frame, data, reference, &predicted, notes)?;
         self.settle(frame, data, reference, &motion, notes)
     }
@@ -201,6 +212,7 @@ impl Tracker {
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         self.judge(frame, data, motion, notes);
+        let full = data;
         let (data, matches) = self.keep_static(frame, motion, notes);
         let (reference, matches, sightings) =
             self.match_map(frame, &data, reference, motion, matches, &mut notes.counts);
@@ -208,7 +220,9 @@ impl Tracker {
         // The map before the flow: poses from flow drift, those from the map do not.
         let fix = self.regain_map_when_starved(frame.id, &data, fix);
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
-        self.confirm(data, reference, fix, notes)
+        let mut solution = self.confirm(data, reference, fix, notes)?;
+        solution.followed = self.followed(motion, &notes.judgement.verdicts, full);
+        Ok(solution)
     }
 
     /// Extracts the features of a frame and reads their depths.
@@ -282,8 +296,6 @@ impl Tracker {
         let (matches, pose, information) = pose::solve_with_information(data, start, matches);
         // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);
-        self.front_end
-            .learn(data, &matches, &pose, motion.velocity.as_ref());
         // Until the first view of a new submap arrives, the last frame's own points are what there is to track.
         let inliers = if self.map.view.resolve_keyframe(reference).is_none() {
             matches.count
@@ -326,6 +338,7 @@ impl Tracker {
             reference,
             matches: targets.iter().map(|t| t.and_then(|t| t.landmark)).collect(),
             sightings: fix.sightings,
+            followed: Vec::new(),
             recognised: None,
         })
     }

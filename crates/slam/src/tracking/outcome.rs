@@ -4,7 +4,7 @@ use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::motion::CameraMotion;
 use super::state::{LastFrame, State};
-use super::statistics::{Pace, Statistics};
+use super::statistics::Statistics;
 use super::{Notes, Solution, Submap, Tracker};
 use crate::anchored_pose::AnchoredPose;
 use crate::evidence::Cells;
@@ -46,8 +46,6 @@ impl Ending {
 pub(super) struct SinceKeyframe {
     /// The frame that became it.
     frame: Option<FrameId>,
-    /// How fast frames come.
-    pace: Pace,
     /// How often landmarks were expected, found and seen through.
     statistics: Statistics,
 }
@@ -92,7 +90,6 @@ impl Tracker {
             // The first submap of all has no others whose places it could be compared with.
             young: (!self.map.is_empty()).then_some(1),
         });
-        self.since_keyframe.pace.next(frame);
         self.begun = frame.stamp;
         self.since_keyframe.frame = Some(frame.id);
         self.write_down(frame, &place, inliers);
@@ -117,7 +114,7 @@ impl Tracker {
     pub(super) fn accept(
         &mut self,
         frame: &RgbdFrame,
-        solution: Solution,
+        mut solution: Solution,
         notes: &Notes,
     ) -> Ending {
         let outcome = match (self.state.lost_since(), solution.recognised) {
@@ -127,14 +124,15 @@ impl Tracker {
                 with: with.unwrap_or(solution.reference),
             },
         };
-        let camera_from_world = &solution.camera_from_world;
+        let camera_from_world = solution.camera_from_world;
         let motion = match outcome {
-            Outcome::Tracked => self.state.motion_to(camera_from_world, frame.stamp),
+            Outcome::Tracked => self.motion_to(&camera_from_world),
             // From where it was lost to where it was found again it did not move like that.
             _ => CameraMotion::default(),
         };
+        self.learn_readout(&mut solution);
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
-        let worth = self.since_keyframe.pace.next(frame);
+        let worth = self.pace.worth();
         self.since_keyframe
             .statistics
             .count(solution.sightings, worth);
@@ -185,7 +183,7 @@ impl Tracker {
         }
         let since = |id: FrameId| frame.id.0.saturating_sub(id.0);
         let frames = self.since_keyframe.frame.map(since);
-        let pace = self.since_keyframe.pace.seconds();
+        let pace = self.pace.seconds();
         let gap = frames.map_or(f64::INFINITY, |n| f64::from(n) * pace);
         let (config, view) = (&self.setup.keyframes, &self.map.view);
         let of_reference = view.keyframe(pose.reference)?;
@@ -233,6 +231,7 @@ impl Tracker {
     ) {
         let last = LastFrame {
             stamp: frame.stamp,
+            time: self.front_end.clock.times(frame).colour,
             data: Arc::clone(data),
             matches: matches.to_vec(),
             pose: place.anchored,

@@ -170,8 +170,8 @@ impl Tracker {
     /// Where there are other submaps, that is not before these had their time to be recognised.
     fn is_submap_due(&mut self, stamp: f64, notes: &Notes) -> bool {
         let shows_enough = notes.counts.with_depth as usize >= MIN_INITIAL_POINTS;
-        let unplaced = self.state.count_unplaced(shows_enough);
-        let due = self.map.grows && unplaced >= self.setup.tracking.new_submap_after;
+        let unplaced = self.state.count_unplaced(shows_enough, self.pace.worth());
+        let due = self.map.grows && unplaced >= self.setup.tracking.new_submap_seconds - 1e-9;
         let recent = |last: &LastFrame| stamp - last.stamp < CARRIED_S + RECOGNISED_S;
         due && !(self.state.last().is_some_and(recent) && self.map.view.submaps().len() > 1)
     }

@@ -1,26 +1,64 @@
 //! Estimates the readout of a rolling shutter: how long after its first row an image's last row is exposed.
 //!
-//! It leaves a trace in the residuals of every frame in which the camera moves: pixels are off in proportion to their
-//! speed and to their row. Each frame adds its normal equations in the one unknown, with the pose eliminated (it could
-//! explain part of the trace), to those of all frames before. The delay of the depth image is not estimated: its trace
-//! is weak, and on simulated images the same method overestimates it by 6 to 18 ms.
+//! It shows between two frames in a row, of points that stand still in both: each was exposed early or late by its row's share of the readout, and the
+//! camera moved on meanwhile, by another velocity in each frame. Each pair of frames adds its normal equations in the one unknown, with the motion between
+//! both eliminated (it could explain part of it), to those of all frames before. Landmarks do not help: they carry the readout of the
+//! keyframes that measured them, and what of a view does not fit them is no match. While a camera turns on as it did there is nothing to
+//! learn. The delay of the depth image is not estimated: its trace is weak, and on simulated images a like method overestimates it by 6 to
+//! 18 ms. (docs/algorithm.md, readout.)
 
-use super::frame::Observer;
-use super::shutter::{Shutter, point_velocity};
-use crate::association::{Matches, measurement};
-use crate::sensor::Timing;
-use stillpoint_estimation::{Intrinsics, linearise};
-use stillpoint_geometry::{Mat6, Se3, Vec6};
-use stillpoint_map::KeyframeData;
+use super::shutter::{Shutter, TYPICAL_DEPTH, point_velocity};
+use crate::timing::Timing;
+use std::collections::VecDeque;
+use stillpoint_geometry::nalgebra::{SMatrix, SVector};
+use stillpoint_geometry::{Camera, Mat6, Se3, Vec2, Vec3, Vec6};
 
-/// Standard deviation of the readout before the first frame, s: rolling shutters take up to a frame's 33 ms.
-const PRIOR_SIGMA: f64 = 0.02;
-/// Residuals of neighbouring features and frames are not independent; one in this many counts.
+/// Neighbouring features and frames do not err independently; one in this many counts.
 const CORRELATION: f64 = 20.0;
+/// Share that velocities are wrong by in all frames alike, and the readout with them: a hand trembles between the frames as well.
+const VELOCITY_ERROR: f64 = 0.1;
 /// Slower than this (norm of the twist per second, m/s and rad/s) nothing can be learned.
 const MIN_SPEED: f64 = 0.05;
 /// The longest readout that is believed, s.
 const MAX_READOUT: f64 = 0.05;
+/// Pairs of points that are looked at, at most.
+const MAX_PAIRS: usize = 400;
+/// Fewer tell nothing: the motion alone takes six numbers.
+const MIN_PAIRS: usize = 30;
+/// Standard deviations from which a pair counts less: half at this many.
+const CAUCHY: f64 = 2.4;
+/// Times that the weights are found again.
+const ROUNDS: usize = 4;
+/// Frames in a row from which something is learned, less one: the velocity at both of the middle ones takes more on either side.
+const RUN: usize = 2 * SIDE + 1;
+/// Intervals on either side of a frame that tell its velocity.
+const SIDE: usize = 3;
+/// Where a velocity from fewer intervals differs by this share of the change of velocity, what is learned counts half.
+const SMOOTH: f64 = 0.03;
+/// Frames that are farther apart tell no velocity, s: a hand trembles faster than they can show.
+const LONGEST: f64 = 0.05;
+
+/// A point in two frames in a row, as exposed.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RowPair {
+    /// Undistorted pixel in the newer frame, and the row of the raw one.
+    pub(super) now: (Vec2, f64),
+    /// The same in the older frame.
+    pub(super) before: (Vec2, f64),
+    /// Depth in the newer frame, m.
+    pub(super) z: f64,
+    /// Standard deviation of the one pixel relative to the other, px.
+    pub(super) sigma: f64,
+}
+
+/// Two frames in a row, and what stands still in both.
+#[derive(Clone, Debug)]
+pub(super) struct Between {
+    pub(super) before_from_now: Se3,
+    /// Time between them, s.
+    pub(super) seconds: f64,
+    pub(super) pairs: Vec<RowPair>,
+}
 
 /// Running estimate of a camera's readout.
 #[derive(Clone, Debug)]
@@ -28,15 +66,19 @@ pub(super) struct SelfCalibration {
     information: f64,
     vector: f64,
     timing: Timing,
+    /// The newest frames without a gap, oldest first.
+    run: VecDeque<Between>,
 }
 
 impl SelfCalibration {
+    /// An estimate that starts with what is known of the readout, and with how well; one that is known exactly does not change.
     pub(super) fn new(start: Timing) -> Self {
-        let information = 1.0 / (PRIOR_SIGMA * PRIOR_SIGMA);
+        let information = 1.0 / (start.readout_sigma * start.readout_sigma).max(1e-12);
         Self {
             information,
             vector: information * start.readout,
             timing: start,
+            run: VecDeque::new(),
         }
     }
 
@@ -47,7 +89,9 @@ impl SelfCalibration {
             timing: Timing {
                 readout: -self.timing.readout,
                 depth_delay: -self.timing.depth_delay,
+                ..self.timing
             },
+            run: VecDeque::new(),
             ..self.clone()
         }
     }
@@ -57,63 +101,199 @@ impl SelfCalibration {
         &self.timing
     }
 
-    /// Standard deviation of the estimated readout, s.
-    pub(super) fn sigma(&self) -> f64 {
-        1.0 / self.information.sqrt()
-    }
-
-    /// Learns from the inliers of a tracked frame, which was measured with the present estimate while the camera moved
-    /// by `velocity` (twist per second).
-    pub(super) fn learn(
-        &mut self,
-        observer: &Observer,
-        data: &KeyframeData,
-        matches: &Matches,
-        camera_from_world: &Se3,
-        velocity: &Vec6,
-    ) {
-        if velocity.norm() < MIN_SPEED {
-            return;
-        }
-        let camera = Intrinsics::from(&data.camera);
-        // The residual with another readout and pose is `e + g dt - j dx`; sums of its normal equations.
-        let (mut jj, mut jg, mut je) = (Mat6::zeros(), Vec6::zeros(), Vec6::zeros());
-        let (mut gg, mut ge) = (0.0, 0.0);
-        for (i, target) in matches.targets.iter().enumerate() {
-            let Some(target) = target.filter(|t| t.landmark.is_some()) else {
-                continue;
-            };
-            let p = camera_from_world.transform(&target.position);
-            if p.z < 0.1 {
-                continue;
-            }
-            let m = measurement(data, i);
-            let l = linearise(&camera, &m, &p);
-            let rate = point_velocity(velocity, &p);
-            let share = Shutter::row_share(&observer.camera, f64::from(data.keypoints[i].y));
-            let w = [m.pixel_weight, m.pixel_weight, m.inverse_depth_weight];
-            for (k, w) in w.into_iter().enumerate() {
-                // A measurement changes by the readout as it moves, in proportion to its row's share.
-                let by_point = &l.by_point[k];
-                let motion = by_point[0] * rate.x + by_point[1] * rate.y + by_point[2] * rate.z;
-                let g = -share * motion;
-                let j = Vec6::from_row_slice(&l.by_pose[k]);
-                jj += j * j.transpose() * w;
-                jg += j * (g * w);
-                je += j * (l.residual[k] * w);
-                gg += g * g * w;
-                ge += g * l.residual[k] * w;
-            }
-        }
-        let Some(factor) = jj.cholesky() else {
+    /// Takes the two newest frames, and learns from two that lie in the midst of those before; none where the frame before has no pose.
+    pub(super) fn learn(&mut self, camera: &Camera, newest: Option<Between>) {
+        let Some(newest) = newest.filter(|b| b.seconds > 1e-6 && b.seconds < LONGEST) else {
+            self.run.clear();
             return;
         };
-        // The Schur complement: what another pose would explain as well teaches nothing about the readout.
-        let reduced = (gg - jg.dot(&factor.solve(&jg))) / CORRELATION;
-        let step = (jg.dot(&factor.solve(&je)) - ge) / CORRELATION;
-        self.information += reduced;
+        self.run.push_back(newest);
+        if self.run.len() < RUN {
+            return;
+        }
+        let mut motions = [(Vec6::zeros(), 0.0); RUN];
+        for (motion, between) in motions.iter_mut().zip(&self.run) {
+            let now_from_before = between.before_from_now.inverse();
+            *motion = (now_from_before.log() / between.seconds, between.seconds);
+        }
+        let runs = [&motions[..2 * SIDE], &motions[1..]];
+        let both = runs.map(velocity_between::<{ 2 * SIDE }>);
+        let coarse = runs.map(velocity_between::<{ 2 * SIDE - 2 }>);
+        // Its points are done with; how the camera moved in it is not.
+        let middle = &mut self.run[RUN / 2];
+        let middle = Between {
+            pairs: std::mem::take(&mut middle.pairs),
+            ..*middle
+        };
+        self.run.pop_front();
+        if let ([Some(before), Some(now)], [Some(b), Some(n)]) = (both, coarse) {
+            // A hand that trembles faster than frames can show moves in a way that nobody knows.
+            let unsure = size(&(before - b)) + size(&(now - n));
+            let share = unsure / (SMOOTH * size(&(now - before)) + 1e-9);
+            let trust = 1.0 / (1.0 + share * share);
+            self.learn_from(camera, &middle, [&before, &now], trust);
+        }
+    }
+
+    /// Learns from two frames with the camera's velocity at the older and at the newer one, which are to be trusted by so much, 0 to 1.
+    fn learn_from(
+        &mut self,
+        camera: &Camera,
+        between: &Between,
+        velocities: [&Vec6; 2],
+        trust: f64,
+    ) {
+        let slow = velocities.iter().all(|v| v.norm() < MIN_SPEED);
+        if slow || between.pairs.len() < MIN_PAIRS {
+            return;
+        }
+        let readout = self.timing.readout;
+        let step = between.pairs.len().div_ceil(MAX_PAIRS);
+        let rows: Vec<Row> = between
+            .pairs
+            .iter()
+            .step_by(step)
+            .filter_map(|p| Row::new(camera, p, &between.before_from_now, velocities, readout))
+            .collect();
+        let Some((reduced, step)) = reduce(&rows) else {
+            return;
+        };
+        let trust = trust / CORRELATION;
+        self.information += reduced * trust;
         // The residuals were taken with the present estimate, so the step counts from there.
-        self.vector += step + reduced * self.timing.readout;
+        self.vector += (step + reduced * readout) * trust;
         self.timing.readout = (self.vector / self.information).clamp(0.0, MAX_READOUT);
+        let chance = 1.0 / self.information.sqrt();
+        self.timing.readout_sigma = libm::hypot(chance, VELOCITY_ERROR * self.timing.readout);
     }
 }
+
+/// How fast points at [`TYPICAL_DEPTH`] move, rad/s.
+fn size(velocity: &Vec6) -> f64 {
+    let shift = velocity.fixed_rows::<3>(0).norm() / TYPICAL_DEPTH;
+    libm::hypot(shift, velocity.fixed_rows::<3>(3).norm())
+}
+
+/// The velocity in the midst of at least `N` intervals, each given by its mean velocity and its length, s: that of the polynomial with these means. A mean over
+/// two frames would level out what hands that tremble do. None where an interval has no length.
+fn velocity_between<const N: usize>(intervals: &[(Vec6, f64)]) -> Option<Vec6> {
+    let middle = intervals.len() / 2;
+    let mut ends = [[0.0; 2]; N];
+    // In frames rather than in seconds, for the sake of the digits.
+    let unit = intervals[middle].1;
+    let first = middle - N / 2;
+    let mut at = -intervals[first..middle].iter().map(|i| i.1).sum::<f64>();
+    for (ends, (_, seconds)) in ends.iter_mut().zip(&intervals[first..]) {
+        *ends = [at, at + seconds].map(|t| t / unit);
+        at += seconds;
+    }
+    // What each power of time has for a mean in each interval; the polynomial's value in the midst is its first coefficient.
+    let means = SMatrix::<f64, N, N>::from_fn(|power, k| {
+        let raised = |x: f64| (0..=power).fold(1.0, |product, _| product * x);
+        let [from, to] = ends[k];
+        (raised(to) - raised(from)) / ((power as f64 + 1.0) * (to - from))
+    });
+    let mut value = SVector::<f64, N>::zeros();
+    value[0] = 1.0;
+    let weights = means.try_inverse()? * value;
+    let sum = |sum: Vec6, (i, w): (&(Vec6, f64), &f64)| sum + i.0 * *w;
+    let found = intervals[first..]
+        .iter()
+        .zip(weights.iter())
+        .fold(Vec6::zeros(), sum);
+    found.iter().all(|v| v.is_finite()).then_some(found)
+}
+
+/// A pair, linearised: its residual with a readout longer by `dt` and another motion is `residual + by_readout dt - by_motion dx`, in standard
+/// deviations.
+struct Row {
+    residual: [f64; 2],
+    by_readout: [f64; 2],
+    by_motion: [Vec6; 2],
+}
+
+impl Row {
+    /// None where the point is not before the camera.
+    fn new(
+        camera: &Camera,
+        pair: &RowPair,
+        before_from_now: &Se3,
+        [v_before, v_now]: [&Vec6; 2],
+        readout: f64,
+    ) -> Option<Self> {
+        let [s_before, s_now] = [pair.before.1, pair.now.1].map(|y| Shutter::row_share(camera, y));
+        // As it is exposed in the newer frame, where that says it is at its stamp, at the older frame's stamp, and as exposed there.
+        let exposed = camera.backproject(pair.now.0, pair.z);
+        let late = point_velocity(v_now, &exposed) * s_now;
+        let p = exposed - late * readout;
+        let q = before_from_now.transform(&p);
+        let moved = point_velocity(v_before, &q) * s_before;
+        let there = q + moved * readout;
+        if p.z < 0.1 || there.z < 0.1 {
+            return None;
+        }
+        let back = before_from_now.rotation * -late;
+        let (w, pixel) = (1.0 / there.z, camera.project(&there));
+        let by_point = [
+            Vec3::new(camera.fx * w, 0.0, -camera.fx * there.x * w * w),
+            Vec3::new(0.0, camera.fy * w, -camera.fy * there.y * w * w),
+        ];
+        // Where it is at the older frame's stamp says how far it moves until it is exposed there.
+        let turning: Vec3 = v_before.fixed_rows::<3>(3) * (s_before * readout);
+        let by_place = by_point.map(|d| d + d.cross(&turning));
+        let off = pair.before.0 - pixel;
+        let by_pose = |d: &Vec3| {
+            let turn = q.cross(d);
+            Vec6::new(d.x, d.y, d.z, turn.x, turn.y, turn.z)
+        };
+        let scale = 1.0 / pair.sigma;
+        Some(Self {
+            residual: [off.x * scale, off.y * scale],
+            by_readout: [0, 1].map(|k| -(by_point[k].dot(&moved) + by_place[k].dot(&back)) * scale),
+            by_motion: by_place.map(|d| by_pose(&d) * scale),
+        })
+    }
+
+    /// How much it counts when the readout is longer by `dt` and the motion is another one: as of a Cauchy distribution.
+    fn weight(&self, dt: f64, dx: &Vec6) -> f64 {
+        let off = |k: usize| self.residual[k] + self.by_readout[k] * dt - self.by_motion[k].dot(dx);
+        let (x, y) = (off(0), off(1));
+        1.0 / (1.0 + (x * x + y * y) / (CAUCHY * CAUCHY))
+    }
+}
+
+/// What the rows say of the readout once the motion is eliminated: information, and information times step.
+fn reduce(rows: &[Row]) -> Option<(f64, f64)> {
+    let (mut dt, mut dx) = (0.0, Vec6::zeros());
+    let mut said = None;
+    for _ in 0..ROUNDS {
+        let (mut jj, mut jg, mut je) = (Mat6::zeros(), Vec6::zeros(), Vec6::zeros());
+        let (mut gg, mut ge) = (0.0, 0.0);
+        for row in rows {
+            let weight = row.weight(dt, &dx);
+            for k in 0..2 {
+                let (e, g, j) = (row.residual[k], row.by_readout[k], &row.by_motion[k]);
+                jj += j * j.transpose() * weight;
+                jg += j * (g * weight);
+                je += j * (e * weight);
+                gg += g * g * weight;
+                ge += g * e * weight;
+            }
+        }
+        let factor = jj.cholesky()?;
+        // The Schur complement: what another motion would explain as well teaches nothing about the readout.
+        let information = gg - jg.dot(&factor.solve(&jg));
+        let vector = jg.dot(&factor.solve(&je)) - ge;
+        if !(information > 0.0 && vector.is_finite()) {
+            return None;
+        }
+        said = Some((information, vector));
+        // A readout can change by no more than a frame's time, whatever a frame says that says little.
+        dt = (vector / information).clamp(-MAX_READOUT, MAX_READOUT);
+        dx = factor.solve(&(je + jg * dt));
+    }
+    said
+}
+
+#[cfg(test)]
+mod tests;

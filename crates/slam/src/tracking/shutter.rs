@@ -2,7 +2,7 @@
 //!
 //! To first order: within a readout the camera moves by millimetres and fractions of a degree.
 
-use crate::sensor::Timing;
+use crate::timing::Timing;
 use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
 
 /// Depth taken for a feature that has none, m, where only a guess or its share in the image's motion within a readout depends on it.
@@ -18,12 +18,12 @@ pub(super) struct Shutter<'a> {
 }
 
 impl<'a> Shutter<'a> {
-    /// The shutter of a readout that is known to within a standard deviation `sigma`, s.
-    pub(super) fn new(camera: &'a Camera, timing: &Timing, sigma: f64) -> Self {
+    /// The shutter of a camera with this timing.
+    pub(super) fn new(camera: &'a Camera, timing: &Timing) -> Self {
         Self {
             camera,
             readout: timing.readout,
-            reach: libm::hypot(timing.readout, sigma),
+            reach: libm::hypot(timing.readout, timing.readout_sigma),
         }
     }
 
@@ -105,6 +105,7 @@ mod tests {
 
     const TIMING: Timing = Timing {
         readout: 0.02,
+        readout_sigma: 0.0,
         depth_delay: 0.0,
     };
 
@@ -115,7 +116,7 @@ mod tests {
     #[test]
     fn what_is_exposed_comes_back_to_its_stamp() {
         let camera = camera();
-        let (shutter, v) = (Shutter::new(&camera, &TIMING, 0.0), velocity());
+        let (shutter, v) = (Shutter::new(&camera, &TIMING), velocity());
         for p in [[0.3, 0.4, 1.2], [-0.6, -0.5, 2.0], [0.1, 0.0, 4.0]] {
             let p = Vec3::from(p);
             let raw = shutter.exposed(&p, Some(&v));
@@ -129,8 +130,8 @@ mod tests {
     #[test]
     fn the_middle_row_and_a_global_shutter_are_exposed_at_the_stamp() {
         let camera = Camera::pinhole(640, 480, [520.0, 520.0, 319.5, 239.5]);
-        let (rolling, v) = (Shutter::new(&camera, &TIMING, 0.0), velocity());
-        let global = Shutter::new(&camera, &Timing::default(), 0.0);
+        let (rolling, v) = (Shutter::new(&camera, &TIMING), velocity());
+        let global = Shutter::new(&camera, &Timing::default());
         let pixel = Vec2::new(500.0, 240.0);
         let seen = camera.backproject(pixel, 2.0);
         assert!((rolling.at_stamp(pixel, 240.0, 2.0, Some(&v)) - seen).norm() < 1e-12);
@@ -143,8 +144,12 @@ mod tests {
     #[test]
     fn what_is_not_known_of_the_readout_counts_as_well() {
         let camera = camera();
-        let known = Shutter::new(&camera, &TIMING, 0.0);
-        let unknown = Shutter::new(&camera, &Timing::default(), 0.02);
+        let known = Shutter::new(&camera, &TIMING);
+        let nothing = Timing {
+            readout_sigma: 0.02,
+            ..Timing::default()
+        };
+        let unknown = Shutter::new(&camera, &nothing);
         // 0.02 s at 1 rad/s, of which the last row gets half.
         for shutter in [known, unknown] {
             assert!((shutter.sigma_px(480.0, 1.0) - 5.2).abs() < 1e-9);

@@ -9,6 +9,7 @@
 
 use super::motion::CameraMotion;
 use crate::anchored_pose::AnchoredPose;
+use crate::pace::RATE;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_imaging::FrameId;
@@ -17,6 +18,8 @@ use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
 /// The last frame whose pose is known.
 pub(super) struct LastFrame {
     pub(super) stamp: f64,
+    /// When it was taken, s, by the frames' clock.
+    pub(super) time: f64,
     pub(super) data: Arc<KeyframeData>,
     pub(super) matches: Vec<Option<LandmarkId>>,
     /// Its pose, by keyframes.
@@ -32,8 +35,8 @@ pub(super) enum State {
     Waiting {
         /// The first frame without a pose.
         since: Option<FrameId>,
-        /// Frames that showed enough to begin a submap, and nothing that is known.
-        unplaced: u32,
+        /// Frames that showed enough to begin a submap, and nothing that is known, in frames of 30 Hz.
+        unplaced: f32,
     },
     /// The frame before has a pose.
     Tracking {
@@ -46,8 +49,8 @@ pub(super) enum State {
         since: FrameId,
         /// The last one with a pose.
         last: LastFrame,
-        /// Frames that showed enough to begin a submap, and nothing that is known.
-        unplaced: u32,
+        /// Frames that showed enough to begin a submap, and nothing that is known, in frames of 30 Hz.
+        unplaced: f32,
     },
 }
 
@@ -55,7 +58,7 @@ impl Default for State {
     fn default() -> Self {
         Self::Waiting {
             since: None,
-            unplaced: 0,
+            unplaced: 0.0,
         }
     }
 }
@@ -101,20 +104,20 @@ impl State {
         }
     }
 
-    /// The motion that a new pose `camera_from_world` at `stamp` amounts to; unknown unless the frame before has a pose.
-    pub(super) fn motion_to(&self, camera_from_world: &Se3, stamp: f64) -> CameraMotion {
+    /// The motion that a new pose `camera_from_world` at `time` amounts to; unknown unless the frame before has a pose.
+    pub(super) fn motion_to(&self, camera_from_world: &Se3, time: f64) -> CameraMotion {
         match self {
             Self::Tracking { last, motion } => {
                 let last_from_world = last.world_from_camera.inverse();
-                motion.followed_by(&last_from_world, camera_from_world, stamp - last.stamp)
+                motion.followed_by(&last_from_world, camera_from_world, time - last.time)
             }
             Self::Waiting { .. } | Self::Lost { .. } => CameraMotion::default(),
         }
     }
 
-    /// Expresses the last pose in a view of the map, then predicts that at `stamp`. Returns the reference keyframe, and
+    /// Expresses the last pose in a view of the map, then predicts that at `time`. Returns the reference keyframe, and
     /// `camera_from_world`: of a camera that is lost where it was last.
-    pub(super) fn predict(&mut self, view: &MapView, stamp: f64) -> (KeyframeId, Se3) {
+    pub(super) fn predict(&mut self, view: &MapView, time: f64) -> (KeyframeId, Se3) {
         let Some(last) = self.last_mut() else {
             return (KeyframeId(0), Se3::identity());
         };
@@ -124,7 +127,7 @@ impl State {
         }
         let reference = view.resolve_keyframe(last.pose.reference);
         let reference = reference.unwrap_or(last.pose.reference);
-        let (last_from_world, dt) = (last.world_from_camera.inverse(), stamp - last.stamp);
+        let (last_from_world, dt) = (last.world_from_camera.inverse(), time - last.time);
         let predicted = match self {
             Self::Tracking { motion, .. } => motion.predict(&last_from_world, dt),
             Self::Waiting { .. } | Self::Lost { .. } => last_from_world,
@@ -141,20 +144,21 @@ impl State {
             Self::Tracking { last, .. } => Self::Lost {
                 since: frame,
                 last,
-                unplaced: 0,
+                unplaced: 0.0,
             },
             same => same,
         };
         self.lost_since().unwrap_or(frame)
     }
 
-    /// Counts a frame without a pose that shows enough to begin a submap, if it does. Returns how many there were.
-    pub(super) fn count_unplaced(&mut self, shows_enough: bool) -> u32 {
+    /// Counts a frame without a pose that is `worth` so many of 30 Hz, if it shows enough to begin a submap. Returns the time that such frames
+    /// stand for, s.
+    pub(super) fn count_unplaced(&mut self, shows_enough: bool, worth: f32) -> f64 {
         match self {
-            Self::Tracking { .. } => 0,
+            Self::Tracking { .. } => 0.0,
             Self::Waiting { unplaced, .. } | Self::Lost { unplaced, .. } => {
-                *unplaced += u32::from(shows_enough);
-                *unplaced
+                *unplaced += if shows_enough { worth } else { 0.0 };
+                f64::from(*unplaced) / RATE
             }
         }
     }
@@ -162,7 +166,10 @@ impl State {
     /// The submap is left: where the camera was in it means nothing any more.
     pub(super) fn leave_submap(&mut self) {
         let since = self.lost_since();
-        let unplaced = self.count_unplaced(false);
+        let unplaced = match self {
+            Self::Tracking { .. } => 0.0,
+            Self::Waiting { unplaced, .. } | Self::Lost { unplaced, .. } => *unplaced,
+        };
         *self = Self::Waiting { since, unplaced };
     }
 
@@ -173,6 +180,7 @@ impl State {
         }
         if let Some(last) = self.last_mut() {
             last.stamp += by;
+            last.time += by;
         }
     }
 }
@@ -205,6 +213,7 @@ mod tests {
         };
         LastFrame {
             stamp,
+            time: stamp,
             data: Arc::new(data),
             matches: Vec::new(),
             pose: AnchoredPose {
@@ -253,15 +262,15 @@ mod tests {
         for mut state in [State::default(), tracking()] {
             assert_eq!(state.lose(FrameId(7)), FrameId(7));
             assert_eq!(state.lose(FrameId(8)), FrameId(7));
-            assert_eq!(state.count_unplaced(true), 1);
-            assert_eq!(state.count_unplaced(false), 1);
-            assert_eq!(state.count_unplaced(true), 2);
+            assert_eq!(state.count_unplaced(true, 1.0), 1.0 / RATE);
+            assert_eq!(state.count_unplaced(false, 1.0), 1.0 / RATE);
+            assert_eq!(state.count_unplaced(true, 2.0), 3.0 / RATE);
             // Also beyond the submap.
             state.leave_submap();
             assert!(state.last().is_none());
             assert_eq!(state.lost_since(), Some(FrameId(7)));
             assert_eq!(state.lose(FrameId(9)), FrameId(7));
-            assert_eq!(state.count_unplaced(false), 2);
+            assert_eq!(state.count_unplaced(false, 1.0), 3.0 / RATE);
         }
     }
 

@@ -4,58 +4,7 @@ use super::sight::Sight;
 use crate::association::Matches;
 use crate::messages::LandmarkStatistic;
 use std::collections::BTreeMap;
-use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::LandmarkId;
-
-/// Frames per second for which what a frame says was measured.
-const RATE: f64 = 30.0;
-/// What a frame says is at most this much, in frames of 30 Hz: after a gap it is still a single look.
-const MOST: f64 = 3.0;
-
-/// How much a frame says of what it shows, in frames of 30 Hz, from the time since the one before (s): twice as many looks at the same thing in the
-/// same time do not prove twice as much. Rounded to halves, so that jitter does not count.
-fn worth(seconds: Option<f64>) -> f32 {
-    let frames = RATE * seconds.filter(|s| *s > 0.0).unwrap_or(1.0 / RATE);
-    let rounded = if frames < 0.5 {
-        frames
-    } else {
-        0.5 * libm::round(2.0 * frames)
-    };
-    rounded.min(MOST) as f32
-}
-
-/// How fast frames come, from frame to frame.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Pace {
-    last: Option<(FrameId, f64)>,
-    /// Time between the last two frames, s.
-    gap: Option<f64>,
-    /// In frames of 30 Hz; 0 before the first frame.
-    worth: f32,
-}
-
-impl Pace {
-    /// Takes a frame, and tells its [`worth`]. A frame that was dropped makes the next one no better a look, so that the shorter of the last two gaps counts.
-    pub(super) fn next(&mut self, frame: &RgbdFrame) -> f32 {
-        let since = |(id, stamp): (FrameId, f64)| {
-            (frame.stamp - stamp) / f64::from(frame.id.0.saturating_sub(id.0).max(1))
-        };
-        let gap = self.last.map(since).filter(|s| *s > 0.0);
-        let shorter = match (gap, self.gap) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
-        };
-        self.last = Some((frame.id, frame.stamp));
-        self.gap = gap;
-        self.worth = worth(shorter);
-        self.worth
-    }
-
-    /// Time that a frame stands for, s.
-    pub(super) fn seconds(&self) -> f64 {
-        f64::from(self.worth) / RATE
-    }
-}
 
 /// Counts per landmark that was expected at least once.
 #[derive(Debug, Default)]
@@ -128,26 +77,10 @@ impl Statistics {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_imaging::{DepthImage, GrayImage};
+    use crate::pace::worth;
 
     #[test]
-    fn what_frames_say_counts_by_time() {
-        for (seconds, expected) in [
-            (None, 1.0),
-            (Some(1.0 / 30.0), 1.0),
-            (Some(0.0276), 1.0),
-            (Some(0.0402), 1.0),
-            (Some(1.0 / 15.0), 2.0),
-            (Some(1.0 / 60.0), 0.5),
-            (Some(1.0 / 120.0), 0.25),
-            (Some(0.1), 3.0),
-            (Some(10.0), 3.0),
-            (Some(-1.0), 1.0),
-            (Some(f64::NAN), 1.0),
-        ] {
-            assert!((worth(seconds) - expected).abs() < 1e-6, "{seconds:?}");
-        }
-        // A second of looking is a second, whatever the rate.
+    fn a_second_of_looking_is_a_second_at_any_rate() {
         for rate in [10.0, 15.0, 30.0, 60.0, 120.0, 200.0] {
             let mut statistics = Statistics::default();
             for _ in 0..rate as usize {
@@ -159,35 +92,6 @@ mod tests {
             assert_eq!(seen.gone, rate as u32);
             assert!((seen.gone_worth - 30.0).abs() < 1e-3, "{rate} Hz");
         }
-    }
-
-    #[test]
-    fn a_dropped_frame_does_not_change_the_pace() {
-        let worths = |frames: &[(u32, f64)]| -> Vec<f32> {
-            let mut pace = Pace::default();
-            let frame = |(id, stamp): (u32, f64)| RgbdFrame {
-                id: FrameId(id),
-                stamp,
-                depth_stamp: stamp,
-                gray: GrayImage::new(1, 1),
-                colour: None,
-                depth: DepthImage::default(),
-            };
-            frames.iter().map(|f| pace.next(&frame(*f))).collect()
-        };
-        let dt = 1.0 / 30.0;
-        // Missing in the recording, and left out by a live run, which numbers what it leaves out.
-        assert_eq!(
-            worths(&[(0, 0.0), (1, dt), (2, 3.0 * dt), (3, 4.0 * dt)]),
-            [1.0; 4]
-        );
-        assert_eq!(worths(&[(0, 0.0), (4, 4.0 * dt), (6, 6.0 * dt)]), [1.0; 3]);
-        // Another pace is taken up with the second gap, and a clock that is set back says nothing.
-        assert_eq!(
-            worths(&[(0, 0.0), (1, dt), (2, 3.0 * dt), (3, 5.0 * dt)]),
-            [1.0, 1.0, 1.0, 2.0]
-        );
-        assert_eq!(worths(&[(0, 9.0), (1, 1.0), (2, 1.1)]), [1.0, 1.0, 3.0]);
     }
 
     #[test]

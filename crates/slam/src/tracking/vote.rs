@@ -73,7 +73,7 @@ impl Tracker {
         };
         // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
         let exact = frame.stamp - self.begun < UNDECIDED || self.moving_share > CROWD;
-        let velocity = self.state.motion_to(predicted, frame.stamp).at_before();
+        let velocity = self.motion_to(predicted).at_before();
         let mut votes = self.voters(data, pairs, velocity.as_ref())?;
         if exact {
             give_say_by_area(&mut votes);

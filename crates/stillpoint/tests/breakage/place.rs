@@ -8,7 +8,7 @@ use stillpoint_slam::Outcome;
 #[test]
 fn uncovered_where_it_was_it_is_found_and_elsewhere_it_begins_a_submap() {
     let mut config = config();
-    config.tracking.new_submap_after = 10;
+    config.tracking.new_submap_seconds = 0.33;
     let covered = || {
         let mut session = Session::new(walk(), config.clone());
         session.feed(walk().play(0..40));

@@ -220,7 +220,7 @@ fn a_new_submap_is_begun_elsewhere_and_joined_when_the_camera_comes_back() {
     let covered = Play::frames((0..60).step_by(2)).covered(5);
     let play = covered.clone().then((40..230).rev().step_by(2));
     let mut config = Config::default();
-    config.tracking.new_submap_after = 10;
+    config.tracking.new_submap_seconds = 0.33;
     let run = run(&simulator, &config, &play);
     run.tell();
     let begun = |r: &&FrameReport| r.outcome == Outcome::Initialised;

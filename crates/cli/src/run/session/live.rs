@@ -104,7 +104,7 @@ impl Driver<'_> {
         tally.skipped += skipped;
         let rejoined = outputs.rejoin_live(writers);
         if let Err(failure) = played.and(rejoined) {
-            outputs.rescue_map(result.map.as_ref(), tally.frames);
+            outputs.rescue_map(result.map.as_ref(), &result.timing, tally.frames);
             return Err(failure);
         }
         self.check_frames(&tally)?;
@@ -112,12 +112,13 @@ impl Driver<'_> {
         let mut session = tally.close(End {
             trajectory: &result.trajectory,
             view: Arc::clone(&result.view),
+            timing: result.timing,
             detector: DetectorJson { remark, ..detector },
             interrupted: self.interrupt.requested(),
             seconds,
         });
         session.saved = outputs.map.take().map(|file| match &result.map {
-            Some(map) => file.save(map),
+            Some(map) => file.save(map, Some(&result.timing)),
             None => Err(Failure::criteria(
                 "the map is not saved: mapping ended in the midst of its work and left it in a state that cannot be used",
             )),

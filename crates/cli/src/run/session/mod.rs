@@ -36,6 +36,8 @@ pub(crate) struct Session {
     pub(crate) skipped: usize,
     /// Frames with a pose that were tracked while it was undecided who moves.
     pub(crate) undecided: usize,
+    /// When the parts of a frame are exposed, as estimated in the end.
+    pub(crate) timing: stillpoint::slam::Timing,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
     /// What the detector was and did.
@@ -111,13 +113,14 @@ impl Driver<'_> {
         listeners.progress.finish();
         let Listeners { tally, writers, .. } = listeners;
         if let Err(failure) = outputs.rejoin(writers).and(taken) {
-            outputs.rescue_map(Some(system.map()), tally.frames);
+            outputs.rescue_map(Some(system.map()), &system.timing(), tally.frames);
             return Err(failure);
         }
         self.check_frames(&tally)?;
         let mut session = tally.close(End {
             trajectory: system.trajectory(),
             view: system.view(),
+            timing: system.timing(),
             detector: DetectorJson {
                 remark: system.detector().and_then(Detector::remark),
                 ..DetectorJson::of(system.detector())
@@ -127,7 +130,9 @@ impl Driver<'_> {
         });
         session.log = system.log();
         // What was found until then is worth having even when the map cannot be saved.
-        session.saved = outputs.map.take().map(|map| map.save(system.map()));
+        let timing = system.timing();
+        let map = outputs.map.take();
+        session.saved = map.map(|map| map.save(system.map(), Some(&timing)));
         Ok(session)
     }
 

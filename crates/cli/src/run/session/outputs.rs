@@ -13,7 +13,7 @@ use crate::timing::Timing;
 use crate::trace::TraceFile;
 use stillpoint::live::{Delivery, LiveSystem, Subscribed};
 use stillpoint::map::Map;
-use stillpoint::slam::{Event, Subscriber};
+use stillpoint::slam::{self, Event, Subscriber};
 
 /// The subscriber that draws pictures.
 pub(crate) const OVERLAY: &str = "overlay";
@@ -142,12 +142,12 @@ impl Outputs {
 
     /// Saves the map of a run that cannot go on after so many frames, if it is to be saved, and says so. What else there was is
     /// lost, and whoever mapped for an hour wants to go on from there.
-    pub(crate) fn rescue_map(&mut self, map: Option<&Map>, frames: usize) {
+    pub(crate) fn rescue_map(&mut self, map: Option<&Map>, timing: &slam::Timing, frames: usize) {
         let Some(file) = self.map.take() else { return };
         let Some(map) = map.filter(|m| frames > 0 && m.view().keyframe_count() > 0) else {
             return;
         };
-        match file.save(map) {
+        match file.save(map, Some(timing)) {
             Ok(saved) => console::line(&format!(
                 "the run ends after {frames} frames; the map until then, of {} keyframes and {} landmarks, is saved to {}",
                 saved.keyframes, saved.landmarks, saved.path

@@ -40,7 +40,7 @@ impl Driver<'_> {
         let view = replay.view();
         let Listeners { tally, writers, .. } = listeners;
         if let Err(failure) = outputs.rejoin(writers).and(carried_out) {
-            outputs.rescue_map(Some(replay.map()), tally.frames);
+            outputs.rescue_map(Some(replay.map()), &replay.timing(), tally.frames);
             return Err(failure);
         }
         let whole = replay.is_over();
@@ -49,12 +49,14 @@ impl Driver<'_> {
         let mut session = tally.close(End {
             trajectory: replay.trajectory(),
             view,
+            timing: replay.timing(),
             detector,
             interrupted: self.interrupt.requested(),
             seconds: start.elapsed().as_secs_f64(),
         });
         let map = outputs.map.take();
-        session.saved = map.map(|file| file.save(&replay.into_map()));
+        let timing = replay.timing();
+        session.saved = map.map(|file| file.save(&replay.into_map(), Some(&timing)));
         Ok((session, whole.then_some(agrees)))
     }
 

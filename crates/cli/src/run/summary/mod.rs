@@ -25,6 +25,9 @@ pub(crate) struct Summary {
     /// Of these, frames that were tracked while it was undecided who moves.
     #[serde(default)]
     pub(crate) undecided: usize,
+    /// The camera's rolling shutter.
+    #[serde(default)]
+    pub(crate) readout: ReadoutJson,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
     /// The submaps that frames have poses in; the first is that of `trajectory.txt`.
@@ -67,6 +70,15 @@ pub(crate) struct Summary {
     /// Against the ground truth, where there is any.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) accuracy: Option<Accuracy>,
+}
+
+/// A camera's rolling shutter, as estimated in the end or as stated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct ReadoutJson {
+    /// Time from the exposure of the first row to that of the last, s.
+    pub(crate) seconds: f64,
+    /// Its standard deviation, s; 0 where it is stated.
+    pub(crate) sigma: f64,
 }
 
 /// What was run on.

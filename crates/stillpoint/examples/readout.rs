@@ -1,0 +1,161 @@
+//! What is estimated of a rolling shutter, and what the static filter costs where nothing moves: simulated turns with known readouts.
+//!
+//! `cargo run --release -p stillpoint --example readout -- SEEDS FRAMES [SCENE ...]`: a row per scene and true readout.
+#![allow(clippy::print_stdout)]
+
+use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint::imaging::Simd;
+use stillpoint::simulator::{Shutter, Simulator, SimulatorConfig};
+use stillpoint::slam::{Config, Event, Preset, System};
+
+type Failure = Box<dyn std::error::Error>;
+
+/// Readouts of the table, s: a global shutter, and rolling ones.
+const READOUTS: [f64; 3] = [0.0, 0.01, 0.02];
+/// All turns of the simulator's rpy paths.
+const SCENES: [&str; 4] = ["rpy", "rpy_60", "rpy_100", "rpy_150"];
+
+/// A system, and the features that it looked at and rejected.
+struct Contestant {
+    system: System,
+    features: f64,
+    rejected: f64,
+}
+
+impl Contestant {
+    fn new(simulator: &Simulator, preset: Preset) -> Result<Self, Failure> {
+        let mut config = Config::default();
+        config.static_filter.preset = preset;
+        Ok(Self {
+            system: System::new(config, *simulator.camera(), Simd::detect())?,
+            features: 0.0,
+            rejected: 0.0,
+        })
+    }
+
+    fn poses(&self) -> Vec<TimedPose> {
+        let view = self.system.view();
+        let resolved = self.system.trajectory().resolve(&view);
+        resolved
+            .map(|(entry, world_from_camera)| TimedPose {
+                stamp: entry.stamp,
+                world_from_camera,
+            })
+            .collect()
+    }
+}
+
+/// What a run says: with the filter and without.
+struct Row {
+    /// Estimated readout, s.
+    readout: [f64; 2],
+    /// What the estimate says that it may be wrong by, s.
+    sigma: f64,
+    /// ATE, m.
+    ate: [f64; 2],
+    /// Share of the features that the filter rejected.
+    rejected: f64,
+}
+
+fn run(scene: &str, seed: u64, frames: usize, readout: f64) -> Result<Row, Failure> {
+    let simulator = Simulator::new(&SimulatorConfig {
+        scene: scene.to_owned(),
+        seed,
+        frames: Some(frames),
+        shutter: Some(Shutter {
+            readout,
+            depth_readout: 0.03,
+            exposure: 0.01,
+        }),
+        ..SimulatorConfig::default()
+    })?;
+    let mut both = [
+        Contestant::new(&simulator, Preset::Default)?,
+        Contestant::new(&simulator, Preset::Off)?,
+    ];
+    for i in 0..simulator.len() {
+        let frame = simulator.frame(i);
+        for c in &mut both {
+            for event in c.system.step(frame.clone()) {
+                if let Event::Frame(done) = event {
+                    let counts = &done.report.counts;
+                    c.features += f64::from(counts.keypoints);
+                    c.rejected += f64::from(counts.dynamic);
+                }
+            }
+        }
+    }
+    let truth = simulator.ground_truth().into_iter();
+    let truth: Vec<TimedPose> = truth
+        .map(|(stamp, world_from_camera)| TimedPose {
+            stamp,
+            world_from_camera,
+        })
+        .collect();
+    let mut ate = [f64::NAN; 2];
+    for (c, ate) in both.iter_mut().zip(&mut ate) {
+        c.system.finish();
+        let report = evaluate(&truth, &c.poses(), &EvalOptions::default())?;
+        *ate = report.ate.statistics.rmse;
+    }
+    let estimates = [&both[0], &both[1]].map(|c| c.system.timing());
+    Ok(Row {
+        readout: estimates.map(|r| r.readout),
+        sigma: estimates[0].readout_sigma,
+        ate,
+        rejected: both[0].rejected / both[0].features.max(1.0),
+    })
+}
+
+/// Median, least and greatest.
+fn spread(values: impl Iterator<Item = f64>) -> [f64; 3] {
+    let mut sorted: Vec<f64> = values.collect();
+    sorted.sort_by(f64::total_cmp);
+    let at = |i: usize| sorted.get(i).copied().unwrap_or(f64::NAN);
+    [at(sorted.len() / 2), at(0), at(sorted.len().max(1) - 1)]
+}
+
+fn main() -> Result<(), Failure> {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let number = |at: usize, default: u64| -> Result<u64, Failure> {
+        Ok(words.get(at).map_or(Ok(default), |w| w.parse())?)
+    };
+    let (seeds, frames) = (number(0, 10)?, number(1, 150)?);
+    let named: Vec<&str> = words.iter().skip(2).map(String::as_str).collect();
+    let scenes = if named.is_empty() {
+        &SCENES[..]
+    } else {
+        &named
+    };
+    println!(
+        "{seeds} seeds, {frames} frames, depth's readout 30 ms, exposure 10 ms; readouts in ms: median (least to greatest)\n"
+    );
+    println!(
+        "| scene | readout | estimated, filter on | its sigma | filter off | ATE on, mm | off, mm | on / off | rejected, % |"
+    );
+    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|");
+    for scene in scenes {
+        for readout in READOUTS {
+            let rows: Result<Vec<Row>, Failure> = (0..seeds)
+                .map(|seed| run(scene, seed, frames as usize, readout))
+                .collect();
+            let rows = rows?;
+            let ms = |[m, low, high]: [f64; 3]| {
+                format!("{:.1} ({:.1} to {:.1})", 1e3 * m, 1e3 * low, 1e3 * high)
+            };
+            let of = |f: &dyn Fn(&Row) -> f64| spread(rows.iter().map(f));
+            println!(
+                "| `{scene}` | {:.0} | {} | {:.2} | {} | {:.2} | {:.2} | {:.3} | {:.2} |",
+                1e3 * readout,
+                ms(of(&|r| r.readout[0])),
+                1e3 * of(&|r| r.sigma)[0],
+                ms(of(&|r| r.readout[1])),
+                1e3 * of(&|r| r.ate[0])[0],
+                1e3 * of(&|r| r.ate[1])[0],
+                of(&|r| r.ate[0] / r.ate[1])[0],
+                100.0 * of(&|r| r.rejected)[0],
+            );
+        }
+    }
+    Ok(())
+}
