@@ -25,11 +25,11 @@ fn simulated(scene: &str) -> Stream {
     }
 }
 
-/// The four scenes on which nothing may be wrong: translations, an orbit with turns, people, fast turns with blur and a rolling shutter. Long,
-/// since three seconds of each are rendered: less would not be what is promised.
+/// With `xyz` and `rpy` of the tests below four scenes on which nothing may be wrong: translations, turns, people, fast turns among people with blur and a rolling
+/// shutter. Long, since three seconds of each are rendered: less would not be what is promised.
 #[test]
 fn nothing_is_wrong_with_simulated_streams() {
-    for scene in ["halfsphere", "walking_xyz", "crowd_rpy_60", "static"] {
+    for scene in ["walking_xyz", "crowd_rpy_60"] {
         let stream = simulated(scene);
         assert_well(scene, &stream.report());
     }

@@ -8,7 +8,7 @@ use std::path::Path;
 use stillpoint::datasets::open_regular;
 use stillpoint::geometry::{Camera, Vec2};
 use stillpoint::map::{Extension, Map, MapFile};
-use stillpoint::slam::{Config, SensorConfig, Timing};
+use stillpoint::slam::{Config, Timing};
 
 /// Bytes that a map file may have: that of a map of 100 000 keyframes. It is read as a whole.
 const LARGEST: u64 = 8 << 30;
@@ -16,9 +16,6 @@ const LARGEST: u64 = 8 << 30;
 /// How far (px) a point may be from where the camera of the map would have it before maps and images are no match: a second
 /// calibration of the same camera differs by less, another camera by more.
 const CAMERA_TOLERANCE: f64 = 5.0;
-
-/// Standard deviation of a readout that a map knows, at least, s.
-const LEAST_SIGMA: f64 = 0.001;
 
 /// Keyframe ids that a map file may have, one for each frame that went into it.
 const MOST_IDS: usize = 1 << 24;
@@ -88,16 +85,6 @@ impl Loaded {
     /// Readout of the map's camera and its standard deviation, s, if the map knows.
     pub(crate) fn readout(&self) -> Option<[f64; 2]> {
         Timing::readout_in(self.file.extension(Timing::EXTENSION)?)
-    }
-}
-
-/// Has a run begin with what a map knows of its camera's readout, unless the configuration says anything else about it than the defaults do.
-pub(crate) fn start_readout(config: &mut Config, known: Option<[f64; 2]>) {
-    let (own, usual) = (&mut config.sensor, SensorConfig::default());
-    let untouched = own.readout == usual.readout && own.readout_sigma == usual.readout_sigma;
-    if let Some([readout, sigma]) = known.filter(|_| own.self_calibrate && untouched) {
-        // Never as sure as the map is: the camera may have been set to another rate since.
-        (own.readout, own.readout_sigma) = (readout, sigma.max(LEAST_SIGMA));
     }
 }
 
@@ -385,23 +372,5 @@ mod tests {
         let loaded = load(&path).ok().unwrap();
         assert_eq!(loaded.bytes, saved.bytes);
         assert_eq!(loaded.readout(), Some([0.02, 0.0005]));
-    }
-
-    #[test]
-    fn a_map_tells_the_readout_to_who_says_nothing_about_it() {
-        let started = |change: &dyn Fn(&mut SensorConfig), known| {
-            let mut config = Config::default();
-            change(&mut config.sensor);
-            start_readout(&mut config, known);
-            [config.sensor.readout, config.sensor.readout_sigma]
-        };
-        let known = Some([0.02, 0.002]);
-        assert_eq!(started(&|_| (), known), [0.02, 0.002]);
-        assert_eq!(started(&|_| (), Some([0.02, 0.0])), [0.02, LEAST_SIGMA]);
-        let usual = SensorConfig::default();
-        let untouched = [usual.readout, usual.readout_sigma];
-        assert_eq!(started(&|_| (), None), untouched);
-        assert_eq!(started(&|s| s.self_calibrate = false, known), untouched);
-        assert_eq!(started(&|s| s.readout = 0.01, known), [0.01, 0.02]);
     }
 }

@@ -4,6 +4,7 @@ pub(crate) mod export;
 pub(crate) mod file;
 mod graph;
 pub(crate) mod merge;
+pub(crate) mod readout;
 
 use crate::args::map::{MapCheckArgs, MapCommand, MapInfoArgs};
 use crate::console;

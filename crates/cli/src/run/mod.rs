@@ -25,6 +25,7 @@ use crate::detector::{self, Loaded, Settled};
 use crate::doctor;
 use crate::failure::{Failure, Status};
 use crate::map::file::{self, MapOutput};
+use crate::map::readout;
 use crate::output::StreamedFile;
 use crate::run::about::About;
 use crate::run::masks::MaskFolder;
@@ -212,7 +213,7 @@ impl<'a> KnownMap<'a> {
     ) -> Result<(Map, MapUse), Failure> {
         let Self { path, map_use } = *self;
         let loaded = file::load(path)?;
-        file::start_readout(config, loaded.readout());
+        readout::start_with(config, loaded.readout());
         let map = loaded.file.map;
         file::check_fits(path, &map, config, camera)?;
         if map_use == MapUse::Localize && map.view().keyframe_count() == 0 {

@@ -1,0 +1,39 @@
+//! What a map knows of its camera's rolling shutter, for a run that begins with it.
+
+use stillpoint::slam::{Config, SensorConfig};
+
+/// Standard deviation of a readout that a map knows, at least, s.
+const LEAST_SIGMA: f64 = 0.001;
+
+/// Has a run begin with what a map knows of its camera's readout, unless the configuration says anything else about it than the defaults do.
+pub(crate) fn start_with(config: &mut Config, known: Option<[f64; 2]>) {
+    let (own, usual) = (&mut config.sensor, SensorConfig::default());
+    let untouched = own.readout == usual.readout && own.readout_sigma == usual.readout_sigma;
+    if let Some([readout, sigma]) = known.filter(|_| own.self_calibrate && untouched) {
+        // Never as sure as the map is: the camera may have been set to another rate since.
+        (own.readout, own.readout_sigma) = (readout, sigma.max(LEAST_SIGMA));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_map_tells_the_readout_to_who_says_nothing_about_it() {
+        let started = |change: &dyn Fn(&mut SensorConfig), known| {
+            let mut config = Config::default();
+            change(&mut config.sensor);
+            start_with(&mut config, known);
+            [config.sensor.readout, config.sensor.readout_sigma]
+        };
+        let known = Some([0.02, 0.002]);
+        assert_eq!(started(&|_| (), known), [0.02, 0.002]);
+        assert_eq!(started(&|_| (), Some([0.02, 0.0])), [0.02, LEAST_SIGMA]);
+        let usual = SensorConfig::default();
+        let untouched = [usual.readout, usual.readout_sigma];
+        assert_eq!(started(&|_| (), None), untouched);
+        assert_eq!(started(&|s| s.self_calibrate = false, known), untouched);
+        assert_eq!(started(&|s| s.readout = 0.01, known), [0.01, 0.02]);
+    }
+}
