@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::{Arc, LazyLock};
 use stillpoint::geometry::Se3;
-use stillpoint::map::{Map, SubmapId};
+use stillpoint::map::{Map, MapFile, SubmapId};
+use stillpoint::slam::Timing;
 use tempfile::TempDir;
 
 /// Keyframes come often, so that a few seconds are enough to recognise a place.
@@ -105,6 +106,27 @@ fn a_run_goes_on_with_a_map() {
     for k in before.view().keyframes() {
         assert!(after.view().world_from_keyframe(k.id).is_some());
     }
+    // What the map knows of the camera's readout is where this run began.
+    let bytes = std::fs::read(map("a")).unwrap();
+    let extension = MapFile::from_bytes(&bytes).unwrap();
+    let known = extension.extension(Timing::EXTENSION).unwrap();
+    let [readout, sigma] = Timing::readout_in(known).unwrap();
+    assert!(sigma > 0.0 && sigma < 0.02, "{sigma}");
+    let config = std::fs::read_to_string(out.path().join("config.toml")).unwrap();
+    for line in [
+        format!("readout = {readout:?}"),
+        format!("readout_sigma = {sigma:?}"),
+    ] {
+        assert!(config.contains(&line), "{line}: {config}");
+    }
+    let summary = std::fs::read_to_string(out.path().join("summary.json")).unwrap();
+    let summary: serde_json::Value = serde_json::from_str(&summary).unwrap();
+    assert!(
+        summary["readout"]["sigma"]
+            .as_f64()
+            .is_some_and(|s| s < sigma),
+        "{summary}"
+    );
 }
 
 #[test]
