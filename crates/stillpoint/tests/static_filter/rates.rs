@@ -1,4 +1,4 @@
-//! The same two seconds, in which a person walks before the camera, at 15, 30 and 60 frames per second.
+//! The same seconds at several frame rates: a person who walks before a simulated camera at 15, 30 and 60 Hz, recordings at 15 Hz.
 
 use super::world::{Recording, with};
 use stillpoint_simulator::SimulatorConfig;
@@ -30,5 +30,22 @@ fn walking_people_are_tracked_past_at_any_frame_rate() {
             assert!(error < limit, "{rate} Hz, {name}: {error} mm");
             assert!(shares.kept > 0.93, "{rate} Hz, {name}: {shares:?}");
         }
+    }
+}
+
+/// Every second frame of what a Kinect recorded at 30 Hz.
+#[test]
+fn recordings_are_tracked_at_half_their_frame_rate() {
+    for (name, limit) in [("fr1_xyz", 13.0), ("fr1_xyz_walkers", 13.0)] {
+        let Some(recording) = Recording::real(name) else {
+            return;
+        };
+        let half = recording.every(2);
+        let run = half.run(with(Preset::Default));
+        let error = half.ate_mm(&run);
+        println!("{name} at 15 Hz: {error:.2} mm");
+        assert_eq!(run.lost(), 0, "{name}");
+        assert_eq!(run.poses().len(), half.frames.len(), "{name}");
+        assert!(error < limit, "{name}: {error} mm");
     }
 }

@@ -123,7 +123,7 @@ impl Recording {
             script: self.script.clone(),
             frames: frames.collect(),
             masks: self.masks.iter().step_by(n).cloned().collect(),
-            truth: self.truth.iter().step_by(n).cloned().collect(),
+            truth: self.truth.clone(),
         }
     }
 
