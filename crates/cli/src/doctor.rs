@@ -20,7 +20,7 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
         ..InputArgs::default()
     };
     let input = open(&args.path, &input)?;
-    let mut report = look(&input, args.start, args.seconds)?;
+    let mut report = look(&input, args.start, None, args.seconds)?;
     // What is wrong with the geometry or the clocks would be learned as a readout.
     if report.findings.is_empty() {
         match readout(&input, args.start, args.seconds)? {
@@ -43,8 +43,13 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     })
 }
 
-/// Examines so many seconds of an input.
-fn look(input: &Input, start: usize, seconds: f64) -> Result<Report, Failure> {
+/// Examines so many seconds of an input, and at most so many frames.
+fn look(
+    input: &Input,
+    start: usize,
+    max_frames: Option<u64>,
+    seconds: f64,
+) -> Result<Report, Failure> {
     let model = input.camera();
     let setup = Setup {
         camera: model.camera,
@@ -52,7 +57,7 @@ fn look(input: &Input, start: usize, seconds: f64) -> Result<Report, Failure> {
     };
     let mut frames = input.frames(&FrameOptions {
         start,
-        max_frames: None,
+        max_frames: max_frames.map(|n| n as usize),
         keep_colour: true,
     })?;
     examine(&mut frames, setup, seconds).map_err(Failure::input)
@@ -104,7 +109,7 @@ pub(crate) fn after_run(path: &Path, input: &InputArgs) {
     let Ok(opened) = recordings::open(path, &options(input)) else {
         return;
     };
-    let Ok(report) = look(&opened, input.start, SECONDS) else {
+    let Ok(report) = look(&opened, input.start, input.max_frames, SECONDS) else {
         return;
     };
     for finding in report.findings.iter().take(TOLD) {
