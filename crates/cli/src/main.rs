@@ -26,6 +26,7 @@ mod spelling;
 mod timing;
 mod trace;
 
+use args::live::LiveCommand;
 use args::{Arguments, Command, ConfigCommand};
 use clap::Parser;
 use failure::{Failure, Status};
@@ -86,6 +87,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
     match &arguments.command {
         Command::Demo(a) => demo::demo(a, timing),
         Command::Run(a) => run::run(a, timing),
+        Command::Live(LiveCommand::File(a)) => run::run(&a.as_run(), timing),
         Command::Replay(a) => run::replay::replay(a, timing),
         Command::Eval(a) => eval::eval(a),
         Command::Simulate(a) => simulate::simulate(a),

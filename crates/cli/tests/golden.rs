@@ -27,6 +27,7 @@ fn help_of_every_command() {
     for command in [
         "demo",
         "run",
+        "live",
         "replay",
         "eval",
         "simulate",
@@ -41,6 +42,7 @@ fn help_of_every_command() {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
+    golden("help_live_file.txt", &["live", "file", "--help"]);
     for command in ["info", "convert", "cut"] {
         let name = format!("help_recording_{command}.txt");
         golden(&name, &["recording", command, "--help"]);
@@ -61,6 +63,8 @@ fn every_help_has_examples() {
         &["--help"][..],
         &["demo", "--help"],
         &["run", "--help"],
+        &["live", "--help"],
+        &["live", "file", "--help"],
         &["replay", "--help"],
         &["eval", "--help"],
         &["simulate", "--help"],

@@ -2,6 +2,7 @@
 
 pub(crate) mod doctor;
 pub(crate) mod eval;
+pub(crate) mod live;
 pub(crate) mod map;
 pub(crate) mod models;
 pub(crate) mod recording;
@@ -10,6 +11,7 @@ pub(crate) mod simulated;
 
 use crate::args::doctor::DoctorArgs;
 use crate::args::eval::EvalArgs;
+use crate::args::live::LiveCommand;
 use crate::args::map::MapCommand;
 use crate::args::models::{DetectArgs, DetectorArgs, ModelsCommand};
 use crate::args::recording::RecordingCommand;
@@ -56,6 +58,8 @@ pub(crate) struct Arguments {
 pub(crate) enum Command {
     Demo(DemoArgs),
     Run(RunArgs),
+    #[command(subcommand)]
+    Live(LiveCommand),
     Replay(ReplayArgs),
     Eval(EvalArgs),
     Simulate(SimulateArgs),

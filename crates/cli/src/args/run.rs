@@ -148,7 +148,7 @@ pub(crate) struct RunArgs {
 }
 
 /// A time per frame, ms.
-fn budget_ms(text: &str) -> Result<f64, String> {
+pub(crate) fn budget_ms(text: &str) -> Result<f64, String> {
     let ms = text.parse().ok();
     ms.filter(|ms| (1.0..=1000.0).contains(ms))
         .ok_or_else(|| "expected 1 to 1000 milliseconds".to_owned())

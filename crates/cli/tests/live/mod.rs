@@ -5,11 +5,12 @@ mod log;
 mod measured;
 mod replay;
 
-use crate::common::{program, simulate, stderr};
+use crate::common::{check, program, simulate, stderr};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::LazyLock;
+use std::time::Instant;
 use stillpoint::slam::RunLog;
 use tempfile::TempDir;
 
@@ -78,4 +79,25 @@ fn check_ran(output: &Output) {
     let said = stderr(output);
     assert!(matches!(output.status.code(), Some(0 | 1)), "{said}");
     assert!(!said.contains("panicked"), "{said}");
+}
+
+#[test]
+fn live_file_plays_a_folder_as_a_camera() {
+    let out = PLAYED.path("live_file");
+    let mut live = program();
+    live.args(["live", "file"]).arg(PLAYED.path("room"));
+    live.args(["--all", "--json", "--out"]).arg(&out);
+    let started = Instant::now();
+    let output = live.output().unwrap();
+    check_ran(&output);
+    // All frames but the first come at least an interval after the one before: without a pace the run could be shorter.
+    let shown: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(shown["frames"], FRAMES, "{shown}");
+    assert_eq!(shown["live"]["dropped"], 0, "{shown}");
+    let seconds = (FRAMES - 1) as f64 / 30.0;
+    assert!(started.elapsed().as_secs_f64() > seconds);
+    let log = RunLog::from_bytes(&std::fs::read(out.join("run.log")).unwrap());
+    assert!(log.is_ok());
+    let nothing = program().args(["live", "file", "/no/room"]).output();
+    check(&nothing.unwrap(), 2, &["/no/room"]);
 }
