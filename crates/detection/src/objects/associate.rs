@@ -33,15 +33,16 @@ pub(super) fn associate(
     }
     let expected: Vec<Expected> = tracks.iter().map(|t| t.expected(view)).collect();
     let occlusion = Occlusion::new(tracks, &expected);
-    let own = |i: usize, m: &Measurement| occlusion.seen_of(&tracks[i], &expected[i], m);
+    let around: Vec<Occlusion> = measurements.iter().map(|m| occlusion.around(m)).collect();
+    let own = |i: usize, j: usize| around[j].seen_of(&tracks[i], &expected[i], &measurements[j]);
     let mut pairs = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
         for (j, m) in measurements.iter().enumerate() {
-            // Most are of another class, which is known without any geometry.
-            if !may_be_one(m.detection.class, track.class) {
+            // Most are of another class or somewhere else, which costs little to know.
+            if !may_be_one(m.detection.class, track.class) || expected[i].is_far_from(m, share) {
                 continue;
             }
-            if let Some(fit) = track.fit(view, &expected[i], &own(i, m), share) {
+            if let Some(fit) = track.fit(view, &expected[i], &own(i, j), share) {
                 let bonus = if track.confirmed() { CONFIRMED } else { 0.0 };
                 // Any match is better than none.
                 let benefit = ((1.0 + fit.benefit + bonus) * UNITS) as i64;
@@ -55,9 +56,7 @@ pub(super) fn associate(
     }
     let assigned = assign(&pairs, tracks.len(), measurements.len());
     let found = assigned.iter().enumerate();
-    found
-        .map(|(i, j)| j.map(|j| (j, own(i, &measurements[j]))))
-        .collect()
+    found.map(|(i, j)| j.map(|j| (j, own(i, j)))).collect()
 }
 
 /// A track and a detection that may be of one object.

@@ -122,6 +122,11 @@ impl Gaussian {
         }
     }
 
+    /// Variance of a number that depends on the state by this derivative.
+    pub(super) fn variance(&self, jacobian: &Vec8) -> f64 {
+        jacobian.dot(&(self.covariance * jacobian))
+    }
+
     /// What [`Self::update`] would return.
     pub(super) fn distance(&self, rows: &[Row]) -> f64 {
         self.clone().update(rows)

@@ -1,10 +1,12 @@
 //! Kinds of things: how lively they are, and which of them detectors confuse.
 
 use crate::{ClassId, MotionWeights};
+use std::sync::LazyLock;
 
 /// How lively things of a class are, beside people: 1 for what moves by itself.
 pub(super) fn liveliness(class: ClassId) -> f64 {
-    let weight = MotionWeights::default().get(class);
+    static WEIGHTS: LazyLock<MotionWeights> = LazyLock::new(MotionWeights::default);
+    let weight = WEIGHTS.get(class);
     if weight >= 4.0 {
         1.0
     } else {

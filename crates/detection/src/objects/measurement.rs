@@ -80,16 +80,20 @@ impl Measurement {
             if self.cut[i] && !inside {
                 continue;
             }
-            let axis = i % 2;
-            let size = self.size()[axis].max(predicted[axis + 2] - predicted[axis]);
-            let sigma = (share * size).max(LEAST_SIGMA);
             rows.push(Row {
                 jacobian: jacobians[i],
                 residual,
-                variance: sigma * sigma,
+                variance: self.side_variance(i % 2, predicted, share),
             });
         }
         rows
+    }
+
+    /// Variance of the sides along an axis of the image (0: left and right, 1: top and bottom), px^2.
+    pub(super) fn side_variance(&self, axis: usize, predicted: &Sides, share: f64) -> f64 {
+        let size = self.size()[axis].max(predicted[axis + 2] - predicted[axis]);
+        let sigma = (share * size).max(LEAST_SIGMA);
+        sigma * sigma
     }
 }
 

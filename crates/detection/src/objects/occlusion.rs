@@ -36,6 +36,16 @@ impl Occlusion {
         Self(confirmed.filter_map(occupant).collect())
     }
 
+    /// Those whose boxes meet that of a detection: no others hide anything of what it shows.
+    pub(super) fn around(&self, m: &Measurement) -> Self {
+        let b = &m.detection.bounds;
+        let meets = |o: &&Occupant| {
+            let o = &o.bounds;
+            o.x0 < b.x1 && b.x0 < o.x1 && o.y0 < b.y1 && b.y0 < o.y1
+        };
+        Self(self.0.iter().filter(meets).copied().collect())
+    }
+
     /// The detection as one of this track: without the surfaces of others who stand before it, and with the sides that they cut.
     pub(super) fn seen_of(
         &self,
@@ -46,7 +56,8 @@ impl Occlusion {
         Measurement {
             modes: self.surfaces(track, expected, m),
             cut: self.cuts(track, expected, m),
-            ..m.clone()
+            detection: m.detection,
+            sides: m.sides,
         }
     }
 

@@ -16,7 +16,7 @@ fn depth_sigma(z: f64) -> f64 {
 impl Spatial {
     /// Variance of the depth as this camera sees it, m^2.
     pub(super) fn depth_variance(&self, p: &Projection) -> f64 {
-        p.z_jacobian.dot(&(self.state.covariance * p.z_jacobian))
+        self.state.variance(&p.z_jacobian)
     }
 
     pub(super) fn depth_row(&self, p: &Projection, mode: &DepthMode) -> Row {

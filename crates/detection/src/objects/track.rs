@@ -8,7 +8,7 @@ use super::measurement::Measurement;
 use super::planar::Planar;
 use super::rigidity::Rigidity;
 use super::spatial::{Projection, Spatial};
-use super::view::View;
+use super::view::{Sides, View};
 use super::{Motion, Object, ObjectId, ObjectState};
 use crate::{BoundingBox, ClassId};
 use std::collections::BTreeMap;
@@ -71,12 +71,35 @@ pub(super) struct Expected {
     pub(super) projection: Option<Projection>,
     /// Box in the raw image; without area when it is outside.
     pub(super) bounds: BoundingBox,
+    /// Sides of the box, undistorted px, and the variance of each; none behind the camera.
+    sides: Option<(Sides, [f64; 4])>,
 }
 
 impl Expected {
     /// Depth in this camera, m.
     pub(super) fn depth(&self) -> Option<f64> {
         self.projection.as_ref().map(|p| p.z)
+    }
+
+    /// Whether a detection lies so far beside the box that one side alone is outside all gates. Only what depends on nobody else is looked at.
+    pub(super) fn is_far_from(&self, m: &Measurement, share: f64) -> bool {
+        let Some((sides, variances)) = &self.sides else {
+            return false;
+        };
+        let beside = |axis: usize| {
+            let (low, high) = (axis, axis + 2);
+            // The side of the box that the detection is beyond: it binds at the border of the image, too.
+            let side = if m.sides[low] > sides[high] {
+                high
+            } else if m.sides[high] < sides[low] {
+                low
+            } else {
+                return false;
+            };
+            let error = m.sides[side] - sides[side];
+            error * error > CHI2_99[5] * (variances[side] + m.side_variance(axis, sides, share))
+        };
+        (beside(0) || beside(1)) && self.bounds.iou(&m.detection.bounds) <= 0.0
     }
 }
 
@@ -143,16 +166,18 @@ impl Track {
 
     /// Where it is expected.
     pub(super) fn expected(&self, view: &View) -> Expected {
-        let (sides, projection) = match &self.body {
+        let (state, sides, projection) = match &self.body {
             Body::Spatial(s) => {
                 let projection = s.project(view);
-                (projection.as_ref().map(|p| p.sides), projection)
+                let sides = projection.as_ref().map(|p| (p.sides, p.jacobians));
+                (&s.state, sides, projection)
             }
-            Body::Planar(p) => (p.project(view).map(|p| p.0), None),
+            Body::Planar(p) => (&p.state, p.project(view), None),
         };
         Expected {
             projection,
-            bounds: sides.map_or_else(BoundingBox::default, |s| view.raw(&s)),
+            bounds: sides.map_or_else(BoundingBox::default, |(s, _)| view.raw(&s)),
+            sides: sides.map(|(s, jacobians)| (s, jacobians.map(|j| state.variance(&j)))),
         }
     }
 
@@ -170,7 +195,7 @@ impl Track {
         let Some(jacobians) = jacobians else {
             return [0.0; 2];
         };
-        let variance = |i: usize| jacobians[i].dot(&(state.covariance * jacobians[i]));
+        let variance = |i: usize| state.variance(&jacobians[i]);
         [0, 1].map(|axis| variance(axis).max(variance(axis + 2)).max(0.0).sqrt())
     }
 

@@ -31,9 +31,9 @@ pub struct ObjectTracker {
     ignored: u64,
 }
 
-/// Detections of one frame that are looked at, those of the best scores: as many as networks are scored with (COCO). The work grows with
-/// the square of their number.
-pub const MOST_DETECTIONS: usize = 100;
+/// Detections of one frame that are looked at, those of the best scores: as many as transformers give, and three times what networks are scored
+/// with (COCO). The work grows with the square of their number.
+pub const MOST_DETECTIONS: usize = 300;
 /// Objects that are followed at a time: no new ones begin above.
 const MOST_TRACKS: usize = 300;
 

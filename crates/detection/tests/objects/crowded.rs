@@ -39,7 +39,7 @@ fn the_strongest_of_thousands_is_followed() {
         };
         tracker.update(&detections, &world.pose(t), &world.depth(t));
         let objects = tracker.predict(t, &world.pose(t));
-        assert!(objects.len() <= 3 * MOST_DETECTIONS, "{}", objects.len());
+        assert!(objects.len() <= MOST_DETECTIONS, "{}", objects.len());
         let of_person = |o: &&Object| o.score == 0.8 && o.bounds.iou(&truth) > 0.8;
         assert!(objects.iter().any(|o| of_person(&o)), "frame {frame}");
     }
