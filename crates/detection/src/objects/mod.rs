@@ -21,6 +21,7 @@ mod spatial;
 mod surface;
 mod track;
 mod tracker;
+mod vertical;
 mod view;
 
 pub use config::ObjectsConfig;

@@ -6,24 +6,25 @@ use super::kind::liveliness;
 use super::lost::Memory;
 use super::measurement::Measurement;
 use super::track::Track;
+use super::vertical::Vertical;
 use super::view::View;
 use super::{Object, ObjectId, ObjectsConfig};
 use crate::{Detection, Detections};
-use stillpoint_geometry::{Camera, Se3, Vec3};
+use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::CoarseDepth;
 
 /// Share of the time to park after which a thing that does not move by itself is parked.
 const THINGS_PARK: f64 = 0.4;
 /// Follows what a detector sees: an extended Kalman filter per object, detections assigned to objects by the Hungarian method.
 ///
-/// The state is that of the newest detections' stamp; [`Self::predict`] says where things are at any other time. The first camera is taken to be held
-/// level: its y axis is the vertical along which objects are upright. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001.
+/// The state is that of the newest detections' stamp; [`Self::predict`] says where things are at any other time. The vertical, along which
+/// objects are upright, is that to which the cameras were held most nearly level. Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001.
 #[derive(Clone, Debug)]
 pub struct ObjectTracker {
     config: ObjectsConfig,
     camera: Camera,
     limits: [f64; 4],
-    down: Option<Vec3>,
+    vertical: Vertical,
     stamp: Option<f64>,
     tracks: Vec<Track>,
     memory: Memory,
@@ -57,7 +58,7 @@ impl ObjectTracker {
             limits: camera.undistorted_bounds(),
             config,
             camera,
-            down: None,
+            vertical: Vertical::default(),
             stamp: None,
             tracks: Vec::new(),
             memory: Memory::default(),
@@ -72,7 +73,7 @@ impl ObjectTracker {
         self.tracks.clear();
         self.memory.clear();
         self.stamp = None;
-        self.down = None;
+        self.vertical = Vertical::default();
     }
 
     /// Takes in the detections of one frame, possibly some frames old, with the camera's pose and the depth of that frame.
@@ -92,9 +93,7 @@ impl ObjectTracker {
             return;
         }
         self.advance(stamp);
-        let down = *self
-            .down
-            .get_or_insert(world_from_camera.rotation * Vec3::y());
+        let down = self.vertical.observe(world_from_camera);
         let view = View::new(&self.camera, self.limits, world_from_camera, &down);
         let measurements = strongest(&detections.items)
             .into_iter()
@@ -168,7 +167,7 @@ impl ObjectTracker {
     /// special case. Stamps before the newest detections are answered too: the states are traced back.
     #[must_use]
     pub fn predict(&self, stamp: f64, world_from_camera: &Se3) -> Vec<Object> {
-        let (Some(last), Some(down)) = (self.stamp, self.down) else {
+        let (Some(last), Some(down)) = (self.stamp, self.vertical.down()) else {
             return Vec::new();
         };
         if !stamp.is_finite() || !world_from_camera.is_finite() {
