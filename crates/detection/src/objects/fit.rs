@@ -79,3 +79,54 @@ impl Track {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::ObjectId;
+    use super::*;
+    use crate::{BoundingBox, ClassId, Detection};
+    use proptest::prelude::*;
+    use stillpoint_geometry::{Camera, Se3, Vec3};
+    use stillpoint_imaging::{CoarseDepth, DepthImage};
+
+    fn detection([x0, y0, w, h]: [f64; 4]) -> Detection {
+        Detection {
+            class: ClassId::PERSON,
+            score: 0.8,
+            bounds: BoundingBox {
+                x0,
+                y0,
+                x1: x0 + w,
+                y1: y0 + h,
+            },
+        }
+    }
+
+    fn boxes() -> impl Strategy<Value = [f64; 4]> {
+        let side = || 8.0..200.0_f64;
+        (0.0..600.0_f64, 0.0..440.0_f64, side(), side()).prop_map(|(x, y, w, h)| [x, y, w, h])
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+
+        /// What is told apart at a glance would have failed all gates, at the border of the image and without depth, too.
+        #[test]
+        fn what_is_far_fits_nothing(a in boxes(), b in boxes(), has_depth in prop::bool::ANY, seconds in 0.0..1.0_f64) {
+            let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
+            let view = View::new(&camera, camera.undistorted_bounds(), &Se3::default(), &Vec3::y());
+            let z = if has_depth { 2.0 } else { 0.0 };
+            let depth = DepthImage::from_vec(640, 480, vec![z; 640 * 480]).unwrap();
+            let depth = CoarseDepth::new(&depth, 8);
+            let measured = |b| Measurement::new(&view, &detection(b), &depth);
+            if let (Some(first), Some(m)) = (measured(a), measured(b)) {
+                let mut track = Track::new(ObjectId(0), &view, &first, 0.0, 0.1);
+                track.propagate(seconds, 1.0);
+                let expected = track.expected(&view);
+                if expected.is_far_from(&m, 0.1) {
+                    prop_assert!(track.fit(&view, &expected, &m, 0.1).is_none());
+                }
+            }
+        }
+    }
+}

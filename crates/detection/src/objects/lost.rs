@@ -1,6 +1,8 @@
 //! Objects that are out of sight, and who of them is back.
 
 use super::ObjectId;
+use super::kind::liveliness;
+use super::rigidity::Rigidity;
 use super::track::{Body, Track};
 use crate::ClassId;
 use stillpoint_geometry::Vec3;
@@ -13,6 +15,8 @@ const NEAR: f64 = 0.8;
 const PACE: f64 = 1.2;
 /// Distance beyond which nobody is recognised, m.
 const FAR: f64 = 1.8;
+/// A thing that is as near as this to where it was has not been moved, m: the error of both positions.
+const SAME_PLACE: f64 = 0.25;
 /// What a second out of sight counts for, m.
 const AGE: f64 = 0.2;
 /// Updates in a row without it after which an object that is followed may be the one that was found elsewhere: fewer are misses of the detector.
@@ -29,6 +33,7 @@ pub(super) struct Lost {
     velocity: Vec3,
     height: f64,
     last_seen: f64,
+    rigidity: Rigidity,
 }
 
 /// Those that are out of sight.
@@ -68,14 +73,17 @@ impl Memory {
         pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut given = vec![false; tracks.len()];
         for (_, n, id) in pairs {
-            if given[n] || !known.iter().any(|l| l.id == id) {
+            let Some(place) = known.iter().position(|l| l.id == id).filter(|_| !given[n]) else {
                 continue;
-            }
+            };
             given[n] = true;
-            known.retain(|l| l.id != id);
+            let lost = known.swap_remove(place);
             self.0.retain(|l| l.id != id);
             if let Some(old) = tracks.iter_mut().find(|t| t.id == id) {
                 old.replaced = true;
+            }
+            if lost.is_where(&tracks[n]) {
+                tracks[n].rigidity = lost.rigidity;
             }
             tracks[n].return_as(id);
         }
@@ -96,7 +104,14 @@ impl Lost {
             velocity: s.velocity(),
             height: track.tallest,
             last_seen: track.last_seen,
+            rigidity: track.rigidity.clone(),
         })
+    }
+
+    /// Whether a track is of a thing that stands where this one was: it has been still all the time, as far as that was known.
+    fn is_where(&self, track: &Track) -> bool {
+        let thing = liveliness(self.class) < 1.0;
+        matches!(&track.body, Body::Spatial(s) if thing && (s.position() - self.position).norm() <= SAME_PLACE)
     }
 
     /// How far a track is from being this object, m; `None` when it is not. Time counts as distance: of two it is the one that was seen last.

@@ -14,7 +14,7 @@ use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::CoarseDepth;
 
 /// Share of the time to park after which a thing that does not move by itself is parked.
-const THINGS_PARK: f64 = 0.4;
+const THINGS_PARK: f64 = 0.33;
 /// Follows what a detector sees: an extended Kalman filter per object, detections assigned to objects by the Hungarian method.
 ///
 /// The state is that of the newest detections' stamp; [`Self::predict`] says where things are at any other time. The vertical, along which

@@ -2,7 +2,7 @@
 
 use super::feed::{detections, feed, feed_items, standing, tracker, truth};
 use super::world::{Faults, RATE, Walker, World, person};
-use stillpoint_detection::{BoundingBox, Motion, ObjectState, ObjectsConfig};
+use stillpoint_detection::{BoundingBox, ClassId, Motion, ObjectState, ObjectsConfig};
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::CoarseDepth;
 
@@ -255,6 +255,38 @@ fn rigidity_parks_and_motion_frees() {
     assert_eq!(motions[30], Motion::Unknown);
     assert_eq!(motions[90], Motion::Parked);
     assert_eq!(motions[119], Motion::Moving);
+}
+
+/// Parked until it is out of sight for three seconds, then seen again in its place or 0.6 m beside it.
+fn back_after_three_seconds(class: &str, moved: f64) -> Motion {
+    let place = move |t: f64| Vec3::new(if t < 4.0 { 0.2 } else { 0.2 + moved }, 0.2, 2.5);
+    let world = World::new(vec![Walker::new(place)], |_| Se3::default());
+    let mut t = tracker(&world);
+    let mut motions = Vec::new();
+    let mut ids = Vec::new();
+    for frame in 0..220 {
+        let seen = !(90..180).contains(&frame);
+        let mut item = person(truth(&world, frame));
+        item.class = ClassId::from_name(class).unwrap();
+        let items = if seen { vec![item] } else { Vec::new() };
+        let objects = feed_items(&mut t, &world, frame, items);
+        for o in objects.iter().filter(|_| seen) {
+            t.observe_rigidity(o.id, frame as f64 / RATE, 20, 20);
+            motions.push(o.motion);
+            ids.push(o.id);
+        }
+    }
+    assert_eq!(ids[0], ids[96], "{class} {moved}");
+    // Six frames after it came back: it has its number again, and was not seen for long enough to be judged anew.
+    motions[96]
+}
+
+#[test]
+fn a_thing_that_is_back_in_its_place_is_still_parked() {
+    assert_eq!(back_after_three_seconds("tv", 0.0), Motion::Parked);
+    assert_eq!(back_after_three_seconds("tv", 0.6), Motion::Unknown);
+    // People get up and sit down again.
+    assert_eq!(back_after_three_seconds("person", 0.0), Motion::Unknown);
 }
 
 #[test]

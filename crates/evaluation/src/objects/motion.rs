@@ -70,7 +70,7 @@ pub struct TrackSummary {
     pub parked: f64,
     /// Tracks that were parked at some time.
     pub ever_parked: usize,
-    /// Seconds from the first frame of a track to the first in which it is parked.
+    /// Seconds for which a track was there from its first frame to the first in which it is parked: those out of sight do not count.
     pub seconds_to_park: Option<Statistics>,
 }
 
@@ -78,18 +78,26 @@ pub struct TrackSummary {
 #[must_use]
 pub fn track_summary(rows: &[TrackState], limit: f64) -> TrackSummary {
     let speed: Vec<f64> = rows.iter().filter_map(|r| r.speed).collect();
-    let mut first: BTreeMap<u32, f64> = BTreeMap::new();
-    let mut parked: BTreeMap<u32, f64> = BTreeMap::new();
-    for r in rows {
-        let start = *first.entry(r.id).or_insert(r.stamp);
-        if r.parked {
-            parked.entry(r.id).or_insert(r.stamp - start);
+    let (mut here, mut parked) = (BTreeMap::new(), BTreeMap::new());
+    let mut before = f64::NAN;
+    for frame in rows.chunk_by(|a, b| a.stamp == b.stamp) {
+        for r in frame {
+            // The last frame that it was in, and for how long it has been there.
+            let (last, seconds) = here.entry(r.id).or_insert((r.stamp, 0.0));
+            if *last == before {
+                *seconds += r.stamp - before;
+            }
+            *last = r.stamp;
+            if r.parked {
+                parked.entry(r.id).or_insert(*seconds);
+            }
         }
+        before = frame[0].stamp;
     }
     let seconds: Vec<f64> = parked.into_values().collect();
     let of = |count: usize, all: usize| share(count as f64, all as f64);
     TrackSummary {
-        ids: first.len(),
+        ids: here.len(),
         track_frames: rows.len(),
         too_fast: of(speed.iter().filter(|s| **s > limit).count(), speed.len()),
         speed: Statistics::of(&speed),
@@ -124,5 +132,26 @@ mod tests {
         assert_eq!(s.speed.unwrap().median, 0.75);
         assert_eq!(s.seconds_to_park.unwrap().max, 0.5);
         assert_eq!(track_summary(&[], 2.5), TrackSummary::default());
+    }
+
+    #[test]
+    fn what_is_out_of_sight_does_not_take_time_to_park() {
+        let row = |stamp, id, parked| TrackState {
+            stamp,
+            id,
+            speed: None,
+            parked,
+        };
+        let mut rows = Vec::new();
+        for i in 0..40 {
+            let stamp = f64::from(i) * 0.25;
+            rows.push(row(stamp, 1, false));
+            // There for a second, away for five, back for half a second when it is parked.
+            if !(4..24).contains(&i) {
+                rows.push(row(stamp, 2, i >= 26));
+            }
+        }
+        let s = track_summary(&rows, 2.5);
+        assert_eq!((s.ever_parked, s.seconds_to_park.unwrap().max), (1, 1.25));
     }
 }
