@@ -18,6 +18,7 @@ mod machine;
 mod map;
 mod models;
 mod output;
+mod realsense;
 mod recording;
 mod report;
 mod run;
@@ -88,6 +89,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Command::Demo(a) => demo::demo(a, timing),
         Command::Run(a) => run::run(a, timing),
         Command::Live(LiveCommand::File(a)) => run::run(&a.as_run(), timing),
+        Command::Live(LiveCommand::Realsense(a)) => realsense::live(a, timing),
         Command::Replay(a) => run::replay::replay(a, timing),
         Command::Eval(a) => eval::eval(a),
         Command::Simulate(a) => simulate::simulate(a),

@@ -43,6 +43,7 @@ fn help_of_every_command() {
     }
     golden("help_config_print.txt", &["config", "print", "--help"]);
     golden("help_live_file.txt", &["live", "file", "--help"]);
+    golden("help_live_realsense.txt", &["live", "realsense", "--help"]);
     for command in ["info", "convert", "cut"] {
         let name = format!("help_recording_{command}.txt");
         golden(&name, &["recording", command, "--help"]);
@@ -65,6 +66,7 @@ fn every_help_has_examples() {
         &["run", "--help"],
         &["live", "--help"],
         &["live", "file", "--help"],
+        &["live", "realsense", "--help"],
         &["replay", "--help"],
         &["eval", "--help"],
         &["simulate", "--help"],

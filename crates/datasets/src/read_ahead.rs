@@ -15,6 +15,7 @@ pub struct ReadAhead {
     frames: Option<Receiver<Item>>,
     thread: Option<JoinHandle<()>>,
     remaining: Option<usize>,
+    is_live: bool,
 }
 
 impl ReadAhead {
@@ -30,7 +31,7 @@ impl ReadAhead {
     /// Starts reading, `frames` ahead (at least one).
     #[must_use]
     pub fn with_capacity<S: FrameSource + 'static>(mut source: S, frames: usize) -> Self {
-        let remaining = source.remaining();
+        let (remaining, is_live) = (source.remaining(), source.is_live());
         let (sender, receiver) = sync_channel(frames.max(1));
         let thread = std::thread::Builder::new()
             .name("read-ahead".to_owned())
@@ -63,6 +64,7 @@ impl ReadAhead {
             frames: Some(receiver),
             thread,
             remaining,
+            is_live,
         }
     }
 
@@ -99,6 +101,10 @@ impl FrameSource for ReadAhead {
 
     fn remaining(&self) -> Option<usize> {
         self.remaining
+    }
+
+    fn is_live(&self) -> bool {
+        self.is_live
     }
 }
 

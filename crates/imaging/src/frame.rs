@@ -57,4 +57,9 @@ pub trait FrameSource: Send {
     fn remaining(&self) -> Option<usize> {
         None
     }
+
+    /// Whether frames come when a camera takes them: nobody has to hold them back to the pace of their stamps.
+    fn is_live(&self) -> bool {
+        false
+    }
 }

@@ -48,7 +48,8 @@ impl Clock {
 }
 
 impl LiveSystem {
-    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps. `skipped` is called
+    /// Plays a source: each frame is pushed when as much time has passed since the first one as between their stamps; those of a camera
+    /// ([`FrameSource::is_live`]) as they come. `skipped` is called
     /// with what was wrong with frames that could not be read. Ends when the source does, or soon after `stop` was set; [`LiveSystem::finish`] comes next.
     pub fn play(
         &mut self,
@@ -69,7 +70,12 @@ impl LiveSystem {
                 Some(Err(e)) if e.recoverable => skipped(e),
                 Some(Err(e)) => return Played::SourceFailed(e),
                 Some(Ok(frame)) => {
-                    let due = clock.due(frame.stamp, Instant::now());
+                    let now = Instant::now();
+                    let due = if source.is_live() {
+                        now
+                    } else {
+                        clock.due(frame.stamp, now)
+                    };
                     if !wait(due, stop) {
                         return Played::Stopped;
                     }

@@ -70,6 +70,16 @@ pub enum RecordingError {
         /// What is wrong.
         source: WireError,
     },
+    /// A camera does not give frames.
+    #[error("{device}: expected {expected}, found {found}")]
+    Device {
+        /// The camera.
+        device: String,
+        /// What was needed.
+        expected: String,
+        /// What there is.
+        found: String,
+    },
     /// An image is broken, or of a kind that is not read.
     #[error("{}: topic {topic}, message of {stamp:.6} s: expected {expected}, found {found}", path.display())]
     Image {

@@ -10,6 +10,7 @@ use crate::setup::{Setup, Treatment};
 use crate::source::RecordingSource;
 use crate::store::{Slot, seconds};
 use crate::truth;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use stillpoint_datasets::{CameraModel, FrameOptions, StampedPose, associate};
@@ -179,6 +180,34 @@ fn stamped(
     Ok(found.into_iter().map(|(ns, s)| (seconds(ns), s)).collect())
 }
 
+/// The pairs of a recording whose images were all written in pairs, each at one time: as [`crate::McapRecorder`] writes frames. `None` where one image has no
+/// partner, or is farther from it than `max_dt` by its stamp.
+fn written_together(
+    colour: &[(f64, Slot)],
+    depth: &[(f64, Slot)],
+    max_dt: f64,
+) -> Option<Vec<(usize, usize)>> {
+    let written: BTreeMap<i64, usize> = depth
+        .iter()
+        .enumerate()
+        .map(|(j, (_, slot))| (slot.logged, j))
+        .collect();
+    if written.len() != depth.len() || colour.len() != depth.len() {
+        return None;
+    }
+    let mut taken = vec![false; depth.len()];
+    let mut pairs = Vec::with_capacity(colour.len());
+    for (i, (stamp, slot)) in colour.iter().enumerate() {
+        let j = *written.get(&slot.logged)?;
+        let alone = !std::mem::replace(&mut taken[j], true);
+        if !alone || (stamp - depth[j].0).abs() > max_dt {
+            return None;
+        }
+        pairs.push((i, j));
+    }
+    Some(pairs)
+}
+
 /// The frames, and in words how many of the images they take.
 fn index(
     recording: &mut Recording,
@@ -189,7 +218,8 @@ fn index(
     let colour = stamped(recording, &pair.colour, warnings)?;
     let depth = stamped(recording, &pair.depth, warnings)?;
     let times = |list: &[(f64, Slot)]| list.iter().map(|(t, _)| *t).collect::<Vec<f64>>();
-    let pairs = associate(&times(&colour), &times(&depth), max_dt);
+    let pairs = written_together(&colour, &depth, max_dt)
+        .unwrap_or_else(|| associate(&times(&colour), &times(&depth), max_dt));
     let counted = format!(
         "frames: {} of {} colour images have one of {} depth images within {} ms",
         pairs.len(),

@@ -43,13 +43,33 @@ impl Default for OpenOptions {
     }
 }
 
-/// A data set folder or a recording.
+/// A camera that is asked for frames while they are taken.
+pub trait Device: std::fmt::Debug + Send + Sync {
+    /// What it is: its name and number.
+    fn kind(&self) -> String;
+
+    /// The camera of the frames.
+    fn camera(&self) -> &CameraModel;
+
+    /// What was found out about it, one sentence each, for the user to check.
+    fn guesses(&self) -> &[String];
+
+    /// Its frames from now on; `keep_colour` with their colours.
+    ///
+    /// # Errors
+    /// Its frames were asked for before, or it does not start.
+    fn frames(&self, keep_colour: bool) -> Result<Box<dyn FrameSource>>;
+}
+
+/// A data set folder, a recording or a camera.
 #[derive(Debug)]
 pub enum Input {
     /// A folder of images.
     Folder(Box<Dataset>),
     /// A file of messages.
     File(Box<FileRecording>),
+    /// A camera.
+    Device(Box<dyn Device>),
 }
 
 /// Opens a data set folder or a recording.
@@ -76,6 +96,7 @@ impl Input {
         match self {
             Self::Folder(d) => d.layout().to_string(),
             Self::File(f) => f.format().to_owned(),
+            Self::Device(d) => d.kind(),
         }
     }
 
@@ -85,10 +106,11 @@ impl Input {
         match self {
             Self::Folder(d) => d.camera(),
             Self::File(f) => f.camera(),
+            Self::Device(d) => d.camera(),
         }
     }
 
-    /// Stamps of colour and depth of each frame, s, in order of time.
+    /// Stamps of colour and depth of each frame, s, in order of time; none of frames that are still to come.
     #[must_use]
     pub fn stamps(&self) -> Vec<(f64, f64)> {
         match self {
@@ -98,6 +120,7 @@ impl Input {
                 .map(|e| (e.stamp, e.depth_stamp))
                 .collect(),
             Self::File(f) => f.stamps().collect(),
+            Self::Device(_) => Vec::new(),
         }
     }
 
@@ -107,6 +130,7 @@ impl Input {
         match self {
             Self::Folder(d) => d.guesses(),
             Self::File(f) => f.guesses(),
+            Self::Device(d) => d.guesses(),
         }
     }
 
@@ -116,17 +140,22 @@ impl Input {
         match self {
             Self::Folder(d) => d.warnings(),
             Self::File(f) => f.warnings(),
+            Self::Device(_) => &[],
         }
     }
 
-    /// A source of the frames, decoded.
+    /// A source of the frames, decoded. Those of a camera begin now, whatever the start.
     ///
     /// # Errors
-    /// A start behind the last frame.
+    /// A start behind the last frame; a camera that does not start.
     pub fn frames(&self, options: &FrameOptions) -> Result<Source> {
         Ok(match self {
             Self::Folder(d) => Source::Folder(d.frames(options)?),
             Self::File(f) => Source::File(f.frames(options)?),
+            Self::Device(d) => Source::Device(Box::new(Taken {
+                frames: d.frames(options.keep_colour)?,
+                left: options.max_frames,
+            })),
         })
     }
 
@@ -138,7 +167,40 @@ impl Input {
         match self {
             Self::Folder(d) => Ok(d.ground_truth()?),
             Self::File(f) => Ok(f.ground_truth()),
+            Self::Device(_) => Ok(None),
         }
+    }
+}
+
+/// Some of the frames of a camera.
+pub struct Taken {
+    frames: Box<dyn FrameSource>,
+    /// Frames that are still to be given; `None` for all.
+    left: Option<usize>,
+}
+
+impl std::fmt::Debug for Taken {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Taken")
+            .field("left", &self.left)
+            .finish_non_exhaustive()
+    }
+}
+
+impl FrameSource for Taken {
+    fn next_frame(&mut self) -> Option<std::result::Result<RgbdFrame, SourceError>> {
+        if self.left == Some(0) {
+            return None;
+        }
+        let next = self.frames.next_frame()?;
+        if next.is_ok() {
+            self.left = self.left.map(|n| n - 1);
+        }
+        Some(next)
+    }
+
+    fn is_live(&self) -> bool {
+        self.frames.is_live()
     }
 }
 
@@ -149,6 +211,8 @@ pub enum Source {
     Folder(DatasetSource),
     /// Of a file.
     File(RecordingSource),
+    /// Of a camera.
+    Device(Box<Taken>),
 }
 
 impl FrameSource for Source {
@@ -156,6 +220,7 @@ impl FrameSource for Source {
         match self {
             Self::Folder(s) => s.next_frame(),
             Self::File(s) => s.next_frame(),
+            Self::Device(s) => s.next_frame(),
         }
     }
 
@@ -163,6 +228,11 @@ impl FrameSource for Source {
         match self {
             Self::Folder(s) => s.remaining(),
             Self::File(s) => s.remaining(),
+            Self::Device(s) => s.remaining(),
         }
+    }
+
+    fn is_live(&self) -> bool {
+        matches!(self, Self::Device(s) if s.is_live())
     }
 }

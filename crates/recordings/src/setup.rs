@@ -1,6 +1,7 @@
 //! What is done to the images of a recording: its camera, the unit of depth, rectification and registration.
 
 use crate::choose::{Pair, says_registered};
+use crate::decode::{Bad, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::Entry;
 use crate::input::OpenOptions;
@@ -11,6 +12,14 @@ use crate::rectify::Rectifier;
 use crate::register::Registration;
 use std::path::Path;
 use stillpoint_datasets::CameraModel;
+use stillpoint_imaging::{DepthImage, FrameId, RgbdFrame};
+
+/// One of the two images of a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Side {
+    Colour,
+    Depth,
+}
 
 /// What is done to images.
 #[derive(Debug)]
@@ -20,6 +29,56 @@ pub(crate) struct Treatment {
     pub(crate) depth_scale: f64,
     pub(crate) rectifier: Option<Rectifier>,
     pub(crate) registration: Option<Registration>,
+}
+
+impl Treatment {
+    /// A frame of two images, which were taken at these times (s).
+    ///
+    /// # Errors
+    /// Which of the images has a size that is not its camera's.
+    pub(crate) fn frame(
+        &self,
+        id: FrameId,
+        (stamp, depth_stamp): (f64, f64),
+        mut colour: Colour,
+        mut depth: DepthImage,
+    ) -> std::result::Result<RgbdFrame, (Side, Bad)> {
+        let camera = &self.camera.camera;
+        let expected = (camera.width as usize, camera.height as usize);
+        let found = (colour.gray.width(), colour.gray.height());
+        if found != expected {
+            return Err((Side::Colour, other_size(expected, found)));
+        }
+        let found = (depth.width(), depth.height());
+        if let Some(registration) = &self.registration {
+            let wanted = registration.depth_size();
+            let registered = registration.register(&depth);
+            depth = registered.ok_or_else(|| (Side::Depth, other_size(wanted, found)))?;
+        } else if found != expected {
+            return Err((Side::Depth, other_size(expected, found)));
+        }
+        if let Some(rectifier) = &self.rectifier {
+            colour = rectifier.colour(colour);
+            if self.registration.is_none() {
+                depth = rectifier.depth(&depth).unwrap_or(depth);
+            }
+        }
+        Ok(RgbdFrame {
+            id,
+            stamp,
+            depth_stamp,
+            gray: colour.gray,
+            colour: colour.colour,
+            depth,
+        })
+    }
+}
+
+fn other_size(expected: (usize, usize), found: (usize, usize)) -> Bad {
+    Bad {
+        expected: format!("{} x {} px, the size of the camera", expected.0, expected.1),
+        found: format!("{} x {} px", found.0, found.1),
+    }
 }
 
 /// What decides on what is done to images.

@@ -5,7 +5,7 @@ use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::{Entry, FileRecording};
 use crate::recording::Recording;
-use crate::setup::Treatment;
+use crate::setup::{Side, Treatment};
 use crate::store::{Slot, seconds};
 use std::sync::Arc;
 use stillpoint_datasets::{DatasetError, FrameOptions};
@@ -52,55 +52,19 @@ impl RecordingSource {
     }
 
     fn read(&mut self, entry: &Entry, id: u32) -> Result<RgbdFrame> {
-        let camera = &self.treatment.camera.camera;
-        let expected = (camera.width as usize, camera.height as usize);
-        let scale = self.treatment.depth_scale;
-        let mut colour = colour(&mut self.recording, &entry.colour, self.keep_colour)?;
-        let found = (colour.gray.width(), colour.gray.height());
-        if found != expected {
-            return Err(image_error(
-                &self.recording,
-                &entry.colour,
-                other_size(expected, found),
-            ));
-        }
-        let mut depth = depth(&mut self.recording, &entry.depth, scale)?;
-        let found = (depth.width(), depth.height());
-        let registration = self.treatment.registration.as_ref();
-        if let Some(registration) = registration {
-            let registered = registration.register(&depth);
-            depth = registered.ok_or_else(|| {
-                let bad = other_size(registration.depth_size(), found);
-                image_error(&self.recording, &entry.depth, bad)
-            })?;
-        } else if found != expected {
-            return Err(image_error(
-                &self.recording,
-                &entry.depth,
-                other_size(expected, found),
-            ));
-        }
-        if let Some(rectifier) = &self.treatment.rectifier {
-            colour = rectifier.colour(colour);
-            if registration.is_none() {
-                depth = rectifier.depth(&depth).unwrap_or(depth);
-            }
-        }
-        Ok(RgbdFrame {
-            id: FrameId(id),
-            stamp: entry.stamp,
-            depth_stamp: entry.depth_stamp,
-            gray: colour.gray,
-            colour: colour.colour,
-            depth,
-        })
-    }
-}
-
-fn other_size(expected: (usize, usize), found: (usize, usize)) -> decode::Bad {
-    decode::Bad {
-        expected: format!("{} x {} px, the size of the camera", expected.0, expected.1),
-        found: format!("{} x {} px", found.0, found.1),
+        let treatment = Arc::clone(&self.treatment);
+        let colour = colour(&mut self.recording, &entry.colour, self.keep_colour)?;
+        let depth = depth(&mut self.recording, &entry.depth, treatment.depth_scale)?;
+        let times = (entry.stamp, entry.depth_stamp);
+        treatment
+            .frame(FrameId(id), times, colour, depth)
+            .map_err(|(shows, bad)| {
+                let slot = match shows {
+                    Side::Colour => &entry.colour,
+                    Side::Depth => &entry.depth,
+                };
+                image_error(&self.recording, slot, bad)
+            })
     }
 }
 

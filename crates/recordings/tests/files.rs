@@ -2,10 +2,12 @@
 
 use crate::writers::*;
 use std::path::{Path, PathBuf};
-use stillpoint_imaging::{FrameSource, RgbdFrame};
+use stillpoint_geometry::{Camera, Se3, Vec3};
+use stillpoint_imaging::{DepthImage, FrameId, FrameSource, GrayImage, RgbdFrame};
 use stillpoint_recordings::{
-    FrameOptions, Input, McapRecorder, OpenOptions, TRUTH_TOPIC, info, open,
+    FrameOptions, Input, McapRecorder, OpenOptions, Pair, RawFrames, TRUTH_TOPIC, info, open,
 };
+use stillpoint_ros_messages as ros;
 
 const FRAMES: usize = 10;
 
@@ -261,5 +263,107 @@ fn what_is_recorded_reads_back() {
     assert_eq!(
         (found.format, found.topics.len(), found.topics[0].messages),
         ("MCAP", 5, 5)
+    );
+}
+
+/// A camera whose depth is half a frame late, then half a frame early: by their stamps alone each image would be nearer to another one, and one would be left over.
+#[test]
+fn what_was_written_as_pairs_is_read_as_pairs() {
+    let dir = tempfile::tempdir().unwrap();
+    let camera = Camera::pinhole(64, 48, [60.0, 60.0, 31.5, 23.5]);
+    let path = dir.path().join("pairs.mcap");
+    let mut recorder = McapRecorder::create(&path, &camera).unwrap();
+    let mut stamps = Vec::new();
+    for i in 0..60_u32 {
+        let stamp = 1.0 + f64::from(i) * 0.033_333;
+        let depth_stamp = stamp + if i < 30 { 0.016_75 } else { -0.016_5 };
+        stamps.push((stamp, depth_stamp));
+        recorder
+            .add(&RgbdFrame {
+                id: FrameId(i),
+                stamp,
+                depth_stamp,
+                gray: GrayImage::new(64, 48),
+                colour: None,
+                depth: DepthImage::from_vec(64, 48, vec![1.0 + i as f32; 64 * 48]).unwrap(),
+            })
+            .unwrap();
+    }
+    recorder.finish().unwrap();
+    let input = open(&path, &OpenOptions::default()).unwrap();
+    let found = input.stamps();
+    assert_eq!(found.len(), 60, "{:?}", input.guesses());
+    for (i, (a, b)) in found.iter().zip(&stamps).enumerate() {
+        assert!(
+            (a.0 - b.0).abs() < 1e-6 && (a.1 - b.1).abs() < 1e-6,
+            "frame {i}: {a:?} {b:?}"
+        );
+    }
+}
+
+/// Images as a driver hands them over: depth of a camera 50 mm beside, in millimetres.
+#[test]
+fn raw_images_become_frames_in_the_colour_camera() {
+    let info = |width: u32, f: f64| ros::CameraInfo {
+        width,
+        height: 48,
+        distortion_model: "Brown Conrady".into(),
+        d: vec![0.0; 5],
+        k: [f, 0.0, 31.5, 0.0, f, 23.5, 0.0, 0.0, 1.0],
+        ..ros::CameraInfo::default()
+    };
+    let mut pair = Pair {
+        name: "two".to_owned(),
+        colour: info(64, 60.0),
+        depth: info(64, 60.0),
+        colour_from_depth: Some(Se3::new(Default::default(), Vec3::new(0.05, 0.0, 0.0))),
+        depth_scale: None,
+    };
+    let raw = RawFrames::new(&pair).unwrap();
+    assert_eq!(
+        (raw.camera().camera.fx, raw.camera().depth_scale),
+        (60.0, 1000.0)
+    );
+    let image = |encoding: &'static str, bytes: u32, data: Vec<u8>| ros::Image {
+        width: 64,
+        height: 48,
+        encoding: encoding.into(),
+        step: 64 * bytes,
+        data: data.into(),
+        ..ros::Image::default()
+    };
+    let colour = image("rgb8", 3, vec![100; 64 * 48 * 3]);
+    // A wall at one metre; what the depth camera sees at column 20 the colour camera sees three columns to the right.
+    let mut wall = vec![1000_u16; 64 * 48];
+    (0..48).for_each(|y| wall[y * 64 + 20] = 500);
+    let wall: Vec<u8> = wall.iter().flat_map(|z| z.to_le_bytes()).collect();
+    let depth = image("16UC1", 2, wall);
+    let frame = raw
+        .frame(FrameId(7), (1.0, 1.01), &colour, &depth, false)
+        .unwrap();
+    assert_eq!(
+        (frame.id, frame.stamp, frame.depth_stamp),
+        (FrameId(7), 1.0, 1.01)
+    );
+    assert_eq!(frame.depth.at(40, 10), 1.0);
+    assert_eq!(frame.depth.at(26, 10), 0.5);
+    assert!(frame.colour.is_none() && frame.gray.data().iter().all(|g| *g == 100));
+    let small = ros::Image {
+        width: 32,
+        step: 64,
+        ..depth.clone()
+    };
+    let refused = raw
+        .frame(FrameId(8), (1.1, 1.1), &colour, &small, true)
+        .unwrap_err();
+    assert!(
+        refused.contains("depth image: expected 64 x 48 px"),
+        "{refused}"
+    );
+    pair.colour.k[0] = 0.0;
+    let refused = RawFrames::new(&pair).unwrap_err();
+    assert!(
+        refused.contains("colour: expected a calibrated camera"),
+        "{refused}"
     );
 }

@@ -48,6 +48,9 @@ pub use stillpoint_map as map;
 pub use stillpoint_models as models;
 /// Place recognition.
 pub use stillpoint_place as place;
+/// RealSense cameras.
+#[cfg(feature = "realsense")]
+pub use stillpoint_realsense as realsense;
 /// Recordings (MCAP, bags) and data sets, behind one `open`.
 pub use stillpoint_recordings as recordings;
 /// Messages of ROS as bytes and back.

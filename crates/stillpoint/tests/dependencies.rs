@@ -61,6 +61,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "view",
             "datasets",
             "recordings",
+            "realsense",
             "ros-messages",
             "simulator",
             "doctor",
@@ -73,6 +74,17 @@ const NORMAL: &[(&str, &[&str])] = &[
     (
         "recordings",
         &["ros-messages", "imaging", "geometry", "datasets"],
+    ),
+    // A camera that runs is one more kind of input.
+    (
+        "realsense",
+        &[
+            "recordings",
+            "ros-messages",
+            "imaging",
+            "geometry",
+            "datasets",
+        ],
     ),
     ("cli", &["stillpoint"]),
     // What every crate's tests may ask for recordings.
@@ -112,6 +124,7 @@ const OUTSIDE: &[&str] = &[
     "models",
     "datasets",
     "recordings",
+    "realsense",
     "ros-messages",
     "simulator",
     "doctor",

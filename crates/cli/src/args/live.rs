@@ -1,8 +1,8 @@
 //! Arguments of `live`: the sources that are driven at the pace of a camera.
 
 use crate::args::run::{LiveChoice, OutputArgs, RunArgs, budget_ms};
-use crate::args::{ConfigArgs, InputArgs};
-use clap::{Args, Subcommand};
+use crate::args::{ConfigArgs, DetectorArgs, InputArgs};
+use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 /// Run SLAM at the pace of a camera, with a thread per stage.
@@ -10,11 +10,121 @@ use std::path::PathBuf;
 #[command(
     verbatim_doc_comment,
     after_help = "Examples:
-  stillpoint live file walk.mcap
+  stillpoint live realsense --record walk.mcap
   stillpoint live file rgbd_dataset_freiburg1_xyz --all"
 )]
 pub(crate) enum LiveCommand {
+    Realsense(LiveRealsenseArgs),
     File(LiveFileArgs),
+}
+
+/// Run on an Intel RealSense camera until Ctrl-C.
+///
+/// librealsense 2.50 or later is loaded when the camera is asked for: from ROS's and the system's folders, or
+/// from the file or folder that STILLPOINT_REALSENSE names. Lenses and the pose between the cameras are those of
+/// the factory, stamps are the device's. A camera that is unplugged is waited for.
+///
+/// The result folder, its log and the exit codes are those of run, see run --help.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint live realsense
+  stillpoint live realsense --serial 923322071234 --record walk.mcap --save-map hall.spmap
+  stillpoint live realsense --emitter off --exposure-ms 8 --localize hall.spmap
+  stillpoint live realsense --playback d435.bag
+
+Exit codes as those of run."
+)]
+pub(crate) struct LiveRealsenseArgs {
+    /// Serial number of the camera, where several are connected.
+    #[arg(long, value_name = "NUMBER")]
+    pub(crate) serial: Option<String>,
+    /// Write the frames to this file too, depth registered to colour; run and replay read it.
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) record: Option<PathBuf>,
+    /// Have librealsense play a recording of its own (.bag, .db3) in place of a camera.
+    #[arg(long, value_name = "FILE", conflicts_with = "serial")]
+    pub(crate) playback: Option<PathBuf>,
+    /// Width and height of both images, px.
+    #[arg(long, value_name = "WxH", default_value = "640x480", value_parser = size)]
+    pub(crate) size: (u32, u32),
+    /// Frames per second.
+    #[arg(long, value_name = "HZ", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=300))]
+    pub(crate) rate: u32,
+    /// Projector of the depth camera [default: as it is].
+    #[arg(long, value_name = "WHICH")]
+    pub(crate) emitter: Option<Switch>,
+    /// Exposure of the colour camera, ms [default: the camera chooses, but never longer than a frame takes].
+    #[arg(long, value_name = "MS", value_parser = exposure)]
+    pub(crate) exposure_ms: Option<f64>,
+    /// End after so many frames.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
+    max_frames: Option<u64>,
+    /// Write the log of the run to this file [default: run.log in the result folder].
+    #[arg(long, value_name = "FILE")]
+    log: Option<PathBuf>,
+    /// Keep to so many milliseconds per frame by doing less; what frames take is measured.
+    #[arg(long, value_name = "N", value_parser = budget_ms)]
+    budget_ms: Option<f64>,
+    #[command(flatten)]
+    output: OutputArgs,
+    /// Resume a map that --save-map wrote: places in it are recognised, and it grows.
+    #[arg(long, value_name = "FILE", conflicts_with = "localize")]
+    load_map: Option<PathBuf>,
+    /// Find the camera in a map that --save-map wrote; the map does not grow.
+    #[arg(long, value_name = "FILE", conflicts_with = "save_map")]
+    localize: Option<PathBuf>,
+    #[command(flatten)]
+    detector: DetectorArgs,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+/// On or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Switch {
+    /// On.
+    On,
+    /// Off.
+    Off,
+}
+
+/// `640x480`.
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let sides = text.split_once('x');
+    sides
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)))
+        .filter(|(w, h)| (16..=4096).contains(w) && (16..=4096).contains(h))
+        .ok_or_else(|| "expected width x height, such as 640x480".to_owned())
+}
+
+fn exposure(text: &str) -> Result<f64, String> {
+    let ms = text.parse().ok();
+    ms.filter(|ms| (0.1..=1000.0).contains(ms))
+        .ok_or_else(|| "expected 0.1 to 1000 milliseconds".to_owned())
+}
+
+impl LiveRealsenseArgs {
+    /// The arguments of `run` that mean the same.
+    pub(crate) fn as_run(&self) -> RunArgs {
+        RunArgs {
+            // What the result folder is called.
+            path: PathBuf::from("realsense"),
+            live: Some(LiveChoice::Newest),
+            log: self.log.clone(),
+            budget_ms: self.budget_ms,
+            output: self.output.clone(),
+            load_map: self.load_map.clone(),
+            localize: self.localize.clone(),
+            input: InputArgs {
+                max_frames: self.max_frames,
+                detector: self.detector.clone(),
+                ..InputArgs::default()
+            },
+            config: self.config.clone(),
+        }
+    }
 }
 
 /// Play a recording or data set folder as a camera.

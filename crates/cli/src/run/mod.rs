@@ -52,6 +52,17 @@ const AHEAD: usize = 30;
 
 /// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Failure> {
+    let dataset = open(&args.path, &args.input)?;
+    run_on(dataset, args, Vec::new(), timing)
+}
+
+/// `run` on an input that is open; `written` are files that it writes itself, with what they are named by.
+pub(crate) fn run_on(
+    dataset: recordings::Input,
+    args: &RunArgs,
+    written: Vec<(&'static str, &Path)>,
+    timing: &'static Timing,
+) -> Result<Status, Failure> {
     let mut config = config::resolve(&args.config)?;
     if let (Some(ms), None) = (args.budget_ms, args.live) {
         config = within(&config, ms);
@@ -69,10 +80,12 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
             .as_deref()
             .map(|p| ("--config", p))
             .into_iter()
+            .chain(written)
             .collect(),
         timing,
     };
-    let opened = task.open()?;
+    let is_device = matches!(dataset, recordings::Input::Device(_));
+    let opened = task.with(dataset)?;
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
     let loaded = load_detector(args, &settled, &opened.dataset)?;
@@ -100,7 +113,7 @@ pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Fai
     session.detector.library = loaded.library;
     let about = About::new(&args.input, begun.config(), known, &session.detector)?;
     let status = begun.end(&session, outputs, || run_log(&session, &about, log_file))?;
-    if !session.interrupted {
+    if !session.interrupted && !is_device {
         doctor::after_run(&args.path, &args.input);
     }
     last(session, status)
@@ -307,13 +320,18 @@ fn rate(stamps: &[(f64, f64)]) -> f64 {
 /// Opens the data set or recording and says what was guessed.
 pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<recordings::Input, Failure> {
     let dataset = recordings::open(path, &options(input))?;
+    say(&dataset);
+    Ok(dataset)
+}
+
+/// What was guessed about an input.
+pub(crate) fn say(dataset: &recordings::Input) {
     for guess in dataset.guesses() {
         console::info(guess);
     }
     for warning in dataset.warnings() {
         console::warn(warning);
     }
-    Ok(dataset)
 }
 
 /// How the arguments want it opened.

@@ -29,6 +29,10 @@ impl<S: FrameSource> FrameSource for Reading<S> {
     fn remaining(&self) -> Option<usize> {
         self.source.remaining()
     }
+
+    fn is_live(&self) -> bool {
+        self.source.is_live()
+    }
 }
 
 /// Longest time between two frames that is waited for, s, as the driver for cameras has it.
@@ -94,7 +98,9 @@ impl FrameSource for Watched<'_> {
         let next = tracing::info_span!("wait").in_scope(|| self.source.next_frame());
         // What was waited for on this thread.
         self.timing.end_round();
-        if let Some(Ok(frame)) = &next {
+        if let Some(Ok(frame)) = &next
+            && !self.source.is_live()
+        {
             self.pace.came(frame.stamp, Instant::now());
         }
         next
@@ -102,6 +108,10 @@ impl FrameSource for Watched<'_> {
 
     fn remaining(&self) -> Option<usize> {
         self.source.remaining()
+    }
+
+    fn is_live(&self) -> bool {
+        self.source.is_live()
     }
 }
 

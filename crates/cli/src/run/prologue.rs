@@ -62,8 +62,13 @@ pub(crate) struct Means {
 impl<'a> Task<'a> {
     /// Opens the data set or recording.
     pub(crate) fn open(self) -> Result<Opened<'a>, Failure> {
-        let simd = config::simd()?;
         let dataset = open(self.path, self.input)?;
+        self.with(dataset)
+    }
+
+    /// With an input that is open.
+    pub(crate) fn with(self, dataset: Input) -> Result<Opened<'a>, Failure> {
+        let simd = config::simd()?;
         Ok(Opened {
             task: self,
             simd,

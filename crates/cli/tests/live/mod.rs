@@ -101,3 +101,46 @@ fn live_file_plays_a_folder_as_a_camera() {
     let nothing = program().args(["live", "file", "/no/room"]).output();
     check(&nothing.unwrap(), 2, &["/no/room"]);
 }
+
+/// Without a camera and without its library: what there should be, and where to get it.
+#[test]
+fn a_camera_without_its_library_is_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let text = dir.path().join("librealsense2.so");
+    std::fs::write(&text, "not a library").unwrap();
+    let gone = dir.path().join("gone");
+    let taken = dir.path().join("taken.mcap");
+    std::fs::write(&taken, "mine").unwrap();
+    let live = |library: &std::path::Path, more: &[&str]| {
+        let mut live = program();
+        live.args(["live", "realsense"])
+            .args(more)
+            .current_dir(&dir);
+        live.env("STILLPOINT_REALSENSE", library).output().unwrap()
+    };
+    let advice = [
+        "expected librealsense 2.50 or later",
+        "STILLPOINT_REALSENSE",
+    ];
+    check(&live(&text, &[]), 2, &advice);
+    check(&live(&gone, &[]), 2, &["no such file", "gone"]);
+    // A folder without one.
+    std::fs::create_dir(&gone).unwrap();
+    check(&live(&gone, &[]), 2, &["ros-$ROS_DISTRO-librealsense2"]);
+    check(
+        &live(&text, &["--size", "3x3"]),
+        2,
+        &["expected width x height"],
+    );
+    check(
+        &live(&text, &["--exposure-ms", "0"]),
+        2,
+        &["expected 0.1 to 1000"],
+    );
+    check(
+        &live(&text, &["--record", "taken.mcap"]),
+        2,
+        &["expected a new file"],
+    );
+    assert_eq!(std::fs::read(&taken).unwrap(), b"mine");
+}

@@ -13,9 +13,9 @@ use self::world::{
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use stillpoint_detection::Detector;
-use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
 use stillpoint_live::{
     Delivery, Hook, LiveOptions, LiveResult, LiveSystem, Missed, Played, Stage, WorkerEnd,
 };
@@ -274,6 +274,41 @@ fn stopping_in_the_middle_keeps_what_was_learned() {
     assert!((10..frames().len()).contains(&tracked), "{tracked}");
     assert!(result.view.landmark_count() > 100);
     assert_reproduced(&result, &received);
+}
+
+/// Frames of a camera: they come when they come, whatever their stamps.
+struct Camera(Frames);
+
+impl FrameSource for Camera {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        self.0.next_frame()
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn frames_of_a_camera_are_not_held_back() {
+    // Four seconds between two stamps, which a recording is played with.
+    let mut slow = frames()[..3].to_vec();
+    for (i, frame) in slow.iter_mut().enumerate() {
+        frame.stamp = 4.0 * i as f64;
+        frame.depth_stamp = frame.stamp;
+    }
+    let (seconds, tracked) = within(move || {
+        let mut live = LiveSystem::start(stages(), None, unhurried()).unwrap();
+        let start = Instant::now();
+        let mut source = Camera(Frames::of(&slow));
+        let played = live.play(&mut source, &AtomicBool::new(false), |e| panic!("{e}"));
+        assert!(matches!(played, Played::ToTheEnd), "{played:?}");
+        let seconds = start.elapsed().as_secs_f64();
+        (seconds, live.finish().statistics.frames.len())
+    });
+    assert_eq!(tracked, 3);
+    // A bound on waiting, not on speed: held back it would be eight seconds.
+    assert!(seconds < 4.0, "{seconds}");
 }
 
 #[test]

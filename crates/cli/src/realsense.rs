@@ -1,0 +1,115 @@
+//! `live realsense`: a camera that runs, and its recording.
+
+use crate::args::live::{LiveRealsenseArgs, Switch};
+use crate::console;
+use crate::failure::{Failure, Status};
+use crate::run;
+use crate::timing::Timing;
+use std::path::{Path, PathBuf};
+use stillpoint::datasets::CameraModel;
+use stillpoint::imaging::{FrameSource, RgbdFrame, SourceError};
+use stillpoint::realsense::{Options, RealSense};
+use stillpoint::recordings::{self, Device, Input, McapRecorder};
+
+/// `live realsense`.
+pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<Status, Failure> {
+    if let Some(path) = args.record.as_deref().filter(|p| p.exists()) {
+        return Err(Failure::input(format!(
+            "--record: expected a new file, found {}, which exists; choose another name, or remove it",
+            path.display()
+        )));
+    }
+    let options = Options {
+        serial: args.serial.clone(),
+        playback: args.playback.clone(),
+        size: args.size,
+        rate: args.rate,
+        emitter: args.emitter.map(|s| s == Switch::On),
+        exposure: args.exposure_ms,
+    };
+    let camera = RealSense::open(&options).map_err(Failure::input)?;
+    let mut device: Box<dyn Device> = Box::new(camera);
+    if let Some(path) = &args.record {
+        device = Box::new(Recorded {
+            device,
+            path: path.clone(),
+        });
+    }
+    let input = Input::Device(device);
+    run::say(&input);
+    let written = args.record.as_deref().map(|p: &Path| ("--record", p));
+    run::run_on(input, &args.as_run(), written.into_iter().collect(), timing)
+}
+
+/// A camera whose frames are written to a file as they come.
+#[derive(Debug)]
+struct Recorded {
+    device: Box<dyn Device>,
+    path: PathBuf,
+}
+
+impl Device for Recorded {
+    fn kind(&self) -> String {
+        self.device.kind()
+    }
+
+    fn camera(&self) -> &CameraModel {
+        self.device.camera()
+    }
+
+    fn guesses(&self) -> &[String] {
+        self.device.guesses()
+    }
+
+    fn frames(&self, _: bool) -> recordings::Result<Box<dyn FrameSource>> {
+        Ok(Box::new(Recording {
+            recorder: Some(McapRecorder::create(&self.path, &self.camera().camera)?),
+            // A recording has colours whoever looks at them now.
+            frames: self.device.frames(true)?,
+        }))
+    }
+}
+
+/// Frames that are written before anybody sees them.
+struct Recording {
+    frames: Box<dyn FrameSource>,
+    /// Gone when it could not write any more.
+    recorder: Option<McapRecorder>,
+}
+
+impl FrameSource for Recording {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        let next = self.frames.next_frame();
+        if let (Some(Ok(frame)), Some(recorder)) = (&next, &mut self.recorder)
+            && let Err(e) = recorder.add(frame)
+        {
+            console::warn(&format!("--record ends here, the run goes on: {e}"));
+            self.finish();
+        }
+        next
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        self.frames.remaining()
+    }
+
+    fn is_live(&self) -> bool {
+        self.frames.is_live()
+    }
+}
+
+impl Recording {
+    fn finish(&mut self) {
+        if let Some(recorder) = self.recorder.take()
+            && let Err(e) = recorder.finish()
+        {
+            console::warn(&e.to_string());
+        }
+    }
+}
+
+impl Drop for Recording {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}

@@ -1,0 +1,26 @@
+//! Intel RealSense cameras as they run.
+//!
+//! Answers: which cameras are connected, what their lenses are, and what they see now. Knows nothing of what is done with the frames. librealsense is loaded when a
+//! camera is asked for: neither builds nor runs need it otherwise.
+//!
+//! ```no_run
+//! use stillpoint_realsense::{Options, RealSense};
+//! use stillpoint_recordings::Device;
+//!
+//! let camera = RealSense::open(&Options::default())?;
+//! let mut frames = camera.frames(false)?;
+//! while let Some(frame) = frames.next_frame() {
+//!     println!("{:.6}", frame?.stamp);
+//! }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+mod camera;
+mod error;
+mod find;
+mod library;
+mod source;
+
+pub use camera::{Options, RealSense};
+pub use error::{RealSenseError, Result};
+pub use find::VARIABLE;

@@ -1,0 +1,299 @@
+//! The C interface of librealsense (rs.h, rs_pipeline.h, rs_config.h, rs_frame.h, rs_sensor.h of version 2), as far as it is used, behind functions that are
+//! safe to call. Numbers of options differ between versions, so that options are found by their names.
+//!
+//! `unsafe` is allowed here and nowhere else in the crate: symbols of a library that is loaded at run time have no types that a compiler could check.
+#![allow(unsafe_code)]
+
+mod functions;
+mod running;
+
+pub(crate) use functions::{Extrinsics, Intrinsics};
+pub(crate) use running::Running;
+
+use functions::{Fault, Functions, Object};
+use libloading::Library;
+use std::ffi::{CStr, CString, c_char, c_int, c_void};
+use std::mem::ManuallyDrop;
+use std::path::Path;
+use std::ptr::{NonNull, null_mut};
+use std::sync::Arc;
+
+/// `rs2_stream`, `rs2_format` and `rs2_camera_info`: what has had these numbers in all versions.
+const DEPTH: c_int = 1;
+const COLOUR: c_int = 2;
+const Z16: c_int = 1;
+const RGB8: c_int = 5;
+const NAME: c_int = 0;
+const SERIAL: c_int = 1;
+/// `RS2_PLAYBACK_STATUS_STOPPED`.
+const STOPPED: c_int = 3;
+/// Options have numbers below this.
+const MOST_OPTIONS: c_int = 512;
+/// Pairs of images that wait, a second of them.
+const WAITING: c_int = 30;
+
+/// The library.
+pub(crate) struct Api {
+    functions: Functions,
+    // Never closed: it may have threads.
+    _library: ManuallyDrop<Library>,
+}
+
+/// Something of the library that is given back when it is dropped.
+struct Handle {
+    object: NonNull<c_void>,
+    free: unsafe extern "C" fn(Object),
+}
+
+// SAFETY: objects of librealsense may be used from any thread, one at a time; a handle is not shared.
+unsafe impl Send for Handle {}
+
+impl Handle {
+    fn get(&self) -> Object {
+        self.object.as_ptr()
+    }
+}
+
+impl Drop for Handle {
+    fn drop(&mut self) {
+        // SAFETY: the object came from the library together with its function, and nobody else has it.
+        unsafe { (self.free)(self.object.as_ptr()) }
+    }
+}
+
+/// A text of the library; empty for none.
+fn text(pointer: *const c_char) -> String {
+    if pointer.is_null() {
+        return String::new();
+    }
+    // SAFETY: texts of the library end with a zero, and live until the next call at least.
+    let said = unsafe { CStr::from_ptr(pointer) }.to_string_lossy();
+    said.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// What the system said, which is under what libloading says.
+fn reason(error: &libloading::Error) -> String {
+    let said = std::error::Error::source(error).map(ToString::to_string);
+    let said = said.unwrap_or_else(|| error.to_string());
+    said.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Which camera, and how it is to run.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Wanted {
+    pub(crate) serial: Option<CString>,
+    /// A recording that is played in place of a camera.
+    pub(crate) file: Option<CString>,
+    /// Width and height, px, and frames per second; zeros leave the choice to a recording.
+    pub(crate) size: [i32; 2],
+    pub(crate) rate: i32,
+}
+
+/// A device that is connected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Connected {
+    pub(crate) name: String,
+    pub(crate) serial: String,
+}
+
+/// A number of the device that can be set: of which sensor, by which name, and to what.
+#[derive(Clone, Debug)]
+pub(crate) struct Setting {
+    /// Words that the sensor's name has; any sensor where empty.
+    pub(crate) sensor: &'static str,
+    pub(crate) option: &'static str,
+    pub(crate) value: f32,
+}
+
+/// An image, copied.
+#[derive(Clone, Debug)]
+pub(crate) struct Image {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Bytes from a row to the next.
+    pub(crate) stride: u32,
+    pub(crate) data: Vec<u8>,
+    /// When it was taken by the device's clock, microseconds: as exactly as recordings keep it.
+    pub(crate) stamp_us: i64,
+}
+
+/// What the cameras are.
+#[derive(Clone, Debug)]
+pub(crate) struct Description {
+    pub(crate) colour: (Intrinsics, String),
+    pub(crate) depth: (Intrinsics, String),
+    pub(crate) colour_from_depth: Extrinsics,
+    /// Metres per depth value.
+    pub(crate) unit: f64,
+}
+
+/// Two images that belong together.
+pub(crate) struct Images {
+    pub(crate) colour: Image,
+    pub(crate) depth: Image,
+    /// When asked for.
+    pub(crate) description: Option<Description>,
+}
+
+impl Api {
+    /// Loads the library in a file.
+    ///
+    /// # Errors
+    /// Why it is none.
+    pub(crate) fn load(file: &Path) -> Result<Arc<Self>, String> {
+        // Opening a pipe would wait for its other end.
+        if !file.is_file() {
+            return Err("no such file".to_owned());
+        }
+        // SAFETY: runs the library's initialisers, which are trusted as its other code is: the user has installed the file or named it.
+        let library = unsafe { Library::new(file) };
+        let library = ManuallyDrop::new(library.map_err(|e| reason(&e))?);
+        let functions = Functions::find(&library)
+            .map_err(|name| format!("no function {name}: it is another library, or too old"))?;
+        Ok(Arc::new(Self {
+            functions,
+            _library: library,
+        }))
+    }
+
+    /// Calls a function that says what went wrong through its last argument.
+    fn call<T>(&self, function: impl FnOnce(Fault) -> T) -> Result<T, String> {
+        let mut error = null_mut();
+        let value = function(&mut error);
+        if error.is_null() {
+            return Ok(value);
+        }
+        // SAFETY: the error came from the library and is freed once.
+        let said = unsafe {
+            let said = text((self.functions.get_error_message)(error));
+            (self.functions.free_error)(error);
+            said
+        };
+        Err(said)
+    }
+
+    /// The same for one that makes something.
+    fn make(
+        &self,
+        free: unsafe extern "C" fn(Object),
+        function: impl FnOnce(Fault) -> Object,
+    ) -> Result<Handle, String> {
+        let object = NonNull::new(self.call(function)?);
+        let object = object.ok_or_else(|| "the library gave nothing".to_owned())?;
+        Ok(Handle { object, free })
+    }
+
+    /// The version, as 20540 for 2.54.0.
+    pub(crate) fn version(&self) -> Result<i32, String> {
+        // SAFETY: takes nothing but the place for an error.
+        self.call(|e| unsafe { (self.functions.get_api_version)(e) })
+    }
+
+    fn context(&self) -> Result<Handle, String> {
+        let (f, version) = (&self.functions, self.version()?);
+        // SAFETY: the version is the library's own.
+        self.make(f.delete_context, |e| unsafe {
+            (f.create_context)(version, e)
+        })
+    }
+
+    fn device_info(&self, device: &Handle, info: c_int) -> String {
+        let f = &self.functions;
+        // SAFETY: a device of this library, and numbers that all versions have.
+        let supported = self.call(|e| unsafe { (f.supports_device_info)(device.get(), info, e) });
+        if supported != Ok(1) {
+            return String::new();
+        }
+        // SAFETY: as before.
+        let said = self.call(|e| unsafe { (f.get_device_info)(device.get(), info, e) });
+        said.map(text).unwrap_or_default()
+    }
+
+    fn connected(&self, device: &Handle) -> Connected {
+        Connected {
+            name: self.device_info(device, NAME),
+            serial: self.device_info(device, SERIAL),
+        }
+    }
+
+    /// The devices that are connected.
+    pub(crate) fn devices(&self) -> Result<Vec<Connected>, String> {
+        let f = &self.functions;
+        let context = self.context()?;
+        // SAFETY: a context, and a list with as many devices as it says.
+        unsafe {
+            let list = self.make(f.delete_device_list, |e| {
+                (f.query_devices)(context.get(), e)
+            })?;
+            let count = self.call(|e| (f.get_device_count)(list.get(), e))?;
+            let device = |i| self.make(f.delete_device, |e| (f.create_device)(list.get(), i, e));
+            (0..count)
+                .map(|i| Ok(self.connected(&device(i)?)))
+                .collect()
+        }
+    }
+
+    /// Starts a device.
+    pub(crate) fn start(self: &Arc<Self>, wanted: &Wanted) -> Result<Running, String> {
+        let f = &self.functions;
+        let context = self.context()?;
+        let [width, height] = wanted.size.map(c_int::from);
+        // SAFETY: all objects are those of this library, made just before; texts end with zeros; the queue outlives the pipeline that fills it.
+        unsafe {
+            let config = self.make(f.delete_config, |e| (f.create_config)(e))?;
+            if let Some(file) = &wanted.file {
+                self.call(|e| {
+                    (f.config_enable_device_from_file_repeat_option)(
+                        config.get(),
+                        file.as_ptr(),
+                        0,
+                        e,
+                    )
+                })?;
+            }
+            if let Some(serial) = &wanted.serial {
+                self.call(|e| (f.config_enable_device)(config.get(), serial.as_ptr(), e))?;
+            }
+            for (stream, format) in [(DEPTH, Z16), (COLOUR, RGB8)] {
+                self.call(|e| {
+                    (f.config_enable_stream)(
+                        config.get(),
+                        stream,
+                        -1,
+                        width,
+                        height,
+                        format,
+                        wanted.rate,
+                        e,
+                    )
+                })?;
+            }
+            let queue = self.make(f.delete_frame_queue, |e| (f.create_frame_queue)(WAITING, e))?;
+            let pipeline =
+                self.make(f.delete_pipeline, |e| (f.create_pipeline)(context.get(), e))?;
+            let profile = self.make(f.delete_pipeline_profile, |e| {
+                (f.pipeline_start_with_config_and_callback)(
+                    pipeline.get(),
+                    config.get(),
+                    f.enqueue_frame,
+                    queue.get(),
+                    e,
+                )
+            })?;
+            let device = self.make(f.delete_device, |e| {
+                (f.pipeline_profile_get_device)(profile.get(), e)
+            });
+            let running = Running {
+                api: Arc::clone(self),
+                is_file: wanted.file.is_some(),
+                device: device.ok(),
+                _profile: profile,
+                pipeline,
+                queue,
+                _config: config,
+                _context: context,
+            };
+            Ok(running)
+        }
+    }
+}

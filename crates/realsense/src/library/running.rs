@@ -1,0 +1,218 @@
+//! A device that runs: its options and its images.
+
+use super::functions::{Extrinsics, Fault, Intrinsics, Object};
+use super::{
+    Api, COLOUR, Connected, DEPTH, Description, Handle, Image, Images, MOST_OPTIONS, NAME, STOPPED,
+    Setting, text,
+};
+use std::ffi::c_int;
+use std::sync::Arc;
+
+/// A device that runs. Fields are dropped in their order: the pipeline before the queue that it fills.
+pub(crate) struct Running {
+    pub(super) api: Arc<Api>,
+    pub(super) is_file: bool,
+    pub(super) device: Option<Handle>,
+    pub(super) _profile: Handle,
+    pub(super) pipeline: Handle,
+    pub(super) queue: Handle,
+    pub(super) _config: Handle,
+    pub(super) _context: Handle,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        // SAFETY: the pipeline runs, and is dropped after this. A device that is gone does not stop, which is as good.
+        let _ = self
+            .api
+            .call(|e| unsafe { (self.api.functions.pipeline_stop)(self.pipeline.get(), e) });
+    }
+}
+
+impl Running {
+    /// What runs.
+    pub(crate) fn connected(&self) -> Connected {
+        let device = self.device.as_ref().map(|d| self.api.connected(d));
+        device.unwrap_or(Connected {
+            name: String::new(),
+            serial: String::new(),
+        })
+    }
+
+    /// Whether a recording has come to its end.
+    pub(crate) fn has_ended(&self) -> bool {
+        let f = &self.api.functions;
+        let Some(device) = self.device.as_ref().filter(|_| self.is_file) else {
+            return false;
+        };
+        // SAFETY: the device of a file is one for playback.
+        let status = self
+            .api
+            .call(|e| unsafe { (f.playback_device_get_current_status)(device.get(), e) });
+        status == Ok(STOPPED)
+    }
+
+    /// Sets an option where a sensor has it; whether one has.
+    ///
+    /// # Errors
+    /// The range, when the value is outside; what the device said.
+    pub(crate) fn set(&self, setting: &Setting) -> Result<bool, String> {
+        let f = &self.api.functions;
+        let Some(device) = &self.device else {
+            return Ok(false);
+        };
+        // SAFETY: takes any number.
+        let named = |i: &c_int| text(unsafe { (f.option_to_string)(*i) }) == setting.option;
+        let Some(option) = (0..MOST_OPTIONS).find(named) else {
+            return Ok(false);
+        };
+        let mut is_set = false;
+        // SAFETY: sensors of this device, as many as the list says; a sensor has options.
+        unsafe {
+            let list = self
+                .api
+                .make(f.delete_sensor_list, |e| (f.query_sensors)(device.get(), e))?;
+            for i in 0..self.api.call(|e| (f.get_sensors_count)(list.get(), e))? {
+                let sensor = self
+                    .api
+                    .make(f.delete_sensor, |e| (f.create_sensor)(list.get(), i, e))?;
+                let name = self
+                    .api
+                    .call(|e| (f.get_sensor_info)(sensor.get(), NAME, e));
+                let name = name.map(text).unwrap_or_default();
+                let has = self
+                    .api
+                    .call(|e| (f.supports_option)(sensor.get(), option, e));
+                if !name.contains(setting.sensor) || has != Ok(1) {
+                    continue;
+                }
+                let (mut low, mut high, mut step, mut usual) = (0.0, 0.0, 0.0, 0.0);
+                self.api.call(|e| {
+                    (f.get_option_range)(
+                        sensor.get(),
+                        option,
+                        &mut low,
+                        &mut high,
+                        &mut step,
+                        &mut usual,
+                        e,
+                    );
+                })?;
+                if !(low..=high).contains(&setting.value) {
+                    return Err(format!(
+                        "{} of {name}: expected {low} to {high}, found {}",
+                        setting.option, setting.value
+                    ));
+                }
+                self.api
+                    .call(|e| (f.set_option)(sensor.get(), option, setting.value, e))?;
+                is_set = true;
+            }
+        }
+        Ok(is_set)
+    }
+
+    /// The next pair of images; `None` when one is missing.
+    ///
+    /// # Errors
+    /// None came in time, or what the device said.
+    pub(crate) fn next(&self, wait_ms: u32, describe: bool) -> Result<Option<Images>, String> {
+        let f = &self.api.functions;
+        // SAFETY: frames are released by their handles; profiles live as long as their frames.
+        unsafe {
+            let all = self.api.make(f.release_frame, |e| {
+                (f.wait_for_frame)(self.queue.get(), wait_ms, e)
+            })?;
+            let count = self.api.call(|e| (f.embedded_frames_count)(all.get(), e))?;
+            let (mut colour, mut depth) = (None, None);
+            for i in 0..count {
+                let frame = self
+                    .api
+                    .make(f.release_frame, |e| (f.extract_frame)(all.get(), i, e))?;
+                let profile = self
+                    .api
+                    .call(|e| (f.get_frame_stream_profile)(frame.get(), e))?;
+                let (mut stream, mut format, mut index, mut number, mut rate) = (0, 0, 0, 0, 0);
+                self.api.call(|e| {
+                    (f.get_stream_profile_data)(
+                        profile,
+                        &mut stream,
+                        &mut format,
+                        &mut index,
+                        &mut number,
+                        &mut rate,
+                        e,
+                    );
+                })?;
+                match stream {
+                    COLOUR => colour = Some((frame, profile)),
+                    DEPTH => depth = Some((frame, profile)),
+                    _ => {}
+                }
+            }
+            let (Some((colour, colour_profile)), Some((depth, depth_profile))) = (colour, depth)
+            else {
+                return Ok(None);
+            };
+            let description = if describe {
+                let mut pose = Extrinsics::default();
+                self.api
+                    .call(|e| (f.get_extrinsics)(depth_profile, colour_profile, &mut pose, e))?;
+                Some(Description {
+                    colour: self.intrinsics(colour_profile)?,
+                    depth: self.intrinsics(depth_profile)?,
+                    colour_from_depth: pose,
+                    unit: f64::from(
+                        self.api
+                            .call(|e| (f.depth_frame_get_units)(depth.get(), e))?,
+                    ),
+                })
+            } else {
+                None
+            };
+            Ok(Some(Images {
+                colour: self.image(&colour)?,
+                depth: self.image(&depth)?,
+                description,
+            }))
+        }
+    }
+
+    fn intrinsics(&self, profile: Object) -> Result<(Intrinsics, String), String> {
+        let f = &self.api.functions;
+        let mut found = Intrinsics::default();
+        // SAFETY: the profile of a video stream whose frame is alive.
+        unsafe {
+            self.api
+                .call(|e| (f.get_video_stream_intrinsics)(profile, &mut found, e))?;
+            Ok((found, text((f.distortion_to_string)(found.model))))
+        }
+    }
+
+    fn image(&self, frame: &Handle) -> Result<Image, String> {
+        let f = &self.api.functions;
+        // SAFETY: the frame is alive, and its data has the size that it says.
+        unsafe {
+            let number = |get: unsafe extern "C" fn(Object, Fault) -> c_int| {
+                let found = self.api.call(|e| get(frame.get(), e))?;
+                u32::try_from(found).map_err(|_| format!("an image with a size of {found}"))
+            };
+            let size = number(f.get_frame_data_size)? as usize;
+            let data = self
+                .api
+                .call(|e| (f.get_frame_data)(frame.get(), e))?
+                .cast::<u8>();
+            if data.is_null() {
+                return Err("an image without data".to_owned());
+            }
+            Ok(Image {
+                width: number(f.get_frame_width)?,
+                height: number(f.get_frame_height)?,
+                stride: number(f.get_frame_stride_in_bytes)?,
+                data: std::slice::from_raw_parts(data, size).to_vec(),
+                stamp_us: (self.api.call(|e| (f.get_frame_timestamp)(frame.get(), e))? * 1e3)
+                    .round() as i64,
+            })
+        }
+    }
+}

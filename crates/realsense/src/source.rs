@@ -1,0 +1,214 @@
+//! The frames of a camera that runs, which may be unplugged and come back.
+
+use crate::camera::Started;
+use crate::library::{Image, Images};
+use std::sync::Arc;
+use std::time::Duration;
+use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
+use stillpoint_recordings::RawFrames;
+use stillpoint_ros_messages as ros;
+
+/// A camera that gives nothing for so long is not there, ms.
+const WAIT: u32 = 1000;
+/// A depth image that was paired before is as far as this from the colour image at most, microseconds: half a frame at 25 Hz.
+const FARTHEST_US: i64 = 20_000;
+/// What is added to the stamp of a depth image that serves twice, microseconds: no two images of a recording have the same stamp.
+const TWICE_US: i64 = 10;
+/// How often a camera that is gone is looked for.
+const LOOK: Duration = Duration::from_millis(500);
+/// How often that is done until it is told again; whoever wants to stop is heard in between.
+const LOOKS: usize = 6;
+
+/// The frames.
+pub(crate) struct Frames {
+    started: Option<Started>,
+    /// How to start it again when it is gone.
+    again: Option<Again>,
+    raw: Arc<RawFrames>,
+    keep_colour: bool,
+    next_id: u32,
+    /// Stamps of the last pair, microseconds.
+    last: Option<(i64, i64)>,
+}
+
+/// What is known of a camera that is gone.
+struct Again {
+    start: Box<dyn Fn() -> Result<Started, String> + Send>,
+    name: String,
+}
+
+impl Again {
+    /// Waits for it for a while.
+    fn wait(&self) -> Result<Started, SourceError> {
+        for _ in 0..LOOKS {
+            if let Ok(started) = (self.start)() {
+                return Ok(started);
+            }
+            std::thread::sleep(LOOK);
+        }
+        Err(SourceError {
+            message: format!("{}: still not there", self.name),
+            recoverable: true,
+        })
+    }
+}
+
+impl Frames {
+    pub(crate) fn new(started: Started, raw: Arc<RawFrames>, keep_colour: bool) -> Self {
+        Self {
+            started: Some(started),
+            again: None,
+            raw,
+            keep_colour,
+            next_id: 0,
+            last: None,
+        }
+    }
+
+    /// After the camera gave nothing: stops it, and tells that once.
+    fn lose(&mut self, started: Started, reason: &str) -> SourceError {
+        let Started {
+            api,
+            running,
+            wanted,
+            settings,
+            name,
+            ..
+        } = started;
+        drop(running);
+        let message = format!(
+            "{name}: no image for {:.0} s ({reason}): waiting for it to come back",
+            f64::from(WAIT) / 1e3
+        );
+        self.again = Some(Again {
+            start: Box::new(move || {
+                Started::start(Arc::clone(&api), wanted.clone(), settings.clone())
+            }),
+            name,
+        });
+        SourceError {
+            message,
+            recoverable: true,
+        }
+    }
+
+    fn is_news(&self, images: &Images) -> bool {
+        is_news(self.last, (images.colour.stamp_us, images.depth.stamp_us))
+    }
+
+    fn frame(&mut self, images: &Images) -> Result<RgbdFrame, SourceError> {
+        let id = self.next_id;
+        self.next_id += 1;
+        let (colour, depth) = (&images.colour, &images.depth);
+        let stamps = (colour.stamp_us, depth.stamp_us);
+        let serves_twice = self.last.is_some_and(|last| stamps.1 == last.1);
+        let depth_stamp = stamps.1 + if serves_twice { TWICE_US } else { 0 };
+        self.last = Some(stamps);
+        let frame = self.raw.frame(
+            FrameId(id),
+            (seconds(stamps.0), seconds(depth_stamp)),
+            &message(colour, "rgb8"),
+            &message(depth, "16UC1"),
+            self.keep_colour,
+        );
+        frame.map_err(|e| SourceError {
+            message: format!("frame {id} ({:.6} s): {e}", seconds(stamps.0)),
+            recoverable: true,
+        })
+    }
+}
+
+/// Whether a pair has another colour image than the last one, by their stamps: where one of the two comes late, librealsense pairs the other twice. A depth image
+/// may serve twice where it is near enough.
+fn is_news(last: Option<(i64, i64)>, (colour, depth): (i64, i64)) -> bool {
+    last.is_none_or(|last| {
+        colour != last.0 && (depth != last.1 || (colour - depth).abs() <= FARTHEST_US)
+    })
+}
+
+/// Microseconds as seconds, rounded as recordings have them: a recording of the run has the same stamps.
+fn seconds(us: i64) -> f64 {
+    let (whole, rest) = (us.div_euclid(1_000_000), us.rem_euclid(1_000_000));
+    whole as f64 + (rest * 1000) as f64 / 1e9
+}
+
+/// An image as the codecs know it.
+fn message<'a>(image: &'a Image, encoding: &'static str) -> ros::Image<'a> {
+    ros::Image {
+        height: image.height,
+        width: image.width,
+        encoding: encoding.into(),
+        is_bigendian: 0,
+        step: image.stride,
+        data: image.data.as_slice().into(),
+        ..ros::Image::default()
+    }
+}
+
+impl FrameSource for Frames {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        loop {
+            let Some(mut started) = self.started.take() else {
+                match self.again.as_ref()?.wait() {
+                    Ok(started) => self.started = Some(started),
+                    Err(e) => return Some(Err(e)),
+                }
+                continue;
+            };
+            if let Some(images) = started.first.take() {
+                self.started = Some(started);
+                return Some(self.frame(&images));
+            }
+            if started.running.has_ended() {
+                // What waits is still to be read.
+                let next = started.running.next(1, false);
+                return match next {
+                    Ok(Some(images)) if self.is_news(&images) => {
+                        self.started = Some(started);
+                        Some(self.frame(&images))
+                    }
+                    Ok(_) => {
+                        self.started = Some(started);
+                        continue;
+                    }
+                    Err(_) => None,
+                };
+            }
+            match started.running.next(WAIT, false) {
+                Ok(Some(images)) if self.is_news(&images) => {
+                    self.started = Some(started);
+                    return Some(self.frame(&images));
+                }
+                Ok(_) => self.started = Some(started),
+                Err(_) if started.running.has_ended() => return None,
+                Err(reason) => return Some(Err(self.lose(started, &reason))),
+            }
+        }
+    }
+
+    fn is_live(&self) -> bool {
+        true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn images_that_come_again_are_no_news() {
+        let last = Some((100_000, 104_000));
+        assert!(is_news(None, (100_000, 104_000)));
+        assert!(is_news(last, (133_333, 137_000)));
+        // The depth of before is near, or a frame old.
+        assert!(is_news(last, (120_000, 104_000)));
+        assert!(!is_news(last, (133_333, 104_000)));
+        assert!(!is_news(last, (100_000, 137_000)));
+    }
+
+    #[test]
+    fn stamps_are_those_of_a_recording() {
+        assert_eq!(seconds(1_533_333), 1.0 + 533_333_000.0 / 1e9);
+        assert_eq!(seconds(-500_000), -0.5);
+    }
+}

@@ -1,0 +1,96 @@
+//! Recordings of RealSense cameras, played by librealsense and read by ourselves. They need `STILLPOINT_REALSENSE`; one that is PyPI's `pyrealsense2` loads only
+//! where libpython was loaded before (`LD_PRELOAD`).
+
+use std::path::PathBuf;
+use stillpoint_imaging::{FrameSource, RgbdFrame};
+use stillpoint_realsense::{Options, RealSense, VARIABLE};
+use stillpoint_recordings::{Device, FrameOptions, OpenOptions, open};
+
+/// A recording, and the same as a camera that librealsense plays.
+fn played(path: PathBuf) -> Option<(RealSense, PathBuf)> {
+    if std::env::var_os(VARIABLE).is_none() {
+        stillpoint_testdata::skipped("STILLPOINT_REALSENSE names no librealsense");
+        return None;
+    }
+    let options = Options {
+        playback: Some(path.clone()),
+        ..Options::default()
+    };
+    let camera = RealSense::open(&options).unwrap_or_else(|e| panic!("{e}"));
+    Some((camera, path))
+}
+
+fn all(mut source: impl FrameSource) -> Vec<RgbdFrame> {
+    std::iter::from_fn(|| source.next_frame())
+        .map(Result::unwrap)
+        .collect()
+}
+
+struct Boxed(Box<dyn FrameSource>);
+
+impl FrameSource for Boxed {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, stillpoint_imaging::SourceError>> {
+        self.0.next_frame()
+    }
+}
+
+#[test]
+fn a_recorded_camera_gives_what_its_file_holds() {
+    let Some(path) = stillpoint_testdata::beside("data/recordings/d435_640x480.bag") else {
+        return;
+    };
+    let Some((camera, path)) = played(path) else {
+        return;
+    };
+    assert!(
+        camera.guesses()[0].contains("D435"),
+        "{:?}",
+        camera.guesses()
+    );
+    assert_eq!(camera.camera().depth_scale, 1000.0);
+    let found = all(Boxed(camera.frames(true).unwrap()));
+    assert!(camera.frames(true).is_err(), "its frames are given once");
+    // The first colour image is farther from its depth image than a data set's frame may be.
+    let options = OpenOptions {
+        max_dt: 0.2,
+        ..OpenOptions::default()
+    };
+    let input = open(&path, &options).unwrap();
+    let colours = FrameOptions {
+        keep_colour: true,
+        ..FrameOptions::default()
+    };
+    let expected = all(input.frames(&colours).unwrap());
+    let (a, b) = (camera.camera().camera, input.camera().camera);
+    assert!(
+        (a.fx - b.fx).abs() < 1e-4 && (a.cy - b.cy).abs() < 1e-4,
+        "{a:?} {b:?}"
+    );
+    // One pair of images is in it: the colour image, and the second depth image, which `rs.align` brought into the colour camera.
+    let [frame] = found.as_slice() else {
+        panic!("{} frames", found.len());
+    };
+    assert_eq!(frame.stamp, expected[0].stamp);
+    assert_eq!(frame.gray.data(), expected[0].gray.data());
+    assert_eq!(
+        frame.colour.as_ref().unwrap().data(),
+        expected[0].colour.as_ref().unwrap().data()
+    );
+    let aligned = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../recordings/tests/golden/d435_aligned.png"
+    );
+    let aligned = image::open(aligned).unwrap().into_luma16();
+    let (mut both, mut near, mut either) = (0, 0, 0);
+    for (ours, theirs) in frame.depth.data().iter().zip(aligned.pixels()) {
+        let theirs = f32::from(theirs.0[0]) / 1000.0;
+        either += i32::from(*ours > 0.0 || theirs > 0.0);
+        both += i32::from(*ours > 0.0 && theirs > 0.0);
+        // Its depths are along the depth camera's axis, which differs by some mm.
+        near += i32::from(*ours > 0.0 && (ours - theirs).abs() < 0.01 * theirs);
+    }
+    assert!(
+        both * 100 > either * 98 && near * 100 > both * 98,
+        "{near} {both} {either}"
+    );
+}

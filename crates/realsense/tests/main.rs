@@ -1,0 +1,3 @@
+//! Tests of this crate, one module per topic.
+
+mod camera;

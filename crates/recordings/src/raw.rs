@@ -1,0 +1,104 @@
+//! Images as a driver hands them over, made into frames as those of a recording are.
+
+use crate::decode::{self, Bad, depth::MILLIMETRES};
+use crate::optics::Optics;
+use crate::rectify::Rectifier;
+use crate::register::Registration;
+use crate::setup::{Side, Treatment};
+use stillpoint_datasets::CameraModel;
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_ros_messages as ros;
+
+/// A colour and a depth camera on one body.
+#[derive(Clone, Debug)]
+pub struct Pair<'a> {
+    /// What it is called.
+    pub name: String,
+    /// The colour camera.
+    pub colour: ros::CameraInfo<'a>,
+    /// The depth camera.
+    pub depth: ros::CameraInfo<'a>,
+    /// Where the depth camera stands; `None` for depth that is in the colour camera already.
+    pub colour_from_depth: Option<Se3>,
+    /// Depth values per metre; `None` for millimetres.
+    pub depth_scale: Option<f64>,
+}
+
+/// Makes frames of raw images: brings depth into the colour camera, and undoes lenses that are not Brown's.
+#[derive(Debug)]
+pub struct RawFrames {
+    treatment: Treatment,
+}
+
+impl RawFrames {
+    /// For a pair of cameras, whose tables are built here, once.
+    ///
+    /// # Errors
+    /// What is wrong with one of the cameras.
+    pub fn new(pair: &Pair<'_>) -> Result<Self, String> {
+        let of = |info, which: &str| {
+            Optics::new(info, false)
+                .map_err(|found| format!("{which}: expected a calibrated camera, found {found}"))
+        };
+        let (colour, depth) = (of(&pair.colour, "colour")?, of(&pair.depth, "depth")?);
+        let model = CameraModel {
+            name: pair.name.clone(),
+            camera: colour.camera(),
+            depth_scale: pair.depth_scale.unwrap_or(MILLIMETRES),
+        };
+        model.camera.check().map_err(|e| {
+            format!(
+                "colour: expected a camera with {}, found {}",
+                e.expected(),
+                e.found()
+            )
+        })?;
+        let target = Optics::of_camera(&model.camera);
+        let registration = pair.colour_from_depth.as_ref();
+        Ok(Self {
+            treatment: Treatment {
+                depth_scale: model.depth_scale,
+                camera: model,
+                rectifier: colour.needs_rectifying().then(|| Rectifier::new(&colour)),
+                registration: registration.map(|pose| Registration::new(&depth, &target, pose)),
+            },
+        })
+    }
+
+    /// The camera of the frames.
+    #[must_use]
+    pub fn camera(&self) -> &CameraModel {
+        &self.treatment.camera
+    }
+
+    /// A frame of two images that were taken at these times (s).
+    ///
+    /// # Errors
+    /// What is wrong with an image.
+    pub fn frame(
+        &self,
+        id: FrameId,
+        stamps: (f64, f64),
+        colour: &ros::Image<'_>,
+        depth: &ros::Image<'_>,
+        keep_colour: bool,
+    ) -> Result<RgbdFrame, String> {
+        let colour = decode::colour(colour, keep_colour).map_err(|bad| told(Side::Colour, &bad))?;
+        let depth = decode::depth(depth, self.treatment.depth_scale)
+            .map_err(|bad| told(Side::Depth, &bad))?;
+        let frame = self.treatment.frame(id, stamps, colour, depth);
+        frame.map_err(|(shows, bad)| told(shows, &bad))
+    }
+}
+
+fn told(shows: Side, bad: &Bad) -> String {
+    let which = match shows {
+        Side::Colour => "colour",
+        Side::Depth => "depth",
+    };
+    format!(
+        "{which} image: expected {}, found {}",
+        bad.expected, bad.found
+    )
+}

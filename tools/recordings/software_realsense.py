@@ -1,0 +1,99 @@
+"""Records a data set folder as a RealSense camera would: through librealsense's software device, depth in a camera 15 mm beside the colour camera.
+
+    python software_realsense.py FOLDER OUT.db3 FRAMES
+
+Needs PyPI `pyrealsense2`, `numpy` and `pillow`. The folder is in the TUM layout with a `camera.toml` without distortion, as `stillpoint simulate` writes it.
+"""
+
+import os
+import re
+import sys
+import time
+
+import numpy as np
+import pyrealsense2 as rs
+from PIL import Image
+
+BESIDE = 0.015
+folder, out, count = sys.argv[1], sys.argv[2], int(sys.argv[3])
+camera = dict(re.findall(r"^(fx|fy|cx|cy|depth_scale)\s*=\s*([\d.]+)", open(f"{folder}/camera.toml").read(), re.M))
+fx, fy, cx, cy = (float(camera[k]) for k in ("fx", "fy", "cx", "cy"))
+scale = float(camera.get("depth_scale", 5000))
+
+
+def listed(name):
+    rows = [line.split() for line in open(f"{folder}/{name}.txt") if not line.startswith("#")]
+    return [(float(stamp), f"{folder}/{path}") for stamp, path in rows]
+
+
+def beside(depth):
+    """The depth image (mm) of a camera that stands to the right: each pixel goes where its point is, the nearest wins."""
+    v, u = np.nonzero(depth)
+    z = depth[v, u] / scale
+    x = np.rint(u - fx * BESIDE / z).astype(int)
+    order = np.argsort(-z)
+    order = order[(x[order] >= 0) & (x[order] < depth.shape[1])]
+    moved = np.zeros(depth.shape, np.uint16)
+    moved[v[order], x[order]] = np.rint(z[order] * 1000)
+    return moved
+
+
+colours, depths = listed("rgb")[:count], listed("depth")[:count]
+height, width = np.asarray(Image.open(colours[0][1])).shape[:2]
+
+
+def stream(kind, number, form, size):
+    s = rs.video_stream()
+    s.type, s.index, s.uid, s.fmt, s.bpp = kind, 0, number, form, size
+    s.width, s.height, s.fps = width, height, 30
+    i = rs.intrinsics()
+    i.width, i.height, i.fx, i.fy, i.ppx, i.ppy = width, height, fx, fy, cx, cy
+    i.model, i.coeffs = rs.distortion.none, [0] * 5
+    s.intrinsics = i
+    return s
+
+
+for end in ("", "-shm", "-wal"):
+    if os.path.exists(out + end):
+        os.remove(out + end)
+device = rs.software_device()
+sensors = device.add_sensor("Stereo Module"), device.add_sensor("RGB Camera")
+depth_profile = sensors[0].add_video_stream(stream(rs.stream.depth, 1, rs.format.z16, 2))
+colour_profile = sensors[1].add_video_stream(stream(rs.stream.color, 2, rs.format.rgb8, 3))
+sensors[0].add_read_only_option(rs.option.depth_units, 0.001)
+pose = rs.extrinsics()
+pose.rotation, pose.translation = [1, 0, 0, 0, 1, 0, 0, 0, 1], [BESIDE, 0, 0]
+depth_profile.register_extrinsics_to(colour_profile, pose)
+recorder = rs.recorder(out, device)
+recorded = recorder.query_sensors()
+queue = rs.frame_queue(50, keep_frames=True)
+for sensor, profile in zip(recorded, (depth_profile, colour_profile)):
+    sensor.open(profile)
+    sensor.start(queue)
+kept = []
+
+
+def hand_over(sensor, profile, pixels, size, stamp, number):
+    frame = rs.software_video_frame()
+    frame.stride, frame.bpp, frame.pixels = width * size, size, pixels
+    frame.timestamp, frame.frame_number = stamp * 1e3, number
+    frame.domain, frame.profile = rs.timestamp_domain.hardware_clock, profile.as_video_stream_profile()
+    if size == 2:
+        frame.depth_units = 0.001
+    kept.append(pixels)
+    sensor.on_video_frame(frame)
+
+
+for number, ((stamp, colour), (depth_stamp, depth)) in enumerate(zip(colours, depths)):
+    started = time.monotonic()
+    pixels = np.ascontiguousarray(np.asarray(Image.open(colour).convert("RGB")))
+    moved = beside(np.asarray(Image.open(depth)))
+    hand_over(sensors[0], depth_profile, moved, 2, depth_stamp, number)
+    hand_over(sensors[1], colour_profile, pixels, 3, stamp, number)
+    time.sleep(max(0.0, 1 / 30 - (time.monotonic() - started)))
+time.sleep(0.5)
+for sensor in recorded:
+    sensor.stop()
+    sensor.close()
+del recorder
+print(f"{len(colours)} frames, {os.path.getsize(out)} bytes")
