@@ -290,7 +290,7 @@ mod tests {
             left_out: 51_000,
             ..DetectorJson::default()
         };
-        let said = "51000 detections were left out: the weakest of over 100 in a frame\n";
+        let said = "51000 detections were left out: the weakest of over 300 in a frame\n";
         assert_eq!(unused_text(&detector), said);
     }
 
