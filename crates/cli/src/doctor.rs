@@ -4,6 +4,7 @@ use crate::args::InputArgs;
 use crate::args::doctor::DoctorArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
+use crate::realsense;
 use crate::run::{open, options};
 use std::path::Path;
 use stillpoint::datasets::FrameOptions;
@@ -12,6 +13,9 @@ use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::recordings::{self, Input};
 use stillpoint::slam::{Config, System};
 
+/// Stands for the camera that is connected.
+const LIVE: &str = "live";
+
 /// `doctor`.
 pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     let input = InputArgs {
@@ -19,11 +23,16 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
         camera: args.camera.clone(),
         ..InputArgs::default()
     };
-    let input = open(&args.path, &input)?;
-    let mut report = look(&input, args.start, None, args.seconds)?;
+    let (input, start) = if args.path.as_os_str() == LIVE && !args.path.exists() {
+        let kept = realsense::some_seconds(args.playback.clone(), args.start, args.seconds)?;
+        (kept, 0)
+    } else {
+        (open(&args.path, &input)?, args.start)
+    };
+    let mut report = look(&input, start, None, args.seconds)?;
     // What is wrong with the geometry or the clocks would be learned as a readout.
     if report.findings.is_empty() {
-        match readout(&input, args.start, args.seconds)? {
+        match readout(&input, start, args.seconds)? {
             Some(figure) => report.measured.push(figure),
             None => report
                 .not_judged

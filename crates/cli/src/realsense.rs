@@ -6,6 +6,7 @@ use crate::failure::{Failure, Status};
 use crate::run;
 use crate::timing::Timing;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use stillpoint::datasets::CameraModel;
 use stillpoint::imaging::{FrameSource, RgbdFrame, SourceError};
 use stillpoint::realsense::{Options, RealSense};
@@ -39,6 +40,91 @@ pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<
     run::say(&input);
     let written = args.record.as_deref().map(|p: &Path| ("--record", p));
     run::run_on(input, &args.as_run(), written.into_iter().collect(), timing)
+}
+
+/// Some seconds of a camera, kept so that they can be looked at more than once; the first frames are left out.
+///
+/// # Errors
+/// No camera, or one that gives nothing.
+pub(crate) fn some_seconds(
+    playback: Option<PathBuf>,
+    start: usize,
+    seconds: f64,
+) -> Result<Input, Failure> {
+    let options = Options {
+        playback,
+        ..Options::default()
+    };
+    let device = RealSense::open(&options).map_err(Failure::input)?;
+    let mut source = device.frames(true)?;
+    let mut kept: Vec<RgbdFrame> = Vec::new();
+    let mut number = 0;
+    while let Some(next) = source.next_frame() {
+        match next {
+            Ok(_) if number < start => number += 1,
+            Ok(frame) => {
+                let since = kept.first().map_or(0.0, |first| frame.stamp - first.stamp);
+                kept.push(frame);
+                if since > seconds {
+                    break;
+                }
+            }
+            Err(e) if kept.is_empty() => return Err(Failure::input(e)),
+            // What came until it was unplugged is looked at.
+            Err(_) => break,
+        }
+    }
+    let device = Kept {
+        device,
+        frames: kept.into(),
+    };
+    let input = Input::Device(Box::new(device));
+    run::say(&input);
+    Ok(input)
+}
+
+/// A camera of which some frames were kept.
+#[derive(Debug)]
+struct Kept {
+    device: RealSense,
+    frames: Arc<[RgbdFrame]>,
+}
+
+impl Device for Kept {
+    fn kind(&self) -> String {
+        self.device.kind()
+    }
+
+    fn camera(&self) -> &CameraModel {
+        self.device.camera()
+    }
+
+    fn guesses(&self) -> &[String] {
+        self.device.guesses()
+    }
+
+    fn frames(&self, _: bool) -> recordings::Result<Box<dyn FrameSource>> {
+        let frames = Arc::clone(&self.frames);
+        Ok(Box::new(Again { frames, next: 0 }))
+    }
+}
+
+/// The frames that were kept.
+struct Again {
+    frames: Arc<[RgbdFrame]>,
+    next: usize,
+}
+
+impl FrameSource for Again {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        let frame = self.frames.get(self.next)?.clone();
+        self.next += 1;
+        Some(Ok(frame))
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        Some(self.frames.len() - self.next)
+    }
 }
 
 /// A camera whose frames are written to a file as they come.

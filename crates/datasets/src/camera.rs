@@ -17,6 +17,8 @@ pub struct CameraModel {
     pub camera: Camera,
     /// Depth image values per metre.
     pub depth_scale: f64,
+    /// Whether it is made of a data sheet's field of view and not of a calibration: a device differs by some per cent.
+    pub nominal: bool,
 }
 
 /// What the user asked for: the name of a preset, or a camera file.
@@ -56,6 +58,8 @@ struct CameraFile {
     #[serde(default)]
     distortion: Option<Vec<f64>>,
     depth_scale: f64,
+    #[serde(default)]
+    nominal: bool,
 }
 
 impl CameraModel {
@@ -127,6 +131,7 @@ impl CameraModel {
                 )
             },
             depth_scale: file.depth_scale,
+            nominal: file.nominal,
         };
         model.check(path, 1)?;
         Ok(model)
@@ -160,6 +165,7 @@ impl CameraModel {
             name: path.display().to_string(),
             camera: Camera::pinhole(0, 0, [fx, fy, cx, cy]),
             depth_scale,
+            nominal: false,
         };
         model.check(path, line.number)?;
         Ok(model)
@@ -179,7 +185,7 @@ impl CameraModel {
             .replace('\\', "\\\\")
             .replace('"', "\\\"");
         format!(
-            "name = \"{name}\"\nwidth = {}\nheight = {}\nfx = {:?}\nfy = {:?}\ncx = {:?}\ncy = {:?}\ndistortion = [{:?}, {:?}, {:?}, {:?}, {:?}] # k1 k2 p1 p2 k3\ndepth_scale = {:?} # depth image values per metre\n",
+            "name = \"{name}\"\nwidth = {}\nheight = {}\nfx = {:?}\nfy = {:?}\ncx = {:?}\ncy = {:?}\ndistortion = [{:?}, {:?}, {:?}, {:?}, {:?}] # k1 k2 p1 p2 k3\ndepth_scale = {:?} # depth image values per metre\n{}",
             c.width,
             c.height,
             c.fx,
@@ -191,7 +197,12 @@ impl CameraModel {
             d.p1,
             d.p2,
             d.k3,
-            self.depth_scale
+            self.depth_scale,
+            if self.nominal {
+                "nominal = true # not calibrated\n"
+            } else {
+                ""
+            },
         )
     }
 
@@ -300,7 +311,11 @@ mod tests {
         for name in CameraModel::preset_names() {
             let m = CameraModel::preset(name).unwrap();
             assert_eq!(m.name, name);
-            assert_eq!((m.camera.width, m.camera.height), (640, 480));
+            let size = (m.camera.width, m.camera.height);
+            assert!(
+                size == (640, 480) || (size == (1280, 720) && m.nominal),
+                "{name}"
+            );
         }
         let fr1 = CameraModel::preset("freiburg1").unwrap();
         assert_eq!(fr1.camera.distortion.k3, 1.163314);
@@ -313,6 +328,10 @@ mod tests {
             CameraModel::preset("bonn_calibrated").unwrap().depth_scale,
             4720.0
         );
+        assert!(!fr1.nominal);
+        // By its field of view; the device of a recording has 613.2 px.
+        let d435 = CameraModel::preset("d435").unwrap();
+        assert!(d435.nominal && (d435.camera.fx / 613.2 - 1.0).abs() < 0.03);
     }
 
     #[test]
@@ -379,10 +398,12 @@ mod tests {
                 camera: Camera { distortion: BrownConrady { k1: k, k2: -k, p1: 1e-300 * k, p2: 0.0, k3: k * k },
                     ..Camera::pinhole(0, 0, [f, f + 1.0, c, c]) },
                 depth_scale: s,
+                nominal: s > 5e4,
             };
             let back = CameraModel::parse_toml(&m.to_toml(), Path::new("c.toml")).unwrap();
             prop_assert_eq!(back.camera, m.camera);
             prop_assert_eq!(back.depth_scale, m.depth_scale);
+            prop_assert_eq!(back.nominal, m.nominal);
         }
 
         #[test]

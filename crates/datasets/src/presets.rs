@@ -3,7 +3,7 @@
 /// Name, other names, and the camera file.
 type Preset = (&'static str, &'static [&'static str], &'static str);
 
-const PRESETS: [Preset; 7] = [
+const PRESETS: [Preset; 13] = [
     (
         "tum_fr1",
         &["fr1", "freiburg1"],
@@ -34,6 +34,36 @@ const PRESETS: [Preset; 7] = [
         "seven_scenes",
         &["7scenes"],
         include_str!("../../../configs/seven_scenes.toml"),
+    ),
+    (
+        "realsense_d435",
+        &["d435"],
+        include_str!("../../../configs/realsense_d435.toml"),
+    ),
+    (
+        "realsense_d455",
+        &["d455"],
+        include_str!("../../../configs/realsense_d455.toml"),
+    ),
+    (
+        "realsense_l515",
+        &["l515"],
+        include_str!("../../../configs/realsense_l515.toml"),
+    ),
+    (
+        "azure_kinect",
+        &["k4a"],
+        include_str!("../../../configs/azure_kinect.toml"),
+    ),
+    (
+        "femto_bolt",
+        &["femto"],
+        include_str!("../../../configs/femto_bolt.toml"),
+    ),
+    (
+        "oak_d",
+        &["oakd"],
+        include_str!("../../../configs/oak_d.toml"),
     ),
 ];
 

@@ -107,6 +107,7 @@ impl Recorder {
                 name: name.to_owned(),
                 camera: *camera,
                 depth_scale: DEPTH_SCALE,
+                nominal: false,
             },
             format,
             rgb_list: "# color images\n# timestamp filename\n".to_owned(),

@@ -89,7 +89,10 @@ impl Started {
         for setting in &settings {
             running.set(setting)?;
         }
-        let Connected { name, serial } = running.connected();
+        let Connected { mut name, serial } = running.connected();
+        if name.is_empty() {
+            name.push_str("RealSense");
+        }
         let name = if serial.is_empty() {
             name
         } else {

@@ -46,6 +46,7 @@ impl RawFrames {
             name: pair.name.clone(),
             camera: colour.camera(),
             depth_scale: pair.depth_scale.unwrap_or(MILLIMETRES),
+            nominal: false,
         };
         model.camera.check().map_err(|e| {
             format!(

@@ -98,7 +98,7 @@ impl Setup<'_> {
         entries: &[Entry],
     ) -> Result<Treatment> {
         let sizes = crate::source::sizes(recording, self.pair, entries)?;
-        let (mut optics, name) = self.colour_optics()?;
+        let (mut optics, name, nominal) = self.colour_optics()?;
         if (optics.width, optics.height) == (0, 0) {
             (optics.width, optics.height) = sizes.0;
         }
@@ -114,6 +114,7 @@ impl Setup<'_> {
             name,
             camera: optics.camera(),
             depth_scale,
+            nominal,
         };
         model.camera.check().map_err(|e| {
             self.camera_error(
@@ -145,10 +146,19 @@ impl Setup<'_> {
         }
     }
 
-    fn colour_optics(&mut self) -> Result<(Optics, String)> {
+    /// The colour camera, its name, and whether it is nominal.
+    fn colour_optics(&mut self) -> Result<(Optics, String, bool)> {
         if let Some(choice) = &self.options.camera {
             let model = CameraModel::choose(choice)?;
-            return Ok((Optics::of_camera(&model.camera), model.name));
+            let own = &self.pair.colour.info;
+            if !model.nominal || own.as_ref().is_none_or(|info| info.k[0] <= 0.0) {
+                let optics = Optics::of_camera(&model.camera);
+                return Ok((optics, model.name, model.nominal));
+            }
+            self.guesses.push(format!(
+                "the recording has a calibration of its own, which is better than the preset {}",
+                model.name
+            ));
         }
         let colour = &self.pair.colour;
         let registered = &self.pair.depth;
@@ -177,7 +187,7 @@ impl Setup<'_> {
         self.guesses.push(format!(
             "camera: {name} (fx {fx:.1}, fy {fy:.1}, cx {cx:.1}, cy {cy:.1} px)"
         ));
-        Ok((optics, name))
+        Ok((optics, name, false))
     }
 
     fn depth_scale(&mut self) -> f64 {

@@ -2,6 +2,7 @@
 
 use crate::writers::*;
 use std::path::{Path, PathBuf};
+use stillpoint_datasets::CameraChoice;
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, FrameSource, GrayImage, RgbdFrame};
 use stillpoint_recordings::{
@@ -366,4 +367,31 @@ fn raw_images_become_frames_in_the_colour_camera() {
         refused.contains("colour: expected a calibrated camera"),
         "{refused}"
     );
+}
+
+/// A preset of a data sheet is worse than the calibration that a recording carries; one that was measured is the user's word.
+#[test]
+fn a_calibration_of_its_own_wins_over_a_nominal_preset() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = put(dir.path(), "own.bag", &bag(&camera("/camera", 5), "none"));
+    let of = |preset: &str| {
+        let options = OpenOptions {
+            camera: Some(CameraChoice::from_argument(preset)),
+            ..OpenOptions::default()
+        };
+        open(&path, &options)
+    };
+    let own = open(&path, &OpenOptions::default()).unwrap();
+    let nominal = of("realsense_d435").unwrap();
+    assert_eq!(nominal.camera().camera, own.camera().camera);
+    assert!(
+        nominal
+            .guesses()
+            .iter()
+            .any(|g| g.contains("realsense_d435")),
+        "{:?}",
+        nominal.guesses()
+    );
+    // Its images have another size than this one's, which shows that it is taken.
+    assert!(of("tum_fr1").unwrap_err().to_string().contains("tum_fr1"));
 }

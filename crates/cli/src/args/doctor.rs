@@ -16,13 +16,17 @@ use std::path::PathBuf;
   stillpoint doctor rgbd_dataset_freiburg1_xyz
   stillpoint doctor walk.mcap --start 300 --seconds 5
   stillpoint doctor recording --camera camera.toml --json
+  stillpoint doctor live --start 30
 
 Exit code 1 when something is wrong; 2 when the input cannot be used."
 )]
 pub(crate) struct DoctorArgs {
-    /// Data set folder or recording.
-    #[arg(value_name = "PATH")]
+    /// Data set folder or recording, or live: the RealSense camera that is connected, see live realsense --help.
+    #[arg(value_name = "PATH|live")]
     pub(crate) path: PathBuf,
+    /// With live: have librealsense play a recording of its own (.bag, .db3) in place of a camera.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) playback: Option<PathBuf>,
     /// Camera file or preset [default: as for run].
     #[arg(long, value_name = "FILE|PRESET")]
     pub(crate) camera: Option<String>,

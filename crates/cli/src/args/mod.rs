@@ -120,7 +120,8 @@ pub(crate) struct ConfigArgs {
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct InputArgs {
     /// Camera file (camera.toml or camera.txt) or preset; guessed when not given.
-    /// Presets: tum_fr1, tum_fr2, tum_fr3, bonn, bonn_calibrated, icl_nuim, seven_scenes
+    /// Presets: tum_fr1, tum_fr2, tum_fr3, bonn, bonn_calibrated, icl_nuim, seven_scenes; by data sheets:
+    /// realsense_d435, realsense_d455, realsense_l515, azure_kinect, femto_bolt, oak_d
     #[arg(long, value_name = "FILE|PRESET", verbatim_doc_comment)]
     pub(crate) camera: Option<String>,
     /// Leave out this many frames at the start.

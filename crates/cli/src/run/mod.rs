@@ -332,6 +332,13 @@ pub(crate) fn say(dataset: &recordings::Input) {
     for warning in dataset.warnings() {
         console::warn(warning);
     }
+    let camera = dataset.camera();
+    if camera.nominal {
+        console::warn(&format!(
+            "the camera {} is made of a field of view: lengths and poses err by some per cent; a calibration of your own is better",
+            camera.name
+        ));
+    }
 }
 
 /// How the arguments want it opened.

@@ -71,11 +71,13 @@ fn text(pointer: *const c_char) -> String {
     said.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What the system said, which is under what libloading says.
-fn reason(error: &libloading::Error) -> String {
+/// What the system said, which is under what libloading says; without the file's name, which messages begin with.
+fn reason(error: &libloading::Error, file: &Path) -> String {
     let said = std::error::Error::source(error).map(ToString::to_string);
     let said = said.unwrap_or_else(|| error.to_string());
-    said.split_whitespace().collect::<Vec<_>>().join(" ")
+    let said = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    let name = format!("{}: ", file.display());
+    said.strip_prefix(&name).unwrap_or(&said).to_owned()
 }
 
 /// Which camera, and how it is to run.
@@ -147,7 +149,7 @@ impl Api {
         }
         // SAFETY: runs the library's initialisers, which are trusted as its other code is: the user has installed the file or named it.
         let library = unsafe { Library::new(file) };
-        let library = ManuallyDrop::new(library.map_err(|e| reason(&e))?);
+        let library = ManuallyDrop::new(library.map_err(|e| reason(&e, file))?);
         let functions = Functions::find(&library)
             .map_err(|name| format!("no function {name}: it is another library, or too old"))?;
         Ok(Arc::new(Self {
