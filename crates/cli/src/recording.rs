@@ -128,7 +128,40 @@ fn text(found: &Info, opened: &Result<Input, recordings::RecordingError>) -> Str
     text
 }
 
-/// What is written.
+/// What was written, for `--json`.
+#[derive(Serialize)]
+struct Written {
+    path: String,
+    frames: usize,
+    /// Frames that could not be read.
+    left_out: usize,
+    /// Stamps of the first and the last frame, s.
+    first: Option<f64>,
+    last: Option<f64>,
+    /// Poses of ground truth.
+    poses: usize,
+}
+
+impl Written {
+    fn say(&self, json: bool) -> Result<Status, Failure> {
+        if json {
+            let text = serde_json::to_string(self).map_err(Failure::input)?;
+            console::print(&format!("{text}\n"));
+        } else {
+            console::report(&format!(
+                "{}: {} frames, {} poses of ground truth\n",
+                self.path, self.frames, self.poses
+            ));
+        }
+        Ok(if self.left_out > 0 {
+            Status::Failed
+        } else {
+            Status::Ok
+        })
+    }
+}
+
+/// What is written to.
 enum Target {
     Mcap(Box<McapRecorder>),
     Folder(Box<Recorder>),
@@ -150,7 +183,8 @@ fn is_mcap(path: &Path) -> bool {
 
 fn convert(args: &RecordingConvertArgs) -> Result<Status, Failure> {
     let input = open(&args.path, &input_args(&args.topics, args.camera.as_ref()))?;
-    write(&input, &args.out, args.start, args.max_frames)
+    let written = write(&input, &args.out, args.start, args.max_frames)?;
+    written.say(args.json)
 }
 
 fn cut(args: &RecordingCutArgs) -> Result<Status, Failure> {
@@ -177,7 +211,8 @@ fn cut(args: &RecordingCutArgs) -> Result<Status, Failure> {
             stamps.len()
         )));
     }
-    write(&input, &args.out, first, Some(count as u64))
+    let written = write(&input, &args.out, first, Some(count as u64))?;
+    written.say(args.json)
 }
 
 /// The frames from `start` on and before `end`, both in s after the first of them. Stamps are in order.
@@ -193,7 +228,7 @@ fn write(
     out: &Path,
     start: usize,
     max_frames: Option<u64>,
-) -> Result<Status, Failure> {
+) -> Result<Written, Failure> {
     let truth = input.ground_truth()?.unwrap_or_default();
     let frames = input.frames(&FrameOptions {
         start,
@@ -229,15 +264,13 @@ fn write(
     let within = |p: &&StampedPose| p.stamp >= first - 1.0 && p.stamp <= last + 1.0;
     let truth: Vec<StampedPose> = truth.iter().filter(within).copied().collect();
     finish(target, out, &truth)?;
-    console::report(&format!(
-        "{}: {written} frames, {} poses of ground truth\n",
-        out.display(),
-        truth.len()
-    ));
-    Ok(if skipped > 0 {
-        Status::Failed
-    } else {
-        Status::Ok
+    Ok(Written {
+        path: out.display().to_string(),
+        frames: written,
+        left_out: skipped,
+        first: times.map(|t| t.0),
+        last: times.map(|t| t.1),
+        poses: truth.len(),
     })
 }
 

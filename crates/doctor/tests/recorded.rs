@@ -40,10 +40,10 @@ fn recorded(name: &str, start: usize) -> Option<Stream> {
 #[test]
 fn nothing_is_wrong_with_recordings() {
     for (name, starts) in [
-        ("fr1_xyz", [0, 60, 120, 200]),
-        ("fr1_xyz_walkers", [0, 60, 120, 200]),
-        ("fr1_rpy_walkers", [0, 30, 60, 90]),
-        ("corridor_fixed", [0, 50, 100, 150]),
+        ("fr1_xyz", [0, 120]),
+        ("fr1_xyz_walkers", [0, 120]),
+        ("fr1_rpy_walkers", [0, 60]),
+        ("corridor_fixed", [0, 100]),
     ] {
         for start in starts {
             let Some(stream) = recorded(name, start) else {
@@ -57,7 +57,7 @@ fn nothing_is_wrong_with_recordings() {
 /// Its depth is not registered to colour exactly.
 #[test]
 fn of_the_kitchen_registration_may_be_named_and_nothing_else() {
-    for start in [0, 60, 150, 250] {
+    for start in [0, 150] {
         let Some(stream) = recorded("kitchen", start) else {
             return;
         };

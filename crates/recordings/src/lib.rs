@@ -27,6 +27,7 @@ mod file;
 mod info;
 mod input;
 mod optics;
+mod orbbec;
 mod probe;
 mod raw;
 mod realsense;

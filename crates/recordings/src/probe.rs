@@ -2,10 +2,10 @@
 
 use crate::decode::{colour::is_colour, depth::is_depth};
 use crate::error::Result;
-use crate::realsense;
 use crate::recording::Recording;
 use crate::store::Slot;
 use crate::transforms::{Transforms, frame_name};
+use crate::{orbbec, realsense};
 use std::collections::BTreeMap;
 use stillpoint_ros_messages as ros;
 
@@ -60,6 +60,7 @@ impl Probe {
             }
         }
         realsense::describe(recording, &mut probe, &mut infos)?;
+        orbbec::describe(recording, &mut probe, &mut infos)?;
         for type_name in ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"] {
             for channel in recording.channels_of(type_name) {
                 let compressed = type_name.ends_with("CompressedImage");
@@ -136,13 +137,11 @@ impl Probe {
             }
         };
         let base = base(&topic).to_owned();
-        let frame = realsense::frame(&topic).map_or(frame, str::to_owned);
-        // A RealSense names colour as depth where it knows the sensor only.
-        let shows = if shows == Shows::Depth && encoding == "mono16" && !says_depth(&topic) {
-            Shows::Colour
-        } else {
-            shows
-        };
+        let of_device = realsense::frame(&topic).or_else(|| orbbec::frame(&topic));
+        let frame = of_device.map_or(frame, str::to_owned);
+        // Grey and depth share an encoding: names tell.
+        let grey = shows == Shows::Depth && encoding == "mono16" && !says_depth(&topic);
+        let shows = orbbec::shows(&topic, if grey { Shows::Colour } else { shows });
         let info = info_topics(&base)
             .iter()
             .find_map(|t| infos.get(t))

@@ -1,6 +1,6 @@
 //! Depth images brought into the colour camera.
 
-use crate::optics::Optics;
+use crate::optics::{Lens, Optics};
 use stillpoint_geometry::{Se3, Vec2, Vec3};
 use stillpoint_imaging::DepthImage;
 
@@ -10,30 +10,92 @@ use stillpoint_imaging::DepthImage;
 pub(crate) struct Registration {
     depth_size: (usize, usize),
     size: (usize, usize),
-    /// Directions to the corners of the depth camera's pixels, turned into the colour camera: one row and column more than it has pixels.
-    corners: Vec<[f32; 3]>,
+    /// Directions to the corners of the depth camera's pixels, turned into the colour camera: x, y and z, one row and column more than it has pixels.
+    corners: [Vec<f32>; 3],
     /// From the depth camera's centre, m.
     translation: [f32; 3],
-    target: Optics,
+    target: Target,
+}
+
+/// The colour camera, in numbers of the precision that pixels need: a thousandth of one.
+#[derive(Clone, Copy, Debug)]
+struct Target {
+    /// fx, fy, cx, cy, px.
+    k: [f32; 4],
+    /// k1, k2, k3, p1, p2; nothing where the lens does not distort.
+    lens: Option<[f32; 5]>,
+}
+
+/// Where the patches of a row of depth pixels fall: the pixels of their two corners, and their depth, m.
+#[derive(Clone, Debug, Default)]
+struct Patches {
+    from: [Vec<i32>; 2],
+    to: [Vec<i32>; 2],
+    depth: Vec<f32>,
+}
+
+impl Target {
+    fn new(optics: &Optics) -> Self {
+        // Images of any other lens are rectified first.
+        let lens = match optics.lens {
+            Lens::Brown(b) if !b.is_zero() => Some([b.k1, b.k2, b.k3, b.p1, b.p2]),
+            _ => None,
+        };
+        Self {
+            k: optics.k.map(|v| v as f32),
+            lens: lens.map(|l| l.map(|v| v as f32)),
+        }
+    }
+
+    /// The pixel of the point (x, y, 1), column and row.
+    #[inline(always)]
+    fn pixel<const DISTORTS: bool>(
+        &self,
+        [k1, k2, k3, p1, p2]: [f32; 5],
+        [x, y]: [f32; 2],
+    ) -> [i32; 2] {
+        let [fx, fy, cx, cy] = self.k;
+        let (mut u, mut v) = (x, y);
+        if DISTORTS {
+            let (r2, xy) = (x * x + y * y, x * y);
+            let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+            u = x * radial + 2.0 * p1 * xy + p2 * (r2 + 2.0 * x * x);
+            v = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * xy;
+        }
+        [nearest(fx * u + cx), nearest(fy * v + cy)]
+    }
+}
+
+/// The whole number nearest to a coordinate; one far outside of every image for what is farther away than that, and for NaN. A cast would do the same, one value at a time: floats from 2^23 on are whole
+/// numbers, whose mantissas hold them.
+#[inline(always)]
+fn nearest(v: f32) -> i32 {
+    const SHIFT: f32 = 12_582_912.0;
+    let within = if v > -1e6 { v } else { -1e6 };
+    let within = if within < 1e6 { within } else { 1e6 };
+    (within + SHIFT).to_bits() as i32 - SHIFT.to_bits() as i32
 }
 
 impl Registration {
     pub(crate) fn new(depth: &Optics, colour: &Optics, colour_from_depth: &Se3) -> Self {
         let (width, height) = (depth.width as usize, depth.height as usize);
         let rotation = colour_from_depth.rotation_matrix();
-        let corner = |i: usize| {
+        let mut corners: [Vec<f32>; 3] = Default::default();
+        for i in 0..(width + 1) * (height + 1) {
             let (x, y) = (i % (width + 1), i / (width + 1));
             let ray = depth.ray(Vec2::new(x as f64 - 0.5, y as f64 - 0.5));
             let turned = rotation * Vec3::new(ray.x, ray.y, 1.0);
-            [turned.x as f32, turned.y as f32, turned.z as f32]
-        };
+            for (list, value) in corners.iter_mut().zip(turned.iter()) {
+                list.push(*value as f32);
+            }
+        }
         let t = colour_from_depth.translation;
         Self {
             depth_size: (width, height),
             size: (colour.width as usize, colour.height as usize),
-            corners: (0..(width + 1) * (height + 1)).map(corner).collect(),
+            corners,
             translation: [t.x as f32, t.y as f32, t.z as f32],
-            target: *colour,
+            target: Target::new(colour),
         }
     }
 
@@ -49,74 +111,96 @@ impl Registration {
             return None;
         }
         let mut out = vec![f32::INFINITY; self.size.0 * self.size.1];
+        let mut patches = Patches::new(width);
         for (y, row) in depth.data().chunks_exact(width).enumerate() {
-            for (x, &z) in row.iter().enumerate() {
-                if z > 0.0 {
-                    let first = y * (width + 1) + x;
-                    self.splat(first, z, &mut out);
-                }
+            match self.target.lens {
+                Some(lens) => self.project::<true>(lens, y, row, &mut patches),
+                None => self.project::<false>([0.0; 5], y, row, &mut patches),
             }
+            self.splat(&patches, &mut out);
         }
         // What nothing was seen at is infinite, which the image takes for none.
         DepthImage::from_vec(self.size.0, self.size.1, out).ok()
     }
 
-    /// A pixel whose upper left corner is `first`, at depth `z`, m.
-    #[inline]
-    fn splat(&self, first: usize, z: f32, out: &mut [f32]) {
-        let (width, _) = self.depth_size;
-        let Some((a, _)) = self.pixel(first, z) else {
-            return;
-        };
-        let Some((b, _)) = self.pixel(first + width + 2, z) else {
-            return;
-        };
-        // The patch has the depth of its middle.
-        let (upper, lower) = (self.corners[first][2], self.corners[first + width + 2][2]);
-        let depth = z * 0.5 * (upper + lower) + self.translation[2];
-        let (x0, x1) = (a[0].min(b[0]), a[0].max(b[0]));
-        let (y0, y1) = (a[1].min(b[1]), a[1].max(b[1]));
-        let (w, h) = (self.size.0 as i32, self.size.1 as i32);
-        if x0 < 0 || y0 < 0 || x1 >= w || y1 >= h {
-            return;
-        }
-        for y in y0..=y1 {
-            let row = (y * w) as usize;
-            for cell in &mut out[row + x0 as usize..=row + x1 as usize] {
-                *cell = cell.min(depth);
-            }
+    /// Where the patches of row `y` fall. A patch that is not there has a corner left of the image.
+    fn project<const DISTORTS: bool>(
+        &self,
+        lens: [f32; 5],
+        y: usize,
+        row: &[f32],
+        patches: &mut Patches,
+    ) {
+        let width = row.len();
+        let first = y * (width + 1);
+        let below = first + width + 2;
+        let [x, y, z] = &self.corners;
+        let [tx, ty, tz] = self.translation;
+        let [x0, y0] = &mut patches.from;
+        let [x1, y1] = &mut patches.to;
+        let (x0, y0) = (&mut x0[..width], &mut y0[..width]);
+        let (x1, y1) = (&mut x1[..width], &mut y1[..width]);
+        let depth = &mut patches.depth[..width];
+        // Slices of one length, so that nothing in the loop is checked.
+        let (ax, bx) = (&x[first..first + width], &x[below..below + width]);
+        let (ay, by) = (&y[first..first + width], &y[below..below + width]);
+        let (az, bz) = (&z[first..first + width], &z[below..below + width]);
+        for i in 0..width {
+            let z = row[i];
+            let a = [ax[i] * z + tx, ay[i] * z + ty, az[i] * z + tz];
+            let b = [bx[i] * z + tx, by[i] * z + ty, bz[i] * z + tz];
+            // One division for both.
+            let inverse = 1.0 / (a[2] * b[2]);
+            let (wa, wb) = (inverse * b[2], inverse * a[2]);
+            let from = self.target.pixel::<DISTORTS>(lens, [a[0] * wa, a[1] * wa]);
+            let to = self.target.pixel::<DISTORTS>(lens, [b[0] * wb, b[1] * wb]);
+            let there = (z > 0.0) & (a[2] > 0.0) & (b[2] > 0.0);
+            x0[i] = if there { from[0].min(to[0]) } else { -1 };
+            x1[i] = from[0].max(to[0]);
+            y0[i] = from[1].min(to[1]);
+            y1[i] = from[1].max(to[1]);
+            // The patch has the depth of its middle.
+            depth[i] = 0.5 * (a[2] + b[2]);
         }
     }
 
-    /// The pixel that a corner is in, when it is before the camera.
-    #[inline]
-    fn pixel(&self, corner: usize, z: f32) -> Option<([i32; 2], f32)> {
-        let ([a, b, c], [tx, ty, tz]) = (self.corners[corner], self.translation);
-        let depth = c * z + tz;
-        if depth <= 0.0 {
-            return None;
+    fn splat(&self, patches: &Patches, out: &mut [f32]) {
+        let (w, h) = (self.size.0 as i32, self.size.1 as i32);
+        let [x0, y0] = &patches.from;
+        let [x1, y1] = &patches.to;
+        let corners = x0.iter().zip(y0).zip(x1.iter().zip(y1));
+        for (((&x0, &y0), (&x1, &y1)), &depth) in corners.zip(&patches.depth) {
+            if x0 < 0 || y0 < 0 || x1 >= w || y1 >= h {
+                continue;
+            }
+            for y in y0..=y1 {
+                let row = (y * w) as usize;
+                for cell in &mut out[row + x0 as usize..=row + x1 as usize] {
+                    *cell = if depth < *cell { depth } else { *cell };
+                }
+            }
         }
-        let ray = Vec2::new(
-            f64::from((a * z + tx) / depth),
-            f64::from((b * z + ty) / depth),
-        );
-        let px = self.target.project(ray);
-        // Saturates for what is far outside.
-        Some((
-            [(px.x + 0.5).floor() as i32, (px.y + 0.5).floor() as i32],
-            depth,
-        ))
+    }
+}
+
+impl Patches {
+    fn new(width: usize) -> Self {
+        let list = || vec![0; width];
+        Self {
+            from: [list(), list()],
+            to: [list(), list()],
+            depth: vec![0.0; width],
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::optics::Lens;
-    use stillpoint_geometry::{BrownConrady, so3};
+    use stillpoint_geometry::so3;
 
     fn optics(width: u32, height: u32, k: [f64; 4]) -> Optics {
-        let lens = Lens::Brown(BrownConrady::default());
+        let lens = Lens::Brown(stillpoint_geometry::BrownConrady::default());
         Optics {
             width,
             height,
@@ -165,6 +249,16 @@ mod tests {
             }
         }
         assert_eq!(holes, 0);
+    }
+
+    #[test]
+    fn coordinates_are_rounded_to_the_nearest_pixel() {
+        for (v, expected) in [(0.4, 0), (0.6, 1), (-0.4, 0), (-0.6, -1), (639.7, 640)] {
+            assert_eq!(nearest(v), expected, "{v}");
+        }
+        for far in [f32::NAN, f32::INFINITY, -f32::INFINITY, 1e20] {
+            assert!(nearest(far).abs() >= 1_000_000, "{far}");
+        }
     }
 
     #[test]

@@ -255,6 +255,13 @@ impl Setup<'_> {
                 self.camera_error(expected, format!("{} x {} px", depth_size.0, depth_size.1))
             );
         }
+        // Some devices register by themselves, and say so by describing one camera twice.
+        let apart = pose.translation.norm() > 1e-6 || pose.rotation.angle() > 1e-6;
+        if !apart && source == *optics {
+            self.guesses
+                .push("depth is in the colour camera: both are described alike".to_owned());
+            return Ok(None);
+        }
         self.guesses.push(format!(
             "depth is registered to the colour camera, {:.1} mm beside",
             pose.translation.norm() * 1e3

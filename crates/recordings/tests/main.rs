@@ -2,6 +2,8 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod files;
+mod mutations;
+mod orbbec;
 #[cfg(feature = "sqlite")]
 mod sqlite;
 mod writers;

@@ -7,7 +7,7 @@ use stillpoint_imaging::FrameSource;
 use stillpoint_recordings::{FrameOptions, OpenOptions, open};
 
 /// Writes a data base and leaves it open.
-fn write(path: &Path, messages: &[Sent]) -> Connection {
+pub(crate) fn write(path: &Path, messages: &[Sent]) -> Connection {
     let base = Connection::open(path).unwrap();
     base.execute_batch(
         "PRAGMA journal_mode=WAL; PRAGMA wal_autocheckpoint=0;

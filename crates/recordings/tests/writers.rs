@@ -12,7 +12,7 @@ pub(crate) struct Sent {
     pub(crate) cdr: Vec<u8>,
 }
 
-fn sent<'a, T: Message + Wire<'a>>(topic: &str, time: u64, message: &T) -> Sent {
+pub(crate) fn sent<'a, T: Message + Wire<'a>>(topic: &str, time: u64, message: &T) -> Sent {
     Sent {
         topic: topic.to_owned(),
         type_name: T::NAME,

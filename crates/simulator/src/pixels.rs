@@ -51,22 +51,23 @@ impl Pixels {
     /// Adds the next rows of the recorded image, which a view with one sample per pixel shows.
     pub(crate) fn push(&mut self, view: View, lens: &Lens, rows: std::ops::Range<usize>) {
         let before = self.faces.len() as u32;
-        let number = |n: u16| match n {
+        let number = |n: u32| match n {
             NOTHING => u32::MAX,
-            n => before + u32::from(n),
+            n => before + n,
         };
         for y in rows {
+            if lens.is_ideal() {
+                let (depths, faces) = view.row(y);
+                self.inverse_depth.extend_from_slice(depths);
+                self.face.extend(faces.iter().map(|n| number(*n)));
+                continue;
+            }
             for x in 0..lens.width {
-                if lens.is_ideal() {
-                    self.inverse_depth.push(view.inverse_depth_at(x, y));
-                    self.face.push(number(view.face_at(x, y)));
-                    continue;
-                }
                 let [u, v] = lens.place(x, y);
                 let found = view.face_at((u + 0.5) as usize, (v + 0.5) as usize);
                 let [c0, cu, cv] = view
                     .faces
-                    .get(usize::from(found))
+                    .get(found as usize)
                     .map_or([0.0; 3], |f| f.inverse_depth);
                 // At a face's border the line of sight may just miss it, where its plane is behind the camera.
                 self.inverse_depth

@@ -11,7 +11,7 @@ use stillpoint_geometry::{Camera, Se3, Vec3};
 /// Faces nearer than this are cut off, m.
 const NEAR: f64 = 0.03;
 /// The face number of a pixel that sees nothing.
-pub(crate) const NOTHING: u16 = u16::MAX;
+pub(crate) const NOTHING: u32 = u32::MAX;
 
 /// Where a view is seen from.
 pub(crate) struct Eye<'a> {
@@ -35,7 +35,7 @@ pub(crate) struct View {
     /// 1 / z of each sample, 1/m; 0 where nothing is seen.
     pub(crate) inverse_depth: Vec<f32>,
     /// Number of the face in `faces`, or [`NOTHING`].
-    pub(crate) face: Vec<u16>,
+    pub(crate) face: Vec<u32>,
     pub(crate) faces: Vec<Visible>,
     left: Vec<f64>,
     right: Vec<f64>,
@@ -89,7 +89,7 @@ impl View {
 
     fn draw(&mut self, face: &Face, eye: &Eye, polygon: &mut Vec<[f64; 2]>) {
         let distance = face.normal.dot(&(eye.centre - face.vertices[0]));
-        if distance < 1e-4 || self.faces.len() >= usize::from(NOTHING) {
+        if distance < 1e-4 {
             return;
         }
         project_clipped(&face.vertices, eye.camera, &eye.camera_from_world, polygon);
@@ -104,7 +104,7 @@ impl View {
             return;
         };
         let visible = Visible::new(face, eye, distance);
-        let number = self.faces.len() as u16;
+        let number = self.faces.len() as u32;
         let [c0, cu, cv] = visible.inverse_depth;
         // From samples to pixels: u = (x + 0.5) / k - 0.5.
         let offset = 0.5 / k - 0.5;
@@ -124,13 +124,7 @@ impl View {
             let du = du as f32;
             let depths = &mut self.inverse_depth[row + x0..row + x1];
             let numbers = &mut self.face[row + x0..row + x1];
-            for (i, (z, id)) in depths.iter_mut().zip(numbers).enumerate() {
-                let w = w0 + du * i as i32 as f32;
-                let nearer = w > *z;
-                *z = if nearer { w } else { *z };
-                *id = if nearer { number } else { *id };
-                seen |= nearer;
-            }
+            seen |= put(depths, numbers, [w0, du], number);
         }
         if seen {
             self.faces.push(visible);
@@ -170,19 +164,51 @@ impl View {
 
     /// The number of the face that a sample of the whole image sees.
     #[inline]
-    pub(crate) fn face_at(&self, x: usize, y: usize) -> u16 {
+    pub(crate) fn face_at(&self, x: usize, y: usize) -> u32 {
         self.face[(y - self.top) * self.width + x]
     }
 
-    /// 1 / z at a sample of the whole image, 1/m.
-    pub(crate) fn inverse_depth_at(&self, x: usize, y: usize) -> f32 {
-        self.inverse_depth[(y - self.top) * self.width + x]
+    /// 1 / z (1/m) and faces of a row of samples of the whole image.
+    #[inline]
+    pub(crate) fn row(&self, y: usize) -> (&[f32], &[u32]) {
+        let row = (y - self.top) * self.width;
+        let row = row..row + self.width;
+        (&self.inverse_depth[row.clone()], &self.face[row])
     }
 
     /// Rows of samples of the whole image.
     pub(crate) fn whole(&self) -> usize {
         self.whole
     }
+}
+
+/// Samples of a row that are compared at once.
+const AT_ONCE: usize = 8;
+
+/// Puts a face into a part of a row, in front of what is farther: its 1 / z is `start + step * i` at sample `i`. Whether any of it is seen.
+#[inline]
+fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u32) -> bool {
+    let mut seen = 0;
+    let mut one = |z: &mut f32, face: &mut u32, i: i32| {
+        let w = start + step * i as f32;
+        let nearer = w > *z;
+        *z = if nearer { w } else { *z };
+        *face = if nearer { number } else { *face };
+        seen |= u32::from(nearer);
+    };
+    let (depths, depths_left) = depths.as_chunks_mut::<AT_ONCE>();
+    let (faces, faces_left) = faces.as_chunks_mut::<AT_ONCE>();
+    let mut first = 0;
+    for (z, face) in depths.iter_mut().zip(faces) {
+        for k in 0..AT_ONCE {
+            one(&mut z[k], &mut face[k], first + k as i32);
+        }
+        first += AT_ONCE as i32;
+    }
+    for (k, (z, face)) in depths_left.iter_mut().zip(faces_left).enumerate() {
+        one(z, face, first + k as i32);
+    }
+    seen != 0
 }
 
 /// The pixels of a polygon's part in front of the near plane.

@@ -47,13 +47,15 @@ impl View {
                 }
             };
             // Distorted pixels do not follow each other at equal steps, so only ideal ones are shaded in runs.
-            let same = |x: usize| self.samples(lens.place(x, y)).iter().all(|k| *k == only);
             let mut end = x + 1;
-            while lens.is_ideal() && end < lens.width && same(end) {
-                end += 1;
+            if lens.is_ideal() {
+                let (upper, lower) = (self.row(2 * y).1, self.row(2 * y + 1).1);
+                let others = upper[2 * end..2 * lens.width].iter().zip(&lower[2 * end..]);
+                let same = others.take_while(|(a, b)| **a == only && **b == only);
+                end += same.count() / 2;
             }
             let run = &mut out[3 * x..3 * end];
-            match self.faces.get(usize::from(only)) {
+            match self.faces.get(only as usize) {
                 Some(face) => face.shade(scene, place, run),
                 None => run.fill(0.0),
             }
@@ -63,7 +65,7 @@ impl View {
 
     /// The faces that the four samples about a place of the image see.
     #[inline]
-    fn samples(&self, [u, v]: [f64; 2]) -> [u16; 4] {
+    fn samples(&self, [u, v]: [f64; 2]) -> [u32; 4] {
         // Sample k lies at pixel (k + 0.5) / 2 - 0.5.
         let clip = |p: f64, size: usize| ((2.0 * p + 0.5).max(0.0) as usize).min(size - 2);
         let (x, y) = (clip(u, self.width), clip(v, self.whole()));
@@ -73,14 +75,14 @@ impl View {
     /// The face that colours a pixel on its own: the one that all its samples see or, where they see one smooth surface,
     /// whose faces continue each other, the one that is seen least aslant.
     #[inline]
-    fn one_face(&self, numbers: &[u16; 4]) -> Option<u16> {
+    fn one_face(&self, numbers: &[u32; 4]) -> Option<u32> {
         let [first, rest @ ..] = numbers;
         if rest.iter().all(|n| n == first) {
             return Some(*first);
         }
-        let mut best = (*first, self.faces.get(usize::from(*first))?);
+        let mut best = (*first, self.faces.get(*first as usize)?);
         for number in rest {
-            let face = self.faces.get(usize::from(*number))?;
+            let face = self.faces.get(*number as usize)?;
             if face.surface == 0 || face.surface != best.1.surface {
                 return None;
             }
@@ -91,11 +93,11 @@ impl View {
         Some(best.0)
     }
 
-    fn shade_mixed(&self, scene: &Scene, [u, v]: [f64; 2], numbers: &[u16; 4], out: &mut [f32]) {
+    fn shade_mixed(&self, scene: &Scene, [u, v]: [f64; 2], numbers: &[u32; 4], out: &mut [f32]) {
         out.fill(0.0);
         for (k, number) in numbers.iter().enumerate() {
             let (du, dv) = (0.5 * (k % 2) as f64 - 0.25, 0.5 * (k / 2) as f64 - 0.25);
-            if let Some(face) = self.faces.get(usize::from(*number)) {
+            if let Some(face) = self.faces.get(*number as usize) {
                 let mut one = [0.0; 3];
                 face.shade(scene, [u + du, v + dv], &mut one);
                 (0..3).for_each(|c| out[c] += 0.25 * one[c]);

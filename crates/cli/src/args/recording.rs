@@ -66,6 +66,9 @@ pub(crate) struct RecordingConvertArgs {
     /// Write at most this many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
     pub(crate) max_frames: Option<u64>,
+    /// Print what was written as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) topics: TopicArgs,
 }
@@ -106,6 +109,9 @@ pub(crate) struct RecordingCutArgs {
     /// Camera file or preset [default: as for run].
     #[arg(long, value_name = "FILE|PRESET")]
     pub(crate) camera: Option<String>,
+    /// Print what was written as JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) topics: TopicArgs,
 }

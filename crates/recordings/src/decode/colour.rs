@@ -8,7 +8,8 @@ use stillpoint_imaging::{ColourImage, GrayImage};
 use stillpoint_ros_messages::Image;
 
 /// Encodings that are read, for messages.
-const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, mono16, yuv422, yuv422_yuy2, uyvy or yuyv";
+const KNOWN: &str =
+    "rgb8, bgr8, rgba8, bgra8, mono8, mono16, yuv422, yuv422_yuy2, uyvy, yuyv or mjpg";
 
 /// A decoded colour image.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +39,12 @@ impl Colour {
 
 /// Whether an encoding is one of colour or grey images; those of depth are others.
 pub(crate) fn is_colour(encoding: &str) -> bool {
-    layout(encoding).is_some() || yuv::order(encoding).is_some()
+    layout(encoding).is_some() || yuv::order(encoding).is_some() || is_jpeg(encoding)
+}
+
+/// Cameras that send JPEG leave it as it is, though it is in no message of compressed images.
+fn is_jpeg(encoding: &str) -> bool {
+    matches!(encoding, "mjpg" | "mjpeg" | "MJPG" | "jpeg")
 }
 
 /// Bytes per pixel, and where red, green and blue are in them; one place for grey.
@@ -56,6 +62,9 @@ fn layout(encoding: &str) -> Option<(usize, [usize; 3])> {
 
 /// A raw image. `keep`: whether somebody looks at colours.
 pub(crate) fn colour(image: &Image<'_>, keep: bool) -> Result<Colour> {
+    if is_jpeg(&image.encoding) {
+        return compressed_colour(&image.data, keep);
+    }
     let (width, height) = size(image.width, image.height)?;
     let report = |e: stillpoint_imaging::SizeError| Bad::new("an image", e.to_string());
     if let Some(order) = yuv::order(&image.encoding) {

@@ -29,9 +29,10 @@ type Result<T> = std::result::Result<T, Bad>;
 /// Pixels of an image at most.
 const MOST_PIXELS: u64 = 100_000_000;
 
-/// Rows of an image without what pads them: `row` bytes of every `step`.
+/// Rows of an image without what pads them: `row` bytes of every `step`; where that is not filled in, nothing pads them.
 fn rows(data: &[u8], height: u32, step: u32, row: usize) -> Result<impl Iterator<Item = &[u8]>> {
     let (step, height) = (step as usize, height as usize);
+    let step = if step == 0 { row } else { step };
     // The last row may lack its padding.
     let needed = step
         .checked_mul(height.saturating_sub(1))

@@ -74,6 +74,30 @@ mod tests {
             .collect()
     }
 
+    /// Images that another implementation compressed: those of `tools/recordings/rvl_frames.py`, and of the file that `STILLPOINT_RVL` names.
+    #[test]
+    fn images_of_another_implementation_are_read() {
+        let mut files = vec![include_bytes!("../../tests/golden/rvl.bin").to_vec()];
+        files.extend(std::env::var_os("STILLPOINT_RVL").map(|p| std::fs::read(p).unwrap()));
+        for file in files {
+            let mut rest = &*file;
+            let mut images = 0;
+            while !rest.is_empty() {
+                let head = [0, 4, 8]
+                    .map(|at| u32::from_le_bytes(rest[at..at + 4].try_into().unwrap()) as usize);
+                let (packed, values) = rest[12..].split_at(head[2]);
+                let count = head[0] * head[1];
+                let expected = values[..2 * count].chunks_exact(2);
+                let expected: Vec<u16> =
+                    expected.map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
+                assert_eq!(decode(packed, count), Some(expected), "image {images}");
+                rest = &values[2 * count..];
+                images += 1;
+            }
+            assert!(images >= 8, "{images}");
+        }
+    }
+
     #[test]
     fn runs_and_differences_are_read() {
         // 2 zeros, then 3 values: +5 (coded 10 = 2 + 1 * 8), -1 (coded 1), +0.

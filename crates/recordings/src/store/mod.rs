@@ -130,6 +130,8 @@ pub(crate) fn is_looked_into(type_name: &str) -> bool {
         "sensor_msgs/msg/Image",
         "sensor_msgs/msg/CompressedImage",
         "sensor_msgs/msg/CameraInfo",
+        "custom_msg/msg/OBStreamProfileInfo",
+        "custom_msg/msg/OBDeviceInfo",
         "tf2_msgs/msg/TFMessage",
         "tf/msg/tfMessage",
         "geometry_msgs/msg/PoseStamped",

@@ -1,7 +1,7 @@
 //! Messages that recordings of RGB-D cameras hold, and those that a recorder or node writes.
 //!
 //! Definitions: common_interfaces (std_msgs, sensor_msgs, geometry_msgs, nav_msgs, visualization_msgs, diagnostic_msgs, std_srvs), tf2_msgs,
-//! rcl_interfaces and vision_msgs 4, of ROS Noetic and ROS 2 Jazzy. One struct serves both where they differ in single fields.
+//! rcl_interfaces and vision_msgs 4, of ROS Noetic and ROS 2 Jazzy; what Orbbec's cameras add. One struct serves both where they differ in single fields.
 // Fields have the names and the units of the definitions; to describe them again would only be a second source.
 #![allow(missing_docs)]
 
@@ -9,12 +9,14 @@
 mod macros;
 mod geometry;
 mod navigation;
+mod orbbec;
 mod report;
 mod sensor;
 mod service;
 
 pub use geometry::*;
 pub use navigation::*;
+pub use orbbec::*;
 pub use report::*;
 pub use sensor::*;
 pub use service::*;

@@ -67,7 +67,7 @@ fn masks_agree_with_what_the_colour_image_shows() {
     for index in [40, 100, 260] {
         let (fine, truth) = (sim.sight().view(sim.stamp(index), 2), sim.truth(index));
         let mover = |x: usize, y: usize| {
-            let number = usize::from(fine.face[y * fine.width + x]);
+            let number = fine.face[y * fine.width + x] as usize;
             fine.faces.get(number).map_or(0, |f| f.mover)
         };
         let (mut unmixed, mut other) = (0, 0);

@@ -64,7 +64,7 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
     let entries = run.system.trajectory().entries();
     assert_eq!(entries.len(), 80);
     assert!(entries.windows(2).all(|e| e[0].frame < e[1].frame));
-    let stages = Stages::new(with(Preset::Default), recording.camera, Simd::Scalar);
+    let stages = Stages::new(with(Preset::Default), recording.camera, Simd::detect());
     let mut replay = Replay::new(stages.unwrap(), run.system.log().unwrap()).unwrap();
     let mut frames = Frames(recording.frames.iter());
     replay
