@@ -97,15 +97,16 @@ fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
     let closed = reports.last().unwrap();
     assert!(correction.is_some(), "{closed:?}");
     assert_eq!(closed.outcome, LoopOutcome::Closed, "{closed:?}");
-    assert!(closed.agreeing >= 3, "{closed:?}");
+    assert!(closed.agreeing >= 2, "{closed:?}");
     let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;
     let map = pose(closed.with).inverse() * pose(closed.keyframe);
     let off = (map.inverse() * closed.edge.unwrap()).translation.norm();
     assert!(off > 0.1, "{off} m");
     assert!(closed.cost < 50.0, "{closed:?}");
-    // Before three keyframes told the same it was not closed.
+    // Before several keyframes told the same it was not closed.
     let waits = |r: &&LoopReport| r.outcome == LoopOutcome::Unconfirmed;
-    assert_eq!(reports.iter().filter(waits).count(), 2, "{reports:?}");
+    let waited = reports.iter().filter(waits).count();
+    assert!(waited + 1 >= closed.agreeing as usize, "{reports:?}");
 
     let world = World::new(length).with_copy(0.5 * length, 8.0);
     let (reports, correction) = go(&mut Walk::new(world).with_gaps(25), 120);
@@ -118,4 +119,41 @@ fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
         "off by {off:.3} m, cost {:.1}; equal place from {least:.1}",
         closed.cost
     );
+}
+
+/// After a gap what lies ahead is still in sight, and mapped a second time, some centimetres beside. Its looks are too fresh to be asked for; where
+/// it should be is known.
+#[test]
+fn what_should_be_in_sight_is_looked_for_and_closes_a_gap() {
+    let length = STEP_M * 150.0;
+    let gap = 25;
+    let run = || {
+        let mut walk = Walk::new(World::new(length)).with_gaps(gap).at_pace(0.02);
+        let (reports, correction) = go(&mut walk, gap + 6);
+        (walk, reports, correction)
+    };
+    let (mut walk, reports, correction) = run();
+    let closed = reports.last().unwrap();
+    assert_eq!(closed.outcome, LoopOutcome::Closed, "{reports:?}");
+    assert!(closed.keyframe.0 > gap && closed.with.0 < gap, "{closed:?}");
+    // Two keyframes told the same; it was recognised by no words.
+    assert!(closed.agreeing >= 2 && closed.score == 0.0, "{closed:?}");
+    let truth = walk.truth(closed.with).inverse() * walk.truth(closed.keyframe);
+    let error = |walk: &Walk| {
+        let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;
+        let off = truth.inverse() * pose(closed.with).inverse() * pose(closed.keyframe);
+        off.translation.norm()
+    };
+    let before = error(&walk);
+    let applied = walk.map.apply(&correction.unwrap());
+    let after = error(&walk);
+    assert!(
+        before > 0.03 && after < 0.3 * before,
+        "{before} m, then {after} m"
+    );
+    assert!(applied.merged >= 20, "{applied:?}");
+    assert_eq!(walk.map.check(), Ok(()));
+    // Control: without a gap everything in sight is matched, and nothing is looked into.
+    let (reports, correction) = go(&mut Walk::new(World::new(length)).at_pace(0.02), gap + 6);
+    assert!(correction.is_none() && reports.is_empty(), "{reports:?}");
 }

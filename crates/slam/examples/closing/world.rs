@@ -136,6 +136,8 @@ pub(crate) struct Walk {
     keyframes: u32,
     /// Every so many keyframes nothing is known again.
     gap: Option<u32>,
+    /// From keyframe to keyframe, m.
+    pace: f64,
 }
 
 impl Walk {
@@ -151,6 +153,7 @@ impl Walk {
             random: rng(2, 0, Purpose(1001)),
             keyframes: 0,
             gap: None,
+            pace: STEP_M,
         }
     }
 
@@ -162,16 +165,23 @@ impl Walk {
         self
     }
 
+    /// The same walk at another pace, m from keyframe to keyframe.
+    #[allow(dead_code)] // The example walks as fast as it can.
+    pub(crate) fn at_pace(mut self, pace: f64) -> Self {
+        self.pace = pace;
+        self
+    }
+
     /// The true pose `world_from_camera` of a keyframe.
     #[allow(dead_code)] // The example knows no truth.
     pub(crate) fn truth(&self, id: KeyframeId) -> Se3 {
-        pose(STEP_M * f64::from(id.0), self.world.length)
+        pose(self.pace * f64::from(id.0), self.world.length)
     }
 
     /// Adds a keyframe; returns its id and the map with it.
     pub(crate) fn step(&mut self) -> (KeyframeId, Arc<MapView>) {
         let length = self.world.length;
-        let gone = STEP_M * f64::from(self.keyframes);
+        let gone = self.pace * f64::from(self.keyframes);
         let id = KeyframeId(self.keyframes);
         let parent = self.keyframes.checked_sub(1).map(KeyframeId);
         self.keyframes += 1;

@@ -1,6 +1,6 @@
 //! From a verified motion to a correction: merged landmarks, a pose graph, and bundle adjustment of the whole map.
 
-use super::agree::{AGREEING, GATE, agreeing};
+use super::agree::{GATE, agreeing};
 use super::drift::{Drift, distance, loop_covariance};
 use super::group_of;
 use super::nodes::Nodes;
@@ -39,6 +39,8 @@ pub(super) struct Proposal<'a> {
     /// Landmarks that hold a keyframe in bundle adjustment, at least.
     pub(super) min_held: usize,
     pub(super) scale_factor: f64,
+    /// Keyframes that must tell the same.
+    pub(super) agreeing: usize,
 }
 
 impl Proposal<'_> {
@@ -66,7 +68,7 @@ impl Proposal<'_> {
             return Err(LoopOutcome::Contradicted);
         }
         // A submap may come back for a moment only, and what a wrong room tells agrees as well.
-        if join.is_none() && (report.agreeing as usize) < AGREEING {
+        if join.is_none() && (report.agreeing as usize) < self.agreeing {
             return Err(LoopOutcome::Unconfirmed);
         }
         let poses = match join {

@@ -8,6 +8,8 @@ mod correct;
 mod drift;
 mod nodes;
 mod points;
+mod recognise;
+mod revisit;
 mod support;
 mod verify;
 
@@ -16,30 +18,17 @@ pub use config::{LoopCloserSetup, LoopingConfig};
 use crate::messages::{LoopCloserMsg, LoopCloserOut};
 use crate::report::{LoopOutcome, LoopReport};
 use correct::Proposal;
-use nodes::{group_of, surroundings};
+use nodes::group_of;
+use recognise::{By, CANDIDATES, Candidate, Streak};
 use std::sync::Arc;
 use stillpoint_map::{Correction, Keyframe, KeyframeId, LoopEdge, MapView};
 use stillpoint_place::{PlaceIndex, PlaceMatch, PlaceVector, Vocabulary};
 
-/// Keyframes that look most alike and are looked into.
-const CANDIDATES: usize = 5;
-
 /// The newest keyframes, so many, are no candidates, and so many pass between two closed loops: what was seen just now needs no loop.
 /// This and the next as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MIN_GAP: usize = 10;
-/// A place must be recognised by so many keyframes in a row: one alone may be a coincidence.
-const CONSISTENCY: u32 = 3;
-
 /// Motions to older keyframes that are remembered: those of four keyframes at least.
 const SIGHTINGS: usize = 4 * CANDIDATES;
-
-/// A place that keyframe after keyframe looked like.
-struct Streak {
-    /// The keyframes that show it, by id.
-    group: Vec<KeyframeId>,
-    /// Keyframes in a row.
-    length: u32,
-}
 
 /// Closes loops, and puts submaps together.
 pub struct LoopCloser {
@@ -119,6 +108,13 @@ impl LoopCloser {
         };
         let found = self.recognise(view, &keyframe);
         let candidates = self.consistent(view, found);
+        let by_words = |c: &PlaceMatch<KeyframeId>| Candidate {
+            with: c.key,
+            score: c.score,
+            by: By::Words,
+        };
+        let mut candidates: Vec<Candidate> = candidates.iter().map(by_words).collect();
+        candidates.extend(self.revisited(view, &keyframe, &candidates));
         let (correction, report) = self.close(view, &keyframe, &candidates);
         LoopCloserOut {
             correction,
@@ -147,69 +143,12 @@ impl LoopCloser {
         vector
     }
 
-    /// Adds the keyframe to the index; returns what looks like it and is of another submap, or, when loops are closed, is
-    /// not seen together with it and not recent.
-    fn recognise(&mut self, view: &MapView, keyframe: &Keyframe) -> Vec<PlaceMatch<KeyframeId>> {
-        let _span = tracing::info_span!("recognise").entered();
-        // A culled keyframe cannot be verified, and would take the place of a candidate that can.
-        let gone: Vec<KeyframeId> = self
-            .index
-            .keys()
-            .filter(|k| view.keyframe(*k).is_none())
-            .collect();
-        for key in gone {
-            self.index.remove(key);
-        }
-        // Also where nothing is asked now: later keyframes may come back to this place.
-        let vector = self.learn(keyframe);
-        let elsewhere = view.keyframes().any(|k| k.submap != keyframe.submap);
-        if !elsewhere && !self.config.enabled {
-            return Vec::new();
-        }
-        let recent = {
-            let ids: Vec<KeyframeId> = view.keyframes().map(|k| k.id).collect();
-            let back = ids.len().checked_sub(MIN_GAP);
-            back.and_then(|i| ids.get(i).copied())
-        };
-        let near = surroundings(view, keyframe);
-        let own_submap =
-            |k: KeyframeId| view.keyframe(k).map(|k| k.submap) == Some(keyframe.submap);
-        let closes = |k: KeyframeId| self.config.enabled && Some(k) < recent && !near.contains(&k);
-        let admit = |k: KeyframeId| k != keyframe.id && (!own_submap(k) || closes(k));
-        self.index.query(&vector, admit, CANDIDATES)
-    }
-
-    /// The candidates whose place the keyframes before looked like as well.
-    fn consistent(
-        &mut self,
-        view: &MapView,
-        found: Vec<PlaceMatch<KeyframeId>>,
-    ) -> Vec<PlaceMatch<KeyframeId>> {
-        let mut streaks = Vec::new();
-        let mut consistent = Vec::new();
-        for candidate in found {
-            let Some(k) = view.keyframe(candidate.key) else {
-                continue;
-            };
-            let group = group_of(k);
-            let meets = |s: &&Streak| s.group.iter().any(|k| group.binary_search(k).is_ok());
-            let before = self.streaks.iter().filter(meets).map(|s| s.length).max();
-            let length = before.unwrap_or(0) + 1;
-            if length >= CONSISTENCY {
-                consistent.push(candidate);
-            }
-            streaks.push(Streak { group, length });
-        }
-        self.streaks = streaks;
-        consistent
-    }
-
     /// Verifies the candidates, and corrects the map with the first that holds.
     fn close(
         &mut self,
         view: &MapView,
         keyframe: &Keyframe,
-        candidates: &[PlaceMatch<KeyframeId>],
+        candidates: &[Candidate],
     ) -> (Option<Correction>, Option<LoopReport>) {
         let mut reported: Option<LoopReport> = None;
         if !self.is_up_to_date(view) {
@@ -217,49 +156,15 @@ impl LoopCloser {
         }
         let too_soon = self.is_too_soon(view, keyframe.id);
         for candidate in candidates {
-            let Some(with) = view.keyframe(candidate.key) else {
+            let Some(with) = view.keyframe(candidate.with) else {
                 continue;
             };
             // Submaps are joined at once, as the poses of the one mean nothing in the other until then.
             if too_soon && with.submap == keyframe.submap {
                 continue;
             }
-            let mut report = LoopReport {
-                keyframe: keyframe.id,
-                with: candidate.key,
-                score: candidate.score,
-                rigid_inliers: 0,
-                inliers: 0,
-                expected: 0,
-                agreeing: 0,
-                edge: None,
-                joined: None,
-                cost: 0.0,
-                merges: 0,
-                moved_m: 0.0,
-                bundle: Default::default(),
-                outcome: LoopOutcome::Closed,
-                applied: None,
-            };
-            let closed = self
-                .verify(view, keyframe, with, &mut report)
-                .and_then(|verified| {
-                    self.remember(verified.edge(with.id, keyframe.id, report.inliers));
-                    if !self.is_enough(keyframe, with, &report) {
-                        return Err(LoopOutcome::FewInliers);
-                    }
-                    let proposal = Proposal {
-                        view,
-                        keyframe,
-                        with,
-                        verified: &verified,
-                        earlier: &self.edges,
-                        sightings: &self.sightings,
-                        min_held: self.min_held,
-                        scale_factor: self.scale_factor,
-                    };
-                    proposal.correct(&mut report)
-                });
+            let mut report = begun(keyframe.id, candidate);
+            let closed = self.examine(view, keyframe, with, candidate.by, &mut report);
             match closed {
                 Ok((edge, correction)) => {
                     // Submaps that were joined are tied by their tree.
@@ -286,6 +191,37 @@ impl LoopCloser {
         (None, reported)
     }
 
+    /// Verifies a candidate, and corrects the map by it.
+    fn examine(
+        &mut self,
+        view: &MapView,
+        keyframe: &Keyframe,
+        with: &Keyframe,
+        by: By,
+        report: &mut LoopReport,
+    ) -> Result<(LoopEdge, Correction), LoopOutcome> {
+        let verified = self.verify(view, keyframe, with, by, report)?;
+        self.remember(verified.edge(with.id, keyframe.id, report.inliers));
+        if !self.is_enough(keyframe, with, by, report) {
+            return Err(LoopOutcome::FewInliers);
+        }
+        let proposal = Proposal {
+            view,
+            keyframe,
+            with,
+            verified: &verified,
+            earlier: &self.edges,
+            sightings: &self.sightings,
+            min_held: self.min_held,
+            scale_factor: self.scale_factor,
+            agreeing: match by {
+                By::Words => agree::AGREEING,
+                By::Pose => revisit::AGREEING,
+            },
+        };
+        proposal.correct(report)
+    }
+
     /// Keeps what a keyframe told of an older one, and forgets the oldest.
     fn remember(&mut self, sighting: LoopEdge) {
         if self.sightings.len() == SIGHTINGS {
@@ -306,6 +242,27 @@ impl LoopCloser {
             let between = view.keyframes().filter(|k| k.id > last && k.id <= now);
             between.count() < MIN_GAP
         })
+    }
+}
+
+/// The report on a candidate of which nothing is known yet.
+fn begun(keyframe: KeyframeId, candidate: &Candidate) -> LoopReport {
+    LoopReport {
+        keyframe,
+        with: candidate.with,
+        score: candidate.score,
+        rigid_inliers: 0,
+        inliers: 0,
+        expected: 0,
+        agreeing: 0,
+        edge: None,
+        joined: None,
+        cost: 0.0,
+        merges: 0,
+        moved_m: 0.0,
+        bundle: Default::default(),
+        outcome: LoopOutcome::Closed,
+        applied: None,
     }
 }
 

@@ -1,5 +1,7 @@
 //! Geometric verification: do two keyframes see the same things from two places, and from which?
 
+use super::recognise::By;
+use super::revisit::{MIN_FOUND, landmarks_of_then};
 use super::{LoopCloser, group_of};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
 use crate::report::{LoopOutcome, LoopReport};
@@ -62,13 +64,21 @@ impl LoopCloser {
         view: &MapView,
         new: &Keyframe,
         old: &Keyframe,
+        by: By,
         report: &mut LoopReport,
     ) -> Result<Verified, LoopOutcome> {
         let _span = tracing::info_span!("verify").entered();
         let start = self
-            .rigid_motion(new, old, report)
+            .rigid_motion(view, new, old, by, report)
             .ok_or(LoopOutcome::NoRigidMotion)?;
-        let landmarks = landmarks_of(view, &group_of(old));
+        let landmarks = match by {
+            By::Words => landmarks_of(view, &group_of(old)),
+            By::Pose => landmarks_of_then(view, old, new),
+        };
+        let least = match by {
+            By::Words => MIN_RIGID_INLIERS,
+            By::Pose => MIN_FOUND,
+        };
         let (mut new_from_old, mut information) = (start, Mat6::zeros());
         // Wide first, since a motion from single depths is rough; then narrow, where fewer wrong matches fit.
         for radius in [WIDE_RADIUS_PX, RADIUS_PX] {
@@ -98,7 +108,7 @@ impl LoopCloser {
             report.inliers = fit.inlier_count as u32;
             report.expected = expected;
             // After each search: a pose that so few support would lead the next one astray.
-            if fit.inlier_count < MIN_RIGID_INLIERS {
+            if fit.inlier_count < least {
                 return Err(LoopOutcome::FewInliers);
             }
             new_from_old = fit.camera_from_world * old.world_from_camera;
@@ -113,15 +123,53 @@ impl LoopCloser {
     }
 
     /// Whether enough landmarks are where the motion puts them for a loop to be closed with it.
-    pub(super) fn is_enough(&self, new: &Keyframe, old: &Keyframe, report: &LoopReport) -> bool {
+    pub(super) fn is_enough(
+        &self,
+        new: &Keyframe,
+        old: &Keyframe,
+        by: By,
+        report: &LoopReport,
+    ) -> bool {
         // Within a submap the map itself objects to a place that is only similar; between submaps nothing does.
         let share = f64::from(report.inliers) / f64::from(report.expected.max(1));
         let is_similar = new.submap != old.submap && share < MIN_SHARE;
-        report.inliers as usize >= self.config.min_inliers && !is_similar
+        let needed = match by {
+            By::Words => self.config.min_inliers,
+            By::Pose => MIN_FOUND,
+        };
+        report.inliers as usize >= needed && !is_similar
     }
 
     /// The motion on which most pairs of points agree.
-    fn rigid_motion(&self, new: &Keyframe, old: &Keyframe, report: &mut LoopReport) -> Option<Se3> {
+    fn rigid_motion(
+        &self,
+        view: &MapView,
+        new: &Keyframe,
+        old: &Keyframe,
+        by: By,
+        report: &mut LoopReport,
+    ) -> Option<Se3> {
+        let b = &new.data;
+        let pairs = match by {
+            By::Words => self.pairs_by_words(new, old)?,
+            By::Pose => self.pairs_by_pose(view, new, old),
+        };
+        let options = RigidOptions {
+            min_inliers: MIN_RIGID_INLIERS,
+            ..RigidOptions::default()
+        };
+        // Several candidates are tried for one keyframe.
+        let address = address(new.id.0, old.id.0);
+        let camera = Intrinsics::from(&b.camera);
+        let rng = rng(self.seed, address, Purpose::RIGID);
+        let outcome = find_rigid(&camera, &pairs, &options, rng);
+        let found = outcome.found()?;
+        report.rigid_inliers = found.inlier_count as u32;
+        Some(found.b_from_a)
+    }
+
+    /// Features of both that look alike and fall into the same words.
+    fn pairs_by_words(&self, new: &Keyframe, old: &Keyframe) -> Option<Vec<RigidPair>> {
         let (a, b) = (&old.data, &new.data);
         let (of_old, of_new) = (self.index.get(old.id)?, self.index.get(new.id)?);
         let mut pairs = Vec::new();
@@ -140,18 +188,7 @@ impl LoopCloser {
                 });
             }
         }
-        let options = RigidOptions {
-            min_inliers: MIN_RIGID_INLIERS,
-            ..RigidOptions::default()
-        };
-        // Several candidates are tried for one keyframe.
-        let address = address(new.id.0, old.id.0);
-        let camera = Intrinsics::from(&b.camera);
-        let rng = rng(self.seed, address, Purpose::RIGID);
-        let outcome = find_rigid(&camera, &pairs, &options, rng);
-        let found = outcome.found()?;
-        report.rigid_inliers = found.inlier_count as u32;
-        Some(found.b_from_a)
+        Some(pairs)
     }
 }
 

@@ -1,0 +1,148 @@
+//! Places that the map says are in sight again, and of which nothing is matched: after a fast turn a pose may be off by some degrees, tracking
+//! looks for landmarks where they are not, and everything is mapped a second time.
+//!
+//! Such a place need not be recognised by its looks: the map tells where its landmarks should be, nearly. They are looked for around there.
+
+use super::LoopCloser;
+use super::nodes::group_of;
+use super::recognise::{By, Candidate};
+use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
+use stillpoint_estimation::RigidPair;
+use stillpoint_features::best_two;
+use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, MapView};
+
+/// Landmarks of an older keyframe that must be in the image, at least.
+const MIN_EXPECTED: usize = 40;
+/// Of these so many, at most, may be shared: a keyframe that shares more is where it should be.
+const MAX_SHARED: f64 = 0.2;
+/// Keyframes that are looked into: those of which most is in the image.
+const MOST: usize = 5;
+/// The newest keyframes are no candidates: what was seen just now is matched by tracking, or it is hidden.
+const NEWEST: usize = 3;
+/// How far a landmark may be from where the map says, as an angle: by so much some frames of a fast turn with few features may mislead.
+const REACH_RAD: f64 = 0.15;
+/// The best feature must be so much more alike than the second best.
+const RATIO: f64 = 0.9;
+/// Landmarks of a keyframe that are projected to tell whether it is worth to project all of them.
+const SAMPLE: usize = 16;
+/// Keyframes that must tell the same. One fewer than of places that are known by their looks: another place does not lie where this one should.
+pub(super) const AGREEING: usize = 2;
+/// Landmarks that must be found with the motion at last, beside the pairs on which it rests: frames of a fast turn are blurred and sheared.
+pub(super) const MIN_FOUND: usize = 12;
+
+impl LoopCloser {
+    /// Older keyframes of the same submap whose landmarks should be seen, and are not; `known` are looked into anyway.
+    pub(super) fn revisited(
+        &self,
+        view: &MapView,
+        keyframe: &Keyframe,
+        known: &[Candidate],
+    ) -> Vec<Candidate> {
+        let _span = tracing::info_span!("revisit").entered();
+        if !self.config.enabled {
+            return Vec::new();
+        }
+        let older: Vec<&Keyframe> = view
+            .keyframes()
+            .map(|k| &**k)
+            .filter(|k| k.id < keyframe.id)
+            .collect();
+        let count = older.len().saturating_sub(NEWEST);
+        let ahead = forward(&keyframe.world_from_camera);
+        let mut found: Vec<(usize, KeyframeId)> = Vec::new();
+        for old in &older[..count] {
+            let aside = forward(&old.world_from_camera).dot(&ahead) < 0.5;
+            let other = old.submap != keyframe.submap || known.iter().any(|c| c.with == old.id);
+            if aside || other || !self.may_be_seen(view, keyframe, old) {
+                continue;
+            }
+            let landmarks = old.matches.iter().flatten();
+            let in_image = |l: &&LandmarkId| self.is_in_image(view, keyframe, **l);
+            let expected = landmarks.filter(in_image).count();
+            let shared = keyframe.covisible.iter().find(|c| c.0 == old.id);
+            let shared = shared.map_or(0, |c| c.1);
+            if expected >= MIN_EXPECTED && f64::from(shared) <= MAX_SHARED * expected as f64 {
+                found.push((expected, old.id));
+            }
+        }
+        found.sort_by_key(|(expected, id)| (std::cmp::Reverse(*expected), *id));
+        found.truncate(MOST);
+        let candidate = |(_, with)| Candidate {
+            with,
+            score: 0.0,
+            by: By::Pose,
+        };
+        found.into_iter().map(candidate).collect()
+    }
+
+    /// Whether any of some landmarks of an older keyframe is in the image.
+    fn may_be_seen(&self, view: &MapView, keyframe: &Keyframe, old: &Keyframe) -> bool {
+        let step = (old.matches.len() / SAMPLE).max(1);
+        let mut some = old.matches.iter().step_by(step).flatten();
+        some.any(|l| self.is_in_image(view, keyframe, *l))
+    }
+
+    /// Whether a landmark should be in the image of a keyframe, and near enough to be recognised.
+    fn is_in_image(&self, view: &MapView, keyframe: &Keyframe, id: LandmarkId) -> bool {
+        let landmark = view.landmark(id).zip(view.landmark_position(id));
+        landmark.is_some_and(|(landmark, position)| {
+            let p = keyframe.world_from_camera.inverse().transform(&position);
+            window_of(&keyframe.data, landmark, &p, 1.0, self.scale_factor).is_some()
+        })
+    }
+
+    /// Landmarks of the older keyframe, and the features that look like them around where the map says that they are.
+    pub(super) fn pairs_by_pose(
+        &self,
+        view: &MapView,
+        new: &Keyframe,
+        old: &Keyframe,
+    ) -> Vec<RigidPair> {
+        let data = &new.data;
+        let camera_from_world = new.world_from_camera.inverse();
+        let old_from_world = old.world_from_camera.inverse();
+        let reach = (REACH_RAD * data.camera.fx) as f32;
+        let pair = |(feature, id): (usize, &Option<LandmarkId>)| {
+            let landmark = view.landmark((*id)?)?;
+            let position = view.landmark_position((*id)?)?;
+            let p = camera_from_world.transform(&position);
+            let mut window = window_of(data, landmark, &p, reach, self.scale_factor)?;
+            // An error of the pose moves all levels alike.
+            window.radius = reach;
+            let best = best_two(
+                &data.grid,
+                &window,
+                &landmark.descriptor,
+                &data.descriptors,
+                |j| data.mappable[j as usize],
+            )?;
+            let unique = f64::from(best.distance) < RATIO * f64::from(best.second_distance);
+            if best.distance > STRICT_DISTANCE || !unique {
+                return None;
+            }
+            let seen = best.index as usize;
+            Some(RigidPair {
+                point_a: old_from_world.transform(&position),
+                point_b: data.point_in_camera(seen)?,
+                measurement_a: measurement_in(&old.data, feature, &data.camera),
+                measurement_b: measurement(data, seen),
+            })
+        };
+        old.matches.iter().enumerate().filter_map(pair).collect()
+    }
+}
+
+/// Where a camera looks, in the world.
+fn forward(world_from_camera: &Se3) -> Vec3 {
+    world_from_camera.rotation * Vec3::z()
+}
+
+/// Landmarks around an older keyframe, as far as they are of its time rather than of the new one's: what was mapped a second time would tell
+/// that everything is where it was.
+pub(super) fn landmarks_of_then(view: &MapView, old: &Keyframe, new: &Keyframe) -> Vec<LandmarkId> {
+    let middle = old.id.0 + (new.id.0 - old.id.0) / 2;
+    let mut group = group_of(old);
+    group.retain(|id| id.0 <= middle);
+    landmarks_of(view, &group)
+}
