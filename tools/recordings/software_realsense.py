@@ -27,15 +27,20 @@ def listed(name):
 
 
 def beside(depth):
-    """The depth image (mm) of a camera that stands to the right: each pixel goes where its point is, the nearest wins."""
-    v, u = np.nonzero(depth)
-    z = depth[v, u] / scale
-    x = np.rint(u - fx * BESIDE / z).astype(int)
-    order = np.argsort(-z)
-    order = order[(x[order] >= 0) & (x[order] < depth.shape[1])]
-    moved = np.zeros(depth.shape, np.uint16)
-    moved[v[order], x[order]] = np.rint(z[order] * 1000)
-    return moved
+    """The depth image (mm) of a camera that stands to the right. Along a row inverse depth is linear on every plane: between neighbours of one surface it is
+    interpolated where the other camera has its pixels; the nearest surface wins."""
+    z = depth / scale
+    w = np.divide(1.0, z, out=np.zeros(z.shape), where=z > 0)
+    at = np.arange(depth.shape[1]) - fx * BESIDE * w
+    left, right, step = at[:, :-1], at[:, 1:], w[:, 1:] - w[:, :-1]
+    pixel = np.ceil(left).astype(int)
+    joined = (w[:, :-1] > 0) & (w[:, 1:] > 0) & (np.abs(step) < 0.02 * w[:, :-1])
+    v, u = np.nonzero(joined & (pixel < right) & (pixel >= 0))
+    share = (pixel[v, u] - left[v, u]) / (right[v, u] - left[v, u])
+    inverse = w[v, u] + share * step[v, u]
+    nearest = np.zeros(depth.shape)
+    np.maximum.at(nearest, (v, pixel[v, u]), inverse)
+    return np.rint(np.divide(1000.0, nearest, out=np.zeros(z.shape), where=nearest > 0)).astype(np.uint16)
 
 
 colours, depths = listed("rgb")[:count], listed("depth")[:count]
