@@ -2,9 +2,9 @@
 
 use crate::anchored_pose::AnchoredPose;
 use crate::fingerprint::Fingerprint;
-use stillpoint_geometry::Se3;
+use stillpoint_geometry::{Se3, Vec3, so3};
 use stillpoint_imaging::FrameId;
-use stillpoint_map::MapView;
+use stillpoint_map::{KeyframeId, MapView};
 
 /// One frame of the trajectory. Its pose is relative to a keyframe, whose own pose may still improve. It is rewritten only when the first
 /// frames of a map are tracked again ([`Retracer`](crate::Retracer)).
@@ -62,12 +62,24 @@ impl Trajectory {
 
     /// The final pose of every entry: that of the keyframe that the frame became, else through its reference keyframe in `view`. A
     /// culled keyframe resolves through its tombstone; an entry none of whose keyframes is in `view` yet keeps its online pose.
+    ///
+    /// What the map has learnt of a keyframe since it was measured (refinement, loops) holds for the frames that led to it as well:
+    /// it is spread over them, linearly in time, where they were measured from the same keyframe.
     pub fn resolve<'a>(
         &'a self,
         view: &'a MapView,
     ) -> impl Iterator<Item = (TrajectoryEntry, Se3)> + 'a {
-        let entries = self.entries.iter();
-        entries.map(move |e| (*e, e.pose.best_world_from_camera(view)))
+        let nodes: Vec<Node> = self.entries.iter().filter_map(Node::of(view)).collect();
+        let mut next = 0;
+        self.entries.iter().map(move |entry| {
+            let pose = entry.pose.best_world_from_camera(view);
+            next += usize::from(nodes.get(next).is_some_and(|n| n.frame < entry.frame));
+            let before = next.checked_sub(1).map(|k| &nodes[k]);
+            let learnt = nodes
+                .get(next)
+                .and_then(|after| after.spread_to(entry, before));
+            (*entry, learnt.map_or(pose, |l| l.apply(&pose)))
+        })
     }
 
     /// A number that depends on every bit of every entry and of its final pose: two runs with the same one are the same, bit
@@ -89,5 +101,201 @@ impl Trajectory {
             }
         }
         f.value()
+    }
+}
+
+/// A frame that became a keyframe which the map holds.
+struct Node {
+    frame: FrameId,
+    stamp: f64,
+    keyframe: KeyframeId,
+    /// The keyframe that its pose was measured from.
+    reference: KeyframeId,
+    /// What the map has learnt of it since.
+    learnt: Learnt,
+}
+
+/// How a pose differs from the one that was measured.
+#[derive(Clone, Copy, Default)]
+struct Learnt {
+    /// Rotation vector in the world's axes, rad.
+    rotation: Vec3,
+    /// m.
+    translation: Vec3,
+}
+
+impl Node {
+    fn of(view: &MapView) -> impl Fn(&TrajectoryEntry) -> Option<Self> + use<'_> {
+        |entry| {
+            let keyframe = entry.pose.keyframe?;
+            let own = view.world_from_keyframe(keyframe)?;
+            let reference = entry.pose.reference;
+            let measured = view.world_from_keyframe(reference)? * entry.pose.reference_from_camera;
+            let learnt = Learnt {
+                rotation: so3::log(&(own.rotation * measured.rotation.inverse())),
+                translation: own.translation - measured.translation,
+            };
+            Some(Self {
+                frame: entry.frame,
+                stamp: entry.stamp,
+                keyframe,
+                reference,
+                learnt,
+            })
+        }
+    }
+
+    /// What a frame before this one learns from it, if it was measured from the same keyframe: its share by time since the
+    /// keyframe before.
+    fn spread_to(&self, entry: &TrajectoryEntry, before: Option<&Self>) -> Option<Learnt> {
+        let reference = entry.pose.reference;
+        let before = before.filter(|_| reference == self.reference && entry.frame < self.frame)?;
+        // A keyframe is where it is: who was measured from it has nothing to learn there.
+        let known = before.reference == reference && before.keyframe != reference;
+        let from = if known {
+            before.learnt
+        } else {
+            Learnt::default()
+        };
+        let share = (entry.stamp - before.stamp) / (self.stamp - before.stamp);
+        Some(from.towards(&self.learnt, share.clamp(0.0, 1.0)))
+    }
+}
+
+impl Learnt {
+    fn towards(&self, to: &Self, share: f64) -> Self {
+        Self {
+            rotation: self.rotation.lerp(&to.rotation, share),
+            translation: self.translation.lerp(&to.translation, share),
+        }
+    }
+
+    fn apply(&self, pose: &Se3) -> Se3 {
+        Se3 {
+            rotation: so3::exp(&self.rotation) * pose.rotation,
+            translation: pose.translation + self.translation,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::anchored_pose::AnchoredPose;
+    use std::sync::Arc;
+    use stillpoint_features::FeatureGrid;
+    use stillpoint_geometry::Camera;
+    use stillpoint_map::{KeyframeData, Map};
+
+    fn at(x: f64, turned: f64) -> Se3 {
+        Se3 {
+            rotation: so3::exp(&Vec3::new(0.0, turned, 0.0)),
+            translation: Vec3::new(x, 0.0, 0.0),
+        }
+    }
+
+    fn add(map: &mut Map, id: u32, parent: Option<u32>, pose: Se3) {
+        let data = KeyframeData {
+            stamp: f64::from(id),
+            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: Vec::new(),
+            depth_sigmas: Vec::new(),
+            descriptors: Vec::new(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
+        };
+        let parent = parent.map(KeyframeId);
+        assert!(map.insert_keyframe(KeyframeId(id), Arc::new(data), pose, parent));
+    }
+
+    /// A frame at `id` seconds, measured at `x` from a keyframe.
+    fn entry(id: u32, is_keyframe: bool, reference: u32, x: f64) -> TrajectoryEntry {
+        TrajectoryEntry {
+            frame: FrameId(id),
+            stamp: f64::from(id),
+            pose: AnchoredPose {
+                keyframe: is_keyframe.then_some(KeyframeId(id)),
+                reference: KeyframeId(reference),
+                reference_from_camera: at(x, 0.0),
+                online_world_from_camera: at(x, 0.0),
+            },
+            inliers: 100,
+        }
+    }
+
+    fn resolved(entries: &[TrajectoryEntry], map: &Map) -> Vec<[f64; 2]> {
+        let mut trajectory = Trajectory::default();
+        trajectory.extend(entries.iter().copied());
+        let poses = trajectory.resolve(map.view());
+        let found = poses.map(|(_, p)| [p.translation.x, so3::log(&p.rotation).y]);
+        found.collect()
+    }
+
+    #[track_caller]
+    fn check(found: &[[f64; 2]], expected: &[[f64; 2]]) {
+        let off = |(a, b): (&[f64; 2], &[f64; 2])| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        let same = found.len() == expected.len();
+        assert!(
+            same && found.iter().zip(expected).all(|p| off(p) < 1e-12),
+            "{found:?} where {expected:?} was expected"
+        );
+    }
+
+    #[test]
+    fn what_is_learnt_of_a_keyframe_is_spread_over_the_frames_before_it() {
+        let mut map = Map::new(8, 1.2);
+        add(&mut map, 0, None, at(0.0, 0.0));
+        // Measured at 0.4, refined to 0.44 and turned by 0.2.
+        add(&mut map, 4, Some(0), at(0.44, 0.2));
+        let frames = [
+            entry(0, true, 0, 0.0),
+            entry(1, false, 0, 0.1),
+            entry(2, false, 0, 0.2),
+            entry(3, false, 0, 0.3),
+            entry(4, true, 0, 0.4),
+            entry(5, false, 0, 0.5),
+        ];
+        let spread = [
+            [0.0, 0.0],
+            [0.11, 0.05],
+            [0.22, 0.1],
+            [0.33, 0.15],
+            [0.44, 0.2],
+        ];
+        // Nothing is known of what comes after the last keyframe.
+        check(
+            &resolved(&frames, &map),
+            &[&spread[..], &[[0.5, 0.0]]].concat(),
+        );
+    }
+
+    #[test]
+    fn frames_measured_from_another_keyframe_stay() {
+        let mut map = Map::new(8, 1.2);
+        add(&mut map, 0, None, at(0.0, 0.0));
+        add(&mut map, 2, Some(0), at(0.26, 0.0));
+        add(&mut map, 4, Some(2), at(0.5, 0.0));
+        let frames = [
+            entry(0, true, 0, 0.0),
+            entry(1, false, 0, 0.1),
+            entry(2, true, 0, 0.2),
+            // Measured from the first keyframe, while the next one was measured from the second.
+            entry(3, false, 0, 0.3),
+            entry(4, true, 2, 0.2),
+        ];
+        let expected = [[0.0, 0.0], [0.13, 0.0], [0.26, 0.0], [0.3, 0.0], [0.5, 0.0]];
+        check(&resolved(&frames, &map), &expected);
+        // Were both measured from the first, what is known of it at either end counts: 0.06 and 0.1.
+        let frames = [
+            entry(0, true, 0, 0.0),
+            entry(2, true, 0, 0.2),
+            entry(3, false, 0, 0.3),
+            entry(4, true, 0, 0.4),
+        ];
+        let expected = [[0.0, 0.0], [0.26, 0.0], [0.38, 0.0], [0.5, 0.0]];
+        check(&resolved(&frames, &map), &expected);
     }
 }
