@@ -27,3 +27,4 @@ mod models_pull;
 mod objects;
 mod recordings;
 mod suite;
+mod variants;
