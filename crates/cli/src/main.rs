@@ -18,6 +18,7 @@ mod machine;
 mod map;
 mod models;
 mod output;
+mod page;
 mod realsense;
 mod recording;
 mod report;
@@ -91,6 +92,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Command::Live(LiveCommand::File(a)) => run::run(&a.as_run(), timing),
         Command::Live(LiveCommand::Realsense(a)) => realsense::live(a, timing),
         Command::Replay(a) => run::replay::replay(a, timing),
+        Command::Report(a) => page::report(a),
         Command::Eval(a) => eval::eval(a),
         Command::Simulate(a) => simulate::simulate(a),
         Command::Bench(a) => bench::bench(a),

@@ -10,13 +10,14 @@ use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
 
 /// Every file that a result may hold, beside those of further submaps.
-const FILES: [&str; 11] = [
+const FILES: [&str; 12] = [
     "trajectory.txt",
     "trajectory_online.txt",
     "keyframes.txt",
     "frames.csv",
     "config.toml",
     "summary.json",
+    "report.html",
     "run.log",
     "plot.svg",
     "plot.png",

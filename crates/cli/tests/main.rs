@@ -26,5 +26,6 @@ mod models;
 mod models_pull;
 mod objects;
 mod recordings;
+mod report;
 mod suite;
 mod variants;

@@ -38,6 +38,13 @@ impl Alignment {
     pub fn apply(&self, p: &Vec3) -> Vec3 {
         self.target_from_source.rotation * p * self.scale + self.target_from_source.translation
     }
+
+    /// The source point of an image.
+    #[must_use]
+    pub fn invert(&self, p: &Vec3) -> Vec3 {
+        let turned = p - self.target_from_source.translation;
+        self.target_from_source.rotation.inverse() * turned / self.scale
+    }
 }
 
 /// Aligns `source[i]` to `target[i]`, with scale when `with_scale`, else with scale 1.

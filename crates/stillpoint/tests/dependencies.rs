@@ -36,8 +36,8 @@ const NORMAL: &[(&str, &[&str])] = &[
     ("inference", &["detection", "imaging"]),
     // How a model is read is said beside it in the cache.
     ("models", &["detection", "inference"]),
-    // What it draws it is given as values.
-    ("view", &["imaging", "detection"]),
+    // What it draws it is given as values and events.
+    ("view", &["geometry", "imaging", "detection", "map", "slam"]),
     ("datasets", &["geometry", "imaging"]),
     ("simulator", &["geometry", "imaging"]),
     // Frames in, findings out; from where they come is not its business.
@@ -102,7 +102,6 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("live", &["simulator"]),
     // Streams without faults, and with those that are put into them.
     ("doctor", &["simulator", "datasets"]),
-    ("view", &["geometry"]),
     // How much the simulator's images are like real ones is measured in terms of features.
     ("simulator", &["features", "datasets"]),
 ];

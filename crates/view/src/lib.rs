@@ -42,6 +42,7 @@ mod overlay;
 mod palette;
 mod panel;
 mod picture;
+pub mod report;
 mod shapes;
 mod speed;
 mod text;

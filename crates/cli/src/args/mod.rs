@@ -6,6 +6,7 @@ pub(crate) mod live;
 pub(crate) mod map;
 pub(crate) mod models;
 pub(crate) mod recording;
+pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod simulated;
 
@@ -15,6 +16,7 @@ use crate::args::live::LiveCommand;
 use crate::args::map::MapCommand;
 use crate::args::models::{DetectArgs, DetectorArgs, ModelsCommand};
 use crate::args::recording::RecordingCommand;
+use crate::args::report::ReportArgs;
 use crate::args::run::{ReplayArgs, RunArgs};
 use crate::args::simulated::{DemoArgs, SimulateArgs};
 use crate::bench::suite::catalogue::Suite;
@@ -61,6 +63,7 @@ pub(crate) enum Command {
     #[command(subcommand)]
     Live(LiveCommand),
     Replay(ReplayArgs),
+    Report(ReportArgs),
     Eval(EvalArgs),
     Simulate(SimulateArgs),
     Bench(BenchArgs),

@@ -56,6 +56,9 @@ pub(crate) struct OutputArgs {
     /// by a whole one.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub(crate) save_map: Option<PathBuf>,
+    /// Write no report.html into the result folder.
+    #[arg(long)]
+    pub(crate) no_report: bool,
     /// Print the summary as JSON, as it stands in summary.json, and nothing else on stdout.
     #[arg(long)]
     pub(crate) json: bool,

@@ -11,6 +11,7 @@ use crate::demo::report::Pass;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
+use crate::page::{self, Gathering};
 use crate::run::result::{Setup, verdict, write};
 use crate::run::session::{Driver, Outputs};
 use crate::run::summary::Input;
@@ -132,6 +133,7 @@ impl DemoStage<'_> {
         };
         let mut outputs = Outputs {
             shots: Some(Shots::new(simulator.len(), &config.motion_weights)),
+            report: Some(Gathering::default()),
             ..Outputs::default()
         };
         console::info(&format!("static filter {name}"));
@@ -148,6 +150,8 @@ impl DemoStage<'_> {
             timing: self.timing,
             truth: Some(&truth),
             log: None,
+            report: outputs.report.take().map(|g| g.0),
+            command: page::typed(),
         };
         let (summary, score) = write(&setup, &session, folder)?;
         let shots = outputs

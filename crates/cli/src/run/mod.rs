@@ -27,6 +27,7 @@ use crate::failure::{Failure, Status};
 use crate::map::file::{self, MapOutput};
 use crate::map::readout;
 use crate::output::StreamedFile;
+use crate::page::Gathering;
 use crate::run::about::About;
 use crate::run::masks::MaskFolder;
 use crate::run::objects::ObjectFile;
@@ -299,6 +300,7 @@ pub(crate) fn outputs(
         masks,
         overlay,
         shots: None,
+        report: (!args.no_report).then(Gathering::default),
         map: map.transpose()?,
         trace: trace.transpose()?,
     })

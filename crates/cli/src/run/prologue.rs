@@ -6,6 +6,7 @@ use crate::config;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
+use crate::page;
 use crate::run::result::{Setup, Voice, finish};
 use crate::run::session::{Driver, Outputs, Session};
 use crate::run::{KnownMap, default_out, input, open, outputs, paths, played};
@@ -127,7 +128,7 @@ fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Fail
     Ok(dataset.frames(&FrameOptions {
         start: task.input.start,
         max_frames: task.input.max_frames.map(|n| n as usize),
-        keep_colour: colour || task.output.overlay.is_some(),
+        keep_colour: colour || task.output.overlay.is_some() || !task.output.no_report,
     })?)
 }
 
@@ -158,9 +159,10 @@ impl Begun<'_> {
     pub(crate) fn end(
         self,
         session: &Session,
-        outputs: Outputs,
+        mut outputs: Outputs,
         log: impl FnOnce() -> Result<Option<Vec<u8>>, Failure>,
     ) -> Result<Status, Failure> {
+        let gathered = outputs.report.take();
         let written = outputs.finish()?;
         let setup = Setup {
             input: input(self.task.path, &self.dataset),
@@ -169,6 +171,8 @@ impl Begun<'_> {
             timing: self.task.timing,
             truth: self.truth.as_deref(),
             log: log()?,
+            report: gathered.map(|g| g.0),
+            command: page::typed(),
         };
         let voice = Voice::of(self.task.output);
         let status = finish(&setup, session, self.folder, &self.out, voice)?;

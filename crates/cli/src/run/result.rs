@@ -6,6 +6,7 @@ use crate::console;
 use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
+use crate::page::{self, data};
 use crate::run::frames;
 use crate::run::session::Session;
 use crate::run::summary::{Accuracy, Input, ReadoutJson, ScoreJson, StageTiming, Summary};
@@ -19,6 +20,7 @@ use stillpoint::evaluation::plot::{
 use stillpoint::evaluation::{EvalOptions, Score, TimedPose, score};
 use stillpoint::imaging::Simd;
 use stillpoint::slam::Config;
+use stillpoint::view::report::{ReportRecorder, to_html};
 
 /// What a result is about.
 pub(crate) struct Setup<'a> {
@@ -27,6 +29,10 @@ pub(crate) struct Setup<'a> {
     pub(crate) simd: Simd,
     pub(crate) timing: &'a Timing,
     pub(crate) truth: Option<&'a [StampedPose]>,
+    /// What the report shows of the frames; none where none is to be written.
+    pub(crate) report: Option<ReportRecorder>,
+    /// How the run was begun.
+    pub(crate) command: String,
     /// The log of the run, as it stands in the folder.
     pub(crate) log: Option<Vec<u8>>,
 }
@@ -98,7 +104,8 @@ pub(crate) fn write(
     }
     folder.write("keyframes.txt", &poses(&session.keyframes))?;
     folder.write("frames.csv", session.frames_csv.as_bytes())?;
-    folder.write("config.toml", config::to_text(setup.config)?.as_bytes())?;
+    let config = config::to_text(setup.config)?;
+    folder.write("config.toml", config.as_bytes())?;
     if let Some(log) = &setup.log {
         folder.write("run.log", log)?;
     }
@@ -107,9 +114,15 @@ pub(crate) fn write(
         let png = figure.to_png().map_err(Failure::input)?;
         folder.write(&format!("{name}.png"), &png)?;
     }
-    // Last, so that the peak of memory is that of all the work.
+    // After all that takes memory, but for the report, which holds it.
     let summary = summarise(setup, session, scores.as_ref());
-    folder.write("summary.json", to_json(&summary)?.as_bytes())?;
+    let json = to_json(&summary)?;
+    if let Some(recorder) = &setup.report {
+        let score = scores.as_ref().map(|s| &s.0);
+        let run = data::of_session(setup, session, &json, score, recorder, config);
+        folder.write(page::FILE, to_html(&[run]).as_bytes())?;
+    }
+    folder.write("summary.json", json.as_bytes())?;
     folder.commit()?;
     Ok((summary, scores.map(|(final_score, _)| final_score)))
 }

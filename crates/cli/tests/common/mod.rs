@@ -1,6 +1,7 @@
 //! Runs the program as users do, on small simulated data sets.
 #![allow(clippy::expect_used, unreachable_pub)] // Failing is what helpers do.
 
+pub mod browser;
 pub mod case;
 pub mod model_cache;
 pub mod server;

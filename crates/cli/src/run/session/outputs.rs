@@ -4,6 +4,7 @@ use crate::console;
 use crate::demo::pictures::Shots;
 use crate::failure::Failure;
 use crate::map::file::MapOutput;
+use crate::page::Gathering;
 use crate::run::masks::MaskFolder;
 use crate::run::objects::ObjectFile;
 use crate::run::overlay::OverlayFolder;
@@ -28,6 +29,8 @@ pub(crate) struct Outputs {
     pub(crate) overlay: Option<OverlayFolder>,
     /// Pictures for the demo.
     pub(crate) shots: Option<Shots>,
+    /// What the report shows.
+    pub(crate) report: Option<Gathering>,
     /// What every thread does when.
     pub(crate) trace: Option<TraceFile>,
     /// The map, at the end.
@@ -41,6 +44,7 @@ pub(crate) struct Writers {
     masks: Option<Listening<MaskFolder>>,
     overlay: Option<Listening<OverlayFolder>>,
     shots: Option<Listening<Shots>>,
+    report: Option<Listening<Gathering>>,
     trace: Option<Listening<TraceFile>>,
 }
 
@@ -51,6 +55,7 @@ impl Subscriber for Writers {
         self.masks.receive(event);
         self.overlay.receive(event);
         self.shots.receive(event);
+        self.report.receive(event);
         self.trace.receive(event);
     }
 }
@@ -62,6 +67,7 @@ pub(crate) struct LiveWriters {
     masks: Option<Subscribed<Rounds<Listening<MaskFolder>>>>,
     overlay: Option<Subscribed<Rounds<Listening<OverlayFolder>>>>,
     shots: Option<Subscribed<Rounds<Listening<Shots>>>>,
+    report: Option<Subscribed<Rounds<Listening<Gathering>>>>,
     trace: Option<Subscribed<Rounds<Listening<TraceFile>>>>,
 }
 
@@ -79,6 +85,7 @@ impl Outputs {
             masks: self.masks.take().map(|w| Listening::new(w, stop)),
             overlay: self.overlay.take().map(|w| Listening::new(w, stop)),
             shots: self.shots.take().map(|w| Listening::new(w, stop)),
+            report: self.report.take().map(|w| Listening::new(w, stop)),
             trace: self.trace.take().map(|w| Listening::new(w, stop)),
         }
     }
@@ -93,6 +100,7 @@ impl Outputs {
         self.masks = writers.masks.map(Listening::finish).transpose()?;
         self.overlay = writers.overlay.map(Listening::finish).transpose()?;
         self.shots = writers.shots.map(Listening::finish).transpose()?;
+        self.report = writers.report.map(Listening::finish).transpose()?;
         self.trace = writers.trace.map(Listening::finish).transpose()?;
         Ok(())
     }
@@ -122,6 +130,7 @@ impl Outputs {
                 all.with_images(PICTURES, every_shot),
                 self.shots.take(),
             )?,
+            report: on.add("report", all.with_images(PICTURES, 1), self.report.take())?,
             trace: on.add("trace", all, self.trace.take())?,
         })
     }
@@ -136,6 +145,7 @@ impl Outputs {
         self.masks = writers.masks.map(rejoined).transpose()?;
         self.overlay = writers.overlay.map(rejoined).transpose()?;
         self.shots = writers.shots.map(rejoined).transpose()?;
+        self.report = writers.report.map(rejoined).transpose()?;
         self.trace = writers.trace.map(rejoined).transpose()?;
         Ok(())
     }

@@ -1,0 +1,82 @@
+//! `report`: the page of a run made again, or one of several runs beside each other.
+
+pub(crate) mod data;
+
+use crate::args::report::ReportArgs;
+use crate::console;
+use crate::failure::{Failure, Status};
+use crate::output::StreamedFile;
+use crate::run::session::listeners::Writer;
+use std::io::Write;
+use std::path::PathBuf;
+use stillpoint::slam::{Event, Subscriber};
+use stillpoint::view::report::{ReportRecorder, to_html};
+
+/// The page's name in a result folder.
+pub(crate) const FILE: &str = "report.html";
+/// The page of several runs.
+const COMPARISON: &str = "comparison.html";
+
+/// Gathers while frames go by.
+#[derive(Default)]
+pub(crate) struct Gathering(pub(crate) ReportRecorder);
+
+impl Writer for Gathering {
+    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+        let _span = tracing::info_span!("report").entered();
+        self.0.receive(event);
+        Ok(())
+    }
+}
+
+/// `report`.
+pub(crate) fn report(args: &ReportArgs) -> Result<Status, Failure> {
+    let runs = args.results.iter().map(|folder| data::of_folder(folder));
+    let runs = runs.collect::<Result<Vec<_>, _>>()?;
+    let out = args.out.clone().unwrap_or_else(|| match &args.results[..] {
+        [folder] => folder.join(FILE),
+        _ => PathBuf::from(COMPARISON),
+    });
+    let mut file = StreamedFile::create(&out, "--out")?;
+    file.write(|w| w.write_all(to_html(&runs).as_bytes()))?;
+    file.finish()?;
+    console::report(&format!("report in {}\n", out.display()));
+    Ok(Status::Ok)
+}
+
+/// The command that was typed, as a shell takes it.
+pub(crate) fn typed() -> String {
+    let mut args = std::env::args_os();
+    args.next();
+    let quoted = args.map(|a| quoted(&a.to_string_lossy()));
+    let words: Vec<String> = std::iter::once("stillpoint".to_owned())
+        .chain(quoted)
+        .collect();
+    words.join(" ")
+}
+
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_are_quoted_where_a_shell_would_split_them() {
+        for (word, expected) in [
+            ("--set=a.b=1", "--set=a.b=1"),
+            ("my run", "'my run'"),
+            ("", "''"),
+            ("it's", "'it'\\''s'"),
+            ("$HOME", "'$HOME'"),
+        ] {
+            assert_eq!(quoted(word), expected);
+        }
+    }
+}

@@ -1,0 +1,191 @@
+//! Puts together what a report shows when a run is over.
+
+use super::columns::Column;
+use super::model::{FrameState, Mark, MarkKind, ObjectColumns, Pictures, RunData};
+use super::recorder::{ONE_IN, ReportRecorder, SeenObject};
+use super::thumbnail;
+use std::collections::BTreeMap;
+use stillpoint_detection::Motion;
+use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_map::{MapView, SubmapId};
+
+/// Landmarks in a report, at most; 13 bytes each.
+const MOST_LANDMARKS: usize = 60_000;
+
+/// A frame as the result has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FrameRow {
+    /// Number of the frame.
+    pub id: u32,
+    /// Its stamp, s.
+    pub stamp: f64,
+    /// What became of it.
+    pub state: FrameState,
+    /// Landmarks that agree with the pose.
+    pub inliers: u32,
+    /// Why it has no pose; empty otherwise.
+    pub reason: String,
+    /// Its final pose, world from camera.
+    pub pose: Option<Se3>,
+    /// Distance to the true position, m.
+    pub error: Option<f64>,
+    /// The true position in the world of the poses, m.
+    pub truth: Option<Vec3>,
+    /// Time that it took, or latency, ms.
+    pub time_ms: Option<f64>,
+}
+
+impl RunData {
+    /// Takes the frames, in order, and marks where poses are missing.
+    pub fn set_frames(&mut self, rows: &[FrameRow]) {
+        let f = &mut self.frames;
+        let first = rows.first().map_or(0.0, |r| r.stamp);
+        let or_nan = |x: Option<f64>, factor: f64| x.map_or(f32::NAN, |x| (factor * x) as f32);
+        f.first_stamp = first;
+        f.id = rows.iter().map(|r| r.id).collect();
+        f.seconds = rows.iter().map(|r| (r.stamp - first) as f32).collect();
+        f.state = rows.iter().map(|r| r.state as u8).collect();
+        let inliers = rows
+            .iter()
+            .map(|r| u16::try_from(r.inliers).unwrap_or(u16::MAX));
+        f.inliers = inliers.collect();
+        f.time_ms = rows.iter().map(|r| or_nan(r.time_ms, 1.0)).collect();
+        f.error_mm = rows.iter().map(|r| or_nan(r.error, 1e3)).collect();
+        f.pose = rows.iter().flat_map(|r| numbers(r.pose.as_ref())).collect();
+        let truth = rows.iter().flat_map(|r| triple(r.truth.as_ref()));
+        f.truth = truth.collect();
+        for column in [&mut f.moving, &mut f.sigma_mm, &mut f.quality] {
+            *column = Column(vec![f32::NAN; rows.len()]);
+        }
+        let mut lost = false;
+        for row in rows {
+            let is_lost = row.state == FrameState::Lost;
+            if is_lost && !lost {
+                self.marks.push(Mark {
+                    frame: row.id,
+                    kind: MarkKind::Loss,
+                    text: format!("no pose: {}", row.reason),
+                });
+            }
+            lost = is_lost;
+        }
+    }
+
+    /// Takes the landmarks and keyframes of a submap.
+    pub fn set_map(&mut self, view: &MapView, submap: Option<SubmapId>) {
+        let of = |id| submap.is_none() || view.submap_of(id) == submap;
+        let all = || view.landmarks().filter(|(_, l)| of(l.anchor));
+        let count = all().count();
+        let every = count.div_ceil(MOST_LANDMARKS).max(1);
+        let map = &mut self.map;
+        map.count = count as u32;
+        for (id, landmark) in all().step_by(every) {
+            map.position
+                .extend(triple(view.landmark_position(id).as_ref()));
+            map.frame.0.push(landmark.created_at.0);
+            let odds = f64::from(landmark.static_odds);
+            let probability = 1.0 / (1.0 + (-odds).exp());
+            map.stands_still.0.push((255.0 * probability).round() as u8);
+        }
+        for keyframe in view.keyframes().filter(|k| of(k.id)) {
+            self.keyframes.id.0.push(keyframe.id.0);
+            let pose = numbers(Some(&keyframe.world_from_camera));
+            self.keyframes.pose.extend(pose);
+        }
+        for edge in view.loops() {
+            let ends = [edge.old, edge.new].map(|id| view.resolve_keyframe(id));
+            if let [Some(a), Some(b)] = ends
+                && of(a)
+                && of(b)
+            {
+                self.keyframes.loops.extend([a.0, b.0]);
+            }
+        }
+    }
+
+    /// Takes what was gathered while the run went on. The frames must be there.
+    pub fn set_recorded(&mut self, recorder: &ReportRecorder) {
+        let ids = self.frames.id.0.iter().enumerate();
+        let at: BTreeMap<u32, usize> = ids.map(|(i, id)| (*id, i)).collect();
+        for seen in recorder.frames() {
+            if let Some(i) = at.get(&seen.frame.0) {
+                self.frames.moving.0[*i] = seen.moving as f32;
+                self.frames.quality.0[*i] = seen.quality as f32;
+                let sigma = seen.sigma_m.map_or(f32::NAN, |m| (1e3 * m) as f32);
+                self.frames.sigma_mm.0[*i] = sigma;
+            }
+        }
+        self.marks.extend_from_slice(recorder.marks());
+        self.marks.sort_by_key(|m| (m.frame, m.kind));
+        self.image = recorder.image();
+        let (width, height) = thumbnail::size(self.image[0] as usize, self.image[1] as usize);
+        let mut pictures = Pictures {
+            size: [width as u32, height as u32],
+            one_in: ONE_IN as u32,
+            ..Pictures::default()
+        };
+        let mut objects = ObjectColumns::default();
+        for (frame, shown) in recorder.shown() {
+            pictures.frame.0.push(frame.0);
+            pictures.jpeg.push(shown.jpeg.clone());
+            pictures.features.push(shown.features.clone());
+            let pose = at.get(&frame.0).and_then(|i| self.pose(*i));
+            for object in &shown.objects {
+                objects.add(frame.0, object, pose.as_ref());
+            }
+        }
+        self.pictures = pictures;
+        self.objects = objects;
+    }
+
+    /// The pose of the `i`-th frame.
+    fn pose(&self, i: usize) -> Option<Se3> {
+        let p = self.frames.pose.0.get(7 * i..7 * i + 7)?;
+        let [x, y, z, qx, qy, qz, qw] = [0, 1, 2, 3, 4, 5, 6].map(|k| f64::from(p[k]));
+        let rotation = stillpoint_geometry::nalgebra::Quaternion::new(qw, qx, qy, qz);
+        let rotation = stillpoint_geometry::nalgebra::UnitQuaternion::new_normalize(rotation);
+        let pose = Se3::new(rotation, Vec3::new(x, y, z));
+        pose.is_finite().then_some(pose)
+    }
+}
+
+impl ObjectColumns {
+    fn add(&mut self, frame: u32, object: &SeenObject, pose: Option<&Se3>) {
+        let known = self.classes.iter().position(|c| c == object.class);
+        let class = known.unwrap_or_else(|| {
+            self.classes.push(object.class.to_owned());
+            self.classes.len() - 1
+        });
+        self.frame.0.push(frame);
+        self.id.0.push(object.id);
+        self.class.0.push(class as u8);
+        self.motion.0.push(match object.motion {
+            Motion::Unknown => 0,
+            Motion::Moving => 1,
+            Motion::Parked => 2,
+        });
+        let px = object.bounds.map(|x| x.round().clamp(0.0, 65_535.0) as u16);
+        self.bounds.extend(px);
+        let position = object
+            .in_camera
+            .zip(pose)
+            .map(|(p, pose)| pose.transform(&p));
+        self.position.extend(triple(position.as_ref()));
+        self.size.extend(object.size.map(|x| x as f32));
+        self.speed
+            .0
+            .push(object.speed.map_or(f32::NAN, |s| s as f32));
+    }
+}
+
+fn triple(p: Option<&Vec3>) -> [f32; 3] {
+    p.map_or([f32::NAN; 3], |p| [p.x, p.y, p.z].map(|x| x as f32))
+}
+
+/// Position and quaternion (x, y, z, w).
+fn numbers(pose: Option<&Se3>) -> [f32; 7] {
+    pose.map_or([f32::NAN; 7], |p| {
+        let (t, q) = (&p.translation, p.rotation.coords);
+        [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|x| x as f32)
+    })
+}

@@ -1,0 +1,101 @@
+//! Columns of numbers as text: little-endian bytes in base 64, which a browser turns into a typed array.
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// Numbers of one kind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column<T>(pub Vec<T>);
+
+impl<T> Default for Column<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+/// What columns hold.
+pub trait Number: Copy {
+    /// Appends its bytes.
+    fn put(self, bytes: &mut Vec<u8>);
+    /// Reads numbers; none when bytes are left over.
+    fn all(bytes: &[u8]) -> Option<Vec<Self>>;
+}
+
+macro_rules! number {
+    ($($t:ty),*) => {$(
+        impl Number for $t {
+            fn put(self, bytes: &mut Vec<u8>) {
+                bytes.extend_from_slice(&self.to_le_bytes());
+            }
+
+            fn all(bytes: &[u8]) -> Option<Vec<Self>> {
+                let (each, rest) = bytes.as_chunks::<{ size_of::<$t>() }>();
+                rest.is_empty().then(|| each.iter().map(|b| Self::from_le_bytes(*b)).collect())
+            }
+        }
+    )*};
+}
+number!(u8, u16, u32, f32, f64);
+
+impl<T: Number> Serialize for Column<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut bytes = Vec::new();
+        self.0.iter().for_each(|n| n.put(&mut bytes));
+        serializer.serialize_str(&STANDARD.encode(bytes))
+    }
+}
+
+impl<'de, T: Number> Deserialize<'de> for Column<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        let bytes = STANDARD.decode(text).map_err(D::Error::custom)?;
+        let numbers = T::all(&bytes);
+        numbers.map(Self).ok_or_else(|| {
+            D::Error::custom(format!(
+                "expected whole numbers of {} bytes, found {} bytes",
+                size_of::<T>(),
+                bytes.len()
+            ))
+        })
+    }
+}
+
+impl<T> FromIterator<T> for Column<T> {
+    fn from_iter<I: IntoIterator<Item = T>>(numbers: I) -> Self {
+        Self(numbers.into_iter().collect())
+    }
+}
+
+impl<T> Extend<T> for Column<T> {
+    fn extend<I: IntoIterator<Item = T>>(&mut self, numbers: I) {
+        self.0.extend(numbers);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn numbers_survive(a: Vec<f32>, b: Vec<u16>) {
+            let text = serde_json::to_string(&(Column(a.clone()), Column(b.clone()))).unwrap();
+            let (back, other): (Column<f32>, Column<u16>) = serde_json::from_str(&text).unwrap();
+            let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            prop_assert_eq!(bits(&back.0), bits(&a));
+            prop_assert_eq!(other.0, b);
+        }
+    }
+
+    #[test]
+    fn what_is_cut_off_is_refused() {
+        let read = serde_json::from_str::<Column<f32>>;
+        assert_eq!(read("\"AACAPw==\"").unwrap().0, [1.0]);
+        let error = read("\"AACA\"").unwrap_err().to_string();
+        assert!(error.contains("found 3 bytes"), "{error}");
+        assert!(read("\"?\"").is_err());
+    }
+}

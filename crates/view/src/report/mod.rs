@@ -1,0 +1,143 @@
+//! The report of a run: one page that shows where it went wrong, with everything in it.
+//!
+//! Answers: how a run is shown to somebody who was not there. Gathers while the run goes on ([`ReportRecorder`]), takes what is known in the end
+//! ([`RunData`]), and writes a page of which nothing is fetched ([`to_html`]); the data are in the page, so that it can be made
+//! again or put beside others ([`from_html`]). What is drawn, and how, is the page's business: `page/` holds it as a browser has it.
+
+mod build;
+mod columns;
+mod model;
+mod recorder;
+mod thumbnail;
+
+pub use build::FrameRow;
+pub use columns::{Column, Number};
+pub use model::{
+    FrameColumns, FrameState, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures,
+    RunData, Said,
+};
+pub use recorder::ReportRecorder;
+
+const PAGE: &str = include_str!("page/page.html");
+const STYLE: &str = include_str!("page/style.css");
+/// In the order in which they use each other.
+const SCRIPTS: [&str; 7] = [
+    include_str!("page/data.js"),
+    include_str!("page/numbers.js"),
+    include_str!("page/scene.js"),
+    include_str!("page/view3d.js"),
+    include_str!("page/timeline.js"),
+    include_str!("page/picture.js"),
+    include_str!("page/main.js"),
+];
+/// Before and after the data in the page.
+const DATA_BEGINS: &str = "<script id=\"data\" type=\"application/json\">";
+const DATA_ENDS: &str = "</script>";
+
+/// A page could not be read.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// It is no report, or one of another version.
+    #[error(
+        "expected a report of a run, found {0}; make it again with the program that is to read it"
+    )]
+    Page(String),
+}
+
+/// The page of one run, or of several beside each other.
+#[must_use]
+pub fn to_html(runs: &[RunData]) -> String {
+    let data = serde_json::to_string(runs).unwrap_or_default();
+    // Inside of a script element only this could end it. Both are the same to whoever reads JSON.
+    let data = data.replace('<', "\\u003c");
+    let title = match runs {
+        [run] => run.name.clone(),
+        runs => format!("{} runs", runs.len()),
+    };
+    let script = SCRIPTS.join("\n");
+    let mut page = String::with_capacity(PAGE.len() + STYLE.len() + script.len() + data.len());
+    let mut rest = PAGE;
+    for (name, text) in [
+        ("{{title}}", &*escaped(&title)),
+        ("{{style}}", STYLE),
+        ("{{data}}", &*data),
+        ("{{script}}", &*script),
+    ] {
+        let (before, after) = rest.split_once(name).unwrap_or((rest, ""));
+        page.push_str(before);
+        page.push_str(text);
+        rest = after;
+    }
+    page.push_str(rest);
+    page
+}
+
+/// The runs of a page.
+///
+/// # Errors
+/// [`ReportError::Page`].
+pub fn from_html(page: &str) -> Result<Vec<RunData>, ReportError> {
+    let data = page
+        .split_once(DATA_BEGINS)
+        .and_then(|(_, rest)| rest.split_once(DATA_ENDS));
+    let (data, _) = data.ok_or_else(|| ReportError::Page("a page without data".to_owned()))?;
+    serde_json::from_str(data).map_err(|e| ReportError::Page(e.to_string()))
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('"', "&quot;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_gives_back_what_it_was_made_of() {
+        let run = RunData {
+            name: "a </script> & \"b\"".to_owned(),
+            summary: serde_json::json!({"frames": 3, "input": "</script><b>"}),
+            ..RunData::default()
+        };
+        let page = to_html(std::slice::from_ref(&run));
+        assert!(
+            page.contains("<title>a &lt;/script> &amp; &quot;b&quot;"),
+            "{}",
+            &page[..300]
+        );
+        // The data's element, and that of the page's own code.
+        assert_eq!(page.matches("</script>").count(), 2);
+        assert!(!page.contains("{{"), "a place was not filled");
+        let back = from_html(&page).unwrap();
+        assert_eq!((back.len(), &back[0].name), (1, &run.name));
+        assert_eq!(back[0].summary, run.summary);
+    }
+
+    #[test]
+    fn what_is_no_report_is_refused() {
+        for page in [
+            "",
+            "<html>",
+            "<script id=\"data\" type=\"application/json\">[1]</script>",
+        ] {
+            assert!(from_html(page).is_err());
+        }
+    }
+
+    #[test]
+    fn a_page_fetches_nothing() {
+        let page = to_html(&[RunData::default()]);
+        for what in [
+            "http://", "https://", "@import", "src=\"", "fetch(", "XMLHttp",
+        ] {
+            let at = page.find(what);
+            assert!(
+                at.is_none(),
+                "{:?}",
+                at.map(|i| &page[i.saturating_sub(60)..i + 60])
+            );
+        }
+    }
+}

@@ -1,0 +1,146 @@
+"use strict";
+// Points and lines in three dimensions, by WebGL 2. The world is a camera's: x right, y down, z ahead; it is shown with y up.
+
+const VERTEX = `#version 300 es
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec4 colour;
+uniform mat4 clip_from_world;
+uniform float size;
+out vec4 tint;
+void main() {
+  gl_Position = clip_from_world * vec4(position, 1.0);
+  gl_PointSize = clamp(size / gl_Position.w, 2.0, 14.0);
+  tint = colour;
+}`;
+const FRAGMENT = `#version 300 es
+precision mediump float;
+in vec4 tint;
+uniform bool is_round;
+out vec4 colour;
+void main() {
+  vec2 off = gl_PointCoord - 0.5;
+  if (is_round && dot(off, off) > 0.25) discard;
+  colour = tint;
+}`;
+
+class Scene {
+  /// Throws with the reason where there is no WebGL 2.
+  constructor(canvas) {
+    this.canvas = canvas;
+    const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+    if (!gl) throw new Error("this browser, or its settings, offer no WebGL 2");
+    this.gl = gl;
+    const shader = (kind, text) => {
+      const made = gl.createShader(kind);
+      gl.shaderSource(made, text);
+      gl.compileShader(made);
+      return made;
+    };
+    const program = gl.createProgram();
+    gl.attachShader(program, shader(gl.VERTEX_SHADER, VERTEX));
+    gl.attachShader(program, shader(gl.FRAGMENT_SHADER, FRAGMENT));
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error("WebGL 2 does not take the program: " + gl.getProgramInfoLog(program));
+    this.program = program;
+    this.matrix = gl.getUniformLocation(program, "clip_from_world");
+    this.size = gl.getUniformLocation(program, "size");
+    this.isRound = gl.getUniformLocation(program, "is_round");
+    this.pointSize = 4;
+    this.layers = new Map();
+    this.target = [0, 0, 0];
+    this.distance = 3;
+    this.yaw = 0;
+    this.pitch = 0.5;
+    this.follow = null;
+  }
+
+  /// Sets a layer: `kind` is points, lines (pairs) or strip; `colours` four bytes for each position.
+  set(name, kind, positions, colours, shown = true) {
+    const gl = this.gl;
+    let layer = this.layers.get(name);
+    if (!layer) {
+      layer = { array: gl.createVertexArray(), buffers: [gl.createBuffer(), gl.createBuffer()], shown };
+      this.layers.set(name, layer);
+    }
+    layer.kind = kind;
+    layer.count = positions.length / 3;
+    gl.bindVertexArray(layer.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, layer.buffers[0]);
+    gl.bufferData(gl.ARRAY_BUFFER, positions, gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
+    gl.bindBuffer(gl.ARRAY_BUFFER, layer.buffers[1]);
+    gl.bufferData(gl.ARRAY_BUFFER, colours, gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(1);
+    gl.vertexAttribPointer(1, 4, gl.UNSIGNED_BYTE, true, 0, 0);
+    gl.bindVertexArray(null);
+  }
+
+  show(name, shown) { if (this.layers.has(name)) this.layers.get(name).shown = shown; }
+
+  /// Axes of the viewer in the world: right, up and back.
+  axes() {
+    const [cy, sy, cp, sp] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
+    // At no angle the viewer looks along the world's z, as the first camera did.
+    return [[cy, 0, sy], [-sy * sp, -cp, cy * sp], [sy * cp, -sp, -cy * cp]];
+  }
+
+  eye() {
+    const back = this.axes()[2];
+    return this.target.map((t, i) => t + this.distance * back[i]);
+  }
+
+  clipFromWorld() {
+    const { width, height } = this.canvas;
+    const [right, up, back] = this.axes(), eye = this.eye();
+    const near = this.distance / 100, far = this.distance * 100;
+    const f = 1 / Math.tan(0.45), fx = f * Math.min(1, height / width), fy = fx * width / height;
+    const dot = (a) => -(a[0] * eye[0] + a[1] * eye[1] + a[2] * eye[2]);
+    const rows = [[...right, dot(right)].map((x) => fx * x), [...up, dot(up)].map((x) => fy * x)];
+    const z = [...back, dot(back)];
+    rows.push(z.map((x, i) => x * (far + near) / (near - far) + (i === 3 ? 2 * far * near / (near - far) : 0)), z.map((x) => -x));
+    return new Float32Array([0, 1, 2, 3].flatMap((c) => rows.map((r) => r[c])));
+  }
+
+  draw() {
+    const gl = this.gl, canvas = this.canvas;
+    const scale = Math.min(2, window.devicePixelRatio || 1);
+    const [w, h] = [Math.max(1, Math.round(canvas.clientWidth * scale)), Math.max(1, Math.round(canvas.clientHeight * scale))];
+    if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
+    gl.viewport(0, 0, w, h);
+    const paper = rgb("--scene");
+    gl.clearColor(paper[0] / 255, paper[1] / 255, paper[2] / 255, 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LEQUAL);
+    gl.useProgram(this.program);
+    gl.uniformMatrix4fv(this.matrix, false, this.clipFromWorld());
+    gl.uniform1f(this.size, this.pointSize * scale * this.distance);
+    for (const layer of this.layers.values()) {
+      if (!layer.shown || !layer.count) continue;
+      gl.bindVertexArray(layer.array);
+      gl.uniform1i(this.isRound, layer.kind === "points" ? 1 : 0);
+      gl.drawArrays({ points: gl.POINTS, lines: gl.LINES, strip: gl.LINE_STRIP }[layer.kind], 0, layer.count);
+    }
+    gl.bindVertexArray(null);
+  }
+
+  turn(dx, dy) {
+    this.yaw += dx;
+    this.pitch = Math.max(-1.55, Math.min(1.55, this.pitch + dy));
+  }
+
+  move(dx, dy) {
+    const [right, up] = this.axes();
+    const step = this.distance;
+    this.target = this.target.map((t, i) => t - step * (dx * right[i] - dy * up[i]));
+  }
+
+  zoom(factor) { this.distance = Math.max(0.05, Math.min(500, this.distance * factor)); }
+}
+
+/// A colour of the style as three bytes.
+function rgb(name) {
+  const text = getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  return [1, 3, 5].map((i) => parseInt(text.length > 4 ? text.slice(i, i + 2) : text[(i + 1) / 2].repeat(2), 16));
+}

@@ -1,0 +1,303 @@
+"use strict";
+// The map: what is shown of a run in three dimensions, and how one moves about in it.
+
+const dark = () => matchMedia("(prefers-color-scheme: dark)").matches && !matchMedia("print").matches;
+/// From old to new, and from what moves to what stands still; each has as much contrast as the other on its paper.
+const RAMPS = {
+  age: { light: [[30, 60, 150], [0, 125, 125], [190, 95, 0]], dark: [[110, 150, 255], [70, 215, 190], [255, 190, 90]] },
+  static: { light: [[190, 40, 30], [150, 120, 0], [20, 115, 63]], dark: [[255, 120, 105], [235, 205, 90], [100, 220, 150]] },
+};
+const TRACKS = { light: ["#0b57c4", "#8a2be2", "#00717a", "#a0206f", "#5a5f00"], dark: ["#86b8ff", "#c9a0ff", "#5fd6df", "#ff9fd2", "#d8dc6a"] };
+const trackColour = (id) => (dark() ? TRACKS.dark : TRACKS.light)[id % 5];
+const hex = (text) => [1, 3, 5].map((i) => parseInt(text.slice(i, i + 2), 16));
+
+function ramp(name, share) {
+  const colours = RAMPS[name][dark() ? "dark" : "light"], x = 2 * Math.max(0, Math.min(1, share));
+  const [a, b] = x < 1 ? [colours[0], colours[1]] : [colours[1], colours[2]], t = x < 1 ? x : x - 1;
+  return a.map((v, i) => Math.round(v + t * (b[i] - v)));
+}
+
+const painted = (count, colour, alpha = 255) => {
+  const bytes = new Uint8Array(4 * count);
+  for (let i = 0; i < count; i++) bytes.set([...colour, alpha], 4 * i);
+  return bytes;
+};
+
+/// The edges of a pyramid from a camera's centre, as pairs of points.
+function frustum(pose, size) {
+  const centre = Array.from(pose.slice(0, 3)), q = pose.slice(3, 7);
+  const corner = (x, y) => rotated(q, [x * size, y * size, 1.2 * size]).map((v, i) => v + centre[i]);
+  const c = [corner(-0.8, -0.6), corner(0.8, -0.6), corner(0.8, 0.6), corner(-0.8, 0.6)];
+  const out = [];
+  for (let i = 0; i < 4; i++) out.push(...centre, ...c[i], ...c[i], ...c[(i + 1) % 4]);
+  return out;
+}
+
+/// The edges of a box that stands upright in the world.
+function boxEdges(p, w, h) {
+  const at = (i) => [p[0] + (i & 1 ? w : -w) / 2, p[1] + (i & 2 ? h : -h) / 2, p[2] + (i & 4 ? w : -w) / 2];
+  const out = [];
+  for (let i = 0; i < 8; i++) for (const bit of [1, 2, 4]) if (!(i & bit)) out.push(...at(i), ...at(i | bit));
+  return out;
+}
+
+/// The squares of a level ground, as pairs of points.
+function squares(middle, y, reach, step) {
+  const out = [], n = Math.ceil(reach / step), [x0, z0] = [0, 2].map((k) => Math.round(middle[k] / step) * step);
+  for (let i = -n; i <= n; i++) {
+    out.push(x0 + i * step, y, z0 - n * step, x0 + i * step, y, z0 + n * step);
+    out.push(x0 - n * step, y, z0 + i * step, x0 + n * step, y, z0 + i * step);
+  }
+  return out;
+}
+
+const LAYERS = [["points", "map"], ["keyframes", "keyframes"], ["loops", "loops"], ["trajectory", "trajectory"], ["truth", "truth"], ["movers", "objects"], ["ground", "ground"]];
+
+class View3d {
+  constructor(canvas, changed) {
+    this.scene = new Scene(canvas);
+    this.changed = changed;
+    this.colouring = "age";
+    this.waiting = false;
+    this.mover = null;
+    this.listen(canvas);
+  }
+
+  /// Shows a run; the others only by their trajectories.
+  load(run, others) {
+    this.run = run;
+    this.others = others;
+    this.extent();
+    this.paint();
+    this.home();
+  }
+
+  /// How large the scene is: the middle nine tenths of the points, and the camera's way.
+  extent() {
+    const run = this.run, axes = [[], [], []];
+    const every = Math.max(1, Math.floor(run.points.length / 3 / 5000));
+    for (let i = 0; i < run.points.length; i += 3 * every) for (let k = 0; k < 3; k++) axes[k].push(run.points[i + k]);
+    const cut = axes.map((a) => Float64Array.from(a.filter(Number.isFinite)).sort());
+    const ranges = cut.map((a) => (a.length ? [a[Math.floor(0.05 * a.length)], a[Math.min(a.length - 1, Math.floor(0.95 * a.length))]] : [-0.5, 0.5]));
+    for (let i = 0; i < run.count; i++) {
+      if (run.hasPose(i)) for (let k = 0; k < 3; k++) {
+        const x = run.pose[7 * i + k];
+        ranges[k] = [Math.min(ranges[k][0], x), Math.max(ranges[k][1], x)];
+      }
+    }
+    this.middle = ranges.map(([a, b]) => (a + b) / 2);
+    this.radius = Math.max(0.3, Math.hypot(...ranges.map(([a, b]) => b - a)) / 2);
+    this.bottom = ranges[1][1];
+    // As many pixels in a small map as in a large one, about.
+    this.scene.pointSize = Math.max(3, Math.min(9, 4 * Math.sqrt(3000 / Math.max(1, run.points.length / 3))));
+    this.step = [0.1, 0.5, 1, 5, 10].find((s) => this.radius / s < 8) || 50;
+  }
+
+  /// Colours depend on the paper: light, dark or printed.
+  paint() {
+    const run = this.run, scene = this.scene;
+    this.colourPoints();
+    const ink = rgb("--ink"), accent = rgb("--accent"), muted = rgb("--muted"), warm = rgb("--warm");
+    const frames = [];
+    for (let i = 0; i < run.keyframeId.length; i++) frames.push(...frustum(run.keyframePose.subarray(7 * i, 7 * i + 7), this.radius / 60));
+    scene.set("keyframes", "lines", new Float32Array(frames), painted(frames.length / 3, muted));
+    const ground = squares(this.middle, this.bottom, this.radius, this.step);
+    scene.set("ground", "lines", new Float32Array(ground), painted(ground.length / 3, rgb("--line")));
+    const where = new Map();
+    run.keyframeId.forEach((id, i) => where.set(id, run.keyframePose.subarray(7 * i, 7 * i + 3)));
+    const loops = [];
+    for (let i = 0; i + 1 < run.loops.length; i += 2) {
+      const [a, b] = [where.get(run.loops[i]), where.get(run.loops[i + 1])];
+      if (a && b) loops.push(...a, ...b);
+    }
+    scene.set("loops", "lines", new Float32Array(loops), painted(loops.length / 3, warm));
+    const way = this.way(run, (i) => run.pose.subarray(7 * i, 7 * i + 3));
+    scene.set("trajectory", "lines", way, painted(way.length / 3, accent));
+    const truth = this.way(run, (i) => run.truth.subarray(3 * i, 3 * i + 3));
+    scene.set("truth", "lines", truth, painted(truth.length / 3, ink));
+    this.others.forEach((other, k) => {
+      const line = this.way(other, (i) => other.pose.subarray(7 * i, 7 * i + 3));
+      scene.set("other" + k, "lines", line, painted(line.length / 3, hex(trackColour(k + 1))));
+    });
+    for (let k = this.others.length; scene.layers.has("other" + k); k++) scene.show("other" + k, false);
+    this.legend();
+    this.redraw();
+  }
+
+  /// A line through the frames; it breaks where there is nothing.
+  way(run, at) {
+    const out = [];
+    for (let i = 1; i < run.count; i++) {
+      const [a, b] = [at(i - 1), at(i)];
+      if (Number.isFinite(a[0]) && Number.isFinite(b[0])) out.push(...a, ...b);
+    }
+    return new Float32Array(out);
+  }
+
+  colourPoints() {
+    const run = this.run, count = run.points.length / 3;
+    const last = run.count ? run.id[run.count - 1] : 1, bytes = new Uint8Array(4 * count);
+    const steps = Array.from({ length: 64 }, (_, i) => ramp(this.colouring, i / 63));
+    for (let i = 0; i < count; i++) {
+      const share = this.colouring === "age" ? run.pointFrame[i] / Math.max(1, last) : run.pointStill[i] / 255;
+      bytes.set(steps[Math.round(63 * Math.min(1, share))], 4 * i);
+      bytes[4 * i + 3] = 255;
+    }
+    this.scene.set("points", "points", run.points, bytes);
+  }
+
+  legend() {
+    const run = this.run, text = this.colouring === "age" ? ["first seen early", "late"] : ["seems to move", "stands still"];
+    const swatch = (c) => element("i", { style: `display:inline-block;width:.8em;height:.8em;border-radius:50%;margin:0 .3em 0 .8em;background:rgb(${c})` });
+    const shown = run.points.length / 3, parts = ["Points: ", swatch(ramp(this.colouring, 0)), text[0], swatch(ramp(this.colouring, 1)), text[1]];
+    if (shown < run.data.map.count) parts.push(` (${shown} of ${run.data.map.count} are drawn)`);
+    parts.push(`. Squares of the ground: ${this.step} m.`);
+    this.others.forEach((o, k) => parts.push(swatch(hex(trackColour(k + 1))), o.label));
+    byId("legend").replaceChildren(...parts);
+  }
+
+  /// What depends on the frame: the camera, and what moves.
+  at(i, mover) {
+    const run = this.run, scene = this.scene;
+    const camera = run.hasPose(i) ? frustum(run.pose.subarray(7 * i, 7 * i + 7), this.radius / 18) : [];
+    scene.set("camera", "lines", new Float32Array(camera), painted(camera.length / 3, rgb("--bad")));
+    const picture = run.picture(i), lines = [], colours = [];
+    const add = (edges, colour) => {
+      lines.push(...edges);
+      for (let k = 0; k < edges.length / 3; k++) colours.push(...colour, 255);
+    };
+    const here = picture >= 0 ? run.objectsOf.get(run.pictureFrame[picture]) || [] : [];
+    for (const o of here) {
+      if (!Number.isFinite(o.position[0]) || !(o.motion === 1 || o.id === mover)) continue;
+      const [w, h] = Number.isFinite(o.size[0]) ? o.size : [0.4, 0.4];
+      add(boxEdges(o.position, w, h), o.id === mover ? rgb("--ink") : hex(trackColour(o.id)));
+    }
+    for (const [id, track] of run.tracks) {
+      const seen = track.filter((o) => o.at <= i && Number.isFinite(o.position[0]));
+      if (id !== mover && (!seen.some((o) => o.motion === 1) || !seen.length || seen[seen.length - 1].at < i - 60)) continue;
+      const colour = id === mover ? rgb("--ink") : hex(trackColour(id));
+      for (let k = 1; k < seen.length; k++) add([...seen[k - 1].position, ...seen[k].position], colour);
+    }
+    scene.set("movers", "lines", new Float32Array(lines), new Uint8Array(colours));
+    if (this.following && run.hasPose(i)) this.behind(i);
+    this.redraw();
+  }
+
+  behind(i) {
+    const pose = this.run.pose.subarray(7 * i, 7 * i + 7), ahead = rotated(pose.slice(3, 7), [0, 0, 1]);
+    const s = this.scene;
+    s.yaw = Math.atan2(-ahead[0], ahead[2]);
+    s.pitch = Math.max(-1.5, Math.min(1.5, 0.25 + Math.asin(Math.max(-1, Math.min(1, ahead[1])))));
+    s.distance = this.radius * 0.9;
+    s.target = ahead.map((a, k) => pose[k] + 0.45 * this.radius * a);
+  }
+
+  home() { this.view("home"); }
+
+  view(name) {
+    const s = this.scene;
+    this.following = name === "follow" && !this.following;
+    if (name !== "follow") {
+      s.target = [...this.middle];
+      s.distance = 1.75 * this.radius;
+      [s.yaw, s.pitch] = { home: [0.35, 0.55], top: [0, 1.55], side: [-Math.PI / 2, 0.05] }[name];
+    }
+    document.querySelector("[data-view=follow]").setAttribute("aria-pressed", String(this.following));
+    this.changed();
+  }
+
+  redraw() {
+    if (this.waiting) return;
+    this.waiting = true;
+    requestAnimationFrame(() => {
+      this.waiting = false;
+      this.scene.draw();
+      this.drawn = (this.drawn || 0) + 1;
+    });
+  }
+
+  listen(canvas) {
+    const held = new Map(), s = this.scene;
+    canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); held.set(e.pointerId, [e.clientX, e.clientY]); });
+    for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (e) => held.delete(e.pointerId));
+    canvas.addEventListener("pointermove", (e) => {
+      const before = held.get(e.pointerId);
+      if (!before) return;
+      const size = Math.max(1, canvas.clientHeight), [dx, dy] = [(e.clientX - before[0]) / size, (e.clientY - before[1]) / size];
+      if (held.size === 1) {
+        if (e.shiftKey || e.button === 2 || e.buttons & 6) s.move(dx, -dy); else s.turn(3 * dx, 3 * dy);
+      } else {
+        const other = [...held].find(([id]) => id !== e.pointerId)[1];
+        const apart = (p) => Math.max(8, Math.hypot(p[0] - other[0], p[1] - other[1]));
+        s.zoom(apart(before) / apart([e.clientX, e.clientY]));
+        s.move(dx / 2, -dy / 2);
+      }
+      held.set(e.pointerId, [e.clientX, e.clientY]);
+      this.redraw();
+    });
+    canvas.addEventListener("contextmenu", (e) => e.preventDefault());
+    canvas.addEventListener("wheel", (e) => { e.preventDefault(); s.zoom(Math.exp(e.deltaY / 600)); this.redraw(); }, { passive: false });
+    canvas.addEventListener("keydown", (e) => {
+      const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[e.key];
+      const view = { 1: "home", 2: "top", 3: "side" }[e.key];
+      if (step && e.shiftKey) s.move(-0.08 * step[0], 0.08 * step[1]);
+      else if (step) s.turn(0.1 * step[0], 0.1 * step[1]);
+      else if (e.key === "+" || e.key === "=") s.zoom(0.85);
+      else if (e.key === "-") s.zoom(1 / 0.85);
+      else if (view) this.view(view);
+      else return;
+      e.preventDefault();
+      this.redraw();
+    });
+  }
+}
+
+/// The map from above, in two dimensions, where there is no third one.
+class Plan {
+  constructor(canvas) { this.canvas = canvas; }
+
+  load(run, others) {
+    [this.run, this.others] = [run, others];
+    this.at(0);
+  }
+
+  paint() { this.at(this.frame || 0); }
+  view() {}
+  redraw() {}
+
+  at(i) {
+    this.frame = i;
+    const { canvas, run } = this, context = canvas.getContext("2d");
+    [canvas.width, canvas.height] = [canvas.clientWidth, canvas.clientHeight];
+    const xs = [], zs = [];
+    for (let k = 0; k < run.count; k++) if (run.hasPose(k)) { xs.push(run.pose[7 * k]); zs.push(run.pose[7 * k + 2]); }
+    const least = (a) => a.reduce((m, x) => Math.min(m, x), Infinity), most = (a) => a.reduce((m, x) => Math.max(m, x), -Infinity);
+    const [x0, x1, z0, z1] = xs.length ? [least(xs), most(xs), least(zs), most(zs)] : [0, 1, 0, 1];
+    const scale = 0.85 * Math.min(canvas.width / Math.max(0.2, x1 - x0), canvas.height / Math.max(0.2, z1 - z0));
+    const px = (x, z) => [canvas.width / 2 + scale * (x - (x0 + x1) / 2), canvas.height / 2 - scale * (z - (z0 + z1) / 2)];
+    const line = (of, colour, at) => {
+      context.strokeStyle = colour;
+      context.beginPath();
+      let pen = false;
+      for (let k = 0; k < of.count; k++) {
+        const [x, z] = at(k);
+        if (!Number.isFinite(x)) { pen = false; continue; }
+        if (pen) context.lineTo(...px(x, z)); else context.moveTo(...px(x, z));
+        pen = true;
+      }
+      context.stroke();
+    };
+    context.lineWidth = 1.5;
+    line(run, css("--ink"), (k) => [run.truth[3 * k], run.truth[3 * k + 2]]);
+    line(run, css("--accent"), (k) => [run.pose[7 * k], run.pose[7 * k + 2]]);
+    this.others.forEach((o, n) => line(o, trackColour(n + 1), (k) => [o.pose[7 * k], o.pose[7 * k + 2]]));
+    if (run.hasPose(i)) {
+      context.fillStyle = css("--bad");
+      context.beginPath();
+      context.arc(...px(run.pose[7 * i], run.pose[7 * i + 2]), 5, 0, 7);
+      context.fill();
+    }
+  }
+}
+
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();

@@ -1,0 +1,237 @@
+//! Gathers what a report shows while a run goes on.
+
+use super::columns::Column;
+use super::model::{Mark, MarkKind, Said};
+use super::thumbnail::Thumbnails;
+use std::collections::BTreeMap;
+use stillpoint_detection::{Motion, Object, ObjectState};
+use stillpoint_geometry::Vec3;
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_slam::{Event, FrameReport, Health, LoopOutcome, Outcome, Reasons, Subscriber};
+
+use crate::certain_speed;
+
+/// Pictures, at most: for a run of ten minutes 12 MB. Of longer runs every second one is kept, again and again.
+const MOST_PICTURES: usize = 1200;
+/// Pictures of the first frames of losses beside these, at most.
+const MOST_LOSSES: usize = 40;
+/// Features that stand still in a picture, one in so many.
+pub(super) const ONE_IN: usize = 4;
+/// Features that move in a picture, at most.
+const MOST_MOVING: usize = 400;
+
+/// Gathers what a report shows. Events without images (of a live run that is short of time) leave no picture.
+#[derive(Default)]
+pub struct ReportRecorder {
+    frames: Vec<Seen>,
+    shown: BTreeMap<FrameId, Shown>,
+    /// The first frames of losses.
+    losses: BTreeMap<FrameId, Shown>,
+    /// One frame in `2^halved` has a picture.
+    halved: u32,
+    marks: Vec<Mark>,
+    thumbnails: Thumbnails,
+    image: [u32; 2],
+}
+
+/// Numbers of a frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Seen {
+    pub(super) frame: FrameId,
+    pub(super) moving: f64,
+    pub(super) sigma_m: Option<f64>,
+    pub(super) quality: f64,
+}
+
+/// A frame with its picture.
+#[derive(Clone, Debug)]
+pub(super) struct Shown {
+    pub(super) jpeg: Column<u8>,
+    pub(super) features: Column<u8>,
+    pub(super) objects: Vec<SeenObject>,
+}
+
+/// An object in a picture.
+#[derive(Clone, Debug)]
+pub(super) struct SeenObject {
+    pub(super) id: u32,
+    pub(super) class: &'static str,
+    pub(super) motion: Motion,
+    pub(super) bounds: [f64; 4],
+    /// m, in the axes of the camera: so it follows what becomes of the frame's pose.
+    pub(super) in_camera: Option<Vec3>,
+    pub(super) size: [f64; 2],
+    pub(super) speed: Option<f64>,
+}
+
+impl Subscriber for ReportRecorder {
+    fn receive(&mut self, event: &Event) {
+        match event {
+            Event::Frame(event) => {
+                self.take(&event.report, &event.health);
+                if let Some(frame) = &event.frame {
+                    self.show(frame, &event.report);
+                }
+            }
+            Event::Looped(report) if report.outcome == LoopOutcome::Closed => {
+                let what = if report.joined.is_some() {
+                    "joined submaps"
+                } else {
+                    "closed a loop"
+                };
+                let moved = 1e3 * report.moved_m;
+                self.mark(
+                    FrameId(report.keyframe.0),
+                    MarkKind::Loop,
+                    format!(
+                        "{what} with keyframe {}: moved up to {moved:.0} mm",
+                        report.with
+                    ),
+                );
+            }
+            Event::Revoked { report, .. } => self.mark(
+                FrameId(report.last.0),
+                MarkKind::Revoked,
+                format!(
+                    "{} keyframes of the beginning were taken back: they had ridden on what moves",
+                    report.keyframes
+                ),
+            ),
+            _ => {}
+        }
+    }
+}
+
+impl ReportRecorder {
+    /// A recorder before the first frame.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    pub(super) fn frames(&self) -> &[Seen] {
+        &self.frames
+    }
+
+    pub(super) fn marks(&self) -> &[Mark] {
+        &self.marks
+    }
+
+    pub(super) fn image(&self) -> [u32; 2] {
+        self.image
+    }
+
+    /// The frames with pictures, in order.
+    pub(super) fn shown(&self) -> BTreeMap<FrameId, &Shown> {
+        let losses = self.losses.iter();
+        self.shown
+            .iter()
+            .chain(losses)
+            .map(|(f, s)| (*f, s))
+            .collect()
+    }
+
+    fn mark(&mut self, frame: FrameId, kind: MarkKind, text: String) {
+        let frame = frame.0;
+        self.marks.push(Mark { frame, kind, text });
+    }
+
+    /// Takes a frame's numbers.
+    fn take(&mut self, report: &FrameReport, health: &Health) {
+        match report.outcome {
+            Outcome::Initialised => {
+                self.mark(report.frame, MarkKind::Begun, "a map began".to_owned());
+            }
+            Outcome::Relocalised { with, .. } => self.mark(
+                report.frame,
+                MarkKind::Found,
+                format!("found again at keyframe {with}"),
+            ),
+            _ => {}
+        }
+        self.frames.push(Seen {
+            frame: report.frame,
+            moving: report.counts.moving_share(),
+            sigma_m: health.sigma_m(),
+            quality: health.quality.value(),
+        });
+    }
+
+    /// Makes a picture, if it is the frame's turn.
+    fn show(&mut self, frame: &RgbdFrame, report: &FrameReport) {
+        let number = self.frames.len() - 1;
+        let turn = number.is_multiple_of(1 << self.halved);
+        let begins_loss = matches!(report.outcome, Outcome::Lost { since, .. } if since == report.frame)
+            && self.losses.len() < MOST_LOSSES;
+        if !turn && !begins_loss {
+            return;
+        }
+        let (width, height) = (frame.gray.width(), frame.gray.height());
+        self.image = [width as u32, height as u32];
+        let shown = Shown {
+            jpeg: Column(self.thumbnails.make(frame)),
+            features: features(report, [width as f32, height as f32]),
+            objects: objects(report),
+        };
+        if begins_loss {
+            self.losses.insert(report.frame, shown);
+            return;
+        }
+        self.shown.insert(report.frame, shown);
+        if self.shown.len() > MOST_PICTURES {
+            self.halved += 1;
+            let mut number = 0_usize;
+            self.shown.retain(|_, _| {
+                number += 1;
+                !number.is_multiple_of(2)
+            });
+        }
+    }
+}
+
+/// Features as a picture shows them.
+fn features(report: &FrameReport, [width, height]: [f32; 2]) -> Column<u8> {
+    let at = |x: f32, of: f32| (x / of * 255.0).round() as u8;
+    let still = report.verdicts.iter().filter(|v| !v.dynamic);
+    let still = still.step_by(ONE_IN).map(|v| (v.pixel, Said::Still));
+    let moving = report.verdicts.iter().filter(|v| v.dynamic);
+    let every = moving.clone().count().div_ceil(MOST_MOVING).max(1);
+    let moving = moving.step_by(every).map(|v| (v.pixel, said(v.reasons)));
+    let all = still.chain(moving);
+    all.flat_map(|([x, y], said)| [at(x, width), at(y, height), said as u8])
+        .collect()
+}
+
+/// The reason that says most.
+fn said(reasons: Reasons) -> Said {
+    [
+        (Reasons::OBJECT, Said::Object),
+        (Reasons::RIGID, Said::Rigid),
+        (Reasons::EPIPOLAR, Said::Epipolar),
+        (Reasons::DEPTH, Said::Depth),
+    ]
+    .into_iter()
+    .find(|(reason, _)| reasons.has(*reason))
+    .map_or(Said::History, |(_, said)| said)
+}
+
+/// Objects that are more than a guess.
+fn objects(report: &FrameReport) -> Vec<SeenObject> {
+    let sure = |o: &&Object| o.state != ObjectState::Tentative;
+    let seen = |object: &Object| {
+        let b = &object.bounds;
+        let in_camera = report
+            .world_from_camera
+            .and_then(|pose| object.seen_from(&pose));
+        SeenObject {
+            id: object.id.0,
+            class: object.class.name(),
+            motion: object.motion,
+            bounds: [b.x0, b.y0, b.x1, b.y1],
+            in_camera: in_camera.map(|o| o.position),
+            size: object.size.unwrap_or([f64::NAN; 2]),
+            speed: certain_speed(object, 1.0),
+        }
+    };
+    report.objects.iter().filter(sure).map(seen).collect()
+}

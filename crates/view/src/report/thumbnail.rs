@@ -1,0 +1,159 @@
+//! Small pictures of frames, as JPEG.
+
+use image::ExtendedColorType;
+use image::codecs::jpeg::JpegEncoder;
+use stillpoint_imaging::RgbdFrame;
+
+/// Width of a picture, px, at most: what fits beside a view, and some 5 kB.
+const WIDTH: usize = 192;
+/// Quality of the first picture, percent.
+const BEST: u8 = 60;
+/// The lowest quality: faces and edges are still told apart.
+const WORST: u8 = 25;
+/// Bytes that a picture should take on average.
+const MEAN_BYTES: usize = 4600;
+
+/// Makes pictures, and keeps to a mean size by their quality.
+#[derive(Clone, Debug)]
+pub(super) struct Thumbnails {
+    quality: u8,
+    made: usize,
+    bytes: usize,
+}
+
+impl Default for Thumbnails {
+    fn default() -> Self {
+        Self {
+            quality: BEST,
+            made: 0,
+            bytes: 0,
+        }
+    }
+}
+
+impl Thumbnails {
+    /// A frame as JPEG: in colour if it has colours.
+    pub(super) fn make(&mut self, frame: &RgbdFrame) -> Vec<u8> {
+        let (width, height, pixels, colour) = match &frame.colour {
+            Some(colour) => {
+                let (w, h) = (colour.width(), colour.height());
+                let (w, h, small) = reduced::<3>(colour.data(), w, h);
+                (w, h, small, ExtendedColorType::Rgb8)
+            }
+            None => {
+                let (w, h) = (frame.gray.width(), frame.gray.height());
+                let (w, h, small) = reduced::<1>(frame.gray.data(), w, h);
+                (w, h, small, ExtendedColorType::L8)
+            }
+        };
+        let mut jpeg = Vec::new();
+        let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, self.quality);
+        // Memory takes everything, and the size is that of the pixels.
+        if encoder
+            .encode(&pixels, width as u32, height as u32, colour)
+            .is_err()
+        {
+            return Vec::new();
+        }
+        self.made += 1;
+        self.bytes += jpeg.len();
+        if self.bytes > self.made * MEAN_BYTES {
+            self.quality = self.quality.saturating_sub(3).max(WORST);
+        } else if self.bytes < self.made * (MEAN_BYTES - MEAN_BYTES / 8) {
+            self.quality = (self.quality + 1).min(BEST);
+        }
+        jpeg
+    }
+}
+
+/// Size of the picture of an image.
+pub(super) fn size(width: usize, height: usize) -> (usize, usize) {
+    let step = width.div_ceil(WIDTH).max(1);
+    ((width / step).max(1), (height / step).max(1))
+}
+
+/// The mean of every square of pixels.
+fn reduced<const N: usize>(data: &[u8], width: usize, height: usize) -> (usize, usize, Vec<u8>) {
+    let step = width.div_ceil(WIDTH).max(1);
+    let (w, h) = size(width, height);
+    let mut small = vec![0; w * h * N];
+    let mut sums = vec![0_u32; w * N];
+    for y in 0..h {
+        sums.fill(0);
+        let rows = y * step..((y + 1) * step).min(height);
+        let count = (rows.len() * step) as u32;
+        for row in rows {
+            let row = &data[row * width * N..][..w * step * N];
+            for (sum, pixels) in sums.chunks_exact_mut(N).zip(row.chunks_exact(step * N)) {
+                for pixel in pixels.chunks_exact(N) {
+                    for (s, p) in sum.iter_mut().zip(pixel) {
+                        *s += u32::from(*p);
+                    }
+                }
+            }
+        }
+        for (out, sum) in small[y * w * N..].iter_mut().zip(&sums) {
+            *out = (sum / count) as u8;
+        }
+    }
+    (w, h, small)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use stillpoint_imaging::{ColourImage, DepthImage, FrameId, GrayImage};
+
+    fn frame(width: usize, height: usize, colour: bool) -> RgbdFrame {
+        let noise = |i: usize| (i.wrapping_mul(2_654_435_761) >> 7) as u8;
+        let pixels = (0..3 * width * height).map(noise).collect();
+        let colours = ColourImage::from_vec(width, height, pixels).unwrap();
+        RgbdFrame {
+            id: FrameId(0),
+            stamp: 0.0,
+            depth_stamp: 0.0,
+            gray: GrayImage::new(width, height),
+            colour: colour.then(|| Arc::new(colours)),
+            depth: DepthImage::from_vec(width, height, vec![0.0; width * height]).unwrap(),
+        }
+    }
+
+    #[test]
+    fn every_size_of_image_has_a_picture() {
+        for (w, h, expected) in [
+            (640, 480, (160, 120)),
+            (192, 10, (192, 10)),
+            (1, 1, (1, 1)),
+            (1281, 2, (183, 1)),
+        ] {
+            assert_eq!(size(w, h), expected);
+            for colour in [true, false] {
+                let jpeg = Thumbnails::default().make(&frame(w, h, colour));
+                let read = image::load_from_memory(&jpeg).unwrap();
+                assert_eq!((read.width() as usize, read.height() as usize), expected);
+            }
+        }
+    }
+
+    #[test]
+    fn means_are_those_of_squares() {
+        let data: Vec<u8> = (0..8 * 2).map(|i| i * 10).collect();
+        assert_eq!(reduced::<1>(&data, 8, 2), (8, 2, data.clone()));
+        let wide: Vec<u8> = (0..400 * 2)
+            .map(|i| if i % 400 < 200 { 10 } else { 30 })
+            .collect();
+        let (w, h, small) = reduced::<1>(&wide, 400, 2);
+        // Three columns each; the last one is left out.
+        assert_eq!((w, h), (133, 1));
+        assert_eq!((small[0], small[66], small[132]), (10, 16, 30));
+    }
+
+    #[test]
+    fn quality_falls_where_images_are_hard() {
+        let (mut thumbnails, frame) = (Thumbnails::default(), frame(640, 480, true));
+        let sizes: Vec<usize> = (0..40).map(|_| thumbnails.make(&frame).len()).collect();
+        assert!(sizes[39] < sizes[0], "{sizes:?}");
+        assert!(thumbnails.quality < BEST);
+    }
+}
