@@ -74,7 +74,8 @@ pub(crate) struct OutputArgs {
 ///
 /// The result folder holds trajectory.txt (final poses of the frames that were tracked with at
 /// least 30 inliers; TUM format), trajectory_online.txt (the poses as known at each frame),
-/// keyframes.txt, config.toml (the resolved configuration), summary.json, and plots. An older
+/// keyframes.txt, config.toml (the resolved configuration), summary.json, report.html (all of it to
+/// look at, in one page: see report --help), and plots. An older
 /// result in it is replaced only when the run has ended. Ctrl-C ends the run after the frame at
 /// hand and writes what there is; a second Ctrl-C ends it at once.
 ///
