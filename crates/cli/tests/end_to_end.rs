@@ -96,6 +96,7 @@ fn a_result_is_complete_and_accurate() {
             "keyframes.txt",
             "plot.png",
             "plot.svg",
+            "report.html",
             "run.log",
             "summary.json",
             "timing.png",

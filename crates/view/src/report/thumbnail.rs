@@ -151,7 +151,7 @@ mod tests {
 
     #[test]
     fn quality_falls_where_images_are_hard() {
-        let (mut thumbnails, frame) = (Thumbnails::default(), frame(640, 480, true));
+        let (mut thumbnails, frame) = (Thumbnails::default(), frame(160, 120, true));
         let sizes: Vec<usize> = (0..40).map(|_| thumbnails.make(&frame).len()).collect();
         assert!(sizes[39] < sizes[0], "{sizes:?}");
         assert!(thumbnails.quality < BEST);
