@@ -4,8 +4,9 @@ use crate::args::live::{LiveRealsenseArgs, Switch};
 use crate::console;
 use crate::failure::{Failure, Status};
 use crate::run;
+use crate::run::recording::SharedRecorder;
 use crate::timing::Timing;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use stillpoint::datasets::CameraModel;
 use stillpoint::imaging::{FrameSource, RgbdFrame, SourceError};
@@ -14,7 +15,7 @@ use stillpoint::recordings::{self, Device, Input, McapRecorder};
 
 /// `live realsense`.
 pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<Status, Failure> {
-    if let Some(path) = args.record.as_deref().filter(|p| p.exists()) {
+    if let Some(path) = args.output.record.as_deref().filter(|p| p.exists()) {
         return Err(Failure::input(format!(
             "--record: expected a new file, found {}, which exists; choose another name, or remove it",
             path.display()
@@ -30,16 +31,33 @@ pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<
     };
     let camera = RealSense::open(&options).map_err(Failure::input)?;
     let mut device: Box<dyn Device> = Box::new(camera);
-    if let Some(path) = &args.record {
-        device = Box::new(Recorded {
-            device,
-            path: path.clone(),
-        });
+    let Some(path) = &args.output.record else {
+        return on(device, args, None, timing);
+    };
+    let recorder = McapRecorder::create(path, &device.camera().camera).map_err(Failure::input)?;
+    let recorder = SharedRecorder::new(recorder);
+    device = Box::new(Recorded {
+        device,
+        recorder: recorder.clone(),
+    });
+    let status = on(device, args, Some(recorder.clone()), timing);
+    // Whatever became of the run: the frames are there.
+    let finished = recorder.finish();
+    if status.is_ok() {
+        finished?;
     }
+    status
+}
+
+fn on(
+    device: Box<dyn Device>,
+    args: &LiveRealsenseArgs,
+    recorder: Option<SharedRecorder>,
+    timing: &'static Timing,
+) -> Result<Status, Failure> {
     let input = Input::Device(device);
     run::say(&input);
-    let written = args.record.as_deref().map(|p: &Path| ("--record", p));
-    run::run_on(input, &args.as_run(), written.into_iter().collect(), timing)
+    run::run_on(input, &args.as_run(), recorder, timing)
 }
 
 /// Some seconds of a camera, kept so that they can be looked at more than once; the first frames are left out.
@@ -131,7 +149,7 @@ impl FrameSource for Again {
 #[derive(Debug)]
 struct Recorded {
     device: Box<dyn Device>,
-    path: PathBuf,
+    recorder: SharedRecorder,
 }
 
 impl Device for Recorded {
@@ -149,7 +167,7 @@ impl Device for Recorded {
 
     fn frames(&self, _: bool) -> recordings::Result<Box<dyn FrameSource>> {
         Ok(Box::new(Recording {
-            recorder: Some(McapRecorder::create(&self.path, &self.camera().camera)?),
+            recorder: Some(self.recorder.clone()),
             // A recording has colours whoever looks at them now.
             frames: self.device.frames(true)?,
         }))
@@ -159,18 +177,20 @@ impl Device for Recorded {
 /// Frames that are written before anybody sees them.
 struct Recording {
     frames: Box<dyn FrameSource>,
-    /// Gone when it could not write any more.
-    recorder: Option<McapRecorder>,
+    /// None when it could not write any more.
+    recorder: Option<SharedRecorder>,
 }
 
 impl FrameSource for Recording {
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
         let next = self.frames.next_frame();
-        if let (Some(Ok(frame)), Some(recorder)) = (&next, &mut self.recorder)
-            && let Err(e) = recorder.add(frame)
+        if let (Some(Ok(frame)), Some(recorder)) = (&next, &self.recorder)
+            && let Err(e) = recorder.write(|r| r.add(frame))
         {
-            console::warn(&format!("--record ends here, the run goes on: {e}"));
-            self.finish();
+            console::warn(&format!(
+                "the camera's frames are not recorded from here on, the run goes on: {e}"
+            ));
+            self.recorder = None;
         }
         next
     }
@@ -181,21 +201,5 @@ impl FrameSource for Recording {
 
     fn is_live(&self) -> bool {
         self.frames.is_live()
-    }
-}
-
-impl Recording {
-    fn finish(&mut self) {
-        if let Some(recorder) = self.recorder.take()
-            && let Err(e) = recorder.finish()
-        {
-            console::warn(&e.to_string());
-        }
-    }
-}
-
-impl Drop for Recording {
-    fn drop(&mut self) {
-        self.finish();
     }
 }

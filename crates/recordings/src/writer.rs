@@ -1,16 +1,12 @@
 //! Frames as an MCAP file that the tools of ROS 2 open.
 
-use crate::error::{RecordingError, Result};
-use mcap::records::MessageHeader;
-use std::collections::BTreeMap;
-use std::fs::File;
-use std::io::BufWriter;
-use std::path::{Path, PathBuf};
+use crate::error::Result;
+use crate::messages::MessageFile;
+use std::path::Path;
 use stillpoint_datasets::StampedPose;
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_ros_messages as ros;
-use stillpoint_ros_messages::{Format, Message, Version, Wire};
 
 /// Topics of the files, named as the drivers of RealSense name theirs.
 const COLOUR: &str = "/camera/color/image_raw";
@@ -22,21 +18,10 @@ pub const TRUTH_TOPIC: &str = "/ground_truth/pose";
 const FRAME: &str = "camera_color_optical_frame";
 
 /// Writes frames. The file has its name only when [`McapRecorder::finish`] has come to its end.
+#[derive(Debug)]
 pub struct McapRecorder {
-    path: PathBuf,
-    partial: PathBuf,
-    writer: mcap::Writer<BufWriter<File>>,
-    channels: BTreeMap<&'static str, u16>,
-    sequence: u32,
+    file: MessageFile,
     camera: Camera,
-}
-
-impl std::fmt::Debug for McapRecorder {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("McapRecorder")
-            .field("path", &self.path)
-            .finish_non_exhaustive()
-    }
 }
 
 impl McapRecorder {
@@ -45,67 +30,21 @@ impl McapRecorder {
     /// # Errors
     /// Something is there, or cannot be written.
     pub fn create(path: &Path, camera: &Camera) -> Result<Self> {
-        if path.exists() {
-            return Err(RecordingError::format(
-                path,
-                "a new file",
-                "one that exists",
-                "choose another name, or remove it",
-            ));
-        }
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(".partial");
-        let partial = PathBuf::from(partial);
-        let file = File::create(&partial).map_err(|e| refused(path, &e))?;
-        let options = mcap::WriteOptions::new()
-            .compression(None)
-            .profile("ros2")
-            .library("stillpoint");
-        let writer = options
-            .create(BufWriter::new(file))
-            .map_err(|e| refused(path, &e))?;
-        Ok(Self {
-            path: path.to_owned(),
-            partial,
-            writer,
-            channels: BTreeMap::new(),
-            sequence: 0,
-            camera: *camera,
-        })
+        Ok(Self::into_file(MessageFile::create(path)?, camera))
     }
 
-    fn write<'a, T: Message + Wire<'a>>(
-        &mut self,
-        topic: &'static str,
-        time: u64,
-        message: &T,
-    ) -> Result<()> {
-        let channel = match self.channels.get(topic) {
-            Some(id) => *id,
-            None => {
-                let definition = ros::definition::<T>(Version::Ros2);
-                let schema = self
-                    .writer
-                    .add_schema(T::NAME, "ros2msg", definition.as_bytes());
-                let schema = schema.map_err(|e| refused(&self.path, &e))?;
-                let id = self
-                    .writer
-                    .add_channel(schema, topic, "cdr", &BTreeMap::new());
-                let id = id.map_err(|e| refused(&self.path, &e))?;
-                self.channels.insert(topic, id);
-                id
-            }
-        };
-        let header = MessageHeader {
-            channel_id: channel,
-            sequence: self.sequence,
-            log_time: time,
-            publish_time: time,
-        };
-        let bytes = ros::to_bytes(message, Format::CdrLittleEndian);
-        self.writer
-            .write_to_known_channel(&header, &bytes)
-            .map_err(|e| refused(&self.path, &e))
+    /// Writes frames into a file that may have other messages too.
+    #[must_use]
+    pub fn into_file(file: MessageFile, camera: &Camera) -> Self {
+        Self {
+            file,
+            camera: *camera,
+        }
+    }
+
+    /// The file, for other messages.
+    pub fn file(&mut self) -> &mut MessageFile {
+        &mut self.file
     }
 
     /// Writes a frame: colour as it is (grey where there is none), depth as metres, both with their stamps and the camera.
@@ -128,8 +67,9 @@ impl McapRecorder {
             step: bytes * width,
             data: data.into(),
         };
-        self.write(COLOUR, time, &colour)?;
-        self.write(COLOUR_INFO, time, &info(&self.camera, time))?;
+        self.file.write_value(COLOUR, time, &colour)?;
+        self.file
+            .write_value(COLOUR_INFO, time, &info(&self.camera, time))?;
         let metres: Vec<u8> = frame
             .depth
             .data()
@@ -146,9 +86,9 @@ impl McapRecorder {
             step: 4 * width,
             data: metres.into(),
         };
-        self.write(DEPTH, time, &depth)?;
-        self.write(DEPTH_INFO, time, &info(&self.camera, depth_time))?;
-        self.sequence += 1;
+        self.file.write_value(DEPTH, time, &depth)?;
+        self.file
+            .write_value(DEPTH_INFO, time, &info(&self.camera, depth_time))?;
         Ok(())
     }
 
@@ -181,29 +121,16 @@ impl McapRecorder {
                 },
             },
         };
-        self.write(TRUTH_TOPIC, time, &message)
+        self.file.write_value(TRUTH_TOPIC, time, &message)
     }
 
     /// Writes indexes and summary, and gives the file its name.
     ///
     /// # Errors
     /// The system's reason.
-    pub fn finish(mut self) -> Result<()> {
-        self.writer.finish().map_err(|e| refused(&self.path, &e))?;
-        std::fs::rename(&self.partial, &self.path).map_err(|e| refused(&self.path, &e))
+    pub fn finish(self) -> Result<()> {
+        self.file.finish()
     }
-}
-
-impl Drop for McapRecorder {
-    fn drop(&mut self) {
-        // Gone when it got its name; what was not finished is of no use.
-        let _ = std::fs::remove_file(&self.partial);
-    }
-}
-
-fn refused(path: &Path, e: &dyn std::fmt::Display) -> RecordingError {
-    let advice = "check the folder's permissions and the free space";
-    RecordingError::format(path, "to write it", e.to_string(), advice)
 }
 
 /// The stamps of data sets have microseconds; what a number of seconds has beyond is rounding.

@@ -53,6 +53,8 @@ pub use stillpoint_place as place;
 pub use stillpoint_realsense as realsense;
 /// Recordings (MCAP, bags) and data sets, behind one `open`.
 pub use stillpoint_recordings as recordings;
+/// What happens in a run as messages of ROS.
+pub use stillpoint_ros_events as ros_events;
 /// Messages of ROS as bytes and back.
 pub use stillpoint_ros_messages as ros_messages;
 /// Rendered rooms with exact ground truth.

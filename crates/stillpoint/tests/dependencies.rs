@@ -63,6 +63,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "recordings",
             "realsense",
             "ros-messages",
+            "ros-events",
             "simulator",
             "doctor",
             "evaluation",
@@ -70,6 +71,11 @@ const NORMAL: &[(&str, &[&str])] = &[
     ),
     // Bytes and what they mean, for recordings and nodes.
     ("ros-messages", &[]),
+    // Events and views in, messages out; it neither writes nor sends them.
+    (
+        "ros-events",
+        &["ros-messages", "geometry", "detection", "map", "slam"],
+    ),
     // Files of messages as frames; folders go through it to the data sets.
     (
         "recordings",
@@ -100,6 +106,7 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("inference", &["datasets"]),
     ("slam", &["simulator"]),
     ("live", &["simulator"]),
+    ("ros-events", &["simulator", "features", "imaging"]),
     // Streams without faults, and with those that are put into them.
     ("doctor", &["simulator", "datasets"]),
     // How much the simulator's images are like real ones is measured in terms of features.
@@ -125,6 +132,7 @@ const OUTSIDE: &[&str] = &[
     "recordings",
     "realsense",
     "ros-messages",
+    "ros-events",
     "simulator",
     "doctor",
     "evaluation",

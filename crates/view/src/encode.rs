@@ -1,6 +1,7 @@
-//! Pictures as PNG.
+//! Pictures as PNG and JPEG.
 
 use crate::{Picture, ViewError};
+use jpeg_encoder::{ColorType, Encoder};
 use std::io::Write;
 use stillpoint_imaging::GrayImage;
 
@@ -18,6 +19,32 @@ pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> 
     writer.write_image_data(picture.data())?;
     writer.finish()?;
     Ok(())
+}
+
+/// Writes a picture as JPEG; `quality` is 1 to 100 percent.
+///
+/// # Errors
+/// [`ViewError::Empty`], also for what is larger than JPEG holds; [`ViewError::Write`].
+pub fn write_jpeg<W: Write>(picture: &Picture, quality: u8, sink: W) -> Result<(), ViewError> {
+    let (w, h) = (picture.width(), picture.height());
+    jpeg(picture.data(), (w, h), ColorType::Rgb, quality, sink)
+}
+
+/// Writes pixels as JPEG.
+pub(crate) fn jpeg<W: Write>(
+    pixels: &[u8],
+    (w, h): (usize, usize),
+    colour: ColorType,
+    quality: u8,
+    sink: W,
+) -> Result<(), ViewError> {
+    let (Ok(width @ 1..), Ok(height @ 1..)) = (u16::try_from(w), u16::try_from(h)) else {
+        return Err(ViewError::Empty(w, h));
+    };
+    let encoder = Encoder::new(sink, quality.clamp(1, 100));
+    encoder
+        .encode(pixels, width, height, colour)
+        .map_err(|e| ViewError::Write(std::io::Error::other(e)))
 }
 
 /// Writes a mask or another grey image as PNG of 8 bits, value by value.

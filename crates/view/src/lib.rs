@@ -50,7 +50,7 @@ mod text;
 pub use animation::{Animation, AnimationOptions};
 pub use colour::Colour;
 pub use draw::{draw, side_by_side};
-pub use encode::{write_mask, write_png};
+pub use encode::{write_jpeg, write_mask, write_png};
 pub use error::ViewError;
 pub use overlay::{CellLabels, Keypoint, Mark, Overlay, OverlayBox};
 pub use picture::Picture;

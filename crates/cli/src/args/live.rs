@@ -40,9 +40,6 @@ pub(crate) struct LiveRealsenseArgs {
     /// Serial number of the camera, where several are connected.
     #[arg(long, value_name = "NUMBER")]
     pub(crate) serial: Option<String>,
-    /// Write the frames to this file too, depth registered to colour; run and replay read it.
-    #[arg(long, value_name = "FILE.mcap")]
-    pub(crate) record: Option<PathBuf>,
     /// Have librealsense play a recording of its own (.bag, .db3) in place of a camera.
     #[arg(long, value_name = "FILE", conflicts_with = "serial")]
     pub(crate) playback: Option<PathBuf>,
@@ -68,7 +65,7 @@ pub(crate) struct LiveRealsenseArgs {
     #[arg(long, value_name = "N", value_parser = budget_ms)]
     budget_ms: Option<f64>,
     #[command(flatten)]
-    output: OutputArgs,
+    pub(crate) output: OutputArgs,
     /// Resume a map that --save-map wrote: places in it are recognised, and it grows.
     #[arg(long, value_name = "FILE", conflicts_with = "localize")]
     load_map: Option<PathBuf>,

@@ -56,6 +56,14 @@ pub(crate) struct OutputArgs {
     /// by a whole one.
     #[arg(long, value_name = "FILE", verbatim_doc_comment)]
     pub(crate) save_map: Option<PathBuf>,
+    /// Write what is found to this file, as messages of ROS 2 with the axes of REP-103: transforms map -> odom -> camera_link, odometry,
+    /// path, landmarks, objects, health, and frames with what the static filter said of them. Foxglove, Rerun, PlotJuggler
+    /// and ros2 bag play open it. live realsense writes the camera's frames into it too; run and replay read them.
+    #[arg(long, value_name = "FILE.mcap", verbatim_doc_comment)]
+    pub(crate) record: Option<PathBuf>,
+    /// Write no pictures into the file of --record.
+    #[arg(long, requires = "record")]
+    pub(crate) no_record_images: bool,
     /// Write no report.html into the result folder.
     #[arg(long)]
     pub(crate) no_report: bool,

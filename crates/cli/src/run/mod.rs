@@ -10,6 +10,7 @@ pub(crate) mod paths;
 pub(crate) mod played;
 pub(crate) mod priority;
 pub(crate) mod prologue;
+pub(crate) mod recording;
 pub(crate) mod replay;
 pub(crate) mod result;
 pub(crate) mod session;
@@ -33,6 +34,7 @@ use crate::run::masks::MaskFolder;
 use crate::run::objects::ObjectFile;
 use crate::run::overlay::{OverlayFolder, Style};
 use crate::run::prologue::{Means, Task, last};
+use crate::run::recording::SharedRecorder;
 use crate::run::session::{Outputs, Session};
 use crate::run::summary::Input;
 use crate::run::verdicts::VerdictFile;
@@ -54,14 +56,14 @@ const AHEAD: usize = 30;
 /// `run`.
 pub(crate) fn run(args: &RunArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let dataset = open(&args.path, &args.input)?;
-    run_on(dataset, args, Vec::new(), timing)
+    run_on(dataset, args, None, timing)
 }
 
-/// `run` on an input that is open; `written` are files that it writes itself, with what they are named by.
+/// `run` on an input that is open; `recorder` is where it writes its frames itself.
 pub(crate) fn run_on(
     dataset: recordings::Input,
     args: &RunArgs,
-    written: Vec<(&'static str, &Path)>,
+    recorder: Option<SharedRecorder>,
     timing: &'static Timing,
 ) -> Result<Status, Failure> {
     let mut config = config::resolve(&args.config)?;
@@ -81,8 +83,8 @@ pub(crate) fn run_on(
             .as_deref()
             .map(|p| ("--config", p))
             .into_iter()
-            .chain(written)
             .collect(),
+        recorder,
         timing,
     };
     let is_device = matches!(dataset, recordings::Input::Device(_));
@@ -274,6 +276,7 @@ pub(crate) fn outputs(
             Style {
                 labels: args.overlay_labels,
                 weights: config.motion_weights.clone(),
+                bare: false,
             },
         )
     };
@@ -303,6 +306,7 @@ pub(crate) fn outputs(
         report: (!args.no_report).then(Gathering::default),
         map: map.transpose()?,
         trace: trace.transpose()?,
+        record: None,
     })
 }
 

@@ -38,6 +38,8 @@ pub(crate) enum Labels {
 /// How objects are drawn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Style {
+    /// No lines under the image, which keeps its size.
+    pub(crate) bare: bool,
     pub(crate) labels: Labels,
     pub(crate) weights: MotionWeights,
 }
@@ -176,6 +178,7 @@ pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) ->
     let boxes = objects.into_iter().map(|object| overlay_box(object, style));
     let boxes: Vec<OverlayBox> = boxes.collect();
     let segments = &report.segments;
+    let caption = caption(report);
     draw(
         frame,
         &Overlay {
@@ -187,9 +190,9 @@ pub(crate) fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) ->
                 height: segments.height,
                 labels: &segments.labels,
             }),
-            badge: Some(badge(report)),
-            caption: &caption(report),
-            legend: true,
+            badge: (!style.bare).then(|| badge(report)),
+            caption: if style.bare { "" } else { &caption },
+            legend: !style.bare,
         },
     )
 }
@@ -327,7 +330,7 @@ mod tests {
     fn movers_are_labelled_and_certain_speeds_are_shown() {
         let style = |labels| Style {
             labels,
-            weights: MotionWeights::default(),
+            ..Style::default()
         };
         for (class, motion, speed, expected) in [
             ("person", Motion::Moving, 0.8, "person 4  0.8 m/s"),

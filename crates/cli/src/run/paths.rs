@@ -22,6 +22,7 @@ pub(crate) fn check_run(
         ("--objects", args.objects.as_deref()),
         ("--save-map", args.save_map.as_deref()),
         ("--trace", args.trace.as_deref()),
+        ("--record", args.record.as_deref()),
         ("--log", log),
     ];
     check(&files, inputs)?;

@@ -7,6 +7,7 @@ use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
 use crate::page;
+use crate::run::recording::{RecordingFile, RunRecording, SharedRecorder};
 use crate::run::result::{Setup, Voice, finish};
 use crate::run::session::{Driver, Outputs, Session};
 use crate::run::{KnownMap, default_out, input, open, outputs, paths, played};
@@ -14,9 +15,10 @@ use crate::timing::Timing;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{FrameOptions, ReadAhead, StampedPose};
 use stillpoint::detection::Detector;
+use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
-use stillpoint::recordings::{Input, Source};
+use stillpoint::recordings::{Input, MessageFile, Source};
 use stillpoint::slam::{Config, MapUse};
 
 /// What is asked for.
@@ -32,6 +34,8 @@ pub(crate) struct Task<'a> {
     pub(crate) log: Option<&'a Path>,
     /// Files that are read, which nothing may take the place of, with what they are named by.
     pub(crate) inputs: Vec<(&'static str, &'a Path)>,
+    /// A recording that has more than what the run finds.
+    pub(crate) recorder: Option<SharedRecorder>,
     pub(crate) timing: &'static Timing,
 }
 
@@ -104,7 +108,9 @@ impl<'a> Opened<'a> {
         let out = out.unwrap_or_else(|| default_out(task.path, task.done));
         paths::check_run(task.output, &out, task.log, &task.inputs)?;
         let folder = ResultFolder::create(&out)?;
-        let outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
+        let recorder = task.recorder.take();
+        let mut outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
+        outputs.record = recording(task.output, recorder, &camera, &task.config)?;
         let means = Means {
             frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
             outputs,
@@ -125,11 +131,30 @@ impl<'a> Opened<'a> {
 
 /// The frames that are asked for.
 fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Failure> {
+    let draws = task.output.record.is_some() && !task.output.no_record_images;
     Ok(dataset.frames(&FrameOptions {
         start: task.input.start,
         max_frames: task.input.max_frames.map(|n| n as usize),
-        keep_colour: colour || task.output.overlay.is_some() || !task.output.no_report,
+        keep_colour: colour || task.output.overlay.is_some() || !task.output.no_report || draws,
     })?)
+}
+
+/// What `--record` asks for.
+fn recording(
+    args: &OutputArgs,
+    shared: Option<SharedRecorder>,
+    camera: &Camera,
+    config: &Config,
+) -> Result<Option<RunRecording>, Failure> {
+    let Some(path) = &args.record else {
+        return Ok(None);
+    };
+    let file = match shared {
+        Some(recorder) => RecordingFile::Shared(recorder),
+        None => RecordingFile::Own(MessageFile::replace(path).map_err(Failure::input)?),
+    };
+    let weights = (!args.no_record_images).then(|| config.motion_weights.clone());
+    Ok(Some(RunRecording::new(path, file, *camera, weights)))
 }
 
 impl Begun<'_> {

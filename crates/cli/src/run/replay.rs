@@ -39,6 +39,7 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
         done: "_replay",
         log: None,
         inputs: vec![("the log", &args.log)],
+        recorder: None,
         timing,
     };
     let opened = task.open()?;

@@ -1,7 +1,7 @@
 //! Small pictures of frames, as JPEG.
 
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
+use crate::encode;
+use jpeg_encoder::ColorType;
 use stillpoint_imaging::RgbdFrame;
 
 /// Width of a picture, px, at most: what fits beside a view, and some 5 kB.
@@ -38,21 +38,17 @@ impl Thumbnails {
             Some(colour) => {
                 let (w, h) = (colour.width(), colour.height());
                 let (w, h, small) = reduced::<3>(colour.data(), w, h);
-                (w, h, small, ExtendedColorType::Rgb8)
+                (w, h, small, ColorType::Rgb)
             }
             None => {
                 let (w, h) = (frame.gray.width(), frame.gray.height());
                 let (w, h, small) = reduced::<1>(frame.gray.data(), w, h);
-                (w, h, small, ExtendedColorType::L8)
+                (w, h, small, ColorType::Luma)
             }
         };
         let mut jpeg = Vec::new();
-        let mut encoder = JpegEncoder::new_with_quality(&mut jpeg, self.quality);
         // Memory takes everything, and the size is that of the pixels.
-        if encoder
-            .encode(&pixels, width as u32, height as u32, colour)
-            .is_err()
-        {
+        if encode::jpeg(&pixels, (width, height), colour, self.quality, &mut jpeg).is_err() {
             return Vec::new();
         }
         self.made += 1;

@@ -8,6 +8,7 @@ use crate::page::Gathering;
 use crate::run::masks::MaskFolder;
 use crate::run::objects::ObjectFile;
 use crate::run::overlay::OverlayFolder;
+use crate::run::recording::RunRecording;
 use crate::run::session::listeners::{Listening, Rounds, Stop, Writer};
 use crate::run::verdicts::VerdictFile;
 use crate::timing::Timing;
@@ -31,6 +32,8 @@ pub(crate) struct Outputs {
     pub(crate) shots: Option<Shots>,
     /// What the report shows.
     pub(crate) report: Option<Gathering>,
+    /// What was found as messages.
+    pub(crate) record: Option<RunRecording>,
     /// What every thread does when.
     pub(crate) trace: Option<TraceFile>,
     /// The map, at the end.
@@ -45,6 +48,7 @@ pub(crate) struct Writers {
     overlay: Option<Listening<OverlayFolder>>,
     shots: Option<Listening<Shots>>,
     report: Option<Listening<Gathering>>,
+    record: Option<Listening<RunRecording>>,
     trace: Option<Listening<TraceFile>>,
 }
 
@@ -56,6 +60,7 @@ impl Subscriber for Writers {
         self.overlay.receive(event);
         self.shots.receive(event);
         self.report.receive(event);
+        self.record.receive(event);
         self.trace.receive(event);
     }
 }
@@ -68,6 +73,7 @@ pub(crate) struct LiveWriters {
     overlay: Option<Subscribed<Rounds<Listening<OverlayFolder>>>>,
     shots: Option<Subscribed<Rounds<Listening<Shots>>>>,
     report: Option<Subscribed<Rounds<Listening<Gathering>>>>,
+    record: Option<Subscribed<Rounds<Listening<RunRecording>>>>,
     trace: Option<Subscribed<Rounds<Listening<TraceFile>>>>,
 }
 
@@ -86,6 +92,7 @@ impl Outputs {
             overlay: self.overlay.take().map(|w| Listening::new(w, stop)),
             shots: self.shots.take().map(|w| Listening::new(w, stop)),
             report: self.report.take().map(|w| Listening::new(w, stop)),
+            record: self.record.take().map(|w| Listening::new(w, stop)),
             trace: self.trace.take().map(|w| Listening::new(w, stop)),
         }
     }
@@ -101,6 +108,7 @@ impl Outputs {
         self.overlay = writers.overlay.map(Listening::finish).transpose()?;
         self.shots = writers.shots.map(Listening::finish).transpose()?;
         self.report = writers.report.map(Listening::finish).transpose()?;
+        self.record = writers.record.map(Listening::finish).transpose()?;
         self.trace = writers.trace.map(Listening::finish).transpose()?;
         Ok(())
     }
@@ -131,6 +139,7 @@ impl Outputs {
                 self.shots.take(),
             )?,
             report: on.add("report", all.with_images(PICTURES, 1), self.report.take())?,
+            record: on.add("record", all.with_images(PICTURES, 1), self.record.take())?,
             trace: on.add("trace", all, self.trace.take())?,
         })
     }
@@ -146,6 +155,7 @@ impl Outputs {
         self.overlay = writers.overlay.map(rejoined).transpose()?;
         self.shots = writers.shots.map(rejoined).transpose()?;
         self.report = writers.report.map(rejoined).transpose()?;
+        self.record = writers.record.map(rejoined).transpose()?;
         self.trace = writers.trace.map(rejoined).transpose()?;
         Ok(())
     }
@@ -180,6 +190,9 @@ impl Outputs {
         }
         if let Some(folder) = self.overlay {
             said += &folder.finish()?;
+        }
+        if let Some(file) = self.record {
+            said += &file.finish()?;
         }
         if let Some(file) = self.trace {
             said += &file.finish()?;

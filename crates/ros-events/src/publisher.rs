@@ -1,0 +1,372 @@
+//! Events in, messages out.
+
+use crate::odom::{Located, Odom};
+use crate::topic::{Outgoing, Topic};
+use crate::{axes, cloud, diagnostics, objects};
+use std::sync::Arc;
+use stillpoint_geometry::{Camera, Mat6, Se3, Vec3};
+use stillpoint_map::{MapView, SubmapId};
+use stillpoint_ros_messages as ros;
+use stillpoint_slam::{Event, FrameEvent, LoopOutcome, Outcome};
+
+/// Path and map are published once in so many seconds at most ...
+const EVERY: f64 = 1.0;
+/// ... and once in so much of the time since the first frame, so that a long run takes no more than some twenty times its last map.
+const EVERY_SHARE: f64 = 0.05;
+/// Variance of what the measurements leave open, m^2 or rad^2.
+const OPEN: f64 = 1e6;
+
+/// Names of the frames of reference.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameNames {
+    /// The first submap; a further one has `_` and its number added.
+    pub map: String,
+    /// The frame that never jumps.
+    pub odom: String,
+    /// The camera's body, x forward.
+    pub body: String,
+    /// The camera, z forward.
+    pub optical: String,
+}
+
+impl Default for FrameNames {
+    fn default() -> Self {
+        Self {
+            map: "map".to_owned(),
+            odom: "odom".to_owned(),
+            body: "camera_link".to_owned(),
+            optical: "camera_color_optical_frame".to_owned(),
+        }
+    }
+}
+
+/// Turns the events of a run into messages. It must see every event, in order.
+#[derive(Clone, Debug)]
+pub struct Publisher {
+    names: FrameNames,
+    camera: Camera,
+    odom: Odom,
+    /// The submap that is called the map.
+    first: Option<SubmapId>,
+    /// Where the camera was last.
+    here: Option<SubmapId>,
+    /// Stamps of the first and of the last frame, s.
+    span: Option<(f64, f64)>,
+    /// When the map was published last, s.
+    shown: Option<f64>,
+    /// The newest map, until it is published.
+    unshown: Option<Arc<MapView>>,
+    /// Covariance of the last velocity's first pose.
+    last_covariance: Option<Mat6>,
+}
+
+impl Publisher {
+    /// Before the first frame of a camera.
+    #[must_use]
+    pub fn new(camera: Camera, names: FrameNames) -> Self {
+        Self {
+            names,
+            camera,
+            odom: Odom::default(),
+            first: None,
+            here: None,
+            span: None,
+            shown: None,
+            unshown: None,
+            last_covariance: None,
+        }
+    }
+
+    /// What is to be said of an event.
+    pub fn publish(&mut self, event: &Event) -> Vec<Outgoing> {
+        let mut out = Vec::new();
+        let located = self.odom.take(event);
+        match event {
+            Event::Frame(frame) => self.frame(frame, located.as_ref(), &mut out),
+            Event::Looped(report) if report.outcome == LoopOutcome::Closed => {
+                if let Some(join) = &report.joined {
+                    let (parent, child) = (self.map_name(join.into), self.map_name(join.submap));
+                    let transform = self.transform(&parent, &child, &join.shift);
+                    out.push(self.tf(Topic::TfStatic, vec![transform]));
+                }
+            }
+            _ => {}
+        }
+        if let Some(view) = event.view() {
+            self.unshown = Some(Arc::clone(view));
+            let corrected = matches!(event, Event::Corrected { .. } | Event::Revoked { .. });
+            if corrected || self.is_due() {
+                self.map(&mut out);
+            }
+        }
+        out
+    }
+
+    /// What is left to be said when the run is over: the map as it is in the end.
+    pub fn finish(&mut self) -> Vec<Outgoing> {
+        let mut out = Vec::new();
+        self.map(&mut out);
+        out
+    }
+
+    /// A picture of the newest frame, as JPEG of the size of the camera's images, with the camera's calibration.
+    #[must_use]
+    pub fn picture(&self, jpeg: Vec<u8>) -> [Outgoing; 2] {
+        let header = self.header(&self.names.optical);
+        let image = ros::CompressedImage {
+            header: header.clone(),
+            format: "jpeg".into(),
+            data: jpeg.into(),
+        };
+        let info = camera_info(&self.camera, header);
+        let time = self.time();
+        [
+            Outgoing::new(Topic::CameraInfo, time, &info),
+            Outgoing::new(Topic::Image, time, &image),
+        ]
+    }
+
+    fn frame(&mut self, frame: &FrameEvent, located: Option<&Located>, out: &mut Vec<Outgoing>) {
+        let stamp = frame.report.stamp;
+        let is_first = self.span.is_none();
+        self.span = Some((self.span.map_or(stamp, |(first, _)| first), stamp));
+        if is_first {
+            let constant = ros::Transform {
+                translation: ros::Vector3::default(),
+                rotation: quaternion(&axes::body_from_optical()),
+            };
+            let constant = self.stamped(&self.names.body, &self.names.optical, constant);
+            out.push(self.tf(Topic::TfStatic, vec![constant]));
+        }
+        if let Some(located) = located {
+            self.first.get_or_insert(located.submap);
+            self.here = Some(located.submap);
+            let map = self.map_name(located.submap);
+            let transforms = vec![
+                self.transform(&map, &self.names.odom, &located.world_from_odom),
+                self.transform(
+                    &self.names.odom,
+                    &self.names.body,
+                    &located.odom_from_camera,
+                ),
+            ];
+            out.push(self.tf(Topic::Tf, transforms));
+            out.push(self.odometry(frame, located));
+            let (boxes, markers) = objects::messages(
+                &frame.report,
+                &located.world_from_camera,
+                &self.header(&map),
+            );
+            out.push(Outgoing::new(Topic::Objects, self.time(), &boxes));
+            out.push(Outgoing::new(Topic::Markers, self.time(), &markers));
+        } else {
+            self.last_covariance = None;
+        }
+        let diagnostics = diagnostics::message(frame, self.header(""));
+        out.push(Outgoing::new(Topic::Diagnostics, self.time(), &diagnostics));
+    }
+
+    fn odometry(&mut self, frame: &FrameEvent, located: &Located) -> Outgoing {
+        let covariance = match (frame.health.covariance, frame.report.outcome) {
+            (Some(covariance), _) => covariance,
+            // Exact, by definition.
+            (None, Outcome::Initialised) => Mat6::zeros(),
+            (None, _) => Mat6::identity() * OPEN,
+        };
+        let turn = located.odom_from_camera.rotation_matrix();
+        let of_pose = axes::turned(&covariance, &turn);
+        let of_velocity = match (located.since, self.last_covariance) {
+            (Some(dt), Some(before)) if dt > 0.0 => (covariance + before) / (dt * dt),
+            _ => Mat6::identity() * OPEN,
+        };
+        self.last_covariance = Some(covariance);
+        let velocity = located.velocity.unwrap_or_default();
+        let [linear, angular] = [0, 3].map(|at| {
+            let part: Vec3 = velocity.fixed_rows::<3>(at).into();
+            vector(&axes::point_to_ros(&part))
+        });
+        let message = ros::Odometry {
+            header: self.header(&self.names.odom),
+            child_frame_id: self.names.body.as_str().into(),
+            pose: ros::PoseWithCovariance {
+                pose: pose(&quaternion_and_point(&axes::pose_to_ros(
+                    &located.odom_from_camera,
+                ))),
+                covariance: rows(&axes::covariance_to_ros(&of_pose)),
+            },
+            twist: ros::TwistWithCovariance {
+                twist: ros::Twist { linear, angular },
+                covariance: rows(&axes::covariance_to_ros(&of_velocity)),
+            },
+        };
+        Outgoing::new(Topic::Odometry, self.time(), &message)
+    }
+
+    /// Whether path and map are due.
+    fn is_due(&self) -> bool {
+        let Some((first, now)) = self.span else {
+            return false;
+        };
+        let every = EVERY.max(EVERY_SHARE * (now - first));
+        self.shown.is_none_or(|then| now - then >= every)
+    }
+
+    /// Path and map of the submap that the camera is in.
+    fn map(&mut self, out: &mut Vec<Outgoing>) {
+        let (Some(submap), Some((_, now))) = (self.here, self.span) else {
+            return;
+        };
+        let Some(view) = self.unshown.take() else {
+            return;
+        };
+        self.shown = Some(now);
+        // The submap may have become part of another.
+        let newest = view.keyframes().filter(|k| k.submap == submap).count();
+        let submap = if newest > 0 {
+            submap
+        } else {
+            view.submap_of(stillpoint_map::KeyframeId(submap.0))
+                .unwrap_or(submap)
+        };
+        let name = self.map_name(submap);
+        let header = self.header(&name);
+        let path = cloud::path(&view, submap, &header, time_of);
+        out.push(Outgoing::new(Topic::Path, self.time(), &path));
+        let points = cloud::landmarks(&view, submap, header);
+        out.push(Outgoing::new(Topic::Map, self.time(), &points));
+    }
+
+    fn map_name(&self, submap: SubmapId) -> String {
+        if self.first.is_none_or(|first| first == submap) {
+            return self.names.map.clone();
+        }
+        format!("{}_{submap}", self.names.map)
+    }
+
+    fn time(&self) -> u64 {
+        self.span.map_or(0, |(_, now)| nanoseconds(now))
+    }
+
+    fn header<'a>(&self, frame: &'a str) -> ros::Header<'a> {
+        ros::Header {
+            seq: 0,
+            stamp: time_of(self.span.map_or(0.0, |(_, now)| now)),
+            frame_id: frame.into(),
+        }
+    }
+
+    fn transform<'a>(
+        &self,
+        parent: &'a str,
+        child: &'a str,
+        parent_from_child: &Se3,
+    ) -> ros::TransformStamped<'a> {
+        let (rotation, p) = quaternion_and_point(&axes::pose_to_ros(parent_from_child));
+        let translation = ros::Vector3 {
+            x: p.x,
+            y: p.y,
+            z: p.z,
+        };
+        self.stamped(
+            parent,
+            child,
+            ros::Transform {
+                translation,
+                rotation,
+            },
+        )
+    }
+
+    fn stamped<'a>(
+        &self,
+        parent: &'a str,
+        child: &'a str,
+        transform: ros::Transform,
+    ) -> ros::TransformStamped<'a> {
+        ros::TransformStamped {
+            header: self.header(parent),
+            child_frame_id: child.into(),
+            transform,
+        }
+    }
+
+    fn tf(&self, topic: Topic, transforms: Vec<ros::TransformStamped<'_>>) -> Outgoing {
+        Outgoing::new(topic, self.time(), &ros::TfMessage { transforms })
+    }
+}
+
+/// Stamps of data sets have microseconds; what a number of seconds has beyond is rounding.
+fn nanoseconds(stamp: f64) -> u64 {
+    let micro = (stamp * 1e6).round();
+    if micro > 0.0 {
+        (micro as u64).saturating_mul(1000)
+    } else {
+        0
+    }
+}
+
+/// A stamp in seconds as ROS has it.
+pub(crate) fn time_of(stamp: f64) -> ros::Time {
+    let time = nanoseconds(stamp);
+    ros::Time {
+        sec: (time / 1_000_000_000) as i64,
+        nanosec: (time % 1_000_000_000) as u32,
+    }
+}
+
+/// A pose in the axes of ROS, in the parts of its messages.
+pub(crate) fn quaternion_and_point(pose: &Se3) -> (ros::Quaternion, ros::Point) {
+    let t = &pose.translation;
+    let point = ros::Point {
+        x: t.x,
+        y: t.y,
+        z: t.z,
+    };
+    (quaternion(&pose.rotation), point)
+}
+
+fn quaternion(q: &stillpoint_geometry::nalgebra::UnitQuaternion<f64>) -> ros::Quaternion {
+    ros::Quaternion {
+        x: q.i,
+        y: q.j,
+        z: q.k,
+        w: q.w,
+    }
+}
+
+pub(crate) fn pose((orientation, position): &(ros::Quaternion, ros::Point)) -> ros::Pose {
+    ros::Pose {
+        position: position.clone(),
+        orientation: orientation.clone(),
+    }
+}
+
+pub(crate) fn vector(v: &Vec3) -> ros::Vector3 {
+    ros::Vector3 {
+        x: v.x,
+        y: v.y,
+        z: v.z,
+    }
+}
+
+/// Row by row.
+pub(crate) fn rows(covariance: &Mat6) -> ros::Covariance6 {
+    ros::Covariance6(std::array::from_fn(|i| covariance[(i / 6, i % 6)]))
+}
+
+fn camera_info<'a>(camera: &Camera, header: ros::Header<'a>) -> ros::CameraInfo<'a> {
+    let (c, d) = (camera, &camera.distortion);
+    ros::CameraInfo {
+        header,
+        height: c.height,
+        width: c.width,
+        distortion_model: "plumb_bob".into(),
+        d: vec![d.k1, d.k2, d.p1, d.p2, d.k3],
+        k: [c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0],
+        r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        p: [
+            c.fx, 0.0, c.cx, 0.0, 0.0, c.fy, c.cy, 0.0, 0.0, 0.0, 1.0, 0.0,
+        ],
+        ..ros::CameraInfo::default()
+    }
+}

@@ -1,0 +1,123 @@
+//! Topics, and messages on their way out.
+
+use stillpoint_ros_messages as ros;
+use stillpoint_ros_messages::{Format, Message, Version, Wire};
+
+/// A topic on which a run is published.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Topic {
+    /// Transforms that do not change.
+    TfStatic,
+    /// Transforms that do.
+    Tf,
+    /// Pose and velocity.
+    Odometry,
+    /// Keyframes.
+    Path,
+    /// Landmarks.
+    Map,
+    /// Objects.
+    Objects,
+    /// Objects, to be drawn.
+    Markers,
+    /// The camera of the pictures.
+    CameraInfo,
+    /// Pictures.
+    Image,
+    /// Health.
+    Diagnostics,
+}
+
+impl Topic {
+    /// All of them.
+    pub const ALL: [Self; 10] = [
+        Self::TfStatic,
+        Self::Tf,
+        Self::Odometry,
+        Self::Path,
+        Self::Map,
+        Self::Objects,
+        Self::Markers,
+        Self::CameraInfo,
+        Self::Image,
+        Self::Diagnostics,
+    ];
+
+    /// Its name: `/stillpoint/odometry`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TfStatic => "/tf_static",
+            Self::Tf => "/tf",
+            Self::Odometry => "/stillpoint/odometry",
+            Self::Path => "/stillpoint/path",
+            Self::Map => "/stillpoint/map",
+            Self::Objects => "/stillpoint/objects",
+            Self::Markers => "/stillpoint/objects/markers",
+            Self::CameraInfo => "/stillpoint/camera_info",
+            Self::Image => "/stillpoint/image/compressed",
+            Self::Diagnostics => "/diagnostics",
+        }
+    }
+
+    /// Type of its messages: `nav_msgs/msg/Odometry`.
+    #[must_use]
+    pub fn type_name(self) -> &'static str {
+        match self {
+            Self::TfStatic | Self::Tf => ros::TfMessage::NAME,
+            Self::Odometry => ros::Odometry::NAME,
+            Self::Path => ros::Path::NAME,
+            Self::Map => ros::PointCloud2::NAME,
+            Self::Objects => ros::Detection3DArray::NAME,
+            Self::Markers => ros::MarkerArray::NAME,
+            Self::CameraInfo => ros::CameraInfo::NAME,
+            Self::Image => ros::CompressedImage::NAME,
+            Self::Diagnostics => ros::DiagnosticArray::NAME,
+        }
+    }
+
+    /// Definition of that type in ROS 2, with those that it holds.
+    #[must_use]
+    pub fn definition(self) -> String {
+        let version = Version::Ros2;
+        match self {
+            Self::TfStatic | Self::Tf => ros::definition::<ros::TfMessage<'_>>(version),
+            Self::Odometry => ros::definition::<ros::Odometry<'_>>(version),
+            Self::Path => ros::definition::<ros::Path<'_>>(version),
+            Self::Map => ros::definition::<ros::PointCloud2<'_>>(version),
+            Self::Objects => ros::definition::<ros::Detection3DArray<'_>>(version),
+            Self::Markers => ros::definition::<ros::MarkerArray<'_>>(version),
+            Self::CameraInfo => ros::definition::<ros::CameraInfo<'_>>(version),
+            Self::Image => ros::definition::<ros::CompressedImage<'_>>(version),
+            Self::Diagnostics => ros::definition::<ros::DiagnosticArray<'_>>(version),
+        }
+    }
+
+    /// Whether those who come later must get its last message too (durability *transient local*).
+    #[must_use]
+    pub fn is_latched(self) -> bool {
+        matches!(self, Self::TfStatic | Self::Path | Self::Map)
+    }
+}
+
+/// A message to be written or sent.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Outgoing {
+    /// Where to.
+    pub topic: Topic,
+    /// Its stamp, ns.
+    pub time: u64,
+    /// The message in little-endian CDR with its encapsulation header, as recordings have it, and as it is sent.
+    pub bytes: Vec<u8>,
+}
+
+impl Outgoing {
+    pub(crate) fn new<'a, T: Message + Wire<'a>>(topic: Topic, time: u64, message: &T) -> Self {
+        debug_assert_eq!(topic.type_name(), T::NAME);
+        Self {
+            topic,
+            time,
+            bytes: ros::to_bytes(message, Format::CdrLittleEndian),
+        }
+    }
+}
