@@ -25,6 +25,7 @@ mod masks;
 mod models;
 mod models_pull;
 mod objects;
+mod record;
 mod recordings;
 mod report;
 mod suite;

@@ -1,0 +1,224 @@
+//! `--record`: what is found as messages of ROS 2, and that looking changes nothing.
+
+use crate::common::{check, simulate, stderr, stdout, stillpoint};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+use stillpoint::datasets::{StampedPose, trajectory};
+use stillpoint::geometry::nalgebra::{Quaternion, UnitQuaternion};
+use stillpoint::geometry::{Se3, Vec3};
+use stillpoint::ros_events::axes;
+use stillpoint::ros_messages as ros;
+use stillpoint::ros_messages::{Format, Message, Wire};
+use tempfile::TempDir;
+
+const FRAMES: usize = 40;
+
+/// A run among people, with a recording of it.
+struct Made {
+    dir: TempDir,
+    data: PathBuf,
+    result: PathBuf,
+    file: PathBuf,
+}
+
+static MADE: LazyLock<Made> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let (data, result) = (dir.path().join("walk"), dir.path().join("result"));
+    let file = dir.path().join("run.mcap");
+    simulate(&data, "walking_xyz", FRAMES);
+    run(&data, &result, &["--record", text(&file)]);
+    Made {
+        dir,
+        data,
+        result,
+        file,
+    }
+});
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Runs a data set with its own detections, and gives what was said on stdout.
+#[track_caller]
+fn run(data: &Path, result: &Path, more: &[&str]) -> String {
+    let script = format!("scripted:{}", data.join("detections.csv").display());
+    let args = ["run", text(data), "--detector", &script, "--no-report"];
+    let output = stillpoint([&args[..], &["--out", text(result)], more].concat());
+    check(&output, 0, &[]);
+    stdout(&output)
+}
+
+/// Topics with the type, the encoding and the bytes of their messages.
+type Topics = BTreeMap<String, Vec<(String, u64, Vec<u8>)>>;
+
+fn topics(file: &Path) -> Topics {
+    let bytes = std::fs::read(file).unwrap();
+    let mut topics = Topics::new();
+    for message in mcap::MessageStream::new(&bytes).unwrap() {
+        let message = message.unwrap();
+        let channel = message.channel;
+        assert_eq!(channel.message_encoding, "cdr");
+        let schema = channel.schema.as_ref().unwrap();
+        assert_eq!(schema.encoding, "ros2msg");
+        topics.entry(channel.topic.clone()).or_default().push((
+            schema.name.clone(),
+            message.log_time,
+            message.data.into_owned(),
+        ));
+    }
+    topics
+}
+
+fn decode<'a, T: Message + Wire<'a>>(topics: &'a Topics, topic: &str) -> Vec<(u64, T)> {
+    let decoded = |(name, time, bytes): &'a (String, u64, Vec<u8>)| {
+        assert_eq!(name, T::NAME);
+        let message = ros::from_bytes::<T>(bytes, Format::CdrLittleEndian);
+        (*time, message.unwrap())
+    };
+    topics[topic].iter().map(decoded).collect()
+}
+
+fn pose(transform: &ros::Transform) -> Se3 {
+    let (t, q) = (&transform.translation, &transform.rotation);
+    Se3::new(
+        UnitQuaternion::new_unchecked(Quaternion::new(q.w, q.x, q.y, q.z)),
+        Vec3::new(t.x, t.y, t.z),
+    )
+}
+
+/// The poses of the transforms `map -> odom -> camera_link`, with the axes of cameras again.
+fn trajectory_of(topics: &Topics) -> String {
+    let poses: Vec<StampedPose> = decode::<ros::TfMessage<'_>>(topics, "/tf")
+        .iter()
+        .map(|(time, message)| {
+            let [map_from_odom, odom_from_body] = &message.transforms[..] else {
+                panic!("expected two transforms");
+            };
+            let chain = pose(&map_from_odom.transform) * pose(&odom_from_body.transform);
+            StampedPose {
+                stamp: *time as f64 * 1e-9,
+                world_from_camera: axes::pose_to_optical(&chain),
+            }
+        })
+        .collect();
+    trajectory::format(&poses)
+}
+
+fn online(result: &Path) -> String {
+    std::fs::read_to_string(result.join("trajectory_online.txt")).unwrap()
+}
+
+#[test]
+fn the_transforms_are_the_online_trajectory_to_the_last_digit() {
+    let expected = online(&MADE.result);
+    assert!(expected.lines().count() > FRAMES / 2);
+    assert_eq!(trajectory_of(&topics(&MADE.file)), expected);
+}
+
+#[test]
+fn every_frame_has_its_messages_and_a_picture_of_the_cameras_size() {
+    let topics = topics(&MADE.file);
+    let poses = online(&MADE.result).lines().count() - 1;
+    for (topic, expected) in [
+        ("/tf", poses),
+        ("/stillpoint/odometry", poses),
+        ("/stillpoint/objects", poses),
+        ("/stillpoint/objects/markers", poses),
+        ("/stillpoint/camera_info", FRAMES),
+        ("/stillpoint/image/compressed", FRAMES),
+        ("/diagnostics", FRAMES),
+    ] {
+        assert_eq!(topics[topic].len(), expected, "{topic}");
+    }
+    assert!(topics["/stillpoint/map"].len() >= 2);
+    let image = &decode::<ros::CompressedImage<'_>>(&topics, "/stillpoint/image/compressed")[3].1;
+    let picture = image::load_from_memory(&image.data).unwrap().to_rgb8();
+    let info = &decode::<ros::CameraInfo<'_>>(&topics, "/stillpoint/camera_info")[0].1;
+    assert_eq!(picture.dimensions(), (info.width, info.height));
+    // Rejected features are marked in red on the people.
+    let red = |p: &image::Rgb<u8>| p.0[0] > 180 && p.0[1] < 90 && p.0[2] < 90;
+    assert!(picture.pixels().filter(|p| red(p)).count() > 20);
+}
+
+#[test]
+fn a_run_is_the_same_with_a_recording_of_it() {
+    let without = MADE.dir.path().join("without");
+    run(&MADE.data, &without, &[]);
+    for file in ["trajectory.txt", "trajectory_online.txt", "frames.csv"] {
+        let read = |folder: &Path| std::fs::read(folder.join(file)).unwrap();
+        assert!(read(&without) == read(&MADE.result), "{file}");
+    }
+}
+
+#[test]
+fn a_replay_writes_the_same_messages_and_pictures_can_be_left_out() {
+    let log = MADE.result.join("run.log");
+    let out = MADE.dir.path().join("replayed");
+    let file = MADE.dir.path().join("replayed.mcap");
+    let args = ["replay", text(&log), text(&MADE.data), "--no-report"];
+    let more = ["--out", text(&out), "--record", text(&file)];
+    let output = stillpoint([&args[..], &more, &["--no-record-images"]].concat());
+    check(&output, 0, &[]);
+    assert!(
+        stdout(&output).contains("messages in "),
+        "{}",
+        stdout(&output)
+    );
+    let mut expected = topics(&MADE.file);
+    expected.remove("/stillpoint/camera_info");
+    expected.remove("/stillpoint/image/compressed");
+    assert!(topics(&file) == expected);
+}
+
+#[test]
+fn a_live_run_records_the_poses_that_it_reports() {
+    let out = MADE.dir.path().join("live");
+    let file = MADE.dir.path().join("live.mcap");
+    let said = run(
+        &MADE.data,
+        &out,
+        &["--live=all", "--record", text(&file), "--no-record-images"],
+    );
+    assert!(said.contains("live.mcap"), "{said}");
+    assert_eq!(trajectory_of(&topics(&file)), online(&out));
+}
+
+#[test]
+fn a_recording_takes_the_place_of_an_older_one_only_when_it_is_whole() {
+    let dir = tempfile::tempdir().unwrap();
+    let (file, out) = (dir.path().join("old.mcap"), dir.path().join("out"));
+    std::fs::write(&file, "old").unwrap();
+    let args = ["run", "nothing/there", "--record", text(&file)];
+    let output = stillpoint([&args[..], &["--out", text(&out)]].concat());
+    check(&output, 2, &["nothing/there"]);
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "old");
+    let part = ["--max-frames", "3", "--no-record-images", "--record"];
+    run(&MADE.data, &out, &[&part[..], &[text(&file)]].concat());
+    assert_eq!(topics(&file)["/diagnostics"].len(), 3);
+    let names = std::fs::read_dir(dir.path()).unwrap();
+    assert_eq!(names.count(), 2, "nothing is left beside");
+}
+
+#[test]
+fn what_cannot_be_recorded_to_is_refused_before_the_run() {
+    let dir = tempfile::tempdir().unwrap();
+    let folder = text(dir.path());
+    let inside = dir.path().join("absent/run.mcap");
+    let same = dir.path().join("both");
+    for (more, said) in [
+        (vec!["--record", folder], "expected a file"),
+        (vec!["--record", text(&inside)], "absent"),
+        (
+            vec!["--record", text(&same), "--save-map", text(&same)],
+            "--record",
+        ),
+        (vec!["--no-record-images"], "--record"),
+    ] {
+        let args = ["run", text(&MADE.data), "--detector", "none"];
+        let output = stillpoint([&args[..], &more].concat());
+        assert!(stderr(&output).contains(said), "{}", stderr(&output));
+        check(&output, 2, &[]);
+    }
+}
