@@ -284,8 +284,10 @@ mod tests {
 
     #[test]
     fn where_no_keyframe_is_left_the_camera_goes_on_as_it_went() {
-        let mut odom = Odom::default();
-        odom.view = Some(map(&[at(0.0, 0.0)]).publish());
+        let mut odom = Odom {
+            view: Some(map(&[at(0.0, 0.0)]).publish()),
+            ..Odom::default()
+        };
         locate(&mut odom, &frame(0, Some(at(0.0, 0.0)), 0));
         locate(&mut odom, &frame(1, Some(at(0.1, 0.0)), 0));
         let mut other = map(&[at(5.0, 1.0), at(6.0, 1.0)]);

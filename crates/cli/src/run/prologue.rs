@@ -151,7 +151,9 @@ fn recording(
     };
     let file = match shared {
         Some(recorder) => RecordingFile::Shared(recorder),
-        None => RecordingFile::Own(MessageFile::replace(path).map_err(Failure::input)?),
+        None => RecordingFile::Own(Box::new(
+            MessageFile::replace(path).map_err(Failure::input)?,
+        )),
     };
     let weights = (!args.no_record_images).then(|| config.motion_weights.clone());
     Ok(Some(RunRecording::new(path, file, *camera, weights)))

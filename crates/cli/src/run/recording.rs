@@ -44,7 +44,7 @@ impl SharedRecorder {
 /// Where messages go.
 pub(crate) enum RecordingFile {
     /// A file of its own.
-    Own(MessageFile),
+    Own(Box<MessageFile>),
     /// One that a camera writes to too, and that whoever opened it finishes.
     Shared(SharedRecorder),
 }
