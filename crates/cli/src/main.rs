@@ -18,6 +18,7 @@ mod machine;
 mod map;
 mod models;
 mod output;
+mod packaging;
 mod page;
 mod realsense;
 mod recording;
@@ -102,5 +103,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Command::Map(a) => map::map(a),
         Command::Models(a) => models::models(a),
         Command::Config(ConfigCommand::Print(a)) => config::print(a),
+        Command::Completions(a) => Ok(packaging::completions(a)),
+        Command::Man(a) => packaging::man(a),
     }
 }

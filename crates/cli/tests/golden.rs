@@ -39,6 +39,8 @@ fn help_of_every_command() {
         "map",
         "models",
         "config",
+        "completions",
+        "man",
     ] {
         golden(&format!("help_{command}.txt"), &[command, "--help"]);
     }
@@ -91,6 +93,8 @@ fn every_help_has_examples() {
         &["models", "check", "--help"],
         &["config", "--help"],
         &["config", "print", "--help"],
+        &["completions", "--help"],
+        &["man", "--help"],
     ] {
         let text = stdout(&stillpoint(args));
         assert!(

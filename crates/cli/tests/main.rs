@@ -25,6 +25,7 @@ mod masks;
 mod models;
 mod models_pull;
 mod objects;
+mod packaging;
 mod record;
 mod recordings;
 mod report;

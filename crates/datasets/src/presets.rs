@@ -1,4 +1,4 @@
-//! The cameras that are built in: the files in `configs/`.
+//! The cameras that are built in: the files in `configs/` beside the sources.
 
 /// Name, other names, and the camera file.
 type Preset = (&'static str, &'static [&'static str], &'static str);
@@ -7,64 +7,60 @@ const PRESETS: [Preset; 13] = [
     (
         "tum_fr1",
         &["fr1", "freiburg1"],
-        include_str!("../../../configs/tum_fr1.toml"),
+        include_str!("../configs/tum_fr1.toml"),
     ),
     (
         "tum_fr2",
         &["fr2", "freiburg2"],
-        include_str!("../../../configs/tum_fr2.toml"),
+        include_str!("../configs/tum_fr2.toml"),
     ),
     (
         "tum_fr3",
         &["fr3", "freiburg3"],
-        include_str!("../../../configs/tum_fr3.toml"),
+        include_str!("../configs/tum_fr3.toml"),
     ),
-    ("bonn", &[], include_str!("../../../configs/bonn.toml")),
+    ("bonn", &[], include_str!("../configs/bonn.toml")),
     (
         "bonn_calibrated",
         &[],
-        include_str!("../../../configs/bonn_calibrated.toml"),
+        include_str!("../configs/bonn_calibrated.toml"),
     ),
     (
         "icl_nuim",
         &["icl"],
-        include_str!("../../../configs/icl_nuim.toml"),
+        include_str!("../configs/icl_nuim.toml"),
     ),
     (
         "seven_scenes",
         &["7scenes"],
-        include_str!("../../../configs/seven_scenes.toml"),
+        include_str!("../configs/seven_scenes.toml"),
     ),
     (
         "realsense_d435",
         &["d435"],
-        include_str!("../../../configs/realsense_d435.toml"),
+        include_str!("../configs/realsense_d435.toml"),
     ),
     (
         "realsense_d455",
         &["d455"],
-        include_str!("../../../configs/realsense_d455.toml"),
+        include_str!("../configs/realsense_d455.toml"),
     ),
     (
         "realsense_l515",
         &["l515"],
-        include_str!("../../../configs/realsense_l515.toml"),
+        include_str!("../configs/realsense_l515.toml"),
     ),
     (
         "azure_kinect",
         &["k4a"],
-        include_str!("../../../configs/azure_kinect.toml"),
+        include_str!("../configs/azure_kinect.toml"),
     ),
     (
         "femto_bolt",
         &["femto"],
-        include_str!("../../../configs/femto_bolt.toml"),
+        include_str!("../configs/femto_bolt.toml"),
     ),
-    (
-        "oak_d",
-        &["oakd"],
-        include_str!("../../../configs/oak_d.toml"),
-    ),
+    ("oak_d", &["oakd"], include_str!("../configs/oak_d.toml")),
 ];
 
 /// Name and camera file of a preset, by its name or one of its other names.

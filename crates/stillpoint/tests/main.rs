@@ -5,8 +5,10 @@
 mod accuracy;
 mod breakage;
 mod dependencies;
+mod documents;
 mod layout;
 mod looping;
 mod modules;
+mod packaging;
 mod relocalisation;
 mod static_filter;

@@ -5,6 +5,7 @@ pub(crate) mod eval;
 pub(crate) mod live;
 pub(crate) mod map;
 pub(crate) mod models;
+pub(crate) mod packaging;
 pub(crate) mod recording;
 pub(crate) mod report;
 pub(crate) mod run;
@@ -15,6 +16,7 @@ use crate::args::eval::EvalArgs;
 use crate::args::live::LiveCommand;
 use crate::args::map::MapCommand;
 use crate::args::models::{DetectArgs, DetectorArgs, ModelsCommand};
+use crate::args::packaging::{CompletionsArgs, ManArgs};
 use crate::args::recording::RecordingCommand;
 use crate::args::report::ReportArgs;
 use crate::args::run::{ReplayArgs, RunArgs};
@@ -83,6 +85,8 @@ pub(crate) enum Command {
   stillpoint run recording --config my.toml"
     )]
     Config(ConfigCommand),
+    Completions(CompletionsArgs),
+    Man(ManArgs),
 }
 
 #[derive(Debug, Subcommand)]

@@ -1,0 +1,19 @@
+# The command line in a small image:
+#
+#   docker build -t stillpoint .
+#   docker run --rm -v "$PWD:/data" -u "$(id -u):$(id -g)" stillpoint run walk.mcap
+#
+FROM rust:1-slim-bookworm AS build
+WORKDIR /stillpoint
+COPY . .
+RUN cargo build --profile dist --locked --package stillpoint-cli
+
+# The C library and nothing else: no shell, no packages.
+FROM gcr.io/distroless/cc-debian12
+COPY --from=build /stillpoint/target/dist/stillpoint /usr/local/bin/stillpoint
+COPY --from=build /stillpoint/LICENSE-MIT /stillpoint/LICENSE-APACHE /usr/share/doc/stillpoint/
+# Models that are pulled stay where recordings and results are.
+ENV XDG_CACHE_HOME=/data/.cache
+WORKDIR /data
+ENTRYPOINT ["/usr/local/bin/stillpoint"]
+CMD ["--help"]

@@ -1,0 +1,86 @@
+//! What packages of the program bring beside it: completions that a shell uses, and manual pages that a checker accepts.
+
+use crate::common::{check, stdout, stillpoint};
+use std::process::Command;
+
+/// Whether a program can be started here; without it the test is counted as skipped.
+fn there_is(program: &str) -> bool {
+    let started = Command::new(program).arg("--version").output().is_ok();
+    if !started {
+        stillpoint_testdata::skipped(&format!("there is no {program}"));
+    }
+    started
+}
+
+/// What bash offers for the last of these words.
+fn offered(script: &str, words: &[&str]) -> Vec<String> {
+    let ask = format!(
+        "{script}\nCOMP_WORDS=({}); COMP_CWORD={}; _stillpoint stillpoint '{}' '{}'; printf '%s\\n' \"${{COMPREPLY[@]}}\"",
+        words.join(" "),
+        words.len() - 1,
+        words[words.len() - 1],
+        words[words.len() - 2],
+    );
+    let output = Command::new("bash").args(["-c", &ask]).output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.is_empty(), "{errors}");
+    let text = String::from_utf8(output.stdout).unwrap();
+    text.lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn bash_completes_commands_and_options() {
+    let output = stillpoint(&["completions", "bash"]);
+    check(&output, 0, &[]);
+    let script = stdout(&output);
+    if !there_is("bash") {
+        return;
+    }
+    assert_eq!(offered(&script, &["stillpoint", "rec"]), ["recording"]);
+    assert_eq!(offered(&script, &["stillpoint", "map", "ex"]), ["export"]);
+    let options = offered(&script, &["stillpoint", "run", "--save"]);
+    assert_eq!(options, ["--save-map"]);
+    assert_eq!(offered(&script, &["stillpoint", "nonsense"]), [""]);
+}
+
+#[test]
+fn manual_pages_pass_their_checker() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("share/man1");
+    let output = stillpoint(&["man", out.to_str().unwrap()]);
+    check(&output, 0, &[]);
+    let pages = std::fs::read_dir(&out).unwrap();
+    let pages: Vec<_> = pages.map(|entry| entry.unwrap().path()).collect();
+    let said = stdout(&output);
+    assert!(
+        said.starts_with(&format!("{} manual pages in", pages.len())),
+        "{said}"
+    );
+    // Written again, over those that are there.
+    check(&stillpoint(&["-q", "man", out.to_str().unwrap()]), 0, &[]);
+    if Command::new("mandoc").arg("-h").output().is_err() {
+        return stillpoint_testdata::skipped("there is no mandoc");
+    }
+    let output = Command::new("mandoc").arg("-Tlint").args(&pages).output();
+    let text = String::from_utf8(output.unwrap().stdout).unwrap();
+    assert_eq!(text, "");
+    // A page that is not clean would be found.
+    std::fs::write(out.join("bad.1"), ".TH bad 1\n.SH NAME\nbad  \n").unwrap();
+    let bad = Command::new("mandoc")
+        .arg("-Tlint")
+        .arg(out.join("bad.1"))
+        .output();
+    assert!(!bad.unwrap().stdout.is_empty());
+}
+
+#[test]
+fn what_cannot_be_written_or_completed_is_said() {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    let path = file.path().to_str().unwrap();
+    check(&stillpoint(&["man", path]), 2, &[path, "expected a folder"]);
+    check(
+        &stillpoint(&["completions", "nosh"]),
+        2,
+        &["nosh", "elvish"],
+    );
+}

@@ -1,0 +1,239 @@
+//! What a registry and a release need of the workspace: facts about every crate, files that go with it, and names on which two files agree.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The categories in use, as crates.io spells them: it refuses others.
+const CATEGORIES: &[&str] = &[
+    "algorithms",
+    "command-line-utilities",
+    "computer-vision",
+    "concurrency",
+    "data-structures",
+    "encoding",
+    "hardware-support",
+    "mathematics",
+    "multimedia::images",
+    "parser-implementations",
+    "science::robotics",
+    "simulation",
+    "visualization",
+];
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn read(path: &Path) -> String {
+    fs::read_to_string(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))
+}
+
+/// All packages of the workspace that are published, as cargo describes them.
+fn published() -> Vec<serde_json::Value> {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let output = Command::new(cargo)
+        .args([
+            "metadata",
+            "--no-deps",
+            "--format-version",
+            "1",
+            "--offline",
+        ])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    // `publish = false` is an empty list of registries.
+    let published = |p: &&serde_json::Value| p["publish"].is_null();
+    packages.iter().filter(published).cloned().collect()
+}
+
+/// The package's folder.
+fn folder(package: &serde_json::Value) -> PathBuf {
+    let manifest = Path::new(package["manifest_path"].as_str().unwrap());
+    manifest.parent().unwrap().to_owned()
+}
+
+fn strings(list: &serde_json::Value) -> Vec<&str> {
+    let list = list.as_array().unwrap().iter();
+    list.map(|s| s.as_str().unwrap()).collect()
+}
+
+#[test]
+fn every_crate_says_what_a_registry_asks() {
+    let packages = published();
+    assert!(packages.len() > 20, "{} packages", packages.len());
+    for package in &packages {
+        let name = package["name"].as_str().unwrap();
+        for field in ["description", "license", "repository", "rust_version"] {
+            let text = package[field].as_str().unwrap_or_default();
+            assert!(!text.is_empty(), "{name} has no {field}");
+        }
+        let keywords = strings(&package["keywords"]);
+        assert!((1..=5).contains(&keywords.len()), "{name}: {keywords:?}");
+        for keyword in keywords {
+            let allowed = |c: char| c.is_ascii_alphanumeric() || "_-+".contains(c);
+            let begins = keyword.starts_with(|c: char| c.is_ascii_alphanumeric());
+            assert!(
+                begins && keyword.len() <= 20 && keyword.chars().all(allowed),
+                "{name}: keyword {keyword}"
+            );
+        }
+        let categories = strings(&package["categories"]);
+        assert!(
+            (1..=5).contains(&categories.len()),
+            "{name}: {categories:?}"
+        );
+        for category in categories {
+            assert!(CATEGORIES.contains(&category), "{name}: {category}");
+        }
+    }
+}
+
+#[test]
+fn every_crate_has_its_files() {
+    for package in published() {
+        let name = package["name"].as_str().unwrap();
+        let folder = folder(&package);
+        assert_eq!(package["readme"], "README.md", "{name}");
+        let readme = read(&folder.join("README.md"));
+        assert!(
+            readme.starts_with(&format!("# {name}\n\n")) && readme.lines().count() < 40,
+            "{name}: expected a short README.md that begins with the crate's name"
+        );
+        // A link out of the crate would lead nowhere on the registry's page.
+        assert!(!readme.contains("](../"), "{name}: README.md");
+        for licence in ["LICENSE-MIT", "LICENSE-APACHE"] {
+            // Links, so that there is one text; where a checkout has no links, each holds the way to that text.
+            let (here, there) = (read(&folder.join(licence)), read(&root().join(licence)));
+            assert!(
+                here == there || here.trim() == format!("../../{licence}"),
+                "{name}: {licence} is not that of the workspace"
+            );
+        }
+    }
+}
+
+/// A registry's copy of a crate has nothing that lies outside of the crate's folder.
+#[test]
+fn sources_include_only_what_lies_in_their_crate() {
+    let mut included = 0;
+    for package in published() {
+        let folder = folder(&package);
+        let mut open = vec![folder.join("src")];
+        while let Some(path) = open.pop() {
+            if path.is_dir() {
+                open.extend(fs::read_dir(&path).unwrap().map(|e| e.unwrap().path()));
+                continue;
+            }
+            let text = read(&path);
+            for part in text.split("include_").skip(1) {
+                let quoted = part.split_once("!(").filter(|(kind, _)| kind.len() <= 5);
+                let Some(file) = quoted.and_then(|(_, rest)| rest.split('"').nth(1)) else {
+                    continue;
+                };
+                let file = path.parent().unwrap().join(file);
+                let file = file
+                    .canonicalize()
+                    .unwrap_or_else(|e| panic!("{}: {}: {e}", path.display(), file.display()));
+                assert!(
+                    file.starts_with(folder.canonicalize().unwrap()),
+                    "{}: {} lies outside of its crate",
+                    path.display(),
+                    file.display()
+                );
+                included += 1;
+            }
+        }
+    }
+    assert!(included > 20, "{included} includes");
+}
+
+/// Every crate is published after those that it needs. Tests need crates that come later, which a registry would ask for too if they
+/// were named with a version; a path alone is left out of what is published.
+#[test]
+fn crates_can_be_published_one_after_the_other() {
+    let packages = published();
+    let own: BTreeSet<&str> = packages
+        .iter()
+        .map(|p| p["name"].as_str().unwrap())
+        .collect();
+    let mut needs: Vec<(&str, BTreeSet<&str>)> = Vec::new();
+    for package in &packages {
+        let (name, version) = (package["name"].as_str().unwrap(), &package["version"]);
+        let mut asked = BTreeSet::new();
+        for dependency in package["dependencies"].as_array().unwrap() {
+            let other = dependency["name"].as_str().unwrap();
+            let required = dependency["req"].as_str().unwrap();
+            if required == "*" {
+                let only_tests = dependency["kind"] == "dev";
+                assert!(only_tests, "{name} needs {other} without a version");
+            } else if own.contains(other) {
+                let expected = format!("^{}", version.as_str().unwrap());
+                assert_eq!(required, expected, "{name} needs {other}");
+                asked.insert(other);
+            }
+        }
+        needs.push((name, asked));
+    }
+    let mut there = BTreeSet::new();
+    while there.len() < needs.len() {
+        let next = needs.iter().find(|(name, asked)| {
+            !there.contains(name) && asked.iter().all(|other| there.contains(other))
+        });
+        let left: Vec<_> = needs.iter().filter(|(n, _)| !there.contains(n)).collect();
+        let (name, _) = next.unwrap_or_else(|| panic!("these need each other: {left:?}"));
+        there.insert(*name);
+    }
+}
+
+/// What fetches programs looks for the archives that releases have.
+#[test]
+fn releases_have_the_archives_that_installers_look_for() {
+    let packages = published();
+    let cli = packages.iter().find(|p| p["name"] == "stillpoint-cli");
+    let installer = &cli.unwrap()["metadata"]["binstall"];
+    let script = read(&root().join("tools/package"));
+    assert!(script.contains("name=\"stillpoint-v$version-$target\""));
+    let archive = "/releases/download/v{ version }/stillpoint-v{ version }-{ target }";
+    let url = installer["pkg-url"].as_str().unwrap();
+    assert_eq!(url, format!("{{ repo }}{archive}.tar.gz"));
+    let windows = &installer["overrides"]["x86_64-pc-windows-msvc"]["pkg-url"];
+    assert_eq!(*windows, format!("{{ repo }}{archive}.zip"));
+    assert_eq!(
+        installer["bin-dir"],
+        "stillpoint-v{ version }-{ target }/{ bin }{ binary-ext }"
+    );
+    let workflow = read(&root().join(".github/workflows/release.yml"));
+    for target in [
+        "x86_64-unknown-linux-gnu",
+        "aarch64-unknown-linux-gnu",
+        "x86_64-apple-darwin",
+        "aarch64-apple-darwin",
+        "x86_64-pc-windows-msvc",
+    ] {
+        assert!(
+            workflow.contains(&format!("target: {target}\n")),
+            "{target}"
+        );
+    }
+}
+
+/// Networks that panic become errors with a message, which needs panics that unwind.
+#[test]
+fn panics_unwind_in_every_profile() {
+    let manifest = read(&root().join("Cargo.toml"));
+    assert!(manifest.contains("\n[profile.dist]\n"));
+    assert!(
+        !manifest.contains("panic ="),
+        "a profile changes what panics do"
+    );
+}
