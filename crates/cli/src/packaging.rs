@@ -153,17 +153,46 @@ fn lines(roff: &mut Roff, text: &str) {
     }
 }
 
-/// Without what checkers of manual pages object to: spaces at ends of lines, empty lines, and definitions told again by every section.
+/// Bytes of a line of text that checkers of manual pages take.
+const WIDTH: usize = 80;
+
+/// Without what checkers of manual pages object to: spaces at ends of lines, empty and long lines, breaks after breaks, and definitions
+/// told again by every section.
 fn tidy(text: &str) -> String {
-    let mut lines: Vec<&str> = Vec::new();
+    let mut lines: Vec<String> = Vec::new();
+    let mut kept = false;
     for line in text.lines().map(str::trim_end) {
-        let defined =
-            (line.starts_with(".ie ") || line.starts_with(".el ")) && lines.contains(&line);
-        if !line.is_empty() && !defined {
-            lines.push(line);
+        kept = (kept || line == ".nf") && line != ".fi";
+        let before = lines.last().map_or("", String::as_str);
+        let defined = line.starts_with(".ie ") || line.starts_with(".el ");
+        let again = defined && lines.iter().any(|l| l == line);
+        if line.is_empty() || again || (line == ".br" && before == ".br") {
+            continue;
+        }
+        if kept || line.starts_with('.') || before == ".TP" {
+            lines.push(line.to_owned());
+        } else {
+            wrap(line, &mut lines);
         }
     }
     lines.join("\n") + "\n"
+}
+
+/// A line of running text as lines of at most [`WIDTH`] bytes. None begins as a command does.
+fn wrap(text: &str, lines: &mut Vec<String>) {
+    let mut line = String::new();
+    for word in text.split(' ') {
+        if !line.is_empty() && line.len() + 1 + word.len() > WIDTH {
+            lines.push(std::mem::take(&mut line));
+            if word.starts_with(['.', '\'']) {
+                line.push_str("\\&");
+            }
+        } else if !line.is_empty() {
+            line.push(' ');
+        }
+        line.push_str(word);
+    }
+    lines.push(line);
 }
 
 #[cfg(test)]
@@ -246,6 +275,18 @@ mod tests {
                 assert!(page.contains(&line), "{name}: {line}");
             }
         }
+    }
+
+    #[test]
+    fn long_lines_are_wrapped_and_none_becomes_a_command() {
+        let word = "x".repeat(76);
+        let text = format!(
+            ".SH A\n{word} .a 'b  c\n.br\n.br\n.TP\n{word} {word}\n.nf\n{word} {word}\n.fi"
+        );
+        let expected = format!(
+            ".SH A\n{word} .a\n\\&'b  c\n.br\n.TP\n{word} {word}\n.nf\n{word} {word}\n.fi\n"
+        );
+        assert_eq!(tidy(&text), expected);
     }
 
     #[test]

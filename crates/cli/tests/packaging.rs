@@ -30,7 +30,7 @@ fn offered(script: &str, words: &[&str]) -> Vec<String> {
 
 #[test]
 fn bash_completes_commands_and_options() {
-    let output = stillpoint(&["completions", "bash"]);
+    let output = stillpoint(["completions", "bash"]);
     check(&output, 0, &[]);
     let script = stdout(&output);
     if !there_is("bash") {
@@ -47,7 +47,7 @@ fn bash_completes_commands_and_options() {
 fn manual_pages_pass_their_checker() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("share/man1");
-    let output = stillpoint(&["man", out.to_str().unwrap()]);
+    let output = stillpoint(["man", out.to_str().unwrap()]);
     check(&output, 0, &[]);
     let pages = std::fs::read_dir(&out).unwrap();
     let pages: Vec<_> = pages.map(|entry| entry.unwrap().path()).collect();
@@ -57,7 +57,7 @@ fn manual_pages_pass_their_checker() {
         "{said}"
     );
     // Written again, over those that are there.
-    check(&stillpoint(&["-q", "man", out.to_str().unwrap()]), 0, &[]);
+    check(&stillpoint(["-q", "man", out.to_str().unwrap()]), 0, &[]);
     if Command::new("mandoc").arg("-h").output().is_err() {
         return stillpoint_testdata::skipped("there is no mandoc");
     }
@@ -77,9 +77,9 @@ fn manual_pages_pass_their_checker() {
 fn what_cannot_be_written_or_completed_is_said() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let path = file.path().to_str().unwrap();
-    check(&stillpoint(&["man", path]), 2, &[path, "expected a folder"]);
+    check(&stillpoint(["man", path]), 2, &[path, "expected a folder"]);
     check(
-        &stillpoint(&["completions", "nosh"]),
+        &stillpoint(["completions", "nosh"]),
         2,
         &["nosh", "elvish"],
     );
