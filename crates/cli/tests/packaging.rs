@@ -78,9 +78,5 @@ fn what_cannot_be_written_or_completed_is_said() {
     let file = tempfile::NamedTempFile::new().unwrap();
     let path = file.path().to_str().unwrap();
     check(&stillpoint(["man", path]), 2, &[path, "expected a folder"]);
-    check(
-        &stillpoint(["completions", "nosh"]),
-        2,
-        &["nosh", "elvish"],
-    );
+    check(&stillpoint(["completions", "nosh"]), 2, &["nosh", "elvish"]);
 }
