@@ -82,9 +82,17 @@ impl FrameEdges {
         if depth.width() != w || depth.height() != h {
             return found;
         }
+        let columns = transposed(depth);
         for axis in Axis::BOTH {
+            let (lines, length) = match axis {
+                Axis::X => (depth.data(), w),
+                Axis::Y => (&columns[..], h),
+            };
             for backwards in [false, true] {
-                let mut at = silhouettes(depth, axis, backwards);
+                let mut at = silhouettes(lines, length, backwards);
+                if axis == Axis::Y {
+                    at.iter_mut().for_each(|place| *place = (place.1, place.0));
+                }
                 at.retain(|&(x, y)| gradient.has_room(x, y));
                 let stride = at.len().div_ceil(QUOTA).max(1);
                 for &(x, y) in at.iter().step_by(stride) {
@@ -115,36 +123,51 @@ impl FrameEdges {
     }
 }
 
-/// Pixels where, along an axis and in one direction, the next measurement within [`GAP`] px lies behind.
-fn silhouettes(depth: &DepthImage, axis: Axis, backwards: bool) -> Vec<(usize, usize)> {
+/// The depths column by column.
+fn transposed(depth: &DepthImage) -> Vec<f32> {
+    // Columns that are written at once: as many floats as a line of the cache has.
+    const AT_ONCE: usize = 16;
     let (w, h) = (depth.width(), depth.height());
-    let (lines, length) = match axis {
-        Axis::X => (h, w),
-        Axis::Y => (w, h),
-    };
-    let place = |line: usize, k: usize| {
-        let k = if backwards { length - 1 - k } else { k };
-        match axis {
-            Axis::X => (k, line),
-            Axis::Y => (line, k),
+    let mut columns = vec![0.0; w * h];
+    for first in (0..w).step_by(AT_ONCE) {
+        let last = (first + AT_ONCE).min(w);
+        for y in 0..h {
+            for (x, z) in (first..last).zip(&depth.data()[y * w + first..y * w + last]) {
+                columns[x * h + y] = *z;
+            }
         }
-    };
+    }
+    columns
+}
+
+/// Places (along the line, line) where, along lines of a length and in one direction, the next measurement within [`GAP`] px lies behind.
+fn silhouettes(depths: &[f32], length: usize, backwards: bool) -> Vec<(usize, usize)> {
     let mut found = Vec::new();
-    let mut along = vec![0.0_f32; length];
-    for line in 0..lines {
-        for (k, z) in along.iter_mut().enumerate() {
-            let (x, y) = place(line, k);
-            *z = depth.at(x, y);
-        }
-        for k in INSIDE..length.saturating_sub(1) {
-            let (z, before) = (along[k], along[k - INSIDE]);
+    let mut turned = vec![0.0_f32; length];
+    for (number, line) in depths.chunks_exact(length.max(1)).enumerate() {
+        let line = if backwards {
+            turned.copy_from_slice(line);
+            turned.reverse();
+            &turned[..]
+        } else {
+            line
+        };
+        let near = line.iter().zip(line.iter().skip(INSIDE));
+        let near = near.zip(line.iter().skip(INSIDE + 1)).enumerate();
+        for (k, ((&before, &z), &next)) in near {
+            let behind = z * (1.0 + STEP);
+            // Nearly everywhere the next pixel is measured and not behind.
+            if next > 0.0 && next <= behind {
+                continue;
+            }
             if z <= 0.0 || before <= 0.0 || (before - z).abs() > FLAT * z {
                 continue;
             }
+            let k = k + INSIDE;
             let end = (k + 1 + GAP).min(length);
-            let next = along[k + 1..end].iter().copied().find(|z| *z > 0.0);
-            if next.is_some_and(|next| next > z * (1.0 + STEP)) {
-                found.push(place(line, k));
+            let next = line[k + 1..end].iter().find(|z| **z > 0.0);
+            if next.is_some_and(|next| *next > behind) {
+                found.push((if backwards { length - 1 - k } else { k }, number));
             }
         }
     }
@@ -169,8 +192,8 @@ mod tests {
             }
         }
         let depth = DepthImage::from_vec(w, h, data).unwrap();
-        let right = silhouettes(&depth, Axis::X, false);
-        let left = silhouettes(&depth, Axis::X, true);
+        let right = silhouettes(depth.data(), w, false);
+        let left = silhouettes(depth.data(), w, true);
         assert!(
             right.len() == 20 && right.iter().all(|p| p.0 == 39),
             "{right:?}"
@@ -179,9 +202,9 @@ mod tests {
             left.len() == 20 && left.iter().all(|p| p.0 == 20),
             "{left:?}"
         );
-        let bottom = silhouettes(&depth, Axis::Y, false);
+        let bottom = silhouettes(&transposed(&depth), h, false);
         assert!(
-            bottom.len() == 20 && bottom.iter().all(|p| p.1 == 29),
+            bottom.len() == 20 && bottom.iter().all(|p| p.0 == 29),
             "{bottom:?}"
         );
     }

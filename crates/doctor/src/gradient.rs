@@ -37,12 +37,14 @@ impl Gradient {
         let (w, h) = (image.width(), image.height());
         let smooth = smoothed(image);
         let mut along = [vec![0.0; w * h], vec![0.0; w * h]];
-        for y in 1..h.saturating_sub(1) {
-            for x in 1..w.saturating_sub(1) {
-                let i = y * w + x;
-                along[0][i] = (smooth[i + 1] - smooth[i - 1]).abs();
-                along[1][i] = (smooth[i + w] - smooth[i - w]).abs();
-            }
+        // An image of fewer than three columns has no inner ones.
+        let inner_rows = if w > 2 { 1..h.saturating_sub(1) } else { 0..0 };
+        for y in inner_rows {
+            let line = |y: usize| &smooth[y * w..(y + 1) * w];
+            let (above, here, below) = (line(y - 1), line(y), line(y + 1));
+            let inner = y * w + 1..(y + 1) * w - 1;
+            difference(&here[2..], here, &mut along[0][inner.clone()]);
+            difference(&below[1..], &above[1..], &mut along[1][inner]);
         }
         Self {
             width: w,
@@ -82,24 +84,50 @@ impl Gradient {
     }
 }
 
-/// The image under the binomial kernel 1 4 6 4 1 along both axes, about a Gaussian of 1 px.
+/// `|a - b|`, as far as `out` reaches.
+fn difference(a: &[f32], b: &[f32], out: &mut [f32]) {
+    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
+        *out = (a - b).abs();
+    }
+}
+
+/// The binomial kernel 1 4 6 4 1, about a Gaussian of 1 px.
+const KERNEL: [f32; 5] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
+
+/// The sum of five rows under the kernel.
+fn blend(rows: [&[f32]; 5], out: &mut [f32]) {
+    let [a, b, c, d, e] = rows.map(|row| &row[..out.len()]);
+    for (i, out) in out.iter_mut().enumerate() {
+        *out = KERNEL[0] * a[i]
+            + KERNEL[1] * b[i]
+            + KERNEL[2] * c[i]
+            + KERNEL[3] * d[i]
+            + KERNEL[4] * e[i];
+    }
+}
+
+/// The image under the kernel along both axes. Beyond its border the image goes on as it ends there.
 fn smoothed(image: &GrayImage) -> Vec<f32> {
-    const KERNEL: [f32; 5] = [0.0625, 0.25, 0.375, 0.25, 0.0625];
     let (w, h) = (image.width(), image.height());
+    if w == 0 || h == 0 {
+        return Vec::new();
+    }
     let mut rows = vec![0.0_f32; w * h];
-    for y in 0..h {
+    let mut padded = vec![0.0_f32; w + 4];
+    for (y, out) in rows.chunks_exact_mut(w).enumerate() {
         let row = image.row(y);
-        for x in 0..w {
-            let at = |k: usize| f32::from(row[(x + k).saturating_sub(2).min(w - 1)]);
-            rows[y * w + x] = (0..5).map(|k| KERNEL[k] * at(k)).sum();
+        for (p, v) in padded[2..].iter_mut().zip(row) {
+            *p = f32::from(*v);
         }
+        let ends = [row[0], row[w - 1]].map(f32::from);
+        padded[..2].fill(ends[0]);
+        padded[w + 2..].fill(ends[1]);
+        blend([0, 1, 2, 3, 4].map(|k| &padded[k..]), out);
     }
-    let mut out = vec![0.0_f32; w * h];
-    for y in 0..h {
-        let line = |k: usize| (y + k).saturating_sub(2).min(h - 1) * w;
-        for x in 0..w {
-            out[y * w + x] = (0..5).map(|k| KERNEL[k] * rows[line(k) + x]).sum();
-        }
+    let mut smooth = vec![0.0_f32; w * h];
+    for (y, out) in smooth.chunks_exact_mut(w).enumerate() {
+        let line = |k: usize| &rows[(y + k).saturating_sub(2).min(h - 1) * w..];
+        blend([0, 1, 2, 3, 4].map(line), out);
     }
-    out
+    smooth
 }

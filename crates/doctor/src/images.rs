@@ -54,10 +54,11 @@ fn contour_width(image: &GrayImage, gradient: &Gradient) -> Option<f64> {
     let mut sum = 0.0;
     let mut count = 0.0;
     for y in (0..h - FAR).step_by(2) {
-        for x in (0..w - FAR).step_by(2) {
-            let here = f64::from(image.at(x, y));
-            let right = f64::from(image.at(x + FAR, y)) - here;
-            let below = f64::from(image.at(x, y + FAR)) - here;
+        let (row, lower) = (image.row(y), image.row(y + FAR));
+        let pixels = row.iter().zip(&row[FAR..]).zip(lower).step_by(2);
+        for ((here, right), below) in pixels {
+            let difference = |v: &u8| f64::from(i32::from(*v) - i32::from(*here));
+            let (right, below) = (difference(right), difference(below));
             sum += right * right + below * below;
             count += 1.0;
         }

@@ -2,11 +2,11 @@
 
 #![allow(clippy::print_stdout)] // What was measured is what docs/masks.md holds.
 
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections};
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_simulator::{Simulator, SimulatorConfig};
+use stillpoint_simulator::{FrameTruth, MoverBox, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, DynamicMask, MaskError, Preset, Segments, System};
 
 /// Frames that are looked at.
@@ -14,24 +14,52 @@ const FRAMES: std::ops::Range<usize> = 0..60;
 /// From here on they are scored: someone who stood still until then walks.
 const SCORED: usize = 36;
 
-fn room(scene: &str) -> Simulator {
-    let config = SimulatorConfig {
-        scene: scene.to_owned(),
-        frames: Some(FRAMES.end),
-        ..SimulatorConfig::default()
-    };
-    Simulator::new(&config).unwrap()
+/// A scene, rendered once for all tests.
+struct Room {
+    scene: &'static str,
+    simulator: Simulator,
+    frames: Vec<(Arc<RgbdFrame>, FrameTruth)>,
 }
 
-fn filter(room: &Simulator) -> DynamicMask {
-    DynamicMask::new(&Config::default(), *room.camera(), Simd::detect()).unwrap()
+static WALKING: LazyLock<Room> = LazyLock::new(|| Room::new("walking_xyz"));
+static EMPTY: LazyLock<Room> = LazyLock::new(|| Room::new("xyz"));
+
+impl Room {
+    fn new(scene: &'static str) -> Self {
+        let config = SimulatorConfig {
+            scene: scene.to_owned(),
+            frames: Some(FRAMES.end),
+            ..SimulatorConfig::default()
+        };
+        let simulator = Simulator::new(&config).unwrap();
+        let render = |i: usize| (Arc::new(simulator.frame(i)), simulator.truth(i));
+        let frames = (0..FRAMES.end).map(render).collect();
+        Self {
+            scene,
+            simulator,
+            frames,
+        }
+    }
+
+    fn frame(&self, i: usize) -> &Arc<RgbdFrame> {
+        &self.frames[i].0
+    }
+
+    fn truth(&self, i: usize) -> &FrameTruth {
+        &self.frames[i].1
+    }
+}
+
+fn filter(room: &Room) -> DynamicMask {
+    let camera = *room.simulator.camera();
+    DynamicMask::new(&Config::default(), camera, Simd::detect()).unwrap()
 }
 
 /// The people as an exact detector sees them.
-fn boxes(room: &Simulator, frame: &RgbdFrame) -> Detections {
+fn boxes(room: &Room, frame: &RgbdFrame) -> Detections {
     let truth = room.truth(frame.id.0 as usize);
     let people = truth.boxes.iter().filter(|b| b.class == "person");
-    let person = |b: &stillpoint_simulator::MoverBox| Detection {
+    let person = |b: &MoverBox| Detection {
         class: ClassId::from_name("person").unwrap(),
         score: 0.9,
         bounds: BoundingBox {
@@ -56,8 +84,8 @@ struct Score {
 }
 
 impl Score {
-    fn add(&mut self, room: &Simulator, frame: &RgbdFrame, segments: &Segments) {
-        let truth = room.truth(frame.id.0 as usize).mask;
+    fn add(&mut self, room: &Room, frame: &RgbdFrame, segments: &Segments) {
+        let truth = &room.truth(frame.id.0 as usize).mask;
         let mask = segments.mask(&frame.depth);
         assert_eq!(
             (mask.width(), mask.height()),
@@ -84,19 +112,19 @@ impl Score {
 }
 
 /// Goes through a scene with the poses and boxes that are asked for.
-fn score(scene: &str, poses: bool, detector: bool) -> Score {
-    let room = room(scene);
-    let mut filter = filter(&room);
+fn score(room: &Room, poses: bool, detector: bool) -> Score {
+    let scene = room.scene;
+    let mut filter = filter(room);
     let mut score = Score::default();
     for i in FRAMES {
-        let frame = Arc::new(room.frame(i));
+        let frame = room.frame(i);
         // Any frame of reference will do.
         let world = Se3::exp(&[1.0, -2.0, 0.5, 0.3, 0.2, -0.4].into());
-        let pose = world * room.world_from_camera(frame.stamp);
+        let pose = world * room.simulator.world_from_camera(frame.stamp);
         if detector {
-            filter.detections(boxes(&room, &frame));
+            filter.detections(boxes(room, frame));
         }
-        let found = filter.step(&frame, poses.then_some(&pose)).unwrap();
+        let found = filter.step(frame, poses.then_some(&pose)).unwrap();
         assert!(found.world_from_camera.is_some(), "{scene} {i}");
         assert_eq!(
             found.objects.is_empty(),
@@ -104,7 +132,7 @@ fn score(scene: &str, poses: bool, detector: bool) -> Score {
         );
         if i >= SCORED {
             assert_eq!(found.mask(), found.segments.mask(&frame.depth));
-            score.add(&room, &frame, &found.segments);
+            score.add(room, frame, &found.segments);
         }
     }
     println!(
@@ -116,16 +144,16 @@ fn score(scene: &str, poses: bool, detector: bool) -> Score {
 }
 
 /// The same with the whole system on top, and no detector.
-fn score_with_slam(scene: &str) -> Score {
-    let room = room(scene);
-    let mut system = System::new(Config::default(), *room.camera(), Simd::detect()).unwrap();
+fn score_with_slam(room: &Room) -> Score {
+    let (scene, camera) = (room.scene, *room.simulator.camera());
+    let mut system = System::new(Config::default(), camera, Simd::detect()).unwrap();
     let mut score = Score::default();
     for i in FRAMES {
         let frame = room.frame(i);
-        let events = system.step(frame.clone());
+        let events = system.step((**frame).clone());
         let found = events.iter().find_map(|e| e.as_frame()).unwrap();
         if i >= SCORED {
-            score.add(&room, &frame, &found.report.segments);
+            score.add(room, frame, &found.report.segments);
         }
     }
     println!(
@@ -138,9 +166,9 @@ fn score_with_slam(scene: &str) -> Score {
 
 #[test]
 fn people_who_walk_are_masked_as_well_as_with_slam_on_top() {
-    let slam = score_with_slam("walking_xyz");
+    let slam = score_with_slam(&WALKING);
     for poses in [false, true] {
-        let alone = score("walking_xyz", poses, false);
+        let alone = score(&WALKING, poses, false);
         assert!(
             alone.recall() > slam.recall() - 0.08,
             "{poses}: {alone:?} {slam:?}"
@@ -149,7 +177,7 @@ fn people_who_walk_are_masked_as_well_as_with_slam_on_top() {
             alone.kept() > slam.kept() - 0.02,
             "{poses}: {alone:?} {slam:?}"
         );
-        let boxed = score("walking_xyz", poses, true);
+        let boxed = score(&WALKING, poses, true);
         assert!(
             boxed.recall() > 0.6 && boxed.kept() > 0.95,
             "{poses}: {boxed:?}"
@@ -159,9 +187,9 @@ fn people_who_walk_are_masked_as_well_as_with_slam_on_top() {
 
 #[test]
 fn a_room_without_people_is_hardly_masked() {
-    let slam = score_with_slam("xyz");
+    let slam = score_with_slam(&EMPTY);
     for poses in [false, true] {
-        let alone = score("xyz", poses, false);
+        let alone = score(&EMPTY, poses, false);
         assert!(
             alone.kept() > slam.kept() - 0.02 && alone.kept() > 0.95,
             "{poses}: {alone:?} {slam:?}"
@@ -171,14 +199,14 @@ fn a_room_without_people_is_hardly_masked() {
 
 #[test]
 fn verdicts_of_any_pixels_agree_with_the_mask() {
-    let room = room("walking_xyz");
-    let mut filter = filter(&room);
+    let room = &WALKING;
+    let mut filter = filter(room);
     assert!(filter.verdicts(&[[10.0, 10.0]]).is_empty());
     let mut moving = 0;
     for i in FRAMES.take(30) {
-        let frame = Arc::new(room.frame(i));
-        filter.detections(boxes(&room, &frame));
-        let found = filter.step(&frame, None).unwrap();
+        let frame = room.frame(i);
+        filter.detections(boxes(room, frame));
+        let found = filter.step(frame, None).unwrap();
         let mask = found.mask();
         let pixels: Vec<[f32; 2]> = (0..640 * 480)
             .step_by(37)
@@ -196,15 +224,16 @@ fn verdicts_of_any_pixels_agree_with_the_mask() {
 
 #[test]
 fn the_camera_is_followed_without_a_map() {
-    let room = room("walking_xyz");
-    let mut filter = filter(&room);
-    let first = room.world_from_camera(room.stamp(FRAMES.start)).inverse();
+    let (room, simulator) = (&WALKING, &WALKING.simulator);
+    let mut filter = filter(room);
+    let first = simulator.stamp(FRAMES.start);
+    let first = simulator.world_from_camera(first).inverse();
     let mut worst: f64 = 0.0;
     for i in FRAMES {
-        let frame = Arc::new(room.frame(i));
-        filter.detections(boxes(&room, &frame));
-        let found = filter.step(&frame, None).unwrap();
-        let truth = first * room.world_from_camera(frame.stamp);
+        let frame = room.frame(i);
+        filter.detections(boxes(room, frame));
+        let found = filter.step(frame, None).unwrap();
+        let truth = first * simulator.world_from_camera(frame.stamp);
         let error: Vec3 = found.world_from_camera.unwrap().translation - truth.translation;
         worst = worst.max(error.norm());
     }
@@ -213,21 +242,23 @@ fn the_camera_is_followed_without_a_map() {
 
 #[test]
 fn what_cannot_be_looked_at_is_refused_or_survived() {
-    let room = room("walking_xyz");
+    let (room, camera) = (&WALKING, *WALKING.simulator.camera());
     let off = {
         let mut config = Config::default();
         config.static_filter.preset = Preset::Off;
-        DynamicMask::new(&config, *room.camera(), Simd::detect()).err()
+        DynamicMask::new(&config, camera, Simd::detect()).err()
     };
     assert_eq!(off, Some(MaskError::Preset(Preset::Off)));
     assert!(off.is_some_and(|e| e.to_string().contains("expected \"default\"")));
-    let mut filter = filter(&room);
-    let frame = Arc::new(room.frame(0));
-    filter.step(&frame, None).unwrap();
-    assert!(filter.step(&frame, None).is_err(), "the same frame twice");
+    let mut filter = filter(room);
+    filter.step(room.frame(0), None).unwrap();
+    assert!(
+        filter.step(room.frame(0), None).is_err(),
+        "the same frame twice"
+    );
     // Black frames say nothing; then it goes on.
     for i in 1..30u32 {
-        let mut frame = room.frame(i as usize);
+        let mut frame = (**room.frame(i as usize)).clone();
         frame.id = FrameId(i);
         if (3..20).contains(&i) {
             frame.gray.data_mut().fill(0);

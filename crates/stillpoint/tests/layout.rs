@@ -79,3 +79,65 @@ fn every_file_of_tests_is_built() {
         }
     }
 }
+
+/// Whether a source has an example in its documentation, which the doc tests would compile.
+fn has_example(text: &str) -> bool {
+    let mut inside = false;
+    let mut found = false;
+    for line in text.lines().map(str::trim_start) {
+        let doc = line.strip_prefix("//!").or(line.strip_prefix("///"));
+        if let Some(language) = doc.and_then(|d| d.trim_start().strip_prefix("```")) {
+            let rust = language.split(',').all(|word| {
+                let word = word.trim();
+                matches!(
+                    word,
+                    "" | "rust" | "no_run" | "should_panic" | "compile_fail"
+                )
+            });
+            found |= rust && !inside;
+            inside = !inside;
+        }
+    }
+    found
+}
+
+/// Looking for examples takes seconds per crate; a crate without any says so, and one that gets its first has to be looked through again.
+#[test]
+fn doc_tests_look_where_there_are_examples() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut looked_through = 0;
+    for entry in fs::read_dir(root).unwrap() {
+        let krate = entry.unwrap().path();
+        let (mut open, mut examples) = (vec![krate.join("src")], false);
+        if !krate.join("src/lib.rs").is_file() {
+            continue;
+        }
+        while let Some(path) = open.pop() {
+            if path.is_dir() {
+                open.extend(fs::read_dir(&path).unwrap().map(|e| e.unwrap().path()));
+            } else if path.extension() == Some("rs".as_ref()) {
+                examples |= has_example(&fs::read_to_string(&path).unwrap());
+            }
+        }
+        let manifest = fs::read_to_string(krate.join("Cargo.toml")).unwrap();
+        let off = manifest.contains("\n[lib]\ndoctest = false\n");
+        assert_eq!(
+            off,
+            !examples,
+            "{}: `[lib] doctest = false` (left) goes with documentation that has no examples (right)",
+            krate.display()
+        );
+        looked_through += usize::from(!off);
+    }
+    assert!(looked_through > 4, "{looked_through} crates");
+}
+
+#[test]
+fn examples_are_told_from_other_text() {
+    assert!(has_example("/// ```\n/// let x = 1;\n/// ```\n"));
+    assert!(has_example("    //! ```no_run\n"));
+    assert!(!has_example(
+        "/// ```text\n/// a\n/// ```\nlet s = \"```\";\n"
+    ));
+    assert!(!has_example("/// ```toml\n/// a = 1\n/// ```\n"));
+}

@@ -1,6 +1,7 @@
 //! Detections that come late: propagated forward to the present, and back to the keyframe that they are about.
 
 use super::world::{Recording, Run, shows_mover, with};
+use std::sync::LazyLock;
 use stillpoint_imaging::GrayImage;
 use stillpoint_map::KeyframeId;
 use stillpoint_slam::{Config, Preset, Reasons};
@@ -10,6 +11,15 @@ fn late(frames: u32) -> Config {
     config.schedule.detector = frames;
     config
 }
+
+/// People walk in, cross close in front of the camera and fill half of the image.
+static CROSSING: LazyLock<Recording> =
+    LazyLock::new(|| Recording::simulated("walking_xyz", 20..110, 0.3));
+/// ATE of it without the filter, mm.
+static OFF: LazyLock<f64> = LazyLock::new(|| {
+    let run = CROSSING.run(with(Preset::Off));
+    CROSSING.ate_mm(&run)
+});
 
 /// Of the keypoints on people that were rejected, the share that was found on an object.
 fn named(recording: &Recording, run: &Run) -> f64 {
@@ -26,37 +36,33 @@ fn named(recording: &Recording, run: &Run) -> f64 {
 
 #[test]
 fn late_detections_are_propagated_forward() {
-    // People walk in, cross close in front of the camera and fill half of the image.
-    let recording = Recording::simulated("walking_xyz", 20..110, 0.3);
+    let recording = &CROSSING;
     for (delay, least) in [(1, 0.88), (3, 0.8), (10, 0.45)] {
         let run = recording.run_detected(late(delay));
-        let (error, named) = (recording.ate_mm(&run), named(&recording, &run));
+        let (error, named) = (recording.ate_mm(&run), named(recording, &run));
         println!("{delay} frames late: {error:.2} mm, {named:.3} on objects");
         assert_eq!(run.lost(), 0, "{delay} frames late");
         assert!(error < 10.0, "{delay} frames late: {error} mm");
         assert!(named > least, "{delay} frames late: {named} on objects");
     }
     // Control: without the filter the same frames fail, and nobody names objects that no detector saw.
-    let off = recording.ate_mm(&recording.run(with(Preset::Off)));
-    assert!(off > 15.0, "off: {off} mm");
+    assert!(*OFF > 15.0, "off: {} mm", *OFF);
     let alone = recording.run(with(Preset::Default));
-    assert!(named(&recording, &alone).abs() < f64::EPSILON);
+    assert!(named(recording, &alone).abs() < f64::EPSILON);
 }
 
 #[test]
 fn a_detector_that_looks_at_every_fifth_frame_is_enough() {
-    // The frames of `late_detections_are_propagated_forward`, which has the control without the filter, too.
-    let recording = Recording::simulated("walking_xyz", 20..110, 0.3);
+    let recording = &CROSSING;
     let mut config = late(3);
     config.detector.stride = 5;
     let run = recording.run_detected(config);
-    let (error, named) = (recording.ate_mm(&run), named(&recording, &run));
+    let (error, named) = (recording.ate_mm(&run), named(recording, &run));
     println!("every fifth frame, 3 late: {error:.2} mm, {named:.3} on objects");
     assert_eq!(run.lost(), 0);
     assert!(error < 10.0, "{error} mm");
     assert!(named > 0.45, "{named} on objects");
-    let off = recording.ate_mm(&recording.run(with(Preset::Off)));
-    assert!(off > 10.0, "off: {off} mm");
+    assert!(*OFF > 10.0, "off: {} mm", *OFF);
 }
 
 /// Answers that were too late, and those about frames without a pose.
