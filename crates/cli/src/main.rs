@@ -24,6 +24,7 @@ mod realsense;
 mod recording;
 mod report;
 mod run;
+mod serve;
 mod simulate;
 mod spelling;
 mod timing;

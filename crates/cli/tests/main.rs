@@ -17,6 +17,7 @@ mod dynamic;
 mod end_to_end;
 mod golden;
 mod live;
+mod live_page;
 mod malicious_models;
 mod map;
 mod map_kill;

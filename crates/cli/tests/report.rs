@@ -7,17 +7,17 @@ use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 use tempfile::TempDir;
 
-const FRAMES: usize = 60;
+pub(crate) const FRAMES: usize = 60;
 
 /// A run among people, with its report.
-struct Made {
-    dir: TempDir,
-    result: PathBuf,
+pub(crate) struct Made {
+    pub(crate) dir: TempDir,
+    pub(crate) result: PathBuf,
     page: PathBuf,
-    summary: Value,
+    pub(crate) summary: Value,
 }
 
-static MADE: LazyLock<Made> = LazyLock::new(|| {
+pub(crate) static MADE: LazyLock<Made> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     let (data, result) = (dir.path().join("people walk"), dir.path().join("result"));
     simulate(&data, "walking_xyz", FRAMES);
@@ -33,11 +33,11 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
     }
 });
 
-fn text(path: &Path) -> &str {
+pub(crate) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-fn summary(result: &Path) -> Value {
+pub(crate) fn summary(result: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(result.join("summary.json")).unwrap()).unwrap()
 }
 
@@ -128,7 +128,7 @@ fn what_is_no_result_is_refused() {
 }
 
 /// Share of the pixels of the view that are drawn on, and a number that tells pictures apart.
-const LOOK: &str = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
+pub(crate) const LOOK: &str = "new Promise(done => requestAnimationFrame(() => requestAnimationFrame(() => {
     const from = document.querySelector('#scene'), canvas = document.createElement('canvas');
     [canvas.width, canvas.height] = [from.width, from.height];
     const g = canvas.getContext('2d');
@@ -267,7 +267,7 @@ fn keys_and_fingers_do_what_the_mouse_does() {
 }
 
 /// Text whose contrast with what is behind it is under 4.5 (WCAG 2.1).
-const FAINT: &str = "(() => {
+pub(crate) const FAINT: &str = "(() => {
     const parse = c => c.match(/[\\d.]+/g).map(Number);
     const light = c => { const [r, g, b] = parse(c).map(v => (v /= 255) <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
     const behind = e => { for (; e; e = e.parentElement) { const c = getComputedStyle(e).backgroundColor, p = parse(c); if (p.length < 4 || p[3] > 0) return c; } return 'rgb(255, 255, 255)'; };

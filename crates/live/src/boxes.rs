@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections};
-use stillpoint_imaging::RgbdFrame;
+use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
@@ -149,8 +149,9 @@ pub(crate) struct Published {
     pub(crate) keyframes: u64,
 }
 
-/// What a detector said, and when its frame had arrived.
+/// What a detector said, of which frame, and when that had arrived.
 pub(crate) struct Said {
+    pub(crate) frame: FrameId,
     pub(crate) answer: Result<Detections, DetectError>,
     pub(crate) arrived: Instant,
 }

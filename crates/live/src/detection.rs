@@ -29,6 +29,7 @@ impl DetectionWorker {
                 let worked = began.elapsed();
                 boxes.detection.put(|b| b.done(Instant::now(), worked));
                 let said = Said {
+                    frame: shown.frame.id,
                     answer,
                     arrived: shown.at,
                 };

@@ -26,7 +26,7 @@ mod workers;
 
 pub use audience::{Delivery, Events, Missed, Subscribed};
 pub use health::{LiveHealth, ThreadState, Watch};
-pub use measure::{Ended, FrameTiming, LiveStatistics, Stage, WorkerEnd};
+pub use measure::{AnswerTiming, Ended, FrameTiming, LiveStatistics, Stage, WorkerEnd};
 pub use pace::Played;
 pub use system::{LiveOptions, LiveResult, LiveSystem, SubscriberHook};
 pub use workers::Hook;

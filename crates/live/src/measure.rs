@@ -60,6 +60,15 @@ pub struct FrameTiming {
     pub looping_queue: u32,
 }
 
+/// What was measured at one answer of the detector.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AnswerTiming {
+    /// The frame that it is about.
+    pub frame: FrameId,
+    /// From the frame's arrival until tracking took the answer, s.
+    pub latency: f64,
+}
+
 /// What was measured of a run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LiveStatistics {
@@ -71,8 +80,8 @@ pub struct LiveStatistics {
     pub dropped: Vec<FrameId>,
     /// Every frame that was tracked, in order.
     pub frames: Vec<FrameTiming>,
-    /// Per answer of the detector, the time from its frame's arrival until tracking took the answer, s.
-    pub detections: Vec<f64>,
+    /// Every answer of the detector that tracking took, in that order.
+    pub detections: Vec<AnswerTiming>,
     /// What did not reach a subscriber because it was too slow; by name, in the order in which they subscribed.
     pub subscribers: Vec<(String, Missed)>,
 }

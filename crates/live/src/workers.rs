@@ -7,7 +7,7 @@ use crate::boxes::{
 };
 use crate::budget::Budget;
 use crate::health::{Newest, guarded};
-use crate::measure::{FrameTiming, Stage, WorkerEnd};
+use crate::measure::{AnswerTiming, FrameTiming, Stage, WorkerEnd};
 use crate::recorder::Recorder;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -65,7 +65,7 @@ pub(crate) struct TrackingWorker {
     /// Lets detection rest where that is too much.
     backoff: Backoff,
     pub(crate) frames: Vec<FrameTiming>,
-    pub(crate) detections: Vec<f64>,
+    pub(crate) detections: Vec<AnswerTiming>,
     /// Frames taken.
     taken: u64,
     /// Stamp of the newest detections.
@@ -199,7 +199,10 @@ impl TrackingWorker {
                 next: next.id,
                 said: said.answer.clone(),
             });
-            self.detections.push(said.arrived.elapsed().as_secs_f64());
+            self.detections.push(AnswerTiming {
+                frame: said.frame,
+                latency: said.arrived.elapsed().as_secs_f64(),
+            });
             if let Ok(detections) = &said.answer {
                 self.seen = Some(detections.stamp);
             }

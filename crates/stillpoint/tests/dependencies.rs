@@ -106,6 +106,7 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("inference", &["datasets"]),
     ("slam", &["simulator"]),
     ("live", &["simulator"]),
+    ("view", &["simulator"]),
     ("ros-events", &["simulator", "features", "imaging"]),
     // Streams without faults, and with those that are put into them.
     ("doctor", &["simulator", "datasets"]),

@@ -32,6 +32,7 @@ pub(crate) enum LiveCommand {
   stillpoint live realsense
   stillpoint live realsense --serial 923322071234 --record walk.mcap --save-map hall.spmap
   stillpoint live realsense --emitter off --exposure-ms 8 --localize hall.spmap
+  stillpoint live realsense --view 192.168.1.7:8080
   stillpoint live realsense --playback d435.bag
 
 Exit codes as those of run."

@@ -2,6 +2,7 @@
 
 use crate::args::{ConfigArgs, InputArgs};
 use crate::run::overlay::Labels;
+use crate::serve::Place;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -67,6 +68,10 @@ pub(crate) struct OutputArgs {
     /// Write no report.html into the result folder.
     #[arg(long)]
     pub(crate) no_report: bool,
+    /// Show the run in a browser while it goes on: the frames with verdicts and boxes, the map, health and latency. The address to open is
+    /// printed; without ADDR only this machine reaches it. It takes nothing and ends with the run. PATH goes before it.
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = "", verbatim_doc_comment)]
+    pub(crate) view: Option<Place>,
     /// Print the summary as JSON, as it stands in summary.json, and nothing else on stdout.
     #[arg(long)]
     pub(crate) json: bool,
@@ -111,6 +116,7 @@ pub(crate) struct OutputArgs {
   stillpoint run recording --json
   stillpoint run recording --live --trace trace.json
   stillpoint run recording --live=all
+  stillpoint run recording --live --view
 
 Exit code 1 when a frame was lost, more than one in ten could not be read, fewer than two poses were found,
 Ctrl-C ended the run, or a thread of a live run did not come to its end (frames that a live run dropped are

@@ -151,6 +151,7 @@ impl DemoStage<'_> {
             truth: Some(&truth),
             log: None,
             report: outputs.report.take().map(|g| g.0),
+            view: None,
             command: page::typed(),
         };
         let (summary, score) = write(&setup, &session, folder)?;

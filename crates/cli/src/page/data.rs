@@ -50,6 +50,13 @@ pub(crate) fn of_session(
             row.time_ms = Some(ms).filter(|ms| ms.is_finite());
         }
     }
+    if let Some(live) = &session.live {
+        for (frame, ms) in &live.answer_ms {
+            if let Ok(i) = rows.binary_search_by_key(&frame.0, |r| r.id) {
+                rows[i].answer_ms = Some(*ms);
+            }
+        }
+    }
     if let Some(score) = score {
         set_errors(&mut rows, score);
     }
@@ -107,7 +114,7 @@ pub(crate) fn of_folder(folder: &Path) -> Result<RunData, Failure> {
 }
 
 /// What a run is called: the last part of what it was run on.
-fn name(input: &str) -> String {
+pub(crate) fn name(input: &str) -> String {
     let last = Path::new(input).file_name();
     last.map_or_else(|| input.to_owned(), |n| n.to_string_lossy().into_owned())
 }
@@ -141,6 +148,7 @@ fn rows(frames_csv: &str, poses: &[StampedPose]) -> Vec<FrameRow> {
             error: None,
             truth: None,
             time_ms: None,
+            answer_ms: None,
         })
     };
     lines.filter_map(row).collect()

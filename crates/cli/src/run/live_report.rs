@@ -6,6 +6,7 @@ use crate::run::session::outputs::OVERLAY;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use stillpoint::evaluation::timing::Stats;
+use stillpoint::imaging::FrameId;
 use stillpoint::live::{Ended, FrameTiming, LiveStatistics, Missed, WorkerEnd};
 
 /// Frames that arrive later than this are reported, ms: a third of the time between two of them.
@@ -16,6 +17,8 @@ pub(crate) struct LiveRun {
     pub(crate) json: LiveJson,
     /// Of every frame that was tracked, ms.
     pub(crate) latency_ms: Vec<f64>,
+    /// Of the frames that the detector answered for, until tracking took the answer, ms.
+    pub(crate) answer_ms: Vec<(FrameId, f64)>,
 }
 
 /// What was measured.
@@ -148,7 +151,7 @@ impl LiveJson {
             latency_ms: each(|f| f.latency * 1e3),
             waited_ms: each(|f| f.waited * 1e3),
             detections_age_ms: ages(|f| f.detections_age),
-            answer_ms: Figures::of(measured.detections.iter().map(|s| s * 1e3)),
+            answer_ms: Figures::of(measured.detections.iter().map(|a| a.latency * 1e3)),
             view_age_ms: ages(|f| f.view_age),
             late_ms: Figures::of(late.iter().map(|s| s * 1e3)),
             features: each(|f| f64::from(f.features)),

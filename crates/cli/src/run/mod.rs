@@ -17,6 +17,7 @@ pub(crate) mod session;
 pub(crate) mod summary;
 pub(crate) mod tally;
 pub(crate) mod verdicts;
+pub(crate) mod view;
 
 use crate::args::InputArgs;
 use crate::args::run::{OutputArgs, RunArgs};
@@ -307,6 +308,7 @@ pub(crate) fn outputs(
         map: map.transpose()?,
         trace: trace.transpose()?,
         record: None,
+        view: None,
     })
 }
 

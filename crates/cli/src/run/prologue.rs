@@ -10,6 +10,7 @@ use crate::page;
 use crate::run::recording::{RecordingFile, RunRecording, SharedRecorder};
 use crate::run::result::{Setup, Voice, finish};
 use crate::run::session::{Driver, Outputs, Session};
+use crate::run::view::PageView;
 use crate::run::{KnownMap, default_out, input, open, outputs, paths, played};
 use crate::timing::Timing;
 use std::path::{Path, PathBuf};
@@ -20,6 +21,7 @@ use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
 use stillpoint::recordings::{Input, MessageFile, Source};
 use stillpoint::slam::{Config, MapUse};
+use stillpoint::view::live::About;
 
 /// What is asked for.
 pub(crate) struct Task<'a> {
@@ -111,6 +113,7 @@ impl<'a> Opened<'a> {
         let recorder = task.recorder.take();
         let mut outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
         outputs.record = recording(task.output, recorder, &camera, &task.config)?;
+        outputs.view = shown(&task, &dataset, remaining)?;
         let means = Means {
             frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
             outputs,
@@ -135,8 +138,33 @@ fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Fail
     Ok(dataset.frames(&FrameOptions {
         start: task.input.start,
         max_frames: task.input.max_frames.map(|n| n as usize),
-        keep_colour: colour || task.output.overlay.is_some() || !task.output.no_report || draws,
+        keep_colour: colour
+            || task.output.overlay.is_some()
+            || !task.output.no_report
+            || task.output.view.is_some()
+            || draws,
     })?)
+}
+
+/// What `--view` asks for. Says where it is to be seen.
+fn shown(
+    task: &Task<'_>,
+    dataset: &Input,
+    frames: Option<usize>,
+) -> Result<Option<PageView>, Failure> {
+    let Some(place) = &task.output.view else {
+        return Ok(None);
+    };
+    let input = input(task.path, dataset);
+    let about = About {
+        name: page::data::name(&input.name),
+        input: format!("{} - camera {}", input.layout, input.camera),
+        command: page::typed(),
+        config: config::to_text(&task.config)?,
+        time_is: "latency".to_owned(),
+        frames: frames.map(|n| n as u64),
+    };
+    PageView::start(place, about).map(Some)
 }
 
 /// What `--record` asks for.
@@ -189,7 +217,7 @@ impl Begun<'_> {
         mut outputs: Outputs,
         log: impl FnOnce() -> Result<Option<Vec<u8>>, Failure>,
     ) -> Result<Status, Failure> {
-        let gathered = outputs.report.take();
+        let (gathered, view) = (outputs.report.take(), outputs.view.take());
         let written = outputs.finish()?;
         let setup = Setup {
             input: input(self.task.path, &self.dataset),
@@ -199,11 +227,15 @@ impl Begun<'_> {
             truth: self.truth.as_deref(),
             log: log()?,
             report: gathered.map(|g| g.0),
+            view: view.as_ref(),
             command: page::typed(),
         };
         let voice = Voice::of(self.task.output);
         let status = finish(&setup, session, self.folder, &self.out, voice)?;
         voice.say(&written);
+        if let Some(view) = view {
+            view.end(&self.out);
+        }
         Ok(status)
     }
 }

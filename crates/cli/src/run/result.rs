@@ -10,6 +10,7 @@ use crate::page::{self, data};
 use crate::run::frames;
 use crate::run::session::Session;
 use crate::run::summary::{Accuracy, Input, ReadoutJson, ScoreJson, StageTiming, Summary};
+use crate::run::view::PageView;
 use crate::timing::Timing;
 use crate::{config, report};
 use std::path::Path;
@@ -31,6 +32,8 @@ pub(crate) struct Setup<'a> {
     pub(crate) truth: Option<&'a [StampedPose]>,
     /// What the report shows of the frames; none where none is to be written.
     pub(crate) report: Option<ReportRecorder>,
+    /// Where the run was shown while it went on: it is told the report.
+    pub(crate) view: Option<&'a PageView>,
     /// How the run was begun.
     pub(crate) command: String,
     /// The log of the run, as it stands in the folder.
@@ -120,6 +123,9 @@ pub(crate) fn write(
     if let Some(recorder) = &setup.report {
         let score = scores.as_ref().map(|s| &s.0);
         let run = data::of_session(setup, session, &json, score, recorder, config);
+        if let Some(view) = setup.view {
+            view.report(&run);
+        }
         folder.write(page::FILE, to_html(&[run]).as_bytes())?;
     }
     folder.write("summary.json", json.as_bytes())?;

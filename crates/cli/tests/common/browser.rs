@@ -148,6 +148,12 @@ impl Browser {
         self.until("document.readyState === 'complete' && location.protocol === 'file:'");
     }
 
+    /// Opens a page of a server, and waits until it is there.
+    pub fn open_url(&mut self, url: &str) {
+        self.call("Page.navigate", &json!({"url": url}));
+        self.until("document.readyState === 'complete' && location.protocol === 'http:'");
+    }
+
     /// The value of an expression in the page; promises are waited for.
     pub fn eval(&mut self, expression: &str) -> Value {
         let asked = json!({"expression": expression, "returnByValue": true, "awaitPromise": true});

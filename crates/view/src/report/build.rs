@@ -3,7 +3,6 @@
 use super::columns::Column;
 use super::model::{FrameState, Mark, MarkKind, ObjectColumns, Pictures, RunData};
 use super::recorder::{ONE_IN, ReportRecorder, SeenObject};
-use super::thumbnail;
 use std::collections::BTreeMap;
 use stillpoint_detection::Motion;
 use stillpoint_geometry::{Se3, Vec3};
@@ -33,6 +32,8 @@ pub struct FrameRow {
     pub truth: Option<Vec3>,
     /// Time that it took, or latency, ms.
     pub time_ms: Option<f64>,
+    /// Time until the detector's answer was used, ms.
+    pub answer_ms: Option<f64>,
 }
 
 impl RunData {
@@ -50,6 +51,7 @@ impl RunData {
             .map(|r| u16::try_from(r.inliers).unwrap_or(u16::MAX));
         f.inliers = inliers.collect();
         f.time_ms = rows.iter().map(|r| or_nan(r.time_ms, 1.0)).collect();
+        f.answer_ms = rows.iter().map(|r| or_nan(r.answer_ms, 1.0)).collect();
         f.error_mm = rows.iter().map(|r| or_nan(r.error, 1e3)).collect();
         f.pose = rows.iter().flat_map(|r| numbers(r.pose.as_ref())).collect();
         let truth = rows.iter().flat_map(|r| triple(r.truth.as_ref()));
@@ -118,7 +120,8 @@ impl RunData {
         self.marks.extend_from_slice(recorder.marks());
         self.marks.sort_by_key(|m| (m.frame, m.kind));
         self.image = recorder.image();
-        let (width, height) = thumbnail::size(self.image[0] as usize, self.image[1] as usize);
+        let [width, height] = self.image.map(|n| n as usize);
+        let (width, height) = recorder.picture_size(width, height);
         let mut pictures = Pictures {
             size: [width as u32, height as u32],
             one_in: ONE_IN as u32,
@@ -150,7 +153,7 @@ impl RunData {
 }
 
 impl ObjectColumns {
-    fn add(&mut self, frame: u32, object: &SeenObject, pose: Option<&Se3>) {
+    pub(crate) fn add(&mut self, frame: u32, object: &SeenObject, pose: Option<&Se3>) {
         let known = self.classes.iter().position(|c| c == object.class);
         let class = known.unwrap_or_else(|| {
             self.classes.push(object.class.to_owned());
@@ -178,12 +181,12 @@ impl ObjectColumns {
     }
 }
 
-fn triple(p: Option<&Vec3>) -> [f32; 3] {
+pub(crate) fn triple(p: Option<&Vec3>) -> [f32; 3] {
     p.map_or([f32::NAN; 3], |p| [p.x, p.y, p.z].map(|x| x as f32))
 }
 
 /// Position and quaternion (x, y, z, w).
-fn numbers(pose: Option<&Se3>) -> [f32; 7] {
+pub(crate) fn numbers(pose: Option<&Se3>) -> [f32; 7] {
     pose.map_or([f32::NAN; 7], |p| {
         let (t, q) = (&p.translation, p.rotation.coords);
         [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|x| x as f32)

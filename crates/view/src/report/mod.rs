@@ -6,6 +6,7 @@
 
 mod build;
 mod columns;
+mod marks;
 mod model;
 mod recorder;
 mod thumbnail;
@@ -18,18 +19,27 @@ pub use model::{
 };
 pub use recorder::ReportRecorder;
 
+pub(crate) use build::{numbers, triple};
+pub(crate) use marks::mark_of;
+pub(crate) use recorder::{features, objects_of};
+pub(crate) use thumbnail::Thumbnails;
+
 const PAGE: &str = include_str!("page/page.html");
 const STYLE: &str = include_str!("page/style.css");
 /// In the order in which they use each other.
-const SCRIPTS: [&str; 7] = [
+const SCRIPTS: [&str; 8] = [
     include_str!("page/data.js"),
     include_str!("page/numbers.js"),
     include_str!("page/scene.js"),
     include_str!("page/view3d.js"),
     include_str!("page/timeline.js"),
     include_str!("page/picture.js"),
+    include_str!("page/worst.js"),
     include_str!("page/main.js"),
 ];
+/// What begins the page of a run that is over, and that of one that goes on.
+const REPORT: &str = include_str!("page/report.js");
+const LIVE: [&str; 2] = [include_str!("page/live.js"), include_str!("page/feed.js")];
 /// Before and after the data in the page.
 const DATA_BEGINS: &str = "<script id=\"data\" type=\"application/json\">";
 const DATA_ENDS: &str = "</script>";
@@ -54,13 +64,21 @@ pub fn to_html(runs: &[RunData]) -> String {
         [run] => run.name.clone(),
         runs => format!("{} runs", runs.len()),
     };
-    let script = SCRIPTS.join("\n");
+    page(&title, &data, false)
+}
+
+/// The page with its data; that of a run that goes on asks for what is new, and for nothing else.
+pub(crate) fn page(title: &str, data: &str, is_live: bool) -> String {
+    let last: &[&str] = if is_live { &LIVE } else { &[REPORT] };
+    let script = [&SCRIPTS[..], last].concat().join("\n");
+    let connect = if is_live { "; connect-src 'self'" } else { "" };
     let mut page = String::with_capacity(PAGE.len() + STYLE.len() + script.len() + data.len());
     let mut rest = PAGE;
     for (name, text) in [
-        ("{{title}}", &*escaped(&title)),
+        ("{{connect}}", connect),
+        ("{{title}}", &*escaped(title)),
         ("{{style}}", STYLE),
-        ("{{data}}", &*data),
+        ("{{data}}", data),
         ("{{script}}", &*script),
     ] {
         let (before, after) = rest.split_once(name).unwrap_or((rest, ""));
@@ -130,7 +148,13 @@ mod tests {
     fn a_page_fetches_nothing() {
         let page = to_html(&[RunData::default()]);
         for what in [
-            "http://", "https://", "@import", "src=\"", "fetch(", "XMLHttp",
+            "http://",
+            "https://",
+            "@import",
+            "src=\"",
+            "fetch(",
+            "XMLHttp",
+            "EventSource",
         ] {
             let at = page.find(what);
             assert!(

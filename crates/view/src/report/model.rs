@@ -56,6 +56,9 @@ pub struct FrameColumns {
     pub quality: Column<f32>,
     /// Time that it took, or latency in a live run, ms.
     pub time_ms: Column<f32>,
+    /// From the frame's arrival until tracking took what the detector said of it, ms; only where it was asked in a live run.
+    #[serde(default)]
+    pub answer_ms: Column<f32>,
     /// Distance to the true position, mm.
     pub error_mm: Column<f32>,
     /// Final pose: seven numbers per frame, position and quaternion (x, y, z, w).

@@ -1,13 +1,14 @@
 //! Gathers what a report shows while a run goes on.
 
 use super::columns::Column;
-use super::model::{Mark, MarkKind, Said};
+use super::marks::mark_of;
+use super::model::{Mark, Said};
 use super::thumbnail::Thumbnails;
 use std::collections::BTreeMap;
 use stillpoint_detection::{Motion, Object, ObjectState};
 use stillpoint_geometry::Vec3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
-use stillpoint_slam::{Event, FrameReport, Health, LoopOutcome, Outcome, Reasons, Subscriber};
+use stillpoint_slam::{Event, FrameReport, Health, Outcome, Reasons, Subscriber};
 
 use crate::certain_speed;
 
@@ -53,7 +54,7 @@ pub(super) struct Shown {
 
 /// An object in a picture.
 #[derive(Clone, Debug)]
-pub(super) struct SeenObject {
+pub(crate) struct SeenObject {
     pub(super) id: u32,
     pub(super) class: &'static str,
     pub(super) motion: Motion,
@@ -66,38 +67,12 @@ pub(super) struct SeenObject {
 
 impl Subscriber for ReportRecorder {
     fn receive(&mut self, event: &Event) {
-        match event {
-            Event::Frame(event) => {
-                self.take(&event.report, &event.health);
-                if let Some(frame) = &event.frame {
-                    self.show(frame, &event.report);
-                }
+        self.marks.extend(mark_of(event));
+        if let Event::Frame(event) = event {
+            self.take(&event.report, &event.health);
+            if let Some(frame) = &event.frame {
+                self.show(frame, &event.report);
             }
-            Event::Looped(report) if report.outcome == LoopOutcome::Closed => {
-                let what = if report.joined.is_some() {
-                    "joined submaps"
-                } else {
-                    "closed a loop"
-                };
-                let moved = 1e3 * report.moved_m;
-                self.mark(
-                    FrameId(report.keyframe.0),
-                    MarkKind::Loop,
-                    format!(
-                        "{what} with keyframe {}: moved up to {moved:.0} mm",
-                        report.with
-                    ),
-                );
-            }
-            Event::Revoked { report, .. } => self.mark(
-                FrameId(report.last.0),
-                MarkKind::Revoked,
-                format!(
-                    "{} keyframes of the beginning were taken back: they had ridden on what moves",
-                    report.keyframes
-                ),
-            ),
-            _ => {}
         }
     }
 }
@@ -121,6 +96,11 @@ impl ReportRecorder {
         self.image
     }
 
+    /// Size of the picture of an image, px.
+    pub(super) fn picture_size(&self, width: usize, height: usize) -> (usize, usize) {
+        self.thumbnails.size(width, height)
+    }
+
     /// The frames with pictures, in order.
     pub(super) fn shown(&self) -> BTreeMap<FrameId, &Shown> {
         let losses = self.losses.iter();
@@ -131,24 +111,8 @@ impl ReportRecorder {
             .collect()
     }
 
-    fn mark(&mut self, frame: FrameId, kind: MarkKind, text: String) {
-        let frame = frame.0;
-        self.marks.push(Mark { frame, kind, text });
-    }
-
     /// Takes a frame's numbers.
     fn take(&mut self, report: &FrameReport, health: &Health) {
-        match report.outcome {
-            Outcome::Initialised => {
-                self.mark(report.frame, MarkKind::Begun, "a map began".to_owned());
-            }
-            Outcome::Relocalised { with, .. } => self.mark(
-                report.frame,
-                MarkKind::Found,
-                format!("found again at keyframe {with}"),
-            ),
-            _ => {}
-        }
         self.frames.push(Seen {
             frame: report.frame,
             moving: report.counts.moving_share(),
@@ -171,7 +135,7 @@ impl ReportRecorder {
         let shown = Shown {
             jpeg: Column(self.thumbnails.make(frame)),
             features: features(report, [width as f32, height as f32]),
-            objects: objects(report),
+            objects: objects_of(report).collect(),
         };
         if begins_loss {
             self.losses.insert(report.frame, shown);
@@ -190,7 +154,7 @@ impl ReportRecorder {
 }
 
 /// Features as a picture shows them.
-fn features(report: &FrameReport, [width, height]: [f32; 2]) -> Column<u8> {
+pub(crate) fn features(report: &FrameReport, [width, height]: [f32; 2]) -> Column<u8> {
     let at = |x: f32, of: f32| (x / of * 255.0).round() as u8;
     let still = report.verdicts.iter().filter(|v| !v.dynamic);
     let still = still.step_by(ONE_IN).map(|v| (v.pixel, Said::Still));
@@ -216,9 +180,9 @@ fn said(reasons: Reasons) -> Said {
 }
 
 /// Objects that are more than a guess.
-fn objects(report: &FrameReport) -> Vec<SeenObject> {
+pub(crate) fn objects_of(report: &FrameReport) -> impl Iterator<Item = SeenObject> {
     let sure = |o: &&Object| o.state != ObjectState::Tentative;
-    let seen = |object: &Object| {
+    let seen = move |object: &Object| {
         let b = &object.bounds;
         let in_camera = report
             .world_from_camera
@@ -233,5 +197,5 @@ fn objects(report: &FrameReport) -> Vec<SeenObject> {
             speed: certain_speed(object, 1.0),
         }
     };
-    report.objects.iter().filter(sure).map(seen).collect()
+    report.objects.iter().filter(sure).map(seen)
 }

@@ -15,7 +15,11 @@ const MEAN_BYTES: usize = 4600;
 
 /// Makes pictures, and keeps to a mean size by their quality.
 #[derive(Clone, Debug)]
-pub(super) struct Thumbnails {
+pub(crate) struct Thumbnails {
+    /// Width of a picture, px, at most.
+    width: usize,
+    /// Bytes that a picture should take on average.
+    mean_bytes: usize,
     quality: u8,
     made: usize,
     bytes: usize,
@@ -23,26 +27,43 @@ pub(super) struct Thumbnails {
 
 impl Default for Thumbnails {
     fn default() -> Self {
+        Self::new(WIDTH, MEAN_BYTES)
+    }
+}
+
+impl Thumbnails {
+    /// Pictures of at most that width, px, that take so many bytes on average.
+    pub(crate) fn new(width: usize, mean_bytes: usize) -> Self {
         Self {
+            width,
+            mean_bytes,
             quality: BEST,
             made: 0,
             bytes: 0,
         }
     }
-}
 
-impl Thumbnails {
+    /// Size of the picture of an image, px.
+    pub(crate) fn size(&self, width: usize, height: usize) -> (usize, usize) {
+        size(width, height, self.step(width))
+    }
+
+    /// A pixel of the picture is so many of the image, along both sides.
+    fn step(&self, width: usize) -> usize {
+        width.div_ceil(self.width).max(1)
+    }
+
     /// A frame as JPEG: in colour if it has colours.
-    pub(super) fn make(&mut self, frame: &RgbdFrame) -> Vec<u8> {
+    pub(crate) fn make(&mut self, frame: &RgbdFrame) -> Vec<u8> {
         let (width, height, pixels, colour) = match &frame.colour {
             Some(colour) => {
                 let (w, h) = (colour.width(), colour.height());
-                let (w, h, small) = reduced::<3>(colour.data(), w, h);
+                let (w, h, small) = reduced::<3>(colour.data(), w, h, self.step(w));
                 (w, h, small, ColorType::Rgb)
             }
             None => {
                 let (w, h) = (frame.gray.width(), frame.gray.height());
-                let (w, h, small) = reduced::<1>(frame.gray.data(), w, h);
+                let (w, h, small) = reduced::<1>(frame.gray.data(), w, h, self.step(w));
                 (w, h, small, ColorType::Luma)
             }
         };
@@ -53,25 +74,27 @@ impl Thumbnails {
         }
         self.made += 1;
         self.bytes += jpeg.len();
-        if self.bytes > self.made * MEAN_BYTES {
+        if self.bytes > self.made * self.mean_bytes {
             self.quality = self.quality.saturating_sub(3).max(WORST);
-        } else if self.bytes < self.made * (MEAN_BYTES - MEAN_BYTES / 8) {
+        } else if self.bytes < self.made * (self.mean_bytes - self.mean_bytes / 8) {
             self.quality = (self.quality + 1).min(BEST);
         }
         jpeg
     }
 }
 
-/// Size of the picture of an image.
-pub(super) fn size(width: usize, height: usize) -> (usize, usize) {
-    let step = width.div_ceil(WIDTH).max(1);
+fn size(width: usize, height: usize, step: usize) -> (usize, usize) {
     ((width / step).max(1), (height / step).max(1))
 }
 
 /// The mean of every square of pixels.
-fn reduced<const N: usize>(data: &[u8], width: usize, height: usize) -> (usize, usize, Vec<u8>) {
-    let step = width.div_ceil(WIDTH).max(1);
-    let (w, h) = size(width, height);
+fn reduced<const N: usize>(
+    data: &[u8],
+    width: usize,
+    height: usize,
+    step: usize,
+) -> (usize, usize, Vec<u8>) {
+    let (w, h) = size(width, height, step);
     let mut small = vec![0; w * h * N];
     let mut sums = vec![0_u32; w * N];
     for y in 0..h {
@@ -123,7 +146,7 @@ mod tests {
             (1, 1, (1, 1)),
             (1281, 2, (183, 1)),
         ] {
-            assert_eq!(size(w, h), expected);
+            assert_eq!(Thumbnails::default().size(w, h), expected);
             for colour in [true, false] {
                 let jpeg = Thumbnails::default().make(&frame(w, h, colour));
                 let read = image::load_from_memory(&jpeg).unwrap();
@@ -135,11 +158,11 @@ mod tests {
     #[test]
     fn means_are_those_of_squares() {
         let data: Vec<u8> = (0..8 * 2).map(|i| i * 10).collect();
-        assert_eq!(reduced::<1>(&data, 8, 2), (8, 2, data.clone()));
+        assert_eq!(reduced::<1>(&data, 8, 2, 1), (8, 2, data.clone()));
         let wide: Vec<u8> = (0..400 * 2)
             .map(|i| if i % 400 < 200 { 10 } else { 30 })
             .collect();
-        let (w, h, small) = reduced::<1>(&wide, 400, 2);
+        let (w, h, small) = reduced::<1>(&wide, 400, 2, 3);
         // Three columns each; the last one is left out.
         assert_eq!((w, h), (133, 1));
         assert_eq!((small[0], small[66], small[132]), (10, 16, 30));

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 use stillpoint::detection::Detector;
-use stillpoint::imaging::FrameSource;
+use stillpoint::imaging::{FrameId, FrameSource};
 use stillpoint::live::{
     Delivery, Hook, LiveOptions, LiveResult, LiveSystem, Played, Stage, Subscribed,
 };
@@ -123,16 +123,17 @@ impl Driver<'_> {
                 "the map is not saved: mapping ended in the midst of its work and left it in a state that cannot be used",
             )),
         });
-        let answers = session.detector.frames as f64 / seconds;
+        let per_second = session.detector.frames as f64 / seconds;
         session.live = Some(LiveRun {
             json: LiveJson::new(
                 choice.name(),
                 &result.statistics,
                 &result.ended,
-                answers,
+                per_second,
                 watched.late(),
             ),
             latency_ms: latencies(&result),
+            answer_ms: answers(&result),
         });
         session.log = Some(result.log);
         Ok(session)
@@ -143,6 +144,12 @@ impl Driver<'_> {
 fn latencies(result: &LiveResult) -> Vec<f64> {
     let frames = result.statistics.frames.iter();
     frames.map(|f| f.latency * 1e3).collect()
+}
+
+/// From the arrival of each frame that the detector answered for until tracking took the answer, ms.
+fn answers(result: &LiveResult) -> Vec<(FrameId, f64)> {
+    let answers = result.statistics.detections.iter();
+    answers.map(|a| (a.frame, a.latency * 1e3)).collect()
 }
 
 /// Who listens to a live run.
@@ -162,6 +169,9 @@ impl LiveListeners {
         stop: &Stop,
         timing: &'static Timing,
     ) -> Result<Self, Failure> {
+        if let Some(view) = &outputs.view {
+            view.begin(live.watch().view(), Some(live.watch()));
+        }
         let progress = ProgressLine::of_live(frames, live.watch());
         let skipped = progress.skipped();
         let tally = Rounds {

@@ -101,6 +101,9 @@ impl Driver<'_> {
         if let Some(detector) = self.detector.take() {
             system = system.with_detector(detector);
         }
+        if let Some(view) = &outputs.view {
+            view.begin(system.view(), None);
+        }
         let stop = Stop::default();
         let mut listeners = Listeners {
             tally: Tally::default(),

@@ -11,6 +11,7 @@ use crate::run::overlay::OverlayFolder;
 use crate::run::recording::RunRecording;
 use crate::run::session::listeners::{Listening, Rounds, Stop, Writer};
 use crate::run::verdicts::VerdictFile;
+use crate::run::view::PageView;
 use crate::timing::Timing;
 use crate::trace::TraceFile;
 use stillpoint::live::{Delivery, LiveSystem, Subscribed};
@@ -34,6 +35,8 @@ pub(crate) struct Outputs {
     pub(crate) report: Option<Gathering>,
     /// What was found as messages.
     pub(crate) record: Option<RunRecording>,
+    /// What browsers are shown.
+    pub(crate) view: Option<PageView>,
     /// What every thread does when.
     pub(crate) trace: Option<TraceFile>,
     /// The map, at the end.
@@ -49,6 +52,7 @@ pub(crate) struct Writers {
     shots: Option<Listening<Shots>>,
     report: Option<Listening<Gathering>>,
     record: Option<Listening<RunRecording>>,
+    view: Option<Listening<PageView>>,
     trace: Option<Listening<TraceFile>>,
 }
 
@@ -61,6 +65,7 @@ impl Subscriber for Writers {
         self.shots.receive(event);
         self.report.receive(event);
         self.record.receive(event);
+        self.view.receive(event);
         self.trace.receive(event);
     }
 }
@@ -74,11 +79,16 @@ pub(crate) struct LiveWriters {
     shots: Option<Subscribed<Rounds<Listening<Shots>>>>,
     report: Option<Subscribed<Rounds<Listening<Gathering>>>>,
     record: Option<Subscribed<Rounds<Listening<RunRecording>>>>,
+    view: Option<Subscribed<Rounds<Listening<PageView>>>>,
     trace: Option<Subscribed<Rounds<Listening<TraceFile>>>>,
 }
 
 /// Events that wait to be written, at most: at 30 Hz about a minute of frames, with what else happens.
 pub(crate) const EVENTS: usize = 4096;
+/// The subscriber that browsers are shown.
+pub(crate) const VIEW: &str = "view";
+/// Events of each kind that wait to be shown, at most: some seconds.
+const SHOWN: usize = 128;
 /// Pictures that wait to be drawn, at most: some 20 MB.
 const PICTURES: usize = 8;
 
@@ -93,6 +103,7 @@ impl Outputs {
             shots: self.shots.take().map(|w| Listening::new(w, stop)),
             report: self.report.take().map(|w| Listening::new(w, stop)),
             record: self.record.take().map(|w| Listening::new(w, stop)),
+            view: self.view.take().map(|w| Listening::new(w, stop)),
             trace: self.trace.take().map(|w| Listening::new(w, stop)),
         }
     }
@@ -109,6 +120,7 @@ impl Outputs {
         self.shots = writers.shots.map(Listening::finish).transpose()?;
         self.report = writers.report.map(Listening::finish).transpose()?;
         self.record = writers.record.map(Listening::finish).transpose()?;
+        self.view = writers.view.map(Listening::finish).transpose()?;
         self.trace = writers.trace.map(Listening::finish).transpose()?;
         Ok(())
     }
@@ -123,6 +135,8 @@ impl Outputs {
         let all = Delivery::until_full(EVENTS);
         let every = self.overlay.as_ref().map_or(1, OverlayFolder::every);
         let every_shot = self.shots.as_ref().map_or(1, Shots::every);
+        // Whoever looks wants to see what is now; no frame waits for that, even where none is dropped.
+        let newest = Delivery::newest(SHOWN).with_images(PICTURES, 2);
         let mut on = Subscribing { live, stop, timing };
         Ok(LiveWriters {
             verdicts: on.add("verdicts", all, self.verdicts.take())?,
@@ -140,6 +154,7 @@ impl Outputs {
             )?,
             report: on.add("report", all.with_images(PICTURES, 1), self.report.take())?,
             record: on.add("record", all.with_images(PICTURES, 1), self.record.take())?,
+            view: on.add(VIEW, newest, self.view.take())?,
             trace: on.add("trace", all, self.trace.take())?,
         })
     }
@@ -156,6 +171,7 @@ impl Outputs {
         self.shots = writers.shots.map(rejoined).transpose()?;
         self.report = writers.report.map(rejoined).transpose()?;
         self.record = writers.record.map(rejoined).transpose()?;
+        self.view = writers.view.map(rejoined).transpose()?;
         self.trace = writers.trace.map(rejoined).transpose()?;
         Ok(())
     }

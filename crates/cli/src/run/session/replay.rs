@@ -28,6 +28,9 @@ impl Driver<'_> {
         let frames = log.entries.iter().filter(is_frame).count();
         let mut replay = Replay::new(self.stages()?, log).map_err(Failure::input)?;
         self.interrupt.begin();
+        if let Some(view) = &outputs.view {
+            view.begin(replay.view(), None);
+        }
         let stop = Stop::default();
         let mut listeners = Listeners {
             tally: Tally::default(),

@@ -31,7 +31,7 @@ class Run {
     this.seconds = column.f32(f.seconds);
     this.state = column.u8(f.state);
     this.inliers = column.u16(f.inliers);
-    for (const name of ["moving", "sigma_mm", "quality", "time_ms", "error_mm", "pose", "truth"]) this[name] = column.f32(f[name]);
+    for (const name of ["moving", "sigma_mm", "quality", "time_ms", "answer_ms", "error_mm", "pose", "truth"]) this[name] = column.f32(f[name] || "");
     this.indices = new Map();
     this.id.forEach((id, i) => this.indices.set(id, i));
     this.points = column.f32(data.map.position);
@@ -41,24 +41,26 @@ class Run {
     this.keyframePose = column.f32(data.keyframes.pose);
     this.loops = column.u32(data.keyframes.loops);
     this.marks = data.marks.map((m) => ({ ...m, at: this.at(m.frame) }));
-    this.readObjects(data.objects);
+    this.objectsOf = new Map();
+    this.tracks = new Map();
+    this.addObjects(data.objects);
     this.pictureFrame = column.u32(data.pictures.frame);
     this.pictureAt = Array.from(this.pictureFrame, (id) => this.at(id));
     this.images = new Map();
   }
 
-  readObjects(o) {
+  addObjects(o) {
     const all = { frame: column.u32(o.frame), id: column.u32(o.id), kind: column.u8(o.class), motion: column.u8(o.motion), bounds: column.u16(o.bounds),
       position: column.f32(o.position), size: column.f32(o.size), speed: column.f32(o.speed) };
-    this.objectsOf = new Map();
-    this.tracks = new Map();
     for (let i = 0; i < all.id.length; i++) {
       const seen = { frame: all.frame[i], at: this.at(all.frame[i]), id: all.id[i], name: o.classes[all.kind[i]], motion: all.motion[i],
         bounds: all.bounds.subarray(4 * i, 4 * i + 4), position: all.position.subarray(3 * i, 3 * i + 3), size: all.size.subarray(2 * i, 2 * i + 2), speed: all.speed[i] };
       if (!this.objectsOf.has(seen.frame)) this.objectsOf.set(seen.frame, []);
       this.objectsOf.get(seen.frame).push(seen);
       if (!this.tracks.has(seen.id)) this.tracks.set(seen.id, []);
-      this.tracks.get(seen.id).push(seen);
+      const track = this.tracks.get(seen.id);
+      track.push(seen);
+      if (seen.motion === 1 && track.moves === undefined) track.moves = seen.at;
     }
   }
 

@@ -2,14 +2,13 @@
 // The page: which run, which frame, and who is told of it.
 
 const page = {
-  runs: [], run: null, frame: 0, mover: null, playing: false, errors: [],
+  runs: [], run: null, frame: 0, mover: null, playing: false, following: false, errors: [],
 };
 window.addEventListener("error", (e) => page.errors.push(e.message));
 
-function start() {
-  page.runs = JSON.parse(byId("data").textContent).map((d) => new Run(d));
-  page.runs.forEach((r, i) => { r.label = page.runs.filter((o) => o.name === r.name).length > 1 ? `${r.name} (${i + 1})` : r.name; });
-  page.timeline = new Timeline(byId("timeline"), go);
+/// What shows a frame: the timeline, the picture and the map.
+function prepare() {
+  page.timeline = new Timeline(byId("timeline"), seek);
   page.picture = new FramePicture(byId("picture"));
   try {
     page.view = new View3d(byId("scene"), () => page.view.at(page.frame, page.mover));
@@ -21,17 +20,27 @@ function start() {
   }
   page.is3d = page.view instanceof View3d;
   controls();
-  showComparison(page.runs);
-  const nav = byId("runs");
-  nav.hidden = page.runs.length < 2;
-  nav.replaceChildren(...page.runs.map((r) => element("button", { type: "button", onclick: () => select(r) }, r.label)));
-  const wanted = new URLSearchParams(location.hash.slice(1));
-  select(page.runs[Number(wanted.get("run")) || 0]);
+}
+
+/// Shows a frame that the user asked for.
+function seek(i) {
+  follow(page.run && page.run.isLive && i >= page.run.count - 1);
+  go(i);
+}
+
+/// Whether the newest frame is shown, whichever that is.
+function follow(on) {
+  page.following = on;
+  byId("live").setAttribute("aria-pressed", String(!!on));
+}
+
+/// What the address says is to be shown.
+function openAt(address) {
+  const wanted = new URLSearchParams(address.slice(1));
   if (wanted.has("colour")) { byId("colouring").value = wanted.get("colour"); byId("colouring").dispatchEvent(new Event("change")); }
-  if (wanted.has("frame")) go(page.run.at(Number(wanted.get("frame"))));
+  if (wanted.has("frame")) seek(page.run.at(Number(wanted.get("frame"))));
   if (wanted.has("mover")) choose(Number(wanted.get("mover")));
   if (wanted.has("view")) page.view.view(wanted.get("view"));
-  page.ready = true;
 }
 
 function select(run) {
@@ -42,39 +51,20 @@ function select(run) {
   const s = run.summary, input = s.input || {};
   byId("subtitle").textContent = [input.layout, input.camera && `camera ${input.camera}`, s.machine && s.machine.stillpoint && `Stillpoint ${s.machine.stillpoint}`].filter(Boolean).join(" - ");
   showFigures(run);
-  showTables(run, go);
+  showTables(run, seek);
   byId("command").textContent = run.data.command;
   byId("config").textContent = run.data.config;
   byId("machine").textContent = s.machine ? Object.entries(s.machine).map(([k, v]) => `${k}: ${v}`).join(", ") : "";
-  byId("marks").replaceChildren(...run.marks.map((m) => element("li", {}, element("button", { type: "button", title: m.text, onclick: () => go(m.at) },
-    element("i", { style: `background:${kindColour(m.kind)}` }), `${KINDS[m.kind]}: frame ${m.frame}`))));
+  showMarks(run);
   page.timeline.load(run);
   page.view.load(run, page.runs.filter((r) => r !== run));
   worst(run);
   go(Math.min(page.frame, Math.max(0, run.count - 1)));
 }
 
-/// The frames that are farthest off, or least certain; not one beside the other.
-function worst(run) {
-  const by = run.error_mm.some(Number.isFinite) ? ["error_mm", "distance to the truth", "mm"] : ["sigma_mm", "standard deviation of the position", "mm"];
-  const values = run[by[0]], found = [];
-  const candidates = Array.from(run.pictureAt.length ? new Set(run.pictureAt) : run.id.keys()).filter((i) => Number.isFinite(values[i]) || run.state[i] === LOST);
-  const bad = (i) => (run.state[i] === LOST ? Infinity : values[i]);
-  candidates.sort((a, b) => bad(b) - bad(a) || a - b);
-  for (const i of candidates) {
-    if (found.length < 6 && found.every((f) => Math.abs(f - i) > Math.max(5, run.count / 60))) found.push(i);
-  }
-  byId("worst-by").textContent = found.length ? `By ${by[1]}; frames without a pose first.` : "Nothing is known of how good the poses are.";
-  byId("worst").replaceChildren(...found.map((i) => {
-    const canvas = element("canvas", {}), text = run.state[i] === LOST ? "no pose" : `${fixed(values[i], 1)} ${by[2]}`;
-    const picture = run.picture(i);
-    if (picture >= 0) {
-      const paint = () => paintPicture(canvas, run, picture, { verdicts: true, boxes: true, mover: null, scale: 2 });
-      const image = run.image(picture, paint);
-      if (image.complete) paint();
-    } else canvas.hidden = true;
-    return element("li", {}, element("button", { type: "button", onclick: () => { go(i); byId("scene").scrollIntoView({ block: "nearest" }); } }, canvas, `frame ${run.id[i]}: ${text}`));
-  }));
+function showMarks(run) {
+  byId("marks").replaceChildren(...run.marks.map((m) => element("li", {}, element("button", { type: "button", title: m.text, onclick: () => seek(m.at) },
+    element("i", { style: `background:${kindColour(m.kind)}` }), `${KINDS[m.kind]}: frame ${m.frame}`))));
 }
 
 /// Shows a frame.
@@ -85,8 +75,12 @@ function go(i) {
   page.timeline.at(page.frame);
   page.picture.at(run, page.frame, page.mover);
   page.view.at(page.frame, page.mover);
-  i = page.frame;
-  const rows = [["State", STATES[run.state[i]]], ["Inliers", run.inliers[i]], ["Error", `${fixed(run.error_mm[i], 1)} mm`], ["Position, 1 sigma", `${fixed(run.sigma_mm[i], 1)} mm`],
+  showRow(run, page.frame);
+}
+
+/// What is known of a frame, and the objects in it.
+function showRow(run, i) {
+  const rows = [["State", STATES[run.state[i]]], ["Inliers", run.inliers[i]], ...(run.isLive ? [] : [["Error", `${fixed(run.error_mm[i], 1)} mm`]]), ["Position, 1 sigma", `${fixed(run.sigma_mm[i], 1)} mm`],
     ["Quality", fixed(run.quality[i], 2)], ["Keypoints that move", Number.isFinite(run.moving[i]) ? `${fixed(100 * run.moving[i], 0)} %` : "-"], [run.data.time_is || "Time", `${fixed(run.time_ms[i], 1)} ms`]];
   const body = byId("now").tBodies[0];
   if (body.rows.length !== rows.length) body.replaceChildren(...rows.map(([n]) => element("tr", {}, element("th", { scope: "row" }, n), element("td", {}))));
@@ -111,7 +105,8 @@ function play(on) {
   byId("play").textContent = on ? "Pause" : "Play";
   if (!on) return;
   const run = page.run;
-  if (page.frame >= run.count - 1) go(0);
+  if (page.frame >= run.count - 1) seek(0);
+  follow(false);
   const began = performance.now() - 1e3 * run.seconds[page.frame];
   const step = (now) => {
     if (!page.playing || page.run !== run) return play(false);
@@ -135,11 +130,17 @@ function controls() {
     page.view.scene.show(name, e.target.checked);
     page.view.redraw();
   } }), label)));
-  byId("previous").addEventListener("click", () => go(page.frame - 1));
-  byId("next").addEventListener("click", () => go(page.frame + 1));
+  byId("previous").addEventListener("click", () => seek(page.frame - 1));
+  byId("next").addEventListener("click", () => seek(page.frame + 1));
+  byId("live").addEventListener("click", () => seek(page.run.count - 1));
   byId("play").addEventListener("click", () => play(!page.playing));
   for (const id of ["verdicts", "boxes"]) byId(id).addEventListener("change", () => page.picture.at(page.run, page.frame, page.mover));
-  const repaint = () => { page.timeline.paint(); page.view.paint(); go(page.frame); };
+  const repaint = () => {
+    if (!page.run) return;
+    page.timeline.paint();
+    page.view.paint();
+    go(page.frame);
+  };
   let waiting = 0;
   window.addEventListener("resize", () => { clearTimeout(waiting); waiting = setTimeout(repaint, 60); });
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
@@ -154,8 +155,7 @@ window.stillpoint = {
     return { frames: run.count, tracked: posed, keyframes: run.keyframeId.length, landmarks: run.data.map.count, pictures: run.pictureFrame.length };
   },
   get summary() { return page.run.summary; },
-  get state() { return { frame: page.frame, mover: page.mover, is3d: page.is3d, ready: !!page.ready, errors: page.errors, playing: page.playing }; },
+  get state() { return { frame: page.frame, mover: page.mover, is3d: page.is3d, ready: !!page.ready, errors: page.errors, playing: page.playing, following: page.following, live: typeof feed === "undefined" ? null : { state: feed.state, updates: feed.updates } }; },
   get run() { return page.run; },
-  go, choose, select: (i) => select(page.runs[i]), view: (name) => page.view.view(name),
+  go: seek, choose, select: (i) => select(page.runs[i]), view: (name) => page.view.view(name),
 };
-start();

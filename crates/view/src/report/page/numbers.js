@@ -45,9 +45,13 @@ function figures(run) {
   return list;
 }
 
-function showFigures(run) {
-  byId("numbers").replaceChildren(...figures(run).map(([name, value, remark, bad]) =>
+function fillFigures(list) {
+  byId("numbers").replaceChildren(...list.map(([name, value, remark, bad]) =>
     element("div", {}, element("dt", {}, name), element("dd", { className: bad ? "bad" : "" }, value, element("small", {}, remark || "")))));
+}
+
+function showFigures(run) {
+  fillFigures(figures(run));
   const s = run.summary, warnings = [];
   for (const l of s.lost || []) warnings.push(`No pose in frames ${l.first} to ${l.last} (${fixed(l.seconds, 2)} s): ${l.reason}; then ${l.then}.`);
   for (const m of (s.submaps || []).slice(1)) warnings.push(`${m.frames} frames are in a submap of their own (${m.trajectory}) and are not shown.`);

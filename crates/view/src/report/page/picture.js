@@ -16,10 +16,11 @@ class FramePicture {
       byId("caption").textContent = "The result holds no pictures of frames.";
       return;
     }
-    const image = run.image(picture, () => this.wanted[0] === run && this.wanted[1] === i && this.draw(run, picture, mover));
+    const image = run.image(picture, () => this.wanted[0] === run && (this.wanted[1] === i || page.following) && this.draw(run, picture, mover));
     if (image.complete) this.draw(run, picture, mover);
     const shown = run.pictureFrame[picture];
-    const note = shown === run.id[i] ? "" : ` (the nearest picture is of frame ${shown})`;
+    // While a run goes on, numbers are some frames ahead of the picture.
+    const note = Math.abs(run.pictureAt[picture] - i) <= (run.isLive ? 5 : 0) ? "" : ` (the nearest picture is of frame ${shown})`;
     const text = `Frame ${run.id[i]}, ${fixed(run.seconds[i], 2)} s: ${STATES[run.state[i]]}${note}`;
     const swatch = ([name, colour]) => [element("i", { style: `display:inline-block;width:.7em;height:.7em;border-radius:50%;margin:0 .3em 0 .8em;background:${colour}` }), name];
     byId("caption").replaceChildren(text, element("br"), "Features:", ...SAID.flatMap(swatch));

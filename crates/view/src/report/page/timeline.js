@@ -29,7 +29,13 @@ class Timeline {
   load(run) {
     this.run = run;
     this.frame = 0;
-    const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["inliers", "inliers", ""], ["moving", "moving share", "%"], ["time_ms", run.data.time_is || "time", "ms"]];
+    this.refresh();
+  }
+
+  /// Takes in what is new of the run.
+  refresh() {
+    const run = this.run;
+    const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["inliers", "inliers", ""], ["moving", "moving share", "%"], ["time_ms", run.data.time_is || "time", "ms"], ["answer_ms", "detector", "ms"]];
     this.lanes = lanes.filter(([name]) => run[name].some((x) => Number.isFinite(x)));
     // An error tells more than what one expects it to be.
     if (this.lanes.some((l) => l[0] === "error_mm")) this.lanes = this.lanes.filter((l) => l[0] !== "sigma_mm");
@@ -93,10 +99,12 @@ class Timeline {
     g.lineWidth = 1.2;
     g.beginPath();
     const up = (v) => y + height - Math.min(1, v / most) * height;
-    if (n <= width) {
+    // What only some frames have, as the detector's answers, is a line from one to the next.
+    const sparse = sorted.length < n / 2;
+    if (n <= width || sparse) {
       let pen = false;
       for (let i = 0; i < n; i++) {
-        if (!Number.isFinite(values[i])) { pen = false; continue; }
+        if (!Number.isFinite(values[i])) { pen = pen && sparse; continue; }
         if (pen) g.lineTo(this.x(i), up(values[i])); else g.moveTo(this.x(i), up(values[i]));
         pen = true;
       }

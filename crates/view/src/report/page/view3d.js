@@ -51,6 +51,16 @@ function squares(middle, y, reach, step) {
   return out;
 }
 
+/// How many sightings of an object there are up to a frame.
+function upTo(track, i) {
+  let low = 0, high = track.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (track[middle].at <= i) low = middle + 1; else high = middle;
+  }
+  return low;
+}
+
 const LAYERS = [["points", "map"], ["keyframes", "keyframes"], ["loops", "loops"], ["trajectory", "trajectory"], ["truth", "truth"], ["movers", "objects"], ["ground", "ground"]];
 
 class View3d {
@@ -95,9 +105,23 @@ class View3d {
 
   /// Colours depend on the paper: light, dark or printed.
   paint() {
-    const run = this.run, scene = this.scene;
+    const scene = this.scene;
     this.colourPoints();
-    const ink = rgb("--ink"), accent = rgb("--accent"), muted = rgb("--muted"), warm = rgb("--warm");
+    this.paintKeyframes();
+    this.paintWay();
+    this.others.forEach((other, k) => {
+      const line = this.way(other, (i) => other.pose.subarray(7 * i, 7 * i + 3));
+      scene.set("other" + k, "lines", line, painted(line.length / 3, hex(trackColour(k + 1))));
+    });
+    for (let k = this.others.length; scene.layers.has("other" + k); k++) scene.show("other" + k, false);
+    this.legend();
+    this.redraw();
+  }
+
+  /// Keyframes, what loops tie together, and the ground.
+  paintKeyframes() {
+    const { run, scene } = this;
+    const muted = rgb("--muted"), warm = rgb("--warm");
     const frames = [];
     for (let i = 0; i < run.keyframeId.length; i++) frames.push(...frustum(run.keyframePose.subarray(7 * i, 7 * i + 7), this.radius / 60));
     scene.set("keyframes", "lines", new Float32Array(frames), painted(frames.length / 3, muted));
@@ -111,17 +135,15 @@ class View3d {
       if (a && b) loops.push(...a, ...b);
     }
     scene.set("loops", "lines", new Float32Array(loops), painted(loops.length / 3, warm));
+  }
+
+  /// Where the camera went.
+  paintWay() {
+    const { run, scene } = this;
     const way = this.way(run, (i) => run.pose.subarray(7 * i, 7 * i + 3));
-    scene.set("trajectory", "lines", way, painted(way.length / 3, accent));
+    scene.set("trajectory", "lines", way, painted(way.length / 3, rgb("--accent")));
     const truth = this.way(run, (i) => run.truth.subarray(3 * i, 3 * i + 3));
-    scene.set("truth", "lines", truth, painted(truth.length / 3, ink));
-    this.others.forEach((other, k) => {
-      const line = this.way(other, (i) => other.pose.subarray(7 * i, 7 * i + 3));
-      scene.set("other" + k, "lines", line, painted(line.length / 3, hex(trackColour(k + 1))));
-    });
-    for (let k = this.others.length; scene.layers.has("other" + k); k++) scene.show("other" + k, false);
-    this.legend();
-    this.redraw();
+    scene.set("truth", "lines", truth, painted(truth.length / 3, rgb("--ink")));
   }
 
   /// A line through the frames; it breaks where there is nothing.
@@ -173,10 +195,15 @@ class View3d {
       add(boxEdges(o.position, w, h), o.id === mover ? rgb("--ink") : hex(trackColour(o.id)));
     }
     for (const [id, track] of run.tracks) {
-      const seen = track.filter((o) => o.at <= i && Number.isFinite(o.position[0]));
-      if (id !== mover && (!seen.some((o) => o.motion === 1) || !seen.length || seen[seen.length - 1].at < i - 60)) continue;
+      const seen = track.slice(0, upTo(track, i));
+      if (!seen.length || (id !== mover && (!(track.moves <= i) || seen[seen.length - 1].at < i - 60))) continue;
       const colour = id === mover ? rgb("--ink") : hex(trackColour(id));
-      for (let k = 1; k < seen.length; k++) add([...seen[k - 1].position, ...seen[k].position], colour);
+      let before = null;
+      for (const o of seen) {
+        if (!Number.isFinite(o.position[0])) continue;
+        if (before) add([...before.position, ...o.position], colour);
+        before = o;
+      }
     }
     scene.set("movers", "lines", new Float32Array(lines), new Uint8Array(colours));
     if (this.following && run.hasPose(i)) this.behind(i);
@@ -194,9 +221,20 @@ class View3d {
 
   home() { this.view("home"); }
 
+  /// Takes in what is new of the map, and goes on showing all of it until the user chose what to look at.
+  grow() {
+    this.extent();
+    this.colourPoints();
+    this.paintKeyframes();
+    this.legend();
+    if (!this.touched) this.view("home");
+    this.redraw();
+  }
+
   view(name) {
     const s = this.scene;
     this.following = name === "follow" && !this.following;
+    this.touched = name !== "home";
     if (name !== "follow") {
       s.target = [...this.middle];
       s.distance = 1.75 * this.radius;
@@ -223,6 +261,7 @@ class View3d {
     canvas.addEventListener("pointermove", (e) => {
       const before = held.get(e.pointerId);
       if (!before) return;
+      this.touched = true;
       const size = Math.max(1, canvas.clientHeight), [dx, dy] = [(e.clientX - before[0]) / size, (e.clientY - before[1]) / size];
       if (held.size === 1) {
         if (e.shiftKey || e.button === 2 || e.buttons & 6) s.move(dx, -dy); else s.turn(3 * dx, 3 * dy);
@@ -236,7 +275,7 @@ class View3d {
       this.redraw();
     });
     canvas.addEventListener("contextmenu", (e) => e.preventDefault());
-    canvas.addEventListener("wheel", (e) => { e.preventDefault(); s.zoom(Math.exp(e.deltaY / 600)); this.redraw(); }, { passive: false });
+    canvas.addEventListener("wheel", (e) => { e.preventDefault(); this.touched = true; s.zoom(Math.exp(e.deltaY / 600)); this.redraw(); }, { passive: false });
     canvas.addEventListener("keydown", (e) => {
       const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[e.key];
       const view = { 1: "home", 2: "top", 3: "side" }[e.key];
@@ -246,6 +285,7 @@ class View3d {
       else if (e.key === "-") s.zoom(1 / 0.85);
       else if (view) this.view(view);
       else return;
+      this.touched = view !== "home";
       e.preventDefault();
       this.redraw();
     });
@@ -262,6 +302,8 @@ class Plan {
   }
 
   paint() { this.at(this.frame || 0); }
+  paintWay() {}
+  grow() {}
   view() {}
   redraw() {}
 

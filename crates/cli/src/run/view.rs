@@ -1,0 +1,170 @@
+//! `--view`: the run in browsers while it goes on.
+//!
+//! Answers: when a picture is made and the map looked through, and what is measured of the run. What is shown is [`LivePage`]'s business, who may look
+//! is [`serve`](crate::serve)'s.
+
+use crate::console;
+use crate::failure::Failure;
+use crate::run::priority;
+use crate::run::session::listeners::Writer;
+use crate::serve::{Feed, Place, Server};
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+use stillpoint::live::{LiveHealth, Stage, Watch};
+use stillpoint::map::MapView;
+use stillpoint::slam::Event;
+use stillpoint::view::live::{About, LivePage, Measured, to_html};
+use stillpoint::view::report::RunData;
+
+/// Between two pictures: a little less than between two updates of a page.
+const PICTURE: Duration = Duration::from_millis(60);
+/// Between two looks at the map, at least ...
+const MAP: Duration = Duration::from_millis(500);
+/// ... and so many times as long as one takes: 5 % of a core at most.
+const MAP_SHARE: u32 = 20;
+
+/// What is shown, and what is measured of the run.
+struct Shown {
+    page: Mutex<LivePage>,
+    /// Of a live run.
+    watch: OnceLock<Watch>,
+}
+
+impl Shown {
+    fn page(&self) -> MutexGuard<'_, LivePage> {
+        self.page.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn measured(&self) -> Option<Measured> {
+        self.watch.get().map(|watch| measured(&watch.health()))
+    }
+}
+
+impl Feed for Shown {
+    fn since(&self, version: u64) -> (u64, String) {
+        let measured = self.measured();
+        let update = {
+            let mut page = self.page();
+            if let Some(measured) = measured {
+                page.measure(measured);
+            }
+            page.since(version)
+        };
+        let text = serde_json::to_string(&update).unwrap_or_else(|_| "{}".to_owned());
+        (update.version, text)
+    }
+}
+
+fn measured(health: &LiveHealth) -> Measured {
+    let troubles = health
+        .troubles()
+        .map(|(stage, state)| format!("{stage}: {state}"));
+    Measured {
+        frame: health.timing.map(|t| t.frame.0),
+        latency_ms: health.timing.map(|t| 1e3 * t.latency),
+        silent_s: health.frame_age,
+        dropped: health.dropped,
+        troubles: troubles.collect(),
+    }
+}
+
+/// Shows a run.
+pub(crate) struct PageView {
+    shown: Arc<Shown>,
+    server: Server,
+    pictured: Option<Instant>,
+    /// When the map may be looked through again.
+    next_map: Option<Instant>,
+}
+
+impl PageView {
+    /// Begins to serve, and says where.
+    pub(crate) fn start(place: &Place, about: About) -> Result<Self, Failure> {
+        let html = to_html(&about.name);
+        let shown = Arc::new(Shown {
+            page: Mutex::new(LivePage::new(about)),
+            watch: OnceLock::new(),
+        });
+        let feed: Arc<dyn Feed> = Arc::clone(&shown) as _;
+        let server = Server::start(place, html, feed, || priority::lower(Stage::Looping))?;
+        console::line(&format!("live page at {}", server.url()));
+        if server.is_open() {
+            console::warn(
+                "the live page is open to the network: whoever reaches this address sees what the camera sees; without ADDR only this machine does",
+            );
+        }
+        Ok(Self {
+            shown,
+            server,
+            pictured: None,
+            next_map: None,
+        })
+    }
+
+    /// The map before the first frame, and how a live run is.
+    pub(crate) fn begin(&self, view: Arc<MapView>, watch: Option<Watch>) {
+        if view.keyframe_count() > 0 {
+            self.shown.page().begin_with(view);
+        }
+        if let Some(watch) = watch {
+            // It is set once: a page is of one run.
+            let _ = self.shown.watch.set(watch);
+        }
+    }
+
+    /// Tells the report of the run, which is all that there is to know.
+    pub(crate) fn report(&self, run: &RunData) {
+        if let Ok(json) = serde_json::to_string(run) {
+            self.server.end("report", json);
+        }
+    }
+
+    /// Ends a page whose run came to its end. Pages that know the report keep it.
+    pub(crate) fn end(self, out: &Path) {
+        // Of a run without a report this is all that there is.
+        self.shown.page().follow_map(true);
+        let text = format!("The result is in {}.", out.display());
+        let json = serde_json::Value::String(text).to_string();
+        self.server.end("end", json);
+    }
+
+    /// Looks through the map, where it is time to.
+    fn follow_map(&mut self, page: &mut LivePage) {
+        let began = Instant::now();
+        if !page.is_behind() || self.next_map.is_some_and(|next| began < next) {
+            return;
+        }
+        page.follow_map(false);
+        let rest = (began.elapsed() * MAP_SHARE).max(MAP);
+        self.next_map = Some(began + rest);
+    }
+}
+
+impl Writer for PageView {
+    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+        let _span = tracing::info_span!("view").entered();
+        let is_watched = self.server.is_watched();
+        let is_due = self.pictured.is_none_or(|at| at.elapsed() >= PICTURE);
+        let pictures = event.as_frame().is_some_and(|f| f.frame.is_some());
+        let wants_picture = is_watched && is_due && pictures;
+        if wants_picture {
+            self.pictured = Some(Instant::now());
+        }
+        let measured = event.as_frame().and_then(|_| self.shown.measured());
+        let shown = Arc::clone(&self.shown);
+        let mut page = shown.page();
+        if let Some(measured) = measured {
+            page.measure(measured);
+        }
+        page.take(event, wants_picture);
+        if is_watched {
+            self.follow_map(&mut page);
+        }
+        drop(page);
+        if is_watched && event.as_frame().is_some() {
+            self.server.wake();
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,310 @@
+//! Serves one page and what is new in it, to browsers that may be slow, many, or not what they say.
+//!
+//! Answers: who may ask for what, and how nobody who asks holds anything up. Every connection has a thread of its own, which asks for what is new since it asked
+//! last, writes it, and asks again: whoever is slow is told less often, of the newest alone, and nobody waits for it. Connections, requests
+//! and times are bounded. Knows nothing of runs; reads no files.
+
+mod client;
+mod request;
+#[cfg(test)]
+mod tests;
+
+use crate::failure::Failure;
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
+use std::str::FromStr;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// The port where none is named. 0x5350, `SP`, is in no list of services.
+const PORT: u16 = 21_328;
+/// Pages that are told what is new, at most.
+const CLIENTS: usize = 8;
+/// Connections, at most.
+const CONNECTIONS: usize = 32;
+/// How long pages are waited for in the end.
+const LAST: Duration = Duration::from_secs(3);
+
+/// What is shown.
+pub(crate) trait Feed: Send + Sync + 'static {
+    /// What is new since a version, as JSON in one line; with 0 all that there is. And the version that is known with it.
+    fn since(&self, version: u64) -> (u64, String);
+}
+
+/// Where a page is served: `ADDR:PORT`, `ADDR`, or `PORT`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Place {
+    /// A number, or a name.
+    host: String,
+    port: Option<u16>,
+}
+
+impl Default for Place {
+    fn default() -> Self {
+        Self {
+            host: Ipv4Addr::LOCALHOST.to_string(),
+            port: None,
+        }
+    }
+}
+
+impl FromStr for Place {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || {
+            format!(
+                "expected ADDR:PORT, a port, or nothing after --view, as in --view 127.0.0.1:8080, found {text}; PATH goes before --view"
+            )
+        };
+        if text.is_empty() {
+            return Ok(Self::default());
+        }
+        if let Ok(port) = text.parse() {
+            return Ok(Self {
+                port: Some(port),
+                ..Self::default()
+            });
+        }
+        let bare = text.trim_matches(['[', ']']);
+        if let Ok(address) = bare.parse::<IpAddr>() {
+            return Ok(Self {
+                host: address.to_string(),
+                port: None,
+            });
+        }
+        let (host, port) = text.rsplit_once(':').ok_or_else(wrong)?;
+        let host = host.trim_matches(['[', ']']);
+        let is_name = |h: &str| {
+            h.bytes()
+                .all(|b| b.is_ascii_alphanumeric() || b"-.".contains(&b))
+        };
+        if host.is_empty() || !(is_name(host) || host.parse::<IpAddr>().is_ok()) {
+            return Err(wrong());
+        }
+        Ok(Self {
+            host: host.to_owned(),
+            port: Some(port.parse().map_err(|_| wrong())?),
+        })
+    }
+}
+
+impl Place {
+    /// Takes the port. Where none was named and the usual one is taken, another one will do.
+    fn bind(&self) -> Result<TcpListener, Failure> {
+        let port = self.port.unwrap_or(PORT);
+        let addresses: Vec<SocketAddr> = (&*self.host, port)
+            .to_socket_addrs()
+            .map_err(|e| self.failure(&e))?
+            .collect();
+        let bound = TcpListener::bind(&*addresses);
+        let bound = bound.or_else(|e| match (self.port, addresses.first()) {
+            (None, Some(address)) => TcpListener::bind((address.ip(), 0)),
+            _ => Err(e),
+        });
+        bound.map_err(|e| self.failure(&e))
+    }
+
+    fn failure(&self, e: &std::io::Error) -> Failure {
+        let port = self
+            .port
+            .map_or_else(|| "another".to_owned(), |p| p.to_string());
+        Failure::input(format!(
+            "--view: expected an address of this machine and a free port, found for {} and port {port}: {e}; name another with --view ADDR:PORT",
+            self.host
+        ))
+    }
+}
+
+/// What all connections share.
+struct Shared {
+    feed: Arc<dyn Feed>,
+    html: String,
+    /// What the user called this place, where it is a name.
+    name: String,
+    signal: Mutex<Signal>,
+    changed: Condvar,
+    /// Pages that are told what is new.
+    clients: AtomicUsize,
+    connections: AtomicUsize,
+}
+
+/// The last event: its name and its data.
+type Last = Arc<Option<(&'static str, String)>>;
+
+#[derive(Default)]
+struct Signal {
+    /// Counts what is new.
+    count: u64,
+    last: Last,
+    /// Nobody else is let in.
+    closed: bool,
+}
+
+impl Shared {
+    fn signal(&self) -> MutexGuard<'_, Signal> {
+        self.signal.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits until something is new to whoever has `seen` so much, or for a time. Gives the last event once there is one.
+    fn wait(&self, seen: &mut Option<u64>, time: Duration) -> Last {
+        let waits = |s: &mut Signal| *seen == Some(s.count) && s.last.is_none();
+        let signal = self.changed.wait_timeout_while(self.signal(), time, waits);
+        let signal = signal.unwrap_or_else(PoisonError::into_inner).0;
+        *seen = Some(signal.count);
+        Arc::clone(&signal.last)
+    }
+}
+
+/// A server. It ends when it is dropped.
+pub(crate) struct Server {
+    shared: Arc<Shared>,
+    address: SocketAddr,
+    accepting: Option<JoinHandle<()>>,
+}
+
+impl Server {
+    /// Begins to serve a page. `prepare` is called on the thread that all others are started from.
+    pub(crate) fn start(
+        place: &Place,
+        html: String,
+        feed: Arc<dyn Feed>,
+        prepare: fn(),
+    ) -> Result<Self, Failure> {
+        let listener = place.bind()?;
+        let address = listener.local_addr().map_err(|e| place.failure(&e))?;
+        let is_name = place.host.parse::<IpAddr>().is_err();
+        let shared = Arc::new(Shared {
+            feed,
+            html,
+            name: if is_name {
+                place.host.clone()
+            } else {
+                String::new()
+            },
+            signal: Mutex::default(),
+            changed: Condvar::new(),
+            clients: AtomicUsize::new(0),
+            connections: AtomicUsize::new(0),
+        });
+        let own = Arc::clone(&shared);
+        let accepting = std::thread::Builder::new().name("view".to_owned());
+        let accepting = accepting.spawn(move || {
+            prepare();
+            accept(&listener, &own);
+        });
+        Ok(Self {
+            shared,
+            address,
+            accepting: Some(accepting.map_err(Failure::thread)?),
+        })
+    }
+
+    /// What to open in a browser.
+    pub(crate) fn url(&self) -> String {
+        let name = &self.shared.name;
+        match (name.is_empty(), self.reached()) {
+            (false, at) => format!("http://{name}:{}/", at.port()),
+            (true, at) => format!("http://{at}/"),
+        }
+    }
+
+    /// Whether others than this machine reach it.
+    pub(crate) fn is_open(&self) -> bool {
+        !self.address.ip().is_loopback()
+    }
+
+    /// Whether anybody looks.
+    pub(crate) fn is_watched(&self) -> bool {
+        self.shared.clients.load(Ordering::Relaxed) > 0
+    }
+
+    /// Says that something is new.
+    pub(crate) fn wake(&self) {
+        self.shared.signal().count += 1;
+        self.shared.changed.notify_all();
+    }
+
+    /// Tells all pages the last thing: an event's name, and its data as JSON in one line. Nothing comes after it.
+    pub(crate) fn end(&self, name: &'static str, json: String) {
+        let mut signal = self.shared.signal();
+        if signal.last.is_none() {
+            signal.last = Arc::new(Some((name, json)));
+        }
+        self.shared.changed.notify_all();
+    }
+
+    /// Waits until all pages know the last thing, for some seconds at most.
+    fn wait_for_pages(&self) {
+        let deadline = Instant::now() + LAST;
+        while self.is_watched() && Instant::now() < deadline {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// An address by which this machine itself gets here.
+    fn reached(&self) -> SocketAddr {
+        let mut address = self.address;
+        match address.ip() {
+            IpAddr::V4(ip) if ip.is_unspecified() => address.set_ip(Ipv4Addr::LOCALHOST.into()),
+            IpAddr::V6(ip) if ip.is_unspecified() => address.set_ip(Ipv6Addr::LOCALHOST.into()),
+            _ => {}
+        }
+        address
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.end(
+            "end",
+            "\"It did not come to its end: the terminal says why.\"".to_owned(),
+        );
+        self.wait_for_pages();
+        self.shared.signal().closed = true;
+        // The thread looks up when somebody comes.
+        if TcpStream::connect_timeout(&self.reached(), LAST).is_ok()
+            && let Some(accepting) = self.accepting.take()
+        {
+            let _ = accepting.join();
+        }
+    }
+}
+
+/// Lets connections in, each to a thread of its own.
+fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
+    for stream in listener.incoming() {
+        if shared.signal().closed {
+            return;
+        }
+        let Ok(stream) = stream else {
+            // No more files may be opened, or somebody left at once.
+            std::thread::sleep(Duration::from_millis(50));
+            continue;
+        };
+        if shared.connections.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS {
+            shared.connections.fetch_sub(1, Ordering::Relaxed);
+            continue;
+        }
+        let own = Arc::clone(shared);
+        let thread = std::thread::Builder::new().name("view-client".to_owned());
+        let started = thread.spawn(move || {
+            // Also where the connection panics.
+            let _counted = Counted(&own.connections);
+            client::serve(stream, &own);
+        });
+        if started.is_err() {
+            shared.connections.fetch_sub(1, Ordering::Relaxed);
+        }
+    }
+}
+
+/// One of a number, for as long as it is there.
+struct Counted<'a>(&'a AtomicUsize);
+
+impl Drop for Counted<'_> {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
+    }
+}

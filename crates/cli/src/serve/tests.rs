@@ -1,0 +1,306 @@
+//! Browsers that are slow, gone, too many, or no browsers at all.
+
+use super::*;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::sync::atomic::AtomicU64;
+
+/// Counts up; every version is a long text.
+struct Numbers {
+    now: AtomicU64,
+    bytes: usize,
+}
+
+impl Feed for Numbers {
+    fn since(&self, version: u64) -> (u64, String) {
+        let now = self.now.load(Ordering::Relaxed);
+        let filler = "x".repeat(self.bytes);
+        (
+            now,
+            format!("{{\"from\":{version},\"to\":{now},\"filler\":\"{filler}\"}}"),
+        )
+    }
+}
+
+struct Served {
+    server: Server,
+    numbers: Arc<Numbers>,
+}
+
+fn serve(bytes: usize) -> Served {
+    let numbers = Arc::new(Numbers {
+        now: AtomicU64::new(1),
+        bytes,
+    });
+    let place: Place = "127.0.0.1:0".parse().unwrap();
+    let feed: Arc<dyn Feed> = Arc::clone(&numbers) as _;
+    let server = Server::start(&place, "<p>page</p>".to_owned(), feed, || {}).unwrap();
+    Served { server, numbers }
+}
+
+impl Served {
+    fn connect(&self) -> TcpStream {
+        let stream = TcpStream::connect(self.server.address).unwrap();
+        stream
+            .set_read_timeout(Some(Duration::from_secs(20)))
+            .unwrap();
+        stream
+    }
+
+    /// Sends a text, and gives the whole answer.
+    fn ask(&self, text: &str) -> String {
+        let mut stream = self.connect();
+        // A server that refuses does not have to take all of it.
+        let _ = stream.write_all(text.as_bytes());
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        answer
+    }
+
+    fn listen(&self) -> Listener {
+        let mut stream = self.connect();
+        let request = "GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n";
+        stream.write_all(request.as_bytes()).unwrap();
+        Listener(BufReader::new(stream))
+    }
+
+    fn step(&self) {
+        self.numbers.now.fetch_add(1, Ordering::Relaxed);
+        self.server.wake();
+    }
+}
+
+/// Waits until something holds; what a thread does takes its time on a machine that is busy.
+fn until(what: &str, holds: impl Fn() -> bool) {
+    let deadline = Instant::now() + Duration::from_secs(30);
+    while !holds() {
+        assert!(Instant::now() < deadline, "{what}");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+/// A page.
+struct Listener(BufReader<TcpStream>);
+
+impl Listener {
+    /// The next event: its name, and its data.
+    fn next(&mut self) -> Option<(String, serde_json::Value)> {
+        let (mut name, mut line) = (String::new(), String::new());
+        loop {
+            line.clear();
+            if self.0.read_line(&mut line).ok()? == 0 {
+                return None;
+            }
+            if let Some(text) = line.strip_prefix("event: ") {
+                name = text.trim().to_owned();
+            } else if let Some(text) = line.strip_prefix("data: ") {
+                return Some((name, serde_json::from_str(text).unwrap()));
+            }
+        }
+    }
+}
+
+#[test]
+fn a_page_is_shown_and_told_what_is_new() {
+    let served = serve(10);
+    let host = "Host: 127.0.0.1:1";
+    let page = served.ask(&format!("GET / HTTP/1.1\r\n{host}\r\n\r\n"));
+    assert!(
+        page.starts_with("HTTP/1.1 200 OK\r\n") && page.ends_with("\r\n\r\n<p>page</p>"),
+        "{page}"
+    );
+    for header in [
+        "no-store",
+        "nosniff",
+        "X-Frame-Options: DENY",
+        "Resource-Policy: same-origin",
+    ] {
+        assert!(page.contains(header), "{header}: {page}");
+    }
+    assert!(!page.contains("Access-Control"), "{page}");
+    assert!(!served.server.is_watched() && !served.server.is_open());
+    let mut pages = [served.listen(), served.listen()];
+    for page in &mut pages {
+        let (name, first) = page.next().unwrap();
+        assert_eq!((&*name, &first["from"]), ("update", &0.into()));
+    }
+    assert!(served.server.is_watched());
+    served.step();
+    for page in &mut pages {
+        // What was known is what is asked from.
+        let mut known = 1;
+        while known < 2 {
+            let (_, update) = page.next().unwrap();
+            assert_eq!(update["from"], known);
+            known = update["to"].as_u64().unwrap();
+        }
+    }
+    served.server.end("report", "{\"all\":1}".to_owned());
+    for page in &mut pages {
+        let last = std::iter::from_fn(|| page.next()).last().unwrap();
+        assert_eq!((&*last.0, &last.1["all"]), ("report", &1.into()));
+    }
+}
+
+#[test]
+fn what_is_no_request_of_the_page_is_refused() {
+    let served = serve(10);
+    let long = format!(
+        "GET / HTTP/1.1\r\nHost: localhost\r\nCookie: {}\r\n\r\n",
+        "x".repeat(100_000)
+    );
+    let head = |rest: &str| format!("GET /events HTTP/1.1\r\n{rest}\r\n\r\n");
+    for (text, status) in [
+        (head("Host: evil.example"), "403"),
+        (
+            head("Host: localhost\r\nOrigin: http://evil.example"),
+            "403",
+        ),
+        (head("Host: localhost\r\nSec-Fetch-Site: cross-site"), "403"),
+        (head("Accept: text/event-stream"), "400"),
+        (
+            "POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 3\r\n\r\nabc".to_owned(),
+            "405",
+        ),
+        (
+            "DELETE /events HTTP/1.1\r\nHost: localhost\r\n\r\n".to_owned(),
+            "405",
+        ),
+        (
+            "GET /summary.json HTTP/1.1\r\nHost: localhost\r\n\r\n".to_owned(),
+            "404",
+        ),
+        (
+            "\u{16}\u{3}\u{1} a handshake of TLS\r\n\r\n".to_owned(),
+            "400",
+        ),
+        (long, "431"),
+    ] {
+        let answer = served.ask(&text);
+        assert!(
+            answer.starts_with(&format!("HTTP/1.1 {status} ")),
+            "{text:.80}: {answer}"
+        );
+        assert!(answer.contains("expected "), "{answer}");
+    }
+    assert!(!served.server.is_watched());
+}
+
+#[test]
+fn more_pages_than_there_is_room_for_are_told_so() {
+    let served = serve(10);
+    let mut pages: Vec<Listener> = (0..CLIENTS).map(|_| served.listen()).collect();
+    pages.iter_mut().for_each(|p| assert!(p.next().is_some()));
+    let one_more = served.ask("GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    assert!(
+        one_more.starts_with("HTTP/1.1 503") && one_more.contains("close another"),
+        "{one_more}"
+    );
+    // Where one left there is room again.
+    drop(pages.pop());
+    let one_less = || served.server.shared.clients.load(Ordering::Relaxed) < CLIENTS;
+    until("the page that left is noticed", || {
+        served.step();
+        one_less()
+    });
+    assert!(served.listen().next().is_some());
+    // Connections that ask for nothing are bounded as well, and take no room for long.
+    let idle: Vec<TcpStream> = (0..2 * CONNECTIONS).map(|_| served.connect()).collect();
+    let connections = || served.server.shared.connections.load(Ordering::Relaxed);
+    assert!(connections() <= CONNECTIONS);
+    drop(idle);
+    until("those who left are noticed", || connections() < CLIENTS + 4);
+}
+
+#[test]
+fn a_page_that_takes_nothing_holds_nobody_up() {
+    // Some updates fill what the system keeps for a connection.
+    let served = serve(400_000);
+    let stopped = served.listen();
+    let mut page = served.listen();
+    until("both are there", || {
+        served.server.shared.clients.load(Ordering::Relaxed) == 2
+    });
+    let mut known = 0;
+    let began = Instant::now();
+    let mut slowest = Duration::ZERO;
+    while known < 40 {
+        let step = Instant::now();
+        served.step();
+        slowest = slowest.max(step.elapsed());
+        let (_, update) = page.next().unwrap();
+        assert_eq!(update["from"], known);
+        known = update["to"].as_u64().unwrap();
+    }
+    // One that waited for it would take the ten seconds that it is given.
+    assert!(slowest < Duration::from_secs(5) && began.elapsed() < Duration::from_secs(60));
+    // In the end it is waited for, but not for long.
+    let ends = Instant::now();
+    served.server.end("end", "1".to_owned());
+    drop(page);
+    drop(served);
+    assert!(ends.elapsed() < LAST + Duration::from_secs(10));
+    drop(stopped);
+}
+
+#[test]
+fn a_run_that_fails_says_so() {
+    let served = serve(10);
+    let mut listener = served.listen();
+    listener.next().unwrap();
+    drop(served);
+    let last = std::iter::from_fn(|| listener.next()).last().unwrap();
+    assert_eq!(last.0, "end");
+    assert!(last.1.as_str().unwrap().contains("the terminal says why"));
+}
+
+#[test]
+fn places_are_addresses_ports_and_names() {
+    for (text, host, port) in [
+        ("", "127.0.0.1", None),
+        ("8080", "127.0.0.1", Some(8080)),
+        ("0.0.0.0", "0.0.0.0", None),
+        ("192.168.1.7:80", "192.168.1.7", Some(80)),
+        ("[::1]:80", "::1", Some(80)),
+        ("::1", "::1", None),
+        ("robot.lan:8080", "robot.lan", Some(8080)),
+    ] {
+        let place: Place = text.parse().unwrap();
+        assert_eq!((&*place.host, place.port), (host, port), "{text}");
+    }
+    for text in [
+        "recording",
+        "data/desk",
+        "a b:80",
+        ":80",
+        "host:",
+        "host:99999",
+        "http://x:80",
+    ] {
+        let error = text.parse::<Place>().unwrap_err();
+        assert!(
+            error.contains("ADDR:PORT") && error.contains(text),
+            "{error}"
+        );
+    }
+}
+
+#[test]
+fn a_port_that_is_taken_is_told_and_no_port_is_any_port() {
+    let served = serve(10);
+    let taken = Place {
+        host: "127.0.0.1".to_owned(),
+        port: Some(served.server.address.port()),
+    };
+    let error = taken.bind().unwrap_err().to_string();
+    assert!(error.contains("--view ADDR:PORT"), "{error}");
+    let (first, second) = (
+        Place::default().bind().unwrap(),
+        Place::default().bind().unwrap(),
+    );
+    assert_ne!(
+        first.local_addr().unwrap().port(),
+        second.local_addr().unwrap().port()
+    );
+    let elsewhere: Place = "192.0.2.1:0".parse().unwrap();
+    assert!(elsewhere.bind().is_err());
+}

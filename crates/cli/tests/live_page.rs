@@ -1,0 +1,216 @@
+//! A run that is shown while it goes on.
+
+use crate::common::browser::Browser;
+use crate::common::program;
+use crate::report::{FAINT, FRAMES, LOOK, MADE, summary, text};
+use serde_json::{Value, json};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStderr, Stdio};
+
+/// A run, and where it is shown.
+struct Running {
+    child: Child,
+    stderr: BufReader<ChildStderr>,
+    url: String,
+    out: PathBuf,
+}
+
+impl Running {
+    /// `run` on the people who walk, or on another folder beside them.
+    fn start(data: &str, name: &str, options: &[&str]) -> Self {
+        let dir = MADE.dir.path();
+        let out = dir.join(name);
+        let script = dir.join(data).join("detections.csv");
+        let script = format!("scripted:{}", script.display());
+        let data = dir.join(data);
+        let mut command = program();
+        command.args([
+            "run",
+            text(&data),
+            "--detector",
+            &script,
+            "--out",
+            text(&out),
+        ]);
+        command.args(options).args(["--view", "127.0.0.1:0"]);
+        command.stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut stderr = BufReader::new(child.stderr.take().unwrap());
+        let mut line = String::new();
+        let url = loop {
+            line.clear();
+            assert!(stderr.read_line(&mut line).unwrap() > 0, "it says where");
+            if let Some(url) = line.trim().strip_prefix("live page at ") {
+                break url.to_owned();
+            }
+        };
+        Self {
+            child,
+            stderr,
+            url,
+            out,
+        }
+    }
+
+    fn connect(&self) -> TcpStream {
+        let address = self.url.trim_start_matches("http://");
+        TcpStream::connect(address.trim_end_matches('/')).unwrap()
+    }
+
+    /// Waits for its end, and gives its summary.
+    fn end(mut self) -> Value {
+        let mut said = String::new();
+        self.stderr.read_to_string(&mut said).unwrap();
+        assert!(self.child.wait().unwrap().success(), "{said}");
+        summary(&self.out)
+    }
+}
+
+/// The events of a page, to the end.
+fn listen(stream: TcpStream) -> Vec<(String, Value)> {
+    let (mut events, mut name) = (Vec::new(), String::new());
+    let mut stream = stream;
+    stream
+        .write_all(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        .unwrap();
+    for line in BufReader::new(stream).lines() {
+        let line = line.unwrap();
+        if let Some(text) = line.strip_prefix("event: ") {
+            name = text.to_owned();
+        } else if let Some(text) = line.strip_prefix("data: ") {
+            events.push((name.clone(), serde_json::from_str(text).unwrap()));
+        }
+    }
+    events
+}
+
+#[test]
+fn whoever_looks_changes_nothing_and_is_told_the_report() {
+    let run = Running::start("people walk", "shown", &[]);
+    let stream = run.connect();
+    let told = std::thread::spawn(move || listen(stream));
+    // One that takes nothing, and one that is gone at once.
+    let mut stopped = run.connect();
+    stopped
+        .write_all(b"GET /events HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        .unwrap();
+    drop(run.connect());
+    let out = run.out.clone();
+    let summary = run.end();
+    drop(stopped);
+    for file in [
+        "trajectory.txt",
+        "trajectory_online.txt",
+        "frames.csv",
+        "run.log",
+    ] {
+        let read = |folder: &Path| std::fs::read(folder.join(file)).unwrap();
+        assert!(read(&out) == read(&MADE.result), "{file}");
+    }
+    let events = told.join().unwrap();
+    let (last, updates) = events.split_last().unwrap();
+    assert!(updates.len() > 2 && updates.iter().all(|(name, _)| name == "update"));
+    assert_eq!(updates[0].1["about"]["name"], "people walk");
+    assert!(updates[1..].iter().all(|(_, u)| u["about"].is_null()));
+    let pictures = updates.iter().filter(|(_, u)| !u["picture"].is_null());
+    assert!(pictures.count() > 0);
+    let landmarks = updates
+        .iter()
+        .filter_map(|(_, u)| u["map"]["count"].as_u64());
+    assert!(landmarks.max() > Some(100));
+    assert_eq!(
+        (&*last.0, &last.1["summary"]["frames"]),
+        ("report", &summary["frames"])
+    );
+}
+
+/// The same recording at half the speed, so that there is time to look at it.
+fn slowly() -> &'static str {
+    let (from, to) = (
+        MADE.dir.path().join("people walk"),
+        MADE.dir.path().join("slowly"),
+    );
+    std::fs::create_dir_all(&to).unwrap();
+    for (name, between) in [
+        ("rgb.txt", ' '),
+        ("depth.txt", ' '),
+        ("detections.csv", ','),
+    ] {
+        let list = std::fs::read_to_string(from.join(name)).unwrap();
+        let line = |line: &str| match line.split_once(between) {
+            Some((stamp, rest)) if stamp.parse::<f64>().is_ok() => {
+                format!("{:.6}{between}{rest}", 2.0 * stamp.parse::<f64>().unwrap())
+            }
+            _ => line.to_owned(),
+        };
+        let lines: Vec<String> = list.lines().map(line).collect();
+        std::fs::write(to.join(name), lines.join("\n")).unwrap();
+    }
+    crate::common::copy(&from.join("rgb"), &to.join("rgb"));
+    crate::common::copy(&from.join("depth"), &to.join("depth"));
+    let _ = std::fs::copy(from.join("camera.toml"), to.join("camera.toml"));
+    "slowly"
+}
+
+#[test]
+fn a_browser_shows_a_run_and_in_the_end_its_report() {
+    let Some(mut browser) = Browser::start(&[]) else {
+        return;
+    };
+    let run = Running::start(slowly(), "slowly shown", &["--live=all"]);
+    browser.open_url(&run.url);
+    browser.until("stillpoint.state.ready && stillpoint.counts.frames > 5 && stillpoint.counts.landmarks > 50");
+    let state = browser.eval("stillpoint.state");
+    assert_eq!(
+        (&state["following"], &state["live"]["state"]),
+        (&json!(true), &json!("live"))
+    );
+    // The picture is drawn, and the map.
+    browser.until("stillpoint.counts.pictures > 1 && document.querySelector('#picture').width > 0");
+    let before = browser.eval("stillpoint.counts.frames").as_u64().unwrap();
+    browser.until(&format!("stillpoint.state.frame > {before}"));
+    let share = browser.eval(LOOK)[0].as_f64().unwrap();
+    assert!(share > 0.02, "{share}");
+    assert_eq!(browser.eval(FAINT), json!([]));
+    // Who looks back is left there, and comes back when he likes.
+    browser.eval("document.querySelector('#timeline').focus()");
+    browser.press("Home", 0);
+    browser.eval("new Promise(done => setTimeout(done, 300))");
+    let state = browser.eval("stillpoint.state");
+    assert_eq!(
+        (&state["frame"], &state["following"]),
+        (&json!(0), &json!(false))
+    );
+    browser.eval("document.querySelector('#live').click()");
+    assert_eq!(browser.eval("stillpoint.state.following"), true);
+    // The end: the page is the report.
+    browser.until("stillpoint.state.live.state === 'over'");
+    let summary = run.end();
+    let counts = browser.eval("stillpoint.counts");
+    for name in ["frames", "tracked", "keyframes", "landmarks"] {
+        assert_eq!(counts[name], summary[name], "{name}");
+    }
+    assert_eq!(counts["frames"], FRAMES as u64);
+    let said = browser.eval("document.querySelector('#status').textContent");
+    assert!(
+        said.as_str().unwrap().starts_with("The run has ended."),
+        "{said}"
+    );
+    let rows = browser.eval("document.querySelectorAll('#tables tbody tr').length");
+    assert!(rows.as_u64().unwrap() > 3);
+    // How long the detector's answers took is on the time line.
+    let lanes = browser.eval("page.timeline.lanes.map(l => l[0])");
+    assert!(
+        lanes.as_array().unwrap().contains(&json!("answer_ms")),
+        "{lanes}"
+    );
+    assert_eq!(browser.errors, [""; 0]);
+    assert!(
+        browser.requests.iter().all(|r| r.ends_with("/events")),
+        "{:?}",
+        browser.requests
+    );
+    assert_eq!(browser.eval("stillpoint.state.errors"), json!([]));
+}

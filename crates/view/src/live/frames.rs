@@ -1,0 +1,290 @@
+//! The frames of a run that goes on, each with a pose that follows the map.
+
+use super::ledger::Ledger;
+use crate::report::{Column, FrameState};
+use serde::{Deserialize, Serialize};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use stillpoint_geometry::Se3;
+use stillpoint_map::{KeyframeId, MapView, SubmapId};
+use stillpoint_slam::{AnchoredPose, FrameReport, Health, Outcome};
+
+/// Frames that are shown, at most: ten minutes at 30 Hz. Of longer runs every second one is shown, again and again.
+const MOST_FRAMES: usize = 18_000;
+/// Versions of the map that are kept, because tracking may still use an older one than the newest.
+const VIEWS: usize = 8;
+/// A pose that moved by less is not told again, m and rad: less than a pixel of the picture.
+const STILL: f64 = 1e-3;
+
+/// A frame.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Row {
+    seconds: f32,
+    state: FrameState,
+    inliers: u16,
+    moving: f32,
+    sigma_mm: f32,
+    quality: f32,
+    time_ms: f32,
+    anchored: Option<Anchored>,
+    /// The pose as it is told: in the submap that is shown.
+    pose: Option<Se3>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Anchored {
+    pose: AnchoredPose,
+    /// The submap that it was in when it was measured.
+    submap: SubmapId,
+}
+
+/// All frames.
+#[derive(Clone, Debug)]
+pub(super) struct Frames {
+    rows: Ledger<Row>,
+    first_stamp: Option<f64>,
+    /// One frame in `2^halved` is shown.
+    halved: u32,
+    most: usize,
+    /// Frames that went by.
+    count: usize,
+    posed: usize,
+    views: VecDeque<(Arc<MapView>, Option<KeyframeId>)>,
+    /// Keyframe ids that the map had before the run.
+    first_id: u32,
+    /// The submap that is shown.
+    submap: Option<SubmapId>,
+}
+
+impl Default for Frames {
+    fn default() -> Self {
+        Self {
+            rows: Ledger::default(),
+            first_stamp: None,
+            halved: 0,
+            most: MOST_FRAMES,
+            count: 0,
+            posed: 0,
+            views: VecDeque::new(),
+            first_id: 0,
+            submap: None,
+        }
+    }
+}
+
+impl Frames {
+    #[cfg(test)]
+    pub(super) fn set_most(&mut self, most: usize) {
+        self.most = most;
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
+    pub(super) fn posed(&self) -> usize {
+        self.posed
+    }
+
+    pub(super) fn submap(&self) -> Option<SubmapId> {
+        self.submap
+    }
+
+    /// Begins with a map.
+    pub(super) fn begin(&mut self, view: Arc<MapView>) {
+        self.first_id = view.keyframe_bound() as u32;
+        self.views.push_back((view, None));
+    }
+
+    /// Takes a new version of the map; `newest` is the keyframe that it brings.
+    pub(super) fn set_view(&mut self, view: &Arc<MapView>, newest: Option<KeyframeId>) {
+        let newest = newest.or_else(|| self.views.back()?.1);
+        self.views.push_back((Arc::clone(view), newest));
+        if self.views.len() > VIEWS {
+            self.views.pop_front();
+        }
+    }
+
+    /// Takes a frame. `time_ms`: what it took.
+    pub(super) fn take(
+        &mut self,
+        version: u64,
+        report: &FrameReport,
+        health: &Health,
+        time_ms: Option<f64>,
+    ) {
+        let first = *self.first_stamp.get_or_insert(report.stamp);
+        let turn = self.count.is_multiple_of(1 << self.halved);
+        let anchored = self.anchor(report);
+        self.count += 1;
+        self.posed += usize::from(anchored.is_some());
+        if let Some(a) = &anchored {
+            self.submap = self.submap_now(a).or(self.submap);
+        }
+        if !turn {
+            return;
+        }
+        let row = Row {
+            seconds: (report.stamp - first) as f32,
+            state: state(report),
+            inliers: u16::try_from(report.counts.inliers).unwrap_or(u16::MAX),
+            moving: report.counts.moving_share() as f32,
+            sigma_mm: health.sigma_m().map_or(f32::NAN, |m| (1e3 * m) as f32),
+            quality: health.quality.value() as f32,
+            time_ms: time_ms.map_or(f32::NAN, |ms| ms as f32),
+            pose: anchored.and_then(|a| self.resolve(&a)),
+            anchored,
+        };
+        self.rows.set(version, report.frame.0, row);
+        if self.rows.len() > self.most {
+            self.halved += 1;
+            let mut number = 0_usize;
+            self.rows.retain(version, |_, _| {
+                number += 1;
+                !number.is_multiple_of(2)
+            });
+        }
+    }
+
+    /// Hangs a pose on the keyframe that was the newest in the map that tracking used.
+    fn anchor(&self, report: &FrameReport) -> Option<Anchored> {
+        let online_world_from_camera = report.world_from_camera?;
+        let submap = report.submap?;
+        let used = |(view, _): &&(Arc<MapView>, _)| view.version() <= report.map_version;
+        let used = self.views.iter().rev().find(used).or(self.views.front());
+        let reference = used.and_then(|(view, newest)| {
+            let newest = newest.filter(|id| view.submap_of(*id) == Some(submap))?;
+            Some((newest, view.world_from_keyframe(newest)?))
+        });
+        let own = KeyframeId(report.frame.0.saturating_add(self.first_id));
+        // Without a keyframe to hang on, the pose stays as it was measured.
+        let (reference, world_from_reference) = reference.unwrap_or((own, Se3::identity()));
+        Some(Anchored {
+            pose: AnchoredPose {
+                keyframe: report.is_keyframe.then_some(own),
+                reference,
+                reference_from_camera: world_from_reference.inverse() * online_world_from_camera,
+                online_world_from_camera,
+            },
+            submap,
+        })
+    }
+
+    /// The submap that a pose is in by what is known now.
+    fn submap_now(&self, anchored: &Anchored) -> Option<SubmapId> {
+        let view = self.views.back().map(|(view, _)| view);
+        let joined = view.and_then(|v| v.submap_of(anchored.pose.reference));
+        joined.or(Some(anchored.submap))
+    }
+
+    /// The pose by what is known now, if it is in the submap that is shown.
+    fn resolve(&self, anchored: &Anchored) -> Option<Se3> {
+        if self.submap_now(anchored) != self.submap {
+            return None;
+        }
+        let pose = &anchored.pose;
+        Some(
+            self.views
+                .back()
+                .map_or(pose.online_world_from_camera, |(v, _)| {
+                    pose.best_world_from_camera(v)
+                }),
+        )
+    }
+
+    /// Brings all poses to the newest version of the map.
+    pub(super) fn follow(&mut self, version: u64) {
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.revise(version, |_, row| {
+            let Some(anchored) = &row.anchored else {
+                return false;
+            };
+            let pose = self.resolve(anchored);
+            let moved = match (&row.pose, &pose) {
+                (Some(a), Some(b)) => apart(a, b),
+                (None, None) => false,
+                _ => true,
+            };
+            if moved {
+                row.pose = pose;
+            }
+            moved
+        });
+        self.rows = rows;
+    }
+
+    /// What changed since a version.
+    pub(super) fn since(&self, version: u64) -> FrameUpdate {
+        let changes = self.rows.since(version);
+        let mut update = FrameUpdate {
+            whole: changes.whole,
+            first_stamp: self.first_stamp.unwrap_or(0.0),
+            removed: Column(changes.removed),
+            ..FrameUpdate::default()
+        };
+        for (id, row) in changes.set {
+            update.add(id, row);
+        }
+        update
+    }
+}
+
+/// Whether two poses are told apart.
+fn apart(a: &Se3, b: &Se3) -> bool {
+    let turned = (a.rotation.coords - b.rotation.coords).norm();
+    (a.translation - b.translation).norm() > STILL || turned > STILL / 2.0
+}
+
+fn state(report: &FrameReport) -> FrameState {
+    match report.outcome {
+        Outcome::Lost { .. } => FrameState::Lost,
+        Outcome::Initialised => FrameState::Begun,
+        Outcome::Tracked if report.undecided.is_some() => FrameState::Undecided,
+        Outcome::Tracked => FrameState::Tracked,
+        Outcome::Relocalised { .. } => FrameState::Relocalised,
+    }
+}
+
+/// Frames that are new, or whose pose moved: columns as those of [`FrameColumns`](crate::report::FrameColumns).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameUpdate {
+    /// All frames that were told before are void.
+    pub whole: bool,
+    /// The stamp of the first frame, s.
+    pub first_stamp: f64,
+    /// Numbers of frames that are shown no more.
+    pub removed: Column<u32>,
+    /// Number of the frame.
+    pub id: Column<u32>,
+    /// Time since the first frame, s.
+    pub seconds: Column<f32>,
+    /// What became of it: see [`FrameState`].
+    pub state: Column<u8>,
+    /// Landmarks that agree with the pose.
+    pub inliers: Column<u16>,
+    /// Share of the keypoints that move, 0 to 1.
+    pub moving: Column<f32>,
+    /// Standard deviation of the position, mm.
+    pub sigma_mm: Column<f32>,
+    /// Quality of the pose, 0 to 1.
+    pub quality: Column<f32>,
+    /// Latency, ms.
+    pub time_ms: Column<f32>,
+    /// The pose as it is known now: seven numbers per frame, position and quaternion (x, y, z, w).
+    pub pose: Column<f32>,
+}
+
+impl FrameUpdate {
+    fn add(&mut self, id: u32, row: &Row) {
+        self.id.0.push(id);
+        self.seconds.0.push(row.seconds);
+        self.state.0.push(row.state as u8);
+        self.inliers.0.push(row.inliers);
+        self.moving.0.push(row.moving);
+        self.sigma_mm.0.push(row.sigma_mm);
+        self.quality.0.push(row.quality);
+        self.time_ms.0.push(row.time_ms);
+        self.pose.extend(crate::report::numbers(row.pose.as_ref()));
+    }
+}

@@ -1,0 +1,213 @@
+//! Values by number that remember when they changed, so that whoever knows them as of one version can be told what is new.
+//!
+//! Every reader asks at a pace of its own: a slow one is told less often, of the newest values alone, and nothing is kept for it.
+
+use std::collections::{BTreeMap, VecDeque};
+
+/// Removals that are remembered. Who asks from before the oldest of them is told everything.
+const REMEMBERED: usize = 50_000;
+
+/// Values of one kind by number.
+#[derive(Clone, Debug)]
+pub(super) struct Ledger<V> {
+    entries: BTreeMap<u32, Entry<V>>,
+    /// Versions and numbers of what was removed, in order.
+    removed: VecDeque<(u64, u32)>,
+    /// The version of the newest change.
+    changed: u64,
+    /// The version of the newest removal that is not remembered.
+    forgotten: u64,
+    remembered: usize,
+}
+
+#[derive(Clone, Debug)]
+struct Entry<V> {
+    value: V,
+    version: u64,
+}
+
+/// What changed since a version.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Changes<'a, V> {
+    /// What was known before is void: all that there is follows.
+    pub(super) whole: bool,
+    /// What is there no more; to be taken out before the others are put in.
+    pub(super) removed: Vec<u32>,
+    /// What is new or other than before, by number.
+    pub(super) set: Vec<(u32, &'a V)>,
+}
+
+impl<V> Default for Ledger<V> {
+    fn default() -> Self {
+        Self {
+            entries: BTreeMap::new(),
+            removed: VecDeque::new(),
+            changed: 0,
+            forgotten: 0,
+            remembered: REMEMBERED,
+        }
+    }
+}
+
+impl<V> Ledger<V> {
+    pub(super) fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    pub(super) fn get(&self, number: u32) -> Option<&V> {
+        self.entries.get(&number).map(|e| &e.value)
+    }
+
+    /// The values by number, in order.
+    #[cfg(test)]
+    pub(super) fn iter(&self) -> impl DoubleEndedIterator<Item = (u32, &V)> {
+        self.entries.iter().map(|(number, e)| (*number, &e.value))
+    }
+
+    /// Puts a value in. Versions never fall.
+    pub(super) fn set(&mut self, version: u64, number: u32, value: V) {
+        self.changed = version;
+        self.entries.insert(number, Entry { value, version });
+    }
+
+    /// Changes the values for which `change` says that it did.
+    pub(super) fn revise(&mut self, version: u64, mut change: impl FnMut(u32, &mut V) -> bool) {
+        for (number, entry) in &mut self.entries {
+            if change(*number, &mut entry.value) {
+                entry.version = version;
+                self.changed = version;
+            }
+        }
+    }
+
+    /// Keeps what `keep` says.
+    pub(super) fn retain(&mut self, version: u64, mut keep: impl FnMut(u32, &V) -> bool) {
+        let removed = &mut self.removed;
+        let before = removed.len();
+        self.entries.retain(|number, entry| {
+            let kept = keep(*number, &entry.value);
+            if !kept {
+                removed.push_back((version, *number));
+            }
+            kept
+        });
+        if removed.len() > before {
+            self.changed = version;
+        }
+        while self.removed.len() > self.remembered
+            && let Some((version, _)) = self.removed.pop_front()
+        {
+            self.forgotten = version;
+        }
+    }
+
+    /// What changed after a version; with 0 all that there is.
+    pub(super) fn since(&self, version: u64) -> Changes<'_, V> {
+        let whole = version < self.forgotten || version == 0;
+        if version >= self.changed && !whole {
+            return Changes {
+                whole,
+                removed: Vec::new(),
+                set: Vec::new(),
+            };
+        }
+        let from = self.removed.partition_point(|(v, _)| *v <= version);
+        let removed = self
+            .removed
+            .iter()
+            .skip(if whole { usize::MAX } else { from });
+        let set = self.entries.iter();
+        let set = set.filter(|(_, e)| whole || e.version > version);
+        Changes {
+            whole,
+            removed: removed.map(|(_, number)| *number).collect(),
+            set: set.map(|(number, e)| (*number, &e.value)).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[derive(Clone, Debug)]
+    enum Step {
+        Set(u32, u8),
+        Revise(u8),
+        Keep(u32),
+        /// One of the readers asks.
+        Read(usize),
+    }
+
+    fn step() -> impl Strategy<Value = Step> {
+        prop_oneof![
+            (0..20_u32, any::<u8>()).prop_map(|(n, v)| Step::Set(n, v)),
+            any::<u8>().prop_map(Step::Revise),
+            (2..5_u32).prop_map(Step::Keep),
+            (0..3_usize).prop_map(Step::Read),
+        ]
+    }
+
+    fn read(ledger: &Ledger<u8>, known: &mut (u64, BTreeMap<u32, u8>), now: u64) {
+        let changes = ledger.since(known.0);
+        if changes.whole {
+            known.1.clear();
+        }
+        for number in changes.removed {
+            known.1.remove(&number);
+        }
+        known
+            .1
+            .extend(changes.set.into_iter().map(|(n, v)| (n, *v)));
+        known.0 = now;
+    }
+
+    proptest! {
+        #[test]
+        fn whoever_asks_whenever_knows_what_there_is(steps in prop::collection::vec(step(), 1..200), remembered in 0..6_usize) {
+            let mut ledger = Ledger { remembered, ..Ledger::default() };
+            let mut readers = vec![(0, BTreeMap::new()); 3];
+            let mut now = 0;
+            for step in steps {
+                match step {
+                    Step::Read(reader) => {
+                        read(&ledger, &mut readers[reader], now);
+                        let all: BTreeMap<u32, u8> = ledger.iter().map(|(n, v)| (n, *v)).collect();
+                        prop_assert_eq!(&readers[reader].1, &all);
+                        // Who asks again at once is told nothing.
+                        if now > 0 {
+                            let again = ledger.since(now);
+                            prop_assert!(!again.whole && again.set.is_empty() && again.removed.is_empty());
+                        }
+                        continue;
+                    }
+                    _ => now += 1,
+                }
+                match step {
+                    Step::Set(number, value) => ledger.set(now, number, value),
+                    Step::Revise(value) => ledger.revise(now, |number, old| {
+                        let other = number % 3 == 0 && *old != value;
+                        if other { *old = value; }
+                        other
+                    }),
+                    Step::Keep(one_in) => ledger.retain(now, |number, _| number % one_in != 0),
+                    Step::Read(_) => {}
+                }
+                prop_assert!(ledger.removed.len() <= remembered);
+            }
+        }
+    }
+
+    #[test]
+    fn a_reader_is_told_only_what_changed() {
+        let mut ledger = Ledger::default();
+        (0..1000).for_each(|n| ledger.set(1, n, n));
+        ledger.set(2, 7, 70);
+        ledger.retain(3, |n, _| n != 9);
+        let changes = ledger.since(1);
+        assert_eq!((changes.whole, &*changes.removed), (false, &[9][..]));
+        assert_eq!(changes.set, [(7, &70)]);
+        assert_eq!(ledger.since(0).set.len(), 999);
+    }
+}

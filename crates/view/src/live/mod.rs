@@ -1,0 +1,231 @@
+//! The page of a run that goes on: what a browser is told of it, and the page that shows it.
+//!
+//! Answers: what is new since a version. [`LivePage`] listens to a run and holds what is shown now; whoever shows it asks for the [`Update`] since the
+//! version that he knows, at a pace of his own, and [`to_html`] is the page that takes them. So a slow reader is told less often and of the newest
+//! alone, and nothing is kept for anybody; how much is held does not grow with the length of a run. Opens no sockets, reads no clock, and has no
+//! threads: who serves the page says when a picture is wanted, and when the map is to be looked through.
+
+mod frames;
+mod ledger;
+mod scene;
+#[cfg(test)]
+mod tests;
+mod update;
+
+pub use frames::FrameUpdate;
+pub use scene::{KeyframeUpdate, MapUpdate};
+pub use update::{About, Measured, Now, PictureUpdate, Update};
+
+use crate::report::{
+    Column, Mark, MarkKind, ObjectColumns, Thumbnails, features, mark_of, objects_of, page,
+};
+use frames::Frames;
+use ledger::Ledger;
+use scene::MapScene;
+use std::sync::Arc;
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::{KeyframeId, MapView};
+use stillpoint_slam::{Event, FrameReport, Health, Outcome, Subscriber};
+
+/// What happened that is told, at most; the oldest give way.
+const MOST_MARKS: usize = 500;
+/// Width of the picture, px, at most, and its bytes on average: 15 a second take 1.5 Mbit/s.
+const PICTURE_WIDTH: usize = 320;
+const PICTURE_BYTES: usize = 12_000;
+
+/// The page of a run that goes on: the run's name is its title. It asks for `events` beside itself, as server-sent events: `update` with an [`Update`] each, and at the end
+/// `report` with a [`RunData`](crate::report::RunData), or `end` with a line of text.
+#[must_use]
+pub fn to_html(name: &str) -> String {
+    page(name, "null", true)
+}
+
+/// Holds what is shown of a run.
+pub struct LivePage {
+    /// Counts what changed anything.
+    version: u64,
+    about: About,
+    frames: Frames,
+    scene: MapScene,
+    marks: Ledger<Mark>,
+    next_mark: u32,
+    /// The newest picture, and the version at which it came.
+    picture: Option<(u64, PictureUpdate)>,
+    now: Now,
+    view: Option<Arc<MapView>>,
+    /// Whether there is a map that was not looked through yet.
+    behind: bool,
+    first_id: u32,
+    thumbnails: Thumbnails,
+}
+
+impl LivePage {
+    /// Before the first frame.
+    #[must_use]
+    pub fn new(about: About) -> Self {
+        Self {
+            version: 1,
+            about,
+            frames: Frames::default(),
+            scene: MapScene::default(),
+            marks: Ledger::default(),
+            next_mark: 0,
+            picture: None,
+            now: Now::default(),
+            view: None,
+            behind: false,
+            first_id: 0,
+            thumbnails: Thumbnails::new(PICTURE_WIDTH, PICTURE_BYTES),
+        }
+    }
+
+    /// Begins with a map that was there before the first frame.
+    pub fn begin_with(&mut self, view: Arc<MapView>) {
+        self.first_id = view.keyframe_bound() as u32;
+        self.frames.begin(Arc::clone(&view));
+        self.count_map(&view);
+        self.view = Some(view);
+        self.behind = true;
+        self.version += 1;
+    }
+
+    /// Takes an event. A frame's picture is made only where it is wanted, and the frame has its image. Of the map the newest version is kept;
+    /// [`LivePage::follow_map`] looks it through.
+    pub fn take(&mut self, event: &Event, wants_picture: bool) {
+        self.version += 1;
+        if let Some(view) = event.view() {
+            let newest = match event {
+                Event::Mapped { report, .. } => Some(report.keyframe),
+                _ => None,
+            };
+            self.take_view(view, newest);
+        }
+        if let Some(mark) = mark_of(event) {
+            self.mark(mark);
+        }
+        match event {
+            Event::Frame(event) => {
+                self.take_frame(&event.report, &event.health);
+                if let Some(frame) = event.frame.as_ref().filter(|_| wants_picture) {
+                    self.show(frame, &event.report);
+                }
+            }
+            Event::Detected(_) => self.now.detections += 1,
+            Event::Looped(_) => self.now.places += 1,
+            _ => {}
+        }
+    }
+
+    /// Takes what whoever drives the run measures.
+    pub fn measure(&mut self, measured: Measured) {
+        self.now.measured = measured;
+    }
+
+    /// Whether there is a map that [`LivePage::follow_map`] has not looked through.
+    #[must_use]
+    pub fn is_behind(&self) -> bool {
+        self.behind
+    }
+
+    /// Looks through the newest map. `exactly`: also at what moved by less than is seen. It takes some milliseconds for 50 000 landmarks.
+    pub fn follow_map(&mut self, exactly: bool) {
+        let Some(view) = &self.view else { return };
+        self.version += 1;
+        self.behind = false;
+        let submap = self.frames.submap();
+        self.scene.follow(self.version, view, submap, exactly);
+        self.frames.follow(self.version);
+    }
+
+    /// What changed after a version, with 0 all that there is. Everything that is told with one version is known to whoever asks for
+    /// what comes after it.
+    #[must_use]
+    pub fn since(&self, version: u64) -> Update {
+        let picture = self.picture.as_ref().filter(|(at, _)| *at > version);
+        let mut marks = self.marks.since(version);
+        marks.set.sort_by_key(|(number, _)| *number);
+        Update {
+            version: self.version,
+            about: (version == 0).then(|| self.about.clone()),
+            frames: self.frames.since(version),
+            map: self.scene.since(version),
+            marks: marks.set.into_iter().map(|(_, m)| m.clone()).collect(),
+            picture: picture.map(|(_, p)| p.clone()),
+            now: self.now.clone(),
+        }
+    }
+
+    fn take_view(&mut self, view: &Arc<MapView>, newest: Option<KeyframeId>) {
+        self.frames.set_view(view, newest);
+        self.count_map(view);
+        self.view = Some(Arc::clone(view));
+        self.behind = true;
+    }
+
+    fn count_map(&mut self, view: &MapView) {
+        self.now.keyframes = view.keyframe_count() as u32;
+        self.now.landmarks = view.landmark_count() as u32;
+        self.now.loops = view.loops().count() as u32;
+    }
+
+    fn take_frame(&mut self, report: &FrameReport, health: &Health) {
+        let measured = &self.now.measured;
+        let time_ms = measured
+            .latency_ms
+            .filter(|_| measured.frame == Some(report.frame.0));
+        self.frames.take(self.version, report, health, time_ms);
+        if let Outcome::Lost { since, reason } = report.outcome
+            && since == report.frame
+        {
+            self.mark(Mark {
+                frame: report.frame.0,
+                kind: MarkKind::Loss,
+                text: format!("no pose: {reason}"),
+            });
+        }
+        self.now.frames = self.frames.count() as u64;
+        self.now.posed = self.frames.posed() as u64;
+        self.now.set_health(report, health);
+    }
+
+    fn mark(&mut self, mut mark: Mark) {
+        // Loops and what was taken back are told by keyframes, of which a loaded map has the first ones.
+        if matches!(mark.kind, MarkKind::Loop | MarkKind::Revoked) {
+            mark.frame = mark.frame.saturating_sub(self.first_id);
+        }
+        self.marks.set(self.version, self.next_mark, mark);
+        self.next_mark += 1;
+        if self.marks.len() > MOST_MARKS {
+            let first = self.next_mark - MOST_MARKS as u32;
+            self.marks.retain(self.version, |number, _| number >= first);
+        }
+    }
+
+    fn show(&mut self, frame: &RgbdFrame, report: &FrameReport) {
+        let image = [frame.gray.width(), frame.gray.height()];
+        let size = self.thumbnails.size(image[0], image[1]);
+        let mut objects = ObjectColumns::default();
+        for object in objects_of(report) {
+            objects.add(report.frame.0, &object, report.world_from_camera.as_ref());
+        }
+        let picture = PictureUpdate {
+            frame: report.frame.0,
+            image: image.map(|n| n as u32),
+            size: [size.0 as u32, size.1 as u32],
+            jpeg: Column(self.thumbnails.make(frame)),
+            features: features(report, image.map(|n| n as f32)),
+            objects,
+        };
+        self.picture = Some((self.version, picture));
+    }
+}
+
+/// For whoever shows a run without a clock: with every picture and every map.
+impl Subscriber for LivePage {
+    fn receive(&mut self, event: &Event) {
+        self.take(event, true);
+        if self.behind {
+            self.follow_map(false);
+        }
+    }
+}

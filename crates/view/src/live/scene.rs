@@ -1,0 +1,212 @@
+//! The map of a run that goes on, as far as it is shown.
+
+use super::ledger::Ledger;
+use crate::report::{Column, numbers, triple};
+use serde::{Deserialize, Serialize};
+use stillpoint_map::{MapView, SubmapId};
+
+/// Landmarks that are shown, at most; 20 bytes each. Of more, those are shown whose number is a multiple of a power of two.
+const MOST_LANDMARKS: usize = 60_000;
+/// What moved by less is not told again, m: less than a pixel of the picture.
+const STILL: f32 = 2e-3;
+/// By how much the probability that a landmark stands still changes until that is told, in 255ths.
+const ALIKE: u8 = 12;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Landmark {
+    position: [f32; 3],
+    frame: u32,
+    stands_still: u8,
+}
+
+/// What is shown of the map.
+#[derive(Clone, Debug)]
+pub(super) struct MapScene {
+    landmarks: Ledger<Landmark>,
+    keyframes: Ledger<[f32; 7]>,
+    loops: Vec<u32>,
+    /// The version at which loops changed.
+    loops_changed: u64,
+    /// Landmarks of the map.
+    count: usize,
+    most: usize,
+}
+
+impl Default for MapScene {
+    fn default() -> Self {
+        Self {
+            landmarks: Ledger::default(),
+            keyframes: Ledger::default(),
+            loops: Vec::new(),
+            loops_changed: 0,
+            count: 0,
+            most: MOST_LANDMARKS,
+        }
+    }
+}
+
+impl MapScene {
+    #[cfg(test)]
+    pub(super) fn set_most(&mut self, most: usize) {
+        self.most = most;
+    }
+
+    /// Takes what a version of the map says of a submap. `exactly`: also what moved by less than is seen.
+    pub(super) fn follow(
+        &mut self,
+        version: u64,
+        view: &MapView,
+        submap: Option<SubmapId>,
+        exactly: bool,
+    ) {
+        let of = |id| submap.is_none() || view.submap_of(id) == submap;
+        let lives_in = |one_in: u32| {
+            let all = view.landmarks().filter(|(_, l)| of(l.anchor));
+            all.filter(|(id, _)| id.0.is_multiple_of(one_in)).count()
+        };
+        self.count = lives_in(1);
+        // Numbers that are multiples of it are spread over the whole map, and stay the same until there are twice as many.
+        let mut one_in = 1_u32;
+        while lives_in(one_in) > self.most {
+            one_in *= 2;
+        }
+        let shown = |number: u32| number.is_multiple_of(one_in);
+        let lives = |number: u32| {
+            let landmark = view.landmark(stillpoint_map::LandmarkId(number));
+            landmark.is_some_and(|l| of(l.anchor))
+        };
+        self.landmarks
+            .retain(version, |number, _| shown(number) && lives(number));
+        for (id, landmark) in view.landmarks() {
+            if !shown(id.0) || !of(landmark.anchor) {
+                continue;
+            }
+            let odds = f64::from(landmark.static_odds);
+            let now = Landmark {
+                position: triple(view.landmark_position(id).as_ref()),
+                frame: landmark.created_at.0,
+                stands_still: (255.0 / (1.0 + (-odds).exp())).round() as u8,
+            };
+            let known = self.landmarks.get(id.0);
+            if known.is_none_or(|k| if exactly { *k != now } else { k.differs(&now) }) {
+                self.landmarks.set(version, id.0, now);
+            }
+        }
+        let keyframe = |number: u32| {
+            let keyframe = view.keyframe(stillpoint_map::KeyframeId(number));
+            keyframe.is_some_and(|k| of(k.id))
+        };
+        self.keyframes.retain(version, |number, _| keyframe(number));
+        for keyframe in view.keyframes().filter(|k| of(k.id)) {
+            let pose = numbers(Some(&keyframe.world_from_camera));
+            let known = self.keyframes.get(keyframe.id.0);
+            let moved = |k: &[f32; 7]| {
+                let far = |(a, b): (&f32, &f32)| (a - b).abs() > STILL;
+                if exactly {
+                    *k != pose
+                } else {
+                    k.iter().zip(&pose).any(far)
+                }
+            };
+            if known.is_none_or(moved) {
+                self.keyframes.set(version, keyframe.id.0, pose);
+            }
+        }
+        self.tie(version, view, &of);
+    }
+
+    /// Loops whose keyframes are there, or what carries their tombstones.
+    fn tie(
+        &mut self,
+        version: u64,
+        view: &MapView,
+        of: &dyn Fn(stillpoint_map::KeyframeId) -> bool,
+    ) {
+        let ends = view.loops().filter_map(|edge| {
+            let [a, b] = [edge.old, edge.new].map(|id| view.resolve_keyframe(id));
+            Some([a?, b?])
+        });
+        let ends = ends.filter(|e| e.iter().all(|id| of(*id)));
+        let loops: Vec<u32> = ends.flatten().map(|id| id.0).collect();
+        if loops != self.loops {
+            self.loops = loops;
+            self.loops_changed = version;
+        }
+    }
+
+    /// What changed since a version.
+    pub(super) fn since(&self, version: u64) -> MapUpdate {
+        let (landmarks, keyframes) = (self.landmarks.since(version), self.keyframes.since(version));
+        let mut update = MapUpdate {
+            whole: landmarks.whole,
+            count: self.count as u32,
+            removed: Column(landmarks.removed),
+            keyframes: KeyframeUpdate {
+                whole: keyframes.whole,
+                removed: Column(keyframes.removed),
+                ..KeyframeUpdate::default()
+            },
+            loops: (self.loops_changed > version || version == 0)
+                .then(|| Column(self.loops.clone())),
+            ..MapUpdate::default()
+        };
+        for (id, landmark) in landmarks.set {
+            update.id.0.push(id);
+            update.position.extend(landmark.position);
+            update.frame.0.push(landmark.frame);
+            update.stands_still.0.push(landmark.stands_still);
+        }
+        for (id, pose) in keyframes.set {
+            update.keyframes.id.0.push(id);
+            update.keyframes.pose.extend(*pose);
+        }
+        update
+    }
+}
+
+impl Landmark {
+    /// Whether one sees a difference.
+    fn differs(&self, other: &Self) -> bool {
+        let far = |(a, b): (&f32, &f32)| (a - b).abs() > STILL;
+        self.position.iter().zip(&other.position).any(far)
+            || self.stands_still.abs_diff(other.stands_still) >= ALIKE
+    }
+}
+
+/// Landmarks and keyframes that are new or other than before.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MapUpdate {
+    /// All landmarks that were told before are void.
+    pub whole: bool,
+    /// Landmarks of the map: those that are shown may be fewer.
+    pub count: u32,
+    /// Numbers of landmarks that are there no more; to be taken out first.
+    pub removed: Column<u32>,
+    /// Numbers of landmarks.
+    pub id: Column<u32>,
+    /// Positions: three numbers each, m.
+    pub position: Column<f32>,
+    /// Number of the frame that each was made at.
+    pub frame: Column<u32>,
+    /// Probability that it stands still, in 255ths.
+    pub stands_still: Column<u8>,
+    /// Keyframes.
+    pub keyframes: KeyframeUpdate,
+    /// All pairs of keyframes that loops tie together, where they changed.
+    pub loops: Option<Column<u32>>,
+}
+
+/// Keyframes that are new or other than before.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct KeyframeUpdate {
+    /// All keyframes that were told before are void.
+    pub whole: bool,
+    /// Numbers of keyframes that are there no more; to be taken out first.
+    pub removed: Column<u32>,
+    /// Numbers of keyframes.
+    pub id: Column<u32>,
+    /// Poses: seven numbers each, position and quaternion (x, y, z, w).
+    pub pose: Column<f32>,
+}

@@ -1,0 +1,139 @@
+"use strict";
+// The page of a run that goes on: asks for what is new, and shows it at a pace that leaves the machine to the run.
+
+/// Times between two paintings of what changes all the time, of the numbers, and of the map, ms. Painting by software takes a core from the run.
+const PACE = { frame: 60, numbers: 400, timeline: 500, map: 700 };
+
+const feed = { updates: 0, state: "waiting", dirty: new Set(), painted: {}, rates: [], waiting: false };
+
+function say(state, text) {
+  feed.state = state;
+  const status = byId("status");
+  if (status.textContent !== text) status.textContent = text;
+  status.className = `status ${state}`;
+}
+
+function startLive() {
+  prepare();
+  follow(true);
+  byId("live").hidden = false;
+  byId("status").hidden = false;
+  for (const id of ["worst-section", "tables-section"]) byId(id).hidden = true;
+  say("waiting", "Waiting for the first frame.");
+  const source = new EventSource("events");
+  source.addEventListener("update", (e) => take(JSON.parse(e.data)));
+  source.addEventListener("report", (e) => finish(source, new Run(JSON.parse(e.data)), ""));
+  source.addEventListener("end", (e) => finish(source, null, JSON.parse(e.data)));
+  source.addEventListener("error", () => {
+    if (feed.state !== "over") say("away", "The connection is lost; it is tried again. What is shown is what was known before.");
+  });
+  document.addEventListener("visibilitychange", wake);
+}
+
+/// Takes what is new; it is shown when it is its turn.
+function take(update) {
+  feed.updates++;
+  const before = page.run, at = before && before.count ? before.id[page.frame] : null;
+  const fresh = update.about && new LiveRun(update.about), run = fresh || page.run, changed = run.take(update);
+  if (fresh) begin(fresh);
+  if (!page.following && at !== null) page.frame = run.at(at);
+  feed.rates.push([performance.now(), update.now.frames]);
+  while (feed.rates.length > 2 && feed.rates[0][0] < performance.now() - 3000) feed.rates.shift();
+  feed.dirty.add("frame").add("numbers");
+  if (changed.frames) feed.dirty.add("timeline");
+  if (changed.map) feed.dirty.add("map");
+  if (changed.marks) feed.dirty.add("marks");
+  wake();
+}
+
+/// A run of which nothing is known yet, also after the connection was lost.
+function begin(run) {
+  const view = page.view, first = !page.run;
+  page.runs = [run];
+  page.run = run;
+  page.shownObjects = null;
+  byId("title").textContent = run.label;
+  document.title = `${run.label} (live) - Stillpoint`;
+  byId("subtitle").textContent = run.about.input;
+  byId("command").textContent = run.data.command;
+  byId("config").textContent = run.data.config;
+  page.timeline.load(run);
+  if (first) {
+    view.load(run, []);
+    openAt(location.hash);
+    page.ready = true;
+  } else if (page.is3d) [view.run, view.others] = [run, []];
+  else view.load(run, []);
+}
+
+function wake() {
+  if (feed.waiting || document.hidden || !page.run) return;
+  feed.waiting = true;
+  setTimeout(() => requestAnimationFrame(() => {
+    feed.waiting = false;
+    paintDue();
+  }), 15);
+}
+
+/// Paints what changed and was not painted for a while; comes back for the rest.
+function paintDue() {
+  const run = page.run, now = performance.now();
+  const turn = (name) => {
+    if (!feed.dirty.has(name) || now - (feed.painted[name] || 0) < (PACE[name] || 0)) return false;
+    feed.dirty.delete(name);
+    feed.painted[name] = now;
+    return true;
+  };
+  if (feed.state === "over" || !run.now) return;
+  if (turn("marks")) showMarks(run);
+  if (turn("map")) page.view.grow();
+  if (turn("timeline")) {
+    page.timeline.refresh();
+    page.view.paintWay();
+  }
+  if (turn("numbers")) showNow(run);
+  if (turn("frame")) {
+    if (page.following) go(run.count - 1);
+    else if (run.count) page.timeline.at(page.frame);
+  }
+  if (feed.dirty.size) wake();
+}
+
+/// The numbers, and how things stand in words.
+function showNow(run) {
+  const now = run.now, m = now.measured, [first, last] = [feed.rates[0], feed.rates[feed.rates.length - 1]];
+  const rate = last[0] > first[0] ? 1e3 * (last[1] - first[1]) / (last[0] - first[0]) : NaN;
+  fillFigures(liveFigures(run, rate));
+  const warnings = [...m.troubles.map((t) => `A thread is in trouble: ${t}.`)];
+  if (m.silent_s > 1) warnings.push(`No frame for ${fixed(m.silent_s, 0)} s.`);
+  byId("warnings").hidden = !warnings.length;
+  byId("warnings").replaceChildren(...warnings.map((w) => element("li", {}, w)));
+  if (!now.frames) say("waiting", "Waiting for the first frame.");
+  else if (now.lost) say("lost", now.loss ? now.loss[0].toUpperCase() + now.loss.slice(1) : "Lost");
+  else say("live", "Live: the camera is tracked.");
+}
+
+/// The run is over. Its report takes the place of what was gathered here, where there is one.
+function finish(source, report, text) {
+  source.close();
+  if (!page.run) return say("over", "The run has ended.");
+  if (report) {
+    const at = page.run.count && !page.following ? page.run.id[page.frame] : Infinity;
+    report.label = report.name;
+    page.runs = [report];
+    const view = page.view, camera = page.is3d && view.touched && { ...view.scene };
+    for (const id of ["worst-section", "tables-section"]) byId(id).hidden = false;
+    select(report);
+    if (camera) for (const name of ["target", "distance", "yaw", "pitch"]) view.scene[name] = camera[name];
+    go(report.at(at));
+  } else {
+    feed.painted = {};
+    paintDue();
+  }
+  say("over", report ? "The run has ended. This is its report; report.html in the result folder is the same." : `The run has ended. ${text}`);
+  document.title = `${page.run.label} - Stillpoint`;
+  follow(false);
+  byId("live").hidden = true;
+}
+
+startLive();
