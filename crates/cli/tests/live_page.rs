@@ -38,11 +38,12 @@ impl Running {
         command.stdout(Stdio::null()).stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let mut stderr = BufReader::new(child.stderr.take().unwrap());
-        let mut line = String::new();
+        let mut said = String::new();
         let url = loop {
-            line.clear();
-            assert!(stderr.read_line(&mut line).unwrap() > 0, "it says where");
-            if let Some(url) = line.trim().strip_prefix("live page at ") {
+            let read = stderr.read_line(&mut said).unwrap();
+            assert!(read > 0, "it does not say where: {said}");
+            let last = said.lines().last().unwrap_or_default();
+            if let Some(url) = last.strip_prefix("live page at ") {
                 break url.to_owned();
             }
         };
@@ -128,11 +129,9 @@ fn whoever_looks_changes_nothing_and_is_told_the_report() {
 
 /// The same recording at half the speed, so that there is time to look at it.
 fn slowly() -> &'static str {
-    let (from, to) = (
-        MADE.dir.path().join("people walk"),
-        MADE.dir.path().join("slowly"),
-    );
-    std::fs::create_dir_all(&to).unwrap();
+    let folder = |name: &str| MADE.dir.path().join(name);
+    let (from, to) = (folder("people walk"), folder("slowly"));
+    crate::common::copy(&from, &to);
     for (name, between) in [
         ("rgb.txt", ' '),
         ("depth.txt", ' '),
@@ -141,16 +140,17 @@ fn slowly() -> &'static str {
         let list = std::fs::read_to_string(from.join(name)).unwrap();
         let line = |line: &str| match line.split_once(between) {
             Some((stamp, rest)) if stamp.parse::<f64>().is_ok() => {
-                format!("{:.6}{between}{rest}", 2.0 * stamp.parse::<f64>().unwrap())
+                let stamp: f64 = stamp.parse().unwrap();
+                // Depth stays as far behind colour as it was.
+                let frame = (30.0 * stamp + 1e-3).floor() / 30.0;
+                format!("{:.6}{between}{rest}", stamp + frame)
             }
             _ => line.to_owned(),
         };
         let lines: Vec<String> = list.lines().map(line).collect();
         std::fs::write(to.join(name), lines.join("\n")).unwrap();
     }
-    crate::common::copy(&from.join("rgb"), &to.join("rgb"));
-    crate::common::copy(&from.join("depth"), &to.join("depth"));
-    let _ = std::fs::copy(from.join("camera.toml"), to.join("camera.toml"));
+    std::fs::remove_file(to.join("groundtruth.txt")).unwrap();
     "slowly"
 }
 

@@ -23,8 +23,8 @@ const PORT: u16 = 21_328;
 const CLIENTS: usize = 8;
 /// Connections, at most.
 const CONNECTIONS: usize = 32;
-/// How long pages are waited for in the end.
-const LAST: Duration = Duration::from_secs(3);
+/// How long pages are waited for in the end; tests have less time.
+const LAST: Duration = Duration::from_millis(if cfg!(test) { 500 } else { 3000 });
 
 /// What is shown.
 pub(crate) trait Feed: Send + Sync + 'static {

@@ -96,13 +96,12 @@ pub(super) fn judge(head: &[u8], name: &str) -> Result<Asked, Refusal> {
     }
     let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
     let mut request = httparse::Request::new(&mut headers);
-    match request.parse(head) {
-        Ok(httparse::Status::Complete(end)) if end == head.len() => {}
-        Ok(httparse::Status::Complete(_)) => return Err(BODY),
+    let end = match request.parse(head) {
+        Ok(httparse::Status::Complete(end)) => end,
         Ok(httparse::Status::Partial) => return Err(MALFORMED),
         Err(httparse::Error::TooManyHeaders) => return Err(TOO_LARGE),
         Err(_) => return Err(MALFORMED),
-    }
+    };
     if request.method != Some("GET") {
         return Err(METHOD);
     }
@@ -111,7 +110,9 @@ pub(super) fn judge(head: &[u8], name: &str) -> Result<Asked, Refusal> {
         let named = named.filter(move |h| h.name.eq_ignore_ascii_case(wanted));
         named.map(|h| std::str::from_utf8(h.value).unwrap_or_default().trim())
     };
-    if all("Transfer-Encoding").next().is_some() || all("Content-Length").any(|n| n != "0") {
+    let announced =
+        all("Transfer-Encoding").next().is_some() || all("Content-Length").any(|n| n != "0");
+    if announced || end < head.len() {
         return Err(BODY);
     }
     let hosts: Vec<&str> = all("Host").collect();

@@ -198,11 +198,11 @@ class LiveRun extends Run {
 /// What stands in the head of the page while a run goes on.
 function liveFigures(run, rate) {
   const now = run.now, list = [], m = now.measured, lost = now.frames - now.posed;
-  list.push(["Frames with a pose", `${now.posed} of ${now.frames}`, run.about.frames ? `${run.about.frames} to come in all` : lost ? `${lost} without` : "none lost", now.lost]);
+  list.push(["Frames with a pose", `${now.posed} of ${now.frames}`, run.about.frames ? `${run.about.frames} in all` : lost ? `${lost} without` : "none lost", now.lost]);
   list.push(["Speed", `${fixed(rate, 0)} frames/s`, m.latency_ms === null ? "" : `${m.dropped} dropped`, false]);
   if (run.latencies.length) {
     const sorted = [...run.latencies].sort((a, b) => a - b), share = (s) => sorted[Math.floor(s * (sorted.length - 1))];
-    list.push(["Latency (median)", `${fixed(share(0.5), 1)} ms`, `99 %: ${fixed(share(0.99), 1)} ms, of late`]);
+    list.push(["Latency (median)", `${fixed(share(0.5), 1)} ms`, `99 % of late: ${fixed(share(0.99), 1)} ms`]);
   }
   const sigma = now.sigma_mm === null ? "" : `\u00b1${fixed(now.sigma_mm, 1)} mm, ${fixed(now.sigma_deg, 2)} deg`;
   list.push(["Quality of the pose", fixed(now.quality, 2), now.undecided ? "undecided who moves" : sigma, now.lost]);

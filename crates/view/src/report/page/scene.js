@@ -23,28 +23,35 @@ void main() {
   colour = tint;
 }`;
 
+/// Layers that change with the frame. They are drawn over the others, which are drawn once for each view and then copied: without a graphics card
+/// points and lines take ten times as long as a copy. So the camera and what moves are not hidden by points either.
+const CHANGING = new Set(["camera", "movers"]);
+
 class Scene {
   /// Throws with the reason where there is no WebGL 2.
   constructor(canvas) {
     this.canvas = canvas;
-    const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser, or its settings, offer no WebGL 2");
     this.gl = gl;
-    const shader = (kind, text) => {
-      const made = gl.createShader(kind);
-      gl.shaderSource(made, text);
-      gl.compileShader(made);
+    const program = (vertex, fragment) => {
+      const made = gl.createProgram();
+      for (const [kind, text] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+        const shader = gl.createShader(kind);
+        gl.shaderSource(shader, text);
+        gl.compileShader(shader);
+        gl.attachShader(made, shader);
+      }
+      gl.linkProgram(made);
+      if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error("WebGL 2 does not take the program: " + gl.getProgramInfoLog(made));
       return made;
     };
-    const program = gl.createProgram();
-    gl.attachShader(program, shader(gl.VERTEX_SHADER, VERTEX));
-    gl.attachShader(program, shader(gl.FRAGMENT_SHADER, FRAGMENT));
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error("WebGL 2 does not take the program: " + gl.getProgramInfoLog(program));
-    this.program = program;
-    this.matrix = gl.getUniformLocation(program, "clip_from_world");
-    this.size = gl.getUniformLocation(program, "size");
-    this.isRound = gl.getUniformLocation(program, "is_round");
+    this.program = program(VERTEX, FRAGMENT);
+    this.targets = null;
+    this.key = null;
+    this.matrix = gl.getUniformLocation(this.program, "clip_from_world");
+    this.size = gl.getUniformLocation(this.program, "size");
+    this.isRound = gl.getUniformLocation(this.program, "is_round");
     this.pointSize = 4;
     this.layers = new Map();
     this.target = [0, 0, 0];
@@ -74,9 +81,13 @@ class Scene {
     gl.enableVertexAttribArray(1);
     gl.vertexAttribPointer(1, 4, gl.UNSIGNED_BYTE, true, 0, 0);
     gl.bindVertexArray(null);
+    if (!CHANGING.has(name)) this.key = null;
   }
 
-  show(name, shown) { if (this.layers.has(name)) this.layers.get(name).shown = shown; }
+  show(name, shown) {
+    if (this.layers.has(name)) this.layers.get(name).shown = shown;
+    this.key = null;
+  }
 
   /// Axes of the viewer in the world: right, up and back.
   axes() {
@@ -108,21 +119,61 @@ class Scene {
     const [w, h] = [Math.max(1, Math.round(canvas.clientWidth * scale)), Math.max(1, Math.round(canvas.clientHeight * scale))];
     if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
     gl.viewport(0, 0, w, h);
-    const paper = rgb("--scene");
-    gl.clearColor(paper[0] / 255, paper[1] / 255, paper[2] / 255, 1);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.enable(gl.DEPTH_TEST);
-    gl.depthFunc(gl.LEQUAL);
+    const paper = rgb("--scene"), matrix = this.clipFromWorld(), size = this.pointSize * scale * this.distance;
+    const key = [w, h, size, paper, matrix].join();
+    if (key !== this.key) {
+      if (!this.targets || this.targets.size !== `${w}x${h}`) this.makeTargets(w, h);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets.sampled);
+      gl.clearColor(paper[0] / 255, paper[1] / 255, paper[2] / 255, 1);
+      gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+      gl.enable(gl.DEPTH_TEST);
+      gl.depthFunc(gl.LEQUAL);
+      this.drawLayers(matrix, size, false);
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.targets.sampled);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.targets.drawn);
+      gl.blitFramebuffer(0, 0, w, h, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+      this.key = key;
+    }
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.targets.drawn);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+    gl.blitFramebuffer(0, 0, w, h, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.disable(gl.DEPTH_TEST);
+    this.drawLayers(matrix, size, true);
+  }
+
+  drawLayers(matrix, size, changing) {
+    const gl = this.gl;
     gl.useProgram(this.program);
-    gl.uniformMatrix4fv(this.matrix, false, this.clipFromWorld());
-    gl.uniform1f(this.size, this.pointSize * scale * this.distance);
-    for (const layer of this.layers.values()) {
-      if (!layer.shown || !layer.count) continue;
+    gl.uniformMatrix4fv(this.matrix, false, matrix);
+    gl.uniform1f(this.size, size);
+    for (const [name, layer] of this.layers) {
+      if (!layer.shown || !layer.count || CHANGING.has(name) !== changing) continue;
       gl.bindVertexArray(layer.array);
       gl.uniform1i(this.isRound, layer.kind === "points" ? 1 : 0);
       gl.drawArrays({ points: gl.POINTS, lines: gl.LINES, strip: gl.LINE_STRIP }[layer.kind], 0, layer.count);
     }
     gl.bindVertexArray(null);
+  }
+
+  /// What is drawn on several times a pixel, and the picture that becomes of it.
+  makeTargets(w, h) {
+    const gl = this.gl, old = this.targets;
+    if (old) {
+      [old.sampled, old.drawn].forEach((f) => gl.deleteFramebuffer(f));
+      old.buffers.forEach((b) => gl.deleteRenderbuffer(b));
+    }
+    const samples = Math.min(4, gl.getParameter(gl.MAX_SAMPLES)), sampled = gl.createFramebuffer(), drawn = gl.createFramebuffer();
+    const buffers = [[sampled, gl.RGBA8, gl.COLOR_ATTACHMENT0, samples], [sampled, gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT, samples],
+      [drawn, gl.RGBA8, gl.COLOR_ATTACHMENT0, 0]].map(([target, format, place, times]) => {
+      const buffer = gl.createRenderbuffer();
+      gl.bindFramebuffer(gl.FRAMEBUFFER, target);
+      gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, times, format, w, h);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, place, gl.RENDERBUFFER, buffer);
+      return buffer;
+    });
+    this.targets = { size: `${w}x${h}`, sampled, drawn, buffers };
   }
 
   turn(dx, dy) {

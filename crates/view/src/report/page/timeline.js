@@ -59,9 +59,11 @@ class Timeline {
     const n = run.count;
     this.x = (i) => this.left + (n > 1 ? i / (n - 1) : 0.5) * width;
     const colours = [css("--bad"), css("--accent"), css("--good"), css("--accent"), css("--warm")];
-    for (let i = 0; i < n; i++) {
+    // One stroke for as long as nothing changes.
+    for (let i = 0, next; i < n; i = next) {
+      for (next = i + 1; next < n && run.state[next] === run.state[i];) next++;
       g.fillStyle = colours[run.state[i]];
-      g.fillRect(this.x(i) - 0.5 * width / n, top, Math.max(1, width / n + 0.5), band);
+      g.fillRect(this.x(i) - 0.5 * width / n, top, Math.max(1, (next - i) * width / n + 0.5), band);
     }
     g.fillStyle = css("--muted");
     g.fillText("state", 4, top + band / 2);

@@ -146,13 +146,23 @@ class View3d {
     scene.set("truth", "lines", truth, painted(truth.length / 3, rgb("--ink")));
   }
 
-  /// A line through the frames; it breaks where there is nothing.
+  /// A line through the frames; it breaks where there is nothing. Steps that are not seen are left out: what a camera goes in ten minutes would take
+  /// longer to draw than all else.
   way(run, at) {
-    const out = [];
-    for (let i = 1; i < run.count; i++) {
-      const [a, b] = [at(i - 1), at(i)];
-      if (Number.isFinite(a[0]) && Number.isFinite(b[0])) out.push(...a, ...b);
+    const out = [], least = this.radius / 250;
+    let from = null, last = null;
+    for (let i = 0; i < run.count; i++) {
+      const to = at(i);
+      if (Number.isFinite(to[0]) && from) {
+        const far = Math.hypot(to[0] - from[0], to[1] - from[1], to[2] - from[2]) >= least;
+        if (far) out.push(...from, ...to);
+        [from, last] = [far ? to : from, far ? null : to];
+      } else {
+        if (last) out.push(...from, ...last);
+        [from, last] = [Number.isFinite(to[0]) ? to : null, null];
+      }
     }
+    if (last) out.push(...from, ...last);
     return new Float32Array(out);
   }
 
