@@ -174,6 +174,13 @@ fn a_browser_shows_a_run_and_in_the_end_its_report() {
     let share = browser.eval(LOOK)[0].as_f64().unwrap();
     assert!(share > 0.02, "{share}");
     assert_eq!(browser.eval(FAINT), json!([]));
+    let phone = json!({"width": 400, "height": 800, "deviceScaleFactor": 1, "mobile": false});
+    browser.call("Emulation.setDeviceMetricsOverride", &phone);
+    let media = json!({"features": [{"name": "prefers-color-scheme", "value": "dark"}]});
+    browser.call("Emulation.setEmulatedMedia", &media);
+    let wide = browser.eval("document.documentElement.scrollWidth");
+    assert!(wide.as_u64().unwrap() <= 400, "{wide}");
+    assert_eq!(browser.eval(FAINT), json!([]));
     // Who looks back is left there, and comes back when he likes.
     browser.eval("document.querySelector('#timeline').focus()");
     browser.press("Home", 0);

@@ -303,12 +303,10 @@ pub(crate) fn outputs(
         objects: objects.transpose()?,
         masks,
         overlay,
-        shots: None,
         report: (!args.no_report).then(Gathering::default),
         map: map.transpose()?,
         trace: trace.transpose()?,
-        record: None,
-        view: None,
+        ..Outputs::default()
     })
 }
 

@@ -1,8 +1,8 @@
 //! Serves one page and what is new in it, to browsers that may be slow, many, or not what they say.
 //!
-//! Answers: who may ask for what, and how nobody who asks holds anything up. Every connection has a thread of its own, which asks for what is new since it asked
-//! last, writes it, and asks again: whoever is slow is told less often, of the newest alone, and nobody waits for it. Connections, requests
-//! and times are bounded. Knows nothing of runs; reads no files.
+//! Answers: who may ask for what, and how nobody who asks holds anything up. Every connection has a thread of its own, which asks for what
+//! is new since it asked last, writes it, and asks again: whoever is slow is told less often, of the newest alone, and nobody waits for
+//! it. Connections, requests and times are bounded. Knows nothing of runs; reads no files.
 
 mod client;
 mod request;

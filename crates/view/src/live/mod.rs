@@ -1,9 +1,10 @@
 //! The page of a run that goes on: what a browser is told of it, and the page that shows it.
 //!
-//! Answers: what is new since a version. [`LivePage`] listens to a run and holds what is shown now; whoever shows it asks for the [`Update`] since the
-//! version that he knows, at a pace of his own, and [`to_html`] is the page that takes them. So a slow reader is told less often and of the newest
-//! alone, and nothing is kept for anybody; how much is held does not grow with the length of a run. Opens no sockets, reads no clock, and has no
-//! threads: who serves the page says when a picture is wanted, and when the map is to be looked through.
+//! Answers: what is new since a version. [`LivePage`] listens to a run and holds what is shown now; whoever shows it asks for the
+//! [`Update`] since the version that he knows, at a pace of his own, and [`to_html`] is the page that takes them. So a slow reader is told
+//! less often and of the newest alone, and nothing is kept for anybody; how much is held does not grow with the length of a run. Opens
+//! no sockets, reads no clock, and has no threads: who serves the page says when a picture is wanted, and when the map is to be looked
+//! through.
 
 mod frames;
 mod ledger;
@@ -33,8 +34,8 @@ const MOST_MARKS: usize = 500;
 const PICTURE_WIDTH: usize = 320;
 const PICTURE_BYTES: usize = 12_000;
 
-/// The page of a run that goes on: the run's name is its title. It asks for `events` beside itself, as server-sent events: `update` with an [`Update`] each, and at the end
-/// `report` with a [`RunData`](crate::report::RunData), or `end` with a line of text.
+/// The page of a run that goes on: the run's name is its title. It asks for `events` beside itself, as server-sent events: `update` with an
+/// [`Update`] each, and at the end `report` with a [`RunData`](crate::report::RunData), or `end` with a line of text.
 #[must_use]
 pub fn to_html(name: &str) -> String {
     page(name, "null", true)

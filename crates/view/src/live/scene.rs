@@ -3,7 +3,7 @@
 use super::ledger::Ledger;
 use crate::report::{Column, numbers, triple};
 use serde::{Deserialize, Serialize};
-use stillpoint_map::{MapView, SubmapId};
+use stillpoint_map::{KeyframeId, LandmarkId, MapView, SubmapId};
 
 /// Landmarks that are shown, at most; 20 bytes each. Of more, those are shown whose number is a multiple of a power of two.
 const MOST_LANDMARKS: usize = 60_000;
@@ -59,74 +59,65 @@ impl MapScene {
         submap: Option<SubmapId>,
         exactly: bool,
     ) {
-        let of = |id| submap.is_none() || view.submap_of(id) == submap;
-        let lives_in = |one_in: u32| {
-            let all = view.landmarks().filter(|(_, l)| of(l.anchor));
+        let part = Part { view, submap };
+        self.follow_landmarks(version, &part, exactly);
+        self.follow_keyframes(version, &part, exactly);
+        self.follow_loops(version, &part);
+    }
+
+    fn follow_landmarks(&mut self, version: u64, part: &Part<'_>, exactly: bool) {
+        let count = |one_in: u32| {
+            let all = part.landmarks();
             all.filter(|(id, _)| id.0.is_multiple_of(one_in)).count()
         };
-        self.count = lives_in(1);
+        self.count = count(1);
         // Numbers that are multiples of it are spread over the whole map, and stay the same until there are twice as many.
         let mut one_in = 1_u32;
-        while lives_in(one_in) > self.most {
+        while count(one_in) > self.most {
             one_in *= 2;
         }
-        let shown = |number: u32| number.is_multiple_of(one_in);
-        let lives = |number: u32| {
-            let landmark = view.landmark(stillpoint_map::LandmarkId(number));
-            landmark.is_some_and(|l| of(l.anchor))
-        };
-        self.landmarks
-            .retain(version, |number, _| shown(number) && lives(number));
-        for (id, landmark) in view.landmarks() {
-            if !shown(id.0) || !of(landmark.anchor) {
+        self.landmarks.retain(version, |number, _| {
+            let landmark = part.view.landmark(LandmarkId(number));
+            number.is_multiple_of(one_in) && landmark.is_some_and(|l| part.has(l.anchor))
+        });
+        for (id, landmark) in part.landmarks() {
+            if !id.0.is_multiple_of(one_in) {
                 continue;
             }
             let odds = f64::from(landmark.static_odds);
             let now = Landmark {
-                position: triple(view.landmark_position(id).as_ref()),
+                position: triple(part.view.landmark_position(id).as_ref()),
                 frame: landmark.created_at.0,
                 stands_still: (255.0 / (1.0 + (-odds).exp())).round() as u8,
             };
             let known = self.landmarks.get(id.0);
-            if known.is_none_or(|k| if exactly { *k != now } else { k.differs(&now) }) {
+            if known.is_none_or(|k| k.differs(&now) || (exactly && *k != now)) {
                 self.landmarks.set(version, id.0, now);
             }
         }
-        let keyframe = |number: u32| {
-            let keyframe = view.keyframe(stillpoint_map::KeyframeId(number));
-            keyframe.is_some_and(|k| of(k.id))
-        };
-        self.keyframes.retain(version, |number, _| keyframe(number));
-        for keyframe in view.keyframes().filter(|k| of(k.id)) {
+    }
+
+    fn follow_keyframes(&mut self, version: u64, part: &Part<'_>, exactly: bool) {
+        self.keyframes.retain(version, |number, _| {
+            let id = KeyframeId(number);
+            part.view.keyframe(id).is_some() && part.has(id)
+        });
+        for keyframe in part.view.keyframes().filter(|k| part.has(k.id)) {
             let pose = numbers(Some(&keyframe.world_from_camera));
             let known = self.keyframes.get(keyframe.id.0);
-            let moved = |k: &[f32; 7]| {
-                let far = |(a, b): (&f32, &f32)| (a - b).abs() > STILL;
-                if exactly {
-                    *k != pose
-                } else {
-                    k.iter().zip(&pose).any(far)
-                }
-            };
-            if known.is_none_or(moved) {
+            if known.is_none_or(|k| far(k, &pose) || (exactly && *k != pose)) {
                 self.keyframes.set(version, keyframe.id.0, pose);
             }
         }
-        self.tie(version, view, &of);
     }
 
     /// Loops whose keyframes are there, or what carries their tombstones.
-    fn tie(
-        &mut self,
-        version: u64,
-        view: &MapView,
-        of: &dyn Fn(stillpoint_map::KeyframeId) -> bool,
-    ) {
-        let ends = view.loops().filter_map(|edge| {
-            let [a, b] = [edge.old, edge.new].map(|id| view.resolve_keyframe(id));
+    fn follow_loops(&mut self, version: u64, part: &Part<'_>) {
+        let ends = part.view.loops().filter_map(|edge| {
+            let [a, b] = [edge.old, edge.new].map(|id| part.view.resolve_keyframe(id));
             Some([a?, b?])
         });
-        let ends = ends.filter(|e| e.iter().all(|id| of(*id)));
+        let ends = ends.filter(|e| e.iter().all(|id| part.has(*id)));
         let loops: Vec<u32> = ends.flatten().map(|id| id.0).collect();
         if loops != self.loops {
             self.loops = loops;
@@ -164,11 +155,31 @@ impl MapScene {
     }
 }
 
+/// What is shown of a version of the map: a submap, or all of it where none is known yet.
+struct Part<'a> {
+    view: &'a MapView,
+    submap: Option<SubmapId>,
+}
+
+impl Part<'_> {
+    fn has(&self, id: KeyframeId) -> bool {
+        self.submap.is_none() || self.view.submap_of(id) == self.submap
+    }
+
+    fn landmarks(&self) -> impl Iterator<Item = (LandmarkId, &stillpoint_map::Landmark)> {
+        self.view.landmarks().filter(|(_, l)| self.has(l.anchor))
+    }
+}
+
+/// Whether one sees a difference between positions or poses.
+fn far(a: &[f32], b: &[f32]) -> bool {
+    a.iter().zip(b).any(|(a, b)| (a - b).abs() > STILL)
+}
+
 impl Landmark {
     /// Whether one sees a difference.
     fn differs(&self, other: &Self) -> bool {
-        let far = |(a, b): (&f32, &f32)| (a - b).abs() > STILL;
-        self.position.iter().zip(&other.position).any(far)
+        far(&self.position, &other.position)
             || self.stands_still.abs_diff(other.stands_still) >= ALIKE
     }
 }

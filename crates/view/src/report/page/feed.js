@@ -18,7 +18,7 @@ function startLive() {
   follow(true);
   byId("live").hidden = false;
   byId("status").hidden = false;
-  for (const id of ["worst-section", "tables-section"]) byId(id).hidden = true;
+  inReport(false);
   say("waiting", "Waiting for the first frame.");
   const source = new EventSource("events");
   source.addEventListener("update", (e) => take(JSON.parse(e.data)));
@@ -28,6 +28,12 @@ function startLive() {
     if (feed.state !== "over") say("away", "The connection is lost; it is tried again. What is shown is what was known before.");
   });
   document.addEventListener("visibilitychange", wake);
+}
+
+/// Shows or hides what only the report of a run has.
+function inReport(shown) {
+  for (const id of ["worst-section", "tables-section", "layer-truth"]) byId(id).hidden = !shown;
+  document.body.classList.toggle("live", !shown);
 }
 
 /// Takes what is new; it is shown when it is its turn.
@@ -122,7 +128,7 @@ function finish(source, report, text) {
     report.label = report.name;
     page.runs = [report];
     const view = page.view, camera = page.is3d && view.touched && { ...view.scene };
-    for (const id of ["worst-section", "tables-section"]) byId(id).hidden = false;
+    inReport(true);
     select(report);
     if (camera) for (const name of ["target", "distance", "yaw", "pitch"]) view.scene[name] = camera[name];
     go(report.at(at));

@@ -125,7 +125,7 @@ function controls() {
     page.view.colouring = e.target.value;
     if (page.is3d) page.view.paint();
   });
-  byId("layers").replaceChildren(...LAYERS.map(([name, label]) => element("label", {}, element("input", { type: "checkbox", checked: true, onchange: (e) => {
+  byId("layers").replaceChildren(...LAYERS.map(([name, label]) => element("label", { id: `layer-${name}` }, element("input", { type: "checkbox", checked: true, onchange: (e) => {
     if (!page.is3d) return;
     page.view.scene.show(name, e.target.checked);
     page.view.redraw();
