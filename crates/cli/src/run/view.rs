@@ -17,7 +17,7 @@ use stillpoint::slam::Event;
 use stillpoint::view::live::{About, LivePage, Measured, to_html};
 use stillpoint::view::report::RunData;
 
-/// Between two pictures: a little less than between two updates of a page.
+/// Between two pictures: less than between two updates of a page, so that each finds a fresh one.
 const PICTURE: Duration = Duration::from_millis(60);
 /// Between two looks at the map, at least ...
 const MAP: Duration = Duration::from_millis(500);

@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 const REQUEST: Duration = Duration::from_secs(5);
 /// How long one update may take. A browser that takes longer is left; if it comes back it asks again, and knows the newest then.
 const UPDATE: Duration = Duration::from_secs(10);
-/// Between the beginnings of two updates: 15 a second are smooth, and leave the machine to the run.
-const PACE: Duration = Duration::from_millis(66);
+/// Between the beginnings of two updates: ten a second are enough to see what goes on, and a browser that draws without a graphics card
+/// needs half a core for them.
+const PACE: Duration = Duration::from_millis(100);
 /// Where nothing is new, it is said so often that the connection stands, and how things are.
 const IDLE: Duration = Duration::from_secs(1);
 

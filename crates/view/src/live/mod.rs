@@ -30,7 +30,7 @@ use stillpoint_slam::{Event, FrameReport, Health, Outcome, Subscriber};
 
 /// What happened that is told, at most; the oldest give way.
 const MOST_MARKS: usize = 500;
-/// Width of the picture, px, at most, and its bytes on average: 15 a second take 1.5 Mbit/s.
+/// Width of the picture, px, at most, and its bytes on average: ten a second take 1.3 Mbit/s as text.
 const PICTURE_WIDTH: usize = 320;
 const PICTURE_BYTES: usize = 12_000;
 
