@@ -11,7 +11,7 @@ use crate::serve::{Feed, Place, Server};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
-use stillpoint::live::{LiveHealth, Stage, Watch};
+use stillpoint::live::{FrameTiming, LiveHealth, Stage, Watch};
 use stillpoint::map::MapView;
 use stillpoint::slam::Event;
 use stillpoint::view::live::{About, LivePage, Measured, to_html};
@@ -24,11 +24,16 @@ const MAP: Duration = Duration::from_millis(500);
 /// ... and so many times as long as one takes: 5 % of a core at most.
 const MAP_SHARE: u32 = 20;
 
+/// Between two questions how the threads are: those that are asked hold still for a moment.
+const HEALTH: Duration = Duration::from_millis(400);
+
 /// What is shown, and what is measured of the run.
 struct Shown {
     page: Mutex<LivePage>,
     /// Of a live run.
     watch: OnceLock<Watch>,
+    /// What is measured, and when it was asked for.
+    known: Mutex<Option<(Instant, Measured)>>,
 }
 
 impl Shown {
@@ -36,9 +41,23 @@ impl Shown {
         self.page.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// What is measured of a live run; the latency is that of the newest frame.
     fn measured(&self) -> Option<Measured> {
-        self.watch.get().map(|watch| measured(&watch.health()))
+        let watch = self.watch.get()?;
+        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
+        match &mut *known {
+            Some((asked, measured)) if asked.elapsed() < HEALTH => {
+                set_timing(measured, watch.timing());
+            }
+            known => *known = Some((Instant::now(), measured(&watch.health()))),
+        }
+        known.as_ref().map(|(_, measured)| measured.clone())
     }
+}
+
+fn set_timing(measured: &mut Measured, timing: Option<FrameTiming>) {
+    measured.frame = timing.map(|t| t.frame.0);
+    measured.latency_ms = timing.map(|t| 1e3 * t.latency);
 }
 
 impl Feed for Shown {
@@ -60,13 +79,14 @@ fn measured(health: &LiveHealth) -> Measured {
     let troubles = health
         .troubles()
         .map(|(stage, state)| format!("{stage}: {state}"));
-    Measured {
-        frame: health.timing.map(|t| t.frame.0),
-        latency_ms: health.timing.map(|t| 1e3 * t.latency),
+    let mut measured = Measured {
         silent_s: health.frame_age,
         dropped: health.dropped,
         troubles: troubles.collect(),
-    }
+        ..Measured::default()
+    };
+    set_timing(&mut measured, health.timing);
+    measured
 }
 
 /// Shows a run.
@@ -85,6 +105,7 @@ impl PageView {
         let shown = Arc::new(Shown {
             page: Mutex::new(LivePage::new(about)),
             watch: OnceLock::new(),
+            known: Mutex::default(),
         });
         let feed: Arc<dyn Feed> = Arc::clone(&shown) as _;
         let server = Server::start(place, html, feed, || priority::lower(Stage::Looping))?;
