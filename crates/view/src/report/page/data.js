@@ -16,7 +16,7 @@ const column = {
 };
 
 const STATES = ["lost", "new map", "tracked", "found again", "undecided"];
-const LOST = 0;
+const LOST = 0, UNDECIDED = 4;
 
 /// One run. Frames go by their index, 0 to count - 1; `at` gives it from a frame's number.
 class Run {

@@ -89,7 +89,9 @@ class Timeline {
 
   lane(g, y, height, width, values, label, unit) {
     const n = values.length, factor = unit === "%" ? 100 : 1;
-    const sorted = Float64Array.from(values).filter(Number.isFinite).sort();
+    // For as long as it is undecided who moves, nothing is known of how good a pose is: those frames would make all others look alike.
+    const decided = Float64Array.from(values).filter((v, i) => Number.isFinite(v) && this.run.state[i] !== UNDECIDED).sort();
+    const sorted = decided.length ? decided : Float64Array.from(values).filter(Number.isFinite).sort();
     // What one frame in a hundred has may go beyond the band.
     const most = Math.max(1e-6, sorted.length ? Math.max(sorted[Math.floor(0.99 * (sorted.length - 1))] * 1.15, sorted[sorted.length >> 1] * 1.5) : 1);
     g.fillStyle = css("--muted");
@@ -101,9 +103,9 @@ class Timeline {
     g.lineWidth = 1.2;
     g.beginPath();
     const up = (v) => y + height - Math.min(1, v / most) * height;
-    // What only some frames have, as the detector's answers, is a line from one to the next.
-    const sparse = sorted.length < n / 2;
-    if (n <= width || sparse) {
+    // What only some frames have, as the detector's answers and what was not told in time, is a line from one to the next.
+    const sparse = this.run.isLive || sorted.length < n / 2;
+    if (n <= width || (sparse && n < 4 * width)) {
       let pen = false;
       for (let i = 0; i < n; i++) {
         if (!Number.isFinite(values[i])) { pen = pen && sparse; continue; }
