@@ -84,7 +84,8 @@ function showRow(run, i) {
     ["Quality", fixed(run.quality[i], 2)], ["Keypoints that move", Number.isFinite(run.moving[i]) ? `${fixed(100 * run.moving[i], 0)} %` : "-"], [run.data.time_is || "Time", `${fixed(run.time_ms[i], 1)} ms`]];
   const body = byId("now").tBodies[0];
   if (body.rows.length !== rows.length) body.replaceChildren(...rows.map(([n]) => element("tr", {}, element("th", { scope: "row" }, n), element("td", {}))));
-  rows.forEach(([n, v], k) => { body.rows[k].cells[0].textContent = n; body.rows[k].cells[1].textContent = v; });
+  const write = (cell, text) => { if (cell.textContent !== text) cell.textContent = text; };
+  rows.forEach(([n, v], k) => { write(body.rows[k].cells[0], n); write(body.rows[k].cells[1], String(v)); });
   const picture = run.picture(i), here = picture >= 0 ? run.objectsOf.get(run.pictureFrame[picture]) || [] : [];
   const key = here.map((o) => `${o.id}:${o.motion}`).join() + page.mover;
   if (page.shownObjects === key) return;

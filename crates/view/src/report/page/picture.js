@@ -5,15 +5,20 @@
 const SAID = [["stands still", "#1ec86e"], ["on a moving object", "#ee341c"], ["moves against the scene", "#ff9600"], ["off its epipolar line", "#ffe828"], ["depth of what moves", "#ffd6a8"], ["moved before", "#a85c24"]];
 
 class FramePicture {
-  constructor(canvas) { this.canvas = canvas; }
+  constructor(canvas) {
+    this.canvas = canvas;
+    // What is written anew with every frame is drawn anew: the legend stands beside it.
+    const swatch = ([name, colour]) => [element("i", { style: `display:inline-block;width:.7em;height:.7em;border-radius:50%;margin:0 .3em 0 .8em;background:${colour}` }), name];
+    byId("said").replaceChildren("Features:", ...SAID.flatMap(swatch));
+  }
 
   /// Draws the picture that is nearest to a frame.
   at(run, i, mover) {
     this.wanted = [run, i, mover];
     const picture = run.picture(i), canvas = this.canvas;
-    canvas.hidden = picture < 0;
+    canvas.hidden = byId("said").hidden = picture < 0;
     if (picture < 0) {
-      byId("caption").textContent = "The result holds no pictures of frames.";
+      byId("caption-text").textContent = this.said = "The result holds no pictures of frames.";
       return;
     }
     const image = run.image(picture, () => this.wanted[0] === run && (this.wanted[1] === i || page.following) && this.draw(run, picture, mover));
@@ -22,8 +27,8 @@ class FramePicture {
     // While a run goes on, numbers are some frames ahead of the picture.
     const note = Math.abs(run.pictureAt[picture] - i) <= (run.isLive ? 5 : 0) ? "" : ` (the nearest picture is of frame ${shown})`;
     const text = `Frame ${run.id[i]}, ${fixed(run.seconds[i], 2)} s: ${STATES[run.state[i]]}${note}`;
-    const swatch = ([name, colour]) => [element("i", { style: `display:inline-block;width:.7em;height:.7em;border-radius:50%;margin:0 .3em 0 .8em;background:${colour}` }), name];
-    byId("caption").replaceChildren(text, element("br"), "Features:", ...SAID.flatMap(swatch));
+    if (this.said !== text) byId("caption-text").textContent = text;
+    this.said = text;
     canvas.setAttribute("aria-label", text);
   }
 
