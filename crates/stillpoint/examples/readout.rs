@@ -1,8 +1,10 @@
 //! What is estimated of a rolling shutter, and what the static filter costs where nothing moves: simulated turns with known readouts.
 //!
-//! `cargo run --release -p stillpoint --example readout -- SEEDS FRAMES [SCENE ...]`: a row per scene and true readout.
+//! `cargo run --release -p stillpoint --example readout -- SEEDS FRAMES [SCENE ...]`: a row per scene and true readout. The exit code is 1 where a bar is
+//! missed.
 #![allow(clippy::print_stdout)]
 
+use std::process::ExitCode;
 use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Shutter, Simulator, SimulatorConfig};
@@ -14,6 +16,12 @@ type Failure = Box<dyn std::error::Error>;
 const READOUTS: [f64; 3] = [0.0, 0.01, 0.02];
 /// All turns of the simulator's rpy paths.
 const SCENES: [&str; 4] = ["rpy", "rpy_60", "rpy_100", "rpy_150"];
+/// The median of the estimated readouts may be off by this, s ...
+const BIAS: f64 = 3e-3;
+/// ... the filter may reject this share of what stands still ...
+const REJECTED: f64 = 0.02;
+/// ... and cost this factor of the error without it.
+const COST: f64 = 1.03;
 
 /// A system, and the features that it looked at and rejected.
 struct Contestant {
@@ -115,7 +123,40 @@ fn spread(values: impl Iterator<Item = f64>) -> [f64; 3] {
     [at(sorted.len() / 2), at(0), at(sorted.len().max(1) - 1)]
 }
 
-fn main() -> Result<(), Failure> {
+/// A row of the table, and whether its bars hold.
+fn print(scene: &str, readout: f64, rows: &[Row]) -> bool {
+    let ms = |[m, low, high]: [f64; 3]| {
+        format!("{:.1} ({:.1} to {:.1})", 1e3 * m, 1e3 * low, 1e3 * high)
+    };
+    let of = |f: &dyn Fn(&Row) -> f64| spread(rows.iter().map(f));
+    let estimated = of(&|r| r.readout[0]);
+    let rejected = of(&|r| r.rejected)[0];
+    let cost = of(&|r| r.ate[0] / r.ate[1])[0];
+    let missed = [
+        ((estimated[0] - readout).abs() > BIAS, "readout"),
+        (rejected > REJECTED, "rejected"),
+        (cost > COST, "ATE"),
+    ];
+    let missed: Vec<&str> = missed.iter().filter(|m| m.0).map(|m| m.1).collect();
+    println!(
+        "| `{scene}` | {:.0} | {} | {:.2} | {} | {:.2} | {:.2} | {cost:.3} | {:.2} | {} |",
+        1e3 * readout,
+        ms(estimated),
+        1e3 * of(&|r| r.sigma)[0],
+        ms(of(&|r| r.readout[1])),
+        1e3 * of(&|r| r.ate[0])[0],
+        1e3 * of(&|r| r.ate[1])[0],
+        100.0 * rejected,
+        if missed.is_empty() {
+            "met".to_owned()
+        } else {
+            format!("short: {}", missed.join(", "))
+        },
+    );
+    missed.is_empty()
+}
+
+fn main() -> Result<ExitCode, Failure> {
     let words: Vec<String> = std::env::args().skip(1).collect();
     let number = |at: usize, default: u64| -> Result<u64, Failure> {
         Ok(words.get(at).map_or(Ok(default), |w| w.parse())?)
@@ -131,31 +172,21 @@ fn main() -> Result<(), Failure> {
         "{seeds} seeds, {frames} frames, depth's readout 30 ms, exposure 10 ms; readouts in ms: median (least to greatest)\n"
     );
     println!(
-        "| scene | readout | estimated, filter on | its sigma | filter off | ATE on, mm | off, mm | on / off | rejected, % |"
+        "| scene | readout | estimated, filter on | its sigma | filter off | ATE on, mm | off, mm | on / off | rejected, % | |"
     );
-    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|");
+    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+    let mut holds = true;
     for scene in scenes {
         for readout in READOUTS {
             let rows: Result<Vec<Row>, Failure> = (0..seeds)
                 .map(|seed| run(scene, seed, frames as usize, readout))
                 .collect();
-            let rows = rows?;
-            let ms = |[m, low, high]: [f64; 3]| {
-                format!("{:.1} ({:.1} to {:.1})", 1e3 * m, 1e3 * low, 1e3 * high)
-            };
-            let of = |f: &dyn Fn(&Row) -> f64| spread(rows.iter().map(f));
-            println!(
-                "| `{scene}` | {:.0} | {} | {:.2} | {} | {:.2} | {:.2} | {:.3} | {:.2} |",
-                1e3 * readout,
-                ms(of(&|r| r.readout[0])),
-                1e3 * of(&|r| r.sigma)[0],
-                ms(of(&|r| r.readout[1])),
-                1e3 * of(&|r| r.ate[0])[0],
-                1e3 * of(&|r| r.ate[1])[0],
-                of(&|r| r.ate[0] / r.ate[1])[0],
-                100.0 * of(&|r| r.rejected)[0],
-            );
+            holds &= print(scene, readout, &rows?);
         }
     }
-    Ok(())
+    Ok(if holds {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    })
 }
