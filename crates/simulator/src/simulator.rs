@@ -10,7 +10,7 @@ use crate::sensor::Sensor;
 use crate::shutter::{Shutter, Sight};
 use crate::truth::{self, DetectionNoise, FrameTruth, ScriptedDetection};
 use std::sync::Arc;
-use stillpoint_geometry::{Camera, Se3, Vec2};
+use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
 
 /// What to simulate.
@@ -233,6 +233,14 @@ impl Simulator {
             DepthModel::StructuredLight => self.sensor.match_pattern(&view, focal, number),
         };
         DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default()
+    }
+
+    /// The surfaces of all that stands still, as convex planar polygons in the world, m; corners counter-clockwise as seen from outside.
+    #[must_use]
+    pub fn static_surfaces(&self) -> Vec<Vec<Vec3>> {
+        let scaled =
+            |face: &crate::scene::Face| face.vertices.iter().map(|v| v * self.scale).collect();
+        self.scene.fixed().iter().map(scaled).collect()
     }
 
     /// What moves in a frame, exactly, whatever the noise: mask and boxes in the middle of the exposure of each row of its colour image.
