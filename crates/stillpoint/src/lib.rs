@@ -22,6 +22,8 @@
 
 /// Data sets, trajectory files and their formats.
 pub use stillpoint_datasets as datasets;
+/// Surface, mesh and grids of what stands still.
+pub use stillpoint_dense as dense;
 /// Object detectors, and the objects they see, tracked through time.
 pub use stillpoint_detection as detection;
 /// What is wrong with a stream, from a few seconds of it.

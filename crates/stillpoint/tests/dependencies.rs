@@ -38,6 +38,8 @@ const NORMAL: &[(&str, &[&str])] = &[
     ("models", &["detection", "inference"]),
     // What it draws it is given as values and events.
     ("view", &["geometry", "imaging", "detection", "map", "slam"]),
+    // A subscriber that fuses: events and views in, surfaces out.
+    ("dense", &["geometry", "imaging", "map", "slam"]),
     ("datasets", &["geometry", "imaging"]),
     ("simulator", &["geometry", "imaging"]),
     // Frames in, findings out; from where they come is not its business.
@@ -59,6 +61,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "slam",
             "live",
             "view",
+            "dense",
             "datasets",
             "recordings",
             "realsense",
@@ -107,6 +110,8 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("slam", &["simulator"]),
     ("live", &["simulator"]),
     ("view", &["simulator"]),
+    // Rooms whose surfaces are known exactly.
+    ("dense", &["simulator"]),
     ("ros-events", &["simulator", "features", "imaging"]),
     // Streams without faults, and with those that are put into them.
     ("doctor", &["simulator", "datasets"]),
@@ -138,6 +143,7 @@ const OUTSIDE: &[&str] = &[
     "doctor",
     "evaluation",
     "view",
+    "dense",
     "stillpoint",
     "cli",
     "testdata",

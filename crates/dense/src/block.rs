@@ -1,0 +1,262 @@
+//! Cubes of 8x8x8 voxels, and where they lie in memory.
+//!
+//! Answers: the block at a place of the world, at once; all blocks, in the order of their keys. No result depends on the order of a hash:
+//! the table is only asked, never walked through.
+
+use std::collections::HashMap;
+use std::hash::{BuildHasherDefault, Hasher};
+
+/// Voxels along a side of a block.
+pub(crate) const SIDE: usize = 8;
+/// Voxels of a block.
+pub(crate) const VOXELS: usize = SIDE * SIDE * SIDE;
+/// What a distance of one truncation is stored as.
+pub(crate) const FULL: f32 = 32767.0;
+
+/// Place of a block: its first voxel is at `8 * key * voxel` m. In the order of z, y, x.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(crate) struct Key(pub(crate) [i32; 3]);
+
+impl Key {
+    /// From x, y, z.
+    pub(crate) fn new(x: i32, y: i32, z: i32) -> Self {
+        Self([z, y, x])
+    }
+
+    pub(crate) fn xyz(self) -> [i32; 3] {
+        let [z, y, x] = self.0;
+        [x, y, z]
+    }
+
+    /// The block so many blocks farther.
+    pub(crate) fn moved(self, dx: i32, dy: i32, dz: i32) -> Self {
+        let [x, y, z] = self.xyz();
+        Self::new(
+            x.saturating_add(dx),
+            y.saturating_add(dy),
+            z.saturating_add(dz),
+        )
+    }
+}
+
+/// 8x8x8 voxels; voxel (x, y, z) is entry `(8 z + y) 8 + x`, so that a row along x lies together.
+#[repr(C, align(64))]
+#[derive(Clone, PartialEq, Eq)]
+pub(crate) struct Block {
+    /// Signed distance to the surface, positive on the camera's side, as a share of the truncation: `FULL` is one.
+    pub(crate) distance: [i16; VOXELS],
+    /// How much is known of it; 0: nothing.
+    pub(crate) weight: [u16; VOXELS],
+    /// Red, green and blue from the lowest byte up, then how many frames saw a surface here, less those that saw through.
+    pub(crate) colour: [u32; VOXELS],
+}
+
+impl Block {
+    pub(crate) const EMPTY: Self = Self {
+        distance: [0; VOXELS],
+        weight: [0; VOXELS],
+        colour: [0; VOXELS],
+    };
+
+    /// Whether a voxel may be a corner of the surface: what is inside of it was seen in so many frames, what is outside once.
+    #[inline]
+    pub(crate) fn is_known(&self, voxel: usize, min_seen: u32) -> bool {
+        let outside = self.distance[voxel] >= 0;
+        self.weight[voxel] > 0 && (outside || self.colour[voxel] >> 24 >= min_seen)
+    }
+
+    /// Whether nothing is in it that is inside of a surface.
+    pub(crate) fn is_outside(&self) -> bool {
+        let inside = |(d, w): (&i16, &u16)| (*w > 0) & (*d < 0);
+        !self.distance.iter().zip(&self.weight).any(inside)
+    }
+}
+
+/// Multiplies and mixes: keys are small numbers, and nobody chooses them to harm.
+#[derive(Default)]
+pub(crate) struct KeyHasher(u64);
+
+impl Hasher for KeyHasher {
+    fn finish(&self) -> u64 {
+        self.0 ^ (self.0 >> 29)
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        for b in bytes {
+            self.write_u32(u32::from(*b));
+        }
+    }
+
+    fn write_u32(&mut self, v: u32) {
+        self.0 = (self.0.rotate_left(21) ^ u64::from(v)).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    }
+
+    fn write_i32(&mut self, v: i32) {
+        self.write_u32(v as u32);
+    }
+
+    fn write_usize(&mut self, _: usize) {}
+}
+
+/// Blocks that are allocated together, so that growing moves none.
+const CHUNK: usize = 64;
+
+impl Default for Block {
+    fn default() -> Self {
+        Self::EMPTY
+    }
+}
+
+/// All blocks, of voxels or of what else comes in cubes of 8x8x8.
+pub(crate) struct Blocks<B = Block> {
+    table: HashMap<Key, u32, BuildHasherDefault<KeyHasher>>,
+    chunks: Vec<Box<[B]>>,
+    /// By number; of blocks that are not in use, what was there.
+    keys: Vec<Key>,
+    used: Vec<bool>,
+    free: Vec<u32>,
+}
+
+impl<B> Default for Blocks<B> {
+    fn default() -> Self {
+        Self {
+            table: HashMap::default(),
+            chunks: Vec::new(),
+            keys: Vec::new(),
+            used: Vec::new(),
+            free: Vec::new(),
+        }
+    }
+}
+
+impl<B: Clone + Default> Blocks<B> {
+    pub(crate) fn len(&self) -> usize {
+        self.table.len()
+    }
+
+    /// The number of the block at a place.
+    pub(crate) fn find(&self, key: Key) -> Option<usize> {
+        self.table.get(&key).map(|n| *n as usize)
+    }
+
+    pub(crate) fn get(&self, number: usize) -> &B {
+        &self.chunks[number / CHUNK][number % CHUNK]
+    }
+
+    pub(crate) fn get_mut(&mut self, number: usize) -> &mut B {
+        &mut self.chunks[number / CHUNK][number % CHUNK]
+    }
+
+    pub(crate) fn at(&self, key: Key) -> Option<&B> {
+        self.find(key).map(|n| self.get(n))
+    }
+
+    /// The number of the block at a place, which is made if there is none.
+    pub(crate) fn find_or_make(&mut self, key: Key) -> usize {
+        if let Some(number) = self.find(key) {
+            return number;
+        }
+        let number = self.free.pop().unwrap_or_else(|| {
+            let next = self.keys.len();
+            if next.is_multiple_of(CHUNK) {
+                self.chunks
+                    .push(vec![B::default(); CHUNK].into_boxed_slice());
+            }
+            self.keys.push(key);
+            self.used.push(false);
+            next as u32
+        });
+        self.table.insert(key, number);
+        let number = number as usize;
+        (self.keys[number], self.used[number]) = (key, true);
+        number
+    }
+
+    /// Gives a block back.
+    pub(crate) fn remove(&mut self, number: usize) {
+        if !std::mem::replace(&mut self.used[number], false) {
+            return;
+        }
+        self.table.remove(&self.keys[number]);
+        *self.get_mut(number) = B::default();
+        self.free.push(number as u32);
+    }
+
+    /// Numbers and keys of all blocks within a box of keys (both ends included), in the order of their numbers.
+    pub(crate) fn within(
+        &self,
+        [least, most]: [[i32; 3]; 2],
+    ) -> impl Iterator<Item = (usize, Key)> {
+        let inside = move |k: &Key| {
+            let at = k.xyz();
+            (0..3).all(|i| at[i] >= least[i] && at[i] <= most[i])
+        };
+        let all = self.keys.iter().zip(&self.used).enumerate();
+        all.filter(move |(_, (k, used))| **used && inside(k))
+            .map(|(n, (k, _))| (n, *k))
+    }
+
+    /// Keys and numbers in the order of keys.
+    pub(crate) fn sorted(&self) -> Vec<(Key, usize)> {
+        let all = self.keys.iter().zip(&self.used).enumerate();
+        let mut sorted: Vec<(Key, usize)> = all
+            .filter(|(_, (_, used))| **used)
+            .map(|(n, (k, _))| (*k, n))
+            .collect();
+        sorted.sort_unstable();
+        sorted
+    }
+
+    /// Memory held, bytes.
+    pub(crate) fn bytes(&self) -> usize {
+        let entry = size_of::<(Key, u32)>() + 1;
+        self.chunks.len() * CHUNK * size_of::<B>()
+            + self.table.capacity() * entry
+            + self.keys.capacity() * (size_of::<Key>() + 1)
+    }
+}
+
+/// With the blocks in the order of their keys, whatever was made and given back before.
+impl<B: Clone + Default> Clone for Blocks<B> {
+    fn clone(&self) -> Self {
+        let mut copy = Self::default();
+        for (key, number) in self.sorted() {
+            let to = copy.find_or_make(key);
+            *copy.get_mut(to) = self.get(number).clone();
+        }
+        copy
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_are_found_by_place_and_listed_in_order() {
+        let mut blocks = Blocks::<Block>::default();
+        let keys = [(3, 0, 0), (-2, 5, 1), (0, 0, 0), (3, 0, -7)];
+        for (i, (x, y, z)) in keys.into_iter().enumerate() {
+            let n = blocks.find_or_make(Key::new(x, y, z));
+            blocks.get_mut(n).weight[0] = i as u16 + 1;
+        }
+        let order: Vec<[i32; 3]> = blocks.sorted().iter().map(|(k, _)| k.xyz()).collect();
+        assert_eq!(order, [[3, 0, -7], [0, 0, 0], [3, 0, 0], [-2, 5, 1]]);
+        assert_eq!(blocks.at(Key::new(-2, 5, 1)).unwrap().weight[0], 2);
+        let gone = blocks.find(Key::new(0, 0, 0)).unwrap();
+        blocks.remove(gone);
+        blocks.remove(gone);
+        assert_eq!(
+            (blocks.len(), blocks.at(Key::new(0, 0, 0)).is_none()),
+            (3, true)
+        );
+        // Its memory is used again, and is empty.
+        let again = blocks.find_or_make(Key::new(9, 9, 9));
+        assert_eq!((again, blocks.get(again).weight[0]), (gone, 0));
+        let copy = blocks.clone();
+        assert_eq!(copy.len(), 4);
+        assert!(copy.sorted().iter().map(|p| p.1).eq(0..4));
+        let within: Vec<Key> = copy.within([[0; 3], [9; 3]]).map(|p| p.1).collect();
+        assert_eq!(within, [Key::new(3, 0, 0), Key::new(9, 9, 9)]);
+    }
+}

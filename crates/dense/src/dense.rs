@@ -1,0 +1,389 @@
+//! The subscriber: from the events of a run to a dense map that follows its corrections.
+//!
+//! What it does depends on the frames that reach it, and on nothing else: of the map it uses the version that the frame's own tracking
+//! used, so that the order in which events of different stages arrive makes no difference. Frames are integrated where they were
+//! tracked, and kept. When the map moves some by more than half a voxel, a second volume is filled from all that is kept, a few
+//! frames per event, and then takes the place of the first. In the end all that is kept is integrated once more, in the order of time, at the final poses.
+
+use crate::config::{DenseConfig, DenseConfigError};
+use crate::kept::{Anchor, Kept, Packing};
+use crate::moving::spread;
+use crate::observation::{Observation, Rectifier};
+use crate::poses::{FinalPose, at_depth};
+use crate::world::DenseMap;
+use std::collections::{BTreeSet, VecDeque};
+use std::sync::Arc;
+use stillpoint_geometry::{Camera, Se3};
+use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
+use stillpoint_map::{KeyframeId, MapView, SubmapId};
+use stillpoint_slam::{Event, FrameEvent, FrameReport, Subscriber};
+
+/// Divides the weight of frames in which it is undecided who moves.
+const UNDECIDED: u8 = 8;
+/// Distance at which a turn is compared with a shift, m.
+const TYPICAL_DEPTH: f64 = 2.0;
+
+/// What was done, in numbers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct DenseCounts {
+    /// Frames that were integrated.
+    pub integrated: usize,
+    /// Of these, frames that are kept to be integrated again.
+    pub kept: usize,
+    /// Frames that gave up their depth: they stay where they were then.
+    pub given_up: usize,
+    /// How often corrections had everything integrated again while the run went on.
+    pub rebuilt: usize,
+    /// Frames whose turn it was and that came without their image.
+    pub without_image: usize,
+    /// Bytes that kept frames take.
+    pub kept_bytes: usize,
+}
+
+/// A volume that is being filled to take the place of another.
+struct Rebuild {
+    map: DenseMap,
+    /// The next frame of those that are kept.
+    next: usize,
+    /// Poses of those before it.
+    used: Vec<Option<Se3>>,
+}
+
+/// Fuses the frames of a run.
+pub struct Dense {
+    config: DenseConfig,
+    simd: Simd,
+    rectifier: Rectifier,
+    /// Ids that the map had before the first frame.
+    first_keyframe: u32,
+    /// Frames to take in place of those whose turn it is by their stamps.
+    only: Option<BTreeSet<FrameId>>,
+    /// Versions of the map that tracking does not use yet.
+    coming: VecDeque<Arc<MapView>>,
+    /// The version that tracking used last.
+    view: Option<Arc<MapView>>,
+    last_keyframe: Option<(KeyframeId, Se3)>,
+    last_stamp: Option<f64>,
+    kept: VecDeque<Kept>,
+    /// Bytes that they take.
+    kept_bytes: usize,
+    /// Of the frames that gave up their depth.
+    base: DenseMap,
+    map: DenseMap,
+    rebuild: Option<Rebuild>,
+    taken: Vec<FrameId>,
+    counts: DenseCounts,
+    scratch: Scratch,
+}
+
+#[derive(Default)]
+struct Scratch {
+    seen: Observation,
+    again: Observation,
+    moving: Vec<bool>,
+    packing: Packing,
+}
+
+impl Dense {
+    /// A subscriber before the first frame of a camera.
+    ///
+    /// # Errors
+    /// A setting out of range.
+    pub fn new(
+        config: &DenseConfig,
+        camera: &Camera,
+        simd: Simd,
+    ) -> Result<Self, DenseConfigError> {
+        config.validate()?;
+        let map = DenseMap::new(config, simd);
+        Ok(Self {
+            rectifier: Rectifier::new(camera, config),
+            config: config.clone(),
+            simd,
+            first_keyframe: 0,
+            only: None,
+            coming: VecDeque::new(),
+            view: None,
+            last_keyframe: None,
+            last_stamp: None,
+            kept: VecDeque::new(),
+            kept_bytes: 0,
+            base: map.clone(),
+            map,
+            rebuild: None,
+            taken: Vec::new(),
+            counts: DenseCounts::default(),
+            scratch: Scratch::default(),
+        })
+    }
+
+    /// Of a run that begins with a map of so many keyframe ids.
+    #[must_use]
+    pub fn with_first_keyframe(mut self, ids: usize) -> Self {
+        self.first_keyframe = u32::try_from(ids).unwrap_or(u32::MAX);
+        self
+    }
+
+    /// Goes on from what was fused before; it stays where it is.
+    #[must_use]
+    pub fn starting_with(mut self, map: DenseMap) -> Self {
+        self.base = map.clone();
+        self.map = map;
+        self
+    }
+
+    /// Takes these frames and no others: those of a run that is repeated.
+    #[must_use]
+    pub fn with_frames(mut self, frames: impl IntoIterator<Item = FrameId>) -> Self {
+        self.only = Some(frames.into_iter().collect());
+        self
+    }
+
+    /// The frames that were taken so far: what a repetition has to know, since in a live run images that came too late are missing.
+    #[must_use]
+    pub fn taken(&self) -> &[FrameId] {
+        &self.taken
+    }
+
+    /// The map as it is while the run goes on.
+    #[must_use]
+    pub fn map(&self) -> &DenseMap {
+        &self.map
+    }
+
+    /// What was done so far.
+    #[must_use]
+    pub fn counts(&self) -> DenseCounts {
+        DenseCounts {
+            kept: self.kept.len(),
+            kept_bytes: self.kept_bytes,
+            ..self.counts.clone()
+        }
+    }
+
+    /// Memory held, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        let rebuild = self.rebuild.as_ref().map_or(0, |r| r.map.bytes());
+        self.map.bytes() + self.base.bytes() + rebuild + self.kept_bytes
+    }
+
+    /// Integrates all that is kept once more, in the order of time, at the final poses; frames without one are left out.
+    #[must_use]
+    pub fn finish(mut self, poses: &[FinalPose]) -> DenseMap {
+        self.rebuild = None;
+        let mut map = self.base;
+        let seen = &mut self.scratch.again;
+        for kept in &self.kept {
+            if let Some(pose) = at_depth(poses, kept.frame, kept.depth_stamp) {
+                kept.unpack(seen);
+                map.integrate(seen, &self.rectifier.camera, &pose);
+            }
+        }
+        map
+    }
+
+    /// Takes a frame that went through tracking.
+    fn take(&mut self, event: &FrameEvent) {
+        let report = &event.report;
+        self.follow(report.map_version);
+        if let (true, Some(pose)) = (report.is_keyframe, report.world_from_camera) {
+            self.last_keyframe = Some((self.keyframe(report.frame), pose));
+        }
+        if let Some(pose) = report.world_from_camera.filter(|_| self.is_due(report)) {
+            match &event.frame {
+                Some(frame) => self.integrate(frame, report, pose),
+                None => self.counts.without_image += 1,
+            }
+        }
+        self.go_on_rebuilding();
+    }
+
+    fn is_due(&self, report: &FrameReport) -> bool {
+        if let Some(only) = &self.only {
+            return only.contains(&report.frame);
+        }
+        // Stamps jitter.
+        let least = 0.9 * self.config.interval;
+        self.last_stamp
+            .is_none_or(|last| (report.stamp - last).abs() >= least)
+    }
+
+    fn keyframe(&self, frame: FrameId) -> KeyframeId {
+        KeyframeId(frame.0.saturating_add(self.first_keyframe))
+    }
+
+    fn integrate(&mut self, frame: &RgbdFrame, report: &FrameReport, online: Se3) {
+        self.last_stamp = Some(report.stamp);
+        let mut scratch = std::mem::take(&mut self.scratch);
+        spread(&report.segments, frame, &mut scratch.moving);
+        let doubt = if report.undecided.is_some() {
+            UNDECIDED
+        } else {
+            1
+        };
+        let seen = &mut scratch.seen;
+        self.rectifier.take(frame, &scratch.moving, doubt, seen);
+        let anchor = self.anchor(report, online);
+        let mut kept = Kept::pack(
+            seen,
+            frame.id,
+            frame.depth_stamp,
+            anchor,
+            &mut scratch.packing,
+        );
+        kept.used = self.pose(&anchor);
+        if let Some(pose) = &kept.used {
+            self.map.integrate(seen, &self.rectifier.camera, pose);
+        }
+        self.scratch = scratch;
+        self.taken.push(frame.id);
+        self.counts.integrated += 1;
+        self.kept_bytes += kept.bytes();
+        self.kept.push_back(kept);
+        while self.kept_bytes > self.config.depth_budget && self.kept.len() > 1 {
+            self.give_up();
+        }
+    }
+
+    fn anchor(&self, report: &FrameReport, online: Se3) -> Anchor {
+        let reference = self.last_keyframe.map(|(id, tracked)| {
+            // Relative to where the map has it by now, as tracking did.
+            let known = self.view.as_ref().and_then(|v| v.world_from_keyframe(id));
+            (id, known.unwrap_or(tracked).inverse() * online)
+        });
+        Anchor {
+            own: report.is_keyframe.then(|| self.keyframe(report.frame)),
+            reference,
+            online,
+            submap: report.submap,
+        }
+    }
+
+    /// The submap that the volume is of: that of the first frame which is kept.
+    fn submap(&self) -> Option<SubmapId> {
+        let view = self.view.as_deref();
+        self.kept
+            .iter()
+            .find_map(|k| k.anchor.pose(view).and_then(|p| p.1))
+    }
+
+    /// The pose of a frame, if it is in the submap of the volume.
+    fn pose(&self, anchor: &Anchor) -> Option<Se3> {
+        let (pose, submap) = anchor.pose(self.view.as_deref())?;
+        let main = self.submap();
+        (main.is_none() || submap.is_none() || submap == main).then_some(pose)
+    }
+
+    /// Takes the version of the map that tracking uses by now.
+    fn follow(&mut self, version: u64) {
+        let before = self.view.as_ref().map(|v| v.version());
+        while let Some(view) = self.coming.pop_front_if(|v| v.version() <= version) {
+            self.view = Some(view);
+        }
+        let now = self.view.as_ref().map(|v| v.version());
+        if now != before && self.rebuild.is_none() && self.has_moved() {
+            self.rebuild = Some(Rebuild {
+                map: self.base.clone(),
+                next: 0,
+                used: Vec::new(),
+            });
+        }
+    }
+
+    /// Whether any frame is in the volume where it does not belong by more than half a voxel.
+    fn has_moved(&self) -> bool {
+        let (view, main) = (self.view.as_deref(), self.submap());
+        self.kept.iter().any(|k| {
+            let now = k.anchor.pose(view);
+            let now = now.filter(|p| p.1.is_none() || main.is_none() || p.1 == main);
+            match (now, &k.used) {
+                (None, None) => false,
+                (Some((now, _)), Some(then)) => {
+                    let step = (then.inverse() * now).log();
+                    let (shift, turn) = (step.fixed_rows::<3>(0), step.fixed_rows::<3>(3));
+                    shift.norm() + TYPICAL_DEPTH * turn.norm() > 0.5 * self.config.voxel
+                }
+                _ => true,
+            }
+        })
+    }
+
+    /// Integrates a few kept frames again, where that is under way.
+    fn go_on_rebuilding(&mut self) {
+        let Some(mut rebuild) = self.rebuild.take() else {
+            return;
+        };
+        for _ in 0..self.config.rebuild_per_event {
+            let Some(kept) = self.kept.get(rebuild.next) else {
+                break;
+            };
+            let pose = self.pose(&kept.anchor);
+            if let Some(pose) = &pose {
+                let seen = &mut self.scratch.again;
+                kept.unpack(seen);
+                rebuild.map.integrate(seen, &self.rectifier.camera, pose);
+            }
+            rebuild.used.push(pose);
+            rebuild.next += 1;
+        }
+        if rebuild.next < self.kept.len() {
+            self.rebuild = Some(rebuild);
+            return;
+        }
+        self.map = rebuild.map;
+        for (kept, pose) in self.kept.iter_mut().zip(rebuild.used) {
+            kept.used = pose;
+        }
+        self.counts.rebuilt += 1;
+    }
+
+    /// Has the oldest frame that is no keyframe give up its depth, or else the oldest one: it stays where it is by now.
+    fn give_up(&mut self) {
+        let old = self.kept.len() - 1;
+        let redundant = self
+            .kept
+            .iter()
+            .take(old)
+            .position(|k| k.anchor.own.is_none());
+        let at = redundant.unwrap_or(0);
+        let Some(pose) = self.kept.get(at).map(|k| self.pose(&k.anchor)) else {
+            return;
+        };
+        let Some(kept) = self.kept.remove(at) else {
+            return;
+        };
+        self.counts.given_up += 1;
+        self.kept_bytes -= kept.bytes();
+        let seen = &mut self.scratch.again;
+        kept.unpack(seen);
+        if let Some(pose) = &pose {
+            self.base.integrate(seen, &self.rectifier.camera, pose);
+        }
+        if let Some(rebuild) = &mut self.rebuild {
+            if at < rebuild.next {
+                rebuild.next -= 1;
+                rebuild.used.remove(at);
+            } else if let Some(pose) = &pose {
+                rebuild.map.integrate(seen, &self.rectifier.camera, pose);
+            }
+        }
+    }
+
+    /// The instruction set that it runs on.
+    #[must_use]
+    pub fn simd(&self) -> Simd {
+        self.simd
+    }
+}
+
+impl Subscriber for Dense {
+    fn receive(&mut self, event: &Event) {
+        if let Some(view) = event.view() {
+            self.coming.push_back(Arc::clone(view));
+        }
+        if let Event::Frame(frame) = event {
+            self.take(frame);
+        }
+    }
+}

@@ -1,0 +1,108 @@
+//! Frames that are kept to be integrated again: packed, and tied to keyframes.
+
+use crate::observation::Observation;
+use crate::rvl;
+use stillpoint_geometry::Se3;
+use stillpoint_imaging::FrameId;
+use stillpoint_map::{KeyframeId, MapView, SubmapId};
+
+/// By what the pose of a frame follows the map.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Anchor {
+    /// The keyframe that the frame became, if it did.
+    pub(crate) own: Option<KeyframeId>,
+    /// The keyframe before it, and the pose relative to that.
+    pub(crate) reference: Option<(KeyframeId, Se3)>,
+    /// The pose as known at the frame.
+    pub(crate) online: Se3,
+    /// The submap as known at the frame.
+    pub(crate) submap: Option<SubmapId>,
+}
+
+impl Anchor {
+    /// The pose and its submap in a version of the map; none where the keyframes were taken back.
+    pub(crate) fn pose(&self, view: Option<&MapView>) -> Option<(Se3, Option<SubmapId>)> {
+        let Some(view) = view else {
+            return Some((self.online, self.submap));
+        };
+        let own = self.own.map(|id| (id, Se3::identity()));
+        for (id, tail) in own.into_iter().chain(self.reference) {
+            if let Some(pose) = view.world_from_keyframe(id) {
+                return Some((pose * tail, view.submap_of(id)));
+            }
+        }
+        // A keyframe that the map does not hold yet will be there; one that it has already passed was taken back.
+        let id = self.own.or(self.reference.map(|r| r.0));
+        let taken_back = id.is_some_and(|id| id.index() < view.keyframe_bound());
+        (!taken_back).then_some((self.online, self.submap))
+    }
+}
+
+/// A frame that is kept.
+pub(crate) struct Kept {
+    pub(crate) frame: FrameId,
+    /// When its depth was taken, s.
+    pub(crate) depth_stamp: f64,
+    pub(crate) anchor: Anchor,
+    /// The pose with which it is in the volume; none where it is not.
+    pub(crate) used: Option<Se3>,
+    size: [usize; 2],
+    doubt: u8,
+    depth: Box<[u8]>,
+    movers: Box<[u8]>,
+    /// Red, green, blue.
+    colour: Box<[u8]>,
+}
+
+/// Buffers for packing.
+#[derive(Default)]
+pub(crate) struct Packing {
+    bytes: Vec<u8>,
+}
+
+impl Kept {
+    pub(crate) fn pack(
+        seen: &Observation,
+        frame: FrameId,
+        depth_stamp: f64,
+        anchor: Anchor,
+        packing: &mut Packing,
+    ) -> Self {
+        let mut pack = |values: &[u16]| {
+            rvl::encode(values, &mut packing.bytes);
+            Box::from(&*packing.bytes)
+        };
+        let rgb = |c: &u32| [*c as u8, (*c >> 8) as u8, (*c >> 16) as u8];
+        Self {
+            frame,
+            depth_stamp,
+            anchor,
+            used: None,
+            size: [seen.width, seen.height],
+            doubt: seen.doubt,
+            depth: pack(&seen.depth),
+            movers: pack(&seen.movers),
+            colour: seen.colour.iter().flat_map(rgb).collect(),
+        }
+    }
+
+    /// The frame as it was integrated.
+    pub(crate) fn unpack(&self, to: &mut Observation) {
+        [to.width, to.height] = self.size;
+        to.doubt = self.doubt;
+        let movers = to.mover_width() * to.mover_height();
+        // What was packed here reads back.
+        let depth = rvl::decode(&self.depth, to.width * to.height, &mut to.depth);
+        let moving = rvl::decode(&self.movers, movers, &mut to.movers);
+        debug_assert!(depth.and(moving).is_some());
+        to.colour.clear();
+        let rgb = self.colour.chunks_exact(3);
+        to.colour
+            .extend(rgb.map(|c| u32::from(c[0]) | u32::from(c[1]) << 8 | u32::from(c[2]) << 16));
+    }
+
+    /// Bytes that it takes.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of::<Self>() + self.depth.len() + self.movers.len() + self.colour.len()
+    }
+}

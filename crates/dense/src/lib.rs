@@ -1,0 +1,38 @@
+//! The room without the people: surface, mesh and grids, fused from what does not move.
+//!
+//! Answers: where surfaces are, where space is free, and what a robot may drive by. A subscriber ([`Dense`]) takes the events of a run and
+//! follows its corrections; nothing goes back. Knows no files and no threads: it writes to whatever is given, and whoever runs it
+//! beside a camera gives it a thread.
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+mod block;
+mod bytes;
+mod cells;
+mod config;
+mod dense;
+mod floor;
+mod fuser;
+mod kept;
+mod mesh;
+mod moving;
+mod observation;
+mod octomap;
+mod pixels;
+mod plan;
+mod poses;
+mod rvl;
+mod touch;
+mod volume;
+mod voxels;
+mod world;
+
+pub use bytes::DenseBytesError;
+pub use config::{DenseConfig, DenseConfigError};
+pub use dense::{Dense, DenseCounts};
+pub use floor::Floor;
+pub use fuser::Fuser;
+pub use mesh::{Mesh, MeshOptions};
+pub use plan::{Plan, PlanOptions};
+pub use poses::FinalPose;
+pub use world::{DenseMap, Occupancy};

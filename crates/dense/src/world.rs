@@ -1,0 +1,228 @@
+//! What was fused: surface and coarse grid, with the questions that they answer.
+
+use crate::block::SIDE;
+use crate::cells::Cells;
+use crate::config::DenseConfig;
+use crate::mesh::{Mesh, MeshOptions};
+use crate::observation::Observation;
+use crate::touch::Stand;
+use crate::volume::Volume;
+use stillpoint_geometry::{Camera, Se3, Vec3};
+use stillpoint_imaging::Simd;
+
+/// Surface and grid of everything that stood still.
+#[derive(Clone)]
+pub struct DenseMap {
+    pub(crate) volume: Volume,
+    pub(crate) cells: Cells,
+    max_depth: f64,
+}
+
+/// What is known of a cell of the coarse grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Occupancy {
+    /// A surface is in it.
+    Occupied,
+    /// Cameras saw through it.
+    Free,
+    /// Nothing is known.
+    Unknown,
+}
+
+impl DenseMap {
+    /// An empty map.
+    pub(crate) fn new(config: &DenseConfig, simd: Simd) -> Self {
+        Self {
+            volume: Volume::new(config, simd),
+            cells: Cells::new(config.cell),
+            max_depth: config.max_depth,
+        }
+    }
+
+    /// Takes what a frame saw from a pose. `camera` is that of the pinhole image.
+    pub(crate) fn integrate(&mut self, seen: &Observation, camera: &Camera, pose: &Se3) {
+        self.volume.integrate(seen, camera, pose);
+        if pose.is_finite() && seen.width > 0 && seen.height > 0 {
+            let stand = Stand {
+                camera,
+                world_from_camera: pose,
+                block: 0.0,
+                truncation: 0.0,
+            };
+            let pixels = self.volume.pixels();
+            self.cells.integrate(seen, pixels, &stand, self.max_depth);
+        }
+    }
+
+    /// The surface as triangles.
+    #[must_use]
+    pub fn mesh(&self, options: &MeshOptions) -> Mesh {
+        self.volume.mesh(options)
+    }
+
+    /// The signed distance at a point of the world (m) to the nearest surface along the cameras' rays, m: positive before it, negative
+    /// behind. None farther from any surface than the truncation, and where nothing was seen.
+    #[must_use]
+    pub fn distance(&self, p: &Vec3) -> Option<f64> {
+        self.volume.distance(p)
+    }
+
+    /// What is known of the cell of the coarse grid that a point of the world (m) is in.
+    #[must_use]
+    pub fn occupancy(&self, p: &Vec3) -> Occupancy {
+        let at = p / self.cells.side;
+        if !at.iter().all(|v| v.abs() < 1e8) {
+            return Occupancy::Unknown;
+        }
+        self.cell(at.map(|v| v.floor() as i32).into())
+    }
+
+    /// Frames in which something that moves was in the cell of a point of the world (m).
+    #[must_use]
+    pub fn crossed(&self, p: &Vec3) -> u16 {
+        let at = p / self.cells.side;
+        if !at.iter().all(|v| v.abs() < 1e8) {
+            return 0;
+        }
+        self.cells.counts(at.map(|v| v.floor() as i32).into())[1]
+    }
+
+    /// Side of a voxel, m.
+    #[must_use]
+    pub fn voxel(&self) -> f64 {
+        self.volume.voxel
+    }
+
+    /// Side of a cell of the coarse grid, m.
+    #[must_use]
+    pub fn cell_side(&self) -> f64 {
+        self.cells.side
+    }
+
+    /// Blocks of 8x8x8 voxels.
+    #[must_use]
+    pub fn blocks(&self) -> usize {
+        self.volume.blocks.len()
+    }
+
+    /// Memory held, bytes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        self.volume.bytes() + self.cells.bytes()
+    }
+
+    /// A number that depends on every bit of surface and grid.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        let mut f = self.volume.digest();
+        for (key, number) in self.cells.blocks.sorted() {
+            let b = self.cells.blocks.get(number);
+            let keys = key.0.iter().map(|k| *k as u64);
+            let counts = b.free.iter().chain(&b.crossed).map(|c| u64::from(*c));
+            for v in keys.chain(counts) {
+                f = (f ^ v).wrapping_mul(0x0100_0000_01b3).rotate_left(23);
+            }
+        }
+        f
+    }
+
+    pub(crate) fn max_depth(&self) -> f64 {
+        self.max_depth
+    }
+
+    /// Calls `f` with every cell that is occupied or free, by its number along each axis; each once, in the order of z, y, x.
+    pub(crate) fn for_each_known(&self, mut f: impl FnMut([i32; 3], Occupancy)) {
+        let mut known = Vec::new();
+        self.cells.for_each(|at, free, _| {
+            if free > 0 {
+                known.push(([at.z, at.y, at.x], true));
+            }
+        });
+        self.for_each_crossing(|p| {
+            let [x, y, z] = self.cell_of(&p);
+            known.push(([z, y, x], false));
+        });
+        // A surface comes before free space, and of each cell the first counts.
+        known.sort_unstable();
+        known.dedup_by_key(|k| k.0);
+        for ([z, y, x], free) in known {
+            let occupancy = if free {
+                Occupancy::Free
+            } else {
+                Occupancy::Occupied
+            };
+            f([x, y, z], occupancy);
+        }
+    }
+
+    /// Calls `f` with each point (m) in which the surface crosses the line between two voxels.
+    fn for_each_crossing(&self, mut f: impl FnMut(Vec3)) {
+        for (key, number) in self.volume.blocks.sorted() {
+            let base = key.xyz().map(|k| k * SIDE as i32);
+            let block = self.volume.blocks.get(number);
+            for i in 0..block.distance.len() {
+                let at = [i % SIDE, i / SIDE % SIDE, i / SIDE / SIDE];
+                let at = std::array::from_fn(|k| base[k] + at[k] as i32);
+                if block.weight[i] > 0 {
+                    (0..3)
+                        .filter_map(|axis| self.crossing(at, axis))
+                        .for_each(&mut f);
+                }
+            }
+        }
+    }
+
+    /// Where the surface crosses the line from a voxel to the next one along an axis, m.
+    fn crossing(&self, at: [i32; 3], axis: usize) -> Option<Vec3> {
+        let known = |at: [i32; 3]| {
+            let (d, w, c) = self.volume.voxel_at(at)?;
+            (w > 0 && (d >= 0 || c >> 24 >= 2)).then_some(d)
+        };
+        let a = known(at)?;
+        let mut next = at;
+        next[axis] += 1;
+        let b = known(next)?;
+        if (a < 0) == (b < 0) {
+            return None;
+        }
+        let way = f64::from(a) / (f64::from(a) - f64::from(b));
+        let mut p = Vec3::from(at.map(f64::from));
+        p[axis] += way;
+        Some(p * self.volume.voxel)
+    }
+
+    /// The cell that a point (m) is in.
+    fn cell_of(&self, p: &Vec3) -> [i32; 3] {
+        (p / self.cells.side).map(|v| v.floor() as i32).into()
+    }
+
+    /// What is known of a cell by its number along each axis.
+    pub(crate) fn cell(&self, at: [i32; 3]) -> Occupancy {
+        if self.has_surface(at) {
+            Occupancy::Occupied
+        } else if self.cells.counts(at)[0] > 0 {
+            Occupancy::Free
+        } else {
+            Occupancy::Unknown
+        }
+    }
+
+    /// Whether the surface crosses a line between two voxels within a cell.
+    fn has_surface(&self, at: [i32; 3]) -> bool {
+        let ratio = self.cells.side / self.volume.voxel;
+        let range = |i: i32| {
+            let low = (f64::from(i) * ratio).ceil() as i32;
+            // A line begins at a voxel in the cell, or at the one before.
+            low - 1..((f64::from(i) + 1.0) * ratio).ceil() as i32
+        };
+        let [xs, ys, zs] = at.map(range);
+        zs.into_iter().any(|z| {
+            ys.clone().any(|y| {
+                xs.clone().any(|x| {
+                    let mut points = (0..3).filter_map(|axis| self.crossing([x, y, z], axis));
+                    points.any(|p| self.cell_of(&p) == at)
+                })
+            })
+        })
+    }
+}

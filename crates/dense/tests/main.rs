@@ -1,0 +1,8 @@
+//! Tests of the public interface.
+
+#![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
+
+mod bytes;
+mod following;
+mod people;
+mod room;
