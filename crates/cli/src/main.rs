@@ -8,6 +8,7 @@ mod bench;
 mod config;
 mod console;
 mod demo;
+mod dense;
 mod detect;
 mod detector;
 mod doctor;

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
 
 /// Every file that a result may hold, beside those of further submaps.
-const FILES: [&str; 12] = [
+const FILES: [&str; 17] = [
     "trajectory.txt",
     "trajectory_online.txt",
     "keyframes.txt",
@@ -23,6 +23,11 @@ const FILES: [&str; 12] = [
     "plot.png",
     "timing.svg",
     "timing.png",
+    "mesh.ply",
+    "mesh.glb",
+    "grid.pgm",
+    "grid.yaml",
+    "grid_crossed.pgm",
 ];
 
 /// Whether a file in a result folder is the result's.

@@ -24,6 +24,9 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
         }
         text.push('\n');
     }
+    if let Some(d) = &s.dense {
+        text += &d.text();
+    }
     if let Some(m) = &s.map {
         text += &format!(
             "map saved to {}: {} keyframes, {} landmarks, {}\n",

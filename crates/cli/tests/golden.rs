@@ -51,7 +51,9 @@ fn help_of_every_command() {
         let name = format!("help_recording_{command}.txt");
         golden(&name, &["recording", command, "--help"]);
     }
-    for command in ["info", "check", "export", "merge"] {
+    for command in [
+        "info", "check", "export", "mesh", "grid", "octomap", "merge",
+    ] {
         let name = format!("help_map_{command}.txt");
         golden(&name, &["map", command, "--help"]);
     }

@@ -10,6 +10,7 @@ mod bad_output;
 mod common;
 mod config_docs;
 mod demo;
+mod dense;
 mod detect;
 mod doctor;
 mod document;

@@ -14,13 +14,107 @@ use std::path::PathBuf;
   stillpoint map info desk.spmap
   stillpoint map check desk.spmap
   stillpoint map export desk.spmap --points desk.ply
+  stillpoint map mesh desk.spmap --out desk.glb
+  stillpoint map grid desk.spmap --out desk.yaml
   stillpoint map merge monday.spmap tuesday.spmap -o flat.spmap"
 )]
 pub(crate) enum MapCommand {
     Info(MapInfoArgs),
     Check(MapCheckArgs),
     Export(MapExportArgs),
+    Mesh(MapMeshArgs),
+    Grid(MapGridArgs),
+    Octomap(MapOctomapArgs),
     Merge(MapMergeArgs),
+}
+
+/// Write the surface in a map as triangles: binary PLY, or GLB, as the name ends.
+///
+/// run --dense --save-map FILE leaves it there. PLY has the map's own axes; GLB is turned so that up is up.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint map mesh desk.spmap --out desk.ply
+  stillpoint map mesh desk.spmap --out desk.glb --min-area 0.05
+
+Exit code 2 when the map cannot be used, has no surface, or the file cannot be written."
+)]
+pub(crate) struct MapMeshArgs {
+    /// Map file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// File to write.
+    #[arg(short, long, value_name = "FILE.ply|FILE.glb")]
+    pub(crate) out: PathBuf,
+    /// Leave out pieces of less area that hang together with nothing, m^2.
+    #[arg(long, value_name = "M2", default_value_t = 0.01)]
+    pub(crate) min_area: f64,
+    /// Direction away from the floor, roughly [default: that of a camera that was held upright at first].
+    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
+    pub(crate) up: Option<[f64; 3]>,
+}
+
+/// Write the floor plan in a map as ROS 2's map_server reads it: a YAML file and an image of the same name.
+///
+/// Occupied is where a surface is between --low and --high above the floor, free where the camera saw through. What moved
+/// is not in it. Beside it, images of 16 bits in the same places: NAME_crossed.pgm, in how many frames something that moves was
+/// in each cell, and NAME_distance.pgm, how far each cell is from the nearest occupied one, mm.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint map grid flat.spmap --out flat.yaml
+  stillpoint map grid flat.spmap --out flat.yaml --low 0.05 --high 0.6
+
+Exit code 1 when no floor is seen; 2 when the map cannot be used, has no surface, or a file cannot be written."
+)]
+pub(crate) struct MapGridArgs {
+    /// Map file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// File to write; the images lie beside it.
+    #[arg(short, long, value_name = "FILE.yaml")]
+    pub(crate) out: PathBuf,
+    /// Height above the floor from which things are in the way, m.
+    #[arg(long, value_name = "M", default_value_t = 0.1)]
+    pub(crate) low: f64,
+    /// Height up to which they are, m.
+    #[arg(long, value_name = "M", default_value_t = 1.5)]
+    pub(crate) high: f64,
+    /// Direction away from the floor, roughly [default: that of a camera that was held upright at first].
+    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
+    pub(crate) up: Option<[f64; 3]>,
+}
+
+/// Write the cells in a map that are occupied or free as an octree of OctoMap (.bt).
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint map octomap flat.spmap --out flat.bt
+
+Exit code 2 when the map cannot be used, has no surface, or the file cannot be written."
+)]
+pub(crate) struct MapOctomapArgs {
+    /// Map file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// File to write.
+    #[arg(short, long, value_name = "FILE.bt")]
+    pub(crate) out: PathBuf,
+}
+
+/// `0,-1,0`.
+pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .filter_map(|p| p.trim().parse().ok())
+        .collect();
+    <[f64; 3]>::try_from(parts)
+        .ok()
+        .filter(|d| d.iter().all(|v| v.is_finite()) && d.iter().any(|v| v.abs() > 1e-6))
+        .ok_or_else(|| "expected three numbers that are not all 0, such as 0,-1,0".to_owned())
 }
 
 /// Make one map of two, where places of the second are recognised in the first.

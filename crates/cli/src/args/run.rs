@@ -1,5 +1,6 @@
 //! Arguments of the commands that run the system on a data set.
 
+use crate::args::map::direction;
 use crate::args::{ConfigArgs, InputArgs};
 use crate::run::overlay::Labels;
 use crate::serve::Place;
@@ -65,6 +66,17 @@ pub(crate) struct OutputArgs {
     /// Write no pictures into the file of --record.
     #[arg(long, requires = "record")]
     pub(crate) no_record_images: bool,
+    /// Fuse what stands still into a surface: mesh.ply and mesh.glb in the result folder, and a floor plan for ROS 2's map_server
+    /// (grid.pgm, grid.yaml) where the floor was seen. What moves is not in it. --save-map keeps it in the map, for map mesh,
+    /// map grid and map octomap.
+    #[arg(long, verbatim_doc_comment)]
+    pub(crate) dense: bool,
+    /// Distance between the points at which the surface is stored, m [default: 0.02].
+    #[arg(long, value_name = "M", requires = "dense", value_parser = voxel)]
+    pub(crate) voxel: Option<f64>,
+    /// Direction away from the floor in the map, roughly [default: that of a camera that was held upright at first].
+    #[arg(long, value_name = "X,Y,Z", requires = "dense", value_parser = direction, allow_hyphen_values = true)]
+    pub(crate) up: Option<[f64; 3]>,
     /// Write no report.html into the result folder.
     #[arg(long)]
     pub(crate) no_report: bool,
@@ -112,6 +124,7 @@ pub(crate) struct OutputArgs {
   stillpoint run recording --save-map desk.spmap
   stillpoint run another --load-map desk.spmap --save-map desk.spmap
   stillpoint run another --localize desk.spmap
+  stillpoint run recording --dense --save-map desk.spmap
   stillpoint run recording --set static_filter.preset=off
   stillpoint run recording --json
   stillpoint run recording --live --trace trace.json
@@ -163,6 +176,13 @@ pub(crate) struct RunArgs {
     pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) config: ConfigArgs,
+}
+
+/// A distance between voxels, m.
+fn voxel(text: &str) -> Result<f64, String> {
+    let m = text.parse().ok();
+    m.filter(|m| (0.005..=0.2).contains(m))
+        .ok_or_else(|| "expected 0.005 to 0.2 metres".to_owned())
 }
 
 /// A time per frame, ms.

@@ -224,8 +224,13 @@ impl MapOutput {
         })
     }
 
-    /// Puts the map where it belongs, with what is known of the camera's timing.
-    pub(crate) fn save(mut self, map: &Map, timing: Option<&Timing>) -> Result<SavedMap, Failure> {
+    /// Puts the map where it belongs, with what is known of the camera's timing, and what else is to be kept with it.
+    pub(crate) fn save(
+        mut self,
+        map: &Map,
+        timing: Option<&Timing>,
+        more: Option<Extension>,
+    ) -> Result<SavedMap, Failure> {
         let view = map.view();
         if view.keyframe_count() == 0 {
             return Err(Failure::criteria(format!(
@@ -233,7 +238,11 @@ impl MapOutput {
                 self.path
             )));
         }
-        let extensions: Vec<Extension> = timing.into_iter().map(Timing::to_extension).collect();
+        let extensions: Vec<Extension> = timing
+            .into_iter()
+            .map(Timing::to_extension)
+            .chain(more)
+            .collect();
         let bytes = map
             .to_bytes(&extensions)
             .map_err(|e| Failure::criteria(format!("{}: {e}", self.path)))?;
@@ -361,13 +370,13 @@ mod tests {
         };
         let saved = MapOutput::create(&path, "--save-map")
             .unwrap()
-            .save(&map(), Some(&timing))
+            .save(&map(), Some(&timing), None)
             .unwrap();
         assert_eq!((saved.keyframes, saved.landmarks), (1, 0));
         assert_eq!(saved.bytes, path.metadata().unwrap().len());
         let e = MapOutput::create(&path, "--save-map")
             .unwrap()
-            .save(&Map::new(8, 1.2), None);
+            .save(&Map::new(8, 1.2), None, None);
         assert!(e.unwrap_err().to_string().contains("no keyframe"));
         let loaded = load(&path).ok().unwrap();
         assert_eq!(loaded.bytes, saved.bytes);

@@ -8,6 +8,7 @@ pub(crate) mod readout;
 
 use crate::args::map::{MapCheckArgs, MapCommand, MapInfoArgs};
 use crate::console;
+use crate::dense;
 use crate::failure::{Failure, Status};
 use crate::map::file::{Loaded, Refusal};
 use crate::models::megabytes;
@@ -22,6 +23,9 @@ pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
         MapCommand::Info(a) => info(a),
         MapCommand::Check(a) => check(a),
         MapCommand::Export(a) => export::export(a),
+        MapCommand::Mesh(a) => dense::export::mesh(a),
+        MapCommand::Grid(a) => dense::export::grid(a),
+        MapCommand::Octomap(a) => dense::export::octomap(a),
         MapCommand::Merge(a) => merge::merge(a),
     }
 }

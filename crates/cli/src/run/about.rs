@@ -2,6 +2,7 @@
 
 use crate::args::InputArgs;
 use crate::config;
+use crate::dense::Logged;
 use crate::failure::Failure;
 use crate::run::KnownMap;
 use crate::run::summary::DetectorJson;
@@ -40,6 +41,9 @@ pub(crate) struct About {
     /// What looked at the frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) detector: Option<DetectorJson>,
+    /// What was fused of a live run, where images may have come too late.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) dense: Option<Logged>,
     /// The whole configuration.
     pub(crate) config: Table,
 }
@@ -75,6 +79,7 @@ impl About {
             load_map: file(MapUse::Grow),
             localize: file(MapUse::Localize),
             detector: Some(detector.clone()),
+            dense: None,
             config: config::to_table(config)?,
         })
     }

@@ -72,6 +72,8 @@ pub(crate) struct Submap {
     pub(crate) keyframes: usize,
     /// Final poses of the tracked frames.
     pub(crate) final_poses: Vec<StampedPose>,
+    /// Their frames.
+    pub(crate) frames: Vec<FrameId>,
     /// Poses as known at each frame, of those that were in this submap then.
     pub(crate) online_poses: Vec<StampedPose>,
 }
@@ -188,6 +190,7 @@ impl Frames {
                         world_from_camera: entry.pose.online_world_from_camera,
                     })
                     .collect(),
+                frames: poses.iter().map(|(entry, _)| entry.frame).collect(),
                 final_poses: poses.into_iter().map(|(_, pose)| pose).collect(),
             })
             .collect();

@@ -23,6 +23,7 @@ use crate::args::InputArgs;
 use crate::args::run::{OutputArgs, RunArgs};
 use crate::config;
 use crate::console;
+use crate::dense;
 use crate::detector::{self, Loaded, Settled};
 use crate::doctor;
 use crate::failure::{Failure, Status};
@@ -44,6 +45,7 @@ use crate::trace::TraceFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{CameraChoice, ReadAhead};
+use stillpoint::dense::DenseMap;
 use stillpoint::geometry::Camera;
 use stillpoint::live::Stage;
 use stillpoint::map::Map;
@@ -96,7 +98,7 @@ pub(crate) fn run_on(
     let known = KnownMap::of(args.load_map.as_deref(), args.localize.as_deref());
     let ahead = args.live.map_or(ReadAhead::DEFAULT_FRAMES, |_| AHEAD);
     let adds_ids = args.output.save_map.is_some();
-    let (begun, means) = opened.begin(known, settled.needs_colour(), ahead, adds_ids)?;
+    let (begun, means) = opened.begin(known, settled.needs_colour(), ahead, adds_ids, None)?;
     let log_file = args.log.as_deref();
     let log_file = log_file.map(|path| StreamedFile::create(path, "--log"));
     let log_file = log_file.transpose()?;
@@ -115,7 +117,8 @@ pub(crate) fn run_on(
         }
     };
     session.detector.library = loaded.library;
-    let about = About::new(&args.input, begun.config(), known, &session.detector)?;
+    let mut about = About::new(&args.input, begun.config(), known, &session.detector)?;
+    about.dense = session.dense.as_ref().map(|d| d.logged.clone());
     let status = begun.end(&session, outputs, || run_log(&session, &about, log_file))?;
     if !session.interrupted && !is_device {
         doctor::after_run(&args.path, &args.input);
@@ -210,6 +213,14 @@ pub(crate) struct KnownMap<'a> {
     pub(crate) map_use: MapUse,
 }
 
+/// A map that is there before the first frame.
+pub(crate) struct Known {
+    pub(crate) map: Map,
+    pub(crate) map_use: MapUse,
+    /// The surface that was kept with it.
+    pub(crate) dense: Option<DenseMap>,
+}
+
 impl<'a> KnownMap<'a> {
     /// As the arguments have it.
     pub(crate) fn of(load_map: Option<&'a Path>, localize: Option<&'a Path>) -> Option<Self> {
@@ -227,9 +238,10 @@ impl<'a> KnownMap<'a> {
         config: &mut Config,
         camera: &Camera,
         ids: Option<usize>,
-    ) -> Result<(Map, MapUse), Failure> {
+    ) -> Result<Known, Failure> {
         let Self { path, map_use } = *self;
         let loaded = file::load(path)?;
+        let dense = dense::export::of_file(&loaded, path)?;
         readout::start_with(config, loaded.readout());
         let map = loaded.file.map;
         file::check_fits(path, &map, config, camera)?;
@@ -253,7 +265,11 @@ impl<'a> KnownMap<'a> {
             map.view().keyframe_count(),
             map.view().landmark_count()
         ));
-        Ok((map, map_use))
+        Ok(Known {
+            map,
+            map_use,
+            dense,
+        })
     }
 }
 

@@ -3,6 +3,8 @@
 use crate::args::InputArgs;
 use crate::args::run::OutputArgs;
 use crate::config;
+use crate::console;
+use crate::dense::{Fusion, Logged, Wish};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
@@ -16,7 +18,7 @@ use crate::timing::Timing;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{FrameOptions, ReadAhead, StampedPose};
 use stillpoint::detection::Detector;
-use stillpoint::geometry::Camera;
+use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
 use stillpoint::recordings::{Input, MessageFile, Source};
@@ -86,13 +88,15 @@ impl<'a> Task<'a> {
 
 impl<'a> Opened<'a> {
     /// Reads the map to begin with, and begins everything that is to be written. `colour`: whether somebody looks at colours;
-    /// `ahead`: frames that are read ahead; `adds_ids`: whether the frames become ids of a map that is loaded and saved again.
+    /// `ahead`: frames that are read ahead; `adds_ids`: whether the frames become ids of a map that is loaded and saved again; `logged`: what a run
+    /// fused that is repeated.
     pub(crate) fn begin(
         self,
         known: Option<KnownMap<'_>>,
         colour: bool,
         ahead: usize,
         adds_ids: bool,
+        logged: Option<Logged>,
     ) -> Result<(Begun<'a>, Means), Failure> {
         let Self {
             mut task,
@@ -106,19 +110,35 @@ impl<'a> Opened<'a> {
         let camera = dataset.camera().camera;
         let map = known.map(|k| k.load(&mut task.config, &camera, ids));
         let map = map.transpose()?;
+        if let Some(k) = map.as_ref().filter(|_| adds_ids && !task.output.dense)
+            && k.dense.is_some()
+        {
+            console::warn(
+                "the surface in the map is not saved with it again: this run has no --dense",
+            );
+        }
+        let wish = task.output.dense.then(|| Wish {
+            voxel: task.output.voxel,
+            up: task.output.up.map(Vec3::from),
+            known: map.as_ref().and_then(|k| k.dense.clone()),
+            keyframes: map.as_ref().map_or(0, |k| k.map.view().keyframe_bound()),
+            logged,
+        });
         let out = task.output.out.clone();
         let out = out.unwrap_or_else(|| default_out(task.path, task.done));
         paths::check_run(task.output, &out, task.log, &task.inputs)?;
         let folder = ResultFolder::create(&out)?;
         let recorder = task.recorder.take();
         let mut outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
+        let fusion = wish.map(|wish| Fusion::new(wish, &camera, simd));
+        outputs.dense = fusion.transpose()?;
         outputs.record = recording(task.output, recorder, &camera, &task.config)?;
         outputs.view = shown(&task, &dataset, remaining)?;
         let means = Means {
             frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
             outputs,
             interrupt: Interrupt::prepare(),
-            map,
+            map: map.map(|k| (k.map, k.map_use)),
         };
         let begun = Begun {
             task,
@@ -142,6 +162,7 @@ fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Fail
             || task.output.overlay.is_some()
             || !task.output.no_report
             || task.output.view.is_some()
+            || task.output.dense
             || draws,
     })?)
 }

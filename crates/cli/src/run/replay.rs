@@ -46,7 +46,13 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
     let named = KnownMap::of(args.load_map.as_deref(), args.localize.as_deref());
     let logged = KnownMap::of(about.load_map.as_deref(), about.localize.as_deref());
     // What the detector said is in the log, so nobody looks at colours.
-    let (begun, means) = opened.begin(named.or(logged), false, ReadAhead::DEFAULT_FRAMES, false)?;
+    let (begun, means) = opened.begin(
+        named.or(logged),
+        false,
+        ReadAhead::DEFAULT_FRAMES,
+        false,
+        about.dense,
+    )?;
     let Means {
         mut frames,
         mut outputs,

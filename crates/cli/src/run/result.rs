@@ -117,6 +117,9 @@ pub(crate) fn write(
         let png = figure.to_png().map_err(Failure::input)?;
         folder.write(&format!("{name}.png"), &png)?;
     }
+    if let Some(fused) = &session.dense {
+        fused.write(&mut folder)?;
+    }
     // After all that takes memory, but for the report, which holds it.
     let summary = summarise(setup, session, scores.as_ref());
     let json = to_json(&summary)?;
@@ -269,6 +272,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
             .as_ref()
             .and_then(|s| s.as_ref().ok())
             .cloned(),
+        dense: session.dense.as_ref().map(|d| d.json.clone()),
         seconds: session.seconds,
         timing_ms: setup
             .timing

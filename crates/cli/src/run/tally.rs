@@ -89,8 +89,9 @@ impl Tally {
         let other_submaps = submaps.split_off(submaps.len().min(1));
         let first = submaps.pop();
         let submap = first.as_ref().map(|p| p.id);
-        let (final_poses, online_poses) =
-            first.map_or_else(Default::default, |p| (p.final_poses, p.online_poses));
+        let (final_poses, online_poses, of_frames) = first.map_or_else(Default::default, |p| {
+            (p.final_poses, p.online_poses, p.frames)
+        });
         let keyframes = view
             .keyframes()
             .filter(|k| Some(k.submap) == submap)
@@ -123,10 +124,12 @@ impl Tally {
             interrupted: end.interrupted,
             seconds: end.seconds,
             final_poses,
+            of_frames,
             online_poses,
             keyframes,
             view,
             saved: None,
+            dense: None,
             log: None,
             live: None,
         }

@@ -117,8 +117,9 @@ impl Driver<'_> {
             interrupted: self.interrupt.requested(),
             seconds,
         });
+        session.fuse(outputs);
         session.saved = outputs.map.take().map(|file| match &result.map {
-            Some(map) => file.save(map, Some(&result.timing)),
+            Some(map) => file.save(map, Some(&result.timing), session.extension()),
             None => Err(Failure::criteria(
                 "the map is not saved: mapping ended in the midst of its work and left it in a state that cannot be used",
             )),

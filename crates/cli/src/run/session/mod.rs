@@ -8,6 +8,7 @@ pub(crate) mod live;
 pub(crate) mod outputs;
 pub(crate) mod replay;
 
+use crate::dense::Fused;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::map::file::SavedMap;
@@ -22,10 +23,11 @@ use crate::timing::Timing;
 use std::sync::Arc;
 use std::time::Instant;
 use stillpoint::datasets::StampedPose;
+use stillpoint::dense::FinalPose;
 use stillpoint::detection::Detector;
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::{FrameSource, Simd};
-use stillpoint::map::{Map, MapView};
+use stillpoint::imaging::{FrameId, FrameSource, Simd};
+use stillpoint::map::{Extension, Map, MapView};
 use stillpoint::slam::{Config, MapUse, RunLog, Stages, Subscriber, System};
 
 /// What a pass gave.
@@ -52,6 +54,8 @@ pub(crate) struct Session {
     pub(crate) seconds: f64,
     /// Final poses of the tracked frames.
     pub(crate) final_poses: Vec<StampedPose>,
+    /// Their frames.
+    pub(crate) of_frames: Vec<FrameId>,
     /// Poses as known at each of these frames; without those that were in another submap then, whose poses were in another frame of
     /// reference.
     pub(crate) online_poses: Vec<StampedPose>,
@@ -67,10 +71,35 @@ pub(crate) struct Session {
     pub(crate) view: Arc<MapView>,
     /// Where it was saved, or why it could not be; nothing when it was not to be.
     pub(crate) saved: Option<Result<SavedMap, Failure>>,
+    /// The surface, fused; nothing when it was not to be.
+    pub(crate) dense: Option<Fused>,
     /// In which order the stages took their messages; none of a replay, which has it from the run.
     pub(crate) log: Option<RunLog>,
     /// What was measured of a live run.
     pub(crate) live: Option<LiveRun>,
+}
+
+impl Session {
+    /// Fuses at the final poses what was to be fused.
+    pub(crate) fn fuse(&mut self, outputs: &mut Outputs) {
+        let of = |(frame, pose): (&FrameId, &StampedPose)| FinalPose {
+            frame: *frame,
+            stamp: pose.stamp,
+            world_from_camera: pose.world_from_camera,
+        };
+        let poses: Vec<FinalPose> = self
+            .of_frames
+            .iter()
+            .zip(&self.final_poses)
+            .map(of)
+            .collect();
+        self.dense = outputs.fuse(&poses);
+    }
+
+    /// What a map file keeps beside the map.
+    pub(crate) fn extension(&self) -> Option<Extension> {
+        self.dense.as_ref().map(Fused::extension)
+    }
 }
 
 /// Means of a pass.
@@ -132,10 +161,11 @@ impl Driver<'_> {
             seconds: start.elapsed().as_secs_f64(),
         });
         session.log = system.log();
+        session.fuse(outputs);
         // What was found until then is worth having even when the map cannot be saved.
         let timing = system.timing();
         let map = outputs.map.take();
-        session.saved = map.map(|map| map.save(system.map(), Some(&timing)));
+        session.saved = map.map(|map| map.save(system.map(), Some(&timing), session.extension()));
         Ok(session)
     }
 

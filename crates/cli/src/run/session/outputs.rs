@@ -2,6 +2,7 @@
 
 use crate::console;
 use crate::demo::pictures::Shots;
+use crate::dense::{Fused, Fusion};
 use crate::failure::Failure;
 use crate::map::file::MapOutput;
 use crate::page::Gathering;
@@ -14,6 +15,7 @@ use crate::run::verdicts::VerdictFile;
 use crate::run::view::PageView;
 use crate::timing::Timing;
 use crate::trace::TraceFile;
+use stillpoint::dense::FinalPose;
 use stillpoint::live::{Delivery, LiveSystem, Subscribed};
 use stillpoint::map::Map;
 use stillpoint::slam::{self, Event, Subscriber};
@@ -37,6 +39,8 @@ pub(crate) struct Outputs {
     pub(crate) record: Option<RunRecording>,
     /// What browsers are shown.
     pub(crate) view: Option<PageView>,
+    /// The surface, fused.
+    pub(crate) dense: Option<Fusion>,
     /// What every thread does when.
     pub(crate) trace: Option<TraceFile>,
     /// The map, at the end.
@@ -53,6 +57,7 @@ pub(crate) struct Writers {
     report: Option<Listening<Gathering>>,
     record: Option<Listening<RunRecording>>,
     view: Option<Listening<PageView>>,
+    dense: Option<Listening<Fusion>>,
     trace: Option<Listening<TraceFile>>,
 }
 
@@ -66,6 +71,7 @@ impl Subscriber for Writers {
         self.report.receive(event);
         self.record.receive(event);
         self.view.receive(event);
+        self.dense.receive(event);
         self.trace.receive(event);
     }
 }
@@ -80,6 +86,7 @@ pub(crate) struct LiveWriters {
     report: Option<Subscribed<Rounds<Listening<Gathering>>>>,
     record: Option<Subscribed<Rounds<Listening<RunRecording>>>>,
     view: Option<Subscribed<Rounds<Listening<PageView>>>>,
+    dense: Option<Subscribed<Rounds<Listening<Fusion>>>>,
     trace: Option<Subscribed<Rounds<Listening<TraceFile>>>>,
 }
 
@@ -104,6 +111,7 @@ impl Outputs {
             report: self.report.take().map(|w| Listening::new(w, stop)),
             record: self.record.take().map(|w| Listening::new(w, stop)),
             view: self.view.take().map(|w| Listening::new(w, stop)),
+            dense: self.dense.take().map(|w| Listening::new(w, stop)),
             trace: self.trace.take().map(|w| Listening::new(w, stop)),
         }
     }
@@ -121,6 +129,7 @@ impl Outputs {
         self.report = writers.report.map(Listening::finish).transpose()?;
         self.record = writers.record.map(Listening::finish).transpose()?;
         self.view = writers.view.map(Listening::finish).transpose()?;
+        self.dense = writers.dense.map(Listening::finish).transpose()?;
         self.trace = writers.trace.map(Listening::finish).transpose()?;
         Ok(())
     }
@@ -155,6 +164,7 @@ impl Outputs {
             report: on.add("report", all.with_images(PICTURES, 1), self.report.take())?,
             record: on.add("record", all.with_images(PICTURES, 1), self.record.take())?,
             view: on.add(VIEW, newest, self.view.take())?,
+            dense: on.add("dense", all.with_images(PICTURES, 1), self.dense.take())?,
             trace: on.add("trace", all, self.trace.take())?,
         })
     }
@@ -172,8 +182,14 @@ impl Outputs {
         self.report = writers.report.map(rejoined).transpose()?;
         self.record = writers.record.map(rejoined).transpose()?;
         self.view = writers.view.map(rejoined).transpose()?;
+        self.dense = writers.dense.map(rejoined).transpose()?;
         self.trace = writers.trace.map(rejoined).transpose()?;
         Ok(())
+    }
+
+    /// Fuses at the final poses what was to be fused.
+    pub(crate) fn fuse(&mut self, poses: &[FinalPose]) -> Option<Fused> {
+        Some(self.dense.take()?.finish(poses))
     }
 
     /// Saves the map of a run that cannot go on after so many frames, if it is to be saved, and says so. What else there was is
@@ -183,7 +199,7 @@ impl Outputs {
         let Some(map) = map.filter(|m| frames > 0 && m.view().keyframe_count() > 0) else {
             return;
         };
-        match file.save(map, Some(timing)) {
+        match file.save(map, Some(timing), None) {
             Ok(saved) => console::line(&format!(
                 "the run ends after {frames} frames; the map until then, of {} keyframes and {} landmarks, is saved to {}",
                 saved.keyframes, saved.landmarks, saved.path

@@ -57,9 +57,11 @@ impl Driver<'_> {
             interrupted: self.interrupt.requested(),
             seconds: start.elapsed().as_secs_f64(),
         });
+        session.fuse(outputs);
         let map = outputs.map.take();
         let timing = replay.timing();
-        session.saved = map.map(|file| file.save(&replay.into_map(), Some(&timing)));
+        session.saved =
+            map.map(|file| file.save(&replay.into_map(), Some(&timing), session.extension()));
         Ok((session, whole.then_some(agrees)))
     }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod detector;
 
+use crate::dense::DenseJson;
 use crate::machine::Machine;
 use crate::map::file::SavedMap;
 use crate::run::live_report::LiveJson;
@@ -53,6 +54,9 @@ pub(crate) struct Summary {
     /// Where the map was saved.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) map: Option<SavedMap>,
+    /// The surface of `--dense`.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) dense: Option<DenseJson>,
     /// From the first frame to the last, s, reading included.
     pub(crate) seconds: f64,
     /// Milliseconds per frame of each stage, over the frames in which it ran.

@@ -1,0 +1,214 @@
+//! `--dense`: surface and grids of what stands still, fused while a run goes on.
+
+pub(crate) mod export;
+
+use crate::failure::Failure;
+use crate::output::ResultFolder;
+use crate::run::session::listeners::Writer;
+use serde::{Deserialize, Serialize};
+use stillpoint::dense::{
+    Dense, DenseConfig, DenseCounts, DenseMap, FinalPose, Floor, Mesh, MeshOptions, PlanOptions,
+};
+use stillpoint::geometry::{Camera, Vec3};
+use stillpoint::imaging::{FrameId, Simd};
+use stillpoint::map::Extension;
+use stillpoint::slam::{Event, Subscriber};
+
+/// What is asked for.
+#[derive(Default)]
+pub(crate) struct Wish {
+    /// m.
+    pub(crate) voxel: Option<f64>,
+    /// Away from the floor; none for that of a camera that was held upright at first.
+    pub(crate) up: Option<Vec3>,
+    /// What was fused before, from the map that the run begins with.
+    pub(crate) known: Option<DenseMap>,
+    /// Ids that the map had before.
+    pub(crate) keyframes: usize,
+    /// What a run fused that is repeated.
+    pub(crate) logged: Option<Logged>,
+}
+
+/// What a repetition has to know: which frames found their images in time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Logged {
+    /// m.
+    pub(crate) voxel: f64,
+    /// Numbers of frames.
+    pub(crate) frames: Vec<u32>,
+}
+
+/// Fuses while frames go by.
+pub(crate) struct Fusion {
+    dense: Dense,
+    up: Option<Vec3>,
+    /// Largest amount of memory held, bytes.
+    most_bytes: usize,
+}
+
+impl Fusion {
+    /// Before the first frame of a camera.
+    pub(crate) fn new(wish: Wish, camera: &Camera, simd: Simd) -> Result<Self, Failure> {
+        let known = wish.known.as_ref();
+        let logged = wish.logged.as_ref().map(|l| l.voxel);
+        let voxel = wish.voxel.or(known.map(DenseMap::voxel)).or(logged);
+        if let (Some(known), Some(voxel)) = (known, voxel)
+            && known.voxel() != voxel
+        {
+            return Err(Failure::input(format!(
+                "--voxel: expected {} m, as the surface in the map has it, found {voxel}; leave it out",
+                known.voxel()
+            )));
+        }
+        let mut config = DenseConfig::default();
+        config.voxel = voxel.unwrap_or(config.voxel);
+        let dense = Dense::new(&config, camera, simd)
+            .map_err(|e| Failure::input(format!("--voxel: {e}")))?;
+        let mut dense = dense.with_first_keyframe(wish.keyframes);
+        if let Some(known) = wish.known {
+            dense = dense.starting_with(known);
+        }
+        if let Some(logged) = wish.logged {
+            dense = dense.with_frames(logged.frames.into_iter().map(FrameId));
+        }
+        Ok(Self {
+            dense,
+            up: wish.up,
+            most_bytes: 0,
+        })
+    }
+
+    /// All that is kept at the final poses.
+    pub(crate) fn finish(mut self, poses: &[FinalPose]) -> Fused {
+        let _span = tracing::info_span!("fuse").entered();
+        self.note_memory();
+        let counts = self.dense.counts();
+        let frames = self.dense.taken().iter().map(|f| f.0).collect();
+        let map = self.dense.finish(poses);
+        let mesh = map.mesh(&MeshOptions::default());
+        Fused {
+            json: DenseJson::new(&counts, &map, &mesh, self.most_bytes.max(map.bytes())),
+            logged: Logged {
+                voxel: map.voxel(),
+                frames,
+            },
+            up: self.up.unwrap_or_else(|| -Vec3::y()),
+            map,
+            mesh,
+        }
+    }
+
+    fn note_memory(&mut self) {
+        self.most_bytes = self.most_bytes.max(self.dense.bytes());
+    }
+}
+
+impl Writer for Fusion {
+    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+        let _span = tracing::info_span!("fuse").entered();
+        self.dense.receive(event);
+        self.note_memory();
+        Ok(())
+    }
+}
+
+/// What was fused.
+pub(crate) struct Fused {
+    pub(crate) map: DenseMap,
+    pub(crate) json: DenseJson,
+    pub(crate) logged: Logged,
+    mesh: Mesh,
+    up: Vec3,
+}
+
+impl Fused {
+    /// What a map file keeps of it.
+    pub(crate) fn extension(&self) -> Extension {
+        Extension {
+            name: DenseMap::EXTENSION.to_owned(),
+            bytes: self.map.to_bytes(),
+        }
+    }
+
+    /// Writes mesh and plan into a result folder.
+    pub(crate) fn write(&self, folder: &mut ResultFolder) -> Result<(), Failure> {
+        let floor = Floor::find(&self.mesh, &self.up);
+        let up = floor.map_or(self.up, |f| f.up);
+        let bytes = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
+            let mut bytes = Vec::new();
+            write(&mut bytes).map_err(Failure::input)?;
+            Ok::<_, Failure>(bytes)
+        };
+        folder.write("mesh.ply", &bytes(&|to| self.mesh.write_ply(to))?)?;
+        folder.write(
+            "mesh.glb",
+            &bytes(&|to| self.mesh.write_glb(to, Some(&up)))?,
+        )?;
+        let plan = floor.and_then(|f| self.map.plan(&f, &PlanOptions::default()));
+        if let Some(plan) = plan {
+            folder.write("grid.pgm", &bytes(&|to| plan.write_pgm(to))?)?;
+            folder.write("grid.yaml", plan.yaml("grid.pgm").as_bytes())?;
+            folder.write("grid_crossed.pgm", &bytes(&|to| plan.write_crossed(to))?)?;
+        }
+        Ok(())
+    }
+}
+
+/// What was fused, in numbers.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct DenseJson {
+    /// Distance between voxels, m.
+    pub(crate) voxel: f64,
+    /// Frames that were integrated.
+    pub(crate) integrated: usize,
+    /// Of these, frames that gave up their depth to keep to the memory that they may take: they stayed where they were then.
+    pub(crate) given_up: usize,
+    /// Frames whose turn it was and whose image came too late.
+    pub(crate) without_image: usize,
+    /// How often corrections had all kept frames integrated again while the run went on.
+    pub(crate) rebuilt: usize,
+    /// Blocks of 8x8x8 voxels.
+    pub(crate) blocks: usize,
+    /// Triangles of the mesh.
+    pub(crate) triangles: usize,
+    /// Area of the mesh, m^2.
+    pub(crate) area: f64,
+    /// Bytes of the frames that are kept.
+    pub(crate) kept_bytes: usize,
+    /// Largest amount of memory held, bytes.
+    pub(crate) memory_bytes: usize,
+}
+
+impl DenseJson {
+    fn new(counts: &DenseCounts, map: &DenseMap, mesh: &Mesh, memory_bytes: usize) -> Self {
+        Self {
+            voxel: map.voxel(),
+            integrated: counts.integrated,
+            given_up: counts.given_up,
+            without_image: counts.without_image,
+            rebuilt: counts.rebuilt,
+            blocks: map.blocks(),
+            triangles: mesh.triangles.len(),
+            area: mesh.area(),
+            kept_bytes: counts.kept_bytes,
+            memory_bytes,
+        }
+    }
+
+    /// A line for the report.
+    pub(crate) fn text(&self) -> String {
+        let megabytes = |bytes: usize| bytes as f64 / 1e6;
+        let mut text = format!(
+            "surface: {} frames in voxels of {:.1} cm, {} triangles, {:.1} m2, {:.0} MB",
+            self.integrated,
+            100.0 * self.voxel,
+            self.triangles,
+            self.area,
+            megabytes(self.memory_bytes)
+        );
+        if self.given_up > 0 {
+            text += &format!("; {} frames stayed where they were", self.given_up);
+        }
+        text + "\n"
+    }
+}

@@ -1,0 +1,278 @@
+//! Surfaces and grids, as users make them.
+
+use crate::common::{check, program, simulate, stdout, stillpoint};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+const FRAMES: usize = 24;
+
+/// A run with a surface in its map.
+struct Made {
+    dir: TempDir,
+    data: PathBuf,
+    result: PathBuf,
+    map: PathBuf,
+}
+
+static MADE: LazyLock<Made> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let (data, result, map) = (at("room"), at("result"), at("room.spmap"));
+    simulate(&data, "halfsphere", FRAMES);
+    let args = ["run", text(&data), "--dense", "--voxel", "0.04"];
+    let more = [
+        "--no-report",
+        "--out",
+        text(&result),
+        "--save-map",
+        text(&map),
+    ];
+    check(&stillpoint([&args[..], &more].concat()), 0, &[]);
+    Made {
+        data,
+        result,
+        map,
+        dir,
+    }
+});
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+fn read(folder: &Path, name: &str) -> Vec<u8> {
+    std::fs::read(folder.join(name)).unwrap()
+}
+
+fn head(ply: &[u8]) -> String {
+    String::from_utf8_lossy(&ply[..300.min(ply.len())]).into_owned()
+}
+
+#[test]
+fn a_run_leaves_a_surface_and_its_numbers() {
+    let (ply, glb) = (
+        read(&MADE.result, "mesh.ply"),
+        read(&MADE.result, "mesh.glb"),
+    );
+    let summary: Value = serde_json::from_slice(&read(&MADE.result, "summary.json")).unwrap();
+    let dense = &summary["dense"];
+    let triangles = dense["triangles"].as_u64().unwrap();
+    assert!(triangles > 1000, "{dense}");
+    assert!(
+        head(&ply).contains(&format!("element face {triangles}\n")),
+        "{}",
+        head(&ply)
+    );
+    assert!(glb.starts_with(b"glTF\x02\0\0\0"));
+    assert!(dense["area"].as_f64().unwrap() > 1.0, "{dense}");
+    let integrated = dense["integrated"].as_u64().unwrap() as usize;
+    assert!((FRAMES / 2 - 1..=FRAMES).contains(&integrated), "{dense}");
+    assert_eq!(dense["voxel"], 0.04);
+    assert!(dense["memory_bytes"].as_u64() > dense["kept_bytes"].as_u64());
+    // Tracking does not know of it.
+    let plain = MADE.dir.path().join("plain");
+    let args = [
+        "run",
+        text(&MADE.data),
+        "--no-report",
+        "--out",
+        text(&plain),
+    ];
+    check(&stillpoint(args), 0, &[]);
+    assert_eq!(
+        read(&plain, "trajectory.txt"),
+        read(&MADE.result, "trajectory.txt")
+    );
+    assert!(!plain.join("mesh.ply").exists());
+}
+
+#[test]
+fn the_same_surface_comes_out_again() {
+    let meshes = |folder: &Path| (read(folder, "mesh.ply"), read(folder, "mesh.glb"));
+    let made = meshes(&MADE.result);
+    // From the log, in portable code.
+    let again = MADE.dir.path().join("again");
+    let log = MADE.result.join("run.log");
+    let args = [
+        "replay",
+        text(&log),
+        text(&MADE.data),
+        "--dense",
+        "--no-report",
+    ];
+    let mut command = program();
+    command.args(args).args(["--out", text(&again)]);
+    check(
+        &command.env("STILLPOINT_SIMD", "scalar").output().unwrap(),
+        0,
+        &[],
+    );
+    assert!(meshes(&again) == made, "a replay gives another surface");
+    // Of a live run, which may have left frames out.
+    let [live, repeated] = ["live", "repeated"].map(|name| MADE.dir.path().join(name));
+    let args = [
+        "run",
+        text(&MADE.data),
+        "--live=all",
+        "--dense",
+        "--no-report",
+    ];
+    check(
+        &stillpoint([&args[..], &["--out", text(&live)]].concat()),
+        0,
+        &[],
+    );
+    let log = live.join("run.log");
+    let args = [
+        "replay",
+        text(&log),
+        text(&MADE.data),
+        "--dense",
+        "--no-report",
+    ];
+    check(
+        &stillpoint([&args[..], &["--out", text(&repeated)]].concat()),
+        0,
+        &[],
+    );
+    assert!(
+        meshes(&live) == meshes(&repeated),
+        "a replay of a live run gives another surface"
+    );
+}
+
+#[test]
+fn a_map_gives_its_surface_and_grids() {
+    let out = |name: &str| MADE.dir.path().join(name);
+    let map = text(&MADE.map);
+    let info = stdout(&stillpoint(["map", "info", map]));
+    assert!(info.contains("stillpoint/dense"), "{info}");
+    for name in ["out.ply", "out.glb"] {
+        check(
+            &stillpoint(["map", "mesh", map, "--out", text(&out(name))]),
+            0,
+            &[],
+        );
+    }
+    assert!(read(MADE.dir.path(), "out.ply") == read(&MADE.result, "mesh.ply"));
+    assert!(read(MADE.dir.path(), "out.glb") == read(&MADE.result, "mesh.glb"));
+    let yaml = out("plan.yaml");
+    check(
+        &stillpoint(["map", "grid", map, "--out", text(&yaml)]),
+        0,
+        &[],
+    );
+    let said = std::fs::read_to_string(&yaml).unwrap();
+    assert!(
+        said.starts_with("image: plan.pgm\nmode: trinary\n"),
+        "{said}"
+    );
+    assert_eq!(
+        read(MADE.dir.path(), "plan.pgm"),
+        read(&MADE.result, "grid.pgm")
+    );
+    for name in ["plan_crossed.pgm", "plan_distance.pgm"] {
+        assert!(read(MADE.dir.path(), name).starts_with(b"P5\n"));
+    }
+    check(
+        &stillpoint(["map", "octomap", map, "--out", text(&out("out.bt"))]),
+        0,
+        &[],
+    );
+    let tree = read(MADE.dir.path(), "out.bt");
+    assert!(tree.starts_with(b"# Octomap OcTree binary file\n"));
+}
+
+#[test]
+fn a_run_goes_on_with_the_surface_of_its_map() {
+    let [grown, result, found] = ["grown.spmap", "more", "found"].map(|n| MADE.dir.path().join(n));
+    let (data, map) = (text(&MADE.data), text(&MADE.map));
+    let part = ["run", data, "--max-frames", "6", "--no-report", "--dense"];
+    let args = [
+        "--load-map",
+        map,
+        "--save-map",
+        text(&grown),
+        "--out",
+        text(&result),
+    ];
+    check(&stillpoint([&part[..], &args].concat()), 0, &[]);
+    let area = |folder: &Path| {
+        let summary: Value = serde_json::from_slice(&read(folder, "summary.json")).unwrap();
+        summary["dense"]["area"].as_f64().unwrap()
+    };
+    assert!(area(&result) > 0.95 * area(&MADE.result));
+    // Where the camera only finds itself, the map stays what it was.
+    let before = std::fs::read(map).unwrap();
+    let args = ["--localize", map, "--out", text(&found)];
+    check(&stillpoint([&part[..], &args].concat()), 0, &[]);
+    assert!(std::fs::read(map).unwrap() == before);
+    assert!(area(&found) > 0.95 * area(&MADE.result));
+    // Without --dense a surface that is there is not lost without a word.
+    let dropped = MADE.dir.path().join("dropped.spmap");
+    let args = [
+        "--load-map",
+        map,
+        "--save-map",
+        text(&dropped),
+        "--out",
+        text(&found),
+    ];
+    check(&stillpoint([&part[..5], &args].concat()), 0, &["surface"]);
+}
+
+#[test]
+fn what_cannot_be_made_is_refused_in_words() {
+    let dir = MADE.dir.path();
+    let bare = dir.join("bare.spmap");
+    let args = ["run", text(&MADE.data), "--max-frames", "4", "--no-report"];
+    let out = dir.join("bare");
+    let more = ["--save-map", text(&bare), "--out", text(&out)];
+    check(&stillpoint([&args[..], &more].concat()), 0, &[]);
+    let ply = dir.join("none.ply");
+    let bt = dir.join("none.bt");
+    for (command, file) in [("mesh", &ply), ("octomap", &bt)] {
+        let output = stillpoint(["map", command, text(&bare), "--out", text(file)]);
+        check(
+            &output,
+            2,
+            &["bare.spmap: expected a map with a surface", "--dense"],
+        );
+        assert!(!file.exists());
+    }
+    let map = text(&MADE.map);
+    let odd = dir.join("mesh.obj");
+    check(
+        &stillpoint(["map", "mesh", map, "--out", text(&odd)]),
+        2,
+        &[".ply or .glb"],
+    );
+    check(
+        &stillpoint(["map", "grid", map, "--out", text(&odd)]),
+        2,
+        &[".yaml"],
+    );
+    check(&stillpoint(["map", "mesh", map, "--out", map]), 2, &[]);
+    for (option, value) in [("--voxel", "3"), ("--up", "0,0,0"), ("--up", "1,2")] {
+        let args = ["run", text(&MADE.data), "--dense", option, value];
+        check(&stillpoint(args), 2, &["expected"]);
+    }
+    check(
+        &stillpoint(["run", text(&MADE.data), "--voxel", "0.02"]),
+        2,
+        &["--dense"],
+    );
+    // Another voxel than the map's.
+    let args = [
+        "run",
+        text(&MADE.data),
+        "--dense",
+        "--voxel",
+        "0.02",
+        "--load-map",
+        map,
+    ];
+    check(&stillpoint(args), 2, &["--voxel: expected 0.04 m"]);
+}
