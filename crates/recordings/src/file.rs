@@ -143,13 +143,14 @@ fn stamped(
     warnings: &mut Vec<String>,
 ) -> Result<Vec<(f64, Slot)>> {
     let device = realsense::device_stamps(recording, &stream.topic)?;
-    let stamp = |s: &Slot| {
-        device
-            .get(&s.logged)
-            .copied()
-            .or(s.stamp.filter(|ns| *ns != 0))
-    };
     let all: Vec<&Slot> = recording.slots_of(stream.channel).collect();
+    // A driver that stamps nothing leaves zero in every image; a clock that starts at zero says so in one.
+    let zeros = all.iter().filter(|s| s.stamp == Some(0)).count();
+    let from_zero = zeros == 1 && all.len() > 1;
+    let stamp = |s: &Slot| {
+        let own = s.stamp.filter(|ns| *ns != 0 || from_zero);
+        device.get(&s.logged).copied().or(own)
+    };
     // A driver that stamps nothing leaves the time of arrival, for all or for none.
     let unstamped = all.iter().filter(|s| stamp(s).is_none()).count();
     if unstamped > 0 {

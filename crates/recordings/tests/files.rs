@@ -67,6 +67,33 @@ fn frames_are_those_that_were_written() {
     }
 }
 
+/// A clock may start at zero; a driver that stamps nothing leaves zero in every image.
+#[test]
+fn a_first_stamp_of_zero_is_one() {
+    let dir = tempfile::tempdir().unwrap();
+    let from_zero = |k: usize| k as u64 * 40_000_000;
+    for (name, bytes) in variants(&stamped_camera("/camera", FRAMES, from_zero)) {
+        let input = open(&put(dir.path(), name, &bytes), &OpenOptions::default()).unwrap();
+        assert!(
+            input.warnings().is_empty(),
+            "{name}: {:?}",
+            input.warnings()
+        );
+        for (k, (stamp, depth)) in input.stamps().into_iter().enumerate() {
+            assert_eq!((stamp, depth), (k as f64 * 0.04, k as f64 * 0.04), "{name}");
+        }
+    }
+    let bytes = mcap(&stamped_camera("/camera", FRAMES, |_| 0), None);
+    let input = open(
+        &put(dir.path(), "none.mcap", &bytes),
+        &OpenOptions::default(),
+    )
+    .unwrap();
+    let said = input.warnings().join(" ");
+    assert!(said.contains("10 of 10 images have no stamp"), "{said}");
+    assert!((input.stamps()[0].0 - 5.002).abs() < 1e-9);
+}
+
 #[test]
 fn what_is_before_a_cut_is_used() {
     const MANY: usize = 40;

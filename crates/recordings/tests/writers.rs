@@ -38,10 +38,20 @@ pub(crate) fn grey(k: usize, x: u32, y: u32) -> u8 {
 
 /// `frames` frames of a camera at 30 Hz below a name space.
 pub(crate) fn camera(space: &str, frames: usize) -> Vec<Sent> {
+    stamped_camera(space, frames, arrived)
+}
+
+/// When frame `k` was taken, ns.
+pub(crate) fn arrived(k: usize) -> u64 {
+    5_000_000_000 + k as u64 * 33_333_333
+}
+
+/// The same with stamps of its own, ns.
+pub(crate) fn stamped_camera(space: &str, frames: usize, stamp: fn(usize) -> u64) -> Vec<Sent> {
     let mut all = Vec::new();
     let pixels = || (0..HEIGHT).flat_map(|y| (0..WIDTH).map(move |x| (x, y)));
     for k in 0..frames {
-        let time = 5_000_000_000 + k as u64 * 33_333_333;
+        let time = stamp(k);
         let stamp = Time {
             sec: (time / 1_000_000_000) as i64,
             nanosec: (time % 1_000_000_000) as u32,
@@ -71,7 +81,7 @@ pub(crate) fn camera(space: &str, frames: usize) -> Vec<Sent> {
         };
         let rgb = pixels().flat_map(|(x, y)| [grey(k, x, y); 3]).collect();
         let mm = pixels().flat_map(|(x, y)| depth_mm(k, x, y).to_le_bytes());
-        let arrival = time + 2_000_000;
+        let arrival = arrived(k) + 2_000_000;
         all.push(sent(
             &format!("{space}/color/image_raw"),
             arrival,
