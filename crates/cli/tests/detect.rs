@@ -1,6 +1,6 @@
 //! `detect` as users run it: on images, folders and data sets, with a network made in the test and with real ones.
 
-use crate::common::{check, files, program, simulate, stdout, tiny_model};
+use crate::common::{check, files, program, simulate, stdout, stillpoint, tiny_model};
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use stillpoint::detection::{ClassId, ScriptRow, parse_script};
@@ -109,6 +109,36 @@ fn a_folder_becomes_a_table_and_pictures() {
     let higher = ["--score", "0.95", "--out", out.to_str().unwrap()];
     check(&detect(&folder, &model, &higher), 0, &[]);
     assert!(self::rows(&out).is_empty(), "no score is over 0.9");
+}
+
+#[test]
+fn a_recording_is_looked_at_as_its_folder_is() {
+    let dir = tempfile::tempdir().unwrap();
+    let (room, file) = (dir.path().join("room"), dir.path().join("room.mcap"));
+    simulate(&room, "walking_static", 3);
+    let convert = [
+        "recording",
+        "convert",
+        room.to_str().unwrap(),
+        file.to_str().unwrap(),
+    ];
+    check(&stillpoint(convert), 0, &[]);
+    let model = tiny_model::write(dir.path());
+    let tables = [&room, &file].map(|path| {
+        let out = dir.path().join("out");
+        let more = ["--score", "0.05", "--out", out.to_str().unwrap()];
+        check(&detect(path, &model, &more), 0, &[]);
+        assert_eq!(names(&out).len(), 4, "three pictures and the table");
+        rows(&out)
+    });
+    assert!(!tables[0].is_empty());
+    assert_eq!(tables[0].len(), tables[1].len());
+    for (a, b) in tables[0].iter().zip(&tables[1]) {
+        assert!((a.stamp - b.stamp).abs() < 1e-6);
+        assert_eq!(a.detection, b.detection);
+    }
+    let topic = ["--color-topic", "/nothing"];
+    check(&detect(&file, &model, &topic), 2, &["/nothing"]);
 }
 
 #[test]

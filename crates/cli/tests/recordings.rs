@@ -62,6 +62,40 @@ fn a_converted_folder_runs_as_the_folder_does() {
 }
 
 #[test]
+fn folders_and_recordings_stand_for_their_ground_truth() {
+    let out = tempfile::tempdir().unwrap();
+    let (estimate, _) = run(&PAIR.folder);
+    let file = out.path().join("trajectory.txt");
+    std::fs::write(&file, estimate).unwrap();
+    let eval = |truth: &Path, more: &[&str]| {
+        let args = ["eval", text(truth), text(&file), "--json"];
+        let output = stillpoint(args.iter().chain(more));
+        check(&output, 0, &[]);
+        let json: serde_json::Value = serde_json::from_str(&stdout(&output)).unwrap();
+        json["ate"]["rmse"].as_f64().unwrap()
+    };
+    let expected = eval(&PAIR.folder.join("groundtruth.txt"), &[]);
+    assert_eq!(eval(&PAIR.folder, &[]), expected);
+    // Stamps of recordings are whole nanoseconds.
+    for more in [&[][..], &["--truth-topic", "/ground_truth/pose"]] {
+        assert!((eval(&PAIR.file, more) - expected).abs() < 1e-6);
+    }
+    let refused = |args: &[&str], parts: &[&str]| {
+        check(&stillpoint(["eval"].iter().chain(args)), 2, parts);
+    };
+    let (folder, estimate) = (text(out.path()), text(&file));
+    refused(
+        &[estimate, estimate, "--truth-topic", "/a"],
+        &["expected a recording"],
+    );
+    refused(
+        &[text(&PAIR.file), estimate, "--truth-topic", "/a"],
+        &["/a"],
+    );
+    refused(&[folder, estimate], &[folder]);
+}
+
+#[test]
 fn info_tells_topics_and_frames() {
     let found = info(&PAIR.file);
     assert_eq!(found["format"], "MCAP");

@@ -72,6 +72,15 @@ pub enum Input {
     Device(Box<dyn Device>),
 }
 
+/// Whether what is at a path is a recording: a file that begins as one of the formats does, or a folder of rosbag2.
+#[must_use]
+pub fn is_recording(path: &Path) -> bool {
+    if path.is_dir() {
+        return crate::rosbag2::is_folder(path);
+    }
+    path.is_file() && crate::recording::begins_as_one(path)
+}
+
 /// Opens a data set folder or a recording.
 ///
 /// # Errors

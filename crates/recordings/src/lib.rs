@@ -46,7 +46,7 @@ mod writer;
 pub use error::{RecordingError, Result};
 pub use file::FileRecording;
 pub use info::{Info, Topic, info};
-pub use input::{Device, Input, OpenOptions, Source, Taken, open};
+pub use input::{Device, Input, OpenOptions, Source, Taken, is_recording, open};
 pub use messages::{MessageFile, TopicInfo};
 pub use raw::{Pair, RawFrames};
 pub use source::RecordingSource;

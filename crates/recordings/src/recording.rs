@@ -202,6 +202,13 @@ impl Recording {
 /// First bytes of a data base.
 const SQLITE: &[u8] = b"SQLite format 3\0";
 
+/// Whether a file begins as those of one of the formats do.
+pub(crate) fn begins_as_one(path: &Path) -> bool {
+    let head = Bytes::open(path).and_then(|mut bytes| bytes.get(0, 16));
+    let known: [&[u8]; 4] = [mcap::MAGIC, bag::MAGIC, b"#ROSBAG V1", SQLITE];
+    head.is_ok_and(|head| known.iter().any(|magic| head.starts_with(magic)))
+}
+
 /// What a file of no known format may be.
 fn unknown(path: &Path, head: &[u8]) -> RecordingError {
     let (found, advice) = if head.is_empty() {

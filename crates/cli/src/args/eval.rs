@@ -8,7 +8,8 @@ use stillpoint::evaluation::Delta;
 /// Score a trajectory against ground truth: ATE and RPE; score tracked objects.
 ///
 /// Both trajectories are in the TUM format: timestamp tx ty tz qx qy qz qw. Poses within 0.02 s belong
-/// together. ATE is taken after alignment by SE(3), with --scale by Sim(3). RPE is taken over
+/// together. In place of the ground truth's file stands a data set folder, or a recording with the
+/// --truth-topic of its poses. ATE is taken after alignment by SE(3), with --scale by Sim(3). RPE is taken over
 /// --delta: seconds as the TUM script with a fixed delta, or frames as evo over all pairs.
 ///
 /// --objects compares the table of run --objects with boxes.csv by HOTA, MOTA and IDF1 as trackeval
@@ -21,11 +22,12 @@ use stillpoint::evaluation::Delta;
   stillpoint eval groundtruth.txt out/desk/trajectory.txt
   stillpoint eval groundtruth.txt trajectory.txt --delta 30f --json
   stillpoint eval groundtruth.txt trajectory.txt --plot errors.svg
+  stillpoint eval desk.bag out/desk/trajectory.txt --truth-topic /vrpn/camera/pose
   stillpoint eval --objects objects.csv walking/boxes.csv
   stillpoint eval groundtruth.txt trajectory.txt --objects objects.csv boxes.csv --json"
 )]
 pub(crate) struct EvalArgs {
-    /// Ground truth, TUM format.
+    /// Ground truth: TUM format, or a data set folder or recording that holds it.
     #[arg(
         value_name = "GROUNDTRUTH",
         required_unless_present = "objects",
@@ -35,6 +37,15 @@ pub(crate) struct EvalArgs {
     /// Estimated trajectory, TUM format.
     #[arg(value_name = "ESTIMATE", required_unless_present = "objects")]
     pub(crate) estimate: Option<PathBuf>,
+    /// Topic of poses or odometry that is ground truth, where that is a recording
+    /// [default: that of recordings of our own].
+    #[arg(
+        long,
+        value_name = "TOPIC",
+        requires = "ground_truth",
+        verbatim_doc_comment
+    )]
+    pub(crate) truth_topic: Option<String>,
     /// Align with scale: Sim(3) instead of SE(3).
     #[arg(long)]
     pub(crate) scale: bool,

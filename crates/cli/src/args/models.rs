@@ -1,5 +1,6 @@
 //! Arguments of the commands about detectors, and those that the commands with a detector share.
 
+use crate::args::TopicArgs;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -73,11 +74,11 @@ pub(crate) struct NetworkArgs {
 
 /// Find objects in images.
 ///
-/// PATH is an image (PNG, JPEG or WebP), a folder of images, taken in the order of their names, or an
-/// RGB-D data set folder, whose time stamps the detections then have.
+/// PATH is an image (PNG, JPEG or WebP), a folder of images, taken in the order of their names, an
+/// RGB-D data set folder or a recording, whose time stamps the detections then have.
 ///
 /// With --out, detections.csv (timestamp,class,score,x0,y0,x1,y1; raw pixels) and a picture with boxes
-/// for every image (boxes_NAME.png) are written. Of a data set, that table can be played back by
+/// for every image (boxes_NAME.png) are written. Of data sets and recordings, that table can be played back by
 /// run --detector scripted:FILE. Images without time stamps get the number that is their file's name,
 /// or their index.
 #[derive(Debug, Args)]
@@ -88,13 +89,14 @@ pub(crate) struct NetworkArgs {
   stillpoint detect pictures --model picodet.onnx --score 0.4 --out found
   stillpoint detect rgbd_dataset_freiburg3_walking_xyz --model yolox-nano --out found
   stillpoint run rgbd_dataset_freiburg3_walking_xyz --detector scripted:found/detections.csv
+  stillpoint detect desk.mcap --model yolox-nano --color-topic /camera/color/image_raw --out found
 
 Exit code 1 when an image could not be read or looked at, or Ctrl-C ended it early;
 2 when none could, or the model or the output folder cannot be used."
 )]
 pub(crate) struct DetectArgs {
-    /// Image, folder of images, or data set folder.
-    #[arg(value_name = "IMAGE|FOLDER")]
+    /// Image, folder of images, data set folder, or recording.
+    #[arg(value_name = "IMAGE|FOLDER|FILE")]
     pub(crate) path: PathBuf,
     /// Model: FILE.onnx (its card, where it needs one, is FILE.toml beside it), or the name of a model in the cache.
     /// [default: the model of the cache that run uses]
@@ -106,6 +108,8 @@ pub(crate) struct DetectArgs {
     /// Least score of a detection, over 0 to 1.
     #[arg(long, value_name = "SCORE", default_value_t = 0.25)]
     pub(crate) score: f32,
+    #[command(flatten)]
+    pub(crate) topics: TopicArgs,
     #[command(flatten)]
     pub(crate) network: NetworkArgs,
 }

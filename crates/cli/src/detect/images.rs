@@ -1,10 +1,15 @@
-//! What `detect` looks at: an image, a folder of images, or the colour images of a data set.
+//! What `detect` looks at: an image, a folder of images, or the colour images of a data set or recording.
 
+use crate::args::{InputArgs, TopicArgs};
 use crate::console;
 use crate::failure::Failure;
+use crate::run;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
-use stillpoint::datasets::{CameraChoice, Dataset, DatasetError, OpenOptions};
+use std::sync::Arc;
+use stillpoint::datasets::{CameraChoice, Dataset, DatasetError, OpenOptions, read_colour};
+use stillpoint::imaging::{ColourImage, FrameSource};
+use stillpoint::recordings::{self, FrameOptions, Source};
 
 /// Endings of files that are images.
 const ENDINGS: [&str; 4] = ["png", "jpg", "jpeg", "webp"];
@@ -15,15 +20,15 @@ pub(crate) struct Image {
     /// Name of its file.
     pub(crate) name: String,
     pub(crate) path: PathBuf,
-    /// Of a data set its colour stamp, s; else what [`Stamps`] says.
+    /// Of a data set or recording its colour stamp, s; else what [`Stamps`] says.
     pub(crate) stamp: f64,
 }
 
 /// What the images' stamps are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Stamps {
-    /// The data set's.
-    Dataset,
+    /// Those of the data set or recording.
+    Own,
     /// The numbers that the files are named by.
     Names,
     /// The places in the order of names, from 0.
@@ -34,7 +39,7 @@ impl Stamps {
     /// For the user, where it is not what one would expect.
     pub(crate) fn in_words(self) -> Option<&'static str> {
         match self {
-            Self::Dataset => None,
+            Self::Own => None,
             Self::Names => {
                 Some("the images have no time stamps: the numbers in their names stand for them")
             }
@@ -46,17 +51,40 @@ impl Stamps {
 }
 
 /// Images in the order in which they are looked at.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug)]
 pub(crate) struct Images {
     pub(crate) items: Vec<Image>,
     pub(crate) stamps: Stamps,
+    /// Of a recording its frames, which have no files of their own.
+    frames: Option<Source>,
 }
 
-/// The images that a path stands for.
+impl Images {
+    /// The pixels of an item; those of a recording are taken in order.
+    pub(crate) fn read(&mut self, item: usize) -> Result<ColourImage, String> {
+        let Some(frames) = &mut self.frames else {
+            return read_colour(&self.items[item].path).map_err(|e| e.to_string());
+        };
+        let of = self.items[item].path.display();
+        let frame = frames
+            .next_frame()
+            .ok_or_else(|| format!("{of}: expected another frame, found its end"))?
+            .map_err(|e| e.to_string())?;
+        let colour = frame
+            .colour
+            .ok_or_else(|| format!("{of}: expected a colour image, found none"))?;
+        Ok(Arc::unwrap_or_clone(colour))
+    }
+}
+
+/// The images that a path stands for; of a recording those of `topics`.
 ///
 /// # Errors
-/// Nothing at the path, a folder without images, a data set whose lists cannot be read.
-pub(crate) fn find(path: &Path) -> Result<Images, Failure> {
+/// Nothing at the path, a folder without images, a data set whose lists cannot be read, a recording that cannot be used.
+pub(crate) fn find(path: &Path, topics: &TopicArgs) -> Result<Images, Failure> {
+    if recordings::is_recording(path) {
+        return of_recording(path, topics);
+    }
     if path.is_file() {
         return Ok(plain(vec![path.to_owned()]));
     }
@@ -91,6 +119,31 @@ pub(crate) fn find(path: &Path) -> Result<Images, Failure> {
     }
 }
 
+/// The colour images of a recording, named by their stamps.
+fn of_recording(path: &Path, topics: &TopicArgs) -> Result<Images, Failure> {
+    let input = run::open(
+        path,
+        &InputArgs {
+            topics: topics.clone(),
+            ..InputArgs::default()
+        },
+    )?;
+    let item = |(stamp, _): (f64, f64)| Image {
+        name: format!("{stamp:.6}.png"),
+        path: path.to_owned(),
+        stamp,
+    };
+    let options = FrameOptions {
+        keep_colour: true,
+        ..FrameOptions::default()
+    };
+    Ok(Images {
+        items: input.stamps().into_iter().map(item).collect(),
+        stamps: Stamps::Own,
+        frames: Some(input.frames(&options)?),
+    })
+}
+
 /// A data set; which camera took it does not matter here.
 fn open(path: &Path) -> Result<Dataset, DatasetError> {
     let any = OpenOptions {
@@ -116,7 +169,8 @@ fn of_dataset(dataset: &Dataset) -> Images {
     });
     Images {
         items: items.collect(),
-        stamps: Stamps::Dataset,
+        stamps: Stamps::Own,
+        frames: None,
     }
 }
 
@@ -165,6 +219,7 @@ fn plain(files: Vec<PathBuf>) -> Images {
     Images {
         items: items.collect(),
         stamps,
+        frames: None,
     }
 }
 
@@ -216,7 +271,7 @@ mod tests {
             std::fs::write(dir.path().join(name), "").unwrap();
         }
         std::fs::create_dir(dir.path().join("folder.png")).unwrap();
-        let found = find(dir.path()).unwrap();
+        let found = find(dir.path(), &TopicArgs::default()).unwrap();
         let names: Vec<&str> = found.items.iter().map(|i| i.name.as_str()).collect();
         assert_eq!(names, ["a.JPG", "b.png", "c.webp", "d.jpeg"]);
         assert_eq!(found.stamps, Stamps::Indices);
@@ -225,7 +280,7 @@ mod tests {
     #[test]
     fn paths_without_images_are_refused() {
         let dir = tempfile::tempdir().unwrap();
-        let refused = |path: &Path| find(path).unwrap_err().to_string();
+        let refused = |path: &Path| find(path, &TopicArgs::default()).unwrap_err().to_string();
         assert!(refused(dir.path()).contains("found an empty folder"));
         std::fs::write(dir.path().join("notes.txt"), "").unwrap();
         assert!(refused(dir.path()).contains("found neither"));

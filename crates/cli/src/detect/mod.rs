@@ -5,7 +5,7 @@ pub(crate) mod output;
 
 use crate::args::models::DetectArgs;
 use crate::console::{self, Progress, Unit};
-use crate::detect::images::Image;
+use crate::detect::images::Images;
 use crate::detect::output::DetectFolder;
 use crate::detector::network::{self, ModelFile, Network, Running};
 use crate::failure::{Failure, Status};
@@ -13,7 +13,6 @@ use crate::interrupt::Interrupt;
 use crate::models::cache::{self, Preferred};
 use crate::run::summary::DetectorJson;
 use crate::timing::Timing;
-use stillpoint::datasets::read_colour;
 use stillpoint::detection::{Detection, Detector, ScriptRow};
 use stillpoint::evaluation::{Align, Table};
 use stillpoint::imaging::FrameId;
@@ -25,7 +24,7 @@ const PARTS: [&str; 3] = ["letterbox", "network", "decode"];
 
 /// `detect`.
 pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failure> {
-    let images = images::find(&args.path)?;
+    let mut images = images::find(&args.path, &args.topics)?;
     let model = match &args.model {
         Some(name) => ModelFile::named(name, OPTION)?,
         None => match cache::preferred()? {
@@ -49,7 +48,7 @@ pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failu
     if let (Some(said), true) = (images.stamps.in_words(), args.out.is_some()) {
         console::info(said);
     }
-    let pass = look(&images.items, &mut detector, folder.as_mut(), timing)?;
+    let pass = look(&mut images, &mut detector, folder.as_mut(), timing)?;
     if pass.seen.is_empty() {
         return Err(pass.nothing(args, images.items.len()));
     }
@@ -89,28 +88,28 @@ struct Pass {
 /// Looks at the images one after the other, or until the user asks to stop. Those that cannot be looked at are reported
 /// and left out.
 fn look(
-    images: &[Image],
+    images: &mut Images,
     detector: &mut OnnxDetector,
     mut folder: Option<&mut DetectFolder>,
     timing: &Timing,
 ) -> Result<Pass, Failure> {
     let interrupt = Interrupt::listen();
     let mut pass = Pass::default();
-    let mut progress = Progress::of(Unit::Images, Some(images.len()), 0);
-    for (i, image) in images.iter().enumerate() {
+    let mut progress = Progress::of(Unit::Images, Some(images.items.len()), 0);
+    for i in 0..images.items.len() {
         if interrupt.requested() {
             pass.interrupted = true;
             break;
         }
-        let result = read_colour(&image.path)
-            .map_err(|e| e.to_string())
-            .and_then(|pixels| {
-                let id = FrameId(u32::try_from(i).unwrap_or(u32::MAX));
-                let found = tracing::info_span!("detect")
-                    .in_scope(|| detector.detect_image(&pixels, id))
-                    .map_err(|e| format!("{}: {e}", image.path.display()))?;
-                Ok((pixels, found))
-            });
+        let pixels = images.read(i);
+        let image = &images.items[i];
+        let result = pixels.and_then(|pixels| {
+            let id = FrameId(u32::try_from(i).unwrap_or(u32::MAX));
+            let found = tracing::info_span!("detect")
+                .in_scope(|| detector.detect_image(&pixels, id))
+                .map_err(|e| format!("{}: {e}", image.path.display()))?;
+            Ok((pixels, found))
+        });
         timing.end_frame();
         match result {
             Ok((pixels, found)) => {

@@ -10,8 +10,9 @@ use crate::run::result::{score_figure, timed};
 use crate::run::summary::ScoreJson;
 use crate::{console, output, report};
 use std::path::Path;
-use stillpoint::datasets::trajectory;
+use stillpoint::datasets::{CameraChoice, StampedPose, trajectory};
 use stillpoint::evaluation::{EvalOptions, Score, score};
+use stillpoint::recordings::{self, OpenOptions, TRUTH_TOPIC};
 
 /// `eval`.
 pub(crate) fn eval(args: &EvalArgs) -> Result<Status, Failure> {
@@ -73,7 +74,7 @@ fn score_files(
         ("the estimate", estimate_file),
     ];
     paths::check(&[("--plot", args.plot.as_deref())], &inputs)?;
-    let reference = trajectory::read(ground_truth)?;
+    let reference = reference(ground_truth, args.truth_topic.as_deref())?;
     let estimate = trajectory::read(estimate_file)?;
     let options = EvalOptions {
         with_scale: args.scale,
@@ -97,6 +98,53 @@ fn score_files(
         output::write_file(path, &bytes)?;
     }
     Ok((score, [reference.len(), estimate.len()]))
+}
+
+/// The ground truth of a file of poses, of a data set folder, or of a recording.
+fn reference(path: &Path, topic: Option<&str>) -> Result<Vec<StampedPose>, Failure> {
+    let is_recording = recordings::is_recording(path);
+    if !is_recording && !path.is_dir() {
+        return match topic {
+            Some(_) => Err(Failure::input(format!(
+                "--truth-topic: expected a recording, found {}; leave the option out",
+                path.display()
+            ))),
+            None => Ok(trajectory::read(path)?),
+        };
+    }
+    let options = OpenOptions {
+        truth_topic: topic.map(str::to_owned),
+        ..OpenOptions::default()
+    };
+    // Which camera took it does not matter to poses.
+    let any_camera = OpenOptions {
+        camera: Some(CameraChoice::Preset("tum_fr1".to_owned())),
+        ..options.clone()
+    };
+    let opened = recordings::open(path, &options);
+    let input = match opened.or_else(|e| recordings::open(path, &any_camera).map_err(|_| e)) {
+        // Recordings of our own have it under a name of their own.
+        Ok(input) if is_recording && topic.is_none() && input.ground_truth()?.is_none() => {
+            let ours = OpenOptions {
+                truth_topic: Some(TRUTH_TOPIC.to_owned()),
+                ..options
+            };
+            recordings::open(path, &ours).ok()
+        }
+        other => Some(other?),
+    };
+    let truth = input.map(|i| i.ground_truth()).transpose()?.flatten();
+    truth.ok_or_else(|| {
+        let what = if is_recording {
+            "name the topic of its poses: --truth-topic"
+        } else {
+            "name a file of poses (TUM format)"
+        };
+        Failure::input(format!(
+            "{}: expected ground truth, found none; {what}",
+            path.display()
+        ))
+    })
 }
 
 enum PlotFormat {
