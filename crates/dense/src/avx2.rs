@@ -194,7 +194,7 @@ struct Lanes {
 
 #[inline]
 #[target_feature(enable = "avx2")]
-fn sort(c: &Constants, s: &Seen, block: &Block, start: usize) -> Option<Lanes> {
+fn sort(c: &Constants, s: &Seen, block: &mut Block, start: usize) -> Option<Lanes> {
     let (weights, distances) = (
         &block.weight[start..start + SIDE],
         &block.distance[start..start + SIDE],
@@ -221,11 +221,23 @@ fn sort(c: &Constants, s: &Seen, block: &Block, start: usize) -> Option<Lanes> {
         _mm256_cmp_ps::<_CMP_GT_OQ>(known, _mm256_setzero_ps()),
         _mm256_cmp_ps::<_CMP_LT_OQ>(old, _mm256_setzero_ps()),
     );
-    let clears = _mm256_and_ps(
+    let through = _mm256_and_ps(
         _mm256_cmp_ps::<_CMP_GT_OQ>(surely, c.truncation),
-        _mm256_and_ps(_mm256_castsi256_ps(has_gap), inside),
+        _mm256_and_ps(_mm256_castsi256_ps(has_gap), s.near),
     );
-    let learns = _mm256_or_ps(band, _mm256_and_ps(clears, s.near));
+    let learns = _mm256_or_ps(band, _mm256_and_ps(through, inside));
+    let full = _mm256_set1_ps(FULL);
+    let empty = _mm256_and_ps(
+        _mm256_and_ps(
+            through,
+            _mm256_cmp_ps::<_CMP_EQ_OQ>(known, _mm256_setzero_ps()),
+        ),
+        _mm256_cmp_ps::<_CMP_LT_OQ>(old, full),
+    );
+    let old = _mm256_blendv_ps(old, full, empty);
+    if _mm256_movemask_ps(empty) != 0 {
+        store_distances(old, block, start);
+    }
     (_mm256_movemask_ps(learns) != 0).then_some(Lanes {
         band,
         learns,
@@ -233,6 +245,20 @@ fn sort(c: &Constants, s: &Seen, block: &Block, start: usize) -> Option<Lanes> {
         known,
         old,
     })
+}
+
+/// Writes the distances of a row, which are whole numbers.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn store_distances(distances: __m256, block: &mut Block, start: usize) {
+    let new = _mm256_cvtps_epi32(distances);
+    let window = &mut block.distance[start..start + SIDE];
+    let (low, high) = (
+        _mm256_castsi256_si128(new),
+        _mm256_extracti128_si256::<1>(new),
+    );
+    // SAFETY: the window holds the 16 bytes written; the store needs no alignment.
+    unsafe { _mm_storeu_si128(window.as_mut_ptr().cast(), _mm_packs_epi32(low, high)) };
 }
 
 /// What became of a row.
@@ -269,14 +295,11 @@ fn average(c: &Constants, s: &Seen, lanes: &Lanes, block: &mut Block, start: usi
     let outside = _mm256_cmp_ps::<_CMP_GE_OQ>(mean, _mm256_setzero_ps());
     let freed = _mm256_andnot_ps(lanes.band, _mm256_and_ps(outside, lanes.learns));
     let mean = _mm256_blendv_ps(mean, _mm256_set1_ps(FULL), freed);
-    let new = _mm256_cvtps_epi32(_mm256_blendv_ps(lanes.old, mean, lanes.learns));
-    let window = &mut block.distance[start..start + SIDE];
-    let (low, high) = (
-        _mm256_castsi256_si128(new),
-        _mm256_extracti128_si256::<1>(new),
+    store_distances(
+        _mm256_blendv_ps(lanes.old, mean, lanes.learns),
+        block,
+        start,
     );
-    // SAFETY: the window holds the 16 bytes written; the store needs no alignment.
-    unsafe { _mm_storeu_si128(window.as_mut_ptr().cast(), _mm_packs_epi32(low, high)) };
     let capped = _mm256_min_ps(total, _mm256_set1_ps(MOST_WEIGHT));
     let capped = _mm256_blendv_ps(capped, c.clear, freed);
     let new = _mm256_cvttps_epi32(_mm256_blendv_ps(lanes.known, capped, lanes.learns));

@@ -45,7 +45,7 @@ impl Key {
 pub(crate) struct Block {
     /// Signed distance to the surface, positive on the camera's side, as a share of the truncation: `FULL` is one.
     pub(crate) distance: [i16; VOXELS],
-    /// How much is known of it; 0: nothing.
+    /// How much is known of it; 0: nothing, or where the distance is `FULL` no more than that it was seen through.
     pub(crate) weight: [u16; VOXELS],
     /// Red, green and blue from the lowest byte up, then how many frames saw a surface here, less those that saw through.
     pub(crate) colour: [u32; VOXELS],
@@ -57,6 +57,12 @@ impl Block {
         weight: [0; VOXELS],
         colour: [0; VOXELS],
     };
+
+    /// Whether a voxel was seen through and never near a surface.
+    #[inline]
+    pub(crate) fn is_empty_space(&self, voxel: usize) -> bool {
+        self.weight[voxel] == 0 && self.distance[voxel] == FULL as i16
+    }
 
     /// Whether a voxel may be a corner of the surface: what is inside of it was seen in so many frames, what is outside once.
     #[inline]
@@ -75,6 +81,9 @@ impl Block {
 /// Multiplies and mixes: keys are small numbers, and nobody chooses them to harm.
 #[derive(Default)]
 pub(crate) struct KeyHasher(u64);
+
+/// By key; asked for keys and never walked through.
+pub(crate) type KeyMap<T> = HashMap<Key, T, BuildHasherDefault<KeyHasher>>;
 
 impl Hasher for KeyHasher {
     fn finish(&self) -> u64 {
@@ -109,7 +118,7 @@ impl Default for Block {
 
 /// All blocks, of voxels or of what else comes in cubes of 8x8x8.
 pub(crate) struct Blocks<B = Block> {
-    table: HashMap<Key, u32, BuildHasherDefault<KeyHasher>>,
+    table: KeyMap<u32>,
     chunks: Vec<Box<[B]>>,
     /// By number; of blocks that are not in use, what was there.
     keys: Vec<Key>,

@@ -1,8 +1,8 @@
 //! A dense map as bytes and back: what rides in a map file.
 //!
-//! Little-endian: `SPDENSE1`; voxel, truncation, side of a cell, farthest depth (doubles); number of blocks of voxels and of cells (4 each); the
-//! blocks by key: z, y, x (4 each), then 512 distances (2 each), weights (2 each) and colours (4 each); the same with counts of free and crossed
-//! frames (2 each).
+//! Little-endian: `SPDENSE2`; voxel, truncation, side of a cell, farthest depth (doubles); number of blocks of voxels and of cells (4 each); the
+//! blocks by key: z, y, x (4 each), then 512 distances (2 each), weights (2 each) and colours (4 each); the same with counts of frames that
+//! were free, crossed, and arrived in (2 each).
 
 use crate::block::{Block, Blocks, Key, VOXELS};
 use crate::cells::CellBlock;
@@ -10,17 +10,17 @@ use crate::config::DenseConfig;
 use crate::world::DenseMap;
 use stillpoint_imaging::Simd;
 
-const MAGIC: &[u8; 8] = b"SPDENSE1";
+const MAGIC: &[u8; 8] = b"SPDENSE2";
 const HEAD: usize = 8 + 4 * 8 + 2 * 4;
 const BLOCK: usize = 12 + 8 * VOXELS;
-const CELLS: usize = 12 + 4 * VOXELS;
+const CELLS: usize = 12 + 6 * VOXELS;
 
 /// Why bytes are no dense map.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DenseBytesError {
     /// They begin otherwise.
     #[error(
-        "expected a dense map (SPDENSE1), found other bytes; fuse the recording again with --dense"
+        "expected a dense map (SPDENSE2), found other bytes; fuse the recording again with --dense"
     )]
     Kind,
     /// They are too few or too many.
@@ -69,6 +69,7 @@ impl DenseMap {
             out.extend(key.0.iter().flat_map(|k| k.to_le_bytes()));
             out.extend(b.free.iter().flat_map(|n| n.to_le_bytes()));
             out.extend(b.crossed.iter().flat_map(|n| n.to_le_bytes()));
+            out.extend(b.arrived.iter().flat_map(|n| n.to_le_bytes()));
         }
         out
     }
@@ -115,6 +116,7 @@ impl DenseMap {
             let block = reader.block(&mut last, &mut map.cells.blocks)?;
             block.free = std::array::from_fn(|_| reader.half());
             block.crossed = std::array::from_fn(|_| reader.half());
+            block.arrived = std::array::from_fn(|_| reader.half());
         }
         Ok(map)
     }

@@ -18,6 +18,8 @@ pub(crate) struct CellBlock {
     pub(crate) free: [u16; VOXELS],
     /// Frames in which something that moves was in it.
     pub(crate) crossed: [u16; VOXELS],
+    /// Frames in which a surface was in it that came when it was free, since it was free last.
+    pub(crate) arrived: [u16; VOXELS],
 }
 
 impl Default for CellBlock {
@@ -25,6 +27,7 @@ impl Default for CellBlock {
         Self {
             free: [0; VOXELS],
             crossed: [0; VOXELS],
+            arrived: [0; VOXELS],
         }
     }
 }
@@ -36,6 +39,12 @@ pub(crate) struct Cells {
     /// Side of a cell, m.
     pub(crate) side: f64,
 }
+
+/// A cell was surely free that so many frames saw to be.
+const SURELY_FREE: u16 = 4;
+/// What came to stand in such a cell is part of the room when it has stood for so many frames: 10 s at 15 Hz. Who sits down, sits for longer at times; who
+/// waits does not, mostly.
+const STANDS: u16 = 150;
 
 /// The camera and the motion of a step along each axis of the world.
 struct View<'a> {
@@ -103,7 +112,9 @@ impl Cells {
                     let first = first.map(|v| v as f32).into();
                     if view.free(first, &steps, &mut marks) {
                         let number = self.blocks.find_or_make(key);
-                        count(&mut self.blocks.get_mut(number).free, &marks);
+                        let block = self.blocks.get_mut(number);
+                        count(&mut block.free, &marks);
+                        leave(&mut block.arrived, &marks);
                     }
                 }
             }
@@ -130,6 +141,23 @@ impl Cells {
             let number = self.blocks.find_or_make(key);
             let crossed = &mut self.blocks.get_mut(number).crossed[index];
             *crossed = crossed.saturating_add(1);
+        }
+    }
+
+    /// Whether a surface in this cell has to wait: the cell was free, and it has not stood there for long.
+    pub(crate) fn waits(&self, at: [i32; 3]) -> bool {
+        let (key, index) = place(at);
+        let block = self.blocks.at(key);
+        block.is_some_and(|b| b.free[index] >= SURELY_FREE && b.arrived[index] < STANDS)
+    }
+
+    /// Counts a frame in which surfaces waited in these cells.
+    pub(crate) fn arrive(&mut self, cells: &[[i32; 3]]) {
+        for at in cells {
+            let (key, index) = place(*at);
+            let number = self.blocks.find_or_make(key);
+            let arrived = &mut self.blocks.get_mut(number).arrived[index];
+            *arrived = arrived.saturating_add(1);
         }
     }
 
@@ -174,6 +202,15 @@ fn count(counts: &mut [u16; VOXELS], marks: &[u64; SIDE]) {
     for (layer, bits) in counts.chunks_exact_mut(SIDE * SIDE).zip(marks) {
         for (i, count) in layer.iter_mut().enumerate() {
             *count = count.saturating_add((bits >> i & 1) as u16);
+        }
+    }
+}
+
+/// What was in a cell that is free has left.
+fn leave(arrived: &mut [u16; VOXELS], marks: &[u64; SIDE]) {
+    for (layer, bits) in arrived.chunks_exact_mut(SIDE * SIDE).zip(marks) {
+        for (i, count) in layer.iter_mut().enumerate() {
+            *count *= 1 - (bits >> i & 1) as u16;
         }
     }
 }

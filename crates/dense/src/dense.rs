@@ -7,12 +7,13 @@
 
 use crate::config::{DenseConfig, DenseConfigError};
 use crate::kept::{Anchor, Kept, Packing};
-use crate::moving::spread;
+use crate::moving::{add_people, spread};
 use crate::observation::{Observation, Rectifier};
 use crate::poses::{FinalPose, at_depth};
 use crate::world::DenseMap;
 use std::collections::{BTreeSet, VecDeque};
 use std::sync::Arc;
+use stillpoint_detection::MotionWeights;
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
@@ -54,6 +55,7 @@ pub struct Dense {
     config: DenseConfig,
     simd: Simd,
     rectifier: Rectifier,
+    weights: MotionWeights,
     /// Ids that the map had before the first frame.
     first_keyframe: u32,
     /// Frames to take in place of those whose turn it is by their stamps.
@@ -100,6 +102,7 @@ impl Dense {
             rectifier: Rectifier::new(camera, config),
             config: config.clone(),
             simd,
+            weights: MotionWeights::default(),
             first_keyframe: 0,
             only: None,
             coming: VecDeque::new(),
@@ -121,6 +124,13 @@ impl Dense {
     #[must_use]
     pub fn with_first_keyframe(mut self, ids: usize) -> Self {
         self.first_keyframe = u32::try_from(ids).unwrap_or(u32::MAX);
+        self
+    }
+
+    /// By these weights it is told which objects move by themselves; without them by the default ones.
+    #[must_use]
+    pub fn with_weights(mut self, weights: MotionWeights) -> Self {
+        self.weights = weights;
         self
     }
 
@@ -217,6 +227,7 @@ impl Dense {
         self.last_stamp = Some(report.stamp);
         let mut scratch = std::mem::take(&mut self.scratch);
         spread(&report.segments, frame, &mut scratch.moving);
+        add_people(&report.objects, &self.weights, frame, &mut scratch.moving);
         let doubt = if report.undecided.is_some() {
             UNDECIDED
         } else {

@@ -4,6 +4,7 @@
 //! follows its corrections; nothing goes back. Knows no files and no threads: it writes to whatever is given, and whoever runs it
 //! beside a camera gives it a thread.
 
+mod arrivals;
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 mod block;

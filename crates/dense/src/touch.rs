@@ -52,6 +52,8 @@ impl Marks {
         let half_steps = (2.0 * stand.truncation / stand.block).ceil().max(1.0) as i32;
         let step = stand.truncation as f32 / half_steps as f32;
         let (fx, fy) = (1.0 / camera.fx as f32, 1.0 / camera.fy as f32);
+        // Half of what lies between two rays, in blocks per metre of depth.
+        let gap = (0.5 * every as f64 / (camera.fx * stand.block)) as f32;
         for v in (every / 2..seen.height).step_by(every) {
             let y = (v as f32 - camera.cy as f32) * fy;
             let row: [f32; 3] = std::array::from_fn(|i| axes[1][i] * y + axes[2][i]);
@@ -63,6 +65,13 @@ impl Marks {
                 let depth = (pixel & 0xffff) as f32 * (1.0 / PER_METRE);
                 let x = (u as f32 - camera.cx as f32) * fx;
                 let ray: [f32; 3] = std::array::from_fn(|i| axes[0][i] * x + row[i]);
+                // A cube of voxels at the surface may reach into the next block, and the surface itself between two rays.
+                let reach = 1.0 / SIDE as f32 + gap * depth;
+                let at: [f32; 3] = std::array::from_fn(|i| origin[i] + ray[i] * depth);
+                for corner in 0..8 {
+                    let off = |i: usize| if corner >> i & 1 == 1 { reach } else { -reach };
+                    self.set(std::array::from_fn(|i| at[i] + off(i)));
+                }
                 for k in -half_steps..=half_steps {
                     let z = depth + step * k as f32;
                     let at: [f32; 3] = std::array::from_fn(|i| origin[i] + ray[i] * z);

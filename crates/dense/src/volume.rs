@@ -3,9 +3,10 @@
 //! Answers: what is known of distances after some frames from known poses. Knows no events and no map; whoever moves a pose makes a new
 //! volume.
 
+use crate::arrivals::Arrivals;
 use crate::block::{Blocks, FULL, Key, SIDE};
 use crate::config::DenseConfig;
-use crate::observation::Observation;
+use crate::observation::{Observation, PER_METRE};
 use crate::pixels::{Pixels, weight_at};
 use crate::touch::{Marks, Stand, origin};
 use crate::voxels::{Placed, Rule, Sight, update};
@@ -61,12 +62,19 @@ impl Volume {
     }
 
     /// Takes what a frame saw from a pose. `camera` is that of the pinhole image.
-    pub(crate) fn integrate(&mut self, seen: &Observation, camera: &Camera, pose: &Se3) {
+    pub(crate) fn integrate(
+        &mut self,
+        seen: &Observation,
+        camera: &Camera,
+        pose: &Se3,
+        arrivals: &Arrivals,
+    ) {
         if !pose.is_finite() || seen.width == 0 || seen.height == 0 {
             return;
         }
         let mut scratch = std::mem::take(&mut self.scratch);
         scratch.pixels.fill(seen, camera, self.max_depth, self.simd);
+        arrivals.take_out(seen.width, seen.height, &mut scratch.pixels);
         let stand = Stand {
             camera,
             world_from_camera: pose,
@@ -167,6 +175,18 @@ impl Volume {
             sum += f64::from(d) * share(0) * share(1) * share(2);
         }
         Some(sum / f64::from(FULL) * self.truncation)
+    }
+
+    /// Farthest depth that makes a surface, in units of an observation.
+    pub(crate) fn limit(&self) -> u16 {
+        (self.max_depth * PER_METRE) as u16
+    }
+
+    /// Whether there is a surface within half the truncation of a point, m.
+    pub(crate) fn has_surface_at(&self, p: &Vec3) -> bool {
+        let at = (p / self.voxel).map(|v| (v + 0.5).floor() as i32);
+        let voxel = self.voxel_at(at.into());
+        voxel.is_some_and(|(d, w, _)| w > 0 && f32::from(d).abs() < 0.5 * FULL)
     }
 
     /// Distance, weight and colour of a voxel by its number along each axis.

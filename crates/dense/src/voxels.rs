@@ -126,7 +126,11 @@ fn learn(sight: &Sight<'_>, clear: f32, p: [f32; 3], index: usize, block: &mut B
     let old = f32::from(block.distance[index]);
     // What is outside of the surface anyway has nothing to learn from that.
     let inside = known > 0.0 && old < 0.0;
-    let clears = distance - gap as f32 * GAP > t && gap != NO_GAP && inside;
+    let through = measured && distance - gap as f32 * GAP > t && gap != NO_GAP;
+    let clears = through && inside;
+    if through && known == 0.0 {
+        block.distance[index] = FULL as i16;
+    }
     if !measured || !(is_band || clears) {
         return false;
     }

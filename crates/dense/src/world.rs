@@ -1,5 +1,6 @@
 //! What was fused: surface and coarse grid, with the questions that they answer.
 
+use crate::arrivals::Arrivals;
 use crate::block::SIDE;
 use crate::cells::Cells;
 use crate::config::DenseConfig;
@@ -11,11 +12,11 @@ use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::Simd;
 
 /// Surface and grid of everything that stood still.
-#[derive(Clone)]
 pub struct DenseMap {
     pub(crate) volume: Volume,
     pub(crate) cells: Cells,
     max_depth: f64,
+    arrivals: Arrivals,
 }
 
 /// What is known of a cell of the coarse grid.
@@ -29,6 +30,17 @@ pub enum Occupancy {
     Unknown,
 }
 
+impl Clone for DenseMap {
+    fn clone(&self) -> Self {
+        Self {
+            volume: self.volume.clone(),
+            cells: self.cells.clone(),
+            max_depth: self.max_depth,
+            arrivals: Arrivals::default(),
+        }
+    }
+}
+
 impl DenseMap {
     /// An empty map.
     pub(crate) fn new(config: &DenseConfig, simd: Simd) -> Self {
@@ -36,13 +48,22 @@ impl DenseMap {
             volume: Volume::new(config, simd),
             cells: Cells::new(config.cell),
             max_depth: config.max_depth,
+            arrivals: Arrivals::default(),
         }
     }
 
     /// Takes what a frame saw from a pose. `camera` is that of the pinhole image.
     pub(crate) fn integrate(&mut self, seen: &Observation, camera: &Camera, pose: &Se3) {
-        self.volume.integrate(seen, camera, pose);
         if pose.is_finite() && seen.width > 0 && seen.height > 0 {
+            let Self {
+                volume,
+                cells,
+                arrivals,
+                ..
+            } = self;
+            arrivals.find(seen, camera, pose, volume, cells);
+            cells.arrive(arrivals.cells());
+            volume.integrate(seen, camera, pose, arrivals);
             let stand = Stand {
                 camera,
                 world_from_camera: pose,
@@ -118,7 +139,8 @@ impl DenseMap {
         for (key, number) in self.cells.blocks.sorted() {
             let b = self.cells.blocks.get(number);
             let keys = key.0.iter().map(|k| *k as u64);
-            let counts = b.free.iter().chain(&b.crossed).map(|c| u64::from(*c));
+            let counts = b.free.iter().chain(&b.crossed).chain(&b.arrived);
+            let counts = counts.map(|c| u64::from(*c));
             for v in keys.chain(counts) {
                 f = (f ^ v).wrapping_mul(0x0100_0000_01b3).rotate_left(23);
             }

@@ -1,9 +1,9 @@
 //! The room without the people.
 
 use crate::room::{config, simulator};
-use stillpoint_dense::{Fuser, MeshOptions};
-use stillpoint_geometry::Vec3;
-use stillpoint_imaging::Simd;
+use stillpoint_dense::{DenseConfig, Fuser, MeshOptions};
+use stillpoint_geometry::{Camera, Se3, Vec3};
+use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 
 /// Distance to a convex polygon, m.
 fn distance(face: &[Vec3], p: &Vec3) -> f64 {
@@ -43,8 +43,16 @@ fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
         let errors: Vec<f64> = (0..count as u32)
             .map(|i| nearest(mesh.position(i)))
             .collect();
-        let far = errors.iter().filter(|e| **e > 0.1).count() as f64 / count as f64;
-        let mean = errors.iter().filter(|e| **e < 0.1).sum::<f64>() / count as f64;
+        // Of a wall at 4 m one frame in a hundred is 10 cm off, with these few frames and wide voxels.
+        let far = errors.iter().filter(|e| **e > 0.15).count() as f64 / count as f64;
+        // Of what was measured, not of what is carried on by a voxel at borders.
+        let measured = |i: &usize| fuser.map().distance(&mesh.position(*i as u32)).is_some();
+        let near: Vec<f64> = (0..count)
+            .filter(measured)
+            .map(|i| errors[i])
+            .filter(|e| *e < 0.1)
+            .collect();
+        let mean = near.iter().sum::<f64>() / near.len() as f64;
         let plan = stillpoint_dense::Floor::find(&mesh, &Vec3::z())
             .and_then(|floor| fuser.map().plan(&floor, &Default::default()));
         let crossed = plan.map_or(0, |p| p.crossed.iter().filter(|c| **c > 0).count());
@@ -53,9 +61,52 @@ fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
     let (far, mean, crossed) = fused(true);
     let (control, _, none) = fused(false);
     assert!(
-        far < 0.01 && control > 20.0 * far.max(0.0005),
+        far < 0.001 && control > 20.0 * far.max(0.0005),
         "{far} {control}"
     );
     assert!(mean < 0.012, "{mean}");
     assert!(crossed > 5 && none == 0, "{crossed} {none}");
+}
+
+/// A box before a wall, which comes after some frames: until it has stood for 10 s at 15 Hz it is not part of the room.
+#[test]
+fn what_comes_into_free_space_has_to_stand_for_a_while() {
+    let (w, h) = (64, 48);
+    let camera = Camera::pinhole(w as u32, h as u32, [60.0, 60.0, 31.5, 23.5]);
+    let depth = |boxed: bool, i: usize| {
+        let inside = boxed && (20..44).contains(&(i % w)) && (14..34).contains(&(i / w));
+        if inside { 1.2 } else { 2.0 }
+    };
+    let frame = |boxed: bool| RgbdFrame {
+        id: FrameId(0),
+        stamp: 0.0,
+        depth_stamp: 0.0,
+        gray: GrayImage::new(w, h),
+        colour: None,
+        depth: DepthImage::from_vec(w, h, (0..w * h).map(|i| depth(boxed, i)).collect()).unwrap(),
+    };
+    let surface = |fuser: &Fuser| {
+        let mesh = fuser.map().mesh(&MeshOptions::default());
+        let near = mesh.positions.iter().filter(|p| p[2] < 1.4).count();
+        (near, mesh.positions.len() - near)
+    };
+    let config = DenseConfig {
+        voxel: 0.04,
+        ..DenseConfig::default()
+    };
+    let mut fuser = Fuser::new(&config, &camera, Simd::detect()).unwrap();
+    let add = |fuser: &mut Fuser, boxed: bool, count: usize| {
+        (0..count).for_each(|_| fuser.add(&frame(boxed), &[], &Se3::identity()));
+    };
+    add(&mut fuser, false, 8);
+    add(&mut fuser, true, 100);
+    let (before, wall) = surface(&fuser);
+    assert!(before == 0 && wall > 500, "{before} {wall}");
+    add(&mut fuser, true, 100);
+    let (after, _) = surface(&fuser);
+    assert!(after > 100, "{after}");
+    // One that is there from the beginning need not wait.
+    let mut other = Fuser::new(&config, &camera, Simd::detect()).unwrap();
+    add(&mut other, true, 4);
+    assert!(surface(&other).0 > 100);
 }

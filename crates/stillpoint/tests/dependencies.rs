@@ -39,7 +39,10 @@ const NORMAL: &[(&str, &[&str])] = &[
     // What it draws it is given as values and events.
     ("view", &["geometry", "imaging", "detection", "map", "slam"]),
     // A subscriber that fuses: events and views in, surfaces out.
-    ("dense", &["geometry", "imaging", "map", "slam"]),
+    (
+        "dense",
+        &["detection", "geometry", "imaging", "map", "slam"],
+    ),
     ("datasets", &["geometry", "imaging"]),
     ("simulator", &["geometry", "imaging"]),
     // Frames in, findings out; from where they come is not its business.

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use stillpoint::dense::{
     Dense, DenseConfig, DenseCounts, DenseMap, FinalPose, Floor, Mesh, MeshOptions, PlanOptions,
 };
+use stillpoint::detection::MotionWeights;
 use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::imaging::{FrameId, Simd};
 use stillpoint::map::Extension;
@@ -23,6 +24,8 @@ pub(crate) struct Wish {
     pub(crate) up: Option<Vec3>,
     /// What was fused before, from the map that the run begins with.
     pub(crate) known: Option<DenseMap>,
+    /// Which classes of objects move by themselves.
+    pub(crate) weights: MotionWeights,
     /// Ids that the map had before.
     pub(crate) keyframes: usize,
     /// What a run fused that is repeated.
@@ -64,7 +67,9 @@ impl Fusion {
         config.voxel = voxel.unwrap_or(config.voxel);
         let dense = Dense::new(&config, camera, simd)
             .map_err(|e| Failure::input(format!("--voxel: {e}")))?;
-        let mut dense = dense.with_first_keyframe(wish.keyframes);
+        let mut dense = dense
+            .with_first_keyframe(wish.keyframes)
+            .with_weights(wish.weights);
         if let Some(known) = wish.known {
             dense = dense.starting_with(known);
         }
@@ -117,7 +122,7 @@ pub(crate) struct Fused {
     pub(crate) map: DenseMap,
     pub(crate) json: DenseJson,
     pub(crate) logged: Logged,
-    mesh: Mesh,
+    pub(crate) mesh: Mesh,
     up: Vec3,
 }
 

@@ -13,6 +13,8 @@ use stillpoint::view::report::{FrameRow, FrameState, ReportRecorder, RunData, fr
 
 /// Stamps in `frames.csv` and `trajectory.txt` are written to this, s.
 const STAMP: f64 = 2e-6;
+/// Triangles that a report shows of a surface, at most: 15 to 20 bytes each in the page, and drawn without a graphics card, too.
+const MOST_TRIANGLES: usize = 20_000;
 /// Bytes that a file of a result may have.
 const LARGEST: u64 = 1 << 30;
 
@@ -63,6 +65,15 @@ pub(crate) fn of_session(
     run.set_frames(&rows);
     let submap = session.submaps.first().map(|s| SubmapId(s.id));
     run.set_map(&session.view, submap);
+    if let Some(fused) = &session.dense {
+        let shown = fused.mesh.with_triangles(MOST_TRIANGLES);
+        run.set_surface(
+            fused.mesh.triangles.len(),
+            &shown.positions,
+            &shown.colours,
+            &shown.triangles,
+        );
+    }
     run.set_recorded(recorder);
     run
 }

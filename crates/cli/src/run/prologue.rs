@@ -121,6 +121,7 @@ impl<'a> Opened<'a> {
             voxel: task.output.voxel,
             up: task.output.up.map(Vec3::from),
             known: map.as_ref().and_then(|k| k.dense.clone()),
+            weights: task.config.motion_weights.clone(),
             keyframes: map.as_ref().map_or(0, |k| k.map.view().keyframe_bound()),
             logged,
         });

@@ -1,5 +1,6 @@
 //! The surface as triangles.
 
+mod coarse;
 mod extract;
 mod glb;
 mod islands;

@@ -1,7 +1,7 @@
 //! Puts together what a report shows when a run is over.
 
 use super::columns::Column;
-use super::model::{FrameState, Mark, MarkKind, ObjectColumns, Pictures, RunData};
+use super::model::{FrameState, Mark, MarkKind, ObjectColumns, Pictures, RunData, SurfaceColumns};
 use super::recorder::{ONE_IN, ReportRecorder, SeenObject};
 use std::collections::BTreeMap;
 use stillpoint_detection::Motion;
@@ -103,6 +103,45 @@ impl RunData {
                 self.keyframes.loops.extend([a.0, b.0]);
             }
         }
+    }
+
+    /// Takes a surface: corners (m) with their colours, and triangles of them; `count` is how many triangles it has in full. Triangles of corners beyond
+    /// the 65 536th are left out.
+    pub fn set_surface(
+        &mut self,
+        count: usize,
+        positions: &[[f32; 3]],
+        colours: &[[u8; 3]],
+        triangles: &[[u32; 3]],
+    ) {
+        let fold = |start: f32, f: fn(f32, f32) -> f32| -> [f32; 3] {
+            std::array::from_fn(|k| positions.iter().fold(start, |m, p| f(m, p[k])))
+        };
+        let (least, most) = (
+            fold(f32::INFINITY, f32::min),
+            fold(f32::NEG_INFINITY, f32::max),
+        );
+        let sides: [f32; 3] = std::array::from_fn(|k| (most[k] - least[k]).max(1e-6));
+        let share =
+            |p: &[f32; 3], k: usize| ((p[k] - least[k]) / sides[k] * 65_535.0).round() as u16;
+        self.surface = SurfaceColumns {
+            count: count as u32,
+            bounds: if positions.is_empty() {
+                Column::default()
+            } else {
+                least.into_iter().chain(sides).collect()
+            },
+            position: positions
+                .iter()
+                .flat_map(|p| [0, 1, 2].map(|k| share(p, k)))
+                .collect(),
+            colour: colours.iter().flatten().copied().collect(),
+            triangle: triangles
+                .iter()
+                .filter(|t| t.iter().all(|i| *i <= u32::from(u16::MAX)))
+                .flat_map(|t| t.map(|i| i as u16))
+                .collect(),
+        };
     }
 
     /// Takes what was gathered while the run went on. The frames must be there.

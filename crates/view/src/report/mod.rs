@@ -15,7 +15,7 @@ pub use build::FrameRow;
 pub use columns::{Column, Number};
 pub use model::{
     FrameColumns, FrameState, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures,
-    RunData, Said,
+    RunData, Said, SurfaceColumns,
 };
 pub use recorder::ReportRecorder;
 

@@ -24,6 +24,9 @@ pub struct RunData {
     pub time_is: String,
     /// Landmarks.
     pub map: MapColumns,
+    /// The surface of what stands still, where the run fused one.
+    #[serde(default)]
+    pub surface: SurfaceColumns,
     /// Keyframes.
     pub keyframes: KeyframeColumns,
     /// What happened at some frames.
@@ -110,6 +113,22 @@ pub struct MapColumns {
     pub frame: Column<u32>,
     /// Probability that it stands still, in 255ths.
     pub stands_still: Column<u8>,
+}
+
+/// A surface as triangles.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SurfaceColumns {
+    /// How many triangles the run's surface has: those here may be fewer.
+    pub count: u32,
+    /// The least corner of the box around it, and its sides: three numbers each.
+    pub bounds: Column<f32>,
+    /// Corners: three numbers each, in 65535ths of the box's sides.
+    pub position: Column<u16>,
+    /// Red, green and blue of each corner.
+    pub colour: Column<u8>,
+    /// Three numbers of corners for each triangle.
+    pub triangle: Column<u16>,
 }
 
 /// Keyframes.

@@ -37,6 +37,10 @@ class Run {
     this.points = column.f32(data.map.position);
     this.pointFrame = column.u32(data.map.frame);
     this.pointStill = column.u8(data.map.stands_still);
+    const s = data.surface || {};
+    this.surface = this.corners(s);
+    this.surfaceColour = column.u8(s.colour || "");
+    this.triangles = column.u16(s.triangle || "");
     this.keyframeId = column.u32(data.keyframes.id);
     this.keyframePose = column.f32(data.keyframes.pose);
     this.loops = column.u32(data.keyframes.loops);
@@ -47,6 +51,13 @@ class Run {
     this.pictureFrame = column.u32(data.pictures.frame);
     this.pictureAt = Array.from(this.pictureFrame, (id) => this.at(id));
     this.images = new Map();
+  }
+
+  /// Corners of the surface, m.
+  corners(s) {
+    const shares = column.u16(s.position || ""), box = column.f32(s.bounds || ""), out = new Float32Array(shares.length);
+    for (let i = 0; i < out.length; i++) out[i] = box[i % 3] + shares[i] / 65535 * box[3 + i % 3];
+    return out;
   }
 
   addObjects(o) {

@@ -61,16 +61,16 @@ class Scene {
     this.follow = null;
   }
 
-  /// Sets a layer: `kind` is points, lines (pairs) or strip; `colours` four bytes for each position.
-  set(name, kind, positions, colours, shown = true) {
+  /// Sets a layer: `kind` is points, lines (pairs), strip or triangles (three numbers of positions each, in `corners`); `colours` four bytes for each position.
+  set(name, kind, positions, colours, corners = null) {
     const gl = this.gl;
     let layer = this.layers.get(name);
     if (!layer) {
-      layer = { array: gl.createVertexArray(), buffers: [gl.createBuffer(), gl.createBuffer()], shown };
+      layer = { array: gl.createVertexArray(), buffers: [gl.createBuffer(), gl.createBuffer(), gl.createBuffer()], shown: true };
       this.layers.set(name, layer);
     }
     layer.kind = kind;
-    layer.count = positions.length / 3;
+    layer.count = corners ? corners.length : positions.length / 3;
     gl.bindVertexArray(layer.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, layer.buffers[0]);
     gl.bufferData(gl.ARRAY_BUFFER, positions, gl.DYNAMIC_DRAW);
@@ -80,6 +80,10 @@ class Scene {
     gl.bufferData(gl.ARRAY_BUFFER, colours, gl.DYNAMIC_DRAW);
     gl.enableVertexAttribArray(1);
     gl.vertexAttribPointer(1, 4, gl.UNSIGNED_BYTE, true, 0, 0);
+    if (corners) {
+      gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, layer.buffers[2]);
+      gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.DYNAMIC_DRAW);
+    }
     gl.bindVertexArray(null);
     if (!CHANGING.has(name)) this.key = null;
   }
@@ -151,7 +155,8 @@ class Scene {
       if (!layer.shown || !layer.count || CHANGING.has(name) !== changing) continue;
       gl.bindVertexArray(layer.array);
       gl.uniform1i(this.isRound, layer.kind === "points" ? 1 : 0);
-      gl.drawArrays({ points: gl.POINTS, lines: gl.LINES, strip: gl.LINE_STRIP }[layer.kind], 0, layer.count);
+      if (layer.kind === "triangles") gl.drawElements(gl.TRIANGLES, layer.count, gl.UNSIGNED_INT, 0);
+      else gl.drawArrays({ points: gl.POINTS, lines: gl.LINES, strip: gl.LINE_STRIP }[layer.kind], 0, layer.count);
     }
     gl.bindVertexArray(null);
   }

@@ -61,7 +61,7 @@ function upTo(track, i) {
   return low;
 }
 
-const LAYERS = [["points", "map"], ["keyframes", "keyframes"], ["loops", "loops"], ["trajectory", "trajectory"], ["truth", "truth"], ["movers", "objects"], ["ground", "ground"]];
+const LAYERS = [["surface", "surface"], ["points", "map"], ["keyframes", "keyframes"], ["loops", "loops"], ["trajectory", "trajectory"], ["truth", "truth"], ["movers", "objects"], ["ground", "ground"]];
 
 class View3d {
   constructor(canvas, changed) {
@@ -106,6 +106,7 @@ class View3d {
   /// Colours depend on the paper: light, dark or printed.
   paint() {
     const scene = this.scene;
+    this.paintSurface();
     this.colourPoints();
     this.paintKeyframes();
     this.paintWay();
@@ -116,6 +117,26 @@ class View3d {
     for (let k = this.others.length; scene.layers.has("other" + k); k++) scene.show("other" + k, false);
     this.legend();
     this.redraw();
+  }
+
+  /// The surface in its own colours, darker where it is turned away from above.
+  paintSurface() {
+    const { surface, surfaceColour, triangles } = this.run, normals = new Float32Array(surface.length);
+    for (let t = 0; t < triangles.length; t += 3) {
+      const [a, b, c] = [3 * triangles[t], 3 * triangles[t + 1], 3 * triangles[t + 2]];
+      const [ux, uy, uz] = [0, 1, 2].map((k) => surface[b + k] - surface[a + k]), [vx, vy, vz] = [0, 1, 2].map((k) => surface[c + k] - surface[a + k]);
+      const n = [uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx];
+      for (const i of [a, b, c]) for (let k = 0; k < 3; k++) normals[i + k] += n[k];
+    }
+    const bytes = new Uint8Array(4 * surface.length / 3);
+    for (let i = 0; i < surface.length; i += 3) {
+      const [x, y, z] = [normals[i], normals[i + 1], normals[i + 2]], length = Math.hypot(x, y, z) || 1;
+      const light = 0.8 + 0.2 * (0.3 * x - 0.9 * y - 0.3 * z) / length;
+      for (let k = 0; k < 3; k++) bytes[4 * i / 3 + k] = light * surfaceColour[i + k];
+      bytes[4 * i / 3 + 3] = 255;
+    }
+    this.scene.set("surface", "triangles", surface, bytes, Uint32Array.from(triangles));
+    byId("layer-surface").hidden = !triangles.length;
   }
 
   /// Keyframes, what loops tie together, and the ground.
@@ -182,6 +203,7 @@ class View3d {
     const run = this.run, text = this.colouring === "age" ? ["first seen early", "late"] : ["seems to move", "stands still"];
     const swatch = (c) => element("i", { style: `display:inline-block;width:.8em;height:.8em;border-radius:50%;margin:0 .3em 0 .8em;background:rgb(${c})` });
     const shown = run.points.length / 3, parts = ["Points: ", swatch(ramp(this.colouring, 0)), text[0], swatch(ramp(this.colouring, 1)), text[1]];
+    if (run.triangles.length && run.triangles.length / 3 < run.data.surface.count) parts.push(` (of ${run.data.surface.count} triangles of the surface ${run.triangles.length / 3} are drawn)`);
     if (shown < run.data.map.count) parts.push(` (${shown} of ${run.data.map.count} are drawn)`);
     parts.push(`. Squares of the ground: ${this.step} m.`);
     this.others.forEach((o, k) => parts.push(swatch(hex(trackColour(k + 1))), o.label));
