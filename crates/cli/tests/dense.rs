@@ -22,13 +22,7 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
     let (data, result, map) = (at("room"), at("result"), at("room.spmap"));
     simulate(&data, "halfsphere", FRAMES);
     let args = ["run", text(&data), "--dense", "--voxel", "0.04"];
-    let more = [
-        "--no-report",
-        "--out",
-        text(&result),
-        "--save-map",
-        text(&map),
-    ];
+    let more = ["--out", text(&result), "--save-map", text(&map)];
     check(&stillpoint([&args[..], &more].concat()), 0, &[]);
     Made {
         data,
@@ -71,6 +65,15 @@ fn a_run_leaves_a_surface_and_its_numbers() {
     assert!((FRAMES / 2 - 1..=FRAMES).contains(&integrated), "{dense}");
     assert_eq!(dense["voxel"], 0.04);
     assert!(dense["memory_bytes"].as_u64() > dense["kept_bytes"].as_u64());
+    // The report shows it: not all of its triangles, but no others.
+    let page = String::from_utf8(read(&MADE.result, "report.html")).unwrap();
+    let data = page.split("type=\"application/json\">").nth(1).unwrap();
+    let data: Value = serde_json::from_str(data.split("</script>").next().unwrap()).unwrap();
+    let surface = &data[0]["surface"];
+    assert_eq!(surface["count"], triangles);
+    // Six bytes each in base 64.
+    let shown = surface["triangle"].as_str().unwrap().len() / 8;
+    assert!((1000..=20_000).contains(&shown), "{shown}");
     // Tracking does not know of it.
     let plain = MADE.dir.path().join("plain");
     let args = [

@@ -231,3 +231,27 @@ pub(crate) fn numbers(pose: Option<&Se3>) -> [f32; 7] {
         [t.x, t.y, t.z, q.x, q.y, q.z, q.w].map(|x| x as f32)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn corners_of_a_surface_survive_to_a_tenth_of_a_millimetre() {
+        let mut run = RunData::default();
+        let positions = [[-1.25, 0.5, 2.0], [3.0, 0.5, 1.0], [0.3, 0.5, 7.7]];
+        let colours = [[1, 2, 3], [40, 50, 60], [255, 0, 7]];
+        let triangles = [[0, 1, 2], [0, 1, 70_000]];
+        run.set_surface(5, &positions, &colours, &triangles);
+        let s = &run.surface;
+        assert_eq!((s.count, &s.triangle.0[..]), (5, &[0, 1, 2][..]));
+        assert_eq!(s.colour.0, colours.concat());
+        for (i, share) in s.position.0.iter().enumerate() {
+            let (least, side) = (s.bounds.0[i % 3], s.bounds.0[3 + i % 3]);
+            let back = least + f32::from(*share) / 65_535.0 * side;
+            assert!((back - positions[i / 3][i % 3]).abs() < 1e-4, "{i}: {back}");
+        }
+        run.set_surface(0, &[], &[], &[]);
+        assert!(run.surface.bounds.0.is_empty());
+    }
+}

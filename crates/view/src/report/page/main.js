@@ -153,7 +153,7 @@ function controls() {
 window.stillpoint = {
   get counts() {
     const run = page.run, posed = run.id.reduce((n, _, i) => n + (run.hasPose(i) ? 1 : 0), 0);
-    return { frames: run.count, tracked: posed, keyframes: run.keyframeId.length, landmarks: run.data.map.count, pictures: run.pictureFrame.length };
+    return { frames: run.count, tracked: posed, keyframes: run.keyframeId.length, landmarks: run.data.map.count, pictures: run.pictureFrame.length, triangles: run.triangles.length / 3 };
   },
   get summary() { return page.run.summary; },
   get state() { return { frame: page.frame, mover: page.mover, is3d: page.is3d, ready: !!page.ready, errors: page.errors, playing: page.playing, following: page.following, live: typeof feed === "undefined" ? null : { state: feed.state, updates: feed.updates } }; },
