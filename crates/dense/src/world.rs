@@ -234,8 +234,9 @@ impl DenseMap {
         let ratio = self.cells.side / self.volume.voxel;
         let range = |i: i32| {
             let low = (f64::from(i) * ratio).ceil() as i32;
-            // A line begins at a voxel in the cell, or at the one before.
-            low - 1..((f64::from(i) + 1.0) * ratio).ceil() as i32
+            // A line begins at a voxel in the cell, or at the one before; and a voxel on the border of two cells is in the one that rounding
+            // puts it in.
+            low - 1..((f64::from(i) + 1.0) * ratio).ceil() as i32 + 1
         };
         let [xs, ys, zs] = at.map(range);
         zs.into_iter().any(|z| {
@@ -246,5 +247,46 @@ impl DenseMap {
                 })
             })
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Fuser;
+    use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
+
+    /// What is listed, and what is answered.
+    #[test]
+    fn every_cell_is_told_alike_by_lists_and_by_questions() {
+        let (w, h) = (80, 60);
+        let camera = Camera::pinhole(w as u32, h as u32, [70.0, 70.0, 39.5, 29.5]);
+        let mut fuser = Fuser::new(&DenseConfig::default(), &camera, Simd::detect()).unwrap();
+        for k in 0..3 {
+            let slope = |i: usize| 1.3 + 0.004 * (i % w) as f32 - 0.002 * (i / w) as f32;
+            let frame = RgbdFrame {
+                id: FrameId(k),
+                stamp: 0.0,
+                depth_stamp: 0.0,
+                gray: GrayImage::new(w, h),
+                colour: None,
+                depth: DepthImage::from_vec(w, h, (0..w * h).map(slope).collect()).unwrap(),
+            };
+            let pose = Se3::new(
+                Default::default(),
+                Vec3::new(0.1 * f64::from(k), 0.03, -0.2),
+            );
+            fuser.add(&frame, &[], &pose);
+        }
+        let map = fuser.map();
+        let (mut occupied, mut free) = (0, 0);
+        map.for_each_known(|at, listed| {
+            assert_eq!(map.cell(at), listed, "{at:?}");
+            match listed {
+                Occupancy::Occupied => occupied += 1,
+                _ => free += 1,
+            }
+        });
+        assert!(occupied > 100 && free > 1000, "{occupied} {free}");
     }
 }
