@@ -2,7 +2,7 @@
 //!
 //! `dense true SCENE [voxel]`: at true poses. `dense run SCENE [on|off|scripted]`: at our own, with the filter on or off, or a scripted detector.
 //! `dense dump-sim SCENE DIR` and `dense dump-tum FOLDER DIR`: frames and poses for other programs. `dense time DIR [voxel] [rounds]`: fuses
-//! what was dumped. `dense plan SCENE`: the floor plan at true poses against the true one. `dense points MAP FILE`: what a map says of 10 000
+//! what was dumped. `dense fuse FOLDER FILE`: the surface of a recording at true poses, without what the filter says moves (no detector), as PLY. `dense plan SCENE`: the floor plan at true poses against the true one. `dense points MAP FILE`: what a map says of 10 000
 //! points, as lines x y z and 1 (occupied), 0 (free) or -1 (unknown). `dense score SCENE FILE`: of a surface that another program made, as floats x y z of its points.
 
 #![allow(clippy::print_stdout)] // What an example is for.
@@ -11,11 +11,13 @@ mod cost;
 mod dump;
 mod measure;
 mod plan;
+mod recorded;
 
 use cost::time;
 use dump::{dump_recorded, dump_simulated};
 use measure::tell;
 use plan::{plan, points};
+use recorded::fuse;
 use std::error::Error;
 use std::path::Path;
 use stillpoint::datasets::read_regular;
@@ -42,9 +44,10 @@ fn main() -> Outcome<()> {
         ["time", dir, voxel] => time(Path::new(dir), voxel.parse()?, 3),
         ["time", dir, voxel, rounds] => time(Path::new(dir), voxel.parse()?, rounds.parse()?),
         ["plan", scene] => plan(scene),
+        ["fuse", folder, file] => fuse(Path::new(folder), Path::new(file)),
         ["points", map, file] => points(Path::new(map), Path::new(file)),
         ["score", scene, file] => score_file(scene, Path::new(file)),
-        _ => Err("expected true, run, dump-sim, dump-tum, time, plan, points or score; see the first lines of the source".into()),
+        _ => Err("expected true, run, fuse, dump-sim, dump-tum, time, plan, points or score; see the first lines of the source".into()),
     }
 }
 
