@@ -159,13 +159,17 @@ fn a_browser_shows_a_run_and_in_the_end_its_report() {
     let Some(mut browser) = Browser::start(&[]) else {
         return;
     };
-    let run = Running::start(slowly(), "slowly shown", &["--live=all"]);
+    let more = ["--live=all", "--dense", "--voxel", "0.04"];
+    let run = Running::start(slowly(), "slowly shown", &more);
     browser.open_url(&run.url);
     browser.until("stillpoint.state.ready && stillpoint.counts.frames > 5 && stillpoint.counts.landmarks > 50");
     browser.until("stillpoint.state.live.state === 'live'");
     assert_eq!(browser.eval("stillpoint.state.following"), true);
     // The picture is drawn, and the map.
     browser.until("stillpoint.counts.pictures > 1 && document.querySelector('#picture').width > 0");
+    // The surface is there while the run goes on.
+    browser.until("stillpoint.counts.triangles > 100");
+    assert_eq!(browser.eval("stillpoint.state.live.state"), "live");
     let before = browser.eval("stillpoint.counts.frames").as_u64().unwrap();
     browser.until(&format!("stillpoint.state.frame > {before}"));
     let share = browser.eval(LOOK)[0].as_f64().unwrap();

@@ -4,8 +4,11 @@ pub(crate) mod export;
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;
+use crate::page;
 use crate::run::session::listeners::Writer;
+use crate::run::view::SurfaceView;
 use serde::{Deserialize, Serialize};
+use std::time::{Duration, Instant};
 use stillpoint::dense::{
     Dense, DenseConfig, DenseCounts, DenseMap, FinalPose, Floor, Mesh, MeshOptions, PlanOptions,
 };
@@ -14,6 +17,11 @@ use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::imaging::{FrameId, Simd};
 use stillpoint::map::Extension;
 use stillpoint::slam::{Event, Subscriber};
+
+/// Between two looks at the surface of a run that goes on, at least ...
+const SHOWN: Duration = Duration::from_secs(3);
+/// ... and so many times as long as one takes: 5 % of a core at most.
+const SHOWN_SHARE: u32 = 20;
 
 /// What is asked for.
 #[derive(Default)]
@@ -47,6 +55,10 @@ pub(crate) struct Fusion {
     up: Option<Vec3>,
     /// Largest amount of memory held, bytes.
     most_bytes: usize,
+    /// Who shows it while the run goes on.
+    page: Option<SurfaceView>,
+    /// When it may be shown again.
+    next_shown: Option<Instant>,
 }
 
 impl Fusion {
@@ -80,6 +92,8 @@ impl Fusion {
             dense,
             up: wish.up,
             most_bytes: 0,
+            page: None,
+            next_shown: None,
         })
     }
 
@@ -103,6 +117,27 @@ impl Fusion {
         }
     }
 
+    /// Has a live page show the surface as it grows.
+    pub(crate) fn show_on(&mut self, page: SurfaceView) {
+        self.page = Some(page);
+    }
+
+    /// Shows the surface, where it is time to and somebody looks.
+    fn show(&mut self) {
+        let began = Instant::now();
+        let Some(page) = self.page.as_ref().filter(|p| p.is_watched()) else {
+            return;
+        };
+        if self.next_shown.is_some_and(|next| began < next) {
+            return;
+        }
+        let mesh = self.dense.map().mesh(&MeshOptions::default());
+        if !mesh.triangles.is_empty() {
+            page.show(page::data::surface(&mesh));
+        }
+        self.next_shown = Some(began + (began.elapsed() * SHOWN_SHARE).max(SHOWN));
+    }
+
     fn note_memory(&mut self) {
         self.most_bytes = self.most_bytes.max(self.dense.bytes());
     }
@@ -113,6 +148,7 @@ impl Writer for Fusion {
         let _span = tracing::info_span!("fuse").entered();
         self.dense.receive(event);
         self.note_memory();
+        self.show();
         Ok(())
     }
 }

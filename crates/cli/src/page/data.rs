@@ -6,10 +6,13 @@ use crate::run::session::Session;
 use serde_json::Value;
 use std::path::Path;
 use stillpoint::datasets::{StampedPose, read_regular, trajectory};
+use stillpoint::dense::Mesh;
 use stillpoint::evaluation::{PairError, Score};
 use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::map::SubmapId;
-use stillpoint::view::report::{FrameRow, FrameState, ReportRecorder, RunData, from_html};
+use stillpoint::view::report::{
+    FrameRow, FrameState, ReportRecorder, RunData, SurfaceColumns, from_html,
+};
 
 /// Stamps in `frames.csv` and `trajectory.txt` are written to this, s.
 const STAMP: f64 = 2e-6;
@@ -66,16 +69,21 @@ pub(crate) fn of_session(
     let submap = session.submaps.first().map(|s| SubmapId(s.id));
     run.set_map(&session.view, submap);
     if let Some(fused) = &session.dense {
-        let shown = fused.mesh.with_triangles(MOST_TRIANGLES);
-        run.set_surface(
-            fused.mesh.triangles.len(),
-            &shown.positions,
-            &shown.colours,
-            &shown.triangles,
-        );
+        run.surface = surface(&fused.mesh);
     }
     run.set_recorded(recorder);
     run
+}
+
+/// A surface as pages show it.
+pub(crate) fn surface(mesh: &Mesh) -> SurfaceColumns {
+    let shown = mesh.with_triangles(MOST_TRIANGLES);
+    SurfaceColumns::new(
+        mesh.triangles.len(),
+        &shown.positions,
+        &shown.colours,
+        &shown.triangles,
+    )
 }
 
 /// Of a result folder: from the report in it, if there is one, else from its files, without map and pictures.

@@ -135,6 +135,9 @@ impl<'a> Opened<'a> {
         outputs.dense = fusion.transpose()?;
         outputs.record = recording(task.output, recorder, &camera, &task.config)?;
         outputs.view = shown(&task, &dataset, remaining)?;
+        if let (Some(view), Some(dense)) = (&outputs.view, &mut outputs.dense) {
+            dense.show_on(view.surface());
+        }
         let means = Means {
             frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
             outputs,

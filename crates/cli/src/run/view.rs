@@ -9,13 +9,14 @@ use crate::run::priority;
 use crate::run::session::listeners::Writer;
 use crate::serve::{Feed, Place, Server};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 use stillpoint::live::{FrameTiming, LiveHealth, Stage, Watch};
 use stillpoint::map::MapView;
 use stillpoint::slam::Event;
 use stillpoint::view::live::{About, LivePage, Measured, to_html};
-use stillpoint::view::report::RunData;
+use stillpoint::view::report::{RunData, SurfaceColumns};
 
 /// Between two pictures: less than between two updates of a page, so that each finds a fresh one.
 const PICTURE: Duration = Duration::from_millis(60);
@@ -32,6 +33,8 @@ struct Shown {
     page: Mutex<LivePage>,
     /// Of a live run.
     watch: OnceLock<Watch>,
+    /// Whether anybody looked when the newest event came.
+    is_watched: AtomicBool,
     /// What is measured, and when it was asked for.
     known: Mutex<Option<(Instant, Measured)>>,
 }
@@ -89,6 +92,21 @@ fn measured(health: &LiveHealth) -> Measured {
     measured
 }
 
+/// Where the surface of a run is shown while it goes on.
+pub(crate) struct SurfaceView(Arc<Shown>);
+
+impl SurfaceView {
+    /// Whether anybody looks.
+    pub(crate) fn is_watched(&self) -> bool {
+        self.0.is_watched.load(Ordering::Relaxed)
+    }
+
+    /// Shows it.
+    pub(crate) fn show(&self, surface: SurfaceColumns) {
+        self.0.page().set_surface(surface);
+    }
+}
+
 /// Shows a run.
 pub(crate) struct PageView {
     shown: Arc<Shown>,
@@ -105,6 +123,7 @@ impl PageView {
         let shown = Arc::new(Shown {
             page: Mutex::new(LivePage::new(about)),
             watch: OnceLock::new(),
+            is_watched: AtomicBool::new(false),
             known: Mutex::default(),
         });
         let feed: Arc<dyn Feed> = Arc::clone(&shown) as _;
@@ -121,6 +140,11 @@ impl PageView {
             pictured: None,
             next_map: None,
         })
+    }
+
+    /// Where the surface is to be shown.
+    pub(crate) fn surface(&self) -> SurfaceView {
+        SurfaceView(Arc::clone(&self.shown))
     }
 
     /// The map before the first frame, and how a live run is.
@@ -166,6 +190,7 @@ impl Writer for PageView {
     fn write(&mut self, event: &Event) -> Result<(), Failure> {
         let _span = tracing::info_span!("view").entered();
         let is_watched = self.server.is_watched();
+        self.shown.is_watched.store(is_watched, Ordering::Relaxed);
         let is_due = self.pictured.is_none_or(|at| at.elapsed() >= PICTURE);
         let pictures = event.as_frame().is_some_and(|f| f.frame.is_some());
         let wants_picture = is_watched && is_due && pictures;

@@ -18,7 +18,8 @@ pub use scene::{KeyframeUpdate, MapUpdate};
 pub use update::{About, Measured, Now, PictureUpdate, Update};
 
 use crate::report::{
-    Column, Mark, MarkKind, ObjectColumns, Thumbnails, features, mark_of, objects_of, page,
+    Column, Mark, MarkKind, ObjectColumns, SurfaceColumns, Thumbnails, features, mark_of,
+    objects_of, page,
 };
 use frames::Frames;
 use ledger::Ledger;
@@ -52,6 +53,8 @@ pub struct LivePage {
     next_mark: u32,
     /// The newest picture, and the version at which it came.
     picture: Option<(u64, PictureUpdate)>,
+    /// The newest surface, and the version at which it came.
+    surface: Option<(u64, SurfaceColumns)>,
     now: Now,
     view: Option<Arc<MapView>>,
     /// Whether there is a map that was not looked through yet.
@@ -72,6 +75,7 @@ impl LivePage {
             marks: Ledger::default(),
             next_mark: 0,
             picture: None,
+            surface: None,
             now: Now::default(),
             view: None,
             behind: false,
@@ -122,6 +126,12 @@ impl LivePage {
         self.now.measured = measured;
     }
 
+    /// Takes the surface of what stands still, as it is now.
+    pub fn set_surface(&mut self, surface: SurfaceColumns) {
+        self.version += 1;
+        self.surface = Some((self.version, surface));
+    }
+
     /// Whether there is a map that [`LivePage::follow_map`] has not looked through.
     #[must_use]
     pub fn is_behind(&self) -> bool {
@@ -143,6 +153,7 @@ impl LivePage {
     #[must_use]
     pub fn since(&self, version: u64) -> Update {
         let picture = self.picture.as_ref().filter(|(at, _)| *at > version);
+        let surface = self.surface.as_ref().filter(|(at, _)| *at > version);
         let mut marks = self.marks.since(version);
         marks.set.sort_by_key(|(number, _)| *number);
         Update {
@@ -150,6 +161,7 @@ impl LivePage {
             about: (version == 0).then(|| self.about.clone()),
             frames: self.frames.since(version),
             map: self.scene.since(version),
+            surface: surface.map(|(_, s)| s.clone()),
             marks: marks.set.into_iter().map(|(_, m)| m.clone()).collect(),
             picture: picture.map(|(_, p)| p.clone()),
             now: self.now.clone(),

@@ -1,6 +1,7 @@
 //! A simulated walk past people, told to readers who ask when they like.
 
 use super::*;
+use crate::report::SurfaceColumns;
 use proptest::prelude::*;
 use std::collections::BTreeMap;
 use std::sync::OnceLock;
@@ -206,6 +207,24 @@ fn a_reader_who_knows_all_is_told_little() {
         .unwrap()
         .len();
     assert!(news < 1500 && all > 20 * news, "{news} of {all} bytes");
+}
+
+#[test]
+fn a_surface_is_told_once_and_to_whoever_comes_later() {
+    let mut page = page();
+    let before = page.since(0).version;
+    assert!(page.since(0).surface.is_none());
+    let triangle = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+    page.set_surface(SurfaceColumns::new(
+        9,
+        &triangle,
+        &[[1, 2, 3]; 3],
+        &[[0, 1, 2]],
+    ));
+    let told = page.since(before);
+    assert_eq!(told.surface.map(|s| s.count), Some(9));
+    assert!(page.since(told.version).surface.is_none());
+    assert!(page.since(0).surface.is_some());
 }
 
 #[test]

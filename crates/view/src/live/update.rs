@@ -2,7 +2,7 @@
 
 use super::frames::FrameUpdate;
 use super::scene::MapUpdate;
-use crate::report::{Column, Mark, ObjectColumns};
+use crate::report::{Column, Mark, ObjectColumns, SurfaceColumns};
 use serde::{Deserialize, Serialize};
 use stillpoint_slam::{FrameReport, Health, Outcome};
 
@@ -18,6 +18,8 @@ pub struct Update {
     pub frames: FrameUpdate,
     /// The map.
     pub map: MapUpdate,
+    /// The surface of what stands still, where it is new.
+    pub surface: Option<SurfaceColumns>,
     /// What happened.
     pub marks: Vec<Mark>,
     /// The newest picture, where it is new.

@@ -105,45 +105,6 @@ impl RunData {
         }
     }
 
-    /// Takes a surface: corners (m) with their colours, and triangles of them; `count` is how many triangles it has in full. Triangles of corners beyond
-    /// the 65 536th are left out.
-    pub fn set_surface(
-        &mut self,
-        count: usize,
-        positions: &[[f32; 3]],
-        colours: &[[u8; 3]],
-        triangles: &[[u32; 3]],
-    ) {
-        let fold = |start: f32, f: fn(f32, f32) -> f32| -> [f32; 3] {
-            std::array::from_fn(|k| positions.iter().fold(start, |m, p| f(m, p[k])))
-        };
-        let (least, most) = (
-            fold(f32::INFINITY, f32::min),
-            fold(f32::NEG_INFINITY, f32::max),
-        );
-        let sides: [f32; 3] = std::array::from_fn(|k| (most[k] - least[k]).max(1e-6));
-        let share =
-            |p: &[f32; 3], k: usize| ((p[k] - least[k]) / sides[k] * 65_535.0).round() as u16;
-        self.surface = SurfaceColumns {
-            count: count as u32,
-            bounds: if positions.is_empty() {
-                Column::default()
-            } else {
-                least.into_iter().chain(sides).collect()
-            },
-            position: positions
-                .iter()
-                .flat_map(|p| [0, 1, 2].map(|k| share(p, k)))
-                .collect(),
-            colour: colours.iter().flatten().copied().collect(),
-            triangle: triangles
-                .iter()
-                .filter(|t| t.iter().all(|i| *i <= u32::from(u16::MAX)))
-                .flat_map(|t| t.map(|i| i as u16))
-                .collect(),
-        };
-    }
-
     /// Takes what was gathered while the run went on. The frames must be there.
     pub fn set_recorded(&mut self, recorder: &ReportRecorder) {
         let ids = self.frames.id.0.iter().enumerate();
@@ -188,6 +149,47 @@ impl RunData {
         let rotation = stillpoint_geometry::nalgebra::UnitQuaternion::new_normalize(rotation);
         let pose = Se3::new(rotation, Vec3::new(x, y, z));
         pose.is_finite().then_some(pose)
+    }
+}
+
+impl SurfaceColumns {
+    /// A surface: corners (m) with their colours, and triangles of them; `count` is how many triangles it has in full. Triangles of corners beyond
+    /// the 65 536th are left out.
+    #[must_use]
+    pub fn new(
+        count: usize,
+        positions: &[[f32; 3]],
+        colours: &[[u8; 3]],
+        triangles: &[[u32; 3]],
+    ) -> Self {
+        let fold = |start: f32, f: fn(f32, f32) -> f32| -> [f32; 3] {
+            std::array::from_fn(|k| positions.iter().fold(start, |m, p| f(m, p[k])))
+        };
+        let (least, most) = (
+            fold(f32::INFINITY, f32::min),
+            fold(f32::NEG_INFINITY, f32::max),
+        );
+        let sides: [f32; 3] = std::array::from_fn(|k| (most[k] - least[k]).max(1e-6));
+        let share =
+            |p: &[f32; 3], k: usize| ((p[k] - least[k]) / sides[k] * 65_535.0).round() as u16;
+        Self {
+            count: count as u32,
+            bounds: if positions.is_empty() {
+                Column::default()
+            } else {
+                least.into_iter().chain(sides).collect()
+            },
+            position: positions
+                .iter()
+                .flat_map(|p| [0, 1, 2].map(|k| share(p, k)))
+                .collect(),
+            colour: colours.iter().flatten().copied().collect(),
+            triangle: triangles
+                .iter()
+                .filter(|t| t.iter().all(|i| *i <= u32::from(u16::MAX)))
+                .flat_map(|t| t.map(|i| i as u16))
+                .collect(),
+        }
     }
 }
 
@@ -238,12 +240,10 @@ mod tests {
 
     #[test]
     fn corners_of_a_surface_survive_to_a_tenth_of_a_millimetre() {
-        let mut run = RunData::default();
         let positions = [[-1.25, 0.5, 2.0], [3.0, 0.5, 1.0], [0.3, 0.5, 7.7]];
         let colours = [[1, 2, 3], [40, 50, 60], [255, 0, 7]];
         let triangles = [[0, 1, 2], [0, 1, 70_000]];
-        run.set_surface(5, &positions, &colours, &triangles);
-        let s = &run.surface;
+        let s = SurfaceColumns::new(5, &positions, &colours, &triangles);
         assert_eq!((s.count, &s.triangle.0[..]), (5, &[0, 1, 2][..]));
         assert_eq!(s.colour.0, colours.concat());
         for (i, share) in s.position.0.iter().enumerate() {
@@ -251,7 +251,6 @@ mod tests {
             let back = least + f32::from(*share) / 65_535.0 * side;
             assert!((back - positions[i / 3][i % 3]).abs() < 1e-4, "{i}: {back}");
         }
-        run.set_surface(0, &[], &[], &[]);
-        assert!(run.surface.bounds.0.is_empty());
+        assert!(SurfaceColumns::new(0, &[], &[], &[]).bounds.0.is_empty());
     }
 }

@@ -37,10 +37,7 @@ class Run {
     this.points = column.f32(data.map.position);
     this.pointFrame = column.u32(data.map.frame);
     this.pointStill = column.u8(data.map.stands_still);
-    const s = data.surface || {};
-    this.surface = this.corners(s);
-    this.surfaceColour = column.u8(s.colour || "");
-    this.triangles = column.u16(s.triangle || "");
+    this.setSurface(data.surface || {});
     this.keyframeId = column.u32(data.keyframes.id);
     this.keyframePose = column.f32(data.keyframes.pose);
     this.loops = column.u32(data.keyframes.loops);
@@ -51,6 +48,13 @@ class Run {
     this.pictureFrame = column.u32(data.pictures.frame);
     this.pictureAt = Array.from(this.pictureFrame, (id) => this.at(id));
     this.images = new Map();
+  }
+
+  setSurface(s) {
+    this.data.surface = s;
+    this.surface = this.corners(s);
+    this.surfaceColour = column.u8(s.colour || "");
+    this.triangles = column.u16(s.triangle || "");
   }
 
   /// Corners of the surface, m.

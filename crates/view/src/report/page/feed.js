@@ -48,6 +48,7 @@ function take(update) {
   feed.dirty.add("frame").add("numbers");
   if (changed.frames) feed.dirty.add("timeline");
   if (changed.map) feed.dirty.add("map");
+  if (changed.surface) feed.dirty.add("surface");
   if (changed.marks) feed.dirty.add("marks");
   wake();
 }
@@ -93,6 +94,7 @@ function paintDue() {
   if (feed.state === "over" || !run.now) return;
   if (turn("marks")) showMarks(run);
   if (turn("map")) page.view.grow();
+  if (turn("surface")) page.view.growSurface();
   if (turn("timeline")) {
     page.timeline.refresh();
     page.view.paintWay();

@@ -78,6 +78,8 @@ class LiveRun extends Run {
     const changed = { frames: this.takeFrames(update.frames), map: this.takeMap(update.map) };
     if (update.picture) this.takePicture(update.picture);
     changed.picture = !!update.picture;
+    if (update.surface) this.setSurface(update.surface);
+    changed.surface = !!update.surface;
     this.marks.push(...update.marks.map((m) => ({ ...m, at: this.at(m.frame) })));
     this.marks.splice(0, Math.max(0, this.marks.length - 500));
     changed.marks = update.marks.length > 0;

@@ -139,6 +139,13 @@ class View3d {
     byId("layer-surface").hidden = !triangles.length;
   }
 
+  /// Takes in a new surface.
+  growSurface() {
+    this.paintSurface();
+    this.legend();
+    this.redraw();
+  }
+
   /// Keyframes, what loops tie together, and the ground.
   paintKeyframes() {
     const { run, scene } = this;
@@ -336,6 +343,7 @@ class Plan {
   paint() { this.at(this.frame || 0); }
   paintWay() {}
   grow() {}
+  growSurface() {}
   view() {}
   redraw() {}
 
