@@ -133,6 +133,9 @@ impl<'a> Opened<'a> {
         let mut outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
         let fusion = wish.map(|wish| Fusion::new(wish, &camera, simd));
         outputs.dense = fusion.transpose()?;
+        if let (Some(report), Some(known)) = (&mut outputs.report, &map) {
+            report.0.begin_with(known.map.view().keyframe_bound());
+        }
         outputs.record = recording(task.output, recorder, &camera, &task.config)?;
         outputs.view = shown(&task, &dataset, remaining)?;
         if let (Some(view), Some(dense)) = (&outputs.view, &mut outputs.dense) {

@@ -105,7 +105,7 @@ impl LivePage {
             };
             self.take_view(view, newest);
         }
-        if let Some(mark) = mark_of(event) {
+        if let Some(mark) = mark_of(event, self.first_id) {
             self.mark(mark);
         }
         match event {
@@ -201,11 +201,7 @@ impl LivePage {
         self.now.set_health(report, health);
     }
 
-    fn mark(&mut self, mut mark: Mark) {
-        // Loops and what was taken back are told by keyframes, of which a loaded map has the first ones.
-        if matches!(mark.kind, MarkKind::Loop | MarkKind::Revoked) {
-            mark.frame = mark.frame.saturating_sub(self.first_id);
-        }
+    fn mark(&mut self, mark: Mark) {
         self.marks.set(self.version, self.next_mark, mark);
         self.next_mark += 1;
         if self.marks.len() > MOST_MARKS {

@@ -3,8 +3,10 @@
 use super::model::{Mark, MarkKind};
 use stillpoint_slam::{Event, LoopOutcome, Outcome};
 
-/// The mark of an event that brings one. Losses are none of it: they are known by frames.
-pub(crate) fn mark_of(event: &Event) -> Option<Mark> {
+/// The mark of an event that brings one. Losses are none of it: they are known by frames. Loops and what was taken back are told by keyframes, of which a
+/// map that the run began with has the first `known`.
+pub(crate) fn mark_of(event: &Event, known: u32) -> Option<Mark> {
+    let frame_of = |keyframe: u32| keyframe.saturating_sub(known);
     let (frame, kind, text) = match event {
         Event::Frame(event) => match event.report.outcome {
             Outcome::Initialised => (
@@ -28,10 +30,10 @@ pub(crate) fn mark_of(event: &Event) -> Option<Mark> {
             let moved = 1e3 * report.moved_m;
             let with = report.with;
             let text = format!("{what} with keyframe {with}: moved up to {moved:.0} mm");
-            (report.keyframe.0, MarkKind::Loop, text)
+            (frame_of(report.keyframe.0), MarkKind::Loop, text)
         }
         Event::Revoked { report, .. } => (
-            report.last.0,
+            frame_of(report.last.0),
             MarkKind::Revoked,
             format!(
                 "{} keyframes of the beginning were taken back: they had ridden on what moves",
@@ -41,4 +43,27 @@ pub(crate) fn mark_of(event: &Event) -> Option<Mark> {
         _ => return None,
     };
     Some(Mark { frame, kind, text })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_map::{KeyframeId, Map};
+    use stillpoint_slam::RevokeReport;
+
+    #[test]
+    fn what_is_told_by_keyframes_is_marked_at_their_frames() {
+        let [first, last] = [1000, 1012].map(KeyframeId);
+        let report = RevokeReport {
+            first,
+            last,
+            map_version: 3,
+            keyframes: 4,
+        };
+        let view = Map::new(8, 1.2).publish();
+        let event = Event::Revoked { report, view };
+        // The map that the run began with had a thousand ids.
+        assert_eq!(mark_of(&event, 1000).map(|m| m.frame), Some(12));
+        assert_eq!(mark_of(&event, 0).map(|m| m.frame), Some(1012));
+    }
 }

@@ -31,6 +31,8 @@ pub struct ReportRecorder {
     /// One frame in `2^halved` has a picture.
     halved: u32,
     marks: Vec<Mark>,
+    /// Ids that the map had before the first frame.
+    known: u32,
     thumbnails: Thumbnails,
     image: [u32; 2],
 }
@@ -67,7 +69,7 @@ pub(crate) struct SeenObject {
 
 impl Subscriber for ReportRecorder {
     fn receive(&mut self, event: &Event) {
-        self.marks.extend(mark_of(event));
+        self.marks.extend(mark_of(event, self.known));
         if let Event::Frame(event) = event {
             self.take(&event.report, &event.health);
             if let Some(frame) = &event.frame {
@@ -82,6 +84,11 @@ impl ReportRecorder {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// Of a run that begins with a map of so many keyframe ids.
+    pub fn begin_with(&mut self, ids: usize) {
+        self.known = u32::try_from(ids).unwrap_or(u32::MAX);
     }
 
     pub(super) fn frames(&self) -> &[Seen] {
