@@ -228,11 +228,7 @@ impl Dense {
         let mut scratch = std::mem::take(&mut self.scratch);
         spread(&report.segments, frame, &mut scratch.moving);
         add_people(&report.objects, &self.weights, frame, &mut scratch.moving);
-        let doubt = if report.undecided.is_some() {
-            UNDECIDED
-        } else {
-            1
-        };
+        let doubt = if report.is_undecided() { UNDECIDED } else { 1 };
         let seen = &mut scratch.seen;
         self.rectifier.take(frame, &scratch.moving, doubt, seen);
         let anchor = self.anchor(report, online);

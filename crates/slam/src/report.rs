@@ -88,6 +88,22 @@ pub struct FrameReport {
     pub map_version: u64,
 }
 
+/// So many landmarks that agree hold a pose, whatever moves beside them.
+const FEW: u32 = 60;
+/// Where at least this share of the keypoints moves, those who move can be a large group.
+const MANY: f64 = 0.3;
+
+impl FrameReport {
+    /// Whether it is undecided who moves: the map has just begun, or so few landmarks hold the pose, beside so much that moves, that it may ride
+    /// on somebody for this frame.
+    #[must_use]
+    pub fn is_undecided(&self) -> bool {
+        let posed = !matches!(self.outcome, Outcome::Lost { .. } | Outcome::Initialised);
+        let thin = self.counts.inliers < FEW && self.counts.moving_share() >= MANY;
+        self.undecided.is_some() || (posed && thin)
+    }
+}
+
 /// How many features each step of tracking dealt with, and which detections it could not use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounts {

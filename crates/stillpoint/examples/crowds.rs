@@ -138,7 +138,7 @@ fn run(scene: &str, seed: u64, frames: usize) -> Result<Vec<Score>, Failure> {
             for event in system.step(frame.clone()) {
                 if let Event::Frame(done) = event {
                     let report = &done.report;
-                    if report.undecided.is_some() {
+                    if report.is_undecided() {
                         undecided.insert(report.stamp.to_bits());
                     }
                     online.extend(report.world_from_camera.map(|p| timed(report.stamp, p)));

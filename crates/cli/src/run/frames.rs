@@ -94,7 +94,7 @@ impl Frames {
             frame: report.frame,
             stamp: report.stamp,
             state,
-            undecided: report.undecided.is_some(),
+            undecided: report.is_undecided(),
             submap: report.submap.filter(|_| !lost),
             inliers,
             is_keyframe: report.is_keyframe,

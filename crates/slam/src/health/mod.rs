@@ -55,8 +55,8 @@ pub struct Health {
     pub detections_age: Option<f64>,
     /// Time since the frame at which tracking got its present view of the map, s; none before the first change of the map.
     pub map_age: Option<f64>,
-    /// Whether it is undecided who moves, as a map has just begun: the pose may ride on somebody, which the covariance allows for, and may
-    /// be replaced later.
+    /// Whether it is undecided who moves, so that the pose may ride on somebody: as a map has just begun, which the covariance allows for, and then the pose may
+    /// be replaced later; or as few landmarks agree while much moves.
     pub undecided: bool,
     /// Why there is no pose; none when there is one.
     pub loss: Option<Loss>,
@@ -204,7 +204,7 @@ impl HealthMonitor {
             stamp,
             quality: Quality::default(),
             covariance: evidence.information.as_ref().and_then(pose_covariance),
-            undecided: report.undecided.is_some(),
+            undecided: report.is_undecided(),
             static_share: if judged { 1.0 - dynamic_share } else { 0.0 },
             dynamic_share,
             depth_share: look.depth,

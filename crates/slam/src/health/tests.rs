@@ -243,3 +243,21 @@ fn while_it_is_undecided_who_moves_the_covariance_grows_and_the_quality_does_not
     assert!(health.to_string().contains(" | undecided who moves | "));
     assert!(!decided.to_string().contains("undecided"));
 }
+
+#[test]
+fn few_landmarks_beside_much_that_moves_leave_it_undecided() {
+    let said = |outcome: Outcome, inliers: u32, dynamic: u32| {
+        let mut report = report(&frame(0, 0.0, 120, 1.5), outcome, 0);
+        (report.counts.inliers, report.counts.dynamic) = (inliers, dynamic);
+        report.is_undecided()
+    };
+    let lost = Outcome::Lost {
+        reason: LostReason::FewInliers,
+        since: FrameId(0),
+    };
+    // Of 100 keypoints 5 more move that were released.
+    assert!(said(Outcome::Tracked, 40, 30));
+    assert!(!said(Outcome::Tracked, 80, 30));
+    assert!(!said(Outcome::Tracked, 40, 20));
+    assert!(!said(lost, 40, 30));
+}
