@@ -21,6 +21,18 @@ pub(crate) struct Pair {
     score: i32,
 }
 
+impl Pair {
+    /// Two streams that nobody has to choose.
+    pub(crate) fn of(colour: Stream, depth: Stream) -> Self {
+        Self {
+            colour,
+            depth,
+            reasons: String::new(),
+            score: 0,
+        }
+    }
+}
+
 /// Names by which drivers say that depth was brought into the colour camera.
 const REGISTERED: [&str; 4] = [
     "aligned_depth_to_color",

@@ -32,7 +32,7 @@ pub struct MessageFile {
     path: PathBuf,
     partial: PathBuf,
     writer: mcap::Writer<BufWriter<File>>,
-    channels: BTreeMap<&'static str, Channel>,
+    channels: BTreeMap<String, Channel>,
 }
 
 /// A topic, and how many messages it had.
@@ -51,11 +51,11 @@ impl std::fmt::Debug for MessageFile {
 
 /// A topic as a file declares it before its first message.
 #[derive(Clone, Copy, Debug)]
-pub struct TopicInfo<F> {
+pub struct TopicInfo<'a, F> {
     /// `/tf`.
-    pub name: &'static str,
+    pub name: &'a str,
     /// `tf2_msgs/msg/TFMessage`.
-    pub type_name: &'static str,
+    pub type_name: &'a str,
     /// Gives the definition of that type, with those that it holds; asked once.
     pub definition: F,
     /// Whether players offer its last message to those that come later.
@@ -117,7 +117,7 @@ impl MessageFile {
     /// The system's reason.
     pub fn write<F: FnOnce() -> String>(
         &mut self,
-        topic: TopicInfo<F>,
+        topic: TopicInfo<'_, F>,
         time: u64,
         cdr: &[u8],
     ) -> Result<()> {
@@ -127,7 +127,7 @@ impl MessageFile {
 
     fn add<F: FnOnce() -> String>(
         &mut self,
-        topic: TopicInfo<F>,
+        topic: TopicInfo<'_, F>,
         time: u64,
         cdr: &[u8],
     ) -> mcap::McapResult<()> {
@@ -144,7 +144,7 @@ impl MessageFile {
                 .writer
                 .add_channel(schema, topic.name, "cdr", &metadata)?;
             self.channels
-                .insert(topic.name, Channel { id, messages: 0 });
+                .insert(topic.name.to_owned(), Channel { id, messages: 0 });
         }
         if let Some(channel) = self.channels.get_mut(topic.name) {
             let header = MessageHeader {

@@ -197,7 +197,7 @@ pub(crate) fn base(topic: &str) -> &str {
 }
 
 /// Where the camera info of an image topic is: beside it, as image transports have it, or as RealSense names it.
-fn info_topics(base: &str) -> Vec<String> {
+pub(crate) fn info_topics(base: &str) -> Vec<String> {
     let up = |topic: &str| {
         topic
             .rsplit_once('/')
@@ -214,7 +214,7 @@ fn info_topics(base: &str) -> Vec<String> {
     ]
 }
 
-fn owned(info: &ros::CameraInfo<'_>) -> ros::CameraInfo<'static> {
+pub(crate) fn owned(info: &ros::CameraInfo<'_>) -> ros::CameraInfo<'static> {
     let header = ros::Header {
         seq: info.header.seq,
         stamp: info.header.stamp,

@@ -98,6 +98,11 @@ impl Setup<'_> {
         entries: &[Entry],
     ) -> Result<Treatment> {
         let sizes = crate::source::sizes(recording, self.pair, entries)?;
+        self.treatment_of(sizes)
+    }
+
+    /// For images of colour and depth of these sizes.
+    pub(crate) fn treatment_of(&mut self, sizes: ((u32, u32), (u32, u32))) -> Result<Treatment> {
         let (mut optics, name, nominal) = self.colour_optics()?;
         if (optics.width, optics.height) == (0, 0) {
             (optics.width, optics.height) = sizes.0;

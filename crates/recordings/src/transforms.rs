@@ -7,7 +7,7 @@ use stillpoint_ros_messages as ros;
 
 /// Frames and the first transform that was said of each pair.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Transforms {
+pub struct Transforms {
     /// `parent_from_child`, by child and parent, both ways.
     edges: BTreeMap<String, BTreeMap<String, Se3>>,
 }
@@ -27,7 +27,8 @@ pub(crate) fn frame_name(name: &str) -> &str {
 }
 
 impl Transforms {
-    pub(crate) fn add(&mut self, transform: &ros::TransformStamped<'_>) {
+    /// Takes a transform; one that is none, or of a pair that is known, changes nothing.
+    pub fn add(&mut self, transform: &ros::TransformStamped<'_>) {
         let t = &transform.transform.translation;
         let Some(pose) = pose([t.x, t.y, t.z], &transform.transform.rotation) else {
             return;
@@ -45,8 +46,15 @@ impl Transforms {
         }
     }
 
+    /// Whether a frame is part of any transform.
+    #[must_use]
+    pub fn knows(&self, frame: &str) -> bool {
+        self.edges.contains_key(frame_name(frame))
+    }
+
     /// `to_from_from`, along the shortest chain.
-    pub(crate) fn find(&self, to: &str, from: &str) -> Option<Se3> {
+    #[must_use]
+    pub fn find(&self, to: &str, from: &str) -> Option<Se3> {
         let (to, from) = (frame_name(to), frame_name(from));
         let mut seen = BTreeSet::from([from]);
         let mut open = vec![(from, Se3::identity())];

@@ -1,20 +1,19 @@
 //! The landmarks and keyframes of a submap.
 
-use crate::axes;
+use crate::mount::Mount;
 use crate::publisher::{pose, quaternion_and_point};
+use stillpoint_geometry::Vec3;
 use stillpoint_map::{MapView, SubmapId};
 use stillpoint_ros_messages as ros;
 
-/// Bytes of a point: x, y, z, how likely it stands still, and how many keyframes saw it.
-const POINT: usize = 20;
-
-/// The landmarks, in the frame of the submap.
+/// The landmarks with how likely they stand still and how many keyframes saw them, in the frame of the submap.
 pub(crate) fn landmarks<'a>(
     view: &MapView,
     submap: SubmapId,
+    mount: &Mount,
     header: ros::Header<'a>,
 ) -> ros::PointCloud2<'a> {
-    let mut data = Vec::with_capacity(POINT * view.landmark_count());
+    let mut data = Vec::with_capacity(20 * view.landmark_count());
     for (id, landmark) in view.landmarks() {
         if view.submap_of(landmark.anchor) != Some(submap) {
             continue;
@@ -22,34 +21,64 @@ pub(crate) fn landmarks<'a>(
         let Some(position) = view.landmark_position(id) else {
             continue;
         };
-        let p = axes::point_to_ros(&position);
+        let p = mount.point(&position);
         let likely = 1.0 / (1.0 + (-landmark.static_odds).exp());
         for x in [p.x as f32, p.y as f32, p.z as f32, likely] {
             data.extend_from_slice(&x.to_le_bytes());
         }
         data.extend_from_slice(&landmark.observers.to_le_bytes());
     }
-    let points = (data.len() / POINT) as u32;
-    let field = |name: &'static str, offset: u32, datatype: u8| ros::PointField {
-        name: name.into(),
-        offset,
-        datatype,
-        count: 1,
-    };
+    let fields = [
+        ("stands_still", ros::PointField::FLOAT32),
+        ("observers", ros::PointField::UINT32),
+    ];
+    cloud(header, &fields, data)
+}
+
+/// Points of a surface (m) in the world, with their colours.
+pub(crate) fn surface<'a>(
+    points: &[([f32; 3], [u8; 3])],
+    mount: &Mount,
+    header: ros::Header<'a>,
+) -> ros::PointCloud2<'a> {
+    let mut data = Vec::with_capacity(16 * points.len());
+    for (p, [r, g, b]) in points {
+        let p = mount.point(&Vec3::from(p.map(f64::from)));
+        for x in [p.x as f32, p.y as f32, p.z as f32] {
+            data.extend_from_slice(&x.to_le_bytes());
+        }
+        // As rviz wants it: the bytes of 0x00rrggbb, in a field that calls itself a float.
+        data.extend_from_slice(&[*b, *g, *r, 0]);
+    }
+    cloud(header, &[("rgb", ros::PointField::FLOAT32)], data)
+}
+
+/// A cloud of x, y and z and these fields, of four bytes each.
+fn cloud<'a>(
+    header: ros::Header<'a>,
+    fields: &[(&'static str, u8)],
+    data: Vec<u8>,
+) -> ros::PointCloud2<'a> {
+    let place = ["x", "y", "z"].map(|name| (name, ros::PointField::FLOAT32));
+    let all = place.iter().chain(fields).enumerate();
+    let fields: Vec<ros::PointField<'a>> = all
+        .map(|(i, (name, datatype))| ros::PointField {
+            name: (*name).into(),
+            offset: 4 * i as u32,
+            datatype: *datatype,
+            count: 1,
+        })
+        .collect();
+    let step = 4 * fields.len() as u32;
+    let points = data.len() as u32 / step;
     ros::PointCloud2 {
         header,
         height: 1,
         width: points,
-        fields: vec![
-            field("x", 0, ros::PointField::FLOAT32),
-            field("y", 4, ros::PointField::FLOAT32),
-            field("z", 8, ros::PointField::FLOAT32),
-            field("stands_still", 12, ros::PointField::FLOAT32),
-            field("observers", 16, ros::PointField::UINT32),
-        ],
+        fields,
         is_bigendian: false,
-        point_step: POINT as u32,
-        row_step: POINT as u32 * points,
+        point_step: step,
+        row_step: step * points,
         data: data.into(),
         is_dense: true,
     }
@@ -59,6 +88,7 @@ pub(crate) fn landmarks<'a>(
 pub(crate) fn path<'a>(
     view: &MapView,
     submap: SubmapId,
+    mount: &Mount,
     header: &ros::Header<'a>,
     stamp: impl Fn(f64) -> ros::Time,
 ) -> ros::Path<'a> {
@@ -69,9 +99,7 @@ pub(crate) fn path<'a>(
             stamp: stamp(k.data.stamp),
             ..header.clone()
         },
-        pose: pose(&quaternion_and_point(&axes::pose_to_ros(
-            &k.world_from_camera,
-        ))),
+        pose: pose(&quaternion_and_point(&mount.base(&k.world_from_camera))),
     });
     ros::Path {
         header: header.clone(),

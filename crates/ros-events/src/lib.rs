@@ -15,16 +15,20 @@
 //! | `/stillpoint/objects/markers` | `MarkerArray` | every frame with a pose |
 //! | `/stillpoint/camera_info` | `CameraInfo` | every picture |
 //! | `/stillpoint/image/compressed` | `CompressedImage` | every picture |
+//! | `/stillpoint/mask` | `Image`: what moves | when it is asked for |
+//! | `/stillpoint/grid`, `/stillpoint/surface` | `OccupancyGrid`, `PointCloud2` | when they are given |
 //! | `/diagnostics` | `DiagnosticArray` | every frame |
 
 pub mod axes;
 mod cloud;
 mod diagnostics;
+mod mount;
 mod objects;
 mod odom;
 mod publisher;
 mod topic;
 
+pub use mount::Mount;
 pub use odom::{Located, Odom};
 pub use publisher::{FrameNames, Publisher};
 pub use topic::{Outgoing, Topic};

@@ -1,6 +1,7 @@
 //! Objects whose place is known, as detections and as markers.
 
 use crate::axes;
+use crate::mount::Mount;
 use crate::publisher::{pose, quaternion_and_point, rows, vector};
 use stillpoint_detection::{Motion, Object, ObjectInCamera, ObjectState};
 use stillpoint_geometry::{Mat6, Se3, Vec3};
@@ -34,15 +35,22 @@ struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    fn new(object: &'a Object, seen: &ObjectInCamera, world_from_camera: &Se3) -> Self {
-        let position = axes::point_to_ros(&world_from_camera.transform(&seen.position));
+    fn new(
+        object: &'a Object,
+        seen: &ObjectInCamera,
+        world_from_camera: &Se3,
+        mount: &Mount,
+    ) -> Self {
+        let position = mount.point(&world_from_camera.transform(&seen.position));
         let velocity = axes::point_to_ros(&(world_from_camera.rotation * seen.velocity));
+        let velocity = mount.direction(&velocity);
         let in_world = axes::turned(&seen.covariance, &world_from_camera.rotation_matrix());
         let mut covariance = Mat6::zeros();
         covariance
             .fixed_view_mut::<3, 3>(0, 0)
             .copy_from(&axes::covariance_to_ros(&in_world).fixed_view::<3, 3>(0, 0));
-        let mut world_from_box = axes::pose_to_ros(world_from_camera);
+        let covariance = mount.point_covariance(&covariance);
+        let mut world_from_box = mount.place(&axes::pose_to_ros(world_from_camera));
         world_from_box.translation = position;
         let [width, height] = object.size.unwrap_or([UNKNOWN_SIZE; 2]);
         Self {
@@ -61,6 +69,7 @@ impl<'a> Placed<'a> {
 pub(crate) fn messages<'a>(
     report: &FrameReport,
     world_from_camera: &Se3,
+    mount: &Mount,
     header: &ros::Header<'a>,
 ) -> (ros::Detection3DArray<'a>, ros::MarkerArray<'a>) {
     let placed = report
@@ -72,6 +81,7 @@ pub(crate) fn messages<'a>(
                 o,
                 &o.seen_from(world_from_camera)?,
                 world_from_camera,
+                mount,
             ))
         });
     let placed: Vec<Placed<'_>> = placed.collect();

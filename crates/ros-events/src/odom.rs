@@ -68,6 +68,17 @@ impl Default for Odom {
 }
 
 impl Odom {
+    /// A map is put in the place of the one so far: the camera will be found in it, and `odom` goes on from where it was.
+    pub fn begin_other_map(&mut self) {
+        self.lost = true;
+        self.view = None;
+        self.pending.clear();
+        // No submap of the other map has this number.
+        if let Some(last) = &mut self.last {
+            last.submap = SubmapId(u32::MAX);
+        }
+    }
+
     /// Takes an event; where it is a frame with a pose, says where that is.
     pub fn take(&mut self, event: &Event) -> Option<Located> {
         if let Event::Corrected { view, .. } | Event::Revoked { view, .. } = event {

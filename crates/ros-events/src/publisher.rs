@@ -1,5 +1,6 @@
 //! Events in, messages out.
 
+use crate::mount::Mount;
 use crate::odom::{Located, Odom};
 use crate::topic::{Outgoing, Topic};
 use crate::{axes, cloud, diagnostics, objects};
@@ -23,7 +24,7 @@ pub struct FrameNames {
     pub map: String,
     /// The frame that never jumps.
     pub odom: String,
-    /// The camera's body, x forward.
+    /// The base, x forward and z up: the camera's body, unless a [`Mount`] says where the camera is on it.
     pub body: String,
     /// The camera, z forward.
     pub optical: String,
@@ -44,6 +45,9 @@ impl Default for FrameNames {
 #[derive(Clone, Debug)]
 pub struct Publisher {
     names: FrameNames,
+    mount: Mount,
+    /// Whether the constant transform from body to optical frame is published here.
+    has_constant: bool,
     camera: Camera,
     odom: Odom,
     /// The submap that is called the map.
@@ -66,6 +70,8 @@ impl Publisher {
     pub fn new(camera: Camera, names: FrameNames) -> Self {
         Self {
             names,
+            mount: Mount::default(),
+            has_constant: true,
             camera,
             odom: Odom::default(),
             first: None,
@@ -75,6 +81,23 @@ impl Publisher {
             unshown: None,
             last_covariance: None,
         }
+    }
+
+    /// Of a camera that is mounted on a base, as others publish.
+    #[must_use]
+    pub fn with_mount(mut self, mount: Mount) -> Self {
+        self.mount = mount;
+        self.has_constant = false;
+        self
+    }
+
+    /// A map is put in the place of the one so far: `odom` goes on as it went, and the next submap is called the map.
+    pub fn begin_other_map(&mut self) {
+        self.odom.begin_other_map();
+        self.first = None;
+        self.here = None;
+        self.shown = None;
+        self.unshown = None;
     }
 
     /// What is to be said of an event.
@@ -126,11 +149,61 @@ impl Publisher {
         ]
     }
 
+    /// What moves in the newest frame: an image of the camera's size, 255 where the scene moves.
+    #[must_use]
+    pub fn mask(&self, width: u32, height: u32, pixels: &[u8]) -> Outgoing {
+        let image = ros::Image {
+            header: self.header(&self.names.optical),
+            height,
+            width,
+            encoding: "mono8".into(),
+            is_bigendian: 0,
+            step: width,
+            data: pixels.into(),
+        };
+        Outgoing::new(Topic::Mask, self.time(), &image)
+    }
+
+    /// Points of a surface in the world of the first submap, m, with their colours.
+    #[must_use]
+    pub fn surface(&self, points: &[([f32; 3], [u8; 3])]) -> Outgoing {
+        let cloud = cloud::surface(points, &self.mount, self.header(&self.names.map));
+        Outgoing::new(Topic::Surface, self.time(), &cloud)
+    }
+
+    /// A floor plan of `width` columns, row by row, in percent and -1 where nothing is known. `world_from_grid` is where its first cell's outer corner is in
+    /// the world of the first submap, in its axes; cells have a side of `resolution`, m.
+    #[must_use]
+    pub fn grid(
+        &self,
+        width: u32,
+        resolution: f64,
+        world_from_grid: &Se3,
+        cells: Vec<i8>,
+    ) -> Outgoing {
+        let height = (cells.len() as u32).checked_div(width).unwrap_or(0);
+        // The grid's own axes have z up already; only its parent is turned.
+        let world_to_ros = Se3::new(axes::body_from_optical(), Vec3::zeros());
+        let origin = self.mount.place(&(world_to_ros * *world_from_grid));
+        let grid = ros::OccupancyGrid {
+            header: self.header(&self.names.map),
+            info: ros::MapMetaData {
+                map_load_time: time_of(self.span.map_or(0.0, |(_, now)| now)),
+                resolution: resolution as f32,
+                width,
+                height,
+                origin: pose(&quaternion_and_point(&origin)),
+            },
+            data: cells,
+        };
+        Outgoing::new(Topic::Grid, self.time(), &grid)
+    }
+
     fn frame(&mut self, frame: &FrameEvent, located: Option<&Located>, out: &mut Vec<Outgoing>) {
         let stamp = frame.report.stamp;
         let is_first = self.span.is_none();
         self.span = Some((self.span.map_or(stamp, |(first, _)| first), stamp));
-        if is_first {
+        if is_first && self.has_constant {
             let constant = ros::Transform {
                 translation: ros::Vector3::default(),
                 rotation: quaternion(&axes::body_from_optical()),
@@ -155,6 +228,7 @@ impl Publisher {
             let (boxes, markers) = objects::messages(
                 &frame.report,
                 &located.world_from_camera,
+                &self.mount,
                 &self.header(&map),
             );
             out.push(Outgoing::new(Topic::Objects, self.time(), &boxes));
@@ -181,22 +255,21 @@ impl Publisher {
         };
         self.last_covariance = Some(covariance);
         let velocity = located.velocity.unwrap_or_default();
-        let [linear, angular] = [0, 3].map(|at| {
-            let part: Vec3 = velocity.fixed_rows::<3>(at).into();
-            vector(&axes::point_to_ros(&part))
-        });
+        let twist = self.mount.velocity(&velocity);
+        let [linear, angular] = twist.map(|part| vector(&part));
+        let base = self.mount.base(&located.odom_from_camera);
+        let of_pose = self.mount.covariance(&of_pose, &base);
+        let of_velocity = self.mount.velocity_covariance(&of_velocity);
         let message = ros::Odometry {
             header: self.header(&self.names.odom),
             child_frame_id: self.names.body.as_str().into(),
             pose: ros::PoseWithCovariance {
-                pose: pose(&quaternion_and_point(&axes::pose_to_ros(
-                    &located.odom_from_camera,
-                ))),
-                covariance: rows(&axes::covariance_to_ros(&of_pose)),
+                pose: pose(&quaternion_and_point(&base)),
+                covariance: rows(&of_pose),
             },
             twist: ros::TwistWithCovariance {
                 twist: ros::Twist { linear, angular },
-                covariance: rows(&axes::covariance_to_ros(&of_velocity)),
+                covariance: rows(&of_velocity),
             },
         };
         Outgoing::new(Topic::Odometry, self.time(), &message)
@@ -230,9 +303,9 @@ impl Publisher {
         };
         let name = self.map_name(submap);
         let header = self.header(&name);
-        let path = cloud::path(&view, submap, &header, time_of);
+        let path = cloud::path(&view, submap, &self.mount, &header, time_of);
         out.push(Outgoing::new(Topic::Path, self.time(), &path));
-        let points = cloud::landmarks(&view, submap, header);
+        let points = cloud::landmarks(&view, submap, &self.mount, header);
         out.push(Outgoing::new(Topic::Map, self.time(), &points));
     }
 
@@ -261,7 +334,7 @@ impl Publisher {
         child: &'a str,
         parent_from_child: &Se3,
     ) -> ros::TransformStamped<'a> {
-        let (rotation, p) = quaternion_and_point(&axes::pose_to_ros(parent_from_child));
+        let (rotation, p) = quaternion_and_point(&self.mount.base(parent_from_child));
         let translation = ros::Vector3 {
             x: p.x,
             y: p.y,

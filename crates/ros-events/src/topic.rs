@@ -24,13 +24,19 @@ pub enum Topic {
     CameraInfo,
     /// Pictures.
     Image,
+    /// What moves, as an image.
+    Mask,
+    /// Where a robot may drive.
+    Grid,
+    /// The surface, as points.
+    Surface,
     /// Health.
     Diagnostics,
 }
 
 impl Topic {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 13] = [
         Self::TfStatic,
         Self::Tf,
         Self::Odometry,
@@ -40,6 +46,9 @@ impl Topic {
         Self::Markers,
         Self::CameraInfo,
         Self::Image,
+        Self::Mask,
+        Self::Grid,
+        Self::Surface,
         Self::Diagnostics,
     ];
 
@@ -56,6 +65,9 @@ impl Topic {
             Self::Markers => "/stillpoint/objects/markers",
             Self::CameraInfo => "/stillpoint/camera_info",
             Self::Image => "/stillpoint/image/compressed",
+            Self::Mask => "/stillpoint/mask",
+            Self::Grid => "/stillpoint/grid",
+            Self::Surface => "/stillpoint/surface",
             Self::Diagnostics => "/diagnostics",
         }
     }
@@ -67,11 +79,13 @@ impl Topic {
             Self::TfStatic | Self::Tf => ros::TfMessage::NAME,
             Self::Odometry => ros::Odometry::NAME,
             Self::Path => ros::Path::NAME,
-            Self::Map => ros::PointCloud2::NAME,
+            Self::Map | Self::Surface => ros::PointCloud2::NAME,
             Self::Objects => ros::Detection3DArray::NAME,
             Self::Markers => ros::MarkerArray::NAME,
             Self::CameraInfo => ros::CameraInfo::NAME,
             Self::Image => ros::CompressedImage::NAME,
+            Self::Mask => ros::Image::NAME,
+            Self::Grid => ros::OccupancyGrid::NAME,
             Self::Diagnostics => ros::DiagnosticArray::NAME,
         }
     }
@@ -84,11 +98,13 @@ impl Topic {
             Self::TfStatic | Self::Tf => ros::definition::<ros::TfMessage<'_>>(version),
             Self::Odometry => ros::definition::<ros::Odometry<'_>>(version),
             Self::Path => ros::definition::<ros::Path<'_>>(version),
-            Self::Map => ros::definition::<ros::PointCloud2<'_>>(version),
+            Self::Map | Self::Surface => ros::definition::<ros::PointCloud2<'_>>(version),
             Self::Objects => ros::definition::<ros::Detection3DArray<'_>>(version),
             Self::Markers => ros::definition::<ros::MarkerArray<'_>>(version),
             Self::CameraInfo => ros::definition::<ros::CameraInfo<'_>>(version),
             Self::Image => ros::definition::<ros::CompressedImage<'_>>(version),
+            Self::Mask => ros::definition::<ros::Image<'_>>(version),
+            Self::Grid => ros::definition::<ros::OccupancyGrid<'_>>(version),
             Self::Diagnostics => ros::definition::<ros::DiagnosticArray<'_>>(version),
         }
     }
@@ -96,7 +112,10 @@ impl Topic {
     /// Whether those who come later must get its last message too (durability *transient local*).
     #[must_use]
     pub fn is_latched(self) -> bool {
-        matches!(self, Self::TfStatic | Self::Path | Self::Map)
+        matches!(
+            self,
+            Self::TfStatic | Self::Path | Self::Map | Self::Grid | Self::Surface
+        )
     }
 }
 

@@ -69,6 +69,13 @@ fn walk() -> &'static Walk {
             events.push(event);
         }
         messages.extend(publisher.finish());
+        messages.push(publisher.mask(3, 2, &[0, 255, 0, 0, 0, 255]));
+        messages.push(publisher.surface(&[([1.0, 2.0, 3.0], [9, 8, 7])]));
+        let corner = Se3::new(
+            axes::body_from_optical().inverse(),
+            Vec3::new(0.5, 1.0, 2.0),
+        );
+        messages.push(publisher.grid(2, 0.05, &corner, vec![-1, 0, 100, 0, 0, 0]));
         Walk { events, messages }
     })
 }
@@ -254,4 +261,25 @@ fn every_topic_says_what_it_carries() {
         let sent = walk().messages.iter().any(|m| m.topic == topic);
         assert!(sent, "{topic:?}");
     }
+}
+
+#[test]
+fn masks_surfaces_and_grids_say_what_they_were_given() {
+    let (_, mask) = &messages::<ros::Image<'_>>(Topic::Mask)[0];
+    assert_eq!((mask.width, mask.height, mask.step), (3, 2, 3));
+    assert_eq!(mask.data[..], [0, 255, 0, 0, 0, 255]);
+    let (_, cloud) = &messages::<ros::PointCloud2<'_>>(Topic::Surface)[0];
+    assert_eq!((cloud.width, cloud.point_step), (1, 16));
+    let number = |at: usize| f32::from_le_bytes(cloud.data[at..at + 4].try_into().unwrap());
+    // Forward, left, up.
+    assert_eq!([number(0), number(4), number(8)], [3.0, -1.0, -2.0]);
+    assert_eq!(cloud.data[12..], [7, 8, 9, 0]);
+    let (_, grid) = &messages::<ros::OccupancyGrid<'_>>(Topic::Grid)[0];
+    assert_eq!((grid.info.width, grid.info.height), (2, 3));
+    assert_eq!(grid.data, [-1, 0, 100, 0, 0, 0]);
+    let origin = &grid.info.origin;
+    let p = &origin.position;
+    assert!((Vec3::new(p.x, p.y, p.z) - Vec3::new(2.0, -0.5, -1.0)).norm() < 1e-12);
+    // A grid with the axes of the map is not turned.
+    assert!((origin.orientation.w.abs() - 1.0).abs() < 1e-12);
 }

@@ -47,6 +47,7 @@ pub mod report;
 mod shapes;
 mod speed;
 mod text;
+mod verdicts;
 
 pub use animation::{Animation, AnimationOptions};
 pub use colour::Colour;
@@ -56,3 +57,4 @@ pub use error::ViewError;
 pub use overlay::{CellLabels, Keypoint, Mark, Overlay, OverlayBox};
 pub use picture::Picture;
 pub use speed::certain_speed;
+pub use verdicts::{Labels, Style, picture};

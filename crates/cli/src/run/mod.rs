@@ -291,7 +291,7 @@ pub(crate) fn outputs(
             frames,
             rate(&stamps),
             Style {
-                labels: args.overlay_labels,
+                labels: args.overlay_labels.into(),
                 weights: config.motion_weights.clone(),
                 bare: false,
             },

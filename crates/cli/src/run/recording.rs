@@ -64,7 +64,7 @@ impl RecordingFile {
     }
 }
 
-fn info(topic: Topic) -> TopicInfo<impl FnOnce() -> String> {
+fn info(topic: Topic) -> TopicInfo<'static, impl FnOnce() -> String> {
     TopicInfo {
         name: topic.name(),
         type_name: topic.type_name(),

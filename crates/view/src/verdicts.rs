@@ -1,0 +1,233 @@
+//! What the system said of a frame, drawn over it: verdicts, objects, what moves.
+
+use crate::colour::Colour;
+use crate::draw::draw;
+use crate::overlay::{CellLabels, Keypoint, Mark, Overlay, OverlayBox};
+use crate::picture::Picture;
+use crate::speed::certain_speed;
+use stillpoint_detection::{Motion, MotionWeights, Object, ObjectState};
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_slam::{FrameReport, MOVER, Outcome, Reasons};
+
+/// Which objects are labelled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Labels {
+    /// Every object.
+    All,
+    /// Objects of classes that move by themselves, and whatever else is seen moving.
+    #[default]
+    Movers,
+    /// None.
+    None,
+}
+
+/// How objects are drawn.
+#[derive(Clone, Debug, Default)]
+pub struct Style {
+    /// No lines under the image, which keeps its size.
+    pub bare: bool,
+    /// Which objects have their names.
+    pub labels: Labels,
+    /// How likely classes of objects are to move.
+    pub weights: MotionWeights,
+}
+
+impl Style {
+    /// Whether it may move by itself at any time, or does move. The rigid test alone is not enough for a thing: features of
+    /// someone who walks past its box move too.
+    fn mover(&self, object: &Object) -> bool {
+        let moved =
+            || object.motion == Motion::Moving && certain_speed(object, FOR_THINGS).is_some();
+        self.weights.get(object.class) >= MOVER || moved()
+    }
+
+    fn labelled(&self, object: &Object) -> bool {
+        match self.labels {
+            Labels::All => true,
+            Labels::Movers => self.mover(object),
+            Labels::None => false,
+        }
+    }
+}
+
+/// Standard deviations that the speed of a thing must be above to make it a mover.
+const FOR_THINGS: f64 = 2.8;
+
+/// A frame with what the system said of it drawn over it. Boxes of what is likelier to move are drawn over the others.
+#[must_use]
+pub fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) -> Picture {
+    let keypoints: Vec<Keypoint> = report
+        .verdicts
+        .iter()
+        .map(|v| {
+            let [x, y] = v.pixel;
+            let mark = if v.dynamic {
+                Mark::Dynamic(colour_of(v.reasons))
+            } else {
+                Mark::Static
+            };
+            (x, y, mark)
+        })
+        .collect();
+    let mut objects: Vec<&Object> = report.objects.iter().collect();
+    let weight = |object: &Object| style.weights.get(object.class);
+    objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
+    let boxes = objects.into_iter().map(|object| overlay_box(object, style));
+    let boxes: Vec<OverlayBox> = boxes.collect();
+    let segments = &report.segments;
+    let caption = caption(report);
+    draw(
+        frame,
+        &Overlay {
+            keypoints: &keypoints,
+            boxes: &boxes,
+            cells: (!segments.labels.is_empty()).then_some(CellLabels {
+                cell: segments.cell_px,
+                width: segments.width,
+                height: segments.height,
+                labels: &segments.labels,
+            }),
+            badge: (!style.bare).then(|| badge(report)),
+            caption: if style.bare { "" } else { &caption },
+            legend: !style.bare,
+        },
+    )
+}
+
+/// The colour of the reason that says most.
+fn colour_of(reasons: Reasons) -> Colour {
+    [
+        (Reasons::OBJECT, Colour::SEMANTIC),
+        (Reasons::RIGID, Colour::RIGID),
+        (Reasons::EPIPOLAR, Colour::EPIPOLAR),
+        (Reasons::DEPTH, Colour::DEPTH),
+    ]
+    .into_iter()
+    .find(|(reason, _)| reasons.has(*reason))
+    .map_or(Colour::HISTORY, |(_, colour)| colour)
+}
+
+fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
+    let label = if style.labelled(object) {
+        label(object)
+    } else {
+        String::new()
+    };
+    OverlayBox {
+        bounds: object.bounds,
+        label,
+        colour: Colour::of_number(object.id.0),
+        coasting: matches!(object.state, ObjectState::Coasting | ObjectState::Hidden),
+        quiet: !style.mover(object),
+    }
+}
+
+/// What it is, and how fast where the rigid test says that it moves and the speed is above its own standard deviation.
+fn label(object: &Object) -> String {
+    let doubt = match object.state {
+        ObjectState::Tentative => "?",
+        ObjectState::Confirmed | ObjectState::Coasting | ObjectState::Hidden => "",
+    };
+    let name = format!("{} {}{doubt}", object.class, object.id.0);
+    match object.motion {
+        Motion::Parked => name + " parked",
+        Motion::Unknown => name,
+        Motion::Moving => match certain_speed(object, 1.0) {
+            Some(speed) => format!("{name}  {speed:.1} m/s"),
+            None => name,
+        },
+    }
+}
+
+/// Whether all is well, in a word.
+fn badge(report: &FrameReport) -> (&'static str, Colour) {
+    match report.outcome {
+        Outcome::Initialised => ("NEW MAP", Colour::of_number(0)),
+        Outcome::Tracked => ("TRACKED", Colour::STATIC),
+        Outcome::Relocalised { .. } => ("FOUND AGAIN", Colour::of_number(0)),
+        Outcome::Lost { .. } => ("LOST", Colour::SEMANTIC),
+    }
+}
+
+/// The state in a line: short, since it stands beside the badge.
+fn caption(report: &FrameReport) -> String {
+    let c = &report.counts;
+    let mut parts = vec![format!("frame {}", report.frame)];
+    match report.outcome {
+        Outcome::Lost { reason, .. } => parts.push(reason.to_string()),
+        Outcome::Initialised => {}
+        Outcome::Tracked | Outcome::Relocalised { .. } => {
+            parts.push(format!("{} inliers", c.inliers));
+        }
+    }
+    parts.push(format!("{} of {} keypoints move", c.dynamic, c.keypoints));
+    if c.released > 0 {
+        parts.push(format!("{} of them used", c.released));
+    }
+    if report.is_keyframe {
+        parts.push("keyframe".to_owned());
+    }
+    parts.join(" \u{b7} ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_detection::{BoundingBox, ClassId, ObjectId};
+    use stillpoint_geometry::{Mat6, Vec3};
+
+    fn object(class: &str, motion: Motion, speed: f64) -> Object {
+        Object {
+            id: ObjectId(4),
+            class: ClassId::from_name(class).unwrap(),
+            score: 0.9,
+            state: ObjectState::Confirmed,
+            bounds: BoundingBox::default(),
+            bounds_sigma: [0.0; 2],
+            depth_range: None,
+            position: Some(Vec3::zeros()),
+            velocity: Some(Vec3::new(speed, 0.0, 0.0)),
+            // Standard deviations of 0.5 m/s.
+            covariance: Some(Mat6::identity() * 0.25),
+            size: None,
+            last_seen: 0.0,
+            motion,
+        }
+    }
+
+    #[test]
+    fn movers_are_labelled_and_certain_speeds_are_shown() {
+        let style = |labels| Style {
+            labels,
+            ..Style::default()
+        };
+        for (class, motion, speed, expected) in [
+            ("person", Motion::Moving, 0.8, "person 4  0.8 m/s"),
+            ("person", Motion::Moving, 0.3, "person 4"),
+            ("person", Motion::Unknown, 0.8, "person 4"),
+            ("person", Motion::Parked, 0.8, "person 4 parked"),
+            ("chair", Motion::Moving, 1.6, "chair 4  1.6 m/s"),
+            // Someone walks past it.
+            ("chair", Motion::Moving, 0.8, ""),
+            ("chair", Motion::Unknown, 0.8, ""),
+        ] {
+            let object = object(class, motion, speed);
+            let drawn = overlay_box(&object, &style(Labels::Movers));
+            assert_eq!(drawn.label, expected, "{class} {motion:?} {speed}");
+            assert_eq!(drawn.quiet, expected.is_empty());
+            assert_eq!(overlay_box(&object, &style(Labels::None)).label, "");
+            let all = overlay_box(&object, &style(Labels::All)).label;
+            assert!(all.starts_with(class), "{all}");
+        }
+        let chair = object("chair", Motion::Unknown, 0.8);
+        assert_eq!(overlay_box(&chair, &style(Labels::All)).label, "chair 4");
+    }
+
+    #[test]
+    fn the_colour_is_that_of_the_reason_that_says_most() {
+        let all = Reasons::AGE | Reasons::RIGID | Reasons::OBJECT;
+        assert_eq!(colour_of(all), Colour::SEMANTIC);
+        assert_eq!(colour_of(Reasons::AGE | Reasons::RIGID), Colour::RIGID);
+        assert_eq!(colour_of(Reasons::AGE), Colour::HISTORY);
+    }
+}
