@@ -41,7 +41,9 @@ const REGISTERED: [&str; 4] = [
     "depth2rgb",
 ];
 
-pub(crate) fn says_registered(topic: &str) -> bool {
+/// Whether the name of a topic of depth images says that they were brought into the colour camera.
+#[must_use]
+pub fn says_registered(topic: &str) -> bool {
     let topic = topic.to_lowercase();
     REGISTERED.iter().any(|name| topic.contains(name))
 }

@@ -44,6 +44,7 @@ mod transforms;
 mod truth;
 mod writer;
 
+pub use choose::says_registered;
 pub use error::{RecordingError, Result};
 pub use file::FileRecording;
 pub use incoming::{ImageMessage, Incoming, IncomingTopic, camera_info_topic, stamp_seconds};

@@ -30,6 +30,12 @@ impl Mount {
         self.base_from_body.unwrap_or_else(Se3::identity)
     }
 
+    /// Which way is up in the world of a run: away from the floor that the base stands on.
+    #[must_use]
+    pub fn up(&self) -> Vec3 {
+        axes::point_to_optical(&(self.pose().rotation.inverse() * Vec3::z()))
+    }
+
     /// The pose of the base in the map, of the camera's in the world.
     pub(crate) fn base(&self, world_from_camera: &Se3) -> Se3 {
         let pose = axes::pose_to_ros(world_from_camera);

@@ -83,6 +83,13 @@ impl Publisher {
         }
     }
 
+    /// With other names of frames.
+    #[must_use]
+    pub fn with_names(mut self, names: FrameNames) -> Self {
+        self.names = names;
+        self
+    }
+
     /// Of a camera that is mounted on a base, as others publish.
     #[must_use]
     pub fn with_mount(mut self, mount: Mount) -> Self {
@@ -171,20 +178,23 @@ impl Publisher {
         Outgoing::new(Topic::Surface, self.time(), &cloud)
     }
 
-    /// A floor plan of `width` columns, row by row, in percent and -1 where nothing is known. `world_from_grid` is where its first cell's outer corner is in
-    /// the world of the first submap, in its axes; cells have a side of `resolution`, m.
+    /// For who sees frames only, and publishes pictures, surfaces and plans: it is this time, s.
+    pub fn at(&mut self, stamp: f64) {
+        self.span = Some((self.span.map_or(stamp, |(first, _)| first), stamp));
+    }
+
+    /// From points of the world of the first submap to points of the frame that is called the map.
     #[must_use]
-    pub fn grid(
-        &self,
-        width: u32,
-        resolution: f64,
-        world_from_grid: &Se3,
-        cells: Vec<i8>,
-    ) -> Outgoing {
+    pub fn map_from_world(&self) -> Se3 {
+        let ros_from_world = Se3::new(axes::body_from_optical(), Vec3::zeros());
+        self.mount.place(&ros_from_world)
+    }
+
+    /// A floor plan of `width` columns, row by row, in percent and -1 where nothing is known. Its axes are those of the map, its first cell's outer corner is at
+    /// `origin` there, and cells have a side of `resolution`; m.
+    #[must_use]
+    pub fn grid(&self, width: u32, resolution: f64, origin: &Vec3, cells: Vec<i8>) -> Outgoing {
         let height = (cells.len() as u32).checked_div(width).unwrap_or(0);
-        // The grid's own axes have z up already; only its parent is turned.
-        let world_to_ros = Se3::new(axes::body_from_optical(), Vec3::zeros());
-        let origin = self.mount.place(&(world_to_ros * *world_from_grid));
         let grid = ros::OccupancyGrid {
             header: self.header(&self.names.map),
             info: ros::MapMetaData {
@@ -192,7 +202,10 @@ impl Publisher {
                 resolution: resolution as f32,
                 width,
                 height,
-                origin: pose(&quaternion_and_point(&origin)),
+                origin: pose(&quaternion_and_point(&Se3::new(
+                    stillpoint_geometry::nalgebra::UnitQuaternion::identity(),
+                    *origin,
+                ))),
             },
             data: cells,
         };

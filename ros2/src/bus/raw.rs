@@ -1,0 +1,180 @@
+//! Messages as bytes: serialising them is the business of the codec of `ros-messages`, so the middleware's is passed by.
+
+use crate::bus::Others;
+use rustdds::bytes::Bytes;
+use rustdds::dds::no_key::DeserializedCacheChange;
+use rustdds::no_key::{
+    DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter, SimpleDataReader,
+};
+use rustdds::rpc::SampleIdentity;
+use rustdds::{GUID, RTPSEntity, RepresentationIdentifier, WriteOptionsBuilder};
+use std::convert::Infallible;
+
+/// A message with its encapsulation header, as recordings have it.
+#[derive(Clone, Debug)]
+pub(crate) struct Raw(Vec<u8>);
+
+/// Passes bytes on.
+pub(crate) struct RawAdapter;
+
+/// Length of the encapsulation header: two bytes of kind, two of options.
+const HEADER: usize = 4;
+
+impl SerializerAdapter<Raw> for RawAdapter {
+    type Error = Infallible;
+
+    fn output_encoding() -> RepresentationIdentifier {
+        RepresentationIdentifier::CDR_LE
+    }
+
+    fn to_bytes(value: &Raw) -> Result<Bytes, Infallible> {
+        Ok(Bytes::copy_from_slice(value.0.get(HEADER..).unwrap_or(&[])))
+    }
+}
+
+impl DeserializerAdapter<Raw> for RawAdapter {
+    type Error = Infallible;
+    type Decoded = Raw;
+
+    fn supported_encodings() -> &'static [RepresentationIdentifier] {
+        &[
+            RepresentationIdentifier::CDR_LE,
+            RepresentationIdentifier::CDR_BE,
+        ]
+    }
+
+    fn transform_decoded(decoded: Raw) -> Raw {
+        decoded
+    }
+}
+
+impl DefaultDecoder<Raw> for RawAdapter {
+    type Decoder = Copying;
+    const DECODER: Copying = Copying;
+}
+
+/// Puts the header before the bytes.
+#[derive(Clone)]
+pub(crate) struct Copying;
+
+impl<'de> Decode<'de, Raw> for Copying {
+    type Error = Infallible;
+
+    fn decode_bytes(
+        self,
+        input: &'de [u8],
+        encoding: RepresentationIdentifier,
+    ) -> Result<Raw, Infallible> {
+        let little = encoding == RepresentationIdentifier::CDR_LE;
+        let mut bytes = Vec::with_capacity(HEADER + input.len());
+        bytes.extend_from_slice(&[0, u8::from(little), 0, 0]);
+        bytes.extend_from_slice(input);
+        Ok(Raw(bytes))
+    }
+}
+
+/// A message that came.
+#[derive(Clone, Debug)]
+pub struct Received {
+    /// CDR with its encapsulation header.
+    pub bytes: Vec<u8>,
+    /// Which message of which writer it is.
+    pub(crate) identity: SampleIdentity,
+    /// Which message it answers, or as which it wants to be answered.
+    pub(crate) related: Option<SampleIdentity>,
+}
+
+/// One end of a topic, to be read.
+pub struct Reader {
+    inner: SimpleDataReader<Raw, RawAdapter>,
+    others: Others,
+}
+
+impl Reader {
+    pub(crate) fn new(inner: SimpleDataReader<Raw, RawAdapter>) -> Self {
+        Self {
+            inner,
+            others: Others::default(),
+        }
+    }
+
+    pub(crate) fn with_others(self, others: Others) -> Self {
+        Self { others, ..self }
+    }
+
+    pub(crate) fn guid(&self) -> GUID {
+        self.inner.guid()
+    }
+
+    /// Publishers that are known.
+    #[must_use]
+    pub fn publishers(&self) -> usize {
+        self.others.count()
+    }
+
+    /// The next message, if one is there. Samples that are no messages are passed over.
+    pub fn take(&self) -> Option<Received> {
+        self.inner.drain_read_notifications();
+        // An error is of one sample, which is gone then; as many as this are never there.
+        for _ in 0..1000 {
+            match self.inner.try_take_one() {
+                Ok(sample) => return sample.map(received),
+                Err(_) => continue,
+            }
+        }
+        None
+    }
+}
+
+fn received(change: DeserializedCacheChange<Raw>) -> Received {
+    Received {
+        identity: SampleIdentity {
+            writer_guid: change.writer_guid(),
+            sequence_number: change.sequence_number,
+        },
+        related: change.related_sample_identity(),
+        bytes: change.into_value().0,
+    }
+}
+
+/// One end of a topic, to be written to.
+pub struct Writer {
+    inner: DataWriter<Raw, RawAdapter>,
+    others: Others,
+}
+
+impl Writer {
+    pub(crate) fn new(inner: DataWriter<Raw, RawAdapter>) -> Self {
+        Self {
+            inner,
+            others: Others::default(),
+        }
+    }
+
+    pub(crate) fn with_others(self, others: Others) -> Self {
+        Self { others, ..self }
+    }
+
+    pub(crate) fn guid(&self) -> GUID {
+        self.inner.guid()
+    }
+
+    /// Subscribers that are known.
+    #[must_use]
+    pub fn subscribers(&self) -> usize {
+        self.others.count()
+    }
+
+    /// Sends a message in CDR with its encapsulation header. False where the middleware could not take it, because readers that want every message do not keep up.
+    pub fn send(&self, bytes: &[u8]) -> bool {
+        self.inner.write(Raw(bytes.to_vec()), None).is_ok()
+    }
+
+    /// Sends an answer.
+    pub(crate) fn answer(&self, bytes: Vec<u8>, to: Option<SampleIdentity>) -> bool {
+        let options = WriteOptionsBuilder::new().related_sample_identity_opt(to);
+        self.inner
+            .write_with_options(Raw(bytes), options.build())
+            .is_ok()
+    }
+}

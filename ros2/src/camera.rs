@@ -1,0 +1,361 @@
+//! The camera as topics say it: which frames of reference, which calibrations, and what is still missing before images can become frames.
+
+use crate::options::Options;
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+use stillpoint::geometry::Se3;
+use stillpoint::recordings::{
+    ImageMessage, Incoming, IncomingTopic, OpenOptions, Transforms, says_registered,
+};
+use stillpoint::ros_messages as ros;
+use stillpoint::ros_messages::Format;
+
+/// How long it is waited for what would let depth be registered, before it is taken as it is or refused.
+const PATIENCE: Duration = Duration::from_secs(3);
+
+/// Messages of `/tf_static` that are kept for recordings at most.
+const MOST_CONSTANTS: usize = 1000;
+
+/// Names of the topics of a camera.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CameraTopics {
+    /// Colour images.
+    pub colour: String,
+    /// Depth images.
+    pub depth: String,
+    /// Their camera infos.
+    pub colour_info: String,
+    /// Theirs.
+    pub depth_info: String,
+    /// Whether colour images are `CompressedImage`.
+    pub colour_compressed: bool,
+    /// Whether depth images are.
+    pub depth_compressed: bool,
+}
+
+/// What is known of a camera.
+pub struct CameraState {
+    topics: CameraTopics,
+    colour_info: Option<Vec<u8>>,
+    depth_info: Option<Vec<u8>>,
+    transforms: Transforms,
+    /// Messages of `/tf_static` so far, of those that said something new.
+    constants: Vec<Vec<u8>>,
+    /// Parents of frames.
+    parents: BTreeMap<String, String>,
+    /// When the first pair came that could not become a frame.
+    waiting: Option<Instant>,
+}
+
+/// A camera whose images can become frames.
+pub struct Ready {
+    /// What makes them.
+    pub incoming: Incoming,
+    /// The frame of reference of colour images.
+    pub optical: String,
+}
+
+/// Why they cannot yet.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum NotReady {
+    /// Something has not come yet.
+    Waiting(String),
+    /// What came cannot be worked with.
+    Refused(String),
+}
+
+impl CameraState {
+    /// Before anything came.
+    #[must_use]
+    pub fn new(topics: CameraTopics) -> Self {
+        Self {
+            topics,
+            colour_info: None,
+            depth_info: None,
+            transforms: Transforms::default(),
+            constants: Vec::new(),
+            parents: BTreeMap::new(),
+            waiting: None,
+        }
+    }
+
+    /// Takes a camera info; says whether it differs from the one before in what it says of the camera.
+    ///
+    /// # Errors
+    /// What does not read.
+    pub fn take_info(&mut self, is_depth: bool, bytes: Vec<u8>) -> Result<bool, String> {
+        let info: ros::CameraInfo<'_> = ros::from_bytes(&bytes, Format::CdrLittleEndian)
+            .map_err(|e| format!("camera info: {e}"))?;
+        let known = if is_depth {
+            &mut self.depth_info
+        } else {
+            &mut self.colour_info
+        };
+        let before = known.as_deref().and_then(read_info);
+        let differs = before.is_some_and(|b| {
+            (b.width, b.height, &b.distortion_model, &b.d, b.k, b.p)
+                != (
+                    info.width,
+                    info.height,
+                    &info.distortion_model,
+                    &info.d,
+                    info.k,
+                    info.p,
+                )
+        });
+        *known = Some(bytes);
+        Ok(differs)
+    }
+
+    /// Takes transforms that do not change.
+    ///
+    /// # Errors
+    /// What does not read.
+    pub fn take_transforms(&mut self, bytes: &[u8]) -> Result<(), String> {
+        let message: ros::TfMessage<'_> = ros::from_bytes(bytes, Format::CdrLittleEndian)
+            .map_err(|e| format!("/tf_static: {e}"))?;
+        let plain = |name: &str| name.trim_start_matches('/').to_owned();
+        let mut news = false;
+        for transform in &message.transforms {
+            self.transforms.add(transform);
+            let parent = plain(&transform.header.frame_id);
+            news |= self
+                .parents
+                .insert(plain(&transform.child_frame_id), parent.clone())
+                != Some(parent);
+        }
+        if news && self.constants.len() < MOST_CONSTANTS {
+            self.constants.push(bytes.to_vec());
+        }
+        Ok(())
+    }
+
+    /// Messages of `/tf_static` so far.
+    #[must_use]
+    pub fn constants(&self) -> &[Vec<u8>] {
+        &self.constants
+    }
+
+    /// Whether anything is known of transforms.
+    #[must_use]
+    pub fn has_transforms(&self) -> bool {
+        !self.parents.is_empty()
+    }
+
+    /// The frame that has no parent, above a frame.
+    #[must_use]
+    pub fn root_of(&self, frame: &str) -> String {
+        let mut at = frame;
+        // A tree that bites its tail has no root.
+        for _ in 0..=self.parents.len() {
+            match self.parents.get(at) {
+                Some(parent) => at = parent,
+                None => break,
+            }
+        }
+        at.to_owned()
+    }
+
+    /// The messages of camera infos as they came, with the topics of their images.
+    pub fn infos(&self) -> impl Iterator<Item = (&str, &[u8])> {
+        let colour = self.colour_info.as_deref();
+        let depth = self.depth_info.as_deref();
+        let colour = colour.map(|bytes| (self.topics.colour.as_str(), bytes));
+        colour
+            .into_iter()
+            .chain(depth.map(|bytes| (self.topics.depth.as_str(), bytes)))
+    }
+
+    /// What makes frames of images such as these.
+    ///
+    /// # Errors
+    /// What is missing, or cannot be worked with.
+    pub fn ready(
+        &mut self,
+        colour: &ImageMessage<'_>,
+        depth: &ImageMessage<'_>,
+        options: &Options,
+    ) -> Result<Ready, NotReady> {
+        let info = self.colour_info.as_deref().and_then(read_info);
+        let depth_info = self.depth_info.as_deref().and_then(read_info);
+        let (of_colour, of_depth) = (frame(colour), frame(depth));
+        let registered = of_colour == of_depth || says_registered(&self.topics.depth);
+        if info.is_none() && !(registered && depth_info.is_some()) {
+            return Err(NotReady::Waiting(format!(
+                "the camera's calibration: no CameraInfo on {}",
+                self.topics.colour_info
+            )));
+        }
+        let missing = if registered {
+            None
+        } else if depth_info.is_none() {
+            Some(format!("no CameraInfo on {}", self.topics.depth_info))
+        } else if self.transforms.find(of_colour, of_depth).is_none() {
+            Some(format!("no {of_depth} -> {of_colour} on /tf_static"))
+        } else {
+            None
+        };
+        let waited = self.waiting.get_or_insert_with(Instant::now).elapsed();
+        if let Some(missing) = missing
+            && waited < PATIENCE
+        {
+            return Err(NotReady::Waiting(format!(
+                "what tells where depth stands to colour: {missing}"
+            )));
+        }
+        let topic = |topic, message, info| IncomingTopic {
+            topic,
+            message,
+            info,
+        };
+        let open = OpenOptions {
+            max_dt: options.max_dt,
+            depth_scale: options.depth_scale,
+            ..OpenOptions::default()
+        };
+        let incoming = Incoming::new(
+            &topic(&self.topics.colour, colour, info.as_ref()),
+            &topic(&self.topics.depth, depth, depth_info.as_ref()),
+            &self.transforms,
+            &open,
+        );
+        let incoming = incoming.map_err(|e| NotReady::Refused(e.to_string()))?;
+        self.waiting = None;
+        Ok(Ready {
+            incoming,
+            optical: of_colour.to_owned(),
+        })
+    }
+
+    /// `base_from_optical`, if a chain of transforms says so.
+    #[must_use]
+    pub fn base_from_optical(&self, base: &str, optical: &str) -> Option<Se3> {
+        self.transforms.find(base, optical)
+    }
+}
+
+fn read_info(bytes: &[u8]) -> Option<ros::CameraInfo<'_>> {
+    ros::from_bytes(bytes, Format::CdrLittleEndian).ok()
+}
+
+fn frame<'m>(message: &'m ImageMessage<'_>) -> &'m str {
+    message.header().frame_id.trim_start_matches('/')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::Parameters;
+    use stillpoint::ros_messages::to_bytes;
+
+    fn topics() -> CameraTopics {
+        CameraTopics {
+            colour: "/camera/color/image_raw".into(),
+            depth: "/camera/depth/image_rect_raw".into(),
+            colour_info: "/camera/color/camera_info".into(),
+            depth_info: "/camera/depth/camera_info".into(),
+            colour_compressed: false,
+            depth_compressed: false,
+        }
+    }
+
+    fn image(encoding: &'static str, frame: &'static str, bytes: usize) -> ImageMessage<'static> {
+        ImageMessage::Raw(ros::Image {
+            header: ros::Header {
+                frame_id: frame.into(),
+                ..ros::Header::default()
+            },
+            height: 6,
+            width: 8,
+            encoding: encoding.into(),
+            is_bigendian: 0,
+            step: 8 * bytes as u32,
+            data: vec![1; 48 * bytes].into(),
+        })
+    }
+
+    fn info(fx: f64) -> Vec<u8> {
+        let info = ros::CameraInfo {
+            height: 6,
+            width: 8,
+            k: [fx, 0.0, 4.0, 0.0, fx, 3.0, 0.0, 0.0, 1.0],
+            ..ros::CameraInfo::default()
+        };
+        to_bytes(&info, Format::CdrLittleEndian)
+    }
+
+    fn transform(parent: &'static str, child: &'static str, x: f64) -> Vec<u8> {
+        let mut t = ros::TransformStamped::default();
+        t.header.frame_id = parent.into();
+        t.child_frame_id = child.into();
+        t.transform.translation.x = x;
+        t.transform.rotation.w = 1.0;
+        to_bytes(
+            &ros::TfMessage {
+                transforms: vec![t],
+            },
+            Format::CdrLittleEndian,
+        )
+    }
+
+    #[test]
+    fn what_is_missing_is_named_until_it_comes() {
+        let options = Options::new(&Parameters::default()).unwrap();
+        let mut camera = CameraState::new(topics());
+        let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "depth", 2));
+        let mut waits_for = |camera: &mut CameraState, what: &str| {
+            let Err(NotReady::Waiting(told)) = camera.ready(&colour, &depth, &options) else {
+                panic!("{what}");
+            };
+            assert!(told.contains(what), "{told}");
+        };
+        waits_for(&mut camera, "/camera/color/camera_info");
+        assert_eq!(camera.take_info(false, info(5.0)), Ok(false));
+        waits_for(&mut camera, "/camera/depth/camera_info");
+        assert_eq!(camera.take_info(true, info(5.0)), Ok(false));
+        waits_for(&mut camera, "depth -> colour on /tf_static");
+        camera
+            .take_transforms(&transform("link", "colour", 0.1))
+            .unwrap();
+        camera
+            .take_transforms(&transform("link", "depth", 0.0))
+            .unwrap();
+        let ready = camera.ready(&colour, &depth, &options).ok().unwrap();
+        assert_eq!(ready.optical, "colour");
+        assert!(
+            ready
+                .incoming
+                .guesses()
+                .iter()
+                .any(|g| g.contains("100.0 mm beside"))
+        );
+        // The same again says nothing new; another does.
+        assert_eq!(camera.take_info(false, info(5.0)), Ok(false));
+        assert_eq!(camera.take_info(false, info(6.0)), Ok(true));
+        // base -> link -> colour.
+        camera
+            .take_transforms(&transform("base_link", "link", 0.5))
+            .unwrap();
+        let base = camera.base_from_optical("base_link", "colour").unwrap();
+        assert!((base.translation.x - 0.6).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_cannot_be_worked_with_is_refused() {
+        let options = Options::new(&Parameters::default()).unwrap();
+        for (colour, depth, part) in [
+            (image("rgb8", "c", 3), image("rgb8", "c", 3), "depth images"),
+            (image("h264", "c", 3), image("16UC1", "c", 2), "h264"),
+        ] {
+            let mut camera = CameraState::new(topics());
+            camera.take_info(false, info(5.0)).unwrap();
+            let Err(NotReady::Refused(told)) = camera.ready(&colour, &depth, &options) else {
+                panic!("{part}");
+            };
+            assert!(told.contains(part) && told.contains("found"), "{told}");
+        }
+        let mut camera = CameraState::new(topics());
+        assert!(camera.take_info(false, vec![0, 1, 0, 0, 1]).is_err());
+        assert!(camera.take_transforms(&[7]).is_err());
+    }
+}

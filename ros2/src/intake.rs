@@ -1,0 +1,311 @@
+//! What comes in: images in pairs, camera infos, transforms that do not change, odometry.
+
+use crate::bus::{Bus, BusError, Quality, Reader};
+use crate::camera::{CameraState, CameraTopics};
+use crate::names::{NodeName, Remap, resolve};
+use crate::options::Options;
+use crate::pairing::{Pair, Pairing, Stream, Taken};
+use crate::waiting::{Seen, StreamState};
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use stillpoint::recordings::{ImageMessage, camera_info_topic, stamp_seconds};
+use stillpoint::ros_messages as ros;
+use stillpoint::ros_messages::Message;
+
+/// Names of topics, before they are renamed.
+pub const COLOUR: &str = "camera/color/image_raw";
+/// Depth in the colour camera, as the drivers of RealSense name it.
+pub const DEPTH: &str = "camera/aligned_depth_to_color/image_raw";
+/// Odometry that is recorded.
+pub const ODOMETRY: &str = "wheel_odometry";
+
+/// Readers of everything.
+pub struct Intake {
+    colour: Reader,
+    depth: Reader,
+    colour_info: Reader,
+    depth_info: Reader,
+    tf_static: Reader,
+    odometry: Option<(String, Reader)>,
+    topics: CameraTopics,
+    pairing: Pairing<Vec<u8>>,
+    /// Of both streams.
+    pub seen: [StreamState; 2],
+}
+
+/// What came of everything that is no image.
+#[derive(Default)]
+pub struct News {
+    /// The calibration is another one than before.
+    pub other_camera: bool,
+    /// Messages of `/tf_static`.
+    pub transforms: Vec<Vec<u8>>,
+    /// Messages of odometry, with their topic.
+    pub odometry: Vec<(String, Vec<u8>)>,
+    /// What did not read.
+    pub broken: Vec<String>,
+}
+
+/// Names of the topics of images, and of what goes with them.
+#[must_use]
+pub fn topics(options: &Options, node: &NodeName, remaps: &[Remap]) -> CameraTopics {
+    let base = [COLOUR, DEPTH].map(|name| resolve(name, node, remaps));
+    // What is beside an image may be renamed by itself.
+    let info = |default: &str, image: &str| {
+        let renamed = resolve(default, node, remaps);
+        let unchanged = resolve(default, node, &[]);
+        if renamed == unchanged {
+            camera_info_topic(image)
+        } else {
+            renamed
+        }
+    };
+    let with = |base: &str, transport: &str| {
+        if transport == "raw" || base.ends_with(&format!("/{transport}")) {
+            base.to_owned()
+        } else {
+            format!("{base}/{transport}")
+        }
+    };
+    let colour = with(&base[0], &options.color_transport);
+    let depth = with(&base[1], &options.depth_transport);
+    let compressed =
+        |topic: &str| topic.ends_with("/compressed") || topic.ends_with("/compressedDepth");
+    CameraTopics {
+        colour_info: info("camera/color/camera_info", &base[0]),
+        depth_info: info("camera/aligned_depth_to_color/camera_info", &base[1]),
+        colour_compressed: compressed(&colour),
+        depth_compressed: compressed(&depth),
+        colour,
+        depth,
+    }
+}
+
+impl Intake {
+    /// Subscribes.
+    ///
+    /// # Errors
+    /// What the middleware says.
+    pub fn subscribe(
+        bus: &mut Bus,
+        topics: &CameraTopics,
+        options: &Options,
+        remaps: &[Remap],
+    ) -> Result<Self, BusError> {
+        let node = bus.node().clone();
+        let images = Quality {
+            reliable: options.reliable,
+            ..Quality::SENSOR
+        };
+        let image = |compressed| {
+            if compressed {
+                ros::CompressedImage::NAME
+            } else {
+                ros::Image::NAME
+            }
+        };
+        let constant = Quality {
+            depth: 100,
+            ..Quality::LATCHED
+        };
+        let odometry = options.subscribe_odometry.then(|| {
+            let name = resolve(ODOMETRY, &node, remaps);
+            let reader = bus.subscribe(&name, ros::Odometry::NAME, Quality::SENSOR)?;
+            Ok::<_, BusError>((name, reader))
+        });
+        let odometry = odometry.transpose()?;
+        let info = ros::CameraInfo::NAME;
+        Ok(Self {
+            colour: bus.subscribe(&topics.colour, image(topics.colour_compressed), images)?,
+            depth: bus.subscribe(&topics.depth, image(topics.depth_compressed), images)?,
+            colour_info: bus.subscribe(&topics.colour_info, info, Quality::SENSOR)?,
+            depth_info: bus.subscribe(&topics.depth_info, info, Quality::SENSOR)?,
+            tf_static: bus.subscribe(
+                &resolve("/tf_static", &node, remaps),
+                ros::TfMessage::NAME,
+                constant,
+            )?,
+            odometry,
+            topics: topics.clone(),
+            pairing: Pairing::new(options.max_dt),
+            seen: [StreamState::default(), StreamState::default()],
+        })
+    }
+
+    /// Names of the topics.
+    #[must_use]
+    pub fn topics(&self) -> &CameraTopics {
+        &self.topics
+    }
+
+    /// Publishers of colour, depth and constant transforms.
+    #[must_use]
+    pub fn publishers(&self) -> [usize; 3] {
+        [&self.colour, &self.depth, &self.tf_static].map(Reader::publishers)
+    }
+
+    /// Whether publishers of images offer less than is asked for.
+    pub fn misfits(&self, bus: &mut Bus) -> [bool; 2] {
+        [bus.take_misfit(&self.colour), bus.take_misfit(&self.depth)]
+    }
+
+    /// Images that found no partner.
+    #[must_use]
+    pub fn alone(&self) -> [u64; 2] {
+        self.pairing.alone()
+    }
+
+    /// Pairs images by another distance from now on, s.
+    pub fn begin_run(&mut self, max_dt: f64) {
+        self.pairing = Pairing::new(max_dt);
+    }
+
+    /// Takes everything that is no image.
+    pub fn take_news(&mut self, camera: &mut CameraState) -> News {
+        let mut news = News::default();
+        for (is_depth, reader) in [(false, &self.colour_info), (true, &self.depth_info)] {
+            // Infos repeat with every image, and the newest counts.
+            let mut newest = None;
+            while let Some(message) = reader.take() {
+                newest = Some(message.bytes);
+            }
+            match newest.map(|bytes| camera.take_info(is_depth, bytes)) {
+                Some(Ok(differs)) => news.other_camera |= differs,
+                Some(Err(e)) => news.broken.push(e),
+                None => {}
+            }
+        }
+        while let Some(message) = self.tf_static.take() {
+            match camera.take_transforms(&message.bytes) {
+                Ok(()) => news.transforms.push(message.bytes),
+                Err(e) => news.broken.push(e),
+            }
+        }
+        if let Some((topic, reader)) = &self.odometry {
+            while let Some(message) = reader.take() {
+                news.odometry.push((topic.clone(), message.bytes));
+            }
+        }
+        news
+    }
+
+    /// Takes images. What was wrong with them is told.
+    pub fn take_images(&mut self, told: &mut Vec<String>) {
+        let readers = [
+            (Stream::Colour, &self.colour, self.topics.colour_compressed),
+            (Stream::Depth, &self.depth, self.topics.depth_compressed),
+        ];
+        for (stream, reader, compressed) in readers {
+            let seen = &mut self.seen[stream as usize];
+            while let Some(message) = reader.take() {
+                seen.come(Instant::now());
+                match stamp_of(&message.bytes, compressed) {
+                    Ok(stamp) => {
+                        seen.stamp = Some(stamp);
+                        if self.pairing.take(stream, stamp, message.bytes) == Taken::SetBack {
+                            told.push(format!(
+                                "stamps of images went back to {stamp:.3} s: the clock was set back, and frames follow its new time"
+                            ));
+                        }
+                    }
+                    Err(e) => told.push(format!("{}: {e}", name(stream))),
+                }
+            }
+        }
+    }
+
+    /// The next two images of a frame.
+    pub fn next_pair(&mut self) -> Option<Pair<Vec<u8>>> {
+        self.pairing.next()
+    }
+
+    /// What is known of both streams, for whoever waits.
+    #[must_use]
+    pub fn state(&self) -> Seen<'_> {
+        Seen {
+            topics: &self.topics,
+            streams: &self.seen,
+            publishers: self.publishers(),
+            alone: self.alone(),
+        }
+    }
+}
+
+fn name(stream: Stream) -> &'static str {
+    match stream {
+        Stream::Colour => "colour image",
+        Stream::Depth => "depth image",
+    }
+}
+
+/// When an image was taken, s; when it came where its camera does not say.
+fn stamp_of(bytes: &[u8], compressed: bool) -> Result<f64, String> {
+    let message = ImageMessage::read(bytes, compressed).map_err(|e| e.to_string())?;
+    let stamp = message.header().stamp;
+    if stamp != ros::Time::default() {
+        return Ok(stamp_seconds(stamp));
+    }
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    Ok(now.map_or(0.0, |t| t.as_secs_f64()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::parameters::Parameters;
+    use crate::value::Value;
+
+    fn of(settings: &[(&str, &str)], remaps: &[(&str, &str)]) -> CameraTopics {
+        let mut p = Parameters::default();
+        for (name, value) in settings {
+            p.set(name, &Value::Text((*value).to_owned())).unwrap();
+        }
+        let node = NodeName {
+            namespace: "/robot1".into(),
+            name: "stillpoint".into(),
+        };
+        let rule = |(from, to): &(&str, &str)| Remap {
+            node: None,
+            from: (*from).to_owned(),
+            to: (*to).to_owned(),
+        };
+        let remaps: Vec<Remap> = remaps.iter().map(rule).collect();
+        topics(&Options::new(&p).unwrap(), &node, &remaps)
+    }
+
+    #[test]
+    fn topics_follow_transports_and_remapping() {
+        let plain = of(&[], &[]);
+        assert_eq!(plain.colour, "/robot1/camera/color/image_raw");
+        assert_eq!(plain.colour_info, "/robot1/camera/color/camera_info");
+        assert!(!plain.colour_compressed && !plain.depth_compressed);
+        let compressed = of(
+            &[
+                ("color_transport", "compressed"),
+                ("depth_transport", "compressedDepth"),
+            ],
+            &[
+                (COLOUR, "/front/rgb/image"),
+                (DEPTH, "/front/depth_registered/image"),
+            ],
+        );
+        assert_eq!(compressed.colour, "/front/rgb/image/compressed");
+        assert_eq!(compressed.colour_info, "/front/rgb/camera_info");
+        assert_eq!(
+            compressed.depth,
+            "/front/depth_registered/image/compressedDepth"
+        );
+        assert!(compressed.colour_compressed && compressed.depth_compressed);
+        let named = of(
+            &[],
+            &[
+                (COLOUR, "/a/image/compressed"),
+                ("camera/color/camera_info", "/b/info"),
+            ],
+        );
+        assert_eq!(
+            (named.colour.as_str(), named.colour_info.as_str()),
+            ("/a/image/compressed", "/b/info")
+        );
+        assert!(named.colour_compressed);
+    }
+}

@@ -1,0 +1,595 @@
+//! The node: one loop that takes what came, hands frames to the run, and answers what is asked.
+
+use crate::arguments::Request;
+use crate::bus::{Bus, Quality, Reach, Writer};
+use crate::camera::{CameraState, NotReady};
+use crate::intake::{Intake, News, topics};
+use crate::maps;
+use crate::mounting;
+use crate::options::Options;
+use crate::outputs::Outputs;
+use crate::pairing::Pair;
+use crate::parameters::Parameters;
+use crate::record::Entry;
+use crate::run::{Known, Plan, Run};
+use crate::say::Voice;
+use crate::services::{Answer, Ask, Services};
+use crate::value::Value;
+use crate::waiting::{Waiting, diagnostics};
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
+use stillpoint::recordings::{ImageMessage, camera_info_topic};
+use stillpoint::ros_events::{Outgoing, Publisher, Topic};
+use stillpoint::ros_messages as ros;
+use stillpoint::ros_messages::{Format, Message, Version, to_bytes};
+use stillpoint::slam::MapUse;
+
+/// Longest time between two looks at what is asked.
+const LOOK: Duration = Duration::from_millis(50);
+/// How often it is said how the input is.
+const STATUS: Duration = Duration::from_secs(1);
+/// What is wrong with images is said once in so long.
+const REPEAT: Duration = Duration::from_secs(5);
+
+/// A node that runs.
+pub struct Node {
+    bus: Bus,
+    voice: Voice,
+    parameters: Parameters,
+    options: Options,
+    outputs: Arc<Outputs>,
+    services: Services,
+    parameter_events: Writer,
+    intake: Intake,
+    camera: CameraState,
+    run: Option<Run>,
+    /// Runs so far.
+    number: u32,
+    /// When the run began.
+    begun: Instant,
+    /// A map for the next run, and what publishes it where `odom` goes on.
+    known: Option<Known>,
+    publisher: Option<Publisher>,
+    /// Why no run begins, until something is changed.
+    refused: Option<String>,
+    not_ready: Option<String>,
+    paused: bool,
+    waiting: Waiting,
+    last_pair: Option<Instant>,
+    status_at: Instant,
+    counted: [u64; 2],
+    /// What was said of images, and when.
+    said: BTreeMap<String, Instant>,
+}
+
+impl Node {
+    /// Joins the others.
+    ///
+    /// # Errors
+    /// Parameters that cannot be, no network.
+    pub fn start(request: &Request, reach: Reach) -> Result<Self, String> {
+        let mut parameters = Parameters::new(request)?;
+        let options = Options::new(&parameters)?;
+        let node = &request.node;
+        let voice = Voice::new(&node.full(), request.log_level);
+        let remaps = &request.remaps;
+        let told = |e: crate::bus::BusError| e.to_string();
+        let mut bus = Bus::join(node, reach).map_err(told)?;
+        let of_node = |bus: &mut Bus, name: &str, type_name: &str| {
+            let quality = Quality {
+                depth: 100,
+                latched: name == "/rosout",
+                ..Quality::DEFAULT
+            };
+            bus.publish(name, type_name, quality).map_err(told)
+        };
+        voice.on_rosout(of_node(&mut bus, "/rosout", ros::Log::NAME)?);
+        let parameter_events = of_node(&mut bus, "/parameter_events", ros::ParameterEvent::NAME)?;
+        let outputs = Outputs::offer(&mut bus, node, remaps).map_err(told)?;
+        let services = Services::offer(&mut bus, node, remaps).map_err(told)?;
+        let topics = topics(&options, node, remaps);
+        let intake = Intake::subscribe(&mut bus, &topics, &options, remaps).map_err(told)?;
+        bus.announce().map_err(told)?;
+        parameters.start();
+        let mut started = Self {
+            known: None,
+            bus,
+            voice,
+            parameters,
+            outputs: Arc::new(outputs),
+            services,
+            parameter_events,
+            intake,
+            camera: CameraState::new(topics),
+            run: None,
+            number: 0,
+            begun: Instant::now(),
+            publisher: None,
+            refused: None,
+            not_ready: None,
+            paused: false,
+            waiting: Waiting::default(),
+            last_pair: None,
+            status_at: Instant::now(),
+            counted: [0; 2],
+            said: BTreeMap::new(),
+            options,
+        };
+        if let Some(file) = started.options.load_map.clone() {
+            started.known = Some(started.read_map(file.into())?);
+        }
+        started.say_hello(reach);
+        Ok(started)
+    }
+
+    fn say_hello(&self, reach: Reach) {
+        let topics = self.intake.topics();
+        let domain = reach.domain;
+        let place = if reach.local_only {
+            "this machine only"
+        } else {
+            "all interfaces"
+        };
+        self.voice.info(&format!(
+            "{} on domain {domain} ({place}); colour {}, depth {}",
+            self.bus.node().full(),
+            topics.colour,
+            topics.depth
+        ));
+    }
+
+    /// Runs until it is asked to stop, and finishes what is to be written.
+    ///
+    /// # Errors
+    /// What could not be written.
+    pub fn run_until(&mut self, stop: &AtomicBool) -> Result<(), String> {
+        while !stop.load(Ordering::Relaxed) {
+            self.bus.wait(LOOK);
+            let news = self.intake.take_news(&mut self.camera);
+            self.take_news(news);
+            self.take_images();
+            self.decide_mounting();
+            self.serve();
+            self.tell_status();
+        }
+        let troubles = self.end_run(false);
+        if troubles.is_empty() {
+            return Ok(());
+        }
+        Err(troubles.join("; "))
+    }
+
+    fn take_news(&mut self, news: News) {
+        for broken in news.broken {
+            self.repeat(&broken);
+        }
+        if news.other_camera && self.run.is_some() {
+            self.voice
+                .warn("the camera's calibration changed: a new map begins");
+            self.end_run(false);
+        }
+        for bytes in news.transforms {
+            if let Some(run) = &self.run {
+                run.record(|| constant(bytes));
+            }
+        }
+        for (topic, bytes) in news.odometry {
+            if let Some(run) = self.run.as_ref().filter(|r| r.is_recorded()) {
+                let stamp = ros::from_bytes::<ros::Odometry<'_>>(&bytes, Format::CdrLittleEndian);
+                let Ok(stamp) = stamp.map(|m| m.header.stamp) else {
+                    continue;
+                };
+                run.record(|| Entry {
+                    topic,
+                    type_name: ros::Odometry::NAME,
+                    definition: || ros::definition::<ros::Odometry<'_>>(Version::Ros2),
+                    time: nanoseconds(stamp),
+                    latched: false,
+                    bytes,
+                });
+            }
+        }
+    }
+
+    fn take_images(&mut self) {
+        let mut told = Vec::new();
+        self.intake.take_images(&mut told);
+        told.iter().for_each(|t| self.repeat(t));
+        while let Some(pair) = self.intake.next_pair() {
+            self.last_pair = Some(Instant::now());
+            if self.paused {
+                continue;
+            }
+            if let Err(e) = self.take_pair(&pair) {
+                self.repeat(&e);
+            }
+        }
+    }
+
+    fn take_pair(&mut self, pair: &Pair<Vec<u8>>) -> Result<(), String> {
+        let topics = self.intake.topics().clone();
+        let read = |bytes, compressed| {
+            ImageMessage::read(bytes, compressed).map_err(|e| format!("image: {e}"))
+        };
+        let colour = read(&pair.colour.1, topics.colour_compressed)?;
+        let depth = read(&pair.depth.1, topics.depth_compressed)?;
+        if self.run.is_none() {
+            self.begin_run(&colour, &depth)?;
+        }
+        let Some(run) = &mut self.run else {
+            return Ok(());
+        };
+        let time = nanoseconds(colour.header().stamp);
+        if run.is_recorded() {
+            let images = [
+                (&topics.colour, topics.colour_compressed, &pair.colour.1),
+                (&topics.depth, topics.depth_compressed, &pair.depth.1),
+            ];
+            for (topic, compressed, bytes) in images {
+                run.record(|| image(topic.clone(), compressed, time, bytes.clone()));
+            }
+        }
+        let id = run.number();
+        let stamps = (pair.colour.0, pair.depth.0);
+        let keep = run.keep_colour();
+        let frame = run
+            .ready()
+            .incoming
+            .frame(id, stamps, &colour, &depth, keep)?;
+        if !run.push(frame) {
+            return Err("tracking has ended by a fault; call reset".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Begins a run where everything is there for one.
+    fn begin_run(
+        &mut self,
+        colour: &ImageMessage<'_>,
+        depth: &ImageMessage<'_>,
+    ) -> Result<(), String> {
+        if self.refused.is_some() {
+            return Ok(());
+        }
+        self.options = Options::new(&self.parameters)?;
+        let ready = match self.camera.ready(colour, depth, &self.options) {
+            Ok(ready) => ready,
+            Err(NotReady::Waiting(what)) => {
+                self.not_ready = Some(what);
+                return Ok(());
+            }
+            Err(NotReady::Refused(why)) => {
+                self.not_ready = Some("images that can be worked with".to_owned());
+                return Err(why);
+            }
+        };
+        self.not_ready = None;
+        let incoming = &ready.incoming;
+        for guess in incoming.guesses() {
+            self.voice.info(guess);
+        }
+        for warning in incoming.warnings() {
+            self.voice.warn(warning);
+        }
+        self.number += 1;
+        let topics = self.intake.topics();
+        let plan = Plan {
+            ready,
+            options: &self.options,
+            config: self.parameters.config(),
+            known: self.known.take(),
+            publisher: self.publisher.take(),
+            outputs: &self.outputs,
+            topics: [&topics.colour, &topics.depth],
+            number: self.number,
+        };
+        match Run::begin(plan) {
+            Ok(run) => {
+                self.voice.info(&format!("run {} begins", self.number));
+                self.record_constants(&run, nanoseconds(colour.header().stamp));
+                self.run = Some(run);
+                self.begun = Instant::now();
+                Ok(())
+            }
+            Err(why) => {
+                self.voice.error(&why);
+                self.voice
+                    .error("no run begins until that is put right and reset is called");
+                self.refused = Some(why);
+                Ok(())
+            }
+        }
+    }
+
+    /// What was there before the recording, and what a replay has to know.
+    fn record_constants(&self, run: &Run, time: u64) {
+        for (image_topic, bytes) in self.camera.infos() {
+            run.record(|| Entry {
+                topic: camera_info_topic(image_topic),
+                type_name: ros::CameraInfo::NAME,
+                definition: || ros::definition::<ros::CameraInfo<'_>>(Version::Ros2),
+                time,
+                latched: false,
+                bytes: bytes.to_vec(),
+            });
+        }
+        for bytes in self.camera.constants() {
+            run.record(|| Entry {
+                time,
+                ..constant(bytes.clone())
+            });
+        }
+    }
+
+    fn decide_mounting(&mut self) {
+        let Some(run) = self.run.as_ref().filter(|r| r.decided().get().is_none()) else {
+            return;
+        };
+        let has_publishers = self.intake.publishers()[2] > 0;
+        let optical = &run.ready().optical;
+        let waited = self.begun.elapsed();
+        let found = mounting::decide(&self.camera, optical, &self.options, has_publishers, waited);
+        if let Some((mounting, remark)) = found {
+            match remark {
+                Some(remark) => self.voice.warn(&remark),
+                None => self
+                    .voice
+                    .info(&format!("poses are of {}", mounting.names.body)),
+            }
+            // Nobody else sets it.
+            let _ = run.decided().set(mounting);
+        }
+    }
+
+    fn serve(&mut self) {
+        let mut changed = Vec::new();
+        let asked = self.services.poll(&mut self.parameters, &mut changed);
+        self.tell_changes(&changed);
+        for asked in asked {
+            let answer = self.carry_out(asked.ask);
+            match &answer {
+                Ok(done) => self.voice.info(done),
+                Err(why) => self.voice.error(why),
+            }
+            self.services.answer(&asked, &answer);
+        }
+    }
+
+    fn tell_changes(&self, changed: &[(String, Value)]) {
+        if changed.is_empty() {
+            return;
+        }
+        let event = ros::ParameterEvent {
+            stamp: now(),
+            node: self.bus.node().full().into(),
+            changed_parameters: changed
+                .iter()
+                .map(|(name, value)| ros::Parameter {
+                    name: name.as_str().into(),
+                    value: value.to_message(),
+                })
+                .collect(),
+            ..ros::ParameterEvent::default()
+        };
+        self.parameter_events
+            .send(&to_bytes(&event, Format::CdrLittleEndian));
+        for (name, value) in changed {
+            self.voice.info(&format!("{name} is {value}"));
+        }
+    }
+
+    fn carry_out(&mut self, ask: Ask) -> Answer {
+        match ask {
+            Ask::Reset => {
+                self.known = None;
+                self.end_run(false);
+                Ok("a new map begins with the next frame".to_owned())
+            }
+            Ask::SaveMap => {
+                let run = self.run.as_ref().ok_or("there is no map yet")?;
+                let map = run.watch().map().ok_or("mapping has ended by a fault")?;
+                maps::save(&map, &self.map_file())
+            }
+            Ask::LoadMap => {
+                let known = self.read_map(self.map_file())?;
+                let keyframes = known.map.view().keyframe_count();
+                self.end_run(true);
+                self.known = Some(known);
+                Ok(format!(
+                    "{keyframes} keyframes; the camera is looked for in them"
+                ))
+            }
+            Ask::LocalizeOnly(only) => self.localize_only(only),
+            Ask::Pause(paused) => {
+                self.paused = paused;
+                Ok(if paused {
+                    "frames go by until pause is called with false".to_owned()
+                } else {
+                    "frames are looked at".to_owned()
+                })
+            }
+        }
+    }
+
+    fn localize_only(&mut self, only: bool) -> Answer {
+        self.parameters.set("localize_only", &Value::Bool(only))?;
+        let what = if only { "stays as it is" } else { "grows" };
+        let Some(run) = &self.run else {
+            return Ok(format!("the next map that is loaded {what}"));
+        };
+        let map = run.watch().map().ok_or("mapping has ended by a fault")?;
+        if map.view().keyframe_count() == 0 {
+            return Err("there is no map yet: nothing could be recognised in it".to_owned());
+        }
+        // A replay of the next run begins with this map, so it has to be in a file.
+        let path = self.options.log.as_ref().map(|log| {
+            let name = format!("{log}.{}.spmap", self.number + 1);
+            PathBuf::from(name)
+        });
+        if let Some(path) = &path {
+            maps::save(&map, path)?;
+        }
+        self.end_run(true);
+        self.known = Some(Known {
+            map,
+            map_use: map_use(only),
+            path,
+            readout: None,
+        });
+        Ok(format!("the map {what}; the camera is looked for in it"))
+    }
+
+    fn map_file(&self) -> PathBuf {
+        match self.parameters.get("map_file") {
+            Some(Value::Text(file)) => file.into(),
+            _ => PathBuf::new(),
+        }
+    }
+
+    fn read_map(&self, path: PathBuf) -> Result<Known, String> {
+        let (map, readout) = maps::load(&path)?;
+        let only = self.parameters.get("localize_only") == Some(&Value::Bool(true));
+        Ok(Known {
+            map,
+            map_use: map_use(only),
+            path: Some(path),
+            readout,
+        })
+    }
+
+    /// Ends a run; the next begins with the next pair of images. `goes_on`: whether `odom` does.
+    fn end_run(&mut self, goes_on: bool) -> Vec<String> {
+        self.refused = None;
+        self.publisher = None;
+        let Some(run) = self.run.take() else {
+            return Vec::new();
+        };
+        let ended = run.end();
+        self.voice.info(&format!(
+            "run {} ended: {} frames, {} dropped, {} with a pose",
+            self.number, ended.frames[0], ended.frames[1], ended.tracked
+        ));
+        ended.troubles.iter().for_each(|t| self.voice.error(t));
+        if goes_on {
+            self.publisher = ended.publisher.map(|mut p| {
+                p.begin_other_map();
+                p
+            });
+        }
+        let max_dt = self.parameters.get("max_dt").and_then(Value::double);
+        self.intake.begin_run(max_dt.unwrap_or(self.options.max_dt));
+        ended.troubles
+    }
+
+    fn tell_status(&mut self) {
+        let now_is = Instant::now();
+        let since = now_is.saturating_duration_since(self.status_at);
+        if since < STATUS {
+            return;
+        }
+        self.status_at = now_is;
+        let misfits = self.intake.misfits(&mut self.bus);
+        for (misfit, what) in misfits.into_iter().zip(["colour", "depth"]) {
+            if misfit {
+                self.voice.warn(&format!(
+                    "a publisher of {what} images is best effort, and reliability is reliable: nothing comes of it; start with -p reliability:=best_effort"
+                ));
+            }
+        }
+        let seen = self.intake.state();
+        let missing = seen.missing(now_is, self.last_pair, self.options.max_dt);
+        let missing = missing
+            .or_else(|| {
+                self.refused
+                    .clone()
+                    .map(|_| "reset: no run begins".to_owned())
+            })
+            .or_else(|| self.not_ready.clone())
+            .filter(|_| !self.paused);
+        let counts = [seen.streams[0].count, seen.streams[1].count];
+        let rate = |i: usize| (counts[i] - self.counted[i]) as f64 / since.as_secs_f64();
+        let message = diagnostics(&seen, missing.as_deref(), [rate(0), rate(1)], now());
+        self.outputs.send(&Outgoing {
+            topic: Topic::Diagnostics,
+            time: 0,
+            bytes: to_bytes(&message, Format::CdrLittleEndian),
+        });
+        let comes = missing.is_none();
+        if let Some(told) = self.waiting.update(now_is, missing) {
+            if comes {
+                self.voice.info(&told);
+            } else {
+                self.voice.warn(&told);
+            }
+        }
+        self.counted = counts;
+        if let Some(run) = &self.run {
+            for (stage, state) in run.watch().health().troubles() {
+                self.repeat(&format!("{stage}: {state}"));
+            }
+        }
+    }
+
+    /// Says what is wrong, but not with every image.
+    fn repeat(&mut self, what: &str) {
+        let now = Instant::now();
+        self.said.retain(|_, at| now.duration_since(*at) < REPEAT);
+        if !self.said.contains_key(what) && self.said.len() < 20 {
+            self.said.insert(what.to_owned(), now);
+            self.voice.warn(what);
+        }
+    }
+}
+
+fn map_use(only: bool) -> MapUse {
+    if only { MapUse::Localize } else { MapUse::Grow }
+}
+
+fn image(topic: String, compressed: bool, time: u64, bytes: Vec<u8>) -> Entry {
+    let (type_name, definition): (_, fn() -> String) = if compressed {
+        (ros::CompressedImage::NAME, || {
+            ros::definition::<ros::CompressedImage<'_>>(Version::Ros2)
+        })
+    } else {
+        (ros::Image::NAME, || {
+            ros::definition::<ros::Image<'_>>(Version::Ros2)
+        })
+    };
+    Entry {
+        topic,
+        type_name,
+        definition,
+        time,
+        latched: false,
+        bytes,
+    }
+}
+
+fn constant(bytes: Vec<u8>) -> Entry {
+    Entry {
+        topic: "/tf_static".to_owned(),
+        type_name: ros::TfMessage::NAME,
+        definition: || ros::definition::<ros::TfMessage<'_>>(Version::Ros2),
+        time: nanoseconds(now()),
+        latched: true,
+        bytes,
+    }
+}
+
+fn nanoseconds(stamp: ros::Time) -> u64 {
+    let ns = stamp.sec.saturating_mul(1_000_000_000) + i64::from(stamp.nanosec);
+    u64::try_from(ns).unwrap_or(0)
+}
+
+fn now() -> ros::Time {
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    ros::Time {
+        sec: now.as_secs() as i64,
+        nanosec: now.subsec_nanos(),
+    }
+}

@@ -1,0 +1,322 @@
+//! Which colour and depth images belong together, by the stamps that the device gave them.
+//!
+//! A pair is given as soon as no image that may still come can be nearer: at once where stamps are equal or nearer than half the time between two frames, else with the
+//! next image. Streams may lose images, come late, or begin again with another clock.
+
+use std::collections::VecDeque;
+
+/// Images that wait at most, per stream.
+const WAITING: usize = 10;
+/// Intervals that tell how often frames come.
+const INTERVALS: usize = 8;
+/// What lies so far behind the last pair did not come late: the clock was set back, s.
+const SET_BACK: f64 = 0.5;
+
+/// One of the two streams.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stream {
+    /// Colour.
+    Colour,
+    /// Depth.
+    Depth,
+}
+
+/// Two images of one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pair<T> {
+    /// Stamp (s) and image.
+    pub colour: (f64, T),
+    /// Stamp (s) and image.
+    pub depth: (f64, T),
+}
+
+/// What became of an image that was taken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Taken {
+    /// It waits for its partner, or has found it.
+    Kept,
+    /// It came after a later one that is gone already.
+    Late,
+    /// It begins a new time: what waited is gone.
+    SetBack,
+}
+
+/// Images that wait for their partners.
+#[derive(Debug)]
+pub struct Pairing<T> {
+    max_dt: f64,
+    colour: VecDeque<(f64, T)>,
+    depth: VecDeque<(f64, T)>,
+    /// Times between colour images, s.
+    intervals: VecDeque<f64>,
+    last_colour: Option<f64>,
+    /// Stamps of the last pair.
+    last: Option<[f64; 2]>,
+    /// Images that found no partner.
+    alone: [u64; 2],
+}
+
+impl<T> Pairing<T> {
+    /// For images that are at most so far apart, s.
+    #[must_use]
+    pub fn new(max_dt: f64) -> Self {
+        Self {
+            max_dt,
+            colour: VecDeque::new(),
+            depth: VecDeque::new(),
+            intervals: VecDeque::new(),
+            last_colour: None,
+            last: None,
+            alone: [0; 2],
+        }
+    }
+
+    /// Colour and depth images so far that found no partner.
+    #[must_use]
+    pub fn alone(&self) -> [u64; 2] {
+        self.alone
+    }
+
+    /// Takes an image with its stamp, s.
+    pub fn take(&mut self, stream: Stream, stamp: f64, image: T) -> Taken {
+        let mut taken = Taken::Kept;
+        let newest = self.last.map(|[colour, depth]| match stream {
+            Stream::Colour => colour,
+            Stream::Depth => depth,
+        });
+        if let Some(newest) = newest
+            && stamp <= newest
+        {
+            if newest - stamp < SET_BACK {
+                self.alone[stream as usize] += 1;
+                return Taken::Late;
+            }
+            self.forget();
+            taken = Taken::SetBack;
+        }
+        if stream == Stream::Colour {
+            self.note_interval(stamp);
+        }
+        let (queue, alone) = match stream {
+            Stream::Colour => (&mut self.colour, &mut self.alone[0]),
+            Stream::Depth => (&mut self.depth, &mut self.alone[1]),
+        };
+        // Datagrams may overtake each other.
+        let at = queue.partition_point(|(s, _)| *s < stamp);
+        if queue.get(at).is_some_and(|(s, _)| *s == stamp) {
+            return taken;
+        }
+        queue.insert(at, (stamp, image));
+        if queue.len() > WAITING {
+            queue.pop_front();
+            *alone += 1;
+        }
+        taken
+    }
+
+    fn note_interval(&mut self, stamp: f64) {
+        if let Some(last) = self.last_colour
+            && stamp > last
+        {
+            self.intervals.push_back(stamp - last);
+            if self.intervals.len() > INTERVALS {
+                self.intervals.pop_front();
+            }
+        }
+        self.last_colour = Some(stamp);
+    }
+
+    /// Half the time between two frames, s; zero before it is known.
+    fn half(&self) -> f64 {
+        let shortest = self.intervals.iter().copied().reduce(f64::min);
+        0.5 * shortest.unwrap_or(0.0)
+    }
+
+    /// Forgets what waits: the camera begins again.
+    pub fn forget(&mut self) {
+        self.alone[0] += self.colour.len() as u64;
+        self.alone[1] += self.depth.len() as u64;
+        self.colour.clear();
+        self.depth.clear();
+        self.intervals.clear();
+        self.last_colour = None;
+        self.last = None;
+    }
+
+    /// The next pair, if one is certain.
+    pub fn next(&mut self) -> Option<Pair<T>> {
+        loop {
+            let c = self.colour.front()?.0;
+            let nearest = self
+                .depth
+                .iter()
+                .enumerate()
+                .min_by(|a, b| (a.1.0 - c).abs().total_cmp(&(b.1.0 - c).abs()))?;
+            let (at, d) = (nearest.0, nearest.1.0);
+            if (d - c).abs() > self.max_dt {
+                if d < c {
+                    // It is older than every colour image that may come.
+                    self.depth.drain(..=at);
+                    self.alone[1] += at as u64 + 1;
+                } else {
+                    self.colour.pop_front();
+                    self.alone[0] += 1;
+                }
+                continue;
+            }
+            if let Some(rival) = self.colour.get(1)
+                && (rival.0 - d).abs() < (c - d).abs()
+            {
+                self.colour.pop_front();
+                self.alone[0] += 1;
+                continue;
+            }
+            let decided = (d - c).abs() <= self.half()
+                || (d < c && self.depth.len() > at + 1)
+                || (c < d && self.colour.len() > 1);
+            if !decided {
+                return None;
+            }
+            return self.give(at);
+        }
+    }
+
+    fn give(&mut self, at: usize) -> Option<Pair<T>> {
+        self.alone[1] += at as u64;
+        self.depth.drain(..at);
+        let pair = Pair {
+            colour: self.colour.pop_front()?,
+            depth: self.depth.pop_front()?,
+        };
+        self.last = Some([pair.colour.0, pair.depth.0]);
+        Some(pair)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use Stream::{Colour, Depth};
+    use proptest::prelude::*;
+
+    /// The pairs that images give, in their order of arrival; each is (stream, stamp in ms).
+    fn pairs(max_dt: f64, images: &[(Stream, i32)]) -> Vec<(i32, i32)> {
+        let mut pairing = Pairing::new(max_dt);
+        let mut found = Vec::new();
+        for (stream, ms) in images {
+            pairing.take(*stream, f64::from(*ms) / 1e3, *ms);
+            while let Some(pair) = pairing.next() {
+                found.push((pair.colour.1, pair.depth.1));
+            }
+        }
+        found
+    }
+
+    #[test]
+    fn equal_stamps_are_pairs_at_once() {
+        let images = [(Colour, 0), (Depth, 0), (Depth, 33), (Colour, 33)];
+        assert_eq!(pairs(0.02, &images), [(0, 0), (33, 33)]);
+    }
+
+    #[test]
+    fn the_nearest_is_the_partner() {
+        // Depth lags by 12 ms of 33.
+        let images = [
+            (Colour, 0),
+            (Depth, 12),
+            (Colour, 33),
+            (Depth, 45),
+            (Colour, 66),
+            (Depth, 78),
+        ];
+        assert_eq!(pairs(0.02, &images), [(0, 12), (33, 45), (66, 78)]);
+        // Depth at 20 belongs to colour at 33, as soon as that is there.
+        let images = [
+            (Colour, 0),
+            (Depth, 20),
+            (Colour, 33),
+            (Depth, 53),
+            (Colour, 66),
+        ];
+        assert_eq!(pairs(0.02, &images), [(33, 20), (66, 53)]);
+        // Too far apart for any.
+        let images = [
+            (Colour, 0),
+            (Depth, 16),
+            (Colour, 33),
+            (Depth, 49),
+            (Colour, 66),
+        ];
+        assert_eq!(pairs(0.01, &images), []);
+    }
+
+    #[test]
+    fn lost_late_and_repeated_images_cost_their_frame_only() {
+        let images = [
+            (Colour, 0),
+            (Depth, 0),
+            (Colour, 33),
+            (Colour, 66),
+            (Depth, 66),
+            (Depth, 33),
+            (Colour, 66),
+            (Colour, 100),
+            (Depth, 133),
+            (Colour, 133),
+        ];
+        assert_eq!(pairs(0.02, &images), [(0, 0), (66, 66), (133, 133)]);
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_begins_anew() {
+        let mut pairing = Pairing::new(0.02);
+        for stream in [Colour, Depth] {
+            assert_eq!(pairing.take(stream, 1000.0, ()), Taken::Kept);
+        }
+        assert!(pairing.next().is_some());
+        assert_eq!(pairing.take(Colour, 999.9, ()), Taken::Late);
+        assert_eq!(pairing.take(Colour, 5.0, ()), Taken::SetBack);
+        assert_eq!(pairing.take(Depth, 5.0, ()), Taken::Kept);
+        assert_eq!(pairing.next().map(|p| p.colour.0), Some(5.0));
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_given_twice_or_too_far_apart(images in prop::collection::vec((any::<bool>(), 0..2000_i32), 0..200)) {
+            let images: Vec<(Stream, i32)> = images.into_iter().map(|(c, ms)| (if c { Colour } else { Depth }, ms)).collect();
+            let mut pairing = Pairing::new(0.02);
+            let (mut taken, mut given) = (0, 0);
+            let mut last: Option<(f64, f64)> = None;
+            for (stream, ms) in &images {
+                let became = pairing.take(*stream, f64::from(*ms) / 1e3, ());
+                taken += 1;
+                if became == Taken::SetBack {
+                    last = None;
+                }
+                while let Some(pair) = pairing.next() {
+                    let (c, d) = (pair.colour.0, pair.depth.0);
+                    prop_assert!((c - d).abs() <= 0.02 + 1e-12);
+                    prop_assert!(last.is_none_or(|(lc, ld)| c > lc && d > ld));
+                    last = Some((c, d));
+                    given += 1;
+                }
+                prop_assert!(pairing.colour.len() <= WAITING && pairing.depth.len() <= WAITING);
+            }
+            prop_assert!(2 * given <= taken);
+        }
+
+        #[test]
+        fn streams_of_one_rate_give_every_frame(lag in -13..=13_i32, jitter in prop::collection::vec(-1..=1_i32, 60)) {
+            // Arrival in order of time.
+            let mut images: Vec<(Stream, i32)> = (0..30).map(|i| (Colour, 1000 + 33 * i + jitter[i as usize])).collect();
+            images.extend((0..30).map(|i| (Depth, 1000 + 33 * i + lag + jitter[30 + i as usize])));
+            images.sort_by_key(|i| i.1);
+            let found = pairs(0.02, &images);
+            // The last waits for what does not come any more.
+            prop_assert!(found.len() >= 29, "{found:?}");
+            for (c, d) in found {
+                prop_assert!((d - c - lag).abs() <= 2);
+            }
+        }
+    }
+}

@@ -1,0 +1,460 @@
+//! The parameters of the node: those of its own, and the whole configuration of the system under its own names.
+
+use crate::arguments::{Request, Setting};
+use crate::names::NodeName;
+use crate::options::{self, Counts, Options};
+use crate::value::Value;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+use stillpoint::datasets::read_regular_text;
+use stillpoint::slam::Config;
+use yaml_rust2::{Yaml, YamlLoader};
+
+/// A parameter as it stands.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Its value.
+    pub value: Value,
+    /// When it counts.
+    pub counts: Counts,
+    /// What it means.
+    pub text: String,
+}
+
+/// All parameters.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    all: BTreeMap<String, Parameter>,
+    config: Config,
+    /// Whether the node has started, so that some are settled.
+    started: bool,
+}
+
+/// Bytes of a file of parameters at most.
+const LARGEST: u64 = 1 << 22;
+const WEIGHTS: &str = "motion_weights.";
+
+impl Default for Parameters {
+    fn default() -> Self {
+        let mut all = BTreeMap::new();
+        for described in options::ALL {
+            // The table's own values are YAML.
+            let value = Value::parse(described.default).unwrap_or(Value::Text(String::new()));
+            all.insert(
+                described.name.to_owned(),
+                Parameter {
+                    value,
+                    counts: described.counts,
+                    text: described.text.to_owned(),
+                },
+            );
+        }
+        let config = Config::default();
+        for (name, value) in leaves(&config) {
+            all.insert(name, of_config(value));
+        }
+        Self {
+            all,
+            config,
+            started: false,
+        }
+    }
+}
+
+fn of_config(value: Value) -> Parameter {
+    Parameter {
+        value,
+        counts: Counts::NextRun,
+        text: "Of the system: see `stillpoint config print`.".to_owned(),
+    }
+}
+
+impl Parameters {
+    /// As asked for.
+    ///
+    /// # Errors
+    /// A file that cannot be read, a name that nothing has, a value of another kind or out of its range.
+    pub fn new(request: &Request) -> Result<Self, String> {
+        let mut parameters = Self::default();
+        for setting in &request.parameters {
+            match setting {
+                Setting::One(node, name, value) => {
+                    if node.as_ref().is_none_or(|n| *n == request.node.name) {
+                        parameters.set(name, value)?;
+                    }
+                }
+                Setting::File(path) => {
+                    for (name, value) in file(path, &request.node)? {
+                        parameters
+                            .set(&name, &value)
+                            .map_err(|e| format!("{}: {e}", path.display()))?;
+                    }
+                }
+            }
+        }
+        Options::new(&parameters)?;
+        Ok(parameters)
+    }
+
+    /// From now on, what counts at the start only stays as it is.
+    pub fn start(&mut self) {
+        self.started = true;
+    }
+
+    /// A value.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&Value> {
+        self.all.get(name).map(|p| &p.value)
+    }
+
+    /// A parameter with what is said of it.
+    #[must_use]
+    pub fn parameter(&self, name: &str) -> Option<&Parameter> {
+        self.all.get(name)
+    }
+
+    /// Whether it is settled by now.
+    #[must_use]
+    pub fn is_read_only(&self, name: &str) -> bool {
+        let counts = self.all.get(name).map(|p| p.counts);
+        self.started && counts == Some(Counts::AtStart)
+    }
+
+    /// All names, in order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.all.keys().map(String::as_str)
+    }
+
+    /// The configuration that the parameters say.
+    #[must_use]
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// Sets several or none.
+    ///
+    /// # Errors
+    /// The first that cannot be set.
+    pub fn set_all(&mut self, values: &[(String, Value)]) -> Result<(), String> {
+        let mut after = self.clone();
+        for (name, value) in values {
+            after.set(name, value)?;
+        }
+        *self = after;
+        Ok(())
+    }
+
+    /// Sets one.
+    ///
+    /// # Errors
+    /// A name that nothing has, a value of another kind or out of its range, or one that is settled. Nothing is changed then.
+    pub fn set(&mut self, name: &str, value: &Value) -> Result<(), String> {
+        if self.is_read_only(name) {
+            return Err(format!(
+                "{name}: counts only when the node starts; start it with --ros-args -p {name}:={value}"
+            ));
+        }
+        let is_weight = name.starts_with(WEIGHTS);
+        // Weights that differ from their defaults are there, and all may be set.
+        let weight = is_weight.then(|| of_config(Value::Double(0.0)));
+        let Some(known) = self.all.get(name).cloned().or(weight) else {
+            return Err(self.unknown(name));
+        };
+        let fitting = fit(value, &known.value).ok_or_else(|| {
+            format!(
+                "{name}: expected {} (as in {}), found {} {value}; correct the value",
+                known.value.kind(),
+                known.value,
+                value.kind()
+            )
+        })?;
+        let mut after = self.clone();
+        let new = Parameter {
+            value: fitting,
+            ..known
+        };
+        after.all.insert(name.to_owned(), new);
+        if options::ALL.iter().any(|d| d.name == name) {
+            Options::new(&after)?;
+        } else {
+            after.config = after.read_config(name)?;
+        }
+        *self = after;
+        Ok(())
+    }
+
+    fn unknown(&self, name: &str) -> String {
+        let section = name.split('.').next().unwrap_or(name);
+        let alike: Vec<&str> = self
+            .names()
+            .filter(|n| n.split('.').next() == Some(section))
+            .collect();
+        let hint = if alike.is_empty() {
+            "`stillpoint-ros2 --help` and `stillpoint config print` list them".to_owned()
+        } else {
+            format!("there are {}", alike.join(", "))
+        };
+        format!("expected the name of a parameter, found \"{name}\"; {hint}")
+    }
+
+    fn read_config(&self, changed: &str) -> Result<Config, String> {
+        let mut table = toml::Table::new();
+        let of_node = |name: &str| options::ALL.iter().any(|d| d.name == name);
+        for (name, parameter) in self.all.iter().filter(|(n, _)| !of_node(n)) {
+            let mut parts: Vec<&str> = name.split('.').collect();
+            let Some(last) = parts.pop() else { continue };
+            let mut inner = &mut table;
+            for part in parts {
+                let entry = inner
+                    .entry(part)
+                    .or_insert_with(|| toml::Table::new().into());
+                let toml::Value::Table(deeper) = entry else {
+                    return Err(format!("{changed}: expected a section, found a value"));
+                };
+                inner = deeper;
+            }
+            inner.insert(last.to_owned(), to_toml(&parameter.value));
+        }
+        let config = Config::deserialize(table)
+            .map_err(|e| format!("{changed}: {}", e.message().replace('\n', " ")))?;
+        config.validate().map_err(|e| e.to_string())?;
+        Ok(config)
+    }
+}
+
+/// The value as one of the kind of another, if it can be.
+fn fit(value: &Value, like: &Value) -> Option<Value> {
+    match (value, like) {
+        (Value::Integer(i), Value::Double(_)) => Some(Value::Double(*i as f64)),
+        (Value::Integers(l), Value::Doubles(_)) => {
+            Some(Value::Doubles(l.iter().map(|i| *i as f64).collect()))
+        }
+        // A word that YAML takes for something else, such as the name of a frame that is a number.
+        (Value::Integer(i), Value::Text(_)) => Some(Value::Text(i.to_string())),
+        _ if value.type_number() == like.type_number() => Some(value.clone()),
+        _ => None,
+    }
+}
+
+/// The configuration, value by value, with dotted names.
+fn leaves(config: &Config) -> Vec<(String, Value)> {
+    let mut found = Vec::new();
+    if let Ok(table) = toml::Table::try_from(config) {
+        flatten("", &table, &mut found);
+    }
+    found
+}
+
+/// The configuration as a table, as logs have it.
+#[must_use]
+pub fn to_table(config: &Config) -> toml::Table {
+    toml::Table::try_from(config).unwrap_or_default()
+}
+
+fn flatten(prefix: &str, table: &toml::Table, to: &mut Vec<(String, Value)>) {
+    for (key, value) in table {
+        let name = format!("{prefix}{key}");
+        match value {
+            toml::Value::Table(inner) => flatten(&format!("{name}."), inner, to),
+            toml::Value::String(s) => to.push((name, Value::Text(s.clone()))),
+            toml::Value::Integer(i) => to.push((name, Value::Integer(*i))),
+            toml::Value::Float(x) => to.push((name, Value::Double(*x))),
+            toml::Value::Boolean(b) => to.push((name, Value::Bool(*b))),
+            toml::Value::Array(items) => {
+                let numbers = items.iter().filter_map(|v| match v {
+                    toml::Value::Float(x) => Some(*x),
+                    toml::Value::Integer(i) => Some(*i as f64),
+                    _ => None,
+                });
+                to.push((name, Value::Doubles(numbers.collect())));
+            }
+            toml::Value::Datetime(_) => {}
+        }
+    }
+}
+
+fn to_toml(value: &Value) -> toml::Value {
+    match value.clone() {
+        Value::Bool(b) => b.into(),
+        Value::Integer(i) => i.into(),
+        Value::Double(x) => x.into(),
+        Value::Text(t) => t.into(),
+        Value::Integers(l) => l.into(),
+        Value::Doubles(l) => l.into(),
+        Value::Texts(l) => l.into(),
+    }
+}
+
+/// What a file says to a node: `/**`, its name, or its name with namespace, in the order of the file.
+fn file(path: &Path, node: &NodeName) -> Result<Vec<(String, Value)>, String> {
+    let refuse = |expected: &str, found: &dyn std::fmt::Display| {
+        format!(
+            "{}: expected {expected}, found: {found}; see docs/ros2.md",
+            path.display()
+        )
+    };
+    let text = read_regular_text(path, LARGEST).map_err(|e| refuse("a file of parameters", &e))?;
+    let documents = YamlLoader::load_from_str(&text).map_err(|e| refuse("YAML", &e))?;
+    let mut found = Vec::new();
+    for document in &documents {
+        let Yaml::Hash(_) = document else {
+            return Err(refuse(
+                "names of nodes with ros__parameters",
+                &"something else",
+            ));
+        };
+        nodes(document, "", node, &mut found).map_err(|e| refuse("parameters", &e))?;
+    }
+    Ok(found)
+}
+
+/// Names of nodes may be nested by namespaces.
+fn nodes(
+    yaml: &Yaml,
+    prefix: &str,
+    node: &NodeName,
+    to: &mut Vec<(String, Value)>,
+) -> Result<(), String> {
+    let Yaml::Hash(entries) = yaml else {
+        return Ok(());
+    };
+    for (key, inner) in entries {
+        let Some(key) = key.as_str() else {
+            return Err("a key that is no text".to_owned());
+        };
+        if key == "ros__parameters" {
+            if is_for(prefix, node) {
+                values(inner, "", to)?;
+            }
+        } else {
+            nodes(
+                inner,
+                &format!("{prefix}/{}", key.trim_matches('/')),
+                node,
+                to,
+            )?;
+        }
+    }
+    Ok(())
+}
+
+fn is_for(pattern: &str, node: &NodeName) -> bool {
+    let full = node.full();
+    let full: Vec<&str> = full.split('/').filter(|p| !p.is_empty()).collect();
+    let parts: Vec<&str> = pattern.split('/').filter(|p| !p.is_empty()).collect();
+    matches(&parts, &full) || (parts == [node.name.as_str()] && node.namespace == "/")
+}
+
+/// `*` is one part of a name, `**` any number of them.
+fn matches(pattern: &[&str], name: &[&str]) -> bool {
+    match (pattern.first(), name.first()) {
+        (None, None) => true,
+        (Some(&"**"), _) => (0..=name.len()).any(|n| matches(&pattern[1..], &name[n..])),
+        (Some(p), Some(n)) => (p == n || *p == "*") && matches(&pattern[1..], &name[1..]),
+        _ => false,
+    }
+}
+
+fn values(yaml: &Yaml, prefix: &str, to: &mut Vec<(String, Value)>) -> Result<(), String> {
+    let Yaml::Hash(entries) = yaml else {
+        return Ok(());
+    };
+    for (key, inner) in entries {
+        let key = key.as_str().ok_or("a name that is no text")?;
+        let name = format!("{prefix}{key}");
+        match inner {
+            Yaml::Hash(_) => values(inner, &format!("{name}."), to)?,
+            // Of other parts of a system: overrides of QoS are not read.
+            _ if name.starts_with("qos_overrides.") => {}
+            _ => to.push((
+                name.clone(),
+                Value::of_yaml(inner).map_err(|e| format!("{name}: {e}"))?,
+            )),
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::arguments::{Arguments, read};
+
+    fn parameters(words: &str) -> Result<Parameters, String> {
+        match read(words.split_whitespace().map(str::to_owned))? {
+            Arguments::Run(request) => Parameters::new(&request),
+            other => Err(format!("{other:?}")),
+        }
+    }
+
+    #[test]
+    fn the_configuration_has_its_own_names() {
+        let mut p = parameters("--ros-args -p seed:=7 -p motion_weights.chair:=2").unwrap();
+        assert_eq!(p.config().seed, 7);
+        assert_ne!(p.config().motion_weights, Config::default().motion_weights);
+        let names: Vec<&str> = p.names().collect();
+        for (name, _) in leaves(&Config::default()) {
+            assert!(names.contains(&name.as_str()), "{name}");
+        }
+        let stride = Value::Integer(3);
+        p.set("detector.stride", &stride).unwrap();
+        assert_eq!(p.config().detector.stride, 3);
+        assert_eq!(p.get("detector.stride"), Some(&stride));
+        let before = p.config().clone();
+        let refused = p.set("detector.stride", &Value::Integer(0)).unwrap_err();
+        assert!(refused.contains("detector.stride"), "{refused}");
+        assert_eq!(*p.config(), before);
+        assert_eq!(p.get("detector.stride"), Some(&stride));
+    }
+
+    #[test]
+    fn files_are_read_as_ros_reads_them() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.yaml");
+        let text = "/**:\n  ros__parameters:\n    max_dt: 0.03\n    seed: 1\nrobot1:\n  eyes:\n    ros__parameters:\n      seed: 2\n      detector: {stride: 4}\n/other:\n  ros__parameters:\n    seed: 9\n    nonsense: 1\n/*/eyes:\n  ros__parameters:\n    dense: true\n";
+        std::fs::write(&path, text).unwrap();
+        let words = format!(
+            "--ros-args -r __ns:=/robot1 -r __node:=eyes --params-file {}",
+            path.display()
+        );
+        // The configuration has a section that is called as a parameter of the node is.
+        let p = parameters(&words).unwrap();
+        assert_eq!(p.config().seed, 2);
+        assert_eq!(p.config().detector.stride, 4);
+        assert_eq!(p.get("max_dt"), Some(&Value::Double(0.03)));
+        assert_eq!(p.get("dense"), Some(&Value::Bool(true)));
+        let words = format!("--ros-args --params-file {} -p seed:=5", path.display());
+        assert_eq!(parameters(&words).unwrap().config().seed, 5);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_and_changes_nothing() {
+        for (words, part) in [
+            (
+                "-p colour_transport:=raw",
+                "expected the name of a parameter",
+            ),
+            ("-p detector.strid:=1", "detector.stride"),
+            ("-p seed:=much", "a whole number"),
+            ("-p reliability:=always", "best_effort or reliable"),
+            ("-p base_frame:=''", "the name of a frame"),
+            ("--params-file /no/such.yaml", "/no/such.yaml: expected"),
+            ("-p dense_voxel:=9", "0.002 to 0.5"),
+        ] {
+            let told = parameters(&format!("--ros-args {words}")).unwrap_err();
+            assert!(told.contains(part), "{words}: {told}");
+        }
+        let mut p = Parameters::default();
+        let both = [
+            ("seed".to_owned(), Value::Integer(3)),
+            ("seeds".to_owned(), Value::Integer(3)),
+        ];
+        assert!(p.set_all(&both).is_err());
+        assert_eq!(p.config().seed, Config::default().seed);
+        p.start();
+        let told = p.set("reliability", &Value::Text("reliable".into()));
+        assert!(told.unwrap_err().contains("when the node starts"));
+        p.set("map_file", &Value::Text("a.spmap".into())).unwrap();
+    }
+}

@@ -1,0 +1,412 @@
+//! The services of the node: those of every node for its parameters, and what can be asked of a run.
+
+use crate::bus::{Bus, BusError, Request, Service};
+use crate::names::{NodeName, Remap, resolve};
+use crate::parameters::Parameters;
+use crate::value::Value;
+use std::borrow::Cow;
+use stillpoint::ros_messages as ros;
+use stillpoint::ros_messages::{Format, Wire, from_bytes, to_bytes};
+
+/// What is asked of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// To begin anew.
+    Reset,
+    /// To write the map to `map_file`.
+    SaveMap,
+    /// To go on in the map of `map_file`.
+    LoadMap,
+    /// To leave the map as it is, or to go on with it.
+    LocalizeOnly(bool),
+    /// To let frames go by, or to look at them again.
+    Pause(bool),
+}
+
+/// What was done, or why not.
+pub type Answer = Result<String, String>;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Reset,
+    SaveMap,
+    LoadMap,
+    LocalizeOnly,
+    Pause,
+    Get,
+    GetTypes,
+    List,
+    Describe,
+    Set,
+    SetAtomically,
+}
+
+const TRIGGER: &str = "std_srvs/srv/Trigger";
+const SET_BOOL: &str = "std_srvs/srv/SetBool";
+
+/// Name and type of each.
+const ALL: [(Kind, &str, &str); 11] = [
+    (Kind::Reset, "~/reset", TRIGGER),
+    (Kind::SaveMap, "~/save_map", TRIGGER),
+    (Kind::LoadMap, "~/load_map", TRIGGER),
+    (Kind::LocalizeOnly, "~/localize_only", SET_BOOL),
+    (Kind::Pause, "~/pause", SET_BOOL),
+    (
+        Kind::Get,
+        "~/get_parameters",
+        "rcl_interfaces/srv/GetParameters",
+    ),
+    (
+        Kind::GetTypes,
+        "~/get_parameter_types",
+        "rcl_interfaces/srv/GetParameterTypes",
+    ),
+    (
+        Kind::List,
+        "~/list_parameters",
+        "rcl_interfaces/srv/ListParameters",
+    ),
+    (
+        Kind::Describe,
+        "~/describe_parameters",
+        "rcl_interfaces/srv/DescribeParameters",
+    ),
+    (
+        Kind::Set,
+        "~/set_parameters",
+        "rcl_interfaces/srv/SetParameters",
+    ),
+    (
+        Kind::SetAtomically,
+        "~/set_parameters_atomically",
+        "rcl_interfaces/srv/SetParametersAtomically",
+    ),
+];
+
+/// Services that are offered.
+pub struct Services(Vec<(Kind, Service)>);
+
+/// A request about the run that waits for its answer.
+pub struct Asked {
+    /// What is asked.
+    pub ask: Ask,
+    service: usize,
+    request: Request,
+}
+
+impl Services {
+    /// Offers all.
+    ///
+    /// # Errors
+    /// What the middleware says.
+    pub fn offer(bus: &mut Bus, node: &NodeName, remaps: &[Remap]) -> Result<Self, BusError> {
+        let mut all = Vec::new();
+        for (kind, name, type_name) in ALL {
+            let service = bus.serve(&resolve(name, node, remaps), type_name)?;
+            all.push((kind, service));
+        }
+        Ok(Self(all))
+    }
+
+    /// Answers what is about parameters, and gives what is about the run. `changed` is told names that were set.
+    pub fn poll(
+        &self,
+        parameters: &mut Parameters,
+        changed: &mut Vec<(String, Value)>,
+    ) -> Vec<Asked> {
+        let mut asked = Vec::new();
+        for (i, (kind, service)) in self.0.iter().enumerate() {
+            while let Some(request) = service.take() {
+                match ask(*kind, &request.bytes) {
+                    Some(ask) => asked.push(Asked {
+                        ask,
+                        service: i,
+                        request,
+                    }),
+                    None => {
+                        if let Some(answer) =
+                            about_parameters(*kind, &request.bytes, parameters, changed)
+                        {
+                            service.answer(&request, &answer);
+                        }
+                    }
+                }
+            }
+        }
+        asked
+    }
+
+    /// Answers a request about the run.
+    pub fn answer(&self, asked: &Asked, answer: &Answer) {
+        let (success, message) = match answer {
+            Ok(done) => (true, done),
+            Err(why) => (false, why),
+        };
+        // `SetBool` answers with the same two fields as `Trigger`.
+        let message = ros::TriggerResponse {
+            success,
+            message: message.as_str().into(),
+        };
+        if let Some((_, service)) = self.0.get(asked.service) {
+            service.answer(&asked.request, &bytes(&message));
+        }
+    }
+}
+
+fn bytes<'a, T: Wire<'a>>(message: &T) -> Vec<u8> {
+    to_bytes(message, Format::CdrLittleEndian)
+}
+
+fn read<'a, T: Wire<'a>>(bytes: &'a [u8]) -> Option<T> {
+    from_bytes(bytes, Format::CdrLittleEndian).ok()
+}
+
+fn ask(kind: Kind, request: &[u8]) -> Option<Ask> {
+    let flag = || read::<ros::SetBoolRequest>(request).map(|r| r.data);
+    match kind {
+        Kind::Reset => Some(Ask::Reset),
+        Kind::SaveMap => Some(Ask::SaveMap),
+        Kind::LoadMap => Some(Ask::LoadMap),
+        Kind::LocalizeOnly => flag().map(Ask::LocalizeOnly),
+        Kind::Pause => flag().map(Ask::Pause),
+        _ => None,
+    }
+}
+
+/// The answer to a request about parameters; none to one that does not read, whose client waits in vain, as with any node.
+fn about_parameters(
+    kind: Kind,
+    request: &[u8],
+    parameters: &mut Parameters,
+    changed: &mut Vec<(String, Value)>,
+) -> Option<Vec<u8>> {
+    Some(match kind {
+        Kind::Get => {
+            let names = read::<ros::GetParametersRequest<'_>>(request)?.names;
+            let value = |name: &Cow<'_, str>| parameters.get(name).map(Value::to_message);
+            let values = names.iter().map(|n| value(n).unwrap_or_default()).collect();
+            bytes(&ros::GetParametersResponse { values })
+        }
+        Kind::GetTypes => {
+            let names = read::<ros::GetParameterTypesRequest<'_>>(request)?.names;
+            let number = |n: &Cow<'_, str>| parameters.get(n).map_or(0, Value::type_number);
+            let types: Vec<u8> = names.iter().map(number).collect();
+            bytes(&ros::GetParameterTypesResponse {
+                types: types.into(),
+            })
+        }
+        Kind::List => {
+            let asked: ros::ListParametersRequest<'_> = read(request)?;
+            bytes(&ros::ListParametersResponse {
+                result: list(parameters, &asked),
+            })
+        }
+        Kind::Describe => {
+            let names = read::<ros::DescribeParametersRequest<'_>>(request)?.names;
+            let descriptors = names.iter().map(|n| describe(parameters, n)).collect();
+            bytes(&ros::DescribeParametersResponse { descriptors })
+        }
+        Kind::Set => {
+            let asked = read::<ros::SetParametersRequest<'_>>(request)?.parameters;
+            let mut set =
+                |p: &ros::Parameter<'_>| result(set(parameters, std::slice::from_ref(p), changed));
+            let results = asked.iter().map(&mut set).collect();
+            bytes(&ros::SetParametersResponse { results })
+        }
+        Kind::SetAtomically => {
+            let asked = read::<ros::SetParametersAtomicallyRequest<'_>>(request)?.parameters;
+            let result = result(set(parameters, &asked, changed));
+            bytes(&ros::SetParametersAtomicallyResponse { result })
+        }
+        _ => return None,
+    })
+}
+
+fn set(
+    parameters: &mut Parameters,
+    asked: &[ros::Parameter<'_>],
+    changed: &mut Vec<(String, Value)>,
+) -> Result<(), String> {
+    let value = |p: &ros::Parameter<'_>| {
+        let value = Value::of_message(&p.value).ok_or_else(|| {
+            format!(
+                "{}: expected a value, found none; parameters cannot be unset",
+                p.name
+            )
+        })?;
+        Ok((p.name.clone().into_owned(), value))
+    };
+    let values: Vec<(String, Value)> = asked.iter().map(value).collect::<Result<_, String>>()?;
+    parameters.set_all(&values)?;
+    changed.extend(values);
+    Ok(())
+}
+
+fn result(of: Result<(), String>) -> ros::SetParametersResult<'static> {
+    ros::SetParametersResult {
+        successful: of.is_ok(),
+        reason: of.err().unwrap_or_default().into(),
+    }
+}
+
+/// Names below the prefixes, at most so many dots deeper; all prefixes that there are.
+fn list(
+    parameters: &Parameters,
+    asked: &ros::ListParametersRequest<'_>,
+) -> ros::ListParametersResult<'static> {
+    let dots = |text: &str| text.matches('.').count() as u64;
+    let below = |name: &str, prefix: &str| {
+        let inner = name.strip_prefix(prefix).and_then(|r| r.strip_prefix('.'));
+        inner.is_some_and(|rest| asked.depth == 0 || dots(rest) < asked.depth)
+    };
+    let wanted = |name: &str| {
+        if asked.prefixes.is_empty() {
+            return asked.depth == 0 || dots(name) < asked.depth;
+        }
+        asked.prefixes.iter().any(|p| name == p || below(name, p))
+    };
+    let names: Vec<&str> = parameters.names().filter(|n| wanted(n)).collect();
+    let mut prefixes: Vec<&str> = names
+        .iter()
+        .filter_map(|n| n.rsplit_once('.').map(|(prefix, _)| prefix))
+        .collect();
+    prefixes.dedup();
+    let owned = |list: Vec<&str>| list.into_iter().map(|n| n.to_owned().into()).collect();
+    ros::ListParametersResult {
+        names: owned(names),
+        prefixes: owned(prefixes),
+    }
+}
+
+fn describe(parameters: &Parameters, name: &str) -> ros::ParameterDescriptor<'static> {
+    let mut descriptor = ros::ParameterDescriptor {
+        name: name.to_owned().into(),
+        ..ros::ParameterDescriptor::default()
+    };
+    if let Some(parameter) = parameters.parameter(name) {
+        use crate::options::Counts;
+        descriptor.r#type = parameter.value.type_number();
+        descriptor.description = parameter.text.clone().into();
+        descriptor.additional_constraints = match parameter.counts {
+            Counts::AtOnce => "",
+            Counts::NextRun => "Counts from the next reset on.",
+            Counts::AtStart => "Counts only when the node starts.",
+        }
+        .into();
+        descriptor.read_only = parameters.is_read_only(name);
+    }
+    descriptor
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn call<'a, T: Wire<'a>>(kind: Kind, request: &T, parameters: &mut Parameters) -> Vec<u8> {
+        about_parameters(kind, &bytes(request), parameters, &mut Vec::new()).unwrap()
+    }
+
+    #[test]
+    fn parameters_are_read_listed_and_described() {
+        let mut p = Parameters::default();
+        let names = vec!["max_dt".into(), "no_such".into(), "detector.stride".into()];
+        let answer = call(
+            Kind::Get,
+            &ros::GetParametersRequest {
+                names: names.clone(),
+            },
+            &mut p,
+        );
+        let values = read::<ros::GetParametersResponse<'_>>(&answer)
+            .unwrap()
+            .values;
+        assert_eq!(values[0].double_value, 0.02);
+        assert_eq!((values[1].r#type, values[2].integer_value), (0, 1));
+        let answer = call(
+            Kind::GetTypes,
+            &ros::GetParameterTypesRequest {
+                names: names.clone(),
+            },
+            &mut p,
+        );
+        let types = read::<ros::GetParameterTypesResponse<'_>>(&answer)
+            .unwrap()
+            .types;
+        assert_eq!(types[..], [3, 0, 2]);
+        let answer = call(
+            Kind::Describe,
+            &ros::DescribeParametersRequest { names },
+            &mut p,
+        );
+        let described = read::<ros::DescribeParametersResponse<'_>>(&answer)
+            .unwrap()
+            .descriptors;
+        assert!(described[0].description.contains("stamps"));
+        let of = |prefixes: Vec<Cow<'static, str>>, depth| ros::ListParametersRequest {
+            prefixes,
+            depth,
+        };
+        let names = |answer: &[u8]| {
+            let result = read::<ros::ListParametersResponse<'_>>(answer)
+                .unwrap()
+                .result;
+            let names = result.names.iter().map(|n| n.to_string());
+            (names.collect::<Vec<_>>(), result.prefixes.len())
+        };
+        let (all, prefixes) = names(&call(Kind::List, &of(vec![], 0), &mut p));
+        assert!(all.len() > 50 && prefixes > 5);
+        let (some, _) = names(&call(Kind::List, &of(vec!["detector".into()], 0), &mut p));
+        assert_eq!(some, ["detector.stride"]);
+        let (top, prefixes) = names(&call(Kind::List, &of(vec![], 1), &mut p));
+        assert!(top.iter().all(|n| !n.contains('.')) && prefixes == 0);
+    }
+
+    #[test]
+    fn several_are_set_one_by_one_or_none() {
+        let mut p = Parameters::default();
+        let one = |name: &'static str, value: Value| ros::Parameter {
+            name: name.into(),
+            value: value.to_message(),
+        };
+        let parameters = vec![
+            one("seed", Value::Integer(4)),
+            one("seeds", Value::Integer(4)),
+        ];
+        let request = ros::SetParametersAtomicallyRequest {
+            parameters: parameters.clone(),
+        };
+        let answer = call(Kind::SetAtomically, &request, &mut p);
+        let result = read::<ros::SetParametersAtomicallyResponse<'_>>(&answer)
+            .unwrap()
+            .result;
+        assert!(!result.successful && result.reason.contains("seeds"));
+        assert_eq!(p.config().seed, 0);
+        let mut changed = Vec::new();
+        let request = bytes(&ros::SetParametersRequest { parameters });
+        let answer = about_parameters(Kind::Set, &request, &mut p, &mut changed).unwrap();
+        let results = read::<ros::SetParametersResponse<'_>>(&answer)
+            .unwrap()
+            .results;
+        assert_eq!(
+            (results[0].successful, results[1].successful),
+            (true, false)
+        );
+        assert_eq!(p.config().seed, 4);
+        assert_eq!(changed, [("seed".to_owned(), Value::Integer(4))]);
+    }
+
+    #[test]
+    fn requests_that_do_not_read_change_nothing() {
+        let mut p = Parameters::default();
+        for (kind, _, _) in ALL {
+            for broken in [&[][..], &[0, 1, 0, 0], &[0, 1, 0, 0, 255, 255, 255, 255, 0]] {
+                let _ = about_parameters(kind, broken, &mut p, &mut Vec::new());
+                let _ = ask(kind, broken);
+            }
+        }
+        assert_eq!(
+            ask(Kind::Pause, &bytes(&ros::SetBoolRequest { data: true })),
+            Some(Ask::Pause(true))
+        );
+    }
+}

@@ -1,0 +1,248 @@
+//! What the node waits for: said once when it begins to wait, and again from time to time, in words that tell what to do.
+
+use crate::camera::CameraTopics;
+use std::time::{Duration, Instant};
+use stillpoint::ros_messages as ros;
+
+/// A stream from which nothing came for so long has stopped.
+const STOPPED: Duration = Duration::from_secs(2);
+/// How often it is said again.
+const AGAIN: Duration = Duration::from_secs(10);
+
+/// What came of a stream.
+#[derive(Clone, Debug, Default)]
+pub struct StreamState {
+    /// Messages so far.
+    pub count: u64,
+    /// When the last one came.
+    pub last: Option<Instant>,
+    /// Its stamp, s.
+    pub stamp: Option<f64>,
+}
+
+impl StreamState {
+    /// A message came.
+    pub fn come(&mut self, now: Instant) {
+        self.count += 1;
+        self.last = Some(now);
+    }
+
+    fn has_stopped(&self, now: Instant) -> bool {
+        self.last
+            .is_none_or(|last| now.saturating_duration_since(last) > STOPPED)
+    }
+}
+
+/// What is known of the streams.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// Their topics.
+    pub topics: &'a CameraTopics,
+    /// Colour and depth.
+    pub streams: &'a [StreamState; 2],
+    /// Publishers of colour, depth and constant transforms.
+    pub publishers: [usize; 3],
+    /// Images without a partner.
+    pub alone: [u64; 2],
+}
+
+impl Seen<'_> {
+    /// What is missing, as of now; none where pairs of images come.
+    #[must_use]
+    pub fn missing(&self, now: Instant, last_pair: Option<Instant>, max_dt: f64) -> Option<String> {
+        let kind = |compressed| {
+            if compressed {
+                "sensor_msgs/msg/CompressedImage"
+            } else {
+                "sensor_msgs/msg/Image"
+            }
+        };
+        let topics = self.topics;
+        let each = [
+            ("colour", &topics.colour, topics.colour_compressed),
+            ("depth", &topics.depth, topics.depth_compressed),
+        ];
+        let stopped: Vec<String> = each
+            .into_iter()
+            .enumerate()
+            .filter(|(i, _)| self.streams[*i].has_stopped(now))
+            .map(|(i, (what, topic, compressed))| {
+                let publishers = match self.publishers[i] {
+                    0 => "nobody publishes it; remap it, or start the camera".to_owned(),
+                    1 => "it has a publisher".to_owned(),
+                    n => format!("it has {n} publishers"),
+                };
+                format!(
+                    "{what} images on {topic} ({}: {publishers})",
+                    kind(compressed)
+                )
+            })
+            .collect();
+        if !stopped.is_empty() {
+            return Some(stopped.join(", and "));
+        }
+        let pairs_stopped = last_pair.is_none_or(|t| now.saturating_duration_since(t) > STOPPED);
+        let stamps = self.streams[0].stamp.zip(self.streams[1].stamp);
+        let (c, d) = stamps.filter(|_| pairs_stopped)?;
+        Some(format!(
+            "colour and depth images with stamps within {max_dt} s of each other: the last are of {c:.3} s and {d:.3} s; set max_dt, or the camera's clock"
+        ))
+    }
+}
+
+/// Says what is waited for, neither too often nor never.
+#[derive(Debug, Default)]
+pub struct Waiting {
+    what: Option<(String, Instant, Instant)>,
+}
+
+impl Waiting {
+    /// Notes what is waited for; gives what is to be said of it.
+    pub fn update(&mut self, now: Instant, what: Option<String>) -> Option<String> {
+        match (what, &mut self.what) {
+            (None, None) => None,
+            (None, Some((_, since, _))) => {
+                let seconds = now.saturating_duration_since(*since).as_secs_f64();
+                self.what = None;
+                Some(format!("frames come, after {seconds:.1} s"))
+            }
+            (Some(what), Some((known, _, said)))
+                if kind(known) == kind(&what) && now.saturating_duration_since(*said) < AGAIN =>
+            {
+                *known = what;
+                None
+            }
+            (Some(what), known) => {
+                let since = known.as_ref().map_or(now, |(_, since, _)| *since);
+                let told = format!("waiting for {what}");
+                *known = Some((what, since, now));
+                Some(told)
+            }
+        }
+    }
+
+    /// What is waited for.
+    #[must_use]
+    pub fn what(&self) -> Option<&str> {
+        self.what.as_ref().map(|(what, _, _)| what.as_str())
+    }
+}
+
+/// What stays the same while numbers change.
+fn kind(what: &str) -> &str {
+    what.split([':', '(']).next().unwrap_or(what)
+}
+
+/// How the input is, for `/diagnostics`.
+#[must_use]
+pub fn diagnostics(
+    seen: &Seen<'_>,
+    waiting: Option<&str>,
+    rates: [f64; 2],
+    stamp: ros::Time,
+) -> ros::DiagnosticArray<'static> {
+    let value = |key: &'static str, value: String| ros::KeyValue {
+        key: key.into(),
+        value: value.into(),
+    };
+    let message = match waiting {
+        Some(what) => format!("waiting for {what}"),
+        None => "frames come".to_owned(),
+    };
+    ros::DiagnosticArray {
+        header: ros::Header {
+            stamp,
+            ..ros::Header::default()
+        },
+        status: vec![ros::DiagnosticStatus {
+            level: u8::from(waiting.is_some()),
+            name: "stillpoint: input".into(),
+            message: message.into(),
+            hardware_id: "".into(),
+            values: vec![
+                value("colour_topic", seen.topics.colour.clone()),
+                value("depth_topic", seen.topics.depth.clone()),
+                value("colour_hz", format!("{:.1}", rates[0])),
+                value("depth_hz", format!("{:.1}", rates[1])),
+                value("colour_images", seen.streams[0].count.to_string()),
+                value("depth_images", seen.streams[1].count.to_string()),
+                value("colour_without_depth", seen.alone[0].to_string()),
+                value("depth_without_colour", seen.alone[1].to_string()),
+            ],
+        }],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn topics() -> CameraTopics {
+        CameraTopics {
+            colour: "/c".into(),
+            depth: "/d/compressedDepth".into(),
+            colour_info: "/ci".into(),
+            depth_info: "/di".into(),
+            colour_compressed: false,
+            depth_compressed: true,
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_named() {
+        let topics = topics();
+        let now = Instant::now();
+        let mut streams = [StreamState::default(), StreamState::default()];
+        let missing = |streams: &[StreamState; 2], pair| {
+            let seen = Seen {
+                topics: &topics,
+                streams,
+                publishers: [0, 2, 0],
+                alone: [0; 2],
+            };
+            seen.missing(now, pair, 0.02)
+        };
+        let told = missing(&streams, None).unwrap();
+        for part in [
+            "colour images on /c",
+            "nobody publishes it",
+            "/d/compressedDepth",
+            "2 publishers",
+        ] {
+            assert!(told.contains(part), "{told}");
+        }
+        streams[0].come(now);
+        assert!(missing(&streams, None).unwrap().starts_with("depth images"));
+        streams[1].come(now);
+        (streams[0].stamp, streams[1].stamp) = (Some(5.0), Some(9.0));
+        let told = missing(&streams, None).unwrap();
+        assert!(
+            told.contains("within 0.02 s") && told.contains("9.000"),
+            "{told}"
+        );
+        assert_eq!(missing(&streams, Some(now)), None);
+    }
+
+    #[test]
+    fn it_is_said_once_and_again_after_a_while() {
+        let (mut waiting, begin) = (Waiting::default(), Instant::now());
+        let at = |s: u64| begin + Duration::from_secs(s);
+        let what = |n: u32| Some(format!("depth images on /d (type: {n} publishers)"));
+        assert_eq!(waiting.update(at(0), None), None);
+        assert!(
+            waiting
+                .update(at(1), what(0))
+                .unwrap()
+                .starts_with("waiting for depth")
+        );
+        assert_eq!(waiting.update(at(2), what(1)), None);
+        assert_eq!(waiting.what(), what(1).as_deref());
+        assert!(waiting.update(at(3), Some("colour".into())).is_some());
+        assert!(waiting.update(at(14), Some("colour".into())).is_some());
+        assert_eq!(
+            waiting.update(at(16), None).unwrap(),
+            "frames come, after 15.0 s"
+        );
+        assert_eq!(waiting.what(), None);
+    }
+}

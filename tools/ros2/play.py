@@ -1,0 +1,166 @@
+"""Plays a TUM folder to the node as a camera on Cyclone DDS, at its own pace, and keeps what the node says.
+
+usage: play.py FOLDER OUT.json [--reliable] [--frames N] [--loops N] [--stop-at S] [--rate X] [--tf] [--offset S]
+OUT.json: odometry (stamp, position, quaternion, times of sending and arrival), tf, counts.
+"""
+import argparse
+import json
+import pathlib
+import time
+
+import cv2
+import numpy as np
+from cyclonedds.domain import DomainParticipant
+from cyclonedds.pub import DataWriter
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+
+from dds_types import *
+
+FR1 = dict(fx=517.306408, fy=516.469215, cx=318.643040, cy=255.313989,
+           d=[0.262383, -0.953104, -0.005358, 0.002628, 1.163314])
+
+
+def listed(folder, name):
+    rows = (line.split() for line in (folder / name).read_text().splitlines() if line and not line.startswith("#"))
+    return [(float(stamp), folder / file) for stamp, file in rows]
+
+
+def pairs(folder, most):
+    colour, depth = listed(folder, "rgb.txt"), listed(folder, "depth.txt")
+    stamps = np.array([s for s, _ in depth])
+    found = []
+    for stamp, file in colour:
+        i = int(np.argmin(abs(stamps - stamp)))
+        if abs(stamps[i] - stamp) < 0.02:
+            found.append((stamp, file, depth[i][0], depth[i][1]))
+    return found[:most]
+
+
+def at(stamp):
+    ns = round(stamp * 1e6) * 1000
+    return Time(ns // 10**9, ns % 10**9)
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("out", type=pathlib.Path)
+    parser.add_argument("--reliable", action="store_true")
+    parser.add_argument("--frames", type=int, default=10**9)
+    parser.add_argument("--loops", type=int, default=1)
+    parser.add_argument("--domain", type=int, default=0)
+    parser.add_argument("--tf", action="store_true")
+    parser.add_argument("--rate", type=float, default=1.0)
+    parser.add_argument("--namespace", default="")
+    parser.add_argument("--no-info", action="store_true")
+    parser.add_argument("--encoding", default="rgb8")
+    parser.add_argument("--shift", type=float, default=0.0, help="added to all stamps, s")
+    args = parser.parse_args()
+    frames = pairs(args.folder, args.frames)
+    if (args.folder / "camera.txt").exists():
+        fx, fy, cx, cy, scale = map(float, (args.folder / "camera.txt").read_text().split()[:5])
+        k = dict(fx=fx, fy=fy, cx=cx, cy=cy, d=[0.0] * 5)
+    else:
+        k, scale = FR1, 5000.0
+    images = []
+    for stamp, colour, depth_stamp, depth in frames:
+        bgr = cv2.imread(str(colour))
+        mm = np.rint(cv2.imread(str(depth), cv2.IMREAD_UNCHANGED).astype(np.float64) * (1000.0 / scale)).astype("<u2")
+        rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+        images.append((stamp + args.shift, rgb.tobytes(), depth_stamp + args.shift, mm.tobytes(), bgr.shape[:2]))
+    participant = DomainParticipant(args.domain)
+    sensor = qos(reliable=args.reliable, depth=5)
+
+    def writer(name, type_, q=None):
+        q = q or sensor
+        return DataWriter(participant, Topic(participant, name, type_, qos=q), qos=q)
+
+    def reader(name, type_, q=None):
+        q = q or qos()
+        return DataReader(participant, Topic(participant, name, type_, qos=q), qos=q)
+
+    base = "rt" + args.namespace
+    colour = writer(base + "/camera/color/image_raw", Image)
+    depth = writer(base + "/camera/aligned_depth_to_color/image_raw", Image)
+    colour_info = writer(base + "/camera/color/camera_info", CameraInfo)
+    depth_info = writer(base + "/camera/aligned_depth_to_color/camera_info", CameraInfo)
+    static = writer("rt/tf_static", TFMessage, qos(latched=True, depth=1)) if args.tf else None
+    odometry = reader(base + "/stillpoint/odometry", Odometry)
+    tf = reader("rt/tf", TFMessage)
+    diagnostics = reader("rt/diagnostics", DiagnosticArray)
+    said = reader("rt/rosout", Log, qos(latched=True))
+    if static:
+        optical = TransformStamped(Header(at(0), "base_link"), "camera_color_optical_frame",
+                                   Transform(Vector3(0.1, 0.0, 0.3), Quaternion(-0.5, 0.5, -0.5, 0.5)))
+        static.write(TFMessage([optical]))
+
+    end = time.time() + 20
+    while time.time() < end and not (colour.get_matched_subscriptions() and depth.get_matched_subscriptions()
+                                     and odometry.get_matched_publications()):
+        time.sleep(0.05)
+    time.sleep(0.5)
+    log = dict(odometry=[], tf=[], sent=0, diagnostics=[], rosout=[], complete={})
+
+    def take():
+        now = time.time()
+        for sample in odometry.take(100):
+            if hasattr(sample, "pose"):
+                s, p, q = sample.header.stamp, sample.pose.pose.position, sample.pose.pose.orientation
+                log["odometry"].append([s.sec + s.nanosec * 1e-9, p.x, p.y, p.z, q.x, q.y, q.z, q.w, now])
+        for sample in tf.take(100):
+            if hasattr(sample, "transforms"):
+                for t in sample.transforms:
+                    s, p, q = t.header.stamp, t.transform.translation, t.transform.rotation
+                    log["tf"].append([s.sec + s.nanosec * 1e-9, t.header.frame_id, t.child_frame_id,
+                                      p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+        for sample in said.take(100):
+            if hasattr(sample, "msg"):
+                log["rosout"].append(sample.msg)
+        for sample in diagnostics.take(100):
+            if hasattr(sample, "status"):
+                for status in sample.status:
+                    log["diagnostics"].append([status.level, status.name, status.message])
+
+    frame = "camera_color_optical_frame"
+    begin = time.time()
+    first = images[0][0]
+    length = images[-1][0] - first + 1 / 30
+    for loop in range(args.loops):
+        # There and back: the camera does not jump.
+        order = images if loop % 2 == 0 else images[::-1]
+        for i, (stamp, rgb, depth_stamp, mm, (h, w)) in enumerate(order):
+            if loop % 2 == 1:
+                stamp, depth_stamp = (first + length - 1 / 30 - (s - first) for s in (stamp, depth_stamp))
+            stamp, depth_stamp = stamp + loop * length, depth_stamp + loop * length
+            due = begin + (stamp - first) / args.rate
+            while time.time() < due:
+                take()
+                time.sleep(max(0.0, min(0.001, due - time.time())))
+            head = Header(at(stamp), frame)
+            if not args.no_info:
+                f = k
+                matrix = [f["fx"], 0.0, f["cx"], 0.0, f["fy"], f["cy"], 0.0, 0.0, 1.0]
+                info = CameraInfo(head, h, w, "plumb_bob", f["d"], matrix, [1.0, 0, 0, 0, 1, 0, 0, 0, 1],
+                                  [f["fx"], 0.0, f["cx"], 0.0, 0.0, f["fy"], f["cy"], 0.0, 0.0, 0.0, 1.0, 0.0], 0, 0,
+                                  RegionOfInterest(0, 0, 0, 0, False))
+                colour_info.write(info)
+                depth_info.write(info)
+            step = w * 3
+            colour.write(Image(head, h, w, args.encoding, 0, step, rgb))
+            depth.write(Image(Header(at(depth_stamp), frame), h, w, "16UC1", 0, w * 2, mm))
+            log["complete"][f"{stamp:.6f}"] = time.time()
+            log["sent"] += 1
+    end = time.time() + 2
+    while time.time() < end:
+        take()
+        time.sleep(0.005)
+    log["seconds"] = time.time() - begin
+    args.out.write_text(json.dumps(log))
+    late = [o[8] - log["complete"][f"{o[0]:.6f}"] for o in log["odometry"] if f"{o[0]:.6f}" in log["complete"]]
+    print(f"sent {log['sent']}, odometry {len(log['odometry'])}, tf {len(log['tf'])}, "
+          f"latency median {1e3 * np.median(late or [0]):.1f} ms, p95 {1e3 * np.percentile(late or [0], 95):.1f} ms")
+
+
+if __name__ == "__main__":
+    main()
