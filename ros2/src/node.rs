@@ -16,7 +16,7 @@ use crate::say::Voice;
 use crate::services::{Answer, Ask, Services};
 use crate::value::Value;
 use crate::waiting::{Waiting, diagnostics};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -29,6 +29,8 @@ use stillpoint::slam::MapUse;
 
 /// Longest time between two looks at what is asked.
 const LOOK: Duration = Duration::from_millis(50);
+/// Pairs of images that wait for a calibration at most: a third of a second.
+const PENDING: usize = 10;
 /// How often it is said how the input is.
 const STATUS: Duration = Duration::from_secs(1);
 /// What is wrong with images is said once in so long.
@@ -61,6 +63,8 @@ pub struct Node {
     last_pair: Option<Instant>,
     status_at: Instant,
     counted: [u64; 2],
+    /// Pairs of images that wait for what else makes frames of them.
+    pending: VecDeque<Pair<Vec<u8>>>,
     /// What was said of images, and when.
     said: BTreeMap<String, Instant>,
 }
@@ -115,6 +119,7 @@ impl Node {
             last_pair: None,
             status_at: Instant::now(),
             counted: [0; 2],
+            pending: VecDeque::new(),
             said: BTreeMap::new(),
             options,
         };
@@ -203,13 +208,25 @@ impl Node {
             if self.paused {
                 continue;
             }
-            if let Err(e) = self.take_pair(&pair) {
-                self.repeat(&e);
+            self.pending.push_back(pair);
+            if self.pending.len() > PENDING {
+                self.pending.pop_front();
+            }
+            while let Some(pair) = self.pending.pop_front() {
+                match self.take_pair(&pair) {
+                    Ok(true) => {}
+                    Ok(false) => {
+                        self.pending.push_front(pair);
+                        break;
+                    }
+                    Err(e) => self.repeat(&e),
+                }
             }
         }
     }
 
-    fn take_pair(&mut self, pair: &Pair<Vec<u8>>) -> Result<(), String> {
+    /// Makes a frame of a pair and hands it over. False where the pair has to wait for what is missing yet.
+    fn take_pair(&mut self, pair: &Pair<Vec<u8>>) -> Result<bool, String> {
         let topics = self.intake.topics().clone();
         let read = |bytes, compressed| {
             ImageMessage::read(bytes, compressed).map_err(|e| format!("image: {e}"))
@@ -220,7 +237,7 @@ impl Node {
             self.begin_run(&colour, &depth)?;
         }
         let Some(run) = &mut self.run else {
-            return Ok(());
+            return Ok(self.refused.is_some());
         };
         let time = nanoseconds(colour.header().stamp);
         if run.is_recorded() {
@@ -242,7 +259,7 @@ impl Node {
         if !run.push(frame) {
             return Err("tracking has ended by a fault; call reset".to_owned());
         }
-        Ok(())
+        Ok(true)
     }
 
     /// Begins a run where everything is there for one.
@@ -481,6 +498,7 @@ impl Node {
         }
         let max_dt = self.parameters.get("max_dt").and_then(Value::double);
         self.intake.begin_run(max_dt.unwrap_or(self.options.max_dt));
+        self.pending.clear();
         ended.troubles
     }
 

@@ -147,37 +147,52 @@ impl<T> Pairing<T> {
     pub fn next(&mut self) -> Option<Pair<T>> {
         loop {
             let c = self.colour.front()?.0;
-            let nearest = self
-                .depth
-                .iter()
-                .enumerate()
-                .min_by(|a, b| (a.1.0 - c).abs().total_cmp(&(b.1.0 - c).abs()))?;
-            let (at, d) = (nearest.0, nearest.1.0);
-            if (d - c).abs() > self.max_dt {
-                if d < c {
-                    // It is older than every colour image that may come.
-                    self.depth.drain(..=at);
-                    self.alone[1] += at as u64 + 1;
-                } else {
-                    self.colour.pop_front();
-                    self.alone[0] += 1;
-                }
+            let mut near: Vec<usize> = (0..self.depth.len()).collect();
+            near.sort_by(|a, b| self.gap(c, *a).total_cmp(&self.gap(c, *b)));
+            let nearest = *near.first()?;
+            if self.gap(c, nearest) > self.max_dt {
+                self.give_up(c, nearest);
                 continue;
             }
-            if let Some(rival) = self.colour.get(1)
-                && (rival.0 - d).abs() < (c - d).abs()
-            {
+            near.retain(|at| self.gap(c, *at) <= self.max_dt && !self.is_the_next_ones(c, *at));
+            let Some(at) = near.first().copied() else {
                 self.colour.pop_front();
                 self.alone[0] += 1;
                 continue;
-            }
-            let decided = (d - c).abs() <= self.half()
-                || (d < c && self.depth.len() > at + 1)
-                || (c < d && self.colour.len() > 1);
-            if !decided {
+            };
+            if !self.is_decided(c, at) {
                 return None;
             }
             return self.give(at);
+        }
+    }
+
+    fn gap(&self, colour: f64, depth: usize) -> f64 {
+        (self.depth[depth].0 - colour).abs()
+    }
+
+    /// Whether the next colour image is nearer to a depth image than this one, and so has it.
+    fn is_the_next_ones(&self, colour: f64, depth: usize) -> bool {
+        let next = self.colour.get(1);
+        next.is_some_and(|next| self.gap(next.0, depth) < self.gap(colour, depth))
+    }
+
+    /// Whether no image that may still come can be nearer to either.
+    fn is_decided(&self, colour: f64, at: usize) -> bool {
+        let depth = self.depth[at].0;
+        self.gap(colour, at) <= self.half()
+            || (depth < colour && self.depth.len() > at + 1)
+            || (colour < depth && self.colour.len() > 1)
+    }
+
+    /// Leaves out the older of two images that are too far apart: what may still come is farther from it.
+    fn give_up(&mut self, colour: f64, depth: usize) {
+        if self.depth[depth].0 < colour {
+            self.depth.drain(..=depth);
+            self.alone[1] += depth as u64 + 1;
+        } else {
+            self.colour.pop_front();
+            self.alone[0] += 1;
         }
     }
 
@@ -248,6 +263,25 @@ mod tests {
             (Colour, 66),
         ];
         assert_eq!(pairs(0.01, &images), []);
+    }
+
+    #[test]
+    fn who_loses_the_nearest_takes_the_next() {
+        // Of freiburg1_xyz: depth is irregular, and the second image of it is nearer to the third colour image.
+        let images = [
+            (Colour, 975),
+            (Depth, 962),
+            (Depth, 994),
+            (Colour, 1011),
+            (Depth, 1028),
+            (Colour, 1043),
+            (Depth, 1062),
+            (Colour, 1075),
+        ];
+        assert_eq!(
+            pairs(0.02, &images),
+            [(975, 962), (1011, 994), (1043, 1028), (1075, 1062)]
+        );
     }
 
     #[test]

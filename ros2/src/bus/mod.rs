@@ -172,6 +172,10 @@ impl Matches {
     }
 
     fn matched(&mut self, own: GUID, other: GUID) {
+        // The node itself is nobody else.
+        if own.prefix == other.prefix {
+            return;
+        }
         if let Some((all, count)) = self.of.get_mut(&own) {
             all.insert(other);
             count.0.store(all.len(), Ordering::Relaxed);
