@@ -1,6 +1,6 @@
 //! What is typed: `stillpoint-ros2 --ros-args -r from:=to -p name:=value --params-file FILE -r __ns:=/robot1`.
 //!
-//! As rcl reads it (design.ros2.org, "ROS Command Line Arguments"). Everything that is set is a parameter, so there are no options beside `--help` and `--version`.
+//! As rcl reads it (design.ros2.org, "ROS Command Line Arguments"). Everything that is set is a parameter, so there are no options beside `--help`, `--version` and `--types`.
 
 use crate::names::{self, NodeName, Remap};
 use crate::value::Value;
@@ -15,6 +15,8 @@ pub enum Arguments {
     Help,
     /// To say which version this is.
     Version,
+    /// To list the types that are spoken, with their hashes.
+    Types,
 }
 
 /// How to run.
@@ -93,9 +95,10 @@ pub fn read(arguments: impl IntoIterator<Item = String>) -> Result<Arguments, St
             (false, "--ros-args") => of_ros = true,
             (false, "-h" | "--help") => return Ok(Arguments::Help),
             (false, "-V" | "--version") => return Ok(Arguments::Version),
+            (false, "--types") => return Ok(Arguments::Types),
             (false, _) => {
                 return Err(format!(
-                    "expected --ros-args, --help or --version, found \"{word}\"; write parameters as --ros-args -p name:=value"
+                    "expected --ros-args, --help, --version or --types, found \"{word}\"; write parameters as --ros-args -p name:=value"
                 ));
             }
             (true, "--") => of_ros = false,

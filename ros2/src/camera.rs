@@ -303,7 +303,7 @@ mod tests {
         let options = Options::new(&Parameters::default()).unwrap();
         let mut camera = CameraState::new(topics());
         let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "depth", 2));
-        let mut waits_for = |camera: &mut CameraState, what: &str| {
+        let waits_for = |camera: &mut CameraState, what: &str| {
             let Err(NotReady::Waiting(told)) = camera.ready(&colour, &depth, &options) else {
                 panic!("{what}");
             };

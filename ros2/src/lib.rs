@@ -22,5 +22,6 @@ pub mod record;
 pub mod run;
 pub mod say;
 pub mod services;
+pub mod type_hash;
 pub mod value;
 pub mod waiting;

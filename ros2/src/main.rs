@@ -7,6 +7,7 @@ use stillpoint_ros2::arguments::{self, Arguments, NODE};
 use stillpoint_ros2::bus::Reach;
 use stillpoint_ros2::node::Node;
 use stillpoint_ros2::options;
+use stillpoint_ros2::type_hash;
 
 fn main() -> ExitCode {
     let request = match arguments::read(std::env::args().skip(1)) {
@@ -16,6 +17,12 @@ fn main() -> ExitCode {
         }
         Ok(Arguments::Version) => {
             println!("stillpoint-ros2 {}", env!("CARGO_PKG_VERSION"));
+            return ExitCode::SUCCESS;
+        }
+        Ok(Arguments::Types) => {
+            for (name, hash) in type_hash::all() {
+                println!("{name} {hash}");
+            }
             return ExitCode::SUCCESS;
         }
         Ok(Arguments::Run(request)) => request,
@@ -58,6 +65,7 @@ fn help() {
     println!(
         "Visual SLAM for RGB-D cameras, as a node of ROS 2.\n\n\
          stillpoint-ros2 [--ros-args [-r from:=to]... [-p name:=value]... [--params-file FILE]...]\n\n\
+         --types lists the types of messages and services with their hashes.\n\n\
          Topics: camera/color/image_raw, camera/aligned_depth_to_color/image_raw, camera_info beside them, /tf_static, wheel_odometry.\n\
          Parameters of the node (those of the system are in `stillpoint config print`):\n"
     );

@@ -58,6 +58,8 @@ pub struct Node {
     /// Why no run begins, until something is changed.
     refused: Option<String>,
     not_ready: Option<String>,
+    /// What is wrong with the last pair, if anything.
+    unreadable: Option<String>,
     paused: bool,
     waiting: Waiting,
     last_pair: Option<Instant>,
@@ -114,6 +116,7 @@ impl Node {
             publisher: None,
             refused: None,
             not_ready: None,
+            unreadable: None,
             paused: false,
             waiting: Waiting::default(),
             last_pair: None,
@@ -208,18 +211,24 @@ impl Node {
             if self.paused {
                 continue;
             }
+            // What waits is of the same moment, or of another run of the camera.
+            let now = pair.colour.0;
+            self.pending.retain(|p| (now - p.colour.0).abs() < 1.0);
             self.pending.push_back(pair);
             if self.pending.len() > PENDING {
                 self.pending.pop_front();
             }
             while let Some(pair) = self.pending.pop_front() {
                 match self.take_pair(&pair) {
-                    Ok(true) => {}
+                    Ok(true) => self.unreadable = None,
                     Ok(false) => {
                         self.pending.push_front(pair);
                         break;
                     }
-                    Err(e) => self.repeat(&e),
+                    Err(e) => {
+                        self.repeat(&e);
+                        self.unreadable = Some(e);
+                    }
                 }
             }
         }
@@ -526,6 +535,10 @@ impl Node {
                     .map(|_| "reset: no run begins".to_owned())
             })
             .or_else(|| self.not_ready.clone())
+            .or_else(|| {
+                let why = self.unreadable.as_ref()?;
+                Some(format!("frames that can be made: {why}"))
+            })
             .filter(|_| !self.paused);
         let counts = [seen.streams[0].count, seen.streams[1].count];
         let rate = |i: usize| (counts[i] - self.counted[i]) as f64 / since.as_secs_f64();

@@ -126,10 +126,12 @@ impl<T> Pairing<T> {
         self.last_colour = Some(stamp);
     }
 
-    /// Half the time between two frames, s; zero before it is known.
-    fn half(&self) -> f64 {
-        let shortest = self.intervals.iter().copied().reduce(f64::min);
-        0.5 * shortest.unwrap_or(0.0)
+    /// What is nearer than this (s) has no nearer one to come; zero before it is known how often frames come. A little more than half the usual time between two frames, as stamps
+    /// jitter, and who waits for the next image is late by a frame.
+    fn near(&self) -> f64 {
+        let mut sorted: Vec<f64> = self.intervals.iter().copied().collect();
+        sorted.sort_by(f64::total_cmp);
+        0.55 * sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
     }
 
     /// Forgets what waits: the camera begins again.
@@ -180,7 +182,7 @@ impl<T> Pairing<T> {
     /// Whether no image that may still come can be nearer to either.
     fn is_decided(&self, colour: f64, at: usize) -> bool {
         let depth = self.depth[at].0;
-        self.gap(colour, at) <= self.half()
+        self.gap(colour, at) <= self.near()
             || (depth < colour && self.depth.len() > at + 1)
             || (colour < depth && self.colour.len() > 1)
     }

@@ -83,6 +83,48 @@ const ALL: [(Kind, &str, &str); 11] = [
     ),
 ];
 
+/// The hash of each service's type.
+pub(crate) fn hashes() -> Vec<(&'static str, String)> {
+    use crate::type_hash::of_service as hash;
+    let mut all: Vec<(&'static str, String)> = ALL
+        .iter()
+        .map(|(kind, _, name)| {
+            let hash = match kind {
+                Kind::Reset | Kind::SaveMap | Kind::LoadMap => {
+                    hash::<ros::TriggerRequest, ros::TriggerResponse<'_>>(name)
+                }
+                Kind::LocalizeOnly | Kind::Pause => {
+                    hash::<ros::SetBoolRequest, ros::SetBoolResponse<'_>>(name)
+                }
+                Kind::Get => {
+                    hash::<ros::GetParametersRequest<'_>, ros::GetParametersResponse<'_>>(name)
+                }
+                Kind::GetTypes => hash::<
+                    ros::GetParameterTypesRequest<'_>,
+                    ros::GetParameterTypesResponse<'_>,
+                >(name),
+                Kind::List => {
+                    hash::<ros::ListParametersRequest<'_>, ros::ListParametersResponse<'_>>(name)
+                }
+                Kind::Describe => hash::<
+                    ros::DescribeParametersRequest<'_>,
+                    ros::DescribeParametersResponse<'_>,
+                >(name),
+                Kind::Set => {
+                    hash::<ros::SetParametersRequest<'_>, ros::SetParametersResponse<'_>>(name)
+                }
+                Kind::SetAtomically => hash::<
+                    ros::SetParametersAtomicallyRequest<'_>,
+                    ros::SetParametersAtomicallyResponse<'_>,
+                >(name),
+            };
+            (*name, hash)
+        })
+        .collect();
+    all.dedup();
+    all
+}
+
 /// Services that are offered.
 pub struct Services(Vec<(Kind, Service)>);
 
