@@ -215,7 +215,7 @@ impl Intake {
 
     /// The next two images of a frame.
     pub fn next_pair(&mut self) -> Option<Pair<Vec<u8>>> {
-        self.pairing.next()
+        self.pairing.next_pair()
     }
 
     /// What is known of both streams, for whoever waits.

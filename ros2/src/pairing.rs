@@ -146,7 +146,7 @@ impl<T> Pairing<T> {
     }
 
     /// The next pair, if one is certain.
-    pub fn next(&mut self) -> Option<Pair<T>> {
+    pub fn next_pair(&mut self) -> Option<Pair<T>> {
         loop {
             let c = self.colour.front()?.0;
             let mut near: Vec<usize> = (0..self.depth.len()).collect();
@@ -222,7 +222,7 @@ mod tests {
         let mut found = Vec::new();
         for (stream, ms) in images {
             pairing.take(*stream, f64::from(*ms) / 1e3, *ms);
-            while let Some(pair) = pairing.next() {
+            while let Some(pair) = pairing.next_pair() {
                 found.push((pair.colour.1, pair.depth.1));
             }
         }
@@ -309,11 +309,11 @@ mod tests {
         for stream in [Colour, Depth] {
             assert_eq!(pairing.take(stream, 1000.0, ()), Taken::Kept);
         }
-        assert!(pairing.next().is_some());
+        assert!(pairing.next_pair().is_some());
         assert_eq!(pairing.take(Colour, 999.9, ()), Taken::Late);
         assert_eq!(pairing.take(Colour, 5.0, ()), Taken::SetBack);
         assert_eq!(pairing.take(Depth, 5.0, ()), Taken::Kept);
-        assert_eq!(pairing.next().map(|p| p.colour.0), Some(5.0));
+        assert_eq!(pairing.next_pair().map(|p| p.colour.0), Some(5.0));
     }
 
     proptest! {
@@ -329,7 +329,7 @@ mod tests {
                 if became == Taken::SetBack {
                     last = None;
                 }
-                while let Some(pair) = pairing.next() {
+                while let Some(pair) = pairing.next_pair() {
                     let (c, d) = (pair.colour.0, pair.depth.0);
                     prop_assert!((c - d).abs() <= 0.02 + 1e-12);
                     prop_assert!(last.is_none_or(|(lc, ld)| c > lc && d > ld));

@@ -129,7 +129,8 @@ impl Run {
         let recorder = recording.as_ref().map(|(_, recorder)| recorder.clone());
         let system = LiveOptions {
             drop_late: options.drop_late,
-            hook: Some(Arc::new(|stage| priority::lower_once(stage))),
+            keep_log: log.is_some(),
+            hook: Some(Arc::new(priority::lower_once)),
             subscriber_hook: Some(Arc::new(|name| {
                 // What is published is to be there as soon as it is found.
                 if name != "publish" {

@@ -109,7 +109,7 @@ fn record(path: &Path) -> Vec<RgbdFrame> {
         if i != 3 {
             pairing.take(Stream::Depth, at + 0.0121, depth);
         }
-        while let Some(pair) = pairing.next() {
+        while let Some(pair) = pairing.next_pair() {
             let read = |bytes| ImageMessage::read(bytes, false).unwrap();
             let (colour, depth) = (read(&pair.colour.1), read(&pair.depth.1));
             let image = ros::Image::NAME;

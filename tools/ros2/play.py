@@ -8,6 +8,7 @@ import json
 import pathlib
 import struct
 import time
+import tomllib
 
 import cv2
 import numpy as np
@@ -91,7 +92,11 @@ def main():
     parser.add_argument("--shift", type=float, default=0.0, help="added to all stamps, s")
     args = parser.parse_args()
     frames = pairs(args.folder, args.frames)
-    if (args.folder / "camera.txt").exists():
+    if (args.folder / "camera.toml").exists():
+        c = tomllib.loads((args.folder / "camera.toml").read_text())
+        k = dict(fx=c["fx"], fy=c["fy"], cx=c["cx"], cy=c["cy"], d=c.get("distortion", [0.0] * 5))
+        scale = c.get("depth_scale", 5000.0)
+    elif (args.folder / "camera.txt").exists():
         fx, fy, cx, cy, scale = map(float, (args.folder / "camera.txt").read_text().split()[:5])
         k = dict(fx=fx, fy=fy, cx=cx, cy=cy, d=[0.0] * 5)
     else:

@@ -8,23 +8,34 @@ use stillpoint_slam::LogEntry;
 /// number of what it took itself, and taken out before its receiver gets one; so numbers never contradict what caused what.
 pub(crate) struct Recorder {
     counter: Arc<AtomicU64>,
+    /// Whether anybody wants the log.
+    keeps: bool,
     entries: Vec<(u64, LogEntry)>,
 }
 
 impl Recorder {
     /// A recorder that counts with others.
-    pub(crate) fn new(counter: &Arc<AtomicU64>) -> Self {
+    pub(crate) fn new(counter: &Arc<AtomicU64>, keeps: bool) -> Self {
         Self {
             counter: Arc::clone(counter),
+            keeps,
             entries: Vec::new(),
         }
     }
 
     /// Notes that a message was taken.
     pub(crate) fn took(&mut self, entry: LogEntry) {
+        if !self.keeps {
+            return;
+        }
         // The mailboxes' locks order the threads; the counter only has to give each number once.
         let number = self.counter.fetch_add(1, Ordering::Relaxed);
         self.entries.push((number, entry));
+    }
+
+    /// Whether the log is kept, and what else grows with every frame.
+    pub(crate) fn keeps(&self) -> bool {
+        self.keeps
     }
 
     /// All entries of several stages, in the order of taking.

@@ -36,6 +36,9 @@ pub struct LiveOptions {
     /// Time that tracking may take per frame, s: it wants fewer keypoints, and asks the detector more rarely, as long as that is
     /// exceeded. None: no limit.
     pub budget: Option<f64>,
+    /// Whether the log of the run and the timings of its frames are kept. A run of days, which nobody will repeat, does without: they grow with every frame, and the log of
+    /// such a run has no entries.
+    pub keep_log: bool,
     /// Called by every thread of a stage before it waits for its next message.
     pub hook: Option<Hook>,
     /// Called by the thread of every subscriber before its first event, with its name: to set its priority.
@@ -49,6 +52,7 @@ impl Default for LiveOptions {
             detector_patience: Duration::from_secs(2),
             subscriber_patience: Duration::from_secs(30),
             budget: None,
+            keep_log: true,
             hook: None,
             subscriber_hook: None,
         }

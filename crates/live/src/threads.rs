@@ -46,6 +46,7 @@ struct Office {
     boxes: Arc<Boxes>,
     counter: Arc<AtomicU64>,
     hook: Option<Hook>,
+    keeps_log: bool,
 }
 
 impl Office {
@@ -53,7 +54,7 @@ impl Office {
         Desk {
             stage,
             boxes: Arc::clone(&self.boxes),
-            recorder: Recorder::new(&self.counter),
+            recorder: Recorder::new(&self.counter, self.keeps_log),
             hook: self.hook.clone(),
         }
     }
@@ -71,6 +72,7 @@ impl Threads {
             boxes: Arc::clone(boxes),
             counter: Arc::default(),
             hook: options.hook.clone(),
+            keeps_log: options.keep_log,
         };
         let stride = u64::from(stages.config().detector.stride);
         let effort = MappingEffort::of(stages.config());

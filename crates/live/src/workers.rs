@@ -154,7 +154,9 @@ impl TrackingWorker {
             mapping_queue: boxes.mapping.look(|b| b.queue.len()) as u32,
             looping_queue: boxes.looping.look(|b| b.queue.len()) as u32,
         };
-        self.frames.push(timing);
+        if self.desk.recorder.keeps() {
+            self.frames.push(timing);
+        }
         boxes.frames.fetch_add(1, Ordering::Relaxed);
         boxes.newest.put(|newest| {
             *newest = event.as_frame().map(|frame| Newest {
@@ -199,10 +201,12 @@ impl TrackingWorker {
                 next: next.id,
                 said: said.answer.clone(),
             });
-            self.detections.push(AnswerTiming {
-                frame: said.frame,
-                latency: said.arrived.elapsed().as_secs_f64(),
-            });
+            if self.desk.recorder.keeps() {
+                self.detections.push(AnswerTiming {
+                    frame: said.frame,
+                    latency: said.arrived.elapsed().as_secs_f64(),
+                });
+            }
             if let Ok(detections) = &said.answer {
                 self.seen = Some(detections.stamp);
             }

@@ -52,6 +52,21 @@ fn a_detector_that_panics_is_reported_and_the_others_finish() {
     assert_reproduced(&result, &received);
 }
 
+#[test]
+fn a_run_whose_log_nobody_wants_has_the_same_frames_and_keeps_nothing_of_each() {
+    let options = LiveOptions {
+        keep_log: false,
+        ..unhurried()
+    };
+    let (result, _) = run(Some(Box::new(Odd(10, nothing))), options, 2);
+    assert_all_finished(&result);
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    assert!(result.log.entries.is_empty());
+    let statistics = &result.statistics;
+    assert!(statistics.frames.is_empty() && statistics.detections.is_empty());
+    assert_eq!(statistics.arrived, frames().len() as u64);
+}
+
 /// Says when it is asked, and hangs the third time.
 struct Hanging {
     asked: u32,
