@@ -1,6 +1,6 @@
 """Sends mutated packets to a node: takes what goes over loopback while a camera is played, changes it, and sends it again.
 
-usage: mutate.py PID PACKETS SECONDS; needs root to listen. Prints memory and threads before and after.
+usage: mutate.py PID PACKETS SECONDS [frag]; needs root to listen; frag: fragments that say that their message has 2 GB, new ones each time. Prints memory and threads before and after.
 """
 import random
 import socket
@@ -59,8 +59,25 @@ def mutated(body, rng):
     return bytes(body[:65000])
 
 
+def oversized(body, number):
+    """A fragment (submessage 0x16) with another number and a size of 2 GB; none of other packets."""
+    at = 20
+    while at + 4 <= len(body):
+        kind, flags, length = body[at], body[at + 1], int.from_bytes(body[at + 2:at + 4], "little")
+        if kind == 0x16:
+            body = bytearray(body)
+            body[at + 20:at + 24] = (2**20 + number).to_bytes(4, "little")
+            body[at + 32:at + 36] = (2**31 - 1).to_bytes(4, "little")
+            return bytes(body)
+        if length == 0:
+            return None
+        at += 4 + length
+    return None
+
+
 def main():
     pid, count, seconds = int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
+    frag = len(sys.argv) > 4
     rng = random.Random(1)
     random.seed(1)
     packets = capture(seconds, 4000)
@@ -70,7 +87,9 @@ def main():
     for i in range(count):
         port, body = rng.choice(packets)
         try:
-            out.sendto(mutated(body, rng), ("127.0.0.1", port))
+            sent = oversized(body, i) if frag else mutated(body, rng)
+            if sent:
+                out.sendto(sent, ("127.0.0.1", port))
         except OSError:
             pass
         if i % 20 == 0:

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# 5 % of all packets lost, in a network namespace of its own: loss.sh FOLDER [rel]; needs root and nftables; environment as of track.sh
+set -u
+if [ -z "${INSIDE:-}" ]; then
+  INSIDE=1 exec unshare -n "$0" "$@"
+fi
+here=$(cd "$(dirname "$0")" && pwd)
+# shellcheck source=loopback.sh
+. "$here/loopback.sh"
+ip link set lo up
+nft add table ip loss
+nft add chain ip loss input '{ type filter hook input priority 0; }'
+nft add rule ip loss input meta l4proto udp numgen random mod 100 '<' 5 drop || exit 1
+out=$WORK/loss${2:-}
+rm -rf "$out" && mkdir -p "$out"
+"$NODE" --ros-args -p frames:=all ${2:+-p reliability:=reliable} >"$out/node.txt" 2>&1 &
+node=$!
+timeout 100 "$PY" "$here/play.py" "$1" "$out/heard.json" ${2:+--reliable} 2>/dev/null
+kill -INT $node
+wait $node
+cut -c1-200 "$out/node.txt"
