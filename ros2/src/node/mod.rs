@@ -1,10 +1,13 @@
 //! The node: one loop that takes what came, hands frames to the run, and answers what is asked.
 
+mod entries;
+mod requests;
+mod status;
+
 use crate::arguments::Request;
 use crate::bus::{Bus, Quality, Reach, Writer};
 use crate::camera::{CameraState, NotReady};
 use crate::intake::{Intake, News, topics};
-use crate::maps;
 use crate::mounting;
 use crate::options::Options;
 use crate::outputs::Outputs;
@@ -13,19 +16,18 @@ use crate::parameters::Parameters;
 use crate::record::Entry;
 use crate::run::{Known, Plan, Run};
 use crate::say::Voice;
-use crate::services::{Answer, Ask, Services};
+use crate::services::Services;
 use crate::value::Value;
-use crate::waiting::{Waiting, diagnostics};
+use crate::waiting::Waiting;
+use entries::{constant, image};
 use std::collections::{BTreeMap, VecDeque};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use stillpoint::recordings::{ImageMessage, camera_info_topic};
-use stillpoint::ros_events::{Outgoing, Publisher, Topic};
+use stillpoint::ros_events::Publisher;
 use stillpoint::ros_messages as ros;
-use stillpoint::ros_messages::{Format, Message, Version, to_bytes};
-use stillpoint::slam::MapUse;
+use stillpoint::ros_messages::{Format, Message, Version};
 
 /// Longest time between two looks at what is asked.
 const LOOK: Duration = Duration::from_millis(50);
@@ -370,122 +372,6 @@ impl Node {
         }
     }
 
-    fn serve(&mut self) {
-        let mut changed = Vec::new();
-        let asked = self.services.poll(&mut self.parameters, &mut changed);
-        self.tell_changes(&changed);
-        for asked in asked {
-            let answer = self.carry_out(asked.ask);
-            match &answer {
-                Ok(done) => self.voice.info(done),
-                Err(why) => self.voice.error(why),
-            }
-            self.services.answer(&asked, &answer);
-        }
-    }
-
-    fn tell_changes(&self, changed: &[(String, Value)]) {
-        if changed.is_empty() {
-            return;
-        }
-        let event = ros::ParameterEvent {
-            stamp: now(),
-            node: self.bus.node().full().into(),
-            changed_parameters: changed
-                .iter()
-                .map(|(name, value)| ros::Parameter {
-                    name: name.as_str().into(),
-                    value: value.to_message(),
-                })
-                .collect(),
-            ..ros::ParameterEvent::default()
-        };
-        self.parameter_events
-            .send(&to_bytes(&event, Format::CdrLittleEndian));
-        for (name, value) in changed {
-            self.voice.info(&format!("{name} is {value}"));
-        }
-    }
-
-    fn carry_out(&mut self, ask: Ask) -> Answer {
-        match ask {
-            Ask::Reset => {
-                self.known = None;
-                self.end_run(false);
-                Ok("a new map begins with the next frame".to_owned())
-            }
-            Ask::SaveMap => {
-                let run = self.run.as_ref().ok_or("there is no map yet")?;
-                let map = run.watch().map().ok_or("mapping has ended by a fault")?;
-                maps::save(&map, &self.map_file())
-            }
-            Ask::LoadMap => {
-                let known = self.read_map(self.map_file())?;
-                let keyframes = known.map.view().keyframe_count();
-                self.end_run(true);
-                self.known = Some(known);
-                Ok(format!(
-                    "{keyframes} keyframes; the camera is looked for in them"
-                ))
-            }
-            Ask::LocalizeOnly(only) => self.localize_only(only),
-            Ask::Pause(paused) => {
-                self.paused = paused;
-                Ok(if paused {
-                    "frames go by until pause is called with false".to_owned()
-                } else {
-                    "frames are looked at".to_owned()
-                })
-            }
-        }
-    }
-
-    fn localize_only(&mut self, only: bool) -> Answer {
-        self.parameters.set("localize_only", &Value::Bool(only))?;
-        let what = if only { "stays as it is" } else { "grows" };
-        let Some(run) = &self.run else {
-            return Ok(format!("the next map that is loaded {what}"));
-        };
-        let map = run.watch().map().ok_or("mapping has ended by a fault")?;
-        if map.view().keyframe_count() == 0 {
-            return Err("there is no map yet: nothing could be recognised in it".to_owned());
-        }
-        // A replay of the next run begins with this map, so it has to be in a file.
-        let path = self.options.log.as_ref().map(|log| {
-            let name = format!("{log}.{}.spmap", self.number + 1);
-            PathBuf::from(name)
-        });
-        if let Some(path) = &path {
-            maps::save(&map, path)?;
-        }
-        self.end_run(true);
-        self.known = Some(Known {
-            map,
-            map_use: map_use(only),
-            path,
-            readout: None,
-        });
-        Ok(format!("the map {what}; the camera is looked for in it"))
-    }
-
-    fn map_file(&self) -> PathBuf {
-        match self.parameters.get("map_file") {
-            Some(Value::Text(file)) => file.into(),
-            _ => PathBuf::new(),
-        }
-    }
-
-    fn read_map(&self, path: PathBuf) -> Result<Known, String> {
-        let (map, readout) = maps::load(&path)?;
-        let only = self.parameters.get("localize_only") == Some(&Value::Bool(true));
-        Ok(Known {
-            map,
-            map_use: map_use(only),
-            path: Some(path),
-            readout,
-        })
-    }
-
     /// Ends a run; the next begins with the next pair of images. `goes_on`: whether `odom` does.
     fn end_run(&mut self, goes_on: bool) -> Vec<String> {
         self.refused = None;
@@ -509,104 +395,6 @@ impl Node {
         self.intake.begin_run(max_dt.unwrap_or(self.options.max_dt));
         self.pending.clear();
         ended.troubles
-    }
-
-    fn tell_status(&mut self) {
-        let now_is = Instant::now();
-        let since = now_is.saturating_duration_since(self.status_at);
-        if since < STATUS {
-            return;
-        }
-        self.status_at = now_is;
-        let misfits = self.intake.misfits(&mut self.bus);
-        for (misfit, what) in misfits.into_iter().zip(["colour", "depth"]) {
-            if misfit {
-                self.voice.warn(&format!(
-                    "a publisher of {what} images is best effort, and reliability is reliable: nothing comes of it; start with -p reliability:=best_effort"
-                ));
-            }
-        }
-        let seen = self.intake.state();
-        let missing = seen.missing(now_is, self.last_pair, self.options.max_dt);
-        let missing = missing
-            .or_else(|| {
-                self.refused
-                    .clone()
-                    .map(|_| "reset: no run begins".to_owned())
-            })
-            .or_else(|| self.not_ready.clone())
-            .or_else(|| {
-                let why = self.unreadable.as_ref()?;
-                Some(format!("frames that can be made: {why}"))
-            })
-            .filter(|_| !self.paused);
-        let counts = [seen.streams[0].count, seen.streams[1].count];
-        let rate = |i: usize| (counts[i] - self.counted[i]) as f64 / since.as_secs_f64();
-        let message = diagnostics(&seen, missing.as_deref(), [rate(0), rate(1)], now());
-        self.outputs.send(&Outgoing {
-            topic: Topic::Diagnostics,
-            time: 0,
-            bytes: to_bytes(&message, Format::CdrLittleEndian),
-        });
-        let comes = missing.is_none();
-        if let Some(told) = self.waiting.update(now_is, missing) {
-            if comes {
-                self.voice.info(&told);
-            } else {
-                self.voice.warn(&told);
-            }
-        }
-        self.counted = counts;
-        if let Some(run) = &self.run {
-            for (stage, state) in run.watch().health().troubles() {
-                self.repeat(&format!("{stage}: {state}"));
-            }
-        }
-    }
-
-    /// Says what is wrong, but not with every image.
-    fn repeat(&mut self, what: &str) {
-        let now = Instant::now();
-        self.said.retain(|_, at| now.duration_since(*at) < REPEAT);
-        if !self.said.contains_key(what) && self.said.len() < 20 {
-            self.said.insert(what.to_owned(), now);
-            self.voice.warn(what);
-        }
-    }
-}
-
-fn map_use(only: bool) -> MapUse {
-    if only { MapUse::Localize } else { MapUse::Grow }
-}
-
-fn image(topic: String, compressed: bool, time: u64, bytes: Vec<u8>) -> Entry {
-    let (type_name, definition): (_, fn() -> String) = if compressed {
-        (ros::CompressedImage::NAME, || {
-            ros::definition::<ros::CompressedImage<'_>>(Version::Ros2)
-        })
-    } else {
-        (ros::Image::NAME, || {
-            ros::definition::<ros::Image<'_>>(Version::Ros2)
-        })
-    };
-    Entry {
-        topic,
-        type_name,
-        definition,
-        time,
-        latched: false,
-        bytes,
-    }
-}
-
-fn constant(bytes: Vec<u8>) -> Entry {
-    Entry {
-        topic: "/tf_static".to_owned(),
-        type_name: ros::TfMessage::NAME,
-        definition: || ros::definition::<ros::TfMessage<'_>>(Version::Ros2),
-        time: nanoseconds(now()),
-        latched: true,
-        bytes,
     }
 }
 
