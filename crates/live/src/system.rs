@@ -1,7 +1,7 @@
 //! A live run from its first frame to its result.
 
 use crate::audience::{self, Delivery, Events, Listening, Subscribed};
-use crate::boxes::{Arrived, Boxes};
+use crate::boxes::{Arrived, Boxes, QUEUE, Said};
 use crate::health::Watch;
 use crate::measure::{Ended, LiveStatistics, WorkerEnd};
 use crate::recorder::Recorder;
@@ -10,7 +10,7 @@ use crate::workers::Hook;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
-use stillpoint_detection::Detector;
+use stillpoint_detection::{Detections, Detector};
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{Map, MapView};
@@ -194,6 +194,24 @@ impl LiveSystem {
             self.boxes.dropped.fetch_add(1, Ordering::Relaxed);
         }
         before.is_some()
+    }
+
+    /// Hands over what a detector of the caller's saw, as of the frame named in it: before [`LiveSystem::push`] of that frame, or later.
+    /// Tracking takes it with the next frame; of answers that wait for it the oldest give way when there are too many. False when
+    /// tracking takes no more of them because it panicked.
+    pub fn tell(&mut self, detections: Detections) -> bool {
+        let said = Said {
+            frame: detections.frame,
+            answer: Ok(detections),
+            arrived: Instant::now(),
+        };
+        let put = self.boxes.tracking.put(|b| {
+            if b.said.len() >= QUEUE {
+                b.said.pop_front();
+            }
+            b.said.push_back(said);
+        });
+        put.is_some()
     }
 
     fn refuse(&mut self, frame: RefusedFrame) {

@@ -11,7 +11,7 @@ use crate::trajectory::{Trajectory, TrajectoryEntry};
 use crate::validation::ConfigError;
 use std::collections::VecDeque;
 use std::sync::Arc;
-use stillpoint_detection::{Detections, Detector};
+use stillpoint_detection::{Detection, Detections, Detector};
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
 use stillpoint_map::{Map, MapView};
@@ -118,13 +118,27 @@ impl System {
     /// Takes the next frame and says what happened, in the order that [`Event`] states.
     /// A frame that does not follow the one before changes nothing: [`Event::Refused`] is all that is said then.
     pub fn step(&mut self, frame: RgbdFrame) -> Vec<Event> {
+        self.step_with(frame, None)
+    }
+
+    /// Takes the next frame with what a detector of the caller's saw in it, best score first. It reaches the tracker
+    /// `schedule.detector` frames later, as the answer of [`System::with_detector`] does, which is not asked then. An empty list means
+    /// that somebody looked and saw nothing; `None` is [`System::step`].
+    pub fn step_with(&mut self, frame: RgbdFrame, seen: Option<Vec<Detection>>) -> Vec<Event> {
         if let Err(refused) = self.exchange.admit(&frame) {
             return vec![Event::Refused(refused)];
         }
         let frame = Arc::new(frame);
         let mut events = Vec::new();
         self.deliver_map(self.step, &mut events);
-        self.detect(&frame, &mut events);
+        match seen {
+            Some(items) => self.expect(Detections {
+                frame: frame.id,
+                stamp: frame.stamp,
+                items,
+            }),
+            None => self.detect(&frame, &mut events),
+        }
         self.deliver_detections(frame.id, &mut events);
         self.carry_out(LogEntry::of_frame(&frame), Some(&frame), &mut events);
         self.build_map(&mut events);
@@ -161,15 +175,18 @@ impl System {
         }
         let span = tracing::info_span!("detect");
         match span.in_scope(|| detector.detect(frame)) {
-            Ok(detections) => {
-                let due = self.step + u64::from(self.schedule.detector);
-                self.detections.push(due, detections);
-            }
+            Ok(detections) => self.expect(detections),
             Err(e) => {
                 let (next, said) = (frame.id, Err(e));
                 self.carry_out(LogEntry::TrackDetections { next, said }, None, events);
             }
         }
+    }
+
+    /// Has detections be due when the schedule says.
+    fn expect(&mut self, detections: Detections) {
+        let due = self.step + u64::from(self.schedule.detector);
+        self.detections.push(due, detections);
     }
 
     /// Tells the tracker the detections that are due, before it takes the frame `next`.
@@ -323,6 +340,18 @@ mod tests {
         }
     }
 
+    /// A black frame.
+    fn black(i: u32) -> RgbdFrame {
+        RgbdFrame {
+            id: FrameId(i),
+            stamp: f64::from(i),
+            depth_stamp: f64::from(i),
+            gray: GrayImage::new(64, 48),
+            colour: None,
+            depth: DepthImage::from_vec(64, 48, vec![0.0; 64 * 48]).unwrap(),
+        }
+    }
+
     /// Runs ten black frames with the ids 7, 10, ..., 34; returns the frames that were looked at, and for each frame that
     /// detections reached, of which frame they were.
     fn looked_at(stride: u32, delay: u32) -> (String, Vec<(u32, u32)>) {
@@ -335,15 +364,7 @@ mod tests {
         let mut came = Vec::new();
         for i in 0..10 {
             let id = FrameId(7 + 3 * i);
-            let events = system.step(RgbdFrame {
-                id,
-                stamp: f64::from(i),
-                depth_stamp: f64::from(i),
-                gray: GrayImage::new(64, 48),
-                colour: None,
-                depth: DepthImage::from_vec(64, 48, vec![0.0; 64 * 48]).unwrap(),
-            });
-            for event in events {
+            for event in system.step(RgbdFrame { id, ..black(i) }) {
                 if let Event::Detected(d) = event {
                     came.push((id.0, d.frame.0));
                 }
@@ -351,6 +372,29 @@ mod tests {
         }
         let seen = system.detector().and_then(Detector::remark);
         (seen.unwrap(), came)
+    }
+
+    /// The same frames, with what the caller saw in every third of them.
+    #[test]
+    fn what_the_caller_sees_takes_the_detectors_place_and_way() {
+        let mut config = Config::default();
+        config.schedule.detector = 2;
+        let camera = Camera::pinhole(64, 48, [50.0, 50.0, 31.5, 23.5]);
+        let system = System::new(config, camera, Simd::Scalar).unwrap();
+        let mut system = system.with_detector(Box::new(Witness(Vec::new())));
+        let mut came = Vec::new();
+        for i in 0..7 {
+            let frame = black(i);
+            let seen = i.is_multiple_of(3).then(Vec::new);
+            for event in system.step_with(frame, seen) {
+                if let Event::Detected(d) = event {
+                    came.push((i, d.frame.0));
+                }
+            }
+        }
+        assert_eq!(came, [(2, 0), (3, 1), (4, 2), (5, 3), (6, 4)]);
+        let asked = system.detector().and_then(Detector::remark);
+        assert_eq!(asked.unwrap(), "[1, 2, 4, 5]");
     }
 
     #[test]

@@ -128,7 +128,9 @@ impl BenchArgs {
 
 /// What the user typed, for the report.
 pub(crate) fn command_line() -> String {
-    std::env::args().collect::<Vec<_>>().join(" ")
+    let typed = crate::TYPED.get().into_iter().flatten();
+    let words: Vec<_> = typed.map(|w| w.to_string_lossy()).collect();
+    words.join(" ")
 }
 
 /// The last parts of the paths, with a number where two are the same.

@@ -112,9 +112,20 @@ pub(crate) fn load(
     stamps: &[(f64, f64)],
 ) -> Result<Loaded, Failure> {
     match &settled.choice {
-        Choice::None => Ok(Loaded::default()),
         Choice::Scripted(file) => Ok(Loaded {
             detector: Some(Box::new(script(file, stamps)?)),
+            library: None,
+        }),
+        _ => load_untried(settled, args),
+    }
+}
+
+/// The same for frames that are still to come: a script is taken as it is.
+pub(crate) fn load_untried(settled: &Settled, args: &DetectorArgs) -> Result<Loaded, Failure> {
+    match &settled.choice {
+        Choice::None => Ok(Loaded::default()),
+        Choice::Scripted(file) => Ok(Loaded {
+            detector: Some(Box::new(read_script(file)?)),
             library: None,
         }),
         Choice::Model(model) => {
@@ -171,13 +182,7 @@ const LARGEST_SCRIPT: u64 = 1 << 30;
 
 /// A script, tried on the stamps of all frames: one that belongs to another recording would see nothing in a long run.
 fn script(file: &str, stamps: &[(f64, f64)]) -> Result<ScriptedDetector, Failure> {
-    let text = read_regular_text(file.as_ref(), LARGEST_SCRIPT).map_err(|e| {
-        Failure::input(format!(
-            "{OPTION} scripted:{file}: expected a script of detections, found: {e}; check the path"
-        ))
-    })?;
-    let detector = ScriptedDetector::parse(file, &text)
-        .map_err(|e| Failure::input(format!("{OPTION} scripted:{e}")))?;
+    let detector = read_script(file)?;
     let mut trial = detector.clone();
     for (stamp, depth_stamp) in stamps.iter().copied() {
         let found = trial.detect(&RgbdFrame {
@@ -199,6 +204,17 @@ fn script(file: &str, stamps: &[(f64, f64)]) -> Result<ScriptedDetector, Failure
         ))),
         _ => Ok(detector),
     }
+}
+
+/// A script as it stands in its file.
+fn read_script(file: &str) -> Result<ScriptedDetector, Failure> {
+    let text = read_regular_text(file.as_ref(), LARGEST_SCRIPT).map_err(|e| {
+        Failure::input(format!(
+            "{OPTION} scripted:{file}: expected a script of detections, found: {e}; check the path"
+        ))
+    })?;
+    ScriptedDetector::parse(file, &text)
+        .map_err(|e| Failure::input(format!("{OPTION} scripted:{e}")))
 }
 
 #[cfg(test)]

@@ -40,7 +40,7 @@ pub(crate) fn check(
             "{option}: expected to start a process to try the model in, found: {e}; end other programs"
         ))
     };
-    let mut command = Command::new(std::env::current_exe().map_err(none)?);
+    let mut command = crate::program().map_err(none)?;
     command
         .args(["-q", "models", "check", "--runtime", how.runtime.name()])
         .args(["--threads", &how.options.threads.to_string()])

@@ -46,9 +46,7 @@ pub(crate) fn report(args: &ReportArgs) -> Result<Status, Failure> {
 
 /// The command that was typed, as a shell takes it.
 pub(crate) fn typed() -> String {
-    let mut args = std::env::args_os();
-    args.next();
-    let quoted = args.map(|a| quoted(&a.to_string_lossy()));
+    let quoted = crate::typed().map(|a| quoted(&a.to_string_lossy()));
     let words: Vec<String> = std::iter::once("stillpoint".to_owned())
         .chain(quoted)
         .collect();

@@ -160,24 +160,10 @@ impl Frames {
         stretches
     }
 
-    /// The poses by submap of the final map; the submap with most frames first, which is the one that a trajectory is of.
+    /// The poses by submap of the final map, in the order of [`by_submap`].
     pub(crate) fn submaps(&self, trajectory: &Trajectory, view: &MapView) -> Vec<Submap> {
-        let mut by_submap: BTreeMap<SubmapId, Vec<(TrajectoryEntry, StampedPose)>> =
-            BTreeMap::new();
-        for (entry, world_from_camera) in trajectory.resolve(view) {
-            // Until the map holds it, a keyframe is a submap of its own.
-            let submap = view.submap_of(entry.pose.reference);
-            let submap = submap.unwrap_or(SubmapId(entry.pose.reference.0));
-            if entry.inliers >= MIN_INLIERS {
-                let pose = StampedPose {
-                    stamp: entry.stamp,
-                    world_from_camera,
-                };
-                by_submap.entry(submap).or_default().push((entry, pose));
-            }
-        }
         let keyframes: BTreeMap<SubmapId, usize> = view.submaps().into_iter().collect();
-        let mut submaps: Vec<Submap> = by_submap
+        by_submap(trajectory, view)
             .into_iter()
             .map(|(id, poses)| Submap {
                 id,
@@ -193,10 +179,7 @@ impl Frames {
                 frames: poses.iter().map(|(entry, _)| entry.frame).collect(),
                 final_poses: poses.into_iter().map(|(_, pose)| pose).collect(),
             })
-            .collect();
-        // Stable: of two with as many frames the older one.
-        submaps.sort_by_key(|p| std::cmp::Reverse(p.final_poses.len()));
-        submaps
+            .collect()
     }
 
     /// The submap that a frame's pose was in when it was measured.
@@ -261,6 +244,31 @@ pub(crate) fn is_submap_file(name: &str) -> bool {
     let id = name.strip_prefix("trajectory_submap_");
     let id = id.and_then(|rest| rest.strip_suffix(".txt"));
     id.is_some_and(|id| id.parse::<u32>().is_ok())
+}
+
+/// Frames with their final poses, by submap of the final map; the submap with most frames first, which is the one that a trajectory is
+/// of. Of two with as many frames the older one comes first.
+pub(crate) fn by_submap(
+    trajectory: &Trajectory,
+    view: &MapView,
+) -> Vec<(SubmapId, Vec<(TrajectoryEntry, StampedPose)>)> {
+    let mut found: BTreeMap<SubmapId, Vec<(TrajectoryEntry, StampedPose)>> = BTreeMap::new();
+    for (entry, world_from_camera) in trajectory.resolve(view) {
+        // Until the map holds it, a keyframe is a submap of its own.
+        let submap = view.submap_of(entry.pose.reference);
+        let submap = submap.unwrap_or(SubmapId(entry.pose.reference.0));
+        if entry.inliers >= MIN_INLIERS {
+            let stamp = entry.stamp;
+            let pose = StampedPose {
+                stamp,
+                world_from_camera,
+            };
+            found.entry(submap).or_default().push((entry, pose));
+        }
+    }
+    let mut submaps: Vec<_> = found.into_iter().collect();
+    submaps.sort_by_key(|(_, poses)| std::cmp::Reverse(poses.len()));
+    submaps
 }
 
 #[cfg(test)]

@@ -1,0 +1,82 @@
+"""RGB-D SLAM that stays still while the world moves: poses, maps and masks of what moves, from arrays.
+
+>>> import stillpoint_slam as sp
+>>> room = sp.simulate("xyz", frames=5)
+>>> with sp.Slam(room.camera) as slam:
+...     for image in room:
+...         frame = slam.track(image.stamp, image.color, image.depth, depth_stamp=image.depth_stamp)
+>>> len(slam.trajectory())
+5
+
+Poses are ``world_from_camera`` as 4x4 matrices in metres; the camera looks along z, x is right, y is down. Depth images are registered to
+their colour images. Whatever takes time runs without the interpreter's lock, and exceptions name the argument that cannot be used.
+"""
+
+import sys as _sys
+
+from . import _native
+from ._native import (
+    Camera,
+    Config,
+    Dense,
+    Detection,
+    DynamicMask,
+    Event,
+    Events,
+    Frame,
+    Grid,
+    Health,
+    Map,
+    Mesh,
+    Moving,
+    Object,
+    Recorder,
+    Recording,
+    RgbdFrame,
+    RgbdFrames,
+    Score,
+    Simulation,
+    Slam,
+    Trajectory,
+    Verdicts,
+    __version__,
+    evaluate,
+)
+from ._run import Run, open, record, run, simulate
+
+if _sys.executable:
+    # Models from elsewhere are tried in a process of their own, which is this package's command line.
+    _native.launch_by([_sys.executable, "-m", "stillpoint_slam"])
+
+__all__ = [
+    "Camera",
+    "Config",
+    "Dense",
+    "Detection",
+    "DynamicMask",
+    "Event",
+    "Events",
+    "Frame",
+    "Grid",
+    "Health",
+    "Map",
+    "Mesh",
+    "Moving",
+    "Object",
+    "Recorder",
+    "Recording",
+    "RgbdFrame",
+    "RgbdFrames",
+    "Run",
+    "Score",
+    "Simulation",
+    "Slam",
+    "Trajectory",
+    "Verdicts",
+    "__version__",
+    "evaluate",
+    "open",
+    "record",
+    "run",
+    "simulate",
+]

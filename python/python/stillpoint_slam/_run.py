@@ -1,0 +1,175 @@
+"""Whole recordings: opened, run, recorded, simulated."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ._native import Camera, Config, Recorder, Recording, Score, Simulation, Slam, Trajectory, evaluate
+from ._progress import Progress
+
+
+def open(
+    path: str | os.PathLike[str],
+    camera: str | None = None,
+    *,
+    color: bool = True,
+    start: int = 0,
+    max_frames: int | None = None,
+) -> Recording:
+    """Opens a data set folder (TUM, Bonn, ICL-NUIM, 7-Scenes) or a recording (MCAP, rosbag2, ROS 1 bag, RealSense): an iterable of its frames.
+
+    Args:
+        path: the folder or file.
+        camera: a preset or a camera file; None guesses it, or takes the recording's own.
+        color: whether the frames come with their colours; without, only grey is decoded.
+        start: frames that are left out at the start.
+        max_frames: frames at most.
+
+    Raises:
+        FileNotFoundError: nothing is there.
+        ValueError: it is neither; the message says what was expected.
+    """
+    return Recording(path, camera, color=color, start=start, max_frames=max_frames)
+
+
+def simulate(
+    scene: str = "xyz",
+    frames: int | None = None,
+    *,
+    seed: int = 0,
+    rate: float | None = None,
+    noise: bool = True,
+    camera: Camera | None = None,
+) -> Simulation:
+    """A simulated room with exact ground truth: an iterable of its frames. See :class:`Simulation`.
+
+    >>> len(simulate("walking_xyz", frames=10))
+    10
+    """
+    return Simulation(scene, frames, seed=seed, rate=rate, noise=noise, camera=camera)
+
+
+def record(
+    path: str | os.PathLike[str],
+    camera: Any,
+    *,
+    color_order: str = "rgb",
+    jpeg: bool = False,
+) -> Recorder:
+    """Begins a recording: a folder as TUM has it, or an MCAP file where the path ends with ``.mcap``. See :class:`Recorder`.
+
+    Args:
+        path: where nothing is yet.
+        camera: as for :class:`Slam`.
+        color_order: ``rgb`` or ``bgr``.
+        jpeg: whether colour images of a folder are JPEG instead of PNG.
+    """
+    return Recorder(path, camera, color_order=color_order, jpeg=jpeg)
+
+
+class Run:
+    """What a run over a recording gave.
+
+    Attributes:
+        slam: the finished system: map, surface.
+        trajectory: final poses.
+        truth: ground truth; None where there is none.
+        score: the trajectory against the truth; None without truth, or where both do not overlap.
+        frames: frames that were read.
+        lost: frames without a pose at the time, as (index, stamp in s, reason).
+        seconds: how long it took.
+    """
+
+    def __init__(self, slam: Slam, truth: Trajectory | None, frames: int, lost: list[tuple[int, float, str]], seconds: float) -> None:
+        self.slam = slam
+        self.trajectory = slam.trajectory()
+        self.truth = truth
+        self.frames = frames
+        self.lost = lost
+        self.seconds = seconds
+        self.score: Score | None = None
+        if truth is not None:
+            try:
+                self.score = evaluate(truth, self.trajectory)
+            except ValueError:
+                # Poses that do not overlap with the truth in time are poses all the same.
+                self.score = None
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Writes ``trajectory.txt``, ``keyframes.txt``, ``map.spmap`` and ``summary.json`` into a folder, which is made if need be."""
+        to = Path(folder)
+        to.mkdir(parents=True, exist_ok=True)
+        self.trajectory.save(to / "trajectory.txt")
+        self.slam.map.keyframes.save(to / "keyframes.txt")
+        self.slam.save(to / "map.spmap")
+        summary = {
+            "frames": self.frames,
+            "tracked": len(self.trajectory),
+            "seconds": self.seconds,
+            "lost": [{"index": i, "stamp": s, "reason": r} for i, s, r in self.lost],
+            "ate_rmse": None if self.score is None else self.score.ate_rmse,
+        }
+        (to / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+
+    def plot(self, ax: Any = None) -> Any:
+        """Draws the trajectory, beside the truth if there is one, by matplotlib, and returns the axes."""
+        return self.trajectory.plot(self.truth, ax)
+
+    def __repr__(self) -> str:
+        score = "" if self.score is None else f", ATE RMSE {1e3 * self.score.ate_rmse:.2f} mm"
+        return f"<Run: {len(self.trajectory)} of {self.frames} frames with a pose{score}>"
+
+    def _repr_html_(self) -> str:
+        from ._html import run
+
+        return run(self)
+
+
+def run(
+    path: str | os.PathLike[str] | Recording | Simulation,
+    *,
+    camera: str | None = None,
+    config: Config | str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    detector: Callable[[Any], Any] | str | os.PathLike[str] | None = None,
+    live: bool = False,
+    dense: bool | float = False,
+    start: int = 0,
+    max_frames: int | None = None,
+    out: str | os.PathLike[str] | None = None,
+    progress: bool = True,
+) -> Run:
+    """Runs a data set folder, a recording or a simulation through SLAM, as ``stillpoint run`` does.
+
+    Args:
+        path: the folder or file, or what :func:`open` or :func:`simulate` gave.
+        camera, start, max_frames: as for :func:`open`.
+        config, detector, live, dense: as for :class:`Slam`.
+        out: folder for the result, see :meth:`Run.save`; None for none.
+        progress: whether progress is shown, in a notebook or a terminal.
+
+    >>> run(simulate("xyz", frames=5))
+    <Run: 5 of 5 frames with a pose, ATE RMSE ... mm>
+    """
+    # Grey is all that tracking looks at, and half of the work of decoding.
+    color = detector is not None or bool(dense)
+    source = path if isinstance(path, (Recording, Simulation)) else open(path, camera, color=color, start=start, max_frames=max_frames)
+    slam = Slam(source.camera, config, detector, live, dense=dense)
+    lost: list[tuple[int, float, str]] = []
+    frames, begin = 0, time.monotonic()
+    with Progress(len(source), progress) as bar, slam:
+        for image in source:
+            pixels = image.color if color else image.gray
+            frame = slam.track(image.stamp, pixels, image.depth, depth_stamp=image.depth_stamp)
+            frames += 1
+            if not frame.is_tracked:
+                lost.append((frame.index, frame.stamp, frame.reason or ""))
+            bar.step(f", {len(lost)} lost" if lost else "")
+    result = Run(slam, source.truth, frames, lost, time.monotonic() - begin)
+    if out is not None:
+        result.save(out)
+    return result

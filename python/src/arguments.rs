@@ -1,0 +1,337 @@
+//! Arguments: what Python hands over, checked, with exceptions that name the argument.
+
+use numpy::{
+    PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods,
+};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyFloat, PyString};
+use std::path::PathBuf;
+use stillpoint::geometry::nalgebra::Matrix4;
+use stillpoint::geometry::{Mat3, Se3, Vec3};
+
+/// Stamps beyond this are no time of a camera, s: the year 5138.
+const LATEST: f64 = 1e11;
+
+/// A `ValueError` that names an argument.
+pub(crate) fn value(name: &str, what: impl std::fmt::Display) -> PyErr {
+    PyValueError::new_err(format!("{name}: {what}"))
+}
+
+/// A `TypeError` that names an argument.
+pub(crate) fn wrong_type(name: &str, expected: &str, found: &Bound<'_, PyAny>) -> PyErr {
+    PyTypeError::new_err(format!(
+        "{name}: expected {expected}, found {}",
+        describe(found)
+    ))
+}
+
+/// What a value is, in words.
+fn describe(found: &Bound<'_, PyAny>) -> String {
+    if found.is_none() {
+        return "None".to_owned();
+    }
+    if let Ok(array) = found.cast::<PyUntypedArray>() {
+        return format!(
+            "an array of {} with the shape {:?}",
+            dtype(array),
+            array.shape()
+        );
+    }
+    let name = found.get_type().fully_qualified_name();
+    name.map_or_else(|_| "something else".to_owned(), |n| n.to_string())
+}
+
+fn dtype(array: &Bound<'_, PyUntypedArray>) -> String {
+    array.dtype().to_string()
+}
+
+/// A time: seconds as a float, or nanoseconds as an int.
+pub(crate) fn stamp(name: &str, found: &Bound<'_, PyAny>) -> PyResult<f64> {
+    const EXPECTED: &str = "seconds as a float or nanoseconds as an int";
+    let wrong = || wrong_type(name, EXPECTED, found);
+    if found.is_instance_of::<PyBool>() || found.cast::<PyUntypedArray>().is_ok() {
+        return Err(wrong());
+    }
+    let seconds = if found.is_instance_of::<PyFloat>() || is_numpy_float(found)? {
+        found.extract::<f64>().map_err(|_| wrong())?
+    } else if found.hasattr("__index__").unwrap_or(false) {
+        let number = found.call_method0("__index__").map_err(|_| wrong())?;
+        let ns: i64 = number
+            .extract()
+            .map_err(|_| value(name, "expected nanoseconds within 64 bits, found more"))?;
+        // Whole seconds apart: a double of all nanoseconds since 1970 would be off by a hundred of them.
+        ns.div_euclid(1_000_000_000) as f64 + ns.rem_euclid(1_000_000_000) as f64 / 1e9
+    } else {
+        return Err(wrong());
+    };
+    if seconds.is_finite() && seconds.abs() <= LATEST {
+        return Ok(seconds);
+    }
+    Err(value(
+        name,
+        format!("expected a time of at most {LATEST:e} s, found {seconds}"),
+    ))
+}
+
+/// Whether it is one of NumPy's own floats, most of which are none of Python's.
+fn is_numpy_float(found: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let floating = found.py().import("numpy")?.getattr("floating")?;
+    found.is_instance(&floating)
+}
+
+/// A real number in a range.
+pub(crate) fn number(name: &str, found: &Bound<'_, PyAny>, range: [f64; 2]) -> PyResult<f64> {
+    let wrong = || wrong_type(name, "a number", found);
+    if found.is_instance_of::<PyBool>() {
+        return Err(wrong());
+    }
+    let number: f64 = found.extract().map_err(|_| wrong())?;
+    let [low, high] = range;
+    if (low..=high).contains(&number) {
+        return Ok(number);
+    }
+    Err(value(
+        name,
+        format!("expected a number from {low} to {high}, found {number}"),
+    ))
+}
+
+/// A text.
+pub(crate) fn words(name: &str, found: &Bound<'_, PyAny>) -> PyResult<String> {
+    let text = found
+        .cast::<PyString>()
+        .map_err(|_| wrong_type(name, "a text", found))?;
+    let text = text.to_str();
+    let unreadable = |_| value(name, "expected a text, found one that is not Unicode");
+    text.map(ToOwned::to_owned).map_err(unreadable)
+}
+
+/// A path, as a text or what says of itself that it is one.
+pub(crate) fn path(name: &str, found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+    let unusable = |_| wrong_type(name, "a path", found);
+    let path: PathBuf = found.extract().map_err(unusable)?;
+    if path.as_os_str().is_empty() || path.as_os_str().as_encoded_bytes().contains(&0) {
+        return Err(value(name, format!("expected a path, found {path:?}")));
+    }
+    Ok(path)
+}
+
+/// True or False.
+pub(crate) fn yes(name: &str, found: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let found_bool = found.cast::<PyBool>();
+    Ok(found_bool
+        .map_err(|_| wrong_type(name, "True or False", found))?
+        .is_true())
+}
+
+/// A whole number of at most `most`.
+pub(crate) fn count(name: &str, found: &Bound<'_, PyAny>, most: u64) -> PyResult<u64> {
+    let wrong = || wrong_type(name, "a whole number", found);
+    if found.is_instance_of::<PyBool>() || found.cast::<PyUntypedArray>().is_ok() {
+        return Err(wrong());
+    }
+    if !found.hasattr("__index__").unwrap_or(false) {
+        return Err(wrong());
+    }
+    let index = found.call_method0("__index__").map_err(|_| wrong())?;
+    let number = index.extract::<u64>().ok().filter(|n| *n <= most);
+    number.ok_or_else(|| {
+        value(
+            name,
+            format!("expected a whole number from 0 to {most}, found another"),
+        )
+    })
+}
+
+/// The elements of an array, row by row, whatever its strides; the caller has compared its shape, so that no more is copied than there should be.
+pub(crate) fn elements<T: numpy::Element + Copy>(
+    name: &str,
+    array: &Bound<'_, PyArrayDyn<T>>,
+) -> PyResult<Vec<T>> {
+    let py = array.py();
+    let unusual = |e: &dyn std::fmt::Display| {
+        value(
+            name,
+            format!("expected an array that can be read, found: {e}"),
+        )
+    };
+    if array.is_c_contiguous() && is_aligned(array)? {
+        let read = array.try_readonly().map_err(|e| unusual(&e))?;
+        return Ok(read.as_slice().map_err(|e| unusual(&e))?.to_vec());
+    }
+    // NumPy itself knows best how to walk through unusual strides.
+    let copy = py
+        .import("numpy")?
+        .call_method1("require", (array, py.None(), ["C", "A"]))?;
+    let copy = copy
+        .cast::<PyArrayDyn<T>>()
+        .map_err(|_| unusual(&"another kind"))?;
+    let read = copy.try_readonly().map_err(|e| unusual(&e))?;
+    Ok(read.as_slice().map_err(|e| unusual(&e))?.to_vec())
+}
+
+fn is_aligned<T: numpy::Element>(array: &Bound<'_, PyArrayDyn<T>>) -> PyResult<bool> {
+    array.getattr("flags")?.getattr("aligned")?.extract()
+}
+
+/// Whether the bytes of an array are in this machine's order.
+fn is_native(array: &Bound<'_, PyUntypedArray>) -> bool {
+    array.dtype().is_native_byteorder().unwrap_or(true)
+}
+
+/// A colour or grey image as it came: bytes row by row.
+pub(crate) enum Pixels {
+    Gray(Vec<u8>),
+    /// Interleaved, in the order that the user stated.
+    Colour(Vec<u8>),
+}
+
+/// A colour image (height x width x 3) or a grey one (height x width) of a size, width first.
+pub(crate) fn colour(found: &Bound<'_, PyAny>, size: [usize; 2]) -> PyResult<Pixels> {
+    let [w, h] = size;
+    let expected = format!(
+        "a numpy array of uint8 with the shape ({h}, {w}, 3) or, where it is grey, ({h}, {w})"
+    );
+    let wrong = || wrong_type("color", &expected, found);
+    let array = found.cast::<PyUntypedArray>().map_err(|_| wrong())?;
+    let bytes = found.cast::<PyArrayDyn<u8>>().map_err(|_| wrong())?;
+    let shape = array.shape();
+    if shape == [h, w] {
+        return Ok(Pixels::Gray(elements("color", bytes)?));
+    }
+    if shape == [h, w, 3] {
+        return Ok(Pixels::Colour(elements("color", bytes)?));
+    }
+    Err(value(
+        "color",
+        format!("expected {expected}, found {}", describe(found)),
+    ))
+}
+
+/// A depth image as it came, row by row.
+pub(crate) enum Depths {
+    /// Values of the camera's unit.
+    Raw(Vec<u16>),
+    Metres(Vec<f32>),
+}
+
+/// A depth image (height x width) of a size, width first.
+pub(crate) fn depth(found: &Bound<'_, PyAny>, size: [usize; 2]) -> PyResult<Depths> {
+    let [w, h] = size;
+    let expected = format!(
+        "a numpy array of uint16 or, in metres, float32 or float64, with the shape ({h}, {w})"
+    );
+    let array = found
+        .cast::<PyUntypedArray>()
+        .map_err(|_| wrong_type("depth", &expected, found))?;
+    if !is_native(array) {
+        return Err(wrong_type(
+            "depth",
+            &format!("{expected}, in this machine's byte order"),
+            found,
+        ));
+    }
+    let shaped = || {
+        if array.shape() == [h, w] {
+            return Ok(());
+        }
+        Err(value(
+            "depth",
+            format!("expected {expected}, found {}", describe(found)),
+        ))
+    };
+    if let Ok(raw) = found.cast::<PyArrayDyn<u16>>() {
+        shaped()?;
+        return Ok(Depths::Raw(elements("depth", raw)?));
+    }
+    if let Ok(metres) = found.cast::<PyArrayDyn<f32>>() {
+        shaped()?;
+        return Ok(Depths::Metres(elements("depth", metres)?));
+    }
+    if let Ok(metres) = found.cast::<PyArrayDyn<f64>>() {
+        shaped()?;
+        let metres = elements("depth", metres)?;
+        return Ok(Depths::Metres(
+            metres.into_iter().map(|z| z as f32).collect(),
+        ));
+    }
+    Err(wrong_type("depth", &expected, found))
+}
+
+/// Anything that NumPy makes an array of float64 of, of at most `most` elements.
+pub(crate) fn reals(
+    name: &str,
+    expected: &str,
+    found: &Bound<'_, PyAny>,
+    most: usize,
+) -> PyResult<(Vec<usize>, Vec<f64>)> {
+    let py = found.py();
+    let wrong = || wrong_type(name, expected, found);
+    if found.is_none() {
+        return Err(wrong());
+    }
+    let numpy = py.import("numpy")?;
+    let array = match found.cast::<PyUntypedArray>() {
+        Ok(array) => array.clone().into_any(),
+        Err(_) => numpy
+            .call_method1("asarray", (found,))
+            .map_err(|_| wrong())?,
+    };
+    let array = array.cast_into::<PyUntypedArray>().map_err(|_| wrong())?;
+    if !matches!(array.dtype().kind(), b'f' | b'i' | b'u') && array.len() > 0 {
+        return Err(wrong());
+    }
+    if array.len() > most {
+        return Err(value(
+            name,
+            format!("expected {expected}, found {}", describe(array.as_any())),
+        ));
+    }
+    let array = numpy
+        .call_method1("asarray", (&array, "float64"))
+        .map_err(|_| wrong())?;
+    let array = array.cast_into::<PyArrayDyn<f64>>().map_err(|_| wrong())?;
+    Ok((array.shape().to_vec(), elements(name, &array)?))
+}
+
+/// A pose as a 4x4 matrix, of a rotation within 1e-3.
+pub(crate) fn pose(name: &str, found: &Bound<'_, PyAny>) -> PyResult<Se3> {
+    const EXPECTED: &str = "a pose as a 4x4 matrix of float64, world_from_camera in metres";
+    let (shape, m) = reals(name, EXPECTED, found, 16)?;
+    if shape != [4, 4] {
+        return Err(wrong_type(name, EXPECTED, found).into_value_error(found.py()));
+    }
+    matrix(&m).map_err(|what| value(name, format!("expected {EXPECTED}, found {what}")))
+}
+
+trait IntoValueError {
+    fn into_value_error(self, py: Python<'_>) -> PyErr;
+}
+
+impl IntoValueError for PyErr {
+    fn into_value_error(self, py: Python<'_>) -> PyErr {
+        PyValueError::new_err(self.value(py).to_string())
+    }
+}
+
+/// A rigid motion from the sixteen numbers of its matrix, row by row; what is wrong with them else.
+pub(crate) fn matrix(m: &[f64]) -> Result<Se3, &'static str> {
+    if m.len() != 16 || !m.iter().all(|v| v.is_finite()) {
+        return Err("numbers that are not finite");
+    }
+    let m = Matrix4::from_row_slice(m);
+    let rotation: Mat3 = m.fixed_view::<3, 3>(0, 0).into_owned();
+    let off = (rotation * rotation.transpose() - Mat3::identity()).norm();
+    if off > 1e-3 || rotation.determinant() < 0.0 {
+        return Err("a matrix whose upper left 3x3 is no rotation");
+    }
+    let bottom = m.row(3);
+    if (bottom[0], bottom[1], bottom[2], bottom[3]) != (0.0, 0.0, 0.0, 1.0) {
+        return Err("a matrix whose last row is not 0 0 0 1");
+    }
+    Ok(Se3::from_matrix(
+        &rotation,
+        Vec3::new(m[(0, 3)], m[(1, 3)], m[(2, 3)]),
+    ))
+}

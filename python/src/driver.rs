@@ -1,0 +1,266 @@
+//! The system behind a `Slam`: in one thread, or with threads.
+//!
+//! Answers: what becomes of one frame, and what is known at any time. Knows nothing of Python.
+
+use crate::events::Queue;
+use crate::live::Live;
+use std::sync::Arc;
+use stillpoint::datasets::StampedPose;
+use stillpoint::dense::{Dense, DenseMap, FinalPose};
+use stillpoint::detection::Detection;
+use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
+use stillpoint::map::{Map, MapView};
+use stillpoint::slam::{
+    Event, FrameEvent, RefusedFrame, Subscriber, System, Timing, Trajectory, TrajectoryEntry,
+};
+use stillpoint_cli::front;
+
+/// Why a frame has no answer.
+pub(crate) enum Trouble {
+    /// It does not follow the one before.
+    Refused(RefusedFrame),
+    /// The run is over.
+    Over,
+    /// As many frames as there are numbers.
+    Full,
+    /// A thread of the run ended.
+    Broken(String),
+}
+
+/// Images as the system takes them, with their stamps, s.
+pub(crate) struct Taken {
+    pub(crate) stamp: f64,
+    pub(crate) depth_stamp: f64,
+    pub(crate) gray: GrayImage,
+    pub(crate) colour: Option<Arc<ColourImage>>,
+    pub(crate) depth: DepthImage,
+}
+
+impl Taken {
+    pub(crate) fn numbered(self, id: FrameId) -> RgbdFrame {
+        RgbdFrame {
+            id,
+            stamp: self.stamp,
+            depth_stamp: self.depth_stamp,
+            gray: self.gray,
+            colour: self.colour,
+            depth: self.depth,
+        }
+    }
+}
+
+/// What is known of a run at a moment.
+pub(crate) struct Known {
+    pub(crate) view: Arc<MapView>,
+    pub(crate) trajectory: Trajectory,
+}
+
+impl Known {
+    /// Final poses of the largest submap, as `trajectory.txt` has them.
+    pub(crate) fn poses(&self) -> Vec<(TrajectoryEntry, StampedPose)> {
+        front::final_poses(&self.trajectory, &self.view)
+    }
+}
+
+/// Either way of running.
+pub(crate) enum Driver {
+    Inline(Box<Inline>),
+    Live(Box<Live>),
+}
+
+/// One thread.
+pub(crate) struct Inline {
+    system: System,
+    next: Option<u32>,
+    /// Whoever listens, as long as they are there.
+    queues: Vec<Queue>,
+    dense: Surface,
+    stride: u64,
+    /// Frames that were taken.
+    steps: u64,
+    is_over: bool,
+}
+
+/// The surface, if it is wanted.
+pub(crate) enum Surface {
+    Unwanted,
+    Growing(Box<Dense>),
+    Final(DenseMap),
+}
+
+impl Surface {
+    /// All that is kept, at the final poses.
+    pub(crate) fn finish(&mut self, known: &Known) {
+        let this = std::mem::replace(self, Self::Unwanted);
+        *self = match this {
+            Self::Growing(dense) => {
+                let of = |(entry, pose): &(TrajectoryEntry, StampedPose)| FinalPose {
+                    frame: entry.frame,
+                    stamp: pose.stamp,
+                    world_from_camera: pose.world_from_camera,
+                };
+                let poses: Vec<FinalPose> = known.poses().iter().map(of).collect();
+                Self::Final(dense.finish(&poses))
+            }
+            other => other,
+        };
+    }
+
+    pub(crate) fn map(&self) -> Option<DenseMap> {
+        match self {
+            Self::Unwanted => None,
+            Self::Growing(dense) => Some(dense.map().clone()),
+            Self::Final(map) => Some(map.clone()),
+        }
+    }
+}
+
+impl Inline {
+    pub(crate) fn new(system: System, stride: u32, dense: Option<Dense>) -> Self {
+        Self {
+            system,
+            next: Some(0),
+            queues: Vec::new(),
+            dense: dense.map_or(Surface::Unwanted, |d| Surface::Growing(Box::new(d))),
+            stride: u64::from(stride),
+            steps: 0,
+            is_over: false,
+        }
+    }
+
+    fn track(
+        &mut self,
+        taken: Taken,
+        seen: Option<Vec<Detection>>,
+    ) -> Result<Arc<FrameEvent>, Trouble> {
+        if self.is_over {
+            return Err(Trouble::Over);
+        }
+        let id = self.next.ok_or(Trouble::Full)?;
+        let events = self.system.step_with(taken.numbered(FrameId(id)), seen);
+        self.tell(&events);
+        let mut answer = None;
+        for event in events {
+            match event {
+                Event::Frame(frame) => answer = Some(frame),
+                // Its number is the next one's: it was not looked at.
+                Event::Refused(refused) => return Err(Trouble::Refused(refused)),
+                _ => {}
+            }
+        }
+        self.next = id.checked_add(1);
+        self.steps += 1;
+        answer.ok_or_else(|| Trouble::Broken("no answer to a frame".to_owned()))
+    }
+
+    fn tell(&mut self, events: &[Event]) {
+        if let Surface::Growing(dense) = &mut self.dense {
+            dense.receive_all(events);
+        }
+        self.queues.retain(Queue::is_wanted);
+        for queue in &self.queues {
+            for event in events {
+                queue.put(event);
+            }
+        }
+    }
+
+    fn known(&self) -> Known {
+        Known {
+            view: self.system.view(),
+            trajectory: self.system.trajectory().clone(),
+        }
+    }
+
+    fn finish(&mut self) {
+        if self.is_over {
+            return;
+        }
+        self.is_over = true;
+        let events = self.system.finish();
+        self.tell(&events);
+        for queue in self.queues.drain(..) {
+            queue.close();
+        }
+        let known = self.known();
+        self.dense.finish(&known);
+    }
+}
+
+impl Driver {
+    /// Tracks a frame, and says what became of it.
+    pub(crate) fn track(
+        &mut self,
+        taken: Taken,
+        seen: Option<Vec<Detection>>,
+    ) -> Result<Arc<FrameEvent>, Trouble> {
+        match self {
+            Self::Inline(inline) => inline.track(taken, seen),
+            Self::Live(live) => live.track(taken, seen),
+        }
+    }
+
+    /// Whether it is the next frame's turn to be shown to a detector of the caller's; never in a live run, which asks by itself.
+    pub(crate) fn asks(&self) -> bool {
+        match self {
+            Self::Inline(inline) => inline.steps.is_multiple_of(inline.stride),
+            Self::Live(_) => false,
+        }
+    }
+
+    /// Whether the run is over.
+    pub(crate) fn is_over(&self) -> bool {
+        match self {
+            Self::Inline(inline) => inline.is_over,
+            Self::Live(live) => live.is_over(),
+        }
+    }
+
+    /// What is known now.
+    pub(crate) fn known(&self) -> Known {
+        match self {
+            Self::Inline(inline) => inline.known(),
+            Self::Live(live) => live.known(),
+        }
+    }
+
+    /// The map as it is now, to be saved, with what is known of the camera's timing.
+    pub(crate) fn with_map<R>(&self, look: impl FnOnce(&Map, Option<&Timing>) -> R) -> Option<R> {
+        match self {
+            Self::Inline(inline) => Some(look(inline.system.map(), Some(&inline.system.timing()))),
+            Self::Live(live) => live.with_map(look),
+        }
+    }
+
+    /// The surface as it is now; none where none was asked for.
+    pub(crate) fn surface(&self) -> Option<DenseMap> {
+        match self {
+            Self::Inline(inline) => inline.dense.map(),
+            Self::Live(live) => live.surface(),
+        }
+    }
+
+    /// Has somebody listen from now on; at most so many events wait.
+    pub(crate) fn listen(&mut self, room: usize) -> crate::events::Source {
+        match self {
+            Self::Inline(inline) => {
+                let queue = Queue::new(room);
+                if inline.is_over {
+                    queue.close();
+                } else {
+                    inline.queues.push(queue.clone());
+                }
+                crate::events::Source::Queue(queue)
+            }
+            Self::Live(live) => live.listen(room),
+        }
+    }
+
+    /// Ends the stream; a second time nothing happens.
+    pub(crate) fn finish(&mut self) {
+        match self {
+            Self::Inline(inline) => inline.finish(),
+            Self::Live(live) => live.finish(),
+        }
+    }
+}

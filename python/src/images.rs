@@ -1,0 +1,110 @@
+//! Images as they came, decoded as the files of a data set are: grey by the luma, depth in metres.
+
+use crate::arguments::{Depths, Pixels, colour, depth, stamp, value, words};
+use crate::camera::Camera;
+use crate::driver::Taken;
+use pyo3::prelude::*;
+use std::sync::Arc;
+use stillpoint::imaging::{ColourImage, DepthImage, GrayImage, SizeError};
+
+/// In which order the bytes of a pixel are.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Order {
+    Rgb,
+    Bgr,
+}
+
+impl Order {
+    /// As the user says; RGB where nothing is said.
+    pub(crate) fn of(found: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let said = found.map(|f| words("color_order", f)).transpose()?;
+        match said.as_deref().unwrap_or("rgb") {
+            "rgb" => Ok(Self::Rgb),
+            "bgr" => Ok(Self::Bgr),
+            other => Err(value(
+                "color_order",
+                format!("expected \"rgb\" or \"bgr\", found {other:?}"),
+            )),
+        }
+    }
+}
+
+/// What a user hands over for one frame, with its stamps.
+pub(crate) struct Handed<'a, 'py> {
+    pub(crate) stamp: &'a Bound<'py, PyAny>,
+    pub(crate) colour: &'a Bound<'py, PyAny>,
+    pub(crate) depth: &'a Bound<'py, PyAny>,
+    pub(crate) depth_stamp: Option<&'a Bound<'py, PyAny>>,
+}
+
+/// The same, checked and copied.
+pub(crate) struct Raw {
+    stamps: [f64; 2],
+    pixels: Pixels,
+    depths: Depths,
+    size: [usize; 2],
+    order: Order,
+    depth_scale: f64,
+}
+
+impl Handed<'_, '_> {
+    /// Checks everything, and copies it: Python may change its arrays as soon as its lock is free.
+    pub(crate) fn take(&self, camera: &Camera, order: Order) -> PyResult<Raw> {
+        let size = camera.size();
+        let time = stamp("stamp", self.stamp)?;
+        let depth_time = self
+            .depth_stamp
+            .map(|s| stamp("depth_stamp", s))
+            .transpose()?;
+        Ok(Raw {
+            stamps: [time, depth_time.unwrap_or(time)],
+            pixels: colour(self.colour, size)?,
+            depths: depth(self.depth, size)?,
+            size,
+            order,
+            depth_scale: camera.model.depth_scale,
+        })
+    }
+}
+
+impl Raw {
+    /// The frame; with its colours where they are wanted.
+    pub(crate) fn decode(self, keep_colour: bool) -> Result<Taken, SizeError> {
+        let [w, h] = self.size;
+        let (gray, colour) = match self.pixels {
+            Pixels::Gray(gray) => {
+                let colour = keep_colour.then(|| gray.iter().flat_map(|v| [*v; 3]).collect());
+                let colour = colour.map(|rgb| ColourImage::from_vec(w, h, rgb));
+                (GrayImage::from_vec(w, h, gray)?, colour.transpose()?)
+            }
+            Pixels::Colour(mut bytes) => {
+                if self.order == Order::Bgr {
+                    bytes.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
+                }
+                let colour = ColourImage::from_vec(w, h, bytes)?;
+                (colour.to_gray(), keep_colour.then_some(colour))
+            }
+        };
+        let depth = match self.depths {
+            Depths::Metres(metres) => metres,
+            Depths::Raw(raw) => raw.iter().map(|v| metres(*v, self.depth_scale)).collect(),
+        };
+        let [stamp, depth_stamp] = self.stamps;
+        Ok(Taken {
+            stamp,
+            depth_stamp,
+            gray,
+            colour: colour.map(Arc::new),
+            depth: DepthImage::from_vec(w, h, depth)?,
+        })
+    }
+}
+
+/// As the decoder of data sets has it: one rounding, and 65535 stands for no measurement.
+fn metres(raw: u16, scale: f64) -> f32 {
+    if raw == u16::MAX {
+        0.0
+    } else {
+        (f64::from(raw) / scale) as f32
+    }
+}

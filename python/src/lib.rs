@@ -1,0 +1,63 @@
+//! The extension module behind the Python package `stillpoint_slam`.
+//!
+//! Answers: how arrays of NumPy become frames, and how poses, maps and masks become arrays. Holds no method of its own: what is computed is
+//! the library's business, and what words mean (configuration, detectors, map files) is that of the command line. Every argument is checked
+//! here, and an exception names it; whatever takes time runs without the interpreter's lock.
+
+mod arguments;
+mod arrays;
+mod camera;
+mod command;
+mod config;
+mod dense;
+mod detections;
+mod driver;
+mod events;
+mod frame;
+mod guard;
+mod images;
+mod live;
+mod map;
+mod mask;
+mod objects;
+mod record;
+mod score;
+mod simulate;
+mod slam;
+mod source;
+mod trajectory;
+
+use pyo3::prelude::*;
+
+/// The compiled part of `stillpoint_slam`.
+#[pymodule]
+fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    stillpoint_cli::front::keep_quiet();
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<camera::Camera>()?;
+    module.add_class::<config::Config>()?;
+    module.add_class::<dense::Dense>()?;
+    module.add_class::<dense::Grid>()?;
+    module.add_class::<dense::Mesh>()?;
+    module.add_class::<detections::Detection>()?;
+    module.add_class::<events::Event>()?;
+    module.add_class::<events::Events>()?;
+    module.add_class::<frame::Frame>()?;
+    module.add_class::<frame::Health>()?;
+    module.add_class::<frame::Verdicts>()?;
+    module.add_class::<map::Map>()?;
+    module.add_class::<mask::DynamicMask>()?;
+    module.add_class::<mask::Moving>()?;
+    module.add_class::<objects::Object>()?;
+    module.add_class::<record::Recorder>()?;
+    module.add_class::<score::Score>()?;
+    module.add_class::<simulate::Simulation>()?;
+    module.add_class::<slam::Slam>()?;
+    module.add_class::<source::Image>()?;
+    module.add_class::<source::Images>()?;
+    module.add_class::<source::Recording>()?;
+    module.add_class::<trajectory::Trajectory>()?;
+    module.add_function(wrap_pyfunction!(command::launch_by, module)?)?;
+    module.add_function(wrap_pyfunction!(command::main, module)?)?;
+    module.add_function(wrap_pyfunction!(score::evaluate, module)?)
+}

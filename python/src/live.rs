@@ -1,0 +1,218 @@
+//! A run with threads: tracking answers each frame before the next one is taken; detection, mapping and looping go on meanwhile.
+
+use crate::arrays;
+use crate::detections::answer;
+use crate::driver::{Known, Surface, Taken, Trouble};
+use crate::events::Source;
+use pyo3::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use stillpoint::dense::{Dense, DenseMap};
+use stillpoint::detection::{
+    DetectError, Detection, Detections, Detector, DetectorInfo, DetectorKind,
+};
+use stillpoint::imaging::{FrameId, RgbdFrame};
+use stillpoint::live::{Delivery, Events, LiveOptions, LiveResult, LiveSystem, Stage, ThreadState};
+use stillpoint::map::Map;
+use stillpoint::slam::{Event, FrameEvent, Stages, Subscriber, Timing};
+
+/// How often it is seen to whether the threads are still there.
+const LOOK: Duration = Duration::from_millis(200);
+/// Frames with their images that wait for the surface, at most: more than a second of them.
+const IMAGES: usize = 40;
+/// Events that wait for the answer to a frame, at most: what a second of mapping has to tell, and more.
+const WAITING: usize = 1024;
+
+/// A live run.
+pub(crate) struct Live {
+    run: Option<LiveSystem>,
+    events: Events,
+    next: Option<u32>,
+    surface: Option<Arc<Mutex<Surface>>>,
+    /// Once it is over.
+    result: Option<LiveResult>,
+    /// Whether it is, for whoever listens.
+    over: Arc<AtomicBool>,
+}
+
+impl Drop for Live {
+    fn drop(&mut self) {
+        // Whoever still listens to a run that nobody finished waits for nothing.
+        self.over.store(true, Ordering::Release);
+    }
+}
+
+/// The surface on its own thread.
+struct Fusing(Arc<Mutex<Surface>>);
+
+impl Subscriber for Fusing {
+    fn receive(&mut self, event: &Event) {
+        if let Surface::Growing(dense) = &mut *lock(&self.0) {
+            dense.receive(event);
+        }
+    }
+}
+
+fn lock(surface: &Mutex<Surface>) -> MutexGuard<'_, Surface> {
+    surface.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Live {
+    /// Starts the threads.
+    pub(crate) fn start(
+        stages: Stages,
+        detector: Option<Box<dyn Detector>>,
+        dense: Option<Dense>,
+    ) -> std::io::Result<Self> {
+        let options = LiveOptions {
+            drop_late: false,
+            ..LiveOptions::default()
+        };
+        let mut run = LiveSystem::start(stages, detector, options)?;
+        let events = run.listen("python", Delivery::until_full(WAITING).with_images(8, 1));
+        let surface = dense.map(|d| Arc::new(Mutex::new(Surface::Growing(Box::new(d)))));
+        if let Some(surface) = &surface {
+            let all = Delivery::until_full(4096).with_images(IMAGES, 1);
+            run.subscribe("dense", all, Fusing(Arc::clone(surface)))?;
+        }
+        Ok(Self {
+            run: Some(run),
+            events,
+            next: Some(0),
+            surface,
+            result: None,
+            over: Arc::default(),
+        })
+    }
+
+    pub(crate) fn track(
+        &mut self,
+        taken: Taken,
+        seen: Option<Vec<Detection>>,
+    ) -> Result<Arc<FrameEvent>, Trouble> {
+        let run = self.run.as_mut().ok_or(Trouble::Over)?;
+        let id = FrameId(self.next.ok_or(Trouble::Full)?);
+        let frame = taken.numbered(id);
+        // What waits here is of frames that were answered.
+        self.events.try_iter().for_each(drop);
+        if let Some(items) = seen {
+            run.tell(Detections {
+                frame: id,
+                stamp: frame.stamp,
+                items,
+            });
+        }
+        let goes_on = run.push(frame);
+        while goes_on {
+            match self.events.recv_within(LOOK) {
+                Some(Event::Frame(frame)) if frame.report.frame == id => {
+                    self.next = id.0.checked_add(1);
+                    return Ok(frame);
+                }
+                Some(Event::Refused(refused)) => return Err(Trouble::Refused(refused)),
+                Some(_) => {}
+                None => {
+                    let health = run.watch().health();
+                    let tracking = health.troubles().find(|t| t.0 == Stage::Tracking);
+                    if let Some((_, ThreadState::Panicked(why))) = tracking {
+                        return Err(Trouble::Broken(why.clone()));
+                    }
+                }
+            }
+        }
+        Err(Trouble::Broken("tracking ended".to_owned()))
+    }
+
+    pub(crate) fn is_over(&self) -> bool {
+        self.run.is_none()
+    }
+
+    pub(crate) fn known(&self) -> Known {
+        match (&self.run, &self.result) {
+            (Some(run), _) => {
+                let watch = run.watch();
+                Known {
+                    trajectory: watch.trajectory(),
+                    view: watch.view(),
+                }
+            }
+            (None, Some(result)) => Known {
+                trajectory: result.trajectory.clone(),
+                view: Arc::clone(&result.view),
+            },
+            (None, None) => Known {
+                trajectory: Default::default(),
+                view: Arc::default(),
+            },
+        }
+    }
+
+    pub(crate) fn with_map<R>(&self, look: impl FnOnce(&Map, Option<&Timing>) -> R) -> Option<R> {
+        if let Some(result) = &self.result {
+            let map = result.map.as_ref();
+            return map.map(|map| look(map, Some(&result.timing)));
+        }
+        // What tracking has learnt of the readout is known at the end.
+        Some(look(&self.run.as_ref()?.map()?, None))
+    }
+
+    pub(crate) fn surface(&self) -> Option<DenseMap> {
+        self.surface.as_ref().and_then(|s| lock(s).map())
+    }
+
+    pub(crate) fn listen(&mut self, room: usize) -> Source {
+        match &self.run {
+            Some(run) => {
+                let events = run.listen("python events", Delivery::newest(room));
+                Source::Live(Arc::new(events), Arc::clone(&self.over))
+            }
+            None => Source::over(),
+        }
+    }
+
+    pub(crate) fn finish(&mut self) {
+        let Some(run) = self.run.take() else {
+            return;
+        };
+        self.result = Some(run.finish());
+        self.over.store(true, Ordering::Release);
+        let known = self.known();
+        if let Some(surface) = &self.surface {
+            lock(surface).finish(&known);
+        }
+    }
+}
+
+/// A function of Python's as the detector of a live run: called on the thread of detection, whenever that is free.
+pub(crate) struct Called(pub(crate) Py<PyAny>);
+
+impl Detector for Called {
+    fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
+        let failed = |reason: String| DetectError::Runtime {
+            frame: frame.id,
+            reason,
+        };
+        let colour = frame.colour.as_ref();
+        let colour = colour.ok_or(DetectError::NoColour { frame: frame.id })?;
+        // None while the interpreter ends.
+        let said = Python::try_attach(|py| {
+            let callable = self.0.bind(py);
+            let image = arrays::shared_colour(py, Arc::clone(colour))?;
+            let said = answer(callable, image);
+            said.inspect_err(|e| e.clone_ref(py).write_unraisable(py, Some(callable)))
+        });
+        let items = said
+            .ok_or_else(|| failed("the interpreter ends".to_owned()))?
+            .map_err(|e| failed(e.to_string()))?;
+        Ok(Detections {
+            frame: frame.id,
+            stamp: frame.stamp,
+            items,
+        })
+    }
+
+    fn info(&self) -> DetectorInfo {
+        DetectorInfo::new(DetectorKind::Scripted, "a function of Python's")
+    }
+}

@@ -1,0 +1,218 @@
+//! What moves, without the SLAM.
+
+use crate::arguments::{pose, reals, value};
+use crate::arrays;
+use crate::camera::Camera;
+use crate::config::Config;
+use crate::detections::detections;
+use crate::frame::Verdicts;
+use crate::guard::{Turn, detached};
+use crate::images::{Handed, Order};
+use crate::objects::Object;
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use std::sync::Arc;
+use stillpoint::detection::Detections;
+use stillpoint::imaging::FrameId;
+use stillpoint::slam::{self, MaskError, MovingThings, RefusalReason, RefusedFrame};
+use stillpoint_cli::front;
+
+/// Pixels that are asked for at once, at most.
+const MOST_PIXELS: usize = 1 << 24;
+
+/// Which pixels of a stream move: the static filter without any SLAM, as a mask for another one.
+///
+/// Args:
+///     camera, config, color_order: as for :class:`Slam`.
+///
+/// >>> room = simulate("xyz", frames=2)
+/// >>> filter = DynamicMask(room.camera)
+/// >>> for image in room:
+/// ...     moving = filter.step(image.stamp, image.color, image.depth)
+/// >>> moving.mask.shape, moving.mask.dtype.name
+/// ((480, 640), 'uint8')
+#[pyclass(frozen, module = "stillpoint_slam")]
+pub(crate) struct DynamicMask {
+    filter: Turn<Filter>,
+    camera: Camera,
+    order: Order,
+}
+
+struct Filter {
+    mask: slam::DynamicMask,
+    next: u32,
+}
+
+#[pymethods]
+impl DynamicMask {
+    #[new]
+    #[pyo3(signature = (camera, config=None, *, color_order=None))]
+    fn new(
+        camera: &Bound<'_, PyAny>,
+        config: Option<&Bound<'_, PyAny>>,
+        color_order: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let py = camera.py();
+        let camera = Camera::from_any(camera)?;
+        let order = Order::of(color_order)?;
+        let config = Config::from_any(config)?;
+        let simd = front::simd().map_err(|e| value("STILLPOINT_SIMD", e))?;
+        let lens = camera.model.camera;
+        let mask = detached(py, || slam::DynamicMask::new(&config, lens, simd))?;
+        let mask = mask.map_err(|e| {
+            let of_camera = |p: &slam::ConfigProblem| p.path == "camera";
+            let is_camera = matches!(&e, MaskError::Config(e) if e.0.iter().any(of_camera));
+            value(if is_camera { "camera" } else { "config" }, e)
+        })?;
+        Ok(Self {
+            filter: Turn::new(Filter { mask, next: 0 }),
+            camera,
+            order,
+        })
+    }
+
+    /// Looks at the next frame, without the interpreter's lock.
+    ///
+    /// Args:
+    ///     stamp, color, depth, detections, depth_stamp: as for :meth:`Slam.track`.
+    ///     pose: your own pose world_from_camera of this frame, (4, 4), m; give one for every frame or for none.
+    ///
+    /// Raises:
+    ///     ValueError, TypeError: an argument that cannot be used; the message names it.
+    #[pyo3(signature = (stamp, color, depth, detections=None, *, pose=None, depth_stamp=None))]
+    #[allow(clippy::too_many_arguments)] // They have names in Python.
+    fn step(
+        &self,
+        py: Python<'_>,
+        stamp: &Bound<'_, PyAny>,
+        color: &Bound<'_, PyAny>,
+        depth: &Bound<'_, PyAny>,
+        detections: Option<&Bound<'_, PyAny>>,
+        pose: Option<&Bound<'_, PyAny>>,
+        depth_stamp: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Moving> {
+        let handed = Handed {
+            stamp,
+            colour: color,
+            depth,
+            depth_stamp,
+        };
+        let raw = handed.take(&self.camera, self.order)?;
+        let seen = detections
+            .map(|d| self::detections("detections", d))
+            .transpose()?;
+        let given = pose.map(|p| self::pose("pose", p)).transpose()?;
+        let taken = detached(py, move || raw.decode(false))?;
+        let taken = taken.map_err(|e| value("color", e))?;
+        let looked = self.filter.with(py, |filter| {
+            let id = FrameId(filter.next);
+            let stamp = taken.stamp;
+            let frame = Arc::new(taken.numbered(id));
+            if let Some(items) = seen {
+                filter.mask.detections(Detections {
+                    frame: id,
+                    stamp,
+                    items,
+                });
+            }
+            let looked = filter.mask.step(&frame, given.as_ref());
+            filter.next = filter.next.saturating_add(u32::from(looked.is_ok()));
+            looked
+        })?;
+        looked.map(|things| Moving { things }).map_err(refused)
+    }
+
+    /// What the filter says of any raw pixels of the last frame, such as the keypoints of another system.
+    ///
+    /// Args:
+    ///     pixels: (N, 2) as x, y, px.
+    #[pyo3(signature = (pixels))]
+    fn verdicts(&self, py: Python<'_>, pixels: &Bound<'_, PyAny>) -> PyResult<Verdicts> {
+        const EXPECTED: &str = "pixels as x, y, (N, 2)";
+        let (shape, flat) = reals("pixels", EXPECTED, pixels, MOST_PIXELS)?;
+        let fits = shape.len() == 2 && shape[1] == 2;
+        if !fits && !flat.is_empty() {
+            return Err(value(
+                "pixels",
+                format!("expected {EXPECTED}, found the shape {shape:?}"),
+            ));
+        }
+        if flat.iter().any(|v| !v.is_finite() || v.abs() > 1e6) {
+            return Err(value(
+                "pixels",
+                format!("expected {EXPECTED}, finite, found others"),
+            ));
+        }
+        let pixels: Vec<[f32; 2]> = flat
+            .chunks_exact(2)
+            .map(|p| [p[0] as f32, p[1] as f32])
+            .collect();
+        let all = self
+            .filter
+            .with(py, |filter| filter.mask.verdicts(&pixels))?;
+        Ok(Verdicts { all: all.into() })
+    }
+}
+
+fn refused(refused: RefusedFrame) -> PyErr {
+    match refused.reason {
+        RefusalReason::Stamp { .. } => value("stamp", refused),
+        _ => value("frame", refused),
+    }
+}
+
+/// What moves in one frame.
+#[pyclass(frozen, module = "stillpoint_slam")]
+pub(crate) struct Moving {
+    things: MovingThings,
+}
+
+#[pymethods]
+impl Moving {
+    /// Number of the frame, from 0.
+    #[getter]
+    fn index(&self) -> u32 {
+        self.things.frame.id.0
+    }
+
+    /// Stamp of its colour image, s.
+    #[getter]
+    fn stamp(&self) -> f64 {
+        self.things.frame.stamp
+    }
+
+    /// (height, width) uint8: 255 where the scene moves, 0 where it stands still or nothing is known.
+    #[getter]
+    fn mask<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
+        crate::frame::mask(py, || self.things.mask())
+    }
+
+    /// The pose world_from_camera that this rests on, (4, 4) float64, m: yours where you gave one, else from frame to frame, with drift; None
+    /// where it is not known, and then nothing is said to move.
+    #[getter]
+    fn pose<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let pose = self.things.world_from_camera.as_ref();
+        pose.map(|p| arrays::pose(py, p)).transpose()
+    }
+
+    /// What is said of the filter's own keypoints.
+    #[getter]
+    fn verdicts(&self) -> Verdicts {
+        Verdicts {
+            all: Arc::clone(&self.things.verdicts),
+        }
+    }
+
+    /// The objects that detections led to.
+    #[getter]
+    fn objects(&self) -> Vec<Object> {
+        Object::all(&self.things.objects)
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<Moving in frame {} at {:.6} s>",
+            self.things.frame.id, self.things.frame.stamp
+        )
+    }
+}

@@ -1,0 +1,509 @@
+//! SLAM, frame by frame.
+
+use crate::arguments::{count, number, path, value, wrong_type, yes};
+use crate::arrays;
+use crate::camera::Camera;
+use crate::config::Config;
+use crate::dense::Dense;
+use crate::detections::{answer, detections};
+use crate::driver::{Driver, Inline, Trouble};
+use crate::events::Events;
+use crate::frame::Frame;
+use crate::guard::{Turn, detached};
+use crate::images::{Handed, Order};
+use crate::live::{Called, Live};
+use crate::map::Map;
+use crate::trajectory::Trajectory;
+use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
+use pyo3::gc::{PyTraverseError, PyVisit};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyType};
+use std::path::PathBuf;
+use stillpoint::dense::{Dense as Fusing, DenseConfig, DenseMap};
+use stillpoint::detection::{Detection, Detector};
+use stillpoint::imaging::Simd;
+use stillpoint::slam::{MapUse, RefusalReason, Stages, System};
+use stillpoint_cli::front;
+
+/// RGB-D SLAM that stays still while the world moves.
+///
+/// Args:
+///     camera: a Camera, the name of a preset, a camera file, or what other libraries say of theirs (see :meth:`Camera.from_info`).
+///     config: a Config, a TOML file or a dict of values; None for the defaults.
+///     detector: None for none; a function that takes an image ((height, width, 3) uint8, RGB) and returns detections as :meth:`track` takes
+///         them; or what ``stillpoint run --detector`` takes (``scripted:FILE.csv``, ``FILE.onnx``, the name of a model in the cache, ``auto``).
+///     live: whether detection, mapping and loop closing go on in threads of their own while the next frames are tracked. Else every frame waits
+///         for all of them, and the same frames give the same poses, bit for bit.
+///     color_order: ``rgb`` or ``bgr``: in which order the bytes of a colour pixel are. OpenCV has ``bgr``.
+///     dense: whether a surface is fused of what stands still (see :attr:`dense`); a number is its voxel, m.
+///
+/// Raises:
+///     ValueError, TypeError: an argument that cannot be used; the message names it.
+///
+/// >>> room = simulate("xyz", frames=3)
+/// >>> slam = Slam(room.camera)
+/// >>> for image in room:
+/// ...     frame = slam.track(image.stamp, image.color, image.depth)
+/// >>> frame.state, frame.pose.shape
+/// ('tracked', (4, 4))
+#[pyclass(frozen, module = "stillpoint_slam")]
+pub(crate) struct Slam {
+    driver: Turn<Driver>,
+    camera: Camera,
+    order: Order,
+    keep_colour: bool,
+    /// The user's function, in a run in one thread.
+    function: Option<Py<PyAny>>,
+}
+
+/// What a run is begun with.
+struct Begin {
+    camera: Camera,
+    config: stillpoint::slam::Config,
+    order: Order,
+    detector: Named,
+    dense: Option<DenseConfig>,
+    live: bool,
+    map: Option<(PathBuf, MapUse)>,
+}
+
+/// Who looks at the frames.
+enum Named {
+    Nobody,
+    Function(Py<PyAny>),
+    Words(String),
+}
+
+/// Arguments that all ways to begin have.
+struct Options<'a, 'py> {
+    camera: &'a Bound<'py, PyAny>,
+    config: Option<&'a Bound<'py, PyAny>>,
+    detector: Option<&'a Bound<'py, PyAny>>,
+    live: Option<&'a Bound<'py, PyAny>>,
+    color_order: Option<&'a Bound<'py, PyAny>>,
+    dense: Option<&'a Bound<'py, PyAny>>,
+}
+
+impl Options<'_, '_> {
+    fn check(&self, map: Option<(PathBuf, MapUse)>) -> PyResult<Begin> {
+        let camera = Camera::from_any(self.camera)?;
+        if camera.size().contains(&0) {
+            return Err(value(
+                "camera",
+                "expected a camera with the size of its images, found one without; add width and height",
+            ));
+        }
+        Ok(Begin {
+            camera,
+            config: Config::from_any(self.config)?,
+            order: Order::of(self.color_order)?,
+            detector: named(self.detector)?,
+            dense: voxel(self.dense)?,
+            live: self.live.map_or(Ok(false), |l| yes("live", l))?,
+            map,
+        })
+    }
+}
+
+fn named(found: Option<&Bound<'_, PyAny>>) -> PyResult<Named> {
+    let Some(found) = found else {
+        return Ok(Named::Nobody);
+    };
+    if found.extract::<PathBuf>().is_ok() {
+        let words = path("detector", found)?;
+        return Ok(Named::Words(words.to_string_lossy().into_owned()));
+    }
+    if found.is_callable() {
+        return Ok(Named::Function(found.clone().unbind()));
+    }
+    Err(wrong_type(
+        "detector",
+        "None, a function, or words as --detector takes them",
+        found,
+    ))
+}
+
+fn voxel(found: Option<&Bound<'_, PyAny>>) -> PyResult<Option<DenseConfig>> {
+    let Some(found) = found else {
+        return Ok(None);
+    };
+    let mut config = DenseConfig::default();
+    if let Ok(wanted) = found.cast::<PyBool>() {
+        return Ok(wanted.is_true().then_some(config));
+    }
+    config.voxel = number("dense", found, [1e-3, 1.0])?;
+    config.validate().map_err(|e| value("dense", e))?;
+    Ok(Some(config))
+}
+
+impl Begin {
+    fn begin(mut self, py: Python<'_>) -> PyResult<Slam> {
+        let keep = self.dense.is_some();
+        let (camera, order) = (self.camera.clone(), self.order);
+        let (detector, looks, function) = match std::mem::replace(&mut self.detector, Named::Nobody)
+        {
+            Named::Nobody => (None, false, None),
+            Named::Function(function) if self.live => {
+                let called: Box<dyn Detector> = Box::new(Called(function));
+                (Some(called), true, None)
+            }
+            Named::Function(function) => (None, true, Some(function)),
+            Named::Words(words) => {
+                let found = detached(py, || front::detector(&words))?;
+                let (detector, looks) = found.map_err(|e| value("detector", e))?;
+                (detector, looks, None)
+            }
+        };
+        let driver = detached(py, || self.driver(detector))??;
+        Ok(Slam {
+            driver: Turn::new(driver),
+            camera,
+            order,
+            keep_colour: keep || looks,
+            function,
+        })
+    }
+
+    fn driver(mut self, detector: Option<Box<dyn Detector>>) -> PyResult<Driver> {
+        let simd = front::simd().map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let lens = self.camera.model.camera;
+        let loaded = match &self.map {
+            None => None,
+            Some((path, map_use)) => {
+                let map = front::load_map(path, &mut self.config, &lens);
+                Some((map.map_err(|e| value("path", e))?, *map_use))
+            }
+        };
+        let stride = self.config.detector.stride;
+        let stages = Stages::new(self.config, lens, simd).map_err(|e| {
+            let is_camera = e.0.iter().any(|p| p.path == "camera");
+            value(if is_camera { "camera" } else { "config" }, e)
+        })?;
+        let (mut known, mut keyframes) = (None, 0);
+        let stages = match loaded {
+            None => stages,
+            Some(((map, surface), map_use)) => {
+                keyframes = map.view().keyframe_bound();
+                known = surface;
+                stages
+                    .with_map(map, map_use)
+                    .map_err(|e| value("path", e))?
+            }
+        };
+        let dense = self
+            .dense
+            .map(|config| fusing(config, &lens, simd, (known, keyframes)));
+        let dense = dense.transpose()?;
+        if self.live {
+            let live = Live::start(stages, detector, dense);
+            let live = live.map_err(|e| {
+                PyOSError::new_err(format!("expected to start threads, found: {e}"))
+            })?;
+            return Ok(Driver::Live(Box::new(live)));
+        }
+        let mut system = System::from(stages);
+        if let Some(detector) = detector {
+            system = system.with_detector(detector);
+        }
+        Ok(Driver::Inline(Box::new(Inline::new(system, stride, dense))))
+    }
+}
+
+/// The surface, going on from the one that a map was saved with.
+fn fusing(
+    mut config: DenseConfig,
+    lens: &stillpoint::geometry::Camera,
+    simd: Simd,
+    (known, keyframes): (Option<DenseMap>, usize),
+) -> PyResult<Fusing> {
+    if let Some(known) = &known {
+        config.voxel = known.voxel();
+    }
+    let dense = Fusing::new(&config, lens, simd).map_err(|e| value("dense", e))?;
+    let dense = dense.with_first_keyframe(keyframes);
+    Ok(match known {
+        Some(known) => dense.starting_with(known),
+        None => dense,
+    })
+}
+
+fn trouble(trouble: Trouble) -> PyErr {
+    match trouble {
+        Trouble::Refused(refused) => match refused.reason {
+            RefusalReason::Stamp { .. } => value("stamp", refused),
+            _ => value("frame", refused),
+        },
+        Trouble::Over => PyRuntimeError::new_err(
+            "expected a run that goes on, found one that finish() ended; begin a new Slam",
+        ),
+        Trouble::Full => {
+            PyRuntimeError::new_err("as many frames as there are numbers for: begin a new Slam")
+        }
+        Trouble::Broken(why) => PyRuntimeError::new_err(format!(
+            "expected the run's threads to be there, found that one ended: {why}; begin a new Slam, and please report this"
+        )),
+    }
+}
+
+fn map_file(found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
+    let path = path("path", found)?;
+    if path.exists() {
+        return Ok(path);
+    }
+    Err(PyFileNotFoundError::new_err(format!(
+        "path: {}: expected a map file, found no such file",
+        path.display()
+    )))
+}
+
+#[pymethods]
+impl Slam {
+    #[new]
+    #[pyo3(signature = (camera, config=None, detector=None, live=None, *, color_order=None, dense=None))]
+    fn new(
+        camera: &Bound<'_, PyAny>,
+        config: Option<&Bound<'_, PyAny>>,
+        detector: Option<&Bound<'_, PyAny>>,
+        live: Option<&Bound<'_, PyAny>>,
+        color_order: Option<&Bound<'_, PyAny>>,
+        dense: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let py = camera.py();
+        let options = Options {
+            camera,
+            config,
+            detector,
+            live,
+            color_order,
+            dense,
+        };
+        options.check(None)?.begin(py)
+    }
+
+    /// Goes on with a map that :meth:`save` or ``stillpoint run --save-map`` wrote: until a place in it is recognised the camera is lost. The
+    /// other arguments are those of the class.
+    ///
+    /// Raises:
+    ///     FileNotFoundError: there is no such file.
+    ///     ValueError: it is no map, or of another camera.
+    #[classmethod]
+    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, dense=None))]
+    #[allow(clippy::too_many_arguments)] // They are those of the class, and the path.
+    fn load(
+        _cls: &Bound<'_, PyType>,
+        path: &Bound<'_, PyAny>,
+        camera: &Bound<'_, PyAny>,
+        config: Option<&Bound<'_, PyAny>>,
+        detector: Option<&Bound<'_, PyAny>>,
+        live: Option<&Bound<'_, PyAny>>,
+        color_order: Option<&Bound<'_, PyAny>>,
+        dense: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let path = map_file(path)?;
+        let py = camera.py();
+        let options = Options {
+            camera,
+            config,
+            detector,
+            live,
+            color_order,
+            dense,
+        };
+        options.check(Some((path, MapUse::Grow)))?.begin(py)
+    }
+
+    /// Finds the camera in a map and leaves the map as it is. The arguments are those of :meth:`load`.
+    #[classmethod]
+    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None))]
+    #[allow(clippy::too_many_arguments)] // As for `load`.
+    fn localize(
+        _cls: &Bound<'_, PyType>,
+        path: &Bound<'_, PyAny>,
+        camera: &Bound<'_, PyAny>,
+        config: Option<&Bound<'_, PyAny>>,
+        detector: Option<&Bound<'_, PyAny>>,
+        live: Option<&Bound<'_, PyAny>>,
+        color_order: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let path = map_file(path)?;
+        let py = camera.py();
+        let options = Options {
+            camera,
+            config,
+            detector,
+            live,
+            color_order,
+            dense: None,
+        };
+        options.check(Some((path, MapUse::Localize)))?.begin(py)
+    }
+
+    /// Tracks the next frame, without the interpreter's lock.
+    ///
+    /// Args:
+    ///     stamp: when the colour image was taken: seconds as a float, or nanoseconds as an int. Later than the one before.
+    ///     color: (height, width, 3) uint8 in the order of color_order, or grey as (height, width) uint8. Of any strides, and never kept.
+    ///     depth: registered to the colour image, (height, width): uint16 in the camera's unit, or float32 or float64 in metres; 0 or NaN for none.
+    ///     detections: what a detector saw in this frame: an array of N x 6 (x0, y0, x1, y1, score, class of COCO), or a list of such rows and of
+    ///         Detection. An empty one means that somebody looked and saw nothing; None that nobody looked.
+    ///     depth_stamp: when the depth image was taken, as stamp; None for the same time.
+    ///
+    /// Returns:
+    ///     What became of the frame.
+    ///
+    /// Raises:
+    ///     ValueError, TypeError: an argument that cannot be used; the message names it, and nothing has changed.
+    ///     RuntimeError: the run is over.
+    #[pyo3(signature = (stamp, color, depth, detections=None, *, depth_stamp=None))]
+    fn track(
+        &self,
+        py: Python<'_>,
+        stamp: &Bound<'_, PyAny>,
+        color: &Bound<'_, PyAny>,
+        depth: &Bound<'_, PyAny>,
+        detections: Option<&Bound<'_, PyAny>>,
+        depth_stamp: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Frame> {
+        let handed = Handed {
+            stamp,
+            colour: color,
+            depth,
+            depth_stamp,
+        };
+        let raw = handed.take(&self.camera, self.order)?;
+        let mut seen = detections
+            .map(|d| self::detections("detections", d))
+            .transpose()?;
+        let keep = self.keep_colour;
+        let taken = detached(py, move || raw.decode(keep))?;
+        let taken = taken.map_err(|e| value("color", e))?;
+        if let (None, Some(function)) = (&seen, &self.function) {
+            seen = self.ask(py, function, taken.colour.as_ref())?;
+        }
+        let tracked = self.driver.with(py, |driver| driver.track(taken, seen))?;
+        tracked.map(Frame::new).map_err(trouble)
+    }
+
+    /// Final poses of the frames so far, after all corrections until now: those of the submap with most frames. After :meth:`finish` they are
+    /// those of ``trajectory.txt`` of the command line, to the byte (:meth:`Trajectory.save`).
+    fn trajectory(&self, py: Python<'_>) -> PyResult<Trajectory> {
+        let entries = self.driver.with(py, |driver| driver.known().poses())?;
+        Ok(Trajectory::of_entries(entries))
+    }
+
+    /// The map as it is now.
+    #[getter]
+    fn map(&self, py: Python<'_>) -> PyResult<Map> {
+        Ok(Map::new(
+            self.driver.with(py, |driver| driver.known().view)?,
+        ))
+    }
+
+    /// The surface as it is now, where ``dense`` asked for one: mesh and grid. After :meth:`finish` it is fused at the final poses.
+    ///
+    /// Raises:
+    ///     RuntimeError: none was asked for.
+    #[getter]
+    fn dense(&self, py: Python<'_>) -> PyResult<Dense> {
+        let map = self.driver.with(py, |driver| driver.surface())?;
+        map.map(Dense::new).ok_or_else(|| {
+            PyRuntimeError::new_err("expected a run with a surface, found one without; begin it with Slam(..., dense=True)")
+        })
+    }
+
+    /// Events from now on, as an iterator; the oldest give way when more than `room` wait (1024).
+    #[pyo3(signature = (room=None))]
+    fn events(&self, py: Python<'_>, room: Option<&Bound<'_, PyAny>>) -> PyResult<Events> {
+        let room = room.map_or(Ok(1024), |r| count("room", r, 1_000_000))?;
+        let room = usize::try_from(room).unwrap_or(1).max(1);
+        Ok(Events::new(
+            self.driver.with(py, |driver| driver.listen(room))?,
+        ))
+    }
+
+    /// Writes the map file that :meth:`load`, :meth:`localize` and the command line read, with the surface if there is one; as a whole or not at
+    /// all, at any time.
+    ///
+    /// Raises:
+    ///     ValueError: there is no map yet, or it cannot be written.
+    fn save(&self, py: Python<'_>, path: &Bound<'_, PyAny>) -> PyResult<()> {
+        let path = self::path("path", path)?;
+        let saved = self.driver.with(py, |driver| {
+            let surface = driver.surface();
+            driver.with_map(|map, timing| front::save_map(&path, map, timing, surface.as_ref()))
+        })?;
+        match saved {
+            Some(saved) => saved.map_err(|e| value("path", e)),
+            None => Err(PyRuntimeError::new_err(
+                "expected a map to save, found none: mapping ended",
+            )),
+        }
+    }
+
+    /// Ends the stream: what is still outstanding is done. What was found can be read on; a second call does nothing.
+    fn finish(&self, py: Python<'_>) -> PyResult<()> {
+        self.driver.with(py, Driver::finish)
+    }
+
+    /// Whether :meth:`finish` was called.
+    #[getter]
+    fn is_finished(&self, py: Python<'_>) -> PyResult<bool> {
+        self.driver.with(py, |driver| driver.is_over())
+    }
+
+    /// The camera.
+    #[getter]
+    fn camera(&self) -> Camera {
+        self.camera.clone()
+    }
+
+    fn __enter__(this: Bound<'_, Self>) -> Bound<'_, Self> {
+        this
+    }
+
+    #[pyo3(signature = (*_how))]
+    fn __exit__(&self, py: Python<'_>, _how: &Bound<'_, PyAny>) -> PyResult<()> {
+        self.finish(py)
+    }
+
+    fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
+        self.function.as_ref().map_or(Ok(()), |f| visit.call(f))
+    }
+
+    fn _repr_html_<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let module = this.py().import("stillpoint_slam._html")?;
+        module.call_method1("slam", (this,))
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (frames, keyframes, landmarks) = self.driver.with(py, |driver| {
+            let known = driver.known();
+            let view = &known.view;
+            (
+                known.trajectory.entries().len(),
+                view.keyframe_count(),
+                view.landmark_count(),
+            )
+        })?;
+        Ok(format!(
+            "<Slam: {frames} frames with a pose, {keyframes} keyframes, {landmarks} landmarks>"
+        ))
+    }
+}
+
+impl Slam {
+    /// What the user's function sees, when it is the frame's turn.
+    fn ask(
+        &self,
+        py: Python<'_>,
+        function: &Py<PyAny>,
+        colour: Option<&std::sync::Arc<stillpoint::imaging::ColourImage>>,
+    ) -> PyResult<Option<Vec<Detection>>> {
+        let asks = self.driver.with(py, |driver| driver.asks())?;
+        let Some(colour) = colour.filter(|_| asks) else {
+            return Ok(None);
+        };
+        let image = arrays::shared_colour(py, colour.clone())?;
+        answer(function.bind(py), image).map(Some)
+    }
+}
