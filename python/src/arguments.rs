@@ -144,31 +144,32 @@ pub(crate) fn count(name: &str, found: &Bound<'_, PyAny>, most: u64) -> PyResult
     })
 }
 
-/// The elements of an array, row by row, whatever its strides; the caller has compared its shape, so that no more is copied than there should be.
+/// The elements of an array, row by row, whatever its strides, in place of what `into` held. The caller has compared the array's shape, so that no
+/// more is copied than there should be.
 pub(crate) fn elements<T: numpy::Element + Copy>(
     name: &str,
     array: &Bound<'_, PyArrayDyn<T>>,
+    mut into: Vec<T>,
 ) -> PyResult<Vec<T>> {
-    let py = array.py();
     let unusual = |e: &dyn std::fmt::Display| {
         value(
             name,
             format!("expected an array that can be read, found: {e}"),
         )
     };
-    if array.is_c_contiguous() && is_aligned(array)? {
-        let read = array.try_readonly().map_err(|e| unusual(&e))?;
-        return Ok(read.as_slice().map_err(|e| unusual(&e))?.to_vec());
-    }
-    // NumPy itself knows best how to walk through unusual strides.
-    let copy = py
-        .import("numpy")?
-        .call_method1("require", (array, py.None(), ["C", "A"]))?;
-    let copy = copy
-        .cast::<PyArrayDyn<T>>()
-        .map_err(|_| unusual(&"another kind"))?;
-    let read = copy.try_readonly().map_err(|e| unusual(&e))?;
-    Ok(read.as_slice().map_err(|e| unusual(&e))?.to_vec())
+    let plain = if array.is_c_contiguous() && is_aligned(array)? {
+        array.clone()
+    } else {
+        // NumPy itself knows best how to walk through unusual strides.
+        let numpy = array.py().import("numpy")?;
+        let copy = numpy.call_method1("require", (array, array.py().None(), ["C", "A"]))?;
+        let copy = copy.cast_into::<PyArrayDyn<T>>();
+        copy.map_err(|_| unusual(&"another kind"))?
+    };
+    let read = plain.try_readonly().map_err(|e| unusual(&e))?;
+    into.clear();
+    into.extend_from_slice(read.as_slice().map_err(|e| unusual(&e))?);
+    Ok(into)
 }
 
 fn is_aligned<T: numpy::Element>(array: &Bound<'_, PyArrayDyn<T>>) -> PyResult<bool> {
@@ -187,8 +188,12 @@ pub(crate) enum Pixels {
     Colour(Vec<u8>),
 }
 
-/// A colour image (height x width x 3) or a grey one (height x width) of a size, width first.
-pub(crate) fn colour(found: &Bound<'_, PyAny>, size: [usize; 2]) -> PyResult<Pixels> {
+/// A colour image (height x width x 3) or a grey one (height x width) of a size, width first. Colours go where `spare` was.
+pub(crate) fn colour(
+    found: &Bound<'_, PyAny>,
+    size: [usize; 2],
+    spare: Vec<u8>,
+) -> PyResult<Pixels> {
     let [w, h] = size;
     let expected = format!(
         "a numpy array of uint8 with the shape ({h}, {w}, 3) or, where it is grey, ({h}, {w})"
@@ -198,10 +203,10 @@ pub(crate) fn colour(found: &Bound<'_, PyAny>, size: [usize; 2]) -> PyResult<Pix
     let bytes = found.cast::<PyArrayDyn<u8>>().map_err(|_| wrong())?;
     let shape = array.shape();
     if shape == [h, w] {
-        return Ok(Pixels::Gray(elements("color", bytes)?));
+        return Ok(Pixels::Gray(elements("color", bytes, Vec::new())?));
     }
     if shape == [h, w, 3] {
-        return Ok(Pixels::Colour(elements("color", bytes)?));
+        return Ok(Pixels::Colour(elements("color", bytes, spare)?));
     }
     Err(value(
         "color",
@@ -216,8 +221,12 @@ pub(crate) enum Depths {
     Metres(Vec<f32>),
 }
 
-/// A depth image (height x width) of a size, width first.
-pub(crate) fn depth(found: &Bound<'_, PyAny>, size: [usize; 2]) -> PyResult<Depths> {
+/// A depth image (height x width) of a size, width first. Raw values go where `spare` was.
+pub(crate) fn depth(
+    found: &Bound<'_, PyAny>,
+    size: [usize; 2],
+    spare: Vec<u16>,
+) -> PyResult<Depths> {
     let [w, h] = size;
     let expected = format!(
         "a numpy array of uint16 or, in metres, float32 or float64, with the shape ({h}, {w})"
@@ -243,15 +252,15 @@ pub(crate) fn depth(found: &Bound<'_, PyAny>, size: [usize; 2]) -> PyResult<Dept
     };
     if let Ok(raw) = found.cast::<PyArrayDyn<u16>>() {
         shaped()?;
-        return Ok(Depths::Raw(elements("depth", raw)?));
+        return Ok(Depths::Raw(elements("depth", raw, spare)?));
     }
     if let Ok(metres) = found.cast::<PyArrayDyn<f32>>() {
         shaped()?;
-        return Ok(Depths::Metres(elements("depth", metres)?));
+        return Ok(Depths::Metres(elements("depth", metres, Vec::new())?));
     }
     if let Ok(metres) = found.cast::<PyArrayDyn<f64>>() {
         shaped()?;
-        let metres = elements("depth", metres)?;
+        let metres = elements("depth", metres, Vec::new())?;
         return Ok(Depths::Metres(
             metres.into_iter().map(|z| z as f32).collect(),
         ));
@@ -292,7 +301,7 @@ pub(crate) fn reals(
         .call_method1("asarray", (&array, "float64"))
         .map_err(|_| wrong())?;
     let array = array.cast_into::<PyArrayDyn<f64>>().map_err(|_| wrong())?;
-    Ok((array.shape().to_vec(), elements(name, &array)?))
+    Ok((array.shape().to_vec(), elements(name, &array, Vec::new())?))
 }
 
 /// A pose as a 4x4 matrix, of a rotation within 1e-3.

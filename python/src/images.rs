@@ -4,7 +4,7 @@ use crate::arguments::{Depths, Pixels, colour, depth, stamp, value, words};
 use crate::camera::Camera;
 use crate::driver::Taken;
 use pyo3::prelude::*;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use stillpoint::imaging::{ColourImage, DepthImage, GrayImage, SizeError};
 
 /// In which order the bytes of a pixel are.
@@ -29,6 +29,20 @@ impl Order {
     }
 }
 
+/// Memory for images on their way, to be used again: what is got from the system anew for each frame costs as much as the work on it.
+#[derive(Default)]
+pub(crate) struct Spare(Mutex<(Vec<u8>, Vec<u16>)>);
+
+impl Spare {
+    fn take(&self) -> (Vec<u8>, Vec<u16>) {
+        std::mem::take(&mut *self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    fn give_back(&self, colours: Vec<u8>, depths: Vec<u16>) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = (colours, depths);
+    }
+}
+
 /// What a user hands over for one frame, with its stamps.
 pub(crate) struct Handed<'a, 'py> {
     pub(crate) stamp: &'a Bound<'py, PyAny>,
@@ -49,7 +63,8 @@ pub(crate) struct Raw {
 
 impl Handed<'_, '_> {
     /// Checks everything, and copies it: Python may change its arrays as soon as its lock is free.
-    pub(crate) fn take(&self, camera: &Camera, order: Order) -> PyResult<Raw> {
+    pub(crate) fn take(&self, camera: &Camera, order: Order, spare: &Spare) -> PyResult<Raw> {
+        let (colours, depths) = spare.take();
         let size = camera.size();
         let time = stamp("stamp", self.stamp)?;
         let depth_time = self
@@ -58,8 +73,8 @@ impl Handed<'_, '_> {
             .transpose()?;
         Ok(Raw {
             stamps: [time, depth_time.unwrap_or(time)],
-            pixels: colour(self.colour, size)?,
-            depths: depth(self.depth, size)?,
+            pixels: colour(self.colour, size, colours)?,
+            depths: depth(self.depth, size, depths)?,
             size,
             order,
             depth_scale: camera.model.depth_scale,
@@ -69,8 +84,9 @@ impl Handed<'_, '_> {
 
 impl Raw {
     /// The frame; with its colours where they are wanted.
-    pub(crate) fn decode(self, keep_colour: bool) -> Result<Taken, SizeError> {
+    pub(crate) fn decode(self, keep_colour: bool, spare: &Spare) -> Result<Taken, SizeError> {
         let [w, h] = self.size;
+        let (mut bytes_left, mut raw_left) = (Vec::new(), Vec::new());
         let (gray, colour) = match self.pixels {
             Pixels::Gray(gray) => {
                 let colour = keep_colour.then(|| gray.iter().flat_map(|v| [*v; 3]).collect());
@@ -82,13 +98,24 @@ impl Raw {
                     bytes.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
                 }
                 let colour = ColourImage::from_vec(w, h, bytes)?;
-                (colour.to_gray(), keep_colour.then_some(colour))
+                let gray = colour.to_gray();
+                if keep_colour {
+                    (gray, Some(colour))
+                } else {
+                    bytes_left = colour.into_vec();
+                    (gray, None)
+                }
             }
         };
         let depth = match self.depths {
             Depths::Metres(metres) => metres,
-            Depths::Raw(raw) => raw.iter().map(|v| metres(*v, self.depth_scale)).collect(),
+            Depths::Raw(raw) => {
+                let depth = raw.iter().map(|v| metres(*v, self.depth_scale)).collect();
+                raw_left = raw;
+                depth
+            }
         };
+        spare.give_back(bytes_left, raw_left);
         let [stamp, depth_stamp] = self.stamps;
         Ok(Taken {
             stamp,

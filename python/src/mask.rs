@@ -7,7 +7,7 @@ use crate::config::Config;
 use crate::detections::detections;
 use crate::frame::Verdicts;
 use crate::guard::{Turn, detached};
-use crate::images::{Handed, Order};
+use crate::images::{Handed, Order, Spare};
 use crate::objects::Object;
 use numpy::PyArray2;
 use pyo3::prelude::*;
@@ -36,6 +36,7 @@ pub(crate) struct DynamicMask {
     filter: Turn<Filter>,
     camera: Camera,
     order: Order,
+    spare: Spare,
 }
 
 struct Filter {
@@ -68,6 +69,7 @@ impl DynamicMask {
             filter: Turn::new(Filter { mask, next: 0 }),
             camera,
             order,
+            spare: Spare::default(),
         })
     }
 
@@ -97,12 +99,12 @@ impl DynamicMask {
             depth,
             depth_stamp,
         };
-        let raw = handed.take(&self.camera, self.order)?;
+        let raw = handed.take(&self.camera, self.order, &self.spare)?;
         let seen = detections
             .map(|d| self::detections("detections", d))
             .transpose()?;
         let given = pose.map(|p| self::pose("pose", p)).transpose()?;
-        let taken = detached(py, move || raw.decode(false))?;
+        let taken = detached(py, || raw.decode(false, &self.spare))?;
         let taken = taken.map_err(|e| value("color", e))?;
         let looked = self.filter.with(py, |filter| {
             let id = FrameId(filter.next);

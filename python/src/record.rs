@@ -3,7 +3,7 @@
 use crate::arguments::{path, pose, yes};
 use crate::camera::Camera;
 use crate::guard::{Turn, detached};
-use crate::images::{Handed, Order};
+use crate::images::{Handed, Order, Spare};
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 use stillpoint::datasets::{self, ColourFormat, StampedPose};
@@ -19,6 +19,7 @@ pub(crate) struct Recorder {
     writer: Turn<Option<Writer>>,
     camera: Camera,
     order: Order,
+    spare: Spare,
 }
 
 enum Writer {
@@ -95,6 +96,7 @@ impl Recorder {
             writer: Turn::new(Some(writer)),
             camera,
             order,
+            spare: Spare::default(),
         })
     }
 
@@ -123,11 +125,11 @@ impl Recorder {
             depth,
             depth_stamp,
         };
-        let raw = handed.take(&self.camera, self.order)?;
+        let raw = handed.take(&self.camera, self.order, &self.spare)?;
         let truth = truth.map(|p| pose("truth", p)).transpose()?;
         let written = self.writer.with(py, |writer| {
             let writer = writer.as_mut()?;
-            let taken = raw.decode(true).map_err(|e| e.to_string());
+            let taken = raw.decode(true, &self.spare).map_err(|e| e.to_string());
             Some(taken.and_then(|t| writer.add(&t.numbered(FrameId(0)), truth.as_ref())))
         })?;
         let written = written.ok_or_else(|| {

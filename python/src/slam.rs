@@ -10,7 +10,7 @@ use crate::driver::{Driver, Inline, Trouble};
 use crate::events::Events;
 use crate::frame::Frame;
 use crate::guard::{Turn, detached};
-use crate::images::{Handed, Order};
+use crate::images::{Handed, Order, Spare};
 use crate::live::{Called, Live};
 use crate::map::Map;
 use crate::trajectory::Trajectory;
@@ -51,6 +51,7 @@ pub(crate) struct Slam {
     driver: Turn<Driver>,
     camera: Camera,
     order: Order,
+    spare: Spare,
     keep_colour: bool,
     /// The user's function, in a run in one thread.
     function: Option<Py<PyAny>>,
@@ -159,6 +160,7 @@ impl Begin {
             driver: Turn::new(driver),
             camera,
             order,
+            spare: Spare::default(),
             keep_colour: keep || looks,
             function,
         })
@@ -370,12 +372,12 @@ impl Slam {
             depth,
             depth_stamp,
         };
-        let raw = handed.take(&self.camera, self.order)?;
+        let raw = handed.take(&self.camera, self.order, &self.spare)?;
         let mut seen = detections
             .map(|d| self::detections("detections", d))
             .transpose()?;
         let keep = self.keep_colour;
-        let taken = detached(py, move || raw.decode(keep))?;
+        let taken = detached(py, || raw.decode(keep, &self.spare))?;
         let taken = taken.map_err(|e| value("color", e))?;
         if let (None, Some(function)) = (&seen, &self.function) {
             seen = self.ask(py, function, taken.colour.as_ref())?;

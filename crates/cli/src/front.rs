@@ -127,10 +127,7 @@ pub fn save_map(
 
 /// The frames of `trajectory.txt` with their final poses: those of the submap with most frames.
 #[must_use]
-pub fn final_poses(
-    trajectory: &Trajectory,
-    view: &MapView,
-) -> Vec<(TrajectoryEntry, StampedPose)> {
+pub fn final_poses(trajectory: &Trajectory, view: &MapView) -> Vec<(TrajectoryEntry, StampedPose)> {
     let first = by_submap(trajectory, view).into_iter().next();
     first.map(|(_, poses)| poses).unwrap_or_default()
 }

@@ -78,6 +78,58 @@ fn store_half_i16(slice: &mut [i16], index: usize, value: __m128i) {
     unsafe { _mm_storeu_si128(window.as_mut_ptr().cast(), value) }
 }
 
+/// Twin of [`luma_scalar`](crate::image::luma_scalar).
+pub(crate) fn luma(rgb: &[u8], out: &mut [u8]) {
+    check();
+    // SAFETY: `check` has seen that the machine has AVX2.
+    unsafe { luma_kernel(rgb, out) }
+}
+
+/// Pixels of a block of [`luma_kernel`].
+const LUMA: usize = 16;
+
+#[target_feature(enable = "avx2")]
+fn luma_kernel(rgb: &[u8], out: &mut [u8]) {
+    if out.len() < LUMA {
+        return crate::image::luma_scalar(rgb, out);
+    }
+    // Where the bytes of one channel stand in the three vectors of a block, gathered to where their pixels stand; -1 gives 0.
+    let place = |channel: i8, vector: i8, pixel: i8| {
+        let at = 3 * pixel + channel - 16 * vector;
+        if (0..16).contains(&at) { at } else { -1 }
+    };
+    let masks: [[__m128i; 3]; 3] = std::array::from_fn(|channel| {
+        std::array::from_fn(|vector| {
+            let bytes: [i8; 16] =
+                std::array::from_fn(|pixel| place(channel as i8, vector as i8, pixel as i8));
+            // SAFETY: the array holds the 16 bytes read; the load needs no alignment.
+            unsafe { _mm_loadu_si128(bytes.as_ptr().cast()) }
+        })
+    });
+    let weights = [77, 150, 29].map(|w| _mm256_set1_epi16(w));
+    for start in blocks(out.len(), LUMA) {
+        let vectors = [0, 16, 32].map(|at| load_half_u8(rgb, 3 * start + at));
+        let mut sum = _mm256_set1_epi16(128);
+        for (mask, weight) in masks.iter().zip(weights) {
+            let parts: [__m128i; 3] =
+                std::array::from_fn(|v| _mm_shuffle_epi8(vectors[v], mask[v]));
+            let bytes = _mm_or_si128(_mm_or_si128(parts[0], parts[1]), parts[2]);
+            // At most 256 * 255 + 128, which 16 bits hold.
+            let products = _mm256_mullo_epi16(_mm256_cvtepu8_epi16(bytes), weight);
+            sum = _mm256_add_epi16(sum, products);
+        }
+        let grey = _mm256_srli_epi16::<8>(sum);
+        let packed = _mm256_packus_epi16(grey, grey);
+        // The low halves of both lanes, side by side.
+        let packed = _mm256_permute4x64_epi64::<0b1000>(packed);
+        let window = &mut out[start..start + LUMA];
+        // SAFETY: the window holds the 16 bytes written; the store needs no alignment.
+        unsafe {
+            _mm_storeu_si128(window.as_mut_ptr().cast(), _mm256_castsi256_si128(packed));
+        }
+    }
+}
+
 /// Twin of [`resample_scalar`].
 pub(crate) fn resample_row(source: &[u8], columns: &Axis, out: &mut [i16]) {
     check();

@@ -14,7 +14,7 @@ def _axes(ax: Any) -> Any:
     if ax is not None:
         return ax
     try:
-        import matplotlib.pyplot as plt  # type: ignore[import-not-found,unused-ignore]
+        import matplotlib.pyplot as plt
     except ImportError as e:
         raise ImportError("expected matplotlib for plots, found none; install it with: pip install matplotlib") from e
     return plt.subplots()[1]

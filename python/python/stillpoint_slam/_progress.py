@@ -45,12 +45,12 @@ class Progress:
         self._display(html)
 
     def _display(self, html: str) -> None:
-        from IPython.display import HTML, display  # type: ignore[import-not-found,unused-ignore]
+        from IPython.display import HTML, display
 
         if self._cell is None:
-            self._cell = display(HTML(html), display_id=True)  # type: ignore[no-untyped-call,unused-ignore]
+            self._cell = display(HTML(html), display_id=True)
         else:
-            self._cell.update(HTML(html))  # type: ignore[no-untyped-call,unused-ignore]
+            self._cell.update(HTML(html))
 
     def __exit__(self, *how: object) -> None:
         if self._terminal:

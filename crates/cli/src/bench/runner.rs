@@ -232,7 +232,8 @@ impl Plan<'_> {
 
 /// This program, to be run in a process of its own.
 pub(crate) fn program() -> Result<Command, Failure> {
-    crate::program().map_err(|e| Failure::input(format!("expected to find this program, found: {e}")))
+    crate::program()
+        .map_err(|e| Failure::input(format!("expected to find this program, found: {e}")))
 }
 
 /// One run in a process of its own.
