@@ -11,7 +11,7 @@ network = ultralytics.YOLO("yolo11n.pt")
 
 
 def people_and_things(image: np.ndarray) -> np.ndarray:
-    boxes = network(image[..., ::-1], verbose=False)[0].boxes.data.cpu().numpy()
+    boxes: np.ndarray = network(image[..., ::-1], verbose=False)[0].boxes.data.cpu().numpy()
     return boxes - [0.5, 0.5, 0.5, 0.5, 0, 0]  # Here the middle of the first pixel is at 0, there it is at 0.5.
 
 

@@ -1,8 +1,9 @@
 //! What a detector of the user's sees.
 
 use crate::arguments::{number, reals, value, words, wrong_type};
+use crate::guard::calling;
 use numpy::PyUntypedArray;
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyList, PyString, PyTuple};
 use stillpoint::detection::{BoundingBox, ClassId, Detection as Seen};
@@ -212,7 +213,8 @@ fn seen(row: &[f64]) -> Result<Seen, String> {
 
 /// What of an image a detector of the user's said.
 pub(crate) fn answer(callable: &Bound<'_, PyAny>, image: Bound<'_, PyAny>) -> PyResult<Vec<Seen>> {
-    let said = callable.call1((image,))?;
+    let ends = || PyRuntimeError::new_err("the interpreter ends");
+    let said = calling(|| callable.call1((image,))).ok_or_else(ends)??;
     detections("detector", &said).map_err(|e| {
         let py = callable.py();
         let what = format!("what it returned: {}", e.value(py));

@@ -1,4 +1,4 @@
-//! Work without the interpreter's lock, and what a panic in it becomes.
+//! Work without the interpreter's lock, what a panic in it becomes, and what becomes of it when the interpreter ends.
 //!
 //! Answers: how a value that several threads of Python hold is changed by one at a time. No code of Python ever runs while one has it, so
 //! nobody waits for the other in a circle.
@@ -6,20 +6,86 @@
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Condvar, Mutex, PoisonError};
+use std::thread::ThreadId;
+use std::time::Duration;
 
 /// Runs `work` without the interpreter's lock. A panic is a defect of this package; it becomes a `RuntimeError` like any other, since
 /// nothing of it may end the interpreter.
 pub(crate) fn detached<T: Send>(py: Python<'_>, work: impl FnOnce() -> T + Send) -> PyResult<T> {
-    py.detach(|| catch_unwind(AssertUnwindSafe(work)))
-        .map_err(|panic| {
-            let said = panic.downcast_ref::<&str>().map(ToString::to_string);
-            let said = said.or_else(|| panic.downcast_ref::<String>().cloned());
-            PyRuntimeError::new_err(format!(
-                "a defect of stillpoint_slam, please report it: {}",
-                said.unwrap_or_default()
-            ))
-        })
+    let done = py.detach(|| {
+        let done = catch_unwind(AssertUnwindSafe(work));
+        stay_if_over();
+        done
+    });
+    done.map_err(|panic| {
+        let said = panic.downcast_ref::<&str>().map(ToString::to_string);
+        let said = said.or_else(|| panic.downcast_ref::<String>().cloned());
+        PyRuntimeError::new_err(format!(
+            "a defect of stillpoint_slam, please report it: {}",
+            said.unwrap_or_default()
+        ))
+    })
+}
+
+/// Whether the interpreter ends.
+static ENDS: AtomicBool = AtomicBool::new(false);
+/// The thread that ends it.
+static ENDING: Mutex<Option<ThreadId>> = Mutex::new(None);
+/// Functions of the user's that this module is calling.
+static CALLS: Mutex<usize> = Mutex::new(0);
+static RETURNED: Condvar = Condvar::new();
+/// How long the end waits for such functions.
+const PATIENCE: Duration = Duration::from_secs(10);
+/// Time for threads that wait for the interpreter's lock to get it.
+const PAUSE: Duration = Duration::from_millis(30);
+
+fn is_over() -> bool {
+    let here = Some(std::thread::current().id());
+    let ending = || *ENDING.lock().unwrap_or_else(PoisonError::into_inner);
+    ENDS.load(Ordering::SeqCst) && ending() != here
+}
+
+/// A thread that asks for the lock of an interpreter that ends is ended by it, in the middle of what it does, which ends the process with an
+/// error. Such a thread stays here instead; the process ends without it.
+fn stay_if_over() {
+    while is_over() {
+        std::thread::park();
+    }
+}
+
+/// Calls a function of the user's; none once the interpreter ends.
+pub(crate) fn calling<R>(call: impl FnOnce() -> R) -> Option<R> {
+    struct Returned;
+    impl Drop for Returned {
+        fn drop(&mut self) {
+            *CALLS.lock().unwrap_or_else(PoisonError::into_inner) -= 1;
+            RETURNED.notify_all();
+        }
+    }
+    let mut calls = CALLS.lock().unwrap_or_else(PoisonError::into_inner);
+    if is_over() {
+        return None;
+    }
+    *calls += 1;
+    drop(calls);
+    let _returned = Returned;
+    Some(call())
+}
+
+/// Prepares for the end of the interpreter: no function of the user's is called any more, and those that were called return first. Registered with
+/// `atexit`.
+#[pyfunction]
+pub(crate) fn prepare_for_end(py: Python<'_>) {
+    *ENDING.lock().unwrap_or_else(PoisonError::into_inner) = Some(std::thread::current().id());
+    ENDS.store(true, Ordering::SeqCst);
+    py.detach(|| {
+        let calls = CALLS.lock().unwrap_or_else(PoisonError::into_inner);
+        let waited = RETURNED.wait_timeout_while(calls, PATIENCE, |calls| *calls > 0);
+        drop(waited);
+        std::thread::sleep(PAUSE);
+    });
 }
 
 /// A value that one thread has at a time.

@@ -6,6 +6,7 @@
 
 mod arguments;
 mod arrays;
+mod begin;
 mod camera;
 mod command;
 mod config;
@@ -58,6 +59,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<source::Recording>()?;
     module.add_class::<trajectory::Trajectory>()?;
     module.add_function(wrap_pyfunction!(command::launch_by, module)?)?;
+    module.add_function(wrap_pyfunction!(guard::prepare_for_end, module)?)?;
     module.add_function(wrap_pyfunction!(command::main, module)?)?;
     module.add_function(wrap_pyfunction!(score::evaluate, module)?)
 }

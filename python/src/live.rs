@@ -4,6 +4,7 @@ use crate::arrays;
 use crate::detections::answer;
 use crate::driver::{Known, Surface, Taken, Trouble};
 use crate::events::Source;
+use crate::guard::calling;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -196,12 +197,14 @@ impl Detector for Called {
         let colour = frame.colour.as_ref();
         let colour = colour.ok_or(DetectError::NoColour { frame: frame.id })?;
         // None while the interpreter ends.
-        let said = Python::try_attach(|py| {
+        let ask = |py: Python<'_>| {
             let callable = self.0.bind(py);
             let image = arrays::shared_colour(py, Arc::clone(colour))?;
             let said = answer(callable, image);
             said.inspect_err(|e| e.clone_ref(py).write_unraisable(py, Some(callable)))
-        });
+        };
+        // With the interpreter's lock from before the call until it is free again.
+        let said = calling(|| Python::try_attach(ask)).flatten();
         let items = said
             .ok_or_else(|| failed("the interpreter ends".to_owned()))?
             .map_err(|e| failed(e.to_string()))?;

@@ -1,28 +1,25 @@
 //! SLAM, frame by frame.
 
-use crate::arguments::{count, number, path, value, wrong_type, yes};
+use crate::arguments::{count, path, value};
 use crate::arrays;
+use crate::begin::Options;
 use crate::camera::Camera;
-use crate::config::Config;
 use crate::dense::Dense;
 use crate::detections::{answer, detections};
-use crate::driver::{Driver, Inline, Trouble};
+use crate::driver::{Driver, Trouble};
 use crate::events::Events;
 use crate::frame::Frame;
 use crate::guard::{Turn, detached};
 use crate::images::{Handed, Order, Spare};
-use crate::live::{Called, Live};
 use crate::map::Map;
 use crate::trajectory::Trajectory;
-use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyFileNotFoundError, PyRuntimeError};
 use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyType};
+use pyo3::types::PyType;
 use std::path::PathBuf;
-use stillpoint::dense::{Dense as Fusing, DenseConfig, DenseMap};
-use stillpoint::detection::{Detection, Detector};
-use stillpoint::imaging::Simd;
-use stillpoint::slam::{MapUse, RefusalReason, Stages, System};
+use stillpoint::detection::Detection;
+use stillpoint::slam::{MapUse, RefusalReason};
 use stillpoint_cli::front;
 
 /// RGB-D SLAM that stays still while the world moves.
@@ -48,185 +45,13 @@ use stillpoint_cli::front;
 /// ('tracked', (4, 4))
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Slam {
-    driver: Turn<Driver>,
-    camera: Camera,
-    order: Order,
-    spare: Spare,
-    keep_colour: bool,
+    pub(crate) driver: Turn<Driver>,
+    pub(crate) camera: Camera,
+    pub(crate) order: Order,
+    pub(crate) spare: Spare,
+    pub(crate) keep_colour: bool,
     /// The user's function, in a run in one thread.
-    function: Option<Py<PyAny>>,
-}
-
-/// What a run is begun with.
-struct Begin {
-    camera: Camera,
-    config: stillpoint::slam::Config,
-    order: Order,
-    detector: Named,
-    dense: Option<DenseConfig>,
-    live: bool,
-    map: Option<(PathBuf, MapUse)>,
-}
-
-/// Who looks at the frames.
-enum Named {
-    Nobody,
-    Function(Py<PyAny>),
-    Words(String),
-}
-
-/// Arguments that all ways to begin have.
-struct Options<'a, 'py> {
-    camera: &'a Bound<'py, PyAny>,
-    config: Option<&'a Bound<'py, PyAny>>,
-    detector: Option<&'a Bound<'py, PyAny>>,
-    live: Option<&'a Bound<'py, PyAny>>,
-    color_order: Option<&'a Bound<'py, PyAny>>,
-    dense: Option<&'a Bound<'py, PyAny>>,
-}
-
-impl Options<'_, '_> {
-    fn check(&self, map: Option<(PathBuf, MapUse)>) -> PyResult<Begin> {
-        let camera = Camera::from_any(self.camera)?;
-        if camera.size().contains(&0) {
-            return Err(value(
-                "camera",
-                "expected a camera with the size of its images, found one without; add width and height",
-            ));
-        }
-        Ok(Begin {
-            camera,
-            config: Config::from_any(self.config)?,
-            order: Order::of(self.color_order)?,
-            detector: named(self.detector)?,
-            dense: voxel(self.dense)?,
-            live: self.live.map_or(Ok(false), |l| yes("live", l))?,
-            map,
-        })
-    }
-}
-
-fn named(found: Option<&Bound<'_, PyAny>>) -> PyResult<Named> {
-    let Some(found) = found else {
-        return Ok(Named::Nobody);
-    };
-    if found.extract::<PathBuf>().is_ok() {
-        let words = path("detector", found)?;
-        return Ok(Named::Words(words.to_string_lossy().into_owned()));
-    }
-    if found.is_callable() {
-        return Ok(Named::Function(found.clone().unbind()));
-    }
-    Err(wrong_type(
-        "detector",
-        "None, a function, or words as --detector takes them",
-        found,
-    ))
-}
-
-fn voxel(found: Option<&Bound<'_, PyAny>>) -> PyResult<Option<DenseConfig>> {
-    let Some(found) = found else {
-        return Ok(None);
-    };
-    let mut config = DenseConfig::default();
-    if let Ok(wanted) = found.cast::<PyBool>() {
-        return Ok(wanted.is_true().then_some(config));
-    }
-    config.voxel = number("dense", found, [1e-3, 1.0])?;
-    config.validate().map_err(|e| value("dense", e))?;
-    Ok(Some(config))
-}
-
-impl Begin {
-    fn begin(mut self, py: Python<'_>) -> PyResult<Slam> {
-        let keep = self.dense.is_some();
-        let (camera, order) = (self.camera.clone(), self.order);
-        let (detector, looks, function) = match std::mem::replace(&mut self.detector, Named::Nobody)
-        {
-            Named::Nobody => (None, false, None),
-            Named::Function(function) if self.live => {
-                let called: Box<dyn Detector> = Box::new(Called(function));
-                (Some(called), true, None)
-            }
-            Named::Function(function) => (None, true, Some(function)),
-            Named::Words(words) => {
-                let found = detached(py, || front::detector(&words))?;
-                let (detector, looks) = found.map_err(|e| value("detector", e))?;
-                (detector, looks, None)
-            }
-        };
-        let driver = detached(py, || self.driver(detector))??;
-        Ok(Slam {
-            driver: Turn::new(driver),
-            camera,
-            order,
-            spare: Spare::default(),
-            keep_colour: keep || looks,
-            function,
-        })
-    }
-
-    fn driver(mut self, detector: Option<Box<dyn Detector>>) -> PyResult<Driver> {
-        let simd = front::simd().map_err(|e| PyValueError::new_err(e.to_string()))?;
-        let lens = self.camera.model.camera;
-        let loaded = match &self.map {
-            None => None,
-            Some((path, map_use)) => {
-                let map = front::load_map(path, &mut self.config, &lens);
-                Some((map.map_err(|e| value("path", e))?, *map_use))
-            }
-        };
-        let stride = self.config.detector.stride;
-        let stages = Stages::new(self.config, lens, simd).map_err(|e| {
-            let is_camera = e.0.iter().any(|p| p.path == "camera");
-            value(if is_camera { "camera" } else { "config" }, e)
-        })?;
-        let (mut known, mut keyframes) = (None, 0);
-        let stages = match loaded {
-            None => stages,
-            Some(((map, surface), map_use)) => {
-                keyframes = map.view().keyframe_bound();
-                known = surface;
-                stages
-                    .with_map(map, map_use)
-                    .map_err(|e| value("path", e))?
-            }
-        };
-        let dense = self
-            .dense
-            .map(|config| fusing(config, &lens, simd, (known, keyframes)));
-        let dense = dense.transpose()?;
-        if self.live {
-            let live = Live::start(stages, detector, dense);
-            let live = live.map_err(|e| {
-                PyOSError::new_err(format!("expected to start threads, found: {e}"))
-            })?;
-            return Ok(Driver::Live(Box::new(live)));
-        }
-        let mut system = System::from(stages);
-        if let Some(detector) = detector {
-            system = system.with_detector(detector);
-        }
-        Ok(Driver::Inline(Box::new(Inline::new(system, stride, dense))))
-    }
-}
-
-/// The surface, going on from the one that a map was saved with.
-fn fusing(
-    mut config: DenseConfig,
-    lens: &stillpoint::geometry::Camera,
-    simd: Simd,
-    (known, keyframes): (Option<DenseMap>, usize),
-) -> PyResult<Fusing> {
-    if let Some(known) = &known {
-        config.voxel = known.voxel();
-    }
-    let dense = Fusing::new(&config, lens, simd).map_err(|e| value("dense", e))?;
-    let dense = dense.with_first_keyframe(keyframes);
-    Ok(match known {
-        Some(known) => dense.starting_with(known),
-        None => dense,
-    })
+    pub(crate) function: Option<Py<PyAny>>,
 }
 
 fn trouble(trouble: Trouble) -> PyErr {

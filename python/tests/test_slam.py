@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gc
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
@@ -244,3 +246,36 @@ def test_threads_take_turns(room: sp.Simulation, images: list[sp.RgbdFrame]) -> 
     for t in threads:
         t.join()
     assert len(slam.trajectory()) + len(refused) == 12
+
+
+ENDS = """
+import sys, threading, time
+import stillpoint_slam as sp
+
+room = sp.simulate("xyz", frames=40, camera=sp.Camera(160, 120, 134.0, 134.0, 79.5, 59.5))
+
+def slow(image):
+    time.sleep(0.05)
+    return []
+
+def track():
+    for i in room:
+        slam.track(i.stamp, i.color, i.depth)
+
+slam = sp.Slam(room.camera, None, None if "none" in sys.argv else slow, live="live" in sys.argv)
+if "thread" in sys.argv:
+    threading.Thread(target=track, daemon=True).start()
+    time.sleep(0.15)
+else:
+    for i, _ in zip(room, range(6)):
+        slam.track(i.stamp, i.color, i.depth)
+print("end", flush=True)
+"""
+
+
+@pytest.mark.parametrize("how", ["live", "live thread", "thread", "none thread", "live none thread"])
+def test_the_interpreter_ends_while_threads_are_at_work(how: str) -> None:
+    children = [subprocess.Popen([sys.executable, "-c", ENDS, *how.split()], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(3)]
+    for child in children:
+        out, said = child.communicate(timeout=60)
+        assert (child.returncode, out, said) == (0, "end\n", "")

@@ -197,7 +197,7 @@ impl LiveSystem {
     }
 
     /// Hands over what a detector of the caller's saw, as of the frame named in it: before [`LiveSystem::push`] of that frame, or later.
-    /// Tracking takes it with the next frame; of answers that wait for it the oldest give way when there are too many. False when
+    /// Tracking takes it with the next frame that it takes, which is another one where the frame before waits still; of answers that wait for it the oldest give way when there are too many. False when
     /// tracking takes no more of them because it panicked.
     pub fn tell(&mut self, detections: Detections) -> bool {
         let said = Said {

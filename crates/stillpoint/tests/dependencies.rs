@@ -122,6 +122,10 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("simulator", &["features", "datasets"]),
 ];
 
+/// Packages for other languages: folders beside `crates/`, each a workspace of its own with its own lock file. They hold the facade, and where users are to have
+/// the same words there as in the command line, the command line.
+pub(crate) const FRONT_ENDS: &[(&str, &[&str])] = &[("python", &["stillpoint", "cli"])];
+
 /// What no crate of the core may import, directly or not: threads, files and judges stay outside.
 const CORE: &[&str] = &[
     "geometry",
@@ -152,14 +156,14 @@ const OUTSIDE: &[&str] = &[
     "testdata",
 ];
 
-type Edges = BTreeSet<(String, String)>;
+pub(crate) type Edges = BTreeSet<(String, String)>;
 
-fn short(name: &str) -> String {
+pub(crate) fn short(name: &str) -> String {
     name.strip_prefix("stillpoint-").unwrap_or(name).to_owned()
 }
 
 /// What cargo prints.
-fn cargo(arguments: &[&str]) -> String {
+pub(crate) fn cargo(arguments: &[&str]) -> String {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let output = Command::new(cargo)
         .args(arguments)
@@ -175,7 +179,7 @@ fn cargo(arguments: &[&str]) -> String {
 }
 
 /// Names of all crates, normal and build edges, edges of tests.
-fn workspace() -> (BTreeSet<String>, Edges, Edges) {
+pub(crate) fn workspace() -> (BTreeSet<String>, Edges, Edges) {
     let text = cargo(&[
         "metadata",
         "--no-deps",

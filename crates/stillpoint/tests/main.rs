@@ -6,6 +6,7 @@ mod accuracy;
 mod breakage;
 mod dependencies;
 mod documents;
+mod front_ends;
 mod layout;
 mod looping;
 mod modules;

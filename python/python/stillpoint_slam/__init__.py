@@ -12,6 +12,7 @@ Poses are ``world_from_camera`` as 4x4 matrices in metres; the camera looks alon
 their colour images. Whatever takes time runs without the interpreter's lock, and exceptions name the argument that cannot be used.
 """
 
+import atexit as _atexit
 import sys as _sys
 
 from . import _native
@@ -47,6 +48,9 @@ from ._run import Run, open, record, run, simulate
 if _sys.executable:
     # Models from elsewhere are tried in a process of their own, which is this package's command line.
     _native.launch_by([_sys.executable, "-m", "stillpoint_slam"])
+
+# Threads that would come back to an interpreter that is no more stay away.
+_atexit.register(_native.prepare_for_end)
 
 __all__ = [
     "Camera",

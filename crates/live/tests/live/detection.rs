@@ -1,6 +1,6 @@
 //! Detectors that do something unusual, and when a detector is asked at all.
 
-use super::world::frames;
+use super::world::{frames, stages};
 use super::{assert_all_finished, assert_reproduced, run, unhurried};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -8,8 +8,8 @@ use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections, Detector, DetectorInfo, DetectorKind};
 use stillpoint_imaging::{FrameId, RgbdFrame};
-use stillpoint_live::{LiveOptions, Stage, WorkerEnd};
-use stillpoint_slam::LogEntry;
+use stillpoint_live::{Delivery, LiveOptions, LiveSystem, Stage, WorkerEnd};
+use stillpoint_slam::{Event, LogEntry};
 
 /// What a detector says that sees nothing.
 fn nothing(frame: &RgbdFrame) -> Result<Detections, DetectError> {
@@ -179,4 +179,31 @@ fn a_detector_rests_where_frames_are_dropped() {
     // Control: it works all the time where none is dropped.
     let gap = shortest(Duration::ZERO);
     assert!(gap < 4 * WHILE, "{gap:?}");
+}
+
+#[test]
+fn what_the_caller_saw_reaches_tracking_with_its_frame() {
+    let (stages, options) = (
+        stages(),
+        LiveOptions {
+            drop_late: false,
+            ..unhurried()
+        },
+    );
+    let mut live = LiveSystem::start(stages, None, options).unwrap();
+    let events = live.listen("caller", Delivery::until_full(4096));
+    for frame in &frames()[..6] {
+        assert!(live.tell(nothing(frame).unwrap()));
+        assert!(live.push(frame.clone()));
+        // What is told later would be taken with this frame, if that waits still.
+        let of = |event: Option<Event>| match event.unwrap() {
+            Event::Detected(d) => Some(("detected", d.frame)),
+            Event::Frame(f) => Some(("frame", f.report.frame)),
+            _ => None,
+        };
+        let mut next = || std::iter::repeat_with(|| of(events.recv())).find_map(|e| e);
+        assert_eq!(next(), Some(("detected", frame.id)));
+        assert_eq!(next(), Some(("frame", frame.id)));
+    }
+    assert_all_finished(&live.finish());
 }

@@ -1,0 +1,186 @@
+"""Recordings, simulations, scores, the command line, notebooks."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import stillpoint_slam as sp
+
+
+def record(path: Path, room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+    with sp.record(path, room.camera) as recorder:
+        for i in images:
+            recorder.add(i.stamp, i.color, i.depth, depth_stamp=i.depth_stamp, truth=i.truth)
+    with pytest.raises(RuntimeError, match="closed"):
+        recorder.add(9.0, images[0].color, images[0].depth)
+    with pytest.raises(OSError, match="path"):
+        sp.record(path, room.camera)
+
+
+@pytest.mark.parametrize("name", ["folder", "file.mcap"])
+def test_what_was_recorded_is_read_again(name: str, room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
+    path = tmp_path / name
+    record(path, room, images)
+    recording = sp.open(path)
+    again = list(recording)
+    assert len(recording) == len(again) == len(images)
+    for a, b in zip(images, again):
+        assert abs(a.stamp - b.stamp) < 1e-5 and abs(a.depth_stamp - b.depth_stamp) < 1e-5
+        assert np.array_equal(a.color, b.color) and np.allclose(a.depth, b.depth, atol=2e-4)
+    assert recording.camera.fx == room.camera.fx
+    if name == "folder":
+        assert recording.truth is not None and np.allclose(recording.truth.poses, room.truth.poses, atol=1e-6)
+    assert len(list(sp.open(path, start=3, max_frames=4))) == 4
+    grey = next(iter(sp.open(path, color=False)))
+    assert grey.gray.shape == (480, 640)
+    with pytest.raises(ValueError, match="color"):
+        _ = grey.color
+    with pytest.raises(ValueError, match="start"):
+        sp.open(path, start=1000)
+
+
+def test_runs_are_scored_and_saved(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    with sp.record(tmp_path / "room", room.camera) as recorder:
+        for i in images:
+            recorder.add(i.stamp, i.color, i.depth, depth_stamp=i.depth_stamp, truth=i.truth)
+    result = sp.run(tmp_path / "room", out=tmp_path / "out")
+    assert result.frames == 12 and not result.lost and result.score is not None and result.score.ate_rmse < 0.005
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["tracked"] == 12 and (tmp_path / "out" / "map.spmap").exists()
+    assert len(sp.Trajectory.from_file(tmp_path / "out" / "trajectory.txt")) == 12
+    for value in (result, result.trajectory, result.score, result.slam, result.slam.map, result.slam.map.keyframes):
+        assert value._repr_html_().startswith("<table")
+    assert "None" not in result._repr_html_()
+    # Without a terminal there is no progress, and nothing else is said.
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(FileNotFoundError):
+        sp.run(tmp_path / "nothing")
+
+
+def test_damaged_frames_are_skipped_with_a_warning(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
+    with sp.record(tmp_path / "room", room.camera) as recorder:
+        for i in images[:4]:
+            recorder.add(i.stamp, i.color, i.depth, depth_stamp=i.depth_stamp)
+    next(iter(sorted((tmp_path / "room" / "rgb").iterdir())[1:])).write_bytes(b"no image")
+    with pytest.warns(RuntimeWarning, match="skipped"):
+        assert len(list(sp.open(tmp_path / "room"))) == 3
+
+
+def test_scores_are_those_of_trajectories(room: sp.Simulation) -> None:
+    truth = room.truth
+    moved = truth.poses.copy()
+    moved[:, :3, 3] += [0.5, 0, 0]
+    assert sp.evaluate(truth, (truth.stamps, moved)).ate_rmse < 1e-9
+    moved[::2, 0, 3] += 0.02
+    score = sp.evaluate(truth, (truth.stamps, moved))
+    assert 0.009 < score.ate_rmse < 0.011 and score.pairs == len(truth) and score.ate["count"] == len(score.errors) == len(truth)
+    assert np.allclose(np.linalg.norm(score.aligned - score.reference, axis=1), score.errors)
+    with pytest.raises(ValueError, match="truth, estimate"):
+        sp.evaluate(truth, sp.Trajectory(truth.stamps + 100, truth.poses))
+
+
+def test_simulations_say_what_is_true() -> None:
+    room = sp.simulate("walking_xyz", frames=3)
+    assert len(room) == 3 and room[-1].index == 2
+    with pytest.raises(IndexError, match="index"):
+        _ = room[3]
+    first = next(iter(room))
+    assert np.array_equal(first.color, room[0].color) and np.allclose(first.truth, room.truth.poses[0])
+    assert room.mask(2).shape == (480, 640)
+    with pytest.raises(ValueError, match="scene"):
+        sp.simulate("wolking_xyz")
+    with pytest.raises(ValueError, match="frames"):
+        sp.simulate("xyz", 10**12)
+
+
+def test_the_mask_covers_who_walks() -> None:
+    room = sp.simulate("walking_xyz", frames=45)
+    filter = sp.DynamicMask(room.camera)
+    found = missed = 0
+    for i, image in enumerate(room):
+        moving = filter.step(image.stamp, image.color, image.depth, room.detections(i), depth_stamp=image.depth_stamp, pose=image.truth)
+        if i > 30:
+            truth = room.mask(i) > 0
+            found += int((truth & (moving.mask > 0)).sum())
+            missed += int((truth & (moving.mask == 0)).sum())
+    assert found > missed
+    ys, xs = np.nonzero(room.mask(44))
+    verdicts = filter.verdicts(np.stack([xs, ys], 1)[::50])
+    assert verdicts.dynamic.mean() > 0.5 and np.allclose(moving.pose, room[44].truth)
+    assert any(o.class_name == "person" for o in moving.objects)
+
+
+def command(*arguments: object, **options: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([sys.executable, "-m", "stillpoint_slam", *map(str, arguments)], capture_output=True, text=True, **options)
+
+
+def test_the_command_line_is_there(tmp_path: Path) -> None:
+    assert command("--version").stdout.strip() == f"stillpoint {sp.__version__}"
+    done = command("run", tmp_path / "none")
+    assert done.returncode == 2 and "expected" in done.stderr
+    assert command("frobnicate").returncode == 2
+    done = command("simulate", "--scene", "xyz", "--frames", "5", "--out", tmp_path / "room", "-q")
+    assert done.returncode == 0 and (tmp_path / "room" / "rgb.txt").exists()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals are POSIX's")
+def test_ctrl_c_ends_the_command_line_as_it_should(tmp_path: Path) -> None:
+    command("simulate", "--scene", "xyz", "--frames", "120", "--out", tmp_path / "room", "-q")
+    arguments = [sys.executable, "-m", "stillpoint_slam", "run", str(tmp_path / "room"), "--live", "--detector", "none", "--no-report", "--out", str(tmp_path / "out")]
+    child = subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    time.sleep(2.0)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=60)
+    assert child.returncode == 1 and "interrupted" in said and "Traceback" not in said, said
+    assert (tmp_path / "out" / "trajectory.txt").exists()
+
+
+def test_ctrl_c_ends_a_wait_for_events(room: sp.Simulation) -> None:
+    program = (
+        "import stillpoint_slam as sp, sys\n"
+        "slam = sp.Slam(sp.Camera(64, 48, 55, 55, 31.5, 23.5), live=True)\n"
+        "print('waits', flush=True)\n"
+        "next(slam.events())\n"
+    )
+    child = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert child.stdout is not None and child.stdout.readline() == "waits\n"
+    time.sleep(0.5)
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=20)
+    assert "KeyboardInterrupt" in said and child.returncode != 0
+
+
+def test_cameras_of_other_libraries() -> None:
+    k = [525.0, 0, 319.5, 0, 525.0, 239.5, 0, 0, 1]
+    info = {"width": 640, "height": 480, "K": k, "D": [0.1, -0.2, 0.001, 0.002, 0.05], "distortion_model": "plumb_bob"}
+    camera = sp.Camera.from_info(info, depth_scale=1000)
+    assert np.allclose(camera.distortion, info["D"]) and np.allclose(camera.k.ravel(), k)
+
+    class Intrinsics:
+        width, height, fx, fy, ppx, ppy = 640, 480, 525.0, 525.0, 319.5, 239.5
+        coeffs, model = [0.0] * 5, "distortion.inverse_brown_conrady"
+
+    assert sp.Camera.from_info(Intrinsics()).cx == 319.5 and sp.Slam(Intrinsics()).camera.width == 640
+    for change in ({"D": [0.1] * 8, "distortion_model": "rational_polynomial"}, {"D": [0.1, 0.1, 0, 0], "distortion_model": "equidistant"}):
+        with pytest.raises(ValueError, match="camera"):
+            sp.Camera.from_info({**info, **change})
+    assert "tum_fr1" in sp.Camera.presets() and sp.Camera.preset("fr1") == sp.Camera.preset("tum_fr1")
+
+
+def test_plots_are_drawn_where_matplotlib_is(room: sp.Simulation, images: list[sp.RgbdFrame]) -> None:
+    matplotlib = pytest.importorskip("matplotlib")
+    matplotlib.use("Agg")
+    result = sp.run(room, progress=False)
+    frame = sp.Slam(room.camera).track(0.0, images[0].color, images[0].depth)
+    for axes in (result.plot(), result.trajectory.plot(), result.slam.map.plot(), frame.plot()):
+        assert axes.figure is not None
+    assert frame._repr_html_().startswith("<table")
