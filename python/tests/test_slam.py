@@ -212,8 +212,9 @@ def test_a_surface_is_fused_where_it_is_asked_for(room: sp.Simulation, images: l
         mesh = dense.mesh()
         assert mesh.vertices.shape == mesh.normals.shape == mesh.colors.shape and mesh.triangles.shape[1] == 3
         assert mesh.area > 0.5 and mesh.triangles.max() < len(mesh.vertices)
-        near = dense.distance(mesh.vertices[:100])
-        assert np.nanmax(np.abs(near)) < 0.05
+        # At its borders the mesh goes on where the distance is not 0.
+        near = np.abs(dense.distance(mesh.vertices))
+        assert np.nanmedian(near) < 0.001 and np.nanmax(near) < 0.16
         assert np.isnan(dense.distance([[50.0, 50.0, 50.0]]))[0]
     mesh.save(tmp_path / "room.ply")
     assert (tmp_path / "room.ply").read_bytes().startswith(b"ply")

@@ -183,14 +183,11 @@ fn a_detector_rests_where_frames_are_dropped() {
 
 #[test]
 fn what_the_caller_saw_reaches_tracking_with_its_frame() {
-    let (stages, options) = (
-        stages(),
-        LiveOptions {
-            drop_late: false,
-            ..unhurried()
-        },
-    );
-    let mut live = LiveSystem::start(stages, None, options).unwrap();
+    let options = LiveOptions {
+        drop_late: false,
+        ..unhurried()
+    };
+    let mut live = LiveSystem::start(stages(), None, options).unwrap();
     let events = live.listen("caller", Delivery::until_full(4096));
     for frame in &frames()[..6] {
         assert!(live.tell(nothing(frame).unwrap()));
@@ -201,7 +198,7 @@ fn what_the_caller_saw_reaches_tracking_with_its_frame() {
             Event::Frame(f) => Some(("frame", f.report.frame)),
             _ => None,
         };
-        let mut next = || std::iter::repeat_with(|| of(events.recv())).find_map(|e| e);
+        let next = || std::iter::repeat_with(|| of(events.recv())).find_map(|e| e);
         assert_eq!(next(), Some(("detected", frame.id)));
         assert_eq!(next(), Some(("frame", frame.id)));
     }
