@@ -146,10 +146,11 @@ impl Frame {
         self.event.report.submap.map(|s| s.0)
     }
 
-    /// Whether it is undecided who moves, as a map has just begun: the pose may be replaced later.
+    /// Whether the pose may ride on somebody: as a map has just begun, until it is known who moves, when it may be replaced later; or as few landmarks
+    /// hold it while much moves.
     #[getter]
     fn undecided(&self) -> bool {
-        self.event.report.undecided.is_some()
+        self.event.report.is_undecided()
     }
 
     /// What was said of each keypoint: whether it moves, and why.
