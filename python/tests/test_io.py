@@ -146,7 +146,10 @@ def test_ctrl_c_ends_the_command_line_as_it_should(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_a_wait_for_events(room: sp.Simulation) -> None:
     program = (
-        "import stillpoint_slam as sp, sys\n"
+        "import signal\n"
+        "import stillpoint_slam as sp\n"
+        # Who runs tests in the background may have the signal ignored.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "slam = sp.Slam(sp.Camera(64, 48, 55, 55, 31.5, 23.5), live=True)\n"
         "print('waits', flush=True)\n"
         "next(slam.events())\n"
