@@ -29,7 +29,10 @@ def _numbers(name: str, found: object) -> list[float]:
         # No camera has more of any; what pretends to be larger than memory is not copied.
         if np.size(found) > 32:  # type: ignore[arg-type]
             raise TypeError("too many")
-        return [float(v) for v in np.asarray(found, dtype=float).ravel()]
+        array = np.asarray(found)
+        if array.dtype.kind not in "fiu":
+            raise TypeError("no real numbers")
+        return [float(v) for v in array.ravel()]
     except (TypeError, ValueError, MemoryError) as e:
         raise TypeError(f"camera: expected numbers for {name}, found {type(found).__name__}") from e
 
