@@ -143,7 +143,7 @@ def types(python: Path, work: Path) -> None:
 
 
 def examples(fresh: Path, work: Path) -> None:
-    check("a folder for the examples", [fresh, "-m", "stillpoint_slam", "simulate", "--frames", "100", "--out", work / "room", "-q"])
+    check("a folder for the examples", [fresh, "-m", "stillpoint_slam", "simulate", "--scene", "xyz", "--frames", "100", "--out", work / "room", "-q"])
     check("example: a folder", [fresh, HERE / "examples" / "folder.py", work / "room", work / "trajectory.txt"], cwd=work)
     check("example: masks", [fresh, HERE / "examples" / "mask_for_another_slam.py", work / "room", work / "masks"], cwd=work)
 
