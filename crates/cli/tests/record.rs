@@ -186,6 +186,37 @@ fn a_live_run_records_the_poses_that_it_reports() {
 }
 
 #[test]
+fn the_surface_and_the_floor_plan_are_recorded_in_the_end() {
+    let (result, file) = (
+        MADE.dir.path().join("fused"),
+        MADE.dir.path().join("fused.mcap"),
+    );
+    let more = [
+        "--dense",
+        "--voxel",
+        "0.04",
+        "--record",
+        text(&file),
+        "--no-record-images",
+    ];
+    run(&MADE.data, &result, &more);
+    let topics = topics(&file);
+    let clouds = decode::<ros::PointCloud2<'_>>(&topics, "/stillpoint/surface");
+    let grids = decode::<ros::OccupancyGrid<'_>>(&topics, "/stillpoint/grid");
+    assert_eq!((clouds.len(), grids.len()), (1, 1));
+    let (cloud, grid) = (&clouds[0].1, &grids[0].1);
+    assert!(cloud.width > 300, "{}", cloud.width);
+    assert_eq!(&*cloud.header.frame_id, "map");
+    let cells = grid.data.iter();
+    assert_eq!(cells.len() as u32, grid.info.width * grid.info.height);
+    for state in [-1, 0, 100] {
+        assert!(cells.clone().any(|c| *c == state), "no cell is {state}");
+    }
+    assert!((grid.info.resolution - 0.05).abs() < 1e-6);
+    assert!(result.join("grid.pgm").exists());
+}
+
+#[test]
 fn a_recording_takes_the_place_of_an_older_one_only_when_it_is_whole() {
     let dir = tempfile::tempdir().unwrap();
     let (file, out) = (dir.path().join("old.mcap"), dir.path().join("out"));

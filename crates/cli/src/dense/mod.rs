@@ -10,7 +10,8 @@ use crate::run::view::SurfaceView;
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 use stillpoint::dense::{
-    Dense, DenseConfig, DenseCounts, DenseMap, FinalPose, Floor, Mesh, MeshOptions, PlanOptions,
+    Dense, DenseConfig, DenseCounts, DenseMap, FinalPose, Floor, Mesh, MeshOptions, Plan,
+    PlanOptions,
 };
 use stillpoint::detection::MotionWeights;
 use stillpoint::geometry::{Camera, Vec3};
@@ -171,10 +172,18 @@ impl Fused {
         }
     }
 
+    fn floor(&self) -> Option<Floor> {
+        Floor::find(&self.mesh, &self.up)
+    }
+
+    /// The floor plan, where the floor was seen.
+    pub(crate) fn plan(&self) -> Option<Plan> {
+        self.map.plan(&self.floor()?, &PlanOptions::default())
+    }
+
     /// Writes mesh and plan into a result folder.
     pub(crate) fn write(&self, folder: &mut ResultFolder) -> Result<(), Failure> {
-        let floor = Floor::find(&self.mesh, &self.up);
-        let up = floor.map_or(self.up, |f| f.up);
+        let up = self.floor().map_or(self.up, |f| f.up);
         let bytes = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
             let mut bytes = Vec::new();
             write(&mut bytes).map_err(Failure::input)?;
@@ -185,8 +194,7 @@ impl Fused {
             "mesh.glb",
             &bytes(&|to| self.mesh.write_glb(to, Some(&up)))?,
         )?;
-        let plan = floor.and_then(|f| self.map.plan(&f, &PlanOptions::default()));
-        if let Some(plan) = plan {
+        if let Some(plan) = self.plan() {
             folder.write("grid.pgm", &bytes(&|to| plan.write_pgm(to))?)?;
             folder.write("grid.yaml", plan.yaml("grid.pgm").as_bytes())?;
             folder.write("grid_crossed.pgm", &bytes(&|to| plan.write_crossed(to))?)?;

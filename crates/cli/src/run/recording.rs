@@ -1,5 +1,6 @@
 //! `--record`: what a run finds, as messages of ROS 2 in an MCAP file.
 
+use crate::dense::Fused;
 use crate::failure::Failure;
 use crate::run::overlay::{Style, picture};
 use crate::run::session::listeners::Writer;
@@ -12,6 +13,8 @@ use stillpoint::ros_events::{FrameNames, Outgoing, Publisher, Topic};
 use stillpoint::slam::Event;
 use stillpoint::view::write_jpeg;
 
+/// Between points of the surface, m: a cell of the coarse grid.
+const SPACING: f64 = 0.05;
 /// Quality of the pictures, percent: marks stay sharp.
 const QUALITY: u8 = 80;
 
@@ -102,6 +105,18 @@ impl RunRecording {
             }),
             messages: 0,
         }
+    }
+
+    /// Writes what was fused: points of the surface and the floor plan.
+    pub(crate) fn surface(&mut self, fused: &Fused) -> Result<(), Failure> {
+        let mut messages = vec![self.publisher.surface(&fused.mesh.thinned(SPACING))];
+        let plan = fused.plan();
+        messages.extend(plan.map(|plan| {
+            let grid = plan.in_axes_of(&self.publisher.map_from_world());
+            self.publisher
+                .grid(grid.width as u32, grid.resolution, &grid.origin, grid.cells)
+        }));
+        self.add(&messages)
     }
 
     fn add(&mut self, messages: &[Outgoing]) -> Result<(), Failure> {

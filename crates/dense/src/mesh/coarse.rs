@@ -23,6 +23,17 @@ impl Mesh {
         }
     }
 
+    /// One corner with its colour of each cube of this side (m): the first, so that the same mesh gives the same points.
+    #[must_use]
+    pub fn thinned(&self, side: f64) -> Vec<([f32; 3], [u8; 3])> {
+        let mut taken = BTreeMap::new();
+        for (p, colour) in self.positions.iter().zip(&self.colours) {
+            let cube = p.map(|x| (f64::from(x) / side).floor() as i64);
+            taken.entry(cube).or_insert((*p, *colour));
+        }
+        taken.into_values().collect()
+    }
+
     fn clustered(&self, side: f64) -> Self {
         let mut numbers: BTreeMap<[i64; 3], u32> = BTreeMap::new();
         let mut sums: Vec<(Vec3, [u32; 3], u32)> = Vec::new();

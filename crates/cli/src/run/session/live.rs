@@ -117,7 +117,7 @@ impl Driver<'_> {
             interrupted: self.interrupt.requested(),
             seconds,
         });
-        session.fuse(outputs);
+        session.fuse(outputs)?;
         session.saved = outputs.map.take().map(|file| match &result.map {
             Some(map) => file.save(map, Some(&result.timing), session.extension()),
             None => Err(Failure::criteria(

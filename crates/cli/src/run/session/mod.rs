@@ -81,7 +81,7 @@ pub(crate) struct Session {
 
 impl Session {
     /// Fuses at the final poses what was to be fused.
-    pub(crate) fn fuse(&mut self, outputs: &mut Outputs) {
+    pub(crate) fn fuse(&mut self, outputs: &mut Outputs) -> Result<(), Failure> {
         let of = |(frame, pose): (&FrameId, &StampedPose)| FinalPose {
             frame: *frame,
             stamp: pose.stamp,
@@ -94,6 +94,10 @@ impl Session {
             .map(of)
             .collect();
         self.dense = outputs.fuse(&poses);
+        if let (Some(fused), Some(record)) = (&self.dense, &mut outputs.record) {
+            record.surface(fused)?;
+        }
+        Ok(())
     }
 
     /// What a map file keeps beside the map.
@@ -161,7 +165,7 @@ impl Driver<'_> {
             seconds: start.elapsed().as_secs_f64(),
         });
         session.log = system.log();
-        session.fuse(outputs);
+        session.fuse(outputs)?;
         // What was found until then is worth having even when the map cannot be saved.
         let timing = system.timing();
         let map = outputs.map.take();

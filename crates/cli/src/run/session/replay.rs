@@ -57,7 +57,7 @@ impl Driver<'_> {
             interrupted: self.interrupt.requested(),
             seconds: start.elapsed().as_secs_f64(),
         });
-        session.fuse(outputs);
+        session.fuse(outputs)?;
         let map = outputs.map.take();
         let timing = replay.timing();
         session.saved =
