@@ -101,7 +101,8 @@ impl Dense {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         const EXPECTED: &str = "points of the world, (N, 3), m";
         let (shape, flat) = reals("points", EXPECTED, points, MOST)?;
-        if !(shape.len() == 2 && shape[1] == 3) && !flat.is_empty() {
+        let fits = shape.len() == 2 && shape[1] == 3;
+        if !fits && !flat.is_empty() {
             return Err(value(
                 "points",
                 format!("expected {EXPECTED}, found the shape {shape:?}"),

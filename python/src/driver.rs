@@ -85,7 +85,7 @@ pub(crate) struct Inline {
 pub(crate) enum Surface {
     Unwanted,
     Growing(Box<Dense>),
-    Final(DenseMap),
+    Final(Box<DenseMap>),
 }
 
 impl Surface {
@@ -100,7 +100,7 @@ impl Surface {
                     world_from_camera: pose.world_from_camera,
                 };
                 let poses: Vec<FinalPose> = known.poses().iter().map(of).collect();
-                Self::Final(dense.finish(&poses))
+                Self::Final(Box::new(dense.finish(&poses)))
             }
             other => other,
         };
@@ -110,7 +110,7 @@ impl Surface {
         match self {
             Self::Unwanted => None,
             Self::Growing(dense) => Some(dense.map().clone()),
-            Self::Final(map) => Some(map.clone()),
+            Self::Final(map) => Some((**map).clone()),
         }
     }
 }

@@ -104,8 +104,10 @@ impl Live {
                 items,
             });
         }
-        let goes_on = run.push(frame);
-        while goes_on {
+        if !run.push(frame) {
+            return Err(Trouble::Broken("tracking ended".to_owned()));
+        }
+        loop {
             match self.events.recv_within(LOOK) {
                 Some(Event::Frame(frame)) if frame.report.frame == id => {
                     self.next = id.0.checked_add(1);
@@ -122,7 +124,6 @@ impl Live {
                 }
             }
         }
-        Err(Trouble::Broken("tracking ended".to_owned()))
     }
 
     pub(crate) fn is_over(&self) -> bool {
