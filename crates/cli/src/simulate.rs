@@ -42,7 +42,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
         }
     }
     progress.finish();
-    if movers.seen {
+    if movers.seen || args.furniture {
         let script = format_script(&movers.detections);
         write_file(&args.out.join("detections.csv"), script.as_bytes())?;
     }
@@ -101,6 +101,7 @@ impl Movers {
     fn new(args: &SimulateArgs) -> Self {
         let noise = DetectionNoise {
             seed: args.seed,
+            things: args.furniture,
             ..DetectionNoise::default()
         };
         let exact = DetectionNoise {
@@ -123,6 +124,10 @@ impl Movers {
         recorder: &mut Recorder,
     ) -> Result<(), Failure> {
         let truth = simulator.truth(index);
+        if self.noise.things {
+            self.detections
+                .extend(script_rows(simulator, index, &self.noise));
+        }
         if truth.boxes.is_empty() && !self.seen {
             self.still.push(index);
             return Ok(());
@@ -134,8 +139,10 @@ impl Movers {
         }
         let rows: Vec<MoverRow> = truth.boxes.iter().map(mover_row).collect();
         recorder.add_movers(simulator.stamp(index), &truth.mask, &rows)?;
-        self.detections
-            .extend(script_rows(simulator, index, &self.noise));
+        if !self.noise.things {
+            self.detections
+                .extend(script_rows(simulator, index, &self.noise));
+        }
         Ok(())
     }
 }

@@ -6,7 +6,7 @@ use crate::people::Cast;
 use crate::scene::Scene;
 use crate::shutter::Shutter;
 
-const NAMES: [&str; 26] = [
+const NAMES: [&str; 27] = [
     "xyz",
     "rpy",
     "halfsphere",
@@ -22,6 +22,7 @@ const NAMES: [&str; 26] = [
     "walking_static",
     "sitting_xyz",
     "box_carried",
+    "chair_carried",
     "rpy_60",
     "rpy_100",
     "rpy_150",
@@ -76,6 +77,7 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
         "walking_static" => (people(Cast::Walking), Path::still(seed).farther(0.66)),
         "sitting_xyz" => (people(Cast::Sitting), Path::xyz(seed).farther(0.25)),
         "box_carried" => (people(Cast::Carrying), Path::xyz(seed).farther(0.85)),
+        "chair_carried" => (people(Cast::Fetching), Path::xyz(seed).farther(1.2)),
         "rpy_60" => (Scene::office(seed), fast(0)),
         "rpy_100" => (Scene::office(seed), fast(1)),
         "rpy_150" => (Scene::office(seed), fast(2)),

@@ -30,4 +30,4 @@ pub use disparity::DepthModel;
 pub use error::SimulatorError;
 pub use shutter::Shutter;
 pub use simulator::{Simulator, SimulatorConfig, SimulatorSource};
-pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection};
+pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection, ThingBox};

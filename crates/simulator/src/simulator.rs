@@ -8,7 +8,7 @@ use crate::path::Path;
 use crate::scene::Scene;
 use crate::sensor::Sensor;
 use crate::shutter::{Shutter, Sight};
-use crate::truth::{self, DetectionNoise, FrameTruth, ScriptedDetection};
+use crate::truth::{self, DetectionNoise, FrameTruth, ScriptedDetection, ThingBox};
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
 use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
@@ -254,6 +254,24 @@ impl Simulator {
             motion.velocity = motion.velocity.map(|v| v * self.scale);
         }
         truth::truth(&view, &movers, self.scene.things())
+    }
+
+    /// The true boxes of all things of a class that detectors know, with their numbers in [`FrameTruth::things`]; after them those that somebody
+    /// carries away, with their numbers in [`FrameTruth::boxes`].
+    #[must_use]
+    pub fn things(&self) -> Vec<(u32, ThingBox)> {
+        let still = self.scene.things().iter().zip(1..).map(|(t, n)| (n, *t));
+        let scaled = |(number, thing): (u32, ThingBox)| {
+            let centre = thing.centre.map(|v| v * self.scale);
+            let size = thing.size.map(|v| v * self.scale);
+            let thing = ThingBox {
+                centre,
+                size,
+                ..thing
+            };
+            (number, thing)
+        };
+        still.chain(self.scene.taken()).map(scaled).collect()
     }
 
     /// What a detector that errs as `noise` says would find in a frame: persons, and furniture where it knows that.

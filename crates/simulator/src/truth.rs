@@ -32,7 +32,7 @@ impl FrameTruth {
 pub struct MoverBox {
     /// Number of the mover, from 1; the same thing in all frames of a scene.
     pub mover: u32,
-    /// What it is: `person` or `box`, or of a thing its class in COCO.
+    /// What it is: `person`, `box` or what else is carried, or of a thing its class in COCO.
     pub class: &'static str,
     /// Left border, px of the recorded image.
     pub x0: f64,
@@ -46,6 +46,21 @@ pub struct MoverBox {
     pub visible_px: usize,
     /// Where it is and how it moves; `None` for what stands still.
     pub motion: Option<MoverMotion>,
+}
+
+/// The true box around a thing of a class that detectors know: upright, with axes of its own.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThingBox {
+    /// Its class in COCO.
+    pub class: &'static str,
+    /// The middle of the box, m.
+    pub centre: [f64; 3],
+    /// Its sides along its own axes, of which the third is up, m.
+    pub size: [f64; 3],
+    /// Turn about the vertical from the world's axes to its own, rad.
+    pub yaw: f64,
+    /// When somebody lifts it and carries it away, s; none for what stays.
+    pub taken_at: Option<f64>,
 }
 
 /// Where a mover is in the world, and how fast it moves.
@@ -80,7 +95,8 @@ pub struct DetectionNoise {
     pub burst_frames: usize,
     /// Probability that somebody is found in a frame where nobody is, 0 to 1.
     pub false_alarm: f64,
-    /// Whether furniture is found as well: chairs, desks, screens, keyboards, books and cups, as often missed as people.
+    /// Whether furniture is found as well: chairs, desks, screens, keyboards, books and cups, as often missed as people, alone and in bursts, and as
+    /// often found where there is none.
     pub things: bool,
     /// Decides what is missed and how borders jitter.
     pub seed: u64,
@@ -154,7 +170,7 @@ fn boxes(found: &[Extent], what: &[MoverState]) -> Vec<MoverBox> {
 
 /// Mask and boxes of what the pixels see. Mover k is `movers[k - 1]`, `things[k - 1]` is what thing
 /// k is.
-pub(crate) fn truth(view: &Pixels, movers: &[MoverState], things: &[&'static str]) -> FrameTruth {
+pub(crate) fn truth(view: &Pixels, movers: &[MoverState], things: &[ThingBox]) -> FrameTruth {
     let mut mask = GrayImage::new(view.width, view.height);
     let mut moving = vec![Extent::NOTHING; movers.len()];
     let mut still = vec![Extent::NOTHING; things.len()];
@@ -170,8 +186,8 @@ pub(crate) fn truth(view: &Pixels, movers: &[MoverState], things: &[&'static str
         of(&mut moving, usize::from(mover));
         of(&mut still, usize::from(thing));
     }
-    let thing = |class: &&'static str| MoverState {
-        class,
+    let thing = |thing: &ThingBox| MoverState {
+        class: thing.class,
         motion: None,
     };
     let things: Vec<MoverState> = things.iter().map(thing).collect();
@@ -187,6 +203,16 @@ const THINGS: u64 = 1 << 32;
 const FALSE_ALARMS: u64 = 1 << 33;
 /// Bursts of misses, beside what else happens to a mover.
 const BURSTS: u64 = 1 << 34;
+/// False alarms that are things.
+const FALSE_THINGS: u64 = 1 << 35;
+/// What is seen where it is not, with its usual width and height as shares of the image's height.
+const SEEN_WRONGLY: [(&str, [f64; 2]); 5] = [
+    ("chair", [0.35, 0.5]),
+    ("tv", [0.35, 0.25]),
+    ("book", [0.2, 0.15]),
+    ("cup", [0.08, 0.1]),
+    ("dining table", [0.8, 0.35]),
+];
 
 /// What a detector would say about frame `index`.
 pub(crate) fn detections(
@@ -212,8 +238,17 @@ pub(crate) fn detections(
     });
     let mut rows: Vec<ScriptedDetection> = people.collect();
     if noise.things {
-        let find = |b: &MoverBox| detector.find(b, THINGS + u64::from(b.mover));
-        rows.extend(truth.things.iter().filter_map(find));
+        let find = |b: &MoverBox, number: u64| {
+            let found = detector.find(b, number);
+            found.filter(|_| !detector.in_burst(number))
+        };
+        let number = |b: &MoverBox| THINGS + u64::from(b.mover);
+        rows.extend(truth.things.iter().filter_map(|b| find(b, number(b))));
+        // No detector knows a carried box.
+        let carried = truth.boxes.iter();
+        let carried = carried.filter(|b| !["person", "box"].contains(&b.class));
+        rows.extend(carried.filter_map(|b| find(b, u64::from(b.mover))));
+        rows.extend(detector.false_thing());
     }
     rows.extend(detector.false_alarm());
     rows
@@ -266,6 +301,29 @@ impl ScriptedDetector<'_> {
             y0: y0.min(y1),
             x1: x0.max(x1),
             y1: y0.max(y1),
+        })
+    }
+
+    /// A thing where none need be, anywhere in the image, and not very sure.
+    fn false_thing(&self) -> Option<ScriptedDetection> {
+        let mut rng = self.stream(FALSE_THINGS, self.index);
+        if !rng.chance(self.noise.false_alarm) {
+            return None;
+        }
+        let [w, h] = self.size;
+        let (class, share) = SEEN_WRONGLY[rng.below(SEEN_WRONGLY.len())];
+        let [width, height] = share.map(|s| h * s * rng.range(0.6, 1.4));
+        let (width, height) = (width.min(w), height.min(h));
+        let x0 = rng.range(-0.5, w - 0.5 - width);
+        let y0 = rng.range(-0.5, h - 0.5 - height);
+        Some(ScriptedDetection {
+            stamp: self.stamp,
+            class,
+            score: rng.range(0.3, 0.5) as f32,
+            x0,
+            y0,
+            x1: x0 + width,
+            y1: y0 + height,
         })
     }
 

@@ -167,3 +167,120 @@ fn exact_detections_are_the_truth() {
     };
     assert_ne!(counts(&other), counts(&DetectionNoise { seed: 5, ..other }));
 }
+
+/// The corners of the true box contain what is seen of a thing, and touch it where all of it is seen.
+#[test]
+fn true_boxes_hold_what_is_seen() {
+    use stillpoint_geometry::{Se3, Vec2, Vec3};
+    let sim = simulator("equal_rooms", |c| c.noise = false);
+    let things = sim.things();
+    assert!(things.iter().zip(1..).all(|((n, _), k)| *n == k));
+    let camera = *sim.camera();
+    let mut compared = 0;
+    for index in [0, 300, 600, 900] {
+        let camera_from_world: Se3 = sim.world_from_camera(sim.stamp(index)).inverse();
+        for seen in sim.truth(index).things {
+            let (_, thing) = things[seen.mover as usize - 1];
+            assert_eq!(thing.class, seen.class);
+            let (c, s) = (libm::cos(thing.yaw), libm::sin(thing.yaw));
+            let corner = |k: usize| {
+                let [x, y, z] = [0, 1, 2].map(|i| {
+                    let sign = if k >> i & 1 == 1 { 0.5 } else { -0.5 };
+                    sign * thing.size[i]
+                });
+                let p = Vec3::from(thing.centre) + Vec3::new(c * x - s * y, s * x + c * y, z);
+                camera_from_world.transform(&p)
+            };
+            let corners: Vec<Vec3> = (0..8).map(corner).collect();
+            if corners.iter().any(|p| p.z < 0.3) {
+                continue;
+            }
+            let pixels = corners.iter().map(|p| {
+                let (x, y) = (camera.fx * p.x / p.z, camera.fy * p.y / p.z);
+                Vec2::new(x + camera.cx, y + camera.cy)
+            });
+            let far = Vec2::repeat(f64::INFINITY);
+            let (low, high) = pixels.fold((far, -far), |(a, b), p| (a.inf(&p), b.sup(&p)));
+            let off = [
+                low.x - seen.x0,
+                low.y - seen.y0,
+                seen.x1 - high.x,
+                seen.y1 - high.y,
+            ];
+            assert!(off.iter().all(|d| *d < 1.5), "{seen:?} {low} {high}");
+            compared += 1;
+        }
+    }
+    assert!(compared > 20, "{compared}");
+}
+
+#[test]
+fn things_are_seen_where_there_are_none_and_missed_in_bursts() {
+    let sim = simulator("xyz", |_| ());
+    let with = |false_alarm: f64, burst: f64| DetectionNoise {
+        drop: 0.0,
+        false_alarm,
+        burst,
+        things: true,
+        ..DetectionNoise::default()
+    };
+    let count = |noise: &DetectionNoise, class: &str| {
+        let rows = (0..60).flat_map(|i| sim.detections(i, noise));
+        rows.filter(|r| r.class == class).count()
+    };
+    let exact = with(0.0, 0.0);
+    assert_eq!(count(&exact, "person"), 0);
+    assert!(count(&with(0.3, 0.0), "person") > 5);
+    let wrong = (0..60)
+        .flat_map(|i| sim.detections(i, &with(0.3, 0.0)))
+        .filter(|r| r.score < 0.5 && r.class != "person")
+        .count();
+    let weak = (0..60)
+        .flat_map(|i| sim.detections(i, &exact))
+        .filter(|r| r.score < 0.5)
+        .count();
+    assert!((5..40).contains(&(wrong - weak)), "{wrong} and {weak}");
+    let (all, some) = (count(&exact, "tv"), count(&with(0.0, 0.02), "tv"));
+    assert!(some < all && some > all / 4, "{some} of {all}");
+}
+
+/// It stands until it is lifted, is found before and after, and is not where it stood any more.
+#[test]
+fn the_chair_is_carried_away() {
+    let sim = simulator("chair_carried", |_| ());
+    let taken: Vec<_> = sim.things();
+    let (number, chair) = *taken.last().unwrap();
+    let lifted = chair.taken_at.unwrap();
+    assert_eq!(chair.class, "chair");
+    assert!((chair.centre[2] - 0.525).abs() < 1e-9 && (chair.size[2] - 1.05).abs() < 1e-9);
+    let seen = |t: f64| {
+        let truth = sim.truth((t * 30.0) as usize);
+        truth.boxes.into_iter().find(|b| b.mover == number)
+    };
+    for t in [0.5, 2.0, lifted - 0.1] {
+        let b = seen(t).unwrap();
+        let motion = b.motion.unwrap();
+        assert_eq!((b.class, motion.velocity), ("chair", [0.0; 3]));
+        assert!(b.visible_px > 8000, "{} px at {t} s", b.visible_px);
+    }
+    let high = seen(lifted + 0.9).unwrap().motion.unwrap().position[2];
+    assert!(high > chair.centre[2] + 0.4, "{high} m");
+    assert!(seen(9.0).is_none_or(|b| b.visible_px < 500));
+    let noise = DetectionNoise {
+        things: true,
+        drop: 0.0,
+        jitter_px: 0.0,
+        ..DetectionNoise::default()
+    };
+    let (b, rows) = (seen(1.0).unwrap(), sim.detections(30, &noise));
+    assert!(rows.iter().any(|r| r.class == "chair" && r.x0 == b.x0));
+    let silent = DetectionNoise {
+        things: false,
+        ..noise
+    };
+    assert!(
+        sim.detections(30, &silent)
+            .iter()
+            .all(|r| r.class == "person")
+    );
+}

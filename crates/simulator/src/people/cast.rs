@@ -1,6 +1,6 @@
 //! Who is in which scene, and what they do there.
 
-use super::gait::{Gait, Load, SIT_BACK};
+use super::gait::{Gait, Load, SIT_BACK, Standing};
 use super::mesh::{Cover, Mesh};
 use super::route::{Leg, Route};
 use super::{Body, Dress, Person};
@@ -19,6 +19,8 @@ pub(crate) enum Cast {
     Carrying,
     /// Two people walk to and fro between the camera and the desk, from the first frame on.
     Crowd,
+    /// One person comes, lifts a chair that stands before the desk and carries it out of the picture.
+    Fetching,
 }
 
 /// Direction towards the camera, rad.
@@ -63,7 +65,7 @@ impl Cast {
         match self {
             Self::Walking => [SEAT, [0.9, 1.65, 0.8]],
             Self::Sitting => SEATS,
-            Self::Carrying | Self::Crowd => [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]],
+            Self::Carrying | Self::Crowd | Self::Fetching => [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]],
         }
     }
 
@@ -85,6 +87,7 @@ impl Cast {
                 .map(|(dress, seat)| (dress, [1.0, 1.02], seated(seat), None))
                 .collect(),
             Self::Carrying => vec![(PLAID, [1.01, 1.05], carrier(), Some(LOAD))],
+            Self::Fetching => vec![(PLAID, [1.01, 1.05], fetcher(), Some(CHAIR))],
             Self::Crowd => vec![
                 (PLAID, [1.01, 1.05], near_one(), None),
                 (PRINT, [0.97, 1.0], far_one(), None),
@@ -100,16 +103,9 @@ impl Cast {
                 phase: rng.range(0.0, 1.0),
                 load,
             };
-            let load = load.map(|l: Load| {
+            let load = load.map_or_else(Vec::new, |l: Load| {
                 mover += 1;
-                let skin = b.skin(Pattern::Carton, 0);
-                let cover = Cover {
-                    texture: skin.texture,
-                    infrared: skin.infrared,
-                    mover,
-                    surface: 0,
-                };
-                (Mesh::cuboid(l.half, 256.0), cover)
+                parts(b, &l, mover)
             });
             b.people.push(Person { gait, body, load });
         }
@@ -117,9 +113,65 @@ impl Cast {
 }
 
 const LOAD: Load = Load {
+    class: "box",
     half: [0.14, 0.17, 0.14],
     wander: 0.07,
+    stands: None,
 };
+
+/// Where one fetches a chair, m; the chair faces -x.
+const FETCHED: [f64; 2] = [-0.45, -0.5];
+/// Height of a chair's middle above its feet where hands hold it, m.
+const HOLD: f64 = 0.62;
+const CHAIR: Load = Load {
+    class: "chair",
+    half: [0.27, 0.27, 0.5],
+    wander: 0.02,
+    stands: Some(Standing {
+        at: [FETCHED[0], FETCHED[1], HOLD],
+        yaw: std::f64::consts::PI,
+        until: 4.8,
+    }),
+};
+
+/// Seat, back, post, foot's two bars and two arms of a chair that faces its x axis: lower and upper corner above the floor, m, and whether it is
+/// upholstered.
+const CHAIR_PARTS: [([f64; 3], [f64; 3], bool); 7] = [
+    ([-0.24, -0.24, 0.42], [0.24, 0.24, 0.5], true),
+    ([-0.27, -0.22, 0.5], [-0.2, 0.22, 1.05], true),
+    ([-0.03, -0.03, 0.04], [0.03, 0.03, 0.42], false),
+    ([-0.27, -0.025, 0.0], [0.27, 0.025, 0.04], false),
+    ([-0.025, -0.27, 0.0], [0.025, 0.27, 0.04], false),
+    ([-0.2, -0.27, 0.66], [0.1, -0.23, 0.69], false),
+    ([-0.2, 0.23, 0.66], [0.1, 0.27, 0.69], false),
+];
+
+/// What a load is made of.
+fn parts(b: &mut Builder, load: &Load, mover: u8) -> Vec<(Mesh, Cover)> {
+    let mut cover = |pattern, variant| {
+        let skin = b.skin(pattern, variant);
+        Cover {
+            texture: skin.texture,
+            infrared: skin.infrared,
+            mover,
+            surface: 0,
+        }
+    };
+    if load.class != "chair" {
+        return vec![(Mesh::cuboid(load.half, 256.0), cover(Pattern::Carton, 0))];
+    }
+    let part = |(low, high, soft): ([f64; 3], [f64; 3], bool)| {
+        let half = [0, 1, 2].map(|k| 0.5 * (high[k] - low[k]));
+        let middle = [0, 1, 2].map(|k| 0.5 * (high[k] + low[k]) - if k == 2 { HOLD } else { 0.0 });
+        let skin = if soft {
+            cover(Pattern::Fabric, 0)
+        } else {
+            cover(Pattern::Plastic, 90)
+        };
+        (Mesh::cuboid(half, 128.0).moved(middle), skin)
+    };
+    CHAIR_PARTS.into_iter().map(part).collect()
+}
 
 /// Start and stages of a route.
 type Script = ([f64; 3], Vec<Leg>);
@@ -169,6 +221,20 @@ fn carrier() -> Script {
         Stand(60.0, TO_CAMERA),
     ];
     ([0.95, BEFORE, 3.1], stages)
+}
+
+/// Waits beside the picture, walks to the chair, lifts it and carries it away.
+fn fetcher() -> Script {
+    use Leg::{Stand, To};
+    let [x, y] = FETCHED;
+    let stages = vec![
+        Stand(2.0, std::f64::consts::PI),
+        To(x + 0.47, y, 0.8),
+        Stand(1.8, std::f64::consts::PI),
+        To(1.75, y, 0.7),
+        Stand(60.0, 0.0),
+    ];
+    ([1.9, y, std::f64::consts::PI], stages)
 }
 
 /// The line of the nearer one of a crowd, m: 0.9 m before the camera ...

@@ -15,14 +15,32 @@ pub(crate) struct Gait {
     pub(crate) load: Option<Load>,
 }
 
-/// A box that is carried.
+/// What is carried.
 #[derive(Clone, Copy)]
 pub(crate) struct Load {
+    /// What it is.
+    pub(crate) class: &'static str,
     /// Half sides: to the front, to the left, up, m.
     pub(crate) half: [f64; 3],
     /// How far it wanders about the place before the belly, m.
     pub(crate) wander: f64,
+    /// Where it stands until it is lifted; none where it is carried from the start.
+    pub(crate) stands: Option<Standing>,
 }
+
+/// Where a load stands before it is lifted.
+#[derive(Clone, Copy)]
+pub(crate) struct Standing {
+    /// Its middle, m.
+    pub(crate) at: [f64; 3],
+    /// The direction of its front, rad.
+    pub(crate) yaw: f64,
+    /// When it begins to be lifted, s.
+    pub(crate) until: f64,
+}
+
+/// How long it takes to lift a load, s.
+const LIFT: f64 = 0.8;
 
 /// Time from one step to the next, s.
 const STEP: f64 = 0.55;
@@ -188,11 +206,13 @@ impl Gait {
         })
     }
 
-    /// Pose of what is carried.
+    /// Pose of what is carried once it is in the hands.
     fn load_at(&self, t: f64, doing: &Doing, hips: &Vec3) -> Se3 {
         let load = self.load.unwrap_or(Load {
+            class: "box",
             half: [0.0; 3],
             wander: 0.0,
+            stands: None,
         });
         let wander = Vec3::new(
             0.3 * wave(t, 0.37, 0.0) - 0.3,
@@ -211,8 +231,20 @@ impl Gait {
 
     /// Pose of the load at a time, if there is one.
     pub(crate) fn load_pose(&self, t: f64) -> Option<Se3> {
-        let posture = self.load.map(|_| self.posture(t))?;
-        Some(self.load_at(t, &self.route.at(t), &posture.hips))
+        let load = self.load?;
+        let held = self.load_at(t, &self.route.at(t), &self.posture(t).hips);
+        let Some(standing) = load.stands else {
+            return Some(held);
+        };
+        let turn = so3::exp(&(Vec3::z() * standing.yaw));
+        let stood = Se3::new(turn, Vec3::from(standing.at));
+        let share = smooth((t - standing.until) / LIFT);
+        // Interpolation would round even where nothing is lifted yet.
+        Some(if share > 0.0 {
+            stood.interpolate(&held, share)
+        } else {
+            stood
+        })
     }
 }
 

@@ -114,6 +114,21 @@ impl Mesh {
         mesh
     }
 
+    /// The corners of the box along the axes around it.
+    pub(crate) fn bounds(&self) -> [Vec3; 2] {
+        let far = Vec3::repeat(f64::INFINITY);
+        let points = self.vertices.iter().map(|v| v.at);
+        points.fold([far, -far], |[a, b], p| [a.inf(&p), b.sup(&p)])
+    }
+
+    /// The same shape elsewhere.
+    pub(crate) fn moved(mut self, by: [f64; 3]) -> Self {
+        for vertex in &mut self.vertices {
+            vertex.at += Vec3::from(by);
+        }
+        self
+    }
+
     /// A box about the origin with a whole texture on each side.
     pub(crate) fn cuboid(half: [f64; 3], texels: f64) -> Self {
         let mut mesh = Self {

@@ -14,17 +14,18 @@ pub(crate) use body::{Body, Dress};
 pub(crate) use cast::Cast;
 
 use crate::scene::{Face, Light};
-use crate::truth::{MoverMotion, MoverState};
+use crate::truth::{MoverMotion, MoverState, ThingBox};
 use gait::Gait;
 use mesh::{Cover, Mesh};
 use skeleton::Skeleton;
-use stillpoint_geometry::Vec3;
+use stillpoint_geometry::{Vec3, so3};
 
 /// A person with or without a load.
 pub(crate) struct Person {
     gait: Gait,
     body: Body,
-    load: Option<(Mesh, Cover)>,
+    /// Parts of the load.
+    load: Vec<(Mesh, Cover)>,
 }
 
 impl Person {
@@ -32,7 +33,8 @@ impl Person {
     pub(crate) fn movers(&self, stamp: f64) -> impl Iterator<Item = MoverState> {
         let hips = |t| self.gait.posture(t).hips;
         let person = state("person", stamp, |t| Some(hips(t)));
-        let carried = state("box", stamp, |t| Some(self.gait.load_pose(t)?.translation));
+        let class = self.gait.load.map_or("box", |l| l.class);
+        let carried = state(class, stamp, |t| Some(self.gait.load_pose(t)?.translation));
         person.into_iter().chain(carried)
     }
 
@@ -40,9 +42,30 @@ impl Person {
     pub(crate) fn place(&self, stamp: f64, light: &Light, out: &mut Vec<Face>) {
         let skeleton = Skeleton::new(&self.gait.posture(stamp));
         self.body.place(&skeleton, light, out);
-        if let (Some((mesh, cover)), Some(pose)) = (&self.load, self.gait.load_pose(stamp)) {
-            mesh.place(&pose, *cover, light, out);
+        if let Some(pose) = self.gait.load_pose(stamp) {
+            for (mesh, cover) in &self.load {
+                mesh.place(&pose, *cover, light, out);
+            }
         }
+    }
+
+    /// The box around what stands until this person takes it, and which mover it is.
+    pub(crate) fn taken(&self) -> Option<(u32, ThingBox)> {
+        let load = self.gait.load?;
+        let standing = load.stands?;
+        let mover = self.load.first()?.1.mover;
+        let parts = self.load.iter().map(|(mesh, _)| mesh.bounds());
+        let [low, high] = parts.reduce(|a, b| [a[0].inf(&b[0]), a[1].sup(&b[1])])?;
+        let turn = so3::exp(&(Vec3::z() * standing.yaw));
+        let middle = Vec3::from(standing.at) + turn * (0.5 * (low + high));
+        let thing = ThingBox {
+            class: load.class,
+            centre: middle.into(),
+            size: (high - low).into(),
+            yaw: standing.yaw,
+            taken_at: Some(standing.until),
+        };
+        Some((u32::from(mover), thing))
     }
 }
 

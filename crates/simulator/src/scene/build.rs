@@ -4,6 +4,7 @@ use super::{Face, Lamp, Light, Scene};
 use crate::people::Person;
 use crate::random::{Purpose, Stream};
 use crate::texture::{Pattern, Texture};
+use crate::truth::ThingBox;
 use stillpoint_geometry::Vec3;
 
 /// What a face is covered with.
@@ -59,6 +60,16 @@ impl Place {
     pub(crate) fn point(&self, x: f64, y: f64, z: f64) -> Vec3 {
         self.origin + self.direction(x, y, z)
     }
+
+    /// A point of the room in the place's coordinates.
+    fn local(&self, p: &Vec3) -> Vec3 {
+        let d = p - self.origin;
+        Vec3::new(
+            self.cos * d.x + self.sin * d.y,
+            self.cos * d.y - self.sin * d.x,
+            d.z,
+        )
+    }
 }
 
 /// Collects faces, textures and lamps.
@@ -70,7 +81,7 @@ pub(crate) struct Builder {
     names: Vec<(Pattern, u64)>,
     light: Light,
     pub(crate) people: Vec<Person>,
-    things: Vec<&'static str>,
+    things: Vec<ThingBox>,
 }
 
 impl Builder {
@@ -87,20 +98,37 @@ impl Builder {
         }
     }
 
-    /// Notes that all faces from `first` on are one thing of a class.
-    fn note(&mut self, class: &'static str, first: usize) {
-        self.things.push(class);
+    /// Notes that all faces from `first` on are one thing of a class, with the axes of a place.
+    fn note(&mut self, class: &'static str, place: &Place, first: usize) {
+        let far = Vec3::repeat(f64::INFINITY);
+        let corners = self.faces[first..].iter().flat_map(|f| &f.vertices);
+        let [low, high] = corners
+            .map(|p| place.local(p))
+            .fold([far, -far], |[a, b], p| [a.inf(&p), b.sup(&p)]);
+        let middle = 0.5 * (low + high);
+        self.things.push(ThingBox {
+            class,
+            centre: place.point(middle.x, middle.y, middle.z).into(),
+            size: (high - low).into(),
+            yaw: libm::atan2(place.sin, place.cos),
+            taken_at: None,
+        });
         let number = self.things.len() as u16;
         for face in &mut self.faces[first..] {
             face.thing = number;
         }
     }
 
-    /// Builds a thing of a class that detectors know, by its name in COCO.
-    pub(crate) fn thing(&mut self, class: &'static str, build: impl FnOnce(&mut Self)) {
+    /// Builds a thing of a class that detectors know, by its name in COCO, at a place.
+    pub(crate) fn thing(
+        &mut self,
+        class: &'static str,
+        place: &Place,
+        build: impl FnOnce(&mut Self),
+    ) {
         let first = self.faces.len();
         build(self);
-        self.note(class, first);
+        self.note(class, place, first);
     }
 
     pub(crate) fn finish(self) -> Scene {
@@ -128,7 +156,12 @@ impl Builder {
             }
             self.faces.push(face);
         }
-        self.things.extend_from_within(..);
+        let moved = |thing: &ThingBox| ThingBox {
+            centre: (Vec3::from(thing.centre) + shift).into(),
+            ..*thing
+        };
+        let copies: Vec<ThingBox> = self.things.iter().map(moved).collect();
+        self.things.extend(copies);
     }
 
     /// Lamps light only what is added after them.

@@ -10,7 +10,9 @@ pub(crate) const DESK: f64 = 0.74;
 impl Builder {
     /// A desk of `width` x `depth`, centred at a place on the floor, with its front to -y; bare.
     pub(crate) fn desk(&mut self, place: &Place, size: [f64; 2], variant: usize) {
-        self.thing("dining table", |b| b.desk_faces(place, size, variant));
+        self.thing("dining table", place, |b| {
+            b.desk_faces(place, size, variant)
+        });
     }
 
     fn desk_faces(&mut self, place: &Place, [width, depth]: [f64; 2], variant: usize) {
@@ -32,7 +34,7 @@ impl Builder {
 
     /// A monitor that stands at a place on a desk and faces -y.
     pub(crate) fn monitor(&mut self, place: &Place, size: [f64; 2], lit: bool, variant: usize) {
-        self.thing("tv", |b| b.monitor_faces(place, size, lit, variant));
+        self.thing("tv", place, |b| b.monitor_faces(place, size, lit, variant));
     }
 
     fn monitor_faces(
@@ -77,8 +79,8 @@ impl Builder {
     pub(crate) fn slab(&mut self, place: &Place, size: [f64; 3], pattern: Pattern, variant: usize) {
         let build = |b: &mut Self| b.slab_faces(place, size, pattern, variant);
         match pattern {
-            Pattern::Keyboard => self.thing("keyboard", build),
-            Pattern::Cover => self.thing("book", build),
+            Pattern::Keyboard => self.thing("keyboard", place, build),
+            Pattern::Cover => self.thing("book", place, build),
             _ => build(self),
         }
     }
@@ -114,7 +116,9 @@ impl Builder {
     pub(crate) fn mug(&mut self, place: &Place, variant: usize) {
         let side = self.skin(Pattern::Package, 40 + variant);
         let top = self.skin(Pattern::Plastic, 40 + variant);
-        self.thing("cup", |b| b.prism(place, [0.04, 0.1], 14, [side, top]));
+        self.thing("cup", place, |b| {
+            b.prism(place, [0.04, 0.1], 14, [side, top])
+        });
     }
 
     /// A beaker with pens.
@@ -136,7 +140,7 @@ impl Builder {
 
     /// An office chair that faces -y.
     pub(crate) fn chair(&mut self, place: &Place, variant: usize) {
-        self.thing("chair", |b| b.chair_faces(place, variant));
+        self.thing("chair", place, |b| b.chair_faces(place, variant));
     }
 
     fn chair_faces(&mut self, place: &Place, variant: usize) {

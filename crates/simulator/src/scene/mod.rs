@@ -12,7 +12,7 @@ pub(crate) use build::{Builder, Place};
 
 use crate::people::{Cast, Person};
 use crate::texture::Texture;
-use crate::truth::MoverState;
+use crate::truth::{MoverState, ThingBox};
 use stillpoint_geometry::Vec3;
 
 /// A convex planar polygon with its texture and its light.
@@ -80,7 +80,7 @@ pub(crate) struct Scene {
     light: Light,
     people: Vec<Person>,
     /// What each thing is that stands still and has a class; thing k is entry k - 1.
-    things: Vec<&'static str>,
+    things: Vec<ThingBox>,
 }
 
 impl Scene {
@@ -133,8 +133,13 @@ impl Scene {
     }
 
     /// What each thing is that stands still and has a class; thing k is entry k - 1.
-    pub(crate) fn things(&self) -> &[&'static str] {
+    pub(crate) fn things(&self) -> &[ThingBox] {
         &self.things
+    }
+
+    /// What stands until somebody takes it, with its number as a mover.
+    pub(crate) fn taken(&self) -> impl Iterator<Item = (u32, ThingBox)> {
+        self.people.iter().filter_map(Person::taken)
     }
 
     /// A texture by its number.

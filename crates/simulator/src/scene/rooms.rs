@@ -91,7 +91,8 @@ pub(super) fn office(seed: u64, cast: Option<Cast>) -> Scene {
     wall(b, [x, -y], [-x, -y], [0.0, HEIGHT], plaster);
     wall(b, [-x, -y], [-x, y], [0.0, HEIGHT], plaster);
     // A crowd needs the room before it.
-    let desk = if cast == Some(Cast::Crowd) { 0.3 } else { -0.3 };
+    let far = matches!(cast, Some(Cast::Crowd | Cast::Fetching));
+    let desk = if far { 0.3 } else { -0.3 };
     work_desk(b, &Place::new(0.0, desk, 0.0, 0.0));
     match cast {
         None => second_desk(b),
