@@ -121,7 +121,7 @@ pub fn save_map(
         name: DenseMap::EXTENSION.to_owned(),
         bytes: d.to_bytes(),
     });
-    MapOutput::create(path, "the path")?.save(map, timing, extension)?;
+    MapOutput::create(path, "the path")?.save(map, timing, extension.into_iter().collect())?;
     Ok(())
 }
 

@@ -32,6 +32,7 @@ mod run;
 mod serve;
 mod simulate;
 mod spelling;
+mod things;
 mod timing;
 mod trace;
 

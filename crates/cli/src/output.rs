@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
 
 /// Every file that a result may hold, beside those of further submaps.
-const FILES: [&str; 17] = [
+const FILES: [&str; 18] = [
     "trajectory.txt",
     "trajectory_online.txt",
     "keyframes.txt",
@@ -24,6 +24,7 @@ const FILES: [&str; 17] = [
     "timing.svg",
     "timing.png",
     "mesh.ply",
+    "things.json",
     "mesh.glb",
     "grid.pgm",
     "grid.yaml",

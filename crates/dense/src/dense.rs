@@ -6,17 +6,17 @@
 //! frames per event, and then takes the place of the first. In the end all that is kept is integrated once more, in the order of time, at the final poses.
 
 use crate::config::{DenseConfig, DenseConfigError};
+use crate::course::Course;
 use crate::kept::{Anchor, Kept, Packing};
 use crate::moving::{add_people, spread};
 use crate::observation::{Observation, Rectifier};
 use crate::poses::{FinalPose, at_depth};
 use crate::world::DenseMap;
 use std::collections::{BTreeSet, VecDeque};
-use std::sync::Arc;
 use stillpoint_detection::MotionWeights;
 use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
-use stillpoint_map::{KeyframeId, MapView, SubmapId};
+use stillpoint_map::SubmapId;
 use stillpoint_slam::{Event, FrameEvent, FrameReport, Subscriber};
 
 /// Divides the weight of frames in which it is undecided who moves.
@@ -56,15 +56,9 @@ pub struct Dense {
     simd: Simd,
     rectifier: Rectifier,
     weights: MotionWeights,
-    /// Ids that the map had before the first frame.
-    first_keyframe: u32,
+    course: Course,
     /// Frames to take in place of those whose turn it is by their stamps.
     only: Option<BTreeSet<FrameId>>,
-    /// Versions of the map that tracking does not use yet.
-    coming: VecDeque<Arc<MapView>>,
-    /// The version that tracking used last.
-    view: Option<Arc<MapView>>,
-    last_keyframe: Option<(KeyframeId, Se3)>,
     last_stamp: Option<f64>,
     kept: VecDeque<Kept>,
     /// Bytes that they take.
@@ -103,11 +97,8 @@ impl Dense {
             config: config.clone(),
             simd,
             weights: MotionWeights::default(),
-            first_keyframe: 0,
+            course: Course::default(),
             only: None,
-            coming: VecDeque::new(),
-            view: None,
-            last_keyframe: None,
             last_stamp: None,
             kept: VecDeque::new(),
             kept_bytes: 0,
@@ -123,7 +114,7 @@ impl Dense {
     /// Of a run that begins with a map of so many keyframe ids.
     #[must_use]
     pub fn with_first_keyframe(mut self, ids: usize) -> Self {
-        self.first_keyframe = u32::try_from(ids).unwrap_or(u32::MAX);
+        self.course.begin_with(ids);
         self
     }
 
@@ -196,10 +187,7 @@ impl Dense {
     /// Takes a frame that went through tracking.
     fn take(&mut self, event: &FrameEvent) {
         let report = &event.report;
-        self.follow(report.map_version);
-        if let (true, Some(pose)) = (report.is_keyframe, report.world_from_camera) {
-            self.last_keyframe = Some((self.keyframe(report.frame), pose));
-        }
+        self.follow(report);
         if let Some(pose) = report.world_from_camera.filter(|_| self.is_due(report)) {
             match &event.frame {
                 Some(frame) => self.integrate(frame, report, pose),
@@ -219,10 +207,6 @@ impl Dense {
             .is_none_or(|last| (report.stamp - last).abs() >= least)
     }
 
-    fn keyframe(&self, frame: FrameId) -> KeyframeId {
-        KeyframeId(frame.0.saturating_add(self.first_keyframe))
-    }
-
     fn integrate(&mut self, frame: &RgbdFrame, report: &FrameReport, online: Se3) {
         self.last_stamp = Some(report.stamp);
         let mut scratch = std::mem::take(&mut self.scratch);
@@ -231,7 +215,7 @@ impl Dense {
         let doubt = if report.is_undecided() { UNDECIDED } else { 1 };
         let seen = &mut scratch.seen;
         self.rectifier.take(frame, &scratch.moving, doubt, seen);
-        let anchor = self.anchor(report, online);
+        let anchor = self.course.anchor(report, online);
         let mut kept = Kept::pack(
             seen,
             frame.id,
@@ -253,23 +237,9 @@ impl Dense {
         }
     }
 
-    fn anchor(&self, report: &FrameReport, online: Se3) -> Anchor {
-        let reference = self.last_keyframe.map(|(id, tracked)| {
-            // Relative to where the map has it by now, as tracking did.
-            let known = self.view.as_ref().and_then(|v| v.world_from_keyframe(id));
-            (id, known.unwrap_or(tracked).inverse() * online)
-        });
-        Anchor {
-            own: report.is_keyframe.then(|| self.keyframe(report.frame)),
-            reference,
-            online,
-            submap: report.submap,
-        }
-    }
-
     /// The submap that the volume is of: that of the first frame which is kept.
     fn submap(&self) -> Option<SubmapId> {
-        let view = self.view.as_deref();
+        let view = self.course.view();
         self.kept
             .iter()
             .find_map(|k| k.anchor.pose(view).and_then(|p| p.1))
@@ -277,19 +247,15 @@ impl Dense {
 
     /// The pose of a frame, if it is in the submap of the volume.
     fn pose(&self, anchor: &Anchor) -> Option<Se3> {
-        let (pose, submap) = anchor.pose(self.view.as_deref())?;
+        let (pose, submap) = anchor.pose(self.course.view())?;
         let main = self.submap();
         (main.is_none() || submap.is_none() || submap == main).then_some(pose)
     }
 
     /// Takes the version of the map that tracking uses by now.
-    fn follow(&mut self, version: u64) {
-        let before = self.view.as_ref().map(|v| v.version());
-        while let Some(view) = self.coming.pop_front_if(|v| v.version() <= version) {
-            self.view = Some(view);
-        }
-        let now = self.view.as_ref().map(|v| v.version());
-        if now != before && self.rebuild.is_none() && self.has_moved() {
+    fn follow(&mut self, report: &FrameReport) {
+        let changed = self.course.follow(report);
+        if changed && self.rebuild.is_none() && self.has_moved() {
             self.rebuild = Some(Rebuild {
                 map: self.base.clone(),
                 next: 0,
@@ -300,7 +266,7 @@ impl Dense {
 
     /// Whether any frame is in the volume where it does not belong by more than half a voxel.
     fn has_moved(&self) -> bool {
-        let (view, main) = (self.view.as_deref(), self.submap());
+        let (view, main) = (self.course.view(), self.submap());
         self.kept.iter().any(|k| {
             let now = k.anchor.pose(view);
             let now = now.filter(|p| p.1.is_none() || main.is_none() || p.1 == main);
@@ -387,7 +353,7 @@ impl Dense {
 impl Subscriber for Dense {
     fn receive(&mut self, event: &Event) {
         if let Some(view) = event.view() {
-            self.coming.push_back(Arc::clone(view));
+            self.course.expect(view);
         }
         if let Event::Frame(frame) = event {
             self.take(frame);

@@ -25,16 +25,21 @@ impl Anchor {
         let Some(view) = view else {
             return Some((self.online, self.submap));
         };
-        let own = self.own.map(|id| (id, Se3::identity()));
-        for (id, tail) in own.into_iter().chain(self.reference) {
-            if let Some(pose) = view.world_from_keyframe(id) {
-                return Some((pose * tail, view.submap_of(id)));
-            }
+        if let Some((id, tail)) = self.hold(view) {
+            let pose = view.world_from_keyframe(id)?;
+            return Some((pose * tail, view.submap_of(id)));
         }
         // A keyframe that the map does not hold yet will be there; one that it has already passed was taken back.
         let id = self.own.or(self.reference.map(|r| r.0));
         let taken_back = id.is_some_and(|id| id.index() < view.keyframe_bound());
         (!taken_back).then_some((self.online, self.submap))
+    }
+
+    /// The keyframe that it hangs on in a version of the map, and its pose in the camera of that.
+    pub(crate) fn hold(&self, view: &MapView) -> Option<(KeyframeId, Se3)> {
+        let own = self.own.map(|id| (id, Se3::identity()));
+        let mut holds = own.into_iter().chain(self.reference);
+        holds.find(|(id, _)| view.world_from_keyframe(*id).is_some())
     }
 }
 

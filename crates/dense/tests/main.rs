@@ -6,3 +6,4 @@ mod bytes;
 mod following;
 mod people;
 mod room;
+mod things;

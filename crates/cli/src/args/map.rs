@@ -16,6 +16,7 @@ use std::path::PathBuf;
   stillpoint map export desk.spmap --points desk.ply
   stillpoint map mesh desk.spmap --out desk.glb
   stillpoint map grid desk.spmap --out desk.yaml
+  stillpoint map objects desk.spmap
   stillpoint map merge monday.spmap tuesday.spmap -o flat.spmap"
 )]
 pub(crate) enum MapCommand {
@@ -25,6 +26,7 @@ pub(crate) enum MapCommand {
     Mesh(MapMeshArgs),
     Grid(MapGridArgs),
     Octomap(MapOctomapArgs),
+    Objects(MapObjectsArgs),
     Merge(MapMergeArgs),
 }
 
@@ -105,6 +107,27 @@ pub(crate) struct MapOctomapArgs {
     pub(crate) out: PathBuf,
 }
 
+/// List the things in a map: what stands where, how large it is, and when it was seen last.
+///
+/// run --things --save-map FILE leaves them there. Positions are in the map's own axes, m; sizes along the thing's own, of which the third is up.
+#[derive(Debug, Args)]
+#[command(
+    verbatim_doc_comment,
+    after_help = "Examples:
+  stillpoint map objects flat.spmap
+  stillpoint map objects flat.spmap --json
+
+Exit code 2 when the map cannot be used, or no run has looked for things in it."
+)]
+pub(crate) struct MapObjectsArgs {
+    /// Map file.
+    #[arg(value_name = "FILE")]
+    pub(crate) file: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
 /// `0,-1,0`.
 pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
     let parts: Vec<f64> = text
@@ -124,6 +147,7 @@ pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
 #[command(
     verbatim_doc_comment,
     after_help = "Examples:
+  stillpoint map objects desk.spmap
   stillpoint map merge monday.spmap tuesday.spmap -o flat.spmap
 
 Exit code 1 when no place was recognised, and nothing was written; 2 when a file cannot be used."

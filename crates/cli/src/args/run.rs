@@ -75,8 +75,12 @@ pub(crate) struct OutputArgs {
     #[arg(long, value_name = "M", requires = "dense", value_parser = voxel)]
     pub(crate) voxel: Option<f64>,
     /// Direction away from the floor in the map, roughly [default: that of a camera that was held upright at first].
-    #[arg(long, value_name = "X,Y,Z", requires = "dense", value_parser = direction, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
+    /// Gather what stands in the room: chairs, tables, screens and whatever else the detector knows and stands still, people never. Writes
+    /// things.json; --save-map keeps them in the map, for map objects. Needs a detector.
+    #[arg(long, verbatim_doc_comment)]
+    pub(crate) things: bool,
     /// Write no report.html into the result folder.
     #[arg(long)]
     pub(crate) no_report: bool,
@@ -125,6 +129,7 @@ pub(crate) struct OutputArgs {
   stillpoint run another --load-map desk.spmap --save-map desk.spmap
   stillpoint run another --localize desk.spmap
   stillpoint run recording --dense --save-map desk.spmap
+  stillpoint run recording --dense --things --save-map desk.spmap
   stillpoint run recording --set static_filter.preset=off
   stillpoint run recording --json
   stillpoint run recording --live --trace trace.json

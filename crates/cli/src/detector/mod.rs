@@ -33,6 +33,13 @@ pub(crate) struct Settled {
     pub(crate) reason: Option<String>,
 }
 
+impl Settled {
+    /// Whether anything looks at the frames.
+    pub(crate) fn looks(&self) -> bool {
+        self.choice != Choice::None
+    }
+}
+
 /// What the arguments name; without `--detector` the model of the cache that is preferred, else none.
 ///
 /// # Errors

@@ -229,7 +229,7 @@ impl MapOutput {
         mut self,
         map: &Map,
         timing: Option<&Timing>,
-        more: Option<Extension>,
+        more: Vec<Extension>,
     ) -> Result<SavedMap, Failure> {
         let view = map.view();
         if view.keyframe_count() == 0 {
@@ -370,13 +370,15 @@ mod tests {
         };
         let saved = MapOutput::create(&path, "--save-map")
             .unwrap()
-            .save(&map(), Some(&timing), None)
+            .save(&map(), Some(&timing), Vec::new())
             .unwrap();
         assert_eq!((saved.keyframes, saved.landmarks), (1, 0));
         assert_eq!(saved.bytes, path.metadata().unwrap().len());
-        let e = MapOutput::create(&path, "--save-map")
-            .unwrap()
-            .save(&Map::new(8, 1.2), None, None);
+        let e = MapOutput::create(&path, "--save-map").unwrap().save(
+            &Map::new(8, 1.2),
+            None,
+            Vec::new(),
+        );
         assert!(e.unwrap_err().to_string().contains("no keyframe"));
         let loaded = load(&path).ok().unwrap();
         assert_eq!(loaded.bytes, saved.bytes);

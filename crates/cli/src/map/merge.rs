@@ -35,7 +35,7 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
             joined.reports.len()
         )));
     }
-    let saved = file.save(&joined.map, timing.as_ref(), None)?;
+    let saved = file.save(&joined.map, timing.as_ref(), Vec::new())?;
     let submaps = map::submaps(joined.map.view());
     console::report(&format!(
         "{}: {} keyframes and {} landmarks; {a} and {b} submaps became {}\n",

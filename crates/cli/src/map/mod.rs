@@ -12,6 +12,7 @@ use crate::dense;
 use crate::failure::{Failure, Status};
 use crate::map::file::{Loaded, Refusal};
 use crate::models::megabytes;
+use crate::things;
 use serde::Serialize;
 use std::cmp::Reverse;
 use stillpoint::geometry::{Camera, Vec3};
@@ -26,6 +27,7 @@ pub(crate) fn map(command: &MapCommand) -> Result<Status, Failure> {
         MapCommand::Mesh(a) => dense::export::mesh(a),
         MapCommand::Grid(a) => dense::export::grid(a),
         MapCommand::Octomap(a) => dense::export::octomap(a),
+        MapCommand::Objects(a) => things::objects(a),
         MapCommand::Merge(a) => merge::merge(a),
     }
 }

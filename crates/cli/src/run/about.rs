@@ -44,6 +44,9 @@ pub(crate) struct About {
     /// What was fused of a live run, where images may have come too late.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) dense: Option<Logged>,
+    /// Numbers of the frames in which a live run looked for things.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) things: Option<Vec<u32>>,
     /// The whole configuration.
     pub(crate) config: Table,
 }
@@ -80,6 +83,7 @@ impl About {
             localize: file(MapUse::Localize),
             detector: Some(detector.clone()),
             dense: None,
+            things: None,
             config: config::to_table(config)?,
         })
     }

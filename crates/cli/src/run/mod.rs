@@ -35,17 +35,18 @@ use crate::run::about::About;
 use crate::run::masks::MaskFolder;
 use crate::run::objects::ObjectFile;
 use crate::run::overlay::{OverlayFolder, Style};
-use crate::run::prologue::{Means, Task, last};
+use crate::run::prologue::{Means, Repeated, Task, last};
 use crate::run::recording::SharedRecorder;
 use crate::run::session::{Outputs, Session};
 use crate::run::summary::Input;
 use crate::run::verdicts::VerdictFile;
+use crate::things;
 use crate::timing::Timing;
 use crate::trace::TraceFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{CameraChoice, ReadAhead};
-use stillpoint::dense::DenseMap;
+use stillpoint::dense::{DenseMap, ThingMap};
 use stillpoint::geometry::Camera;
 use stillpoint::live::Stage;
 use stillpoint::map::Map;
@@ -94,11 +95,22 @@ pub(crate) fn run_on(
     let opened = task.with(dataset)?;
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
+    if args.output.things && !settled.looks() {
+        return Err(Failure::input(
+            "--things: expected a detector that knows things, found none; name one with --detector, or fetch one with models pull",
+        ));
+    }
     let loaded = load_detector(args, &settled, &opened.dataset)?;
     let known = KnownMap::of(args.load_map.as_deref(), args.localize.as_deref());
     let ahead = args.live.map_or(ReadAhead::DEFAULT_FRAMES, |_| AHEAD);
     let adds_ids = args.output.save_map.is_some();
-    let (begun, means) = opened.begin(known, settled.needs_colour(), ahead, adds_ids, None)?;
+    let (begun, means) = opened.begin(
+        known,
+        settled.needs_colour(),
+        ahead,
+        adds_ids,
+        Repeated::default(),
+    )?;
     let log_file = args.log.as_deref();
     let log_file = log_file.map(|path| StreamedFile::create(path, "--log"));
     let log_file = log_file.transpose()?;
@@ -119,6 +131,7 @@ pub(crate) fn run_on(
     session.detector.library = loaded.library;
     let mut about = About::new(&args.input, begun.config(), known, &session.detector)?;
     about.dense = session.dense.as_ref().map(|d| d.logged.clone());
+    about.things = session.things.as_ref().and_then(|t| t.frames.clone());
     let status = begun.end(&session, outputs, || run_log(&session, &about, log_file))?;
     if !session.interrupted && !is_device {
         doctor::after_run(&args.path, &args.input);
@@ -219,6 +232,8 @@ pub(crate) struct Known {
     pub(crate) map_use: MapUse,
     /// The surface that was kept with it.
     pub(crate) dense: Option<DenseMap>,
+    /// The things that were kept with it.
+    pub(crate) things: Option<ThingMap>,
 }
 
 impl<'a> KnownMap<'a> {
@@ -242,6 +257,7 @@ impl<'a> KnownMap<'a> {
         let Self { path, map_use } = *self;
         let loaded = file::load(path)?;
         let dense = dense::export::of_file(&loaded, path)?;
+        let things = things::of_file(&loaded, path)?;
         readout::start_with(config, loaded.readout());
         let map = loaded.file.map;
         file::check_fits(path, &map, config, camera)?;
@@ -269,6 +285,7 @@ impl<'a> KnownMap<'a> {
             map,
             map_use,
             dense,
+            things,
         })
     }
 }

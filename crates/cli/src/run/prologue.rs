@@ -14,6 +14,7 @@ use crate::run::result::{Setup, Voice, finish};
 use crate::run::session::{Driver, Outputs, Session};
 use crate::run::view::PageView;
 use crate::run::{KnownMap, default_out, input, open, outputs, paths, played};
+use crate::things::Gatherer;
 use crate::timing::Timing;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{FrameOptions, ReadAhead, StampedPose};
@@ -60,6 +61,15 @@ pub(crate) struct Begun<'a> {
     folder: ResultFolder,
 }
 
+/// What a repetition has to know: which frames found their images in time.
+#[derive(Default)]
+pub(crate) struct Repeated {
+    /// Of those that were fused.
+    pub(crate) dense: Option<Logged>,
+    /// Numbers of those in which things were looked for.
+    pub(crate) things: Option<Vec<u32>>,
+}
+
 /// What a driver takes of it.
 pub(crate) struct Means {
     pub(crate) frames: ReadAhead,
@@ -96,7 +106,7 @@ impl<'a> Opened<'a> {
         colour: bool,
         ahead: usize,
         adds_ids: bool,
-        logged: Option<Logged>,
+        logged: Repeated,
     ) -> Result<(Begun<'a>, Means), Failure> {
         let Self {
             mut task,
@@ -123,8 +133,13 @@ impl<'a> Opened<'a> {
             known: map.as_ref().and_then(|k| k.dense.clone()),
             weights: task.config.motion_weights.clone(),
             keyframes: map.as_ref().map_or(0, |k| k.map.view().keyframe_bound()),
-            logged,
+            logged: logged.dense,
         });
+        let gatherer = task.output.things.then(|| {
+            let up = task.output.up.map(Vec3::from);
+            Gatherer::new(&camera, up, map.as_ref(), &task.config, logged.things)
+        });
+        let known_things = map.as_ref().and_then(|k| k.things.clone());
         let out = task.output.out.clone();
         let out = out.unwrap_or_else(|| default_out(task.path, task.done));
         paths::check_run(task.output, &out, task.log, &task.inputs)?;
@@ -136,6 +151,8 @@ impl<'a> Opened<'a> {
         if let (Some(report), Some(known)) = (&mut outputs.report, &map) {
             report.0.begin_with(known.map.view().keyframe_bound());
         }
+        outputs.things = gatherer;
+        outputs.known_things = known_things;
         outputs.record = recording(task.output, recorder, &camera, &task.config)?;
         outputs.view = shown(&task, &dataset, remaining)?;
         if let (Some(view), Some(dense)) = (&outputs.view, &mut outputs.dense) {

@@ -5,7 +5,7 @@ use crate::args::{InputArgs, TopicArgs};
 use crate::failure::{Failure, Status};
 use crate::run::KnownMap;
 use crate::run::about::About;
-use crate::run::prologue::{Means, Task, last};
+use crate::run::prologue::{Means, Repeated, Task, last};
 use crate::run::result::Voice;
 use crate::timing::Timing;
 use crate::{config, console};
@@ -51,7 +51,10 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
         false,
         ReadAhead::DEFAULT_FRAMES,
         false,
-        about.dense,
+        Repeated {
+            dense: about.dense,
+            things: about.things,
+        },
     )?;
     let Means {
         mut frames,

@@ -120,6 +120,9 @@ pub(crate) fn write(
     if let Some(fused) = &session.dense {
         fused.write(&mut folder)?;
     }
+    if let Some(gathered) = session.things.as_ref().filter(|t| t.frames.is_some()) {
+        folder.write("things.json", gathered.json()?.as_bytes())?;
+    }
     // After all that takes memory, but for the report, which holds it.
     let summary = summarise(setup, session, scores.as_ref());
     let json = to_json(&summary)?;

@@ -130,6 +130,7 @@ impl Tally {
             view,
             saved: None,
             dense: None,
+            things: None,
             log: None,
             live: None,
         }

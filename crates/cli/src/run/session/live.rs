@@ -119,7 +119,7 @@ impl Driver<'_> {
         });
         session.fuse(outputs)?;
         session.saved = outputs.map.take().map(|file| match &result.map {
-            Some(map) => file.save(map, Some(&result.timing), session.extension()),
+            Some(map) => file.save(map, Some(&result.timing), session.extensions()),
             None => Err(Failure::criteria(
                 "the map is not saved: mapping ended in the midst of its work and left it in a state that cannot be used",
             )),

@@ -19,6 +19,7 @@ pub(crate) use crate::run::session::outputs::Outputs;
 use crate::run::session::outputs::Writers;
 use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, SubmapJson};
 use crate::run::tally::{End, Tally};
+use crate::things::Gathered;
 use crate::timing::Timing;
 use std::sync::Arc;
 use std::time::Instant;
@@ -73,6 +74,8 @@ pub(crate) struct Session {
     pub(crate) saved: Option<Result<SavedMap, Failure>>,
     /// The surface, fused; nothing when it was not to be.
     pub(crate) dense: Option<Fused>,
+    /// What stands in the room, if it was looked for or known.
+    pub(crate) things: Option<Gathered>,
     /// In which order the stages took their messages; none of a replay, which has it from the run.
     pub(crate) log: Option<RunLog>,
     /// What was measured of a live run.
@@ -94,6 +97,7 @@ impl Session {
             .map(of)
             .collect();
         self.dense = outputs.fuse(&poses);
+        self.things = outputs.gather(&self.view);
         if let (Some(fused), Some(record)) = (&self.dense, &mut outputs.record) {
             record.surface(fused)?;
         }
@@ -101,8 +105,10 @@ impl Session {
     }
 
     /// What a map file keeps beside the map.
-    pub(crate) fn extension(&self) -> Option<Extension> {
-        self.dense.as_ref().map(Fused::extension)
+    pub(crate) fn extensions(&self) -> Vec<Extension> {
+        let dense = self.dense.as_ref().map(Fused::extension);
+        let things = self.things.as_ref().map(Gathered::extension);
+        dense.into_iter().chain(things).collect()
     }
 }
 
@@ -169,7 +175,7 @@ impl Driver<'_> {
         // What was found until then is worth having even when the map cannot be saved.
         let timing = system.timing();
         let map = outputs.map.take();
-        session.saved = map.map(|map| map.save(system.map(), Some(&timing), session.extension()));
+        session.saved = map.map(|map| map.save(system.map(), Some(&timing), session.extensions()));
         Ok(session)
     }
 

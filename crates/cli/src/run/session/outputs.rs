@@ -13,11 +13,12 @@ use crate::run::recording::RunRecording;
 use crate::run::session::listeners::{Listening, Rounds, Stop, Writer};
 use crate::run::verdicts::VerdictFile;
 use crate::run::view::PageView;
+use crate::things::{Gathered, Gatherer};
 use crate::timing::Timing;
 use crate::trace::TraceFile;
-use stillpoint::dense::FinalPose;
+use stillpoint::dense::{FinalPose, ThingMap};
 use stillpoint::live::{Delivery, LiveSystem, Subscribed};
-use stillpoint::map::Map;
+use stillpoint::map::{Map, MapView};
 use stillpoint::slam::{self, Event, Subscriber};
 
 /// The subscriber that draws pictures.
@@ -41,6 +42,10 @@ pub(crate) struct Outputs {
     pub(crate) view: Option<PageView>,
     /// The surface, fused.
     pub(crate) dense: Option<Fusion>,
+    /// What stands in the room.
+    pub(crate) things: Option<Gatherer>,
+    /// What an earlier run knew of that, where this one does not look.
+    pub(crate) known_things: Option<ThingMap>,
     /// What every thread does when.
     pub(crate) trace: Option<TraceFile>,
     /// The map, at the end.
@@ -58,6 +63,7 @@ pub(crate) struct Writers {
     record: Option<Listening<RunRecording>>,
     view: Option<Listening<PageView>>,
     dense: Option<Listening<Fusion>>,
+    things: Option<Listening<Gatherer>>,
     trace: Option<Listening<TraceFile>>,
 }
 
@@ -72,6 +78,7 @@ impl Subscriber for Writers {
         self.record.receive(event);
         self.view.receive(event);
         self.dense.receive(event);
+        self.things.receive(event);
         self.trace.receive(event);
     }
 }
@@ -87,6 +94,7 @@ pub(crate) struct LiveWriters {
     record: Option<Subscribed<Rounds<Listening<RunRecording>>>>,
     view: Option<Subscribed<Rounds<Listening<PageView>>>>,
     dense: Option<Subscribed<Rounds<Listening<Fusion>>>>,
+    things: Option<Subscribed<Rounds<Listening<Gatherer>>>>,
     trace: Option<Subscribed<Rounds<Listening<TraceFile>>>>,
 }
 
@@ -112,6 +120,7 @@ impl Outputs {
             record: self.record.take().map(|w| Listening::new(w, stop)),
             view: self.view.take().map(|w| Listening::new(w, stop)),
             dense: self.dense.take().map(|w| Listening::new(w, stop)),
+            things: self.things.take().map(|w| Listening::new(w, stop)),
             trace: self.trace.take().map(|w| Listening::new(w, stop)),
         }
     }
@@ -130,6 +139,7 @@ impl Outputs {
         self.record = writers.record.map(Listening::finish).transpose()?;
         self.view = writers.view.map(Listening::finish).transpose()?;
         self.dense = writers.dense.map(Listening::finish).transpose()?;
+        self.things = writers.things.map(Listening::finish).transpose()?;
         self.trace = writers.trace.map(Listening::finish).transpose()?;
         Ok(())
     }
@@ -165,6 +175,7 @@ impl Outputs {
             record: on.add("record", all.with_images(PICTURES, 1), self.record.take())?,
             view: on.add(VIEW, newest, self.view.take())?,
             dense: on.add("dense", all.with_images(PICTURES, 1), self.dense.take())?,
+            things: on.add("things", all.with_images(PICTURES, 1), self.things.take())?,
             trace: on.add("trace", all, self.trace.take())?,
         })
     }
@@ -183,6 +194,7 @@ impl Outputs {
         self.record = writers.record.map(rejoined).transpose()?;
         self.view = writers.view.map(rejoined).transpose()?;
         self.dense = writers.dense.map(rejoined).transpose()?;
+        self.things = writers.things.map(rejoined).transpose()?;
         self.trace = writers.trace.map(rejoined).transpose()?;
         Ok(())
     }
@@ -192,6 +204,15 @@ impl Outputs {
         Some(self.dense.take()?.finish(poses))
     }
 
+    /// What stands in the room, at the poses of the final map.
+    pub(crate) fn gather(&mut self, view: &MapView) -> Option<Gathered> {
+        let known = self
+            .known_things
+            .take()
+            .map(|map| Gathered::known(map, view));
+        self.things.take().map(|t| t.finish(view)).or(known)
+    }
+
     /// Saves the map of a run that cannot go on after so many frames, if it is to be saved, and says so. What else there was is
     /// lost, and whoever mapped for an hour wants to go on from there.
     pub(crate) fn rescue_map(&mut self, map: Option<&Map>, timing: &slam::Timing, frames: usize) {
@@ -199,7 +220,7 @@ impl Outputs {
         let Some(map) = map.filter(|m| frames > 0 && m.view().keyframe_count() > 0) else {
             return;
         };
-        match file.save(map, Some(timing), None) {
+        match file.save(map, Some(timing), Vec::new()) {
             Ok(saved) => console::line(&format!(
                 "the run ends after {frames} frames; the map until then, of {} keyframes and {} landmarks, is saved to {}",
                 saved.keyframes, saved.landmarks, saved.path

@@ -61,7 +61,7 @@ impl Driver<'_> {
         let map = outputs.map.take();
         let timing = replay.timing();
         session.saved =
-            map.map(|file| file.save(&replay.into_map(), Some(&timing), session.extension()));
+            map.map(|file| file.save(&replay.into_map(), Some(&timing), session.extensions()));
         Ok((session, whole.then_some(agrees)))
     }
 

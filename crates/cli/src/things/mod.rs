@@ -1,0 +1,179 @@
+//! `--things` and `map objects`: what stands in the room.
+
+use crate::args::map::MapObjectsArgs;
+use crate::console;
+use crate::failure::{Failure, Status};
+use crate::map::file::{self, Loaded};
+use crate::run::Known;
+use crate::run::session::listeners::Writer;
+use serde::Serialize;
+use std::path::Path;
+use stillpoint::dense::{Thing, ThingMap, Things, ThingsConfig};
+use stillpoint::geometry::{Camera, Vec3};
+use stillpoint::imaging::FrameId;
+use stillpoint::map::{Extension, MapView};
+use stillpoint::slam::{Config, Event, Subscriber};
+
+/// The things of a map file, if it has any.
+pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<ThingMap>, Failure> {
+    let bytes = loaded.file.extension(ThingMap::EXTENSION);
+    let map = bytes.map(ThingMap::from_bytes);
+    map.transpose()
+        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))
+}
+
+/// Gathers while frames go by.
+pub(crate) struct Gatherer(Things);
+
+impl Gatherer {
+    /// Before the first frame of a camera. `known` is the map that the run begins with; `frames` are those of a run that is repeated.
+    pub(crate) fn new(
+        camera: &Camera,
+        up: Option<Vec3>,
+        known: Option<&Known>,
+        config: &Config,
+        frames: Option<Vec<u32>>,
+    ) -> Self {
+        let mut settings = ThingsConfig::default();
+        settings.about_up = up.unwrap_or(settings.about_up);
+        let mut things = Things::new(&settings, camera).with_weights(config.motion_weights.clone());
+        if let Some(known) = known {
+            things = things.with_first_keyframe(known.map.view().keyframe_bound());
+            things = things.starting_with(known.things.clone().unwrap_or_default());
+        }
+        if let Some(frames) = frames {
+            things = things.with_frames(frames.into_iter().map(FrameId));
+        }
+        Self(things)
+    }
+
+    /// What there is at the poses of the final map.
+    pub(crate) fn finish(self, view: &MapView) -> Gathered {
+        let _span = tracing::info_span!("gather").entered();
+        let map = self.0.at(view);
+        Gathered {
+            things: map.list(view),
+            frames: Some(self.0.taken().iter().map(|f| f.0).collect()),
+            map,
+        }
+    }
+}
+
+impl Writer for Gatherer {
+    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+        self.0.receive(event);
+        Ok(())
+    }
+}
+
+/// What stands in the room.
+pub(crate) struct Gathered {
+    map: ThingMap,
+    things: Vec<Thing>,
+    /// Numbers of the frames that were looked at; none where an earlier run knew it all.
+    pub(crate) frames: Option<Vec<u32>>,
+}
+
+impl Gathered {
+    /// What an earlier run knew: it stays as it is.
+    pub(crate) fn known(map: ThingMap, view: &MapView) -> Self {
+        Self {
+            things: map.list(view),
+            frames: None,
+            map,
+        }
+    }
+
+    /// What a map file keeps of it.
+    pub(crate) fn extension(&self) -> Extension {
+        Extension {
+            name: ThingMap::EXTENSION.to_owned(),
+            bytes: self.map.to_bytes(),
+        }
+    }
+
+    /// As `map objects --json` has it.
+    pub(crate) fn json(&self) -> Result<String, Failure> {
+        to_json(&self.things)
+    }
+}
+
+/// A thing as users see it.
+#[derive(Debug, Serialize)]
+struct ThingJson {
+    class: &'static str,
+    /// m, world.
+    centre: [f64; 3],
+    /// Along its own axes, of which the third is up, m.
+    size: [f64; 3],
+    /// From its own axes to the world's, row by row.
+    world_from_box: [[f64; 3]; 3],
+    confidence: f64,
+    /// Looks in which it was found.
+    found: u32,
+    submap: u32,
+    /// Stamp, s.
+    first_seen: f64,
+    /// Stamp, s.
+    last_seen: f64,
+}
+
+impl ThingJson {
+    fn new(thing: &Thing) -> Self {
+        let turn = &thing.bounds.world_from_box;
+        Self {
+            class: thing.class.name(),
+            centre: thing.bounds.centre.into(),
+            size: thing.bounds.size.into(),
+            world_from_box: [0, 1, 2].map(|i| [0, 1, 2].map(|j| turn[(i, j)])),
+            confidence: thing.confidence,
+            found: thing.found,
+            submap: thing.submap.0,
+            first_seen: thing.first_seen,
+            last_seen: thing.last_seen,
+        }
+    }
+}
+
+fn to_json(things: &[Thing]) -> Result<String, Failure> {
+    let things: Vec<ThingJson> = things.iter().map(ThingJson::new).collect();
+    let text = serde_json::to_string_pretty(&things).map_err(Failure::input)?;
+    Ok(format!("{text}\n"))
+}
+
+/// `map objects`.
+pub(crate) fn objects(args: &MapObjectsArgs) -> Result<Status, Failure> {
+    let loaded = file::load(&args.file)?;
+    let map = of_file(&loaded, &args.file)?.ok_or_else(|| {
+        Failure::input(format!(
+            "{}: expected a map with things, found one in which no run has looked for them; run the recording with --things --save-map and a detector",
+            args.file.display()
+        ))
+    })?;
+    let things = map.list(loaded.file.map.view());
+    if args.json {
+        console::print(&to_json(&things)?);
+        return Ok(Status::Ok);
+    }
+    let mut text = format!(
+        "{:<14}{:>24}{:>20}  {:<11}{:<8}last seen, s\n",
+        "class", "centre, m", "size, m", "confidence", "submap"
+    );
+    for t in &things {
+        let triple = |v: &Vec3, digits: usize| {
+            let parts: Vec<String> = v.iter().map(|x| format!("{x:.digits$}")).collect();
+            parts.join(" ")
+        };
+        text += &format!(
+            "{:<14}{:>24}{:>20}  {:<11.2}{:<8}{:.3}\n",
+            t.class.name(),
+            triple(&t.bounds.centre, 3),
+            triple(&t.bounds.size, 2),
+            t.confidence,
+            t.submap.0,
+            t.last_seen
+        );
+    }
+    console::print(&text);
+    Ok(Status::Ok)
+}

@@ -1,0 +1,169 @@
+//! From what was gathered to the things of a map.
+
+use super::ThingMap;
+use super::absent::presence;
+use super::gather::Things;
+use super::level;
+use super::look::Placed;
+use super::merge::{Part, merge};
+use super::own::{Seen, by_place, owners, points};
+use super::part::{Point, Record, World};
+use crate::floor::Floor;
+use std::collections::{BTreeMap, BTreeSet};
+use stillpoint_geometry::Vec3;
+use stillpoint_map::{MapView, SubmapId};
+
+/// Looks in which a track has to be found to be taken for anything.
+const LEAST_LOOKS: usize = 2;
+
+/// All that is known at the poses of a version of the map.
+pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
+    let looks: Vec<Placed<'_>> = things
+        .looks
+        .iter()
+        .filter_map(|look| Placed::new(look, &things.grid, view))
+        .collect();
+    if looks.is_empty() {
+        return things.known.clone();
+    }
+    let levels = levels(things, &looks);
+    let world = World {
+        view,
+        levels: &levels,
+    };
+    let mut parts = known(&things.known, &world);
+    parts.extend(tracks(&looks, &world));
+    let merged = merge(parts, &world);
+    let mut records: Vec<Record> = untouched(&things.known, &world);
+    for part in merged {
+        let presence = presence(&part, &looks);
+        if !presence.gone {
+            records.push(record(part, presence.missed, view));
+        }
+    }
+    ThingMap { records, levels }
+}
+
+/// The floor of every submap: the lower one of what is known and what this run shows, which may be a table's top where no floor was in sight.
+fn levels(things: &Things, looks: &[Placed<'_>]) -> BTreeMap<SubmapId, Floor> {
+    let mut levels = things.known.levels.clone();
+    let submaps: BTreeSet<SubmapId> = looks.iter().map(|l| l.submap).collect();
+    for submap in submaps {
+        let own: Vec<&Placed<'_>> = looks.iter().filter(|l| l.submap == submap).collect();
+        let Some(found) = level::floor(&own, &things.config.about_up) else {
+            continue;
+        };
+        let eye = own[0].world_from_camera.translation;
+        let lower = levels
+            .get(&submap)
+            .is_none_or(|f| f.height(&eye) < found.height(&eye));
+        if lower {
+            levels.insert(submap, found);
+        }
+    }
+    levels
+}
+
+/// What earlier runs knew, as far as the map has its keyframes.
+fn known(map: &ThingMap, world: &World<'_>) -> Vec<Part> {
+    let part = |record: &Record| {
+        let (submap, points) = record.place(world.view)?;
+        let bounds = world.bounds(record.class, submap, &points)?;
+        let own = |p: &&Point| world.view.submap_of(p.keyframe) == Some(submap);
+        let kept = record.points.iter().filter(own).copied();
+        Some(Part {
+            votes: BTreeMap::from([(record.class, f64::from(record.found))]),
+            looks: BTreeSet::new(),
+            known: vec![record.clone()],
+            submap,
+            points: kept.zip(points).collect(),
+            bounds,
+            seen: record.seen,
+            farthest: record.farthest,
+        })
+    };
+    map.records.iter().filter_map(part).collect()
+}
+
+/// What cannot be placed stays as it is.
+fn untouched(map: &ThingMap, world: &World<'_>) -> Vec<Record> {
+    let lost = |r: &&Record| {
+        let place = r.place(world.view);
+        place
+            .and_then(|(submap, points)| world.bounds(r.class, submap, &points))
+            .is_none()
+    };
+    map.records.iter().filter(lost).cloned().collect()
+}
+
+/// What the tracks of this run saw.
+fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> Vec<Part> {
+    let owners: Vec<Vec<u16>> = looks.iter().map(owners).collect();
+    let mut seen: BTreeMap<(SubmapId, u32, u32), Vec<Seen>> = BTreeMap::new();
+    for (l, placed) in looks.iter().enumerate() {
+        for (s, sighting) in placed.look.sightings.iter().enumerate() {
+            if sighting.counts {
+                let key = (placed.submap, sighting.track, sighting.run);
+                seen.entry(key).or_default().push((l, s));
+            }
+        }
+    }
+    let part = |(submap, seen): (SubmapId, Vec<Seen>)| {
+        if seen.len() < LEAST_LOOKS {
+            return None;
+        }
+        let mut votes = BTreeMap::new();
+        let mut farthest: f64 = 0.0;
+        for (l, s) in &seen {
+            let sighting = &looks[*l].look.sightings[*s];
+            *votes.entry(sighting.class).or_default() += f64::from(sighting.score);
+            farthest = farthest.max(f64::from(sighting.depths[1]));
+        }
+        let stamp = |at: Option<&Seen>| at.map_or(0.0, |(l, _)| looks[*l].look.stamp);
+        let own = points(&seen, looks, &owners);
+        let places: Vec<Vec3> = own.iter().map(|p| p.1).collect();
+        let class = *votes
+            .iter()
+            .max_by(|a: &(_, &f64), b| a.1.total_cmp(b.1))?
+            .0;
+        Some(Part {
+            votes,
+            looks: seen.iter().map(|s| s.0).collect(),
+            known: Vec::new(),
+            submap,
+            points: own,
+            bounds: world.bounds(class, submap, &places)?,
+            seen: [stamp(seen.first()), stamp(seen.last())],
+            farthest,
+        })
+    };
+    let parted = seen.into_iter().flat_map(|((submap, _, _), seen)| {
+        let places = by_place(&seen, looks, &owners);
+        places.into_iter().map(move |seen| (submap, seen))
+    });
+    parted.filter_map(part).collect()
+}
+
+/// What is kept of a thing.
+fn record(part: Part, missed: u32, view: &MapView) -> Record {
+    let class = part.class();
+    // What no look of this run found is what it was, to the bit, but for what was missed.
+    if let ([known], true) = (&part.known[..], part.looks.is_empty()) {
+        let mut known = known.clone();
+        known.expected += missed;
+        return known;
+    }
+    let before = part.known.iter();
+    let mut record = Record {
+        class,
+        found: part.found(),
+        expected: part.looks.len() as u32
+            + missed
+            + before.map(|r| r.expected.max(r.found)).sum::<u32>(),
+        seen: part.seen,
+        farthest: part.farthest,
+        points: part.points.iter().map(|p| p.0).collect(),
+    };
+    record.thin(view);
+    record
+}

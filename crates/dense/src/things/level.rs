@@ -1,0 +1,71 @@
+//! What is level, and where the floor is, by the small depth images alone.
+
+use super::look::{Placed, tolerance};
+use crate::floor::Floor;
+use crate::mesh::Mesh;
+use stillpoint_geometry::Vec3;
+
+/// Points of a small image along a side of a patch: their mean is four times as exact as one of them, and wide enough to tell a slope.
+const PATCH: usize = 4;
+/// Looks that are looked at: more show the same floor again.
+const MOST_LOOKS: usize = 60;
+/// Farthest depth that is looked at, m.
+const FAR: f64 = 5.0;
+
+/// The floor that looks show; `about_up` as for [`Floor::find`].
+pub(crate) fn floor(looks: &[&Placed<'_>], about_up: &Vec3) -> Option<Floor> {
+    let mut mesh = Mesh::default();
+    let every = looks.len().div_ceil(MOST_LOOKS).max(1);
+    for placed in looks.iter().step_by(every) {
+        add(placed, &mut mesh);
+    }
+    Floor::find(&mesh, about_up)
+}
+
+/// Adds the surface that a look shows, in patches.
+fn add(placed: &Placed<'_>, mesh: &mut Mesh) {
+    let grid = placed.grid;
+    let (w, h) = (grid.columns / PATCH, grid.rows / PATCH);
+    let mut corners: Vec<Option<(u32, f64)>> = Vec::with_capacity(w * h);
+    for k in 0..w * h {
+        let mean = patch(placed, [k % w, k / w]);
+        corners.push(mean.map(|(p, z)| {
+            let p = placed.world_from_camera.transform(&p);
+            mesh.positions.push(p.map(|v| v as f32).into());
+            (mesh.positions.len() as u32 - 1, z)
+        }));
+    }
+    for k in 0..(w * h).saturating_sub(w) {
+        if k % w + 1 == w {
+            continue;
+        }
+        // Counter-clockwise as the camera sees them.
+        for t in [[k, k + w, k + 1], [k + 1, k + w, k + w + 1]] {
+            let [Some(a), Some(b), Some(c)] = t.map(|i| corners[i]) else {
+                continue;
+            };
+            let depths = [a.1, b.1, c.1];
+            let least = depths.iter().copied().fold(f64::INFINITY, f64::min);
+            let most = depths.iter().copied().fold(0.0, f64::max);
+            if most - least < 0.15 * most {
+                mesh.triangles.push([a.0, b.0, c.0]);
+            }
+        }
+    }
+}
+
+/// The middle of a patch in the camera, and its depth; none across an edge, or where depth is missing.
+fn patch(placed: &Placed<'_>, [x, y]: [usize; 2]) -> Option<(Vec3, f64)> {
+    let (mut sum, mut least, mut most) = (Vec3::zeros(), f64::INFINITY, 0.0_f64);
+    for j in 0..PATCH {
+        for i in 0..PATCH {
+            let at = (y * PATCH + j) * placed.grid.columns + x * PATCH + i;
+            let p = placed.in_camera(at)?;
+            sum += p;
+            (least, most) = (least.min(p.z), most.max(p.z));
+        }
+    }
+    let mean = sum / (PATCH * PATCH) as f64;
+    let flat = most - least < 2.0 * tolerance(mean.z) && mean.z < FAR;
+    flat.then_some((mean, mean.z))
+}

@@ -1,0 +1,206 @@
+//! What stands in the room, with boxes that are exact.
+
+use crate::room::{Run, run};
+use std::sync::{Arc, OnceLock};
+use stillpoint_dense::{Thing, ThingMap, Things, ThingsConfig};
+use stillpoint_detection::{BoundingBox, ClassId, Motion, Object, ObjectId, ObjectState};
+use stillpoint_geometry::{Se3, Vec3};
+use stillpoint_imaging::DepthImage;
+use stillpoint_map::MapView;
+use stillpoint_simulator::MoverBox;
+use stillpoint_slam::{Event, FrameEvent, Segments, Subscriber};
+
+const FRAMES: usize = 48;
+
+fn object(seen: &MoverBox, class: &str, depths: [f64; 2]) -> Object {
+    Object {
+        id: ObjectId(seen.mover),
+        class: ClassId::from_name(class).unwrap(),
+        score: 0.8,
+        state: ObjectState::Confirmed,
+        bounds: BoundingBox {
+            x0: seen.x0,
+            y0: seen.y0,
+            x1: seen.x1,
+            y1: seen.y1,
+        },
+        bounds_sigma: [1.0; 2],
+        depth_range: Some(depths),
+        position: None,
+        velocity: None,
+        covariance: None,
+        size: None,
+        last_seen: 0.0,
+        motion: Motion::Unknown,
+    }
+}
+
+/// A run in which all things are tracked exactly. `edit` changes what a frame's event says.
+fn told(edit: &dyn Fn(usize, &mut FrameEvent)) -> Vec<Event> {
+    let change = |event: &Event| match event {
+        Event::Frame(frame) => {
+            let i = frame.report.frame.0 as usize;
+            let mut frame = FrameEvent::clone(frame);
+            frame.report.segments = Segments::default();
+            let seen = desk().simulator.truth(i).things;
+            let known = desk().simulator.things();
+            let pose = desk()
+                .simulator
+                .world_from_camera(desk().simulator.stamp(i));
+            let objects = seen.iter().filter(|b| b.visible_px >= 60).map(|b| {
+                let thing = known[b.mover as usize - 1].1;
+                let z = pose.inverse().transform(&Vec3::from(thing.centre)).z;
+                let reach = 0.5 * Vec3::from(thing.size).norm() + 0.02;
+                object(b, b.class, [z - reach, z + reach])
+            });
+            frame.report.objects = objects.collect();
+            edit(i, &mut frame);
+            Event::Frame(Arc::new(frame))
+        }
+        other => other.clone(),
+    };
+    desk().events.iter().map(change).collect()
+}
+
+fn desk() -> &'static Run {
+    static RUN: OnceLock<Run> = OnceLock::new();
+    RUN.get_or_init(|| run("xyz", FRAMES))
+}
+
+fn view() -> Arc<MapView> {
+    let mut views = desk().events.iter().filter_map(Event::view);
+    Arc::clone(views.next_back().unwrap())
+}
+
+fn gathered(events: &[Event], known: Option<ThingMap>) -> ThingMap {
+    let mut things = Things::new(&ThingsConfig::default(), desk().simulator.camera());
+    if let Some(known) = known {
+        things = things.starting_with(known);
+    }
+    things.receive_all(events);
+    assert!(things.taken().len() > 6 && things.bytes() > 10_000);
+    things.at(&view())
+}
+
+/// In the room's axes.
+fn place(thing: &Thing) -> Vec3 {
+    let first = desk().simulator.world_from_camera(0.0);
+    let room_from_map: Se3 = first * desk().poses[0].world_from_camera.inverse();
+    room_from_map.transform(&thing.bounds.centre)
+}
+
+fn listed<'a>(list: &'a [Thing], class: &str) -> Vec<&'a Thing> {
+    let class = ClassId::from_name(class).unwrap();
+    list.iter().filter(|t| t.class == class).collect()
+}
+
+#[test]
+fn things_are_where_they_stand() {
+    let list = gathered(&told(&|_, _| ()), None).list(&view());
+    let truth = desk().simulator.things();
+    for class in ["tv", "keyboard", "cup"] {
+        let found = listed(&list, class);
+        assert!(!found.is_empty(), "no {class} in {list:?}");
+        for thing in found {
+            let at = place(thing);
+            let of_class = truth.iter().filter(|t| t.1.class == class);
+            let errors = of_class.map(|t| (Vec3::from(t.1.centre) - at).norm());
+            let error = errors.fold(f64::INFINITY, f64::min);
+            assert!(error < 0.15, "{class} off by {error} m");
+            assert!(thing.confidence > 0.4 && thing.found >= 4, "{thing:?}");
+            assert!(thing.first_seen <= thing.last_seen);
+        }
+    }
+}
+
+#[test]
+fn the_same_events_give_the_same_bytes_and_bytes_the_same_things() {
+    let map = gathered(&told(&|_, _| ()), None);
+    let bytes = map.to_bytes();
+    assert!(bytes == gathered(&told(&|_, _| ()), None).to_bytes());
+    let read = ThingMap::from_bytes(&bytes).unwrap();
+    assert!(read == map);
+    assert_eq!(read.list(&view()), map.list(&view()));
+    // Without any look nothing changes, and a second run over the same room adds nothing.
+    let mut idle = Things::new(&ThingsConfig::default(), desk().simulator.camera())
+        .starting_with(read.clone());
+    idle.receive_all(&[]);
+    assert!(idle.at(&view()).to_bytes() == bytes);
+    // What was found too seldom to be listed may be listed now, but nothing is there twice.
+    let again = gathered(&told(&|_, _| ()), Some(read)).list(&view());
+    let before = map.list(&view());
+    for class in ["tv", "keyboard", "cup"] {
+        let (old, new) = (listed(&before, class), listed(&again, class));
+        assert_eq!(old.len(), new.len(), "{class}");
+        for thing in old {
+            let same = new.iter().find(|t| {
+                (t.bounds.centre - thing.bounds.centre).norm() < 0.05 && t.found == 2 * thing.found
+            });
+            assert!(same.is_some(), "{thing:?} in {new:?}");
+        }
+    }
+}
+
+#[test]
+fn people_and_what_moves_are_no_things() {
+    let screen = ClassId::from_name("tv").unwrap();
+    let people = told(&|_, frame| {
+        let mut objects = frame.report.objects.to_vec();
+        for o in objects.iter_mut().filter(|o| o.class == screen) {
+            o.class = ClassId::PERSON;
+        }
+        frame.report.objects = objects.into();
+    });
+    let list = gathered(&people, None).list(&view());
+    assert!(listed(&list, "person").is_empty() && listed(&list, "tv").is_empty());
+    assert!(!listed(&list, "keyboard").is_empty());
+    let moving = told(&|_, frame| {
+        let mut objects = frame.report.objects.to_vec();
+        objects.iter_mut().for_each(|o| o.motion = Motion::Moving);
+        frame.report.objects = objects.into();
+    });
+    assert!(gathered(&moving, None).list(&view()).is_empty());
+}
+
+/// From some frame on the screens are not there: the camera sees a metre farther in their place.
+#[test]
+fn what_is_carried_away_is_gone() {
+    let screen = ClassId::from_name("tv").unwrap();
+    let taken = |from: usize| {
+        told(&move |i, frame| {
+            if i < from {
+                return;
+            }
+            let seen = frame.frame.as_ref().unwrap();
+            let mut depth = seen.depth.data().to_vec();
+            let width = seen.depth.width();
+            let (screens, others): (Vec<Object>, Vec<Object>) = frame
+                .report
+                .objects
+                .iter()
+                .cloned()
+                .partition(|o| o.class == screen);
+            for b in screens.iter().map(|o| o.bounds) {
+                for (k, z) in depth.iter_mut().enumerate() {
+                    let (x, y) = ((k % width) as f64, (k / width) as f64);
+                    if x >= b.x0 && x <= b.x1 && y >= b.y0 && y <= b.y1 {
+                        *z += 1.0;
+                    }
+                }
+            }
+            let mut image = (**seen).clone();
+            image.depth = DepthImage::from_vec(width, seen.depth.height(), depth).unwrap();
+            frame.frame = Some(Arc::new(image));
+            frame.report.objects = others.into();
+        })
+    };
+    let kept = gathered(&taken(FRAMES), None).list(&view());
+    assert!(!listed(&kept, "tv").is_empty());
+    let gone = gathered(&taken(FRAMES / 2), None).list(&view());
+    assert!(listed(&gone, "tv").is_empty(), "{gone:?}");
+    assert!(!listed(&gone, "keyboard").is_empty());
+    // What an earlier run knew goes as well.
+    let known = gathered(&taken(FRAMES), None);
+    let gone = gathered(&taken(0), Some(known)).list(&view());
+    assert!(listed(&gone, "tv").is_empty(), "{gone:?}");
+}
