@@ -1,6 +1,7 @@
 //! A depth image reduced to cells: what depth-connected regions and moving things are looked for in.
 
 use crate::DepthImage;
+use std::array::from_fn;
 
 /// Samples that differ by at most this share of their depth are of one surface.
 const ONE_SURFACE: f32 = 0.03;
@@ -29,10 +30,20 @@ impl CoarseDepth {
         for y in 0..height {
             let rows = offsets.map(|o| {
                 let start = (y * cell + o) * depth.width();
-                &depth.data()[start..start + depth.width()]
+                &depth.data()[start..start + width * cell]
             });
-            for x in 0..width {
-                data.push(cell_depth(&rows, x * cell, offsets));
+            // Blocks of cells are computed in vectors.
+            let blocks = if cell == BLOCK_CELL { width / LANES } else { 0 };
+            for x in 0..blocks {
+                let block = |row: &&[f32]| row.as_chunks().0[x * LANES..].first_chunk().copied();
+                let [a, b, c, d] = rows.each_ref().map(block);
+                if let (Some(a), Some(b), Some(c), Some(d)) = (a, b, c, d) {
+                    data.extend_from_slice(&Samples::of_block([&a, &b, &c, &d]).reduce());
+                }
+            }
+            for x in blocks * LANES..width {
+                let [z] = Samples::of_cell(&rows, x * cell, offsets).reduce();
+                data.push(z);
             }
         }
         Self {
@@ -86,35 +97,109 @@ impl CoarseDepth {
     }
 }
 
-/// The depth of one cell from four of its rows, at `offsets` from column `x`.
-fn cell_depth(rows: &[&[f32]; 4], x: usize, offsets: [usize; 4]) -> f32 {
-    let (mut near, mut far, mut sum, mut count) = (f32::MAX, 0.0_f32, 0.0_f32, 0_u32);
-    for row in rows {
-        for o in offsets {
-            // Without a branch: holes lie where no predictor expects them.
-            let z = row[x + o];
-            let valid = (z > 0.0) & (z < f32::INFINITY);
-            near = near.min(if valid { z } else { f32::MAX });
-            far = far.max(if valid { z } else { 0.0 });
-            sum += if valid { z } else { 0.0 };
-            count += u32::from(valid);
+/// Cells that are reduced together ...
+const LANES: usize = 4;
+/// ... and their side, px.
+const BLOCK_CELL: usize = 8;
+
+/// A row of a block of cells.
+type BlockRow = [[f32; BLOCK_CELL]; LANES];
+
+/// The 16 samples of each of some cells; what is no depth is `f32::MAX`.
+struct Samples<const L: usize>([[f32; L]; 16]);
+
+impl Samples<LANES> {
+    /// From four rows of a block.
+    #[inline(always)]
+    fn of_block(rows: [&BlockRow; 4]) -> Self {
+        let sample = |k: usize| std::array::from_fn(|l| or_max(rows[k / 4][l][2 * (k % 4) + 1]));
+        Self(std::array::from_fn(sample))
+    }
+}
+
+impl Samples<1> {
+    /// From four rows of the image, at `offsets` from column `x`.
+    #[inline(always)]
+    fn of_cell(rows: &[&[f32]; 4], x: usize, offsets: [usize; 4]) -> Self {
+        let sample = |k: usize| [or_max(rows[k / 4][x + offsets[k % 4]])];
+        Self(std::array::from_fn(sample))
+    }
+}
+
+/// A depth, or `f32::MAX` instead of what is none. Without a branch: holes lie where no predictor expects them.
+#[inline(always)]
+fn or_max(z: f32) -> f32 {
+    if (z > 0.0) & (z < f32::INFINITY) {
+        z
+    } else {
+        f32::MAX
+    }
+}
+
+impl<const L: usize> Samples<L> {
+    /// The depths of the cells.
+    #[inline(always)]
+    fn reduce(&self) -> [f32; L] {
+        let (mut near, mut far) = ([f32::MAX; L], [0.0_f32; L]);
+        let (mut sum, mut count) = ([0.0_f32; L], [0.0_f32; L]);
+        for z in &self.0 {
+            let held: [f32; L] = from_fn(|l| if z[l] < f32::MAX { z[l] } else { 0.0 });
+            let one: [f32; L] = from_fn(|l| if z[l] < f32::MAX { 1.0 } else { 0.0 });
+            near = from_fn(|l| if z[l] < near[l] { z[l] } else { near[l] });
+            far = from_fn(|l| if held[l] > far[l] { held[l] } else { far[l] });
+            sum = from_fn(|l| sum[l] + held[l]);
+            count = from_fn(|l| count[l] + one[l]);
         }
+        let mean: [f32; L] = from_fn(|l| sum[l] / count[l]);
+        from_fn(|l| match count[l] >= 4.0 {
+            true if far[l] - near[l] <= ONE_SURFACE * near[l] => mean[l],
+            true => {
+                let mut cell = self.0.map(|sample| sample[l]);
+                sort(&mut cell);
+                cell[count[l] as usize / 2]
+            }
+            false => 0.0,
+        })
     }
-    if count < 4 {
-        return 0.0;
+}
+
+/// Sorts 16 numbers by Batcher's merges of odd and even places (Knuth, The Art of Computer Programming 3, 5.2.2, algorithm M): 63 comparisons,
+/// whose outcomes no branch has to be predicted for.
+#[inline]
+fn sort(v: &mut [f32; 16]) {
+    const NETWORK: [(usize, usize); 63] = network();
+    for (i, j) in NETWORK {
+        let (a, b) = (v[i], v[j]);
+        v[i] = if b < a { b } else { a };
+        v[j] = if a < b { b } else { a };
     }
-    if far - near <= ONE_SURFACE * near {
-        return sum / count as f32;
+}
+
+/// The comparisons of [`sort`].
+const fn network() -> [(usize, usize); 63] {
+    let mut pairs = [(0, 0); 63];
+    let mut n = 0;
+    let mut p = 8;
+    while p > 0 {
+        let (mut q, mut r, mut d) = (8, 0, p);
+        loop {
+            let mut i = 0;
+            while i + d < 16 {
+                if i & p == r {
+                    pairs[n] = (i, i + d);
+                    n += 1;
+                }
+                i += 1;
+            }
+            if q == p {
+                break;
+            }
+            (d, q, r) = (q - p, q / 2, p);
+        }
+        p /= 2;
     }
-    let mut found = [f32::MAX; 16];
-    let samples = rows.iter().flat_map(|row| offsets.map(|o| row[x + o]));
-    let valid = samples.filter(|z| *z > 0.0 && *z < f32::INFINITY);
-    for (slot, z) in found.iter_mut().zip(valid) {
-        *slot = z;
-    }
-    let count = count as usize;
-    let (_, median, _) = found[..count].select_nth_unstable_by(count / 2, f32::total_cmp);
-    *median
+    assert!(n == 63);
+    pairs
 }
 
 #[cfg(test)]
@@ -124,6 +209,64 @@ mod tests {
     fn image(f: impl Fn(usize, usize) -> f32) -> DepthImage {
         let data = (0..24).flat_map(|y| (0..32).map(move |x| (x, y)));
         DepthImage::from_vec(32, 24, data.map(|(x, y)| f(x, y)).collect()).unwrap()
+    }
+
+    /// A network that sorts all arrays of zeros and ones sorts everything (Knuth, 5.3.4).
+    #[test]
+    fn sixteen_numbers_are_sorted() {
+        for bits in 0..1_u32 << 16 {
+            let mut v: [f32; 16] = std::array::from_fn(|i| (bits >> i & 1) as f32);
+            sort(&mut v);
+            assert!(v.is_sorted(), "{bits}: {v:?}");
+            assert_eq!(v.iter().sum::<f32>() as u32, bits.count_ones());
+        }
+    }
+
+    /// A cell by its definition, one sample after the other.
+    fn by_definition(depth: &DepthImage, cell: usize, x: usize, y: usize) -> f32 {
+        let at = |i: usize| (2 * i + 1) * cell / 8;
+        let sample = |k: usize| {
+            let (row, column) = (y * cell + at(k / 4), x * cell + at(k % 4));
+            depth.data()[row * depth.width() + column]
+        };
+        let mut valid: Vec<f32> = (0..16).map(sample).collect();
+        valid.retain(|z| *z > 0.0 && *z < f32::INFINITY);
+        if valid.len() < 4 {
+            return 0.0;
+        }
+        let mean = valid.iter().sum::<f32>() / valid.len() as f32;
+        valid.sort_by(f32::total_cmp);
+        let (near, far) = (valid[0], valid[valid.len() - 1]);
+        if far - near <= ONE_SURFACE * near {
+            mean
+        } else {
+            valid[valid.len() / 2]
+        }
+    }
+
+    #[test]
+    fn cells_are_those_of_the_definition_bit_for_bit() {
+        let mut x = 7_u64;
+        let mut next = move || {
+            x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            (x >> 40) as f32 / (1 << 24) as f32
+        };
+        for (width, height) in [(32, 24), (75, 33), (130, 17), (9, 9)] {
+            let data = (0..width * height).map(|i| match next() {
+                hole if hole < 0.1 => [0.0, f32::NAN, f32::INFINITY, -1.0][i % 4],
+                // Blocks of one surface, and steps between them.
+                _ => [1.0, 1.3, 2.0, 4.0][i % width / 11 % 4] * (1.0 + 0.012 * next()),
+            });
+            let image = DepthImage::from_vec(width, height, data.collect()).unwrap();
+            for cell in [4, 5, 8, 12] {
+                let coarse = CoarseDepth::new(&image, cell);
+                for (i, z) in coarse.data().iter().enumerate() {
+                    let (x, y) = (i % coarse.width(), i / coarse.width());
+                    let expected = by_definition(&image, cell, x, y);
+                    assert_eq!(z.to_bits(), expected.to_bits(), "{cell}: {x} {y}");
+                }
+            }
+        }
     }
 
     #[test]
