@@ -140,6 +140,8 @@ pub(crate) struct DepthReader<'a> {
     config: &'a SensorConfig,
     camera: &'a Camera,
     image: &'a DepthImage,
+    /// Range of depths that are used, m: the least and the largest single that is within the configured one.
+    range: [f32; 2],
     /// Motion from the camera at the colour stamp to the camera at the exposure of the depth image; none when unknown.
     depth_from_colour: Option<Se3>,
     /// Standard deviation of the camera's motion along the ray between the two that is not compensated, m.
@@ -161,6 +163,7 @@ impl<'a> DepthReader<'a> {
             config,
             camera,
             image,
+            range: [at_least(config.min_depth), -at_least(-config.max_depth)],
             depth_from_colour: motion.map(|m| Se3::exp(&m)),
             // A constant velocity misses about a third of the motion.
             motion_sigma: motion.map_or(0.0, |m| m.fixed_rows::<3>(0).norm() / 3.0),
@@ -169,10 +172,72 @@ impl<'a> DepthReader<'a> {
 
     /// The depth at a keypoint: `raw` in the image as recorded, `undistorted` the same point without distortion.
     pub(crate) fn read(&self, raw: Vec2, undistorted: Vec2) -> Option<DepthReading> {
-        let z = match &self.depth_from_colour {
-            None => self.local(self.pixel(raw)?)?,
-            Some(motion) => self.compensated(raw, undistorted, motion)?,
+        let pixel = self.pixel(raw);
+        let [here] = self.medians([pixel]);
+        let place = self.place(pixel, undistorted, here)?;
+        let there = match place.pixel {
+            same if same == pixel => here,
+            other => self.medians([other])[0],
         };
+        self.reading(&place, there)
+    }
+
+    /// Robust depths around raw pixels, m; 0 where there is none.
+    pub(crate) fn depths_at(&self, raw: impl Iterator<Item = Vec2>) -> Vec<f32> {
+        let pixels: Vec<Option<Pixel>> = raw.map(|raw| self.pixel(raw)).collect();
+        self.medians_of(&pixels)
+    }
+
+    /// The depths at keypoints, in one go: `raw` in the image as recorded, `undistorted` the same points without distortion, `here` what
+    /// [`Self::depths_at`] tells of the raw ones.
+    pub(crate) fn read_all(
+        &self,
+        raw: &[Vec2],
+        undistorted: &[Vec2],
+        here: &[f32],
+    ) -> Vec<Option<DepthReading>> {
+        let place = |((raw, undistorted), here): ((&Vec2, &Vec2), &f32)| {
+            self.place(self.pixel(*raw), *undistorted, *here)
+        };
+        let points = raw.iter().zip(undistorted).zip(here);
+        let places: Vec<Option<Place>> = points.map(place).collect();
+        if self.depth_from_colour.is_none() {
+            let same = places.iter().zip(here);
+            return same.map(|(p, z)| self.reading(p.as_ref()?, *z)).collect();
+        }
+        let pixel = |p: &Option<Place>| p.as_ref().and_then(|p| p.pixel);
+        let pixels: Vec<Option<Pixel>> = places.iter().map(pixel).collect();
+        let there = places.iter().zip(self.medians_of(&pixels));
+        there.map(|(p, z)| self.reading(p.as_ref()?, z)).collect()
+    }
+
+    /// Where in the depth image the point at a pixel is looked for, when its depth there is `here`.
+    ///
+    /// The depth image was taken from another pose: the point appears elsewhere in it, and the motion along the axis is taken back.
+    /// One step from the depth at the keypoint itself is enough for motions of a few millimetres.
+    #[inline]
+    fn place(&self, pixel: Option<Pixel>, undistorted: Vec2, here: f32) -> Option<Place> {
+        if here <= 0.0 {
+            return None;
+        }
+        let Some(motion) = &self.depth_from_colour else {
+            return Some(Place { pixel, nearer: 0.0 });
+        };
+        let guess = f64::from(here);
+        let seen = motion.transform(&self.camera.backproject(undistorted, guess));
+        (seen.z > 0.0).then(|| Place {
+            pixel: self.pixel(self.camera.project_distorted(&seen)),
+            nearer: seen.z - guess,
+        })
+    }
+
+    /// What is read at a place where the depth image has the depth `there`, 0 for none.
+    #[inline]
+    fn reading(&self, place: &Place, there: f32) -> Option<DepthReading> {
+        let z = f64::from(there) - place.nearer;
+        if there <= 0.0 || z <= 0.0 {
+            return None;
+        }
         let sensor = self.config.noise().sigma(z);
         let calibration = self.config.calibration_error * z;
         let sigma =
@@ -181,60 +246,93 @@ impl<'a> DepthReader<'a> {
         Some(DepthReading { z, sigma })
     }
 
-    /// The depth image was taken from another pose: looks where the point appears in it, and takes back the motion along
-    /// the axis. One step from the depth at the keypoint itself is enough for motions of a few millimetres.
-    fn compensated(&self, raw: Vec2, undistorted: Vec2, motion: &Se3) -> Option<f64> {
-        let pixel = self.pixel(raw)?;
-        let guess = self.local(pixel)?;
-        let seen = motion.transform(&self.camera.backproject(undistorted, guess));
-        if seen.z <= 0.0 {
-            return None;
-        }
-        // Often the same pixel, whose depth is known.
-        let there = match self.pixel(self.camera.project_distorted(&seen))? {
-            same if same == pixel => guess,
-            other => self.local(other)?,
-        };
-        let z = there - (seen.z - guess);
-        (z > 0.0).then_some(z)
-    }
-
     /// The pixel at a raw position, when its neighbours are in the image.
-    fn pixel(&self, raw: Vec2) -> Option<(usize, usize)> {
+    #[inline]
+    fn pixel(&self, raw: Vec2) -> Option<Pixel> {
         let (x, y) = (libm::round(raw.x), libm::round(raw.y));
         let (w, h) = (self.image.width() as f64, self.image.height() as f64);
         let inside = x >= 1.0 && y >= 1.0 && x < w - 1.0 && y < h - 1.0;
-        inside.then_some((x as usize, y as usize))
+        inside.then_some([x as usize, y as usize])
     }
 
-    /// A robust depth around a pixel: the median of the valid depths in 3x3, when they are of one surface.
-    fn local(&self, (x, y): (usize, usize)) -> Option<f64> {
-        let (min, max) = (self.config.min_depth, self.config.max_depth);
-        let mut depths = [f32::INFINITY; 9];
-        let mut n = 0;
-        for (k, row) in (y - 1..=y + 1).enumerate() {
-            let start = row * self.image.width() + x - 1;
-            let three = &self.image.data()[start..start + 3];
-            for (i, z) in three.iter().enumerate() {
-                let valid = (f64::from(*z) >= min) & (f64::from(*z) <= max);
-                depths[3 * k + i] = if valid { *z } else { f32::INFINITY };
-                n += usize::from(valid);
+    fn medians_of(&self, pixels: &[Option<Pixel>]) -> Vec<f32> {
+        let mut found = Vec::with_capacity(pixels.len());
+        for pixels in pixels.chunks(LANES) {
+            let lanes = std::array::from_fn(|l| pixels.get(l).copied().flatten());
+            let medians: [f32; LANES] = self.medians(lanes);
+            found.extend_from_slice(&medians[..pixels.len()]);
+        }
+        found
+    }
+
+    /// A robust depth around each pixel: the median of the valid depths in 3x3, when they are of one surface; else 0.
+    #[inline(always)]
+    fn medians<const L: usize>(&self, pixels: [Option<Pixel>; L]) -> [f32; L] {
+        // Side by side, so that they are sorted in vectors.
+        let mut depths = [[f32::INFINITY; L]; 9];
+        for (l, pixel) in pixels.iter().enumerate() {
+            let Some([x, y]) = pixel else { continue };
+            for (k, row) in (y - 1..=y + 1).enumerate() {
+                let start = row * self.image.width() + x - 1;
+                let three = &self.image.data()[start..start + 3];
+                for (i, z) in three.iter().enumerate() {
+                    depths[3 * k + i][l] = *z;
+                }
             }
         }
-        if n < 5 {
-            return None;
+        let [min, max] = self.range;
+        let mut count = [0.0_f32; L];
+        for depth in &mut depths {
+            let z = *depth;
+            let is_valid: [bool; L] = std::array::from_fn(|l| (z[l] >= min) & (z[l] <= max));
+            *depth = std::array::from_fn(|l| if is_valid[l] { z[l] } else { f32::INFINITY });
+            count = std::array::from_fn(|l| count[l] + if is_valid[l] { 1.0 } else { 0.0 });
         }
         sort_nine(&mut depths);
-        let (near, far, median) = (depths[0], depths[n - 1], depths[n / 2]);
-        // Neighbours on one surface differ by its slope and the noise; more than that is an edge, where the depth of the
-        // corner itself is a coin toss.
-        (far - near <= 0.02 + 0.03 * median).then_some(f64::from(median))
+        std::array::from_fn(|l| {
+            let n = count[l] as usize;
+            if n < 5 {
+                return 0.0;
+            }
+            let (near, far, median) = (depths[0][l], depths[n - 1][l], depths[n / 2][l]);
+            // Neighbours on one surface differ by its slope and the noise; more than that is an edge, where the depth of the
+            // corner itself is a coin toss.
+            if far - near <= 0.02 + 0.03 * median {
+                median
+            } else {
+                0.0
+            }
+        })
     }
 }
 
-/// Sorts nine numbers by a network of 25 comparisons, whose outcomes no branch has to be predicted for.
-#[inline]
-fn sort_nine(v: &mut [f32; 9]) {
+/// Column and row of a pixel whose neighbours are in the image.
+type Pixel = [usize; 2];
+
+/// Pixels whose depths are read together.
+const LANES: usize = 4;
+
+/// Where in the depth image a point is looked for.
+struct Place {
+    /// None outside the image.
+    pixel: Option<Pixel>,
+    /// How much nearer the point is from where the colour image was taken, m, with a minus sign.
+    nearer: f64,
+}
+
+/// The least single that is not below a number.
+fn at_least(x: f64) -> f32 {
+    let near = x as f32;
+    if f64::from(near) < x {
+        near.next_up()
+    } else {
+        near
+    }
+}
+
+/// Sorts nine numbers of every lane by a network of 25 comparisons, whose outcomes no branch has to be predicted for.
+#[inline(always)]
+fn sort_nine<const L: usize>(v: &mut [[f32; L]; 9]) {
     const NETWORK: [(usize, usize); 25] = [
         (0, 3),
         (1, 7),
@@ -262,9 +360,10 @@ fn sort_nine(v: &mut [f32; 9]) {
         (3, 4),
         (5, 6),
     ];
-    for (a, b) in NETWORK {
-        let (low, high) = (v[a], v[b]);
-        (v[a], v[b]) = if high < low { (high, low) } else { (low, high) };
+    for (i, j) in NETWORK {
+        let (a, b) = (v[i], v[j]);
+        v[i] = std::array::from_fn(|l| if b[l] < a[l] { b[l] } else { a[l] });
+        v[j] = std::array::from_fn(|l| if a[l] < b[l] { b[l] } else { a[l] });
     }
 }
 
@@ -328,10 +427,60 @@ mod tests {
     #[test]
     fn nine_numbers_are_sorted() {
         for bits in 0_u16..512 {
-            let mut v: [f32; 9] = std::array::from_fn(|i| f32::from(bits >> i & 1));
+            let bit = |i: usize| f32::from(bits >> i & 1);
+            let mut v: [[f32; 2]; 9] = std::array::from_fn(|i| [bit(i), 1.0 - bit(i)]);
             sort_nine(&mut v);
-            assert!(v.is_sorted(), "{bits}: {v:?}");
-            assert_eq!(v.iter().sum::<f32>() as u32, bits.count_ones());
+            for (lane, ones) in [bits.count_ones(), 9 - bits.count_ones()]
+                .iter()
+                .enumerate()
+            {
+                let v = v.map(|v| v[lane]);
+                assert!(v.is_sorted(), "{bits}: {v:?}");
+                assert_eq!(v.iter().sum::<f32>() as u32, *ones);
+            }
+        }
+    }
+
+    #[test]
+    fn many_depths_are_those_read_one_by_one() {
+        let config = SensorConfig {
+            min_depth: 1.1,
+            max_depth: 3.3,
+            ..SensorConfig::default()
+        };
+        // A floor that falls away, with holes, and steps every 37 columns.
+        let depth = |i: usize| match (i % 640, i / 640) {
+            (x, y) if (x * y) % 11 == 0 => 0.0,
+            (x, y) => 1.0 + 0.005 * y as f32 + (x / 37 % 2) as f32 * 0.4,
+        };
+        let image = DepthImage::from_vec(640, 480, (0..640 * 480).map(depth).collect()).unwrap();
+        let camera = camera();
+        let velocity = Vec6::new(0.1, 0.0, -1.0, 0.0, 0.9, 0.0);
+        let points: Vec<Vec2> = (0..2003_u32)
+            .map(|i| {
+                Vec2::new(
+                    f64::from(i * 37 % 6400) * 0.1,
+                    f64::from(i * 53 % 4800) * 0.1,
+                )
+            })
+            .collect();
+        for dt in [0.0, 0.012] {
+            let reader = DepthReader::new(&config, &camera, &image, Some(&velocity), dt);
+            let here = reader.depths_at(points.iter().copied());
+            let all = reader.read_all(&points, &points, &here);
+            let one = |p: &Vec2| reader.read(*p, *p);
+            assert_eq!(all, points.iter().map(one).collect::<Vec<_>>());
+            let count = all.iter().flatten().count();
+            assert!((500..1900).contains(&count), "{count}");
+            assert!(here.iter().all(|z| *z == 0.0 || (1.1..=3.3).contains(z)));
+        }
+    }
+
+    #[test]
+    fn the_range_is_that_of_the_configuration_exactly() {
+        for x in [0.3, 0.1, 8.0, -8.0, 0.7, 3.3] {
+            let single = at_least(x);
+            assert!(f64::from(single) >= x && f64::from(single.next_down()) < x);
         }
     }
 

@@ -7,7 +7,9 @@ use stillpoint_geometry::Vec2;
 pub(crate) struct FlowPair {
     /// Raw pixel in the frame before.
     pub(crate) before_raw: [f32; 2],
-    /// Undistorted pixel in the frame before.
+    /// The same, undistorted, as exposed.
+    pub(crate) before_exposed: Vec2,
+    /// Undistorted pixel in the frame before, at its stamp.
     pub(crate) before: Vec2,
     /// Undistorted pixel in the present frame.
     pub(crate) now: Vec2,

@@ -153,6 +153,7 @@ mod tests {
             let pair = |before: Vec3| FlowPair {
                 before_raw: [0.0; 2],
                 before: camera.project(&before),
+                before_exposed: camera.project(&before),
                 now: camera.project(&p),
                 flow_sigma: 0.1,
                 shutter_sigma: 0.0,
@@ -172,6 +173,7 @@ mod tests {
         let pair = FlowPair {
             before_raw: [0.0; 2],
             before: Vec2::new(1.0, 1.0),
+            before_exposed: Vec2::new(1.0, 1.0),
             now: Vec2::new(1.0, 1.0),
             flow_sigma: 0.1,
             shutter_sigma: 0.0,

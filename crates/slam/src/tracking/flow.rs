@@ -90,9 +90,7 @@ impl Tracker {
                 data.camera.project(&p)
             };
             pair.now = at_stamp(observer.undistorted[i], data.keypoints[i].y, &now);
-            let before_raw = Vec2::from(pair.before_raw.map(f64::from));
-            let undistorted = data.camera.undistort(before_raw);
-            pair.before = at_stamp(undistorted, pair.before_raw[1], &before);
+            pair.before = at_stamp(pair.before_exposed, pair.before_raw[1], &before);
             pair.shutter_sigma = shutter.sigma_px(f64::from(pair.before_raw[1]), unsteady);
         }
     }
@@ -160,10 +158,9 @@ impl Tracker {
         let observer = &self.front_end.observer;
         let pair = |(i, pair): (usize, &Option<FlowPair>)| {
             let pair = pair.as_ref().filter(|_| !verdicts[i].dynamic)?;
-            let before_raw = Vec2::from(pair.before_raw.map(f64::from));
             Some(RowPair {
                 now: (observer.undistorted[i], f64::from(data.keypoints[i].y)),
-                before: (data.camera.undistort(before_raw), before_raw.y),
+                before: (pair.before_exposed, f64::from(pair.before_raw[1])),
                 z: data.depth(i)?,
                 sigma: libm::hypot(SIGMA_PX, pair.flow_sigma),
             })
@@ -255,9 +252,11 @@ impl Observer {
 
     /// Both ends as exposed.
     fn pair(&self, found: &FlowMatch, now: &Vec2) -> FlowPair {
+        let before = self.camera.undistort(found.position.map(f64::from).into());
         FlowPair {
             before_raw: found.position,
-            before: self.camera.undistort(found.position.map(f64::from).into()),
+            before_exposed: before,
+            before,
             now: *now,
             flow_sigma: flow_sigma(f64::from(found.forward_backward)),
             shutter_sigma: 0.0,

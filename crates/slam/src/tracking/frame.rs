@@ -5,7 +5,9 @@ use crate::sensor::{DepthReader, SensorConfig};
 use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
 use std::sync::Arc;
-use stillpoint_features::{FeatureGrid, Features, Flow, FlowConfig, OrbConfig, OrbExtractor};
+use stillpoint_features::{
+    FeatureGrid, Features, Flow, FlowConfig, Keypoint, OrbConfig, OrbExtractor,
+};
 use stillpoint_geometry::{Camera, Vec2, Vec6};
 use stillpoint_imaging::{RgbdFrame, Simd};
 use stillpoint_map::KeyframeData;
@@ -19,6 +21,8 @@ pub(super) struct Observer {
     pub(super) flow: Flow,
     /// Undistorted pixels of `features`, as exposed row by row.
     pub(super) undistorted: Vec<Vec2>,
+    /// Depths around their raw pixels in the depth image, m; 0 where there is none.
+    depths: Vec<f32>,
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],
@@ -39,6 +43,7 @@ impl Observer {
             features: Features::default(),
             flow: Flow::new(FlowConfig::default(), simd),
             undistorted: Vec::new(),
+            depths: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),
         }
@@ -58,11 +63,12 @@ impl Observer {
     pub(super) fn extract(&mut self, frame: &RgbdFrame) {
         let _span = tracing::info_span!("extract").entered();
         self.extractor.extract(&frame.gray, &mut self.features);
+        let raw = || self.features.keypoints.iter().map(raw_pixel);
         self.undistorted.clear();
-        for k in &self.features.keypoints {
-            let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
-            self.undistorted.push(self.camera.undistort(raw));
-        }
+        self.undistorted
+            .extend(raw().map(|raw| self.camera.undistort(raw)));
+        let reader = DepthReader::new(&self.sensor, &self.camera, &frame.depth, None, 0.0);
+        self.depths = reader.depths_at(raw());
     }
 
     /// What the frame saw, whose depth image was taken `depth_lag` s after its colour image, brought to the time of its stamp by the camera's
@@ -94,14 +100,19 @@ impl Observer {
             depth_lag,
         );
         let shutter = Shutter::new(&self.camera, timing);
-        for i in kept {
+        let raw: Vec<Vec2> = kept
+            .iter()
+            .map(|i| raw_pixel(&self.features.keypoints[*i]))
+            .collect();
+        let undistorted: Vec<Vec2> = kept.iter().map(|i| self.undistorted[*i]).collect();
+        let here: Vec<f32> = kept.iter().map(|i| self.depths[*i]).collect();
+        let readings = reader.read_all(&raw, &undistorted, &here);
+        for ((i, reading), raw) in kept.into_iter().zip(readings).zip(raw) {
             let (k, undistorted) = (&self.features.keypoints[i], &self.undistorted[i]);
             keypoints.push(*k);
             levels.push(k.level);
             descriptors.push(self.features.descriptors[i]);
             mappable.push(verdicts.is_none_or(|v| v[i].may_map()));
-            let raw = Vec2::new(f64::from(k.x), f64::from(k.y));
-            let reading = reader.read(raw, *undistorted);
             let (mut position, mut z) = (*undistorted, reading.map_or(0.0, |r| r.z));
             let depth = reading.map_or(TYPICAL_DEPTH, |r| r.z);
             let there = shutter.at_stamp(position, raw.y, depth, velocity);
@@ -128,4 +139,9 @@ impl Observer {
             grid,
         })
     }
+}
+
+/// Where a keypoint is in the image as recorded, px.
+fn raw_pixel(k: &Keypoint) -> Vec2 {
+    Vec2::new(f64::from(k.x), f64::from(k.y))
 }

@@ -61,6 +61,7 @@ impl Scene {
             scene.pairs.push(Some(FlowPair {
                 before_raw: [before.x as f32, before.y as f32],
                 before,
+                before_exposed: before,
                 now: pixel,
                 flow_sigma: 0.1,
                 shutter_sigma: 0.0,

@@ -195,6 +195,7 @@ fn judged(config: &StaticFilterConfig, depths: [f32; 2], weight: f64) -> Vec<boo
         Some(FlowPair {
             before_raw: *p,
             before: at,
+            before_exposed: at,
             now: at,
             flow_sigma: 0.1,
             shutter_sigma: 0.0,
