@@ -1,6 +1,7 @@
 //! The image as cells with one depth each: their rays, and where points fall among them.
 
 use crate::sensor::DepthNoise;
+use std::array::from_fn;
 use stillpoint_geometry::{Camera, Vec2};
 use stillpoint_imaging::CoarseDepth;
 
@@ -9,7 +10,7 @@ pub(super) const CELL_PX: usize = 8;
 /// Step of the table from undistorted pixels to cells, px: half a cell.
 const TABLE_STEP: f32 = 4.0;
 /// No cell: outside the raw image.
-const NONE: u16 = u16::MAX;
+pub(super) const NONE: u16 = u16::MAX;
 
 /// How far the table reaches beyond each side of the raw image, in widths and heights of it. A lens whose undistorted image is wider
 /// sees its border at over 70 degrees; what is there is in no cell.
@@ -38,10 +39,12 @@ pub(super) struct Cells {
     pinhole: [f32; 4],
     /// Cell at each point of the table's grid over undistorted pixels.
     table: Vec<u16>,
-    /// The same, without the cells at the border of the image.
+    /// The same, without the cells at the border of the image. Both end with an entry for what is beside them.
     inner_table: Vec<u16>,
     table_origin: [f32; 2],
     table_size: [usize; 2],
+    /// Whether all eight neighbours of a cell exist.
+    is_inner: Vec<bool>,
     noise: DepthNoise,
 }
 
@@ -91,6 +94,7 @@ impl Cells {
             let keep = *cell != NONE && is_inner(usize::from(*cell));
             if keep { *cell } else { NONE }
         };
+        table.push(NONE);
         Self {
             width,
             height,
@@ -100,6 +104,7 @@ impl Cells {
             table,
             table_origin: [x0 as f32, y0 as f32],
             table_size,
+            is_inner: (0..width * height).map(is_inner).collect(),
             noise,
         }
     }
@@ -116,40 +121,41 @@ impl Cells {
     /// The cell in which a point in camera coordinates appears.
     #[cfg(test)]
     pub(super) fn project(&self, p: [f32; 3]) -> Option<usize> {
-        self.at_place(self.table_place(p), p[2])
-    }
-
-    /// Where a point in camera coordinates falls in the table; of no meaning for points that are not in front of the camera.
-    #[inline]
-    pub(super) fn table_place(&self, [x, y, z]: [f32; 3]) -> [f32; 2] {
-        let [fx, fy, cx, cy] = self.pinhole;
-        [
-            (fx * x / z + cx - self.table_origin[0]) / TABLE_STEP,
-            (fy * y / z + cy - self.table_origin[1]) / TABLE_STEP,
-        ]
-    }
-
-    /// The cell at a place in the table where a point at depth `z` (m) appears.
-    #[inline]
-    pub(super) fn at_place(&self, place: [f32; 2], z: f32) -> Option<usize> {
-        self.look_up(&self.table, place, z)
-    }
-
-    /// The cell at a place in the table where a point at depth `z` (m) appears, if all eight neighbours of the cell exist.
-    #[inline]
-    pub(super) fn inner_at(&self, place: [f32; 2], z: f32) -> Option<usize> {
-        self.look_up(&self.inner_table, place, z)
-    }
-
-    #[inline]
-    fn look_up(&self, table: &[u16], [i, j]: [f32; 2], z: f32) -> Option<usize> {
-        let [width, height] = self.table_size;
-        if !(z > 0.05 && i >= 0.0 && j >= 0.0 && i < width as f32 && j < height as f32) {
-            return None;
-        }
-        // Both are within 0 and the size of the table: 32 bits hold them, and are converted faster.
-        let cell = table[j as u32 as usize * width + i as u32 as usize];
+        let [entry] = self.entries(&p.map(|v| [v]));
+        let cell = self.table[entry as usize];
         (cell != NONE).then_some(usize::from(cell))
+    }
+
+    /// The table of all cells.
+    pub(super) fn all(&self) -> &[u16] {
+        &self.table
+    }
+
+    /// The table of the cells whose eight neighbours exist.
+    pub(super) fn inner(&self) -> &[u16] {
+        &self.inner_table
+    }
+
+    /// The entries of a table at which points in camera coordinates appear; the last one for those that are not in front of the camera or
+    /// in no cell.
+    #[inline(always)]
+    pub(super) fn entries<const L: usize>(&self, [x, y, z]: &[[f32; L]; 3]) -> [u32; L] {
+        let [fx, fy, cx, cy] = self.pinhole;
+        let [x0, y0] = self.table_origin;
+        let [width, height] = self.table_size.map(|n| n as f32);
+        let i: [f32; L] = from_fn(|l| (fx * x[l] / z[l] + cx - x0) / TABLE_STEP);
+        let j: [f32; L] = from_fn(|l| (fy * y[l] / z[l] + cy - y0) / TABLE_STEP);
+        let is_inside: [bool; L] = from_fn(|l| {
+            (z[l] > 0.05) & (i[l] >= 0.0) & (j[l] >= 0.0) & (i[l] < width) & (j[l] < height)
+        });
+        // Within 0 and the size of the table: signed 32 bits hold both, and are converted fastest.
+        let column: [i32; L] = from_fn(|l| (if is_inside[l] { i[l] } else { 0.0 }) as i32);
+        let row: [i32; L] = from_fn(|l| (if is_inside[l] { j[l] } else { 0.0 }) as i32);
+        let (stride, beside) = (self.table_size[0] as u32, self.table.len() as u32 - 1);
+        from_fn(|l| {
+            let entry = row[l] as u32 * stride + column[l] as u32;
+            if is_inside[l] { entry } else { beside }
+        })
     }
 
     /// The cell at a raw pixel, the last one where a remainder of the image has none.
@@ -170,6 +176,14 @@ impl Cells {
     /// Calls `f` with the existing cells among the 3x3 around a cell, row by row.
     #[inline]
     pub(super) fn for_each_around(&self, cell: usize, mut f: impl FnMut(usize)) {
+        if self.is_inner[cell] {
+            for row in [cell - self.width, cell, cell + self.width] {
+                f(row - 1);
+                f(row);
+                f(row + 1);
+            }
+            return;
+        }
         let (x, y) = (cell % self.width, cell / self.width);
         for row in y.saturating_sub(1)..(y + 2).min(self.height) {
             for column in x.saturating_sub(1)..(x + 2).min(self.width) {
@@ -337,8 +351,8 @@ mod tests {
         assert_eq!(around(14), [8, 9, 13, 14]);
         let inner = |cell: &usize| {
             let [x, y] = cells.rays()[*cell];
-            let place = cells.table_place([x, y, 1.0]);
-            cells.inner_at(place, 1.0) == Some(*cell)
+            let [entry] = cells.entries(&[[x], [y], [1.0]]);
+            usize::from(cells.inner()[entry as usize]) == *cell
         };
         let inner: Vec<usize> = (0..15).filter(inner).collect();
         assert_eq!(inner, [6, 7, 8]);

@@ -1,5 +1,6 @@
 //! What the filter remembers of earlier frames: their coarse depth and where they were taken from.
 
+use super::visibility::Surroundings;
 use crate::anchored_pose::AnchoredPose;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -17,6 +18,7 @@ pub(super) struct Snapshot {
     pub(super) grid: Arc<CoarseDepth>,
     /// Per cell, whether it was found to move.
     pub(super) moving: Vec<bool>,
+    pub(super) around: Surroundings,
     place: CapturePose,
 }
 
@@ -67,6 +69,7 @@ impl History {
         self.frames.push_back(Arc::new(Snapshot {
             frame,
             stamp,
+            around: Surroundings::new(grid.width(), grid.data(), &moving),
             grid,
             moving,
             place: *place,
@@ -81,6 +84,7 @@ impl History {
                 stamp,
                 grid: Arc::clone(&s.grid),
                 moving: s.moving.clone(),
+                around: s.around.clone(),
                 place: CapturePose {
                     anchored,
                     ..s.place

@@ -134,17 +134,15 @@ impl Surfaces {
         let motion = visibility::CellMotion::new(&pose);
         let before = last.grid.data();
         let keep = libm::powf(KEEP, worth(Some(now.stamp - last.stamp)));
-        motion.for_each(cells, now.grid.data(), |cell, place, z| {
-            let Some(place) = cells.at_place(place, z) else {
-                return;
-            };
+        motion.for_each(cells, cells.all(), now.grid.data(), |cell, place, z| {
             // The camera's motion puts the cell between cells of the last frame, and what moves went its own way since: every
             // neighbour at about this depth may be where the surface was.
             let (mut sum, mut count, mut moved) = (0.0, 0.0, None);
             cells.for_each_around(place, |near| {
-                if before[near] > 0.0 && (before[near] - z).abs() < 0.05 + 0.01 * z {
-                    sum += self.motion[near];
-                    count += 1.0;
+                let is_it = (before[near] > 0.0) & ((before[near] - z).abs() < 0.05 + 0.01 * z);
+                sum += if is_it { self.motion[near] } else { 0.0 };
+                count += if is_it { 1.0 } else { 0.0 };
+                if is_it & self.moved_at[near].is_some() {
                     moved = later(moved, self.moved_at[near]);
                 }
             });
@@ -166,6 +164,7 @@ fn weigh_free_space(cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32>
         let earlier = Earlier {
             grid: &s.grid,
             moving: &s.moving,
+            around: &s.around,
             // Both poses in the present view of the map: a correction in between moved them together.
             earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
             age: now.stamp - s.stamp,

@@ -5,7 +5,8 @@
 //! moved; where it is nearer, the place was hidden and nothing is known. Agreement soon after says little, since slow
 //! things stay under the noise; seeing through is proof at any age. (docs/algorithm.md, free-space test.)
 
-use super::cells::Cells;
+use super::cells::{Cells, NONE};
+use std::array::from_fn;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::CoarseDepth;
 
@@ -15,7 +16,7 @@ const SEEN_THROUGH: f32 = 4.0;
 const MATCH_PER_SECOND: f32 = 4.5;
 const MATCH_LIMIT: f32 = 2.0;
 /// Of the neighbours of the place in the earlier frame, this many must have depth to call it empty.
-const MIN_VALID: u32 = 5;
+const MIN_VALID: u8 = 5;
 
 /// Cells that are moved together.
 const LANES: usize = 16;
@@ -25,9 +26,59 @@ pub(super) struct Earlier<'a> {
     pub(super) grid: &'a CoarseDepth,
     /// Per cell, whether it was found to move.
     pub(super) moving: &'a [bool],
+    pub(super) around: &'a Surroundings,
     pub(super) earlier_from_now: Se3,
     /// Seconds ago.
     pub(super) age: f64,
+}
+
+/// What is in the 3x3 cells around each inner cell of a frame, so that most places are compared with it at one look.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Surroundings {
+    /// The least depth, m; infinite where there is none.
+    nearest: Vec<f32>,
+    /// The greatest depth of what was not found to move, m; 0 where there is none.
+    farthest_still: Vec<f32>,
+    /// How many of them have a depth.
+    valid: Vec<u8>,
+}
+
+impl Surroundings {
+    /// Of a frame with these depths, in rows of `width` cells, and what was found to move.
+    pub(super) fn new(width: usize, depth: &[f32], moving: &[bool]) -> Self {
+        let near: Vec<f32> = depth
+            .iter()
+            .map(|z| if *z > 0.0 { *z } else { f32::INFINITY })
+            .collect();
+        let still = depth.iter().zip(moving);
+        let still: Vec<f32> = still.map(|(z, m)| if *m { 0.0 } else { *z }).collect();
+        let valid: Vec<u8> = depth.iter().map(|z| u8::from(*z > 0.0)).collect();
+        Self {
+            nearest: over_three_by_three(width, &near, |a, b| if b < a { b } else { a }),
+            farthest_still: over_three_by_three(width, &still, |a, b| if b > a { b } else { a }),
+            valid: over_three_by_three(width, &valid, |a, b| a + b),
+        }
+    }
+}
+
+/// Folds the 3x3 values around each inner one; those at the border stay as they are.
+fn over_three_by_three<T: Copy>(width: usize, values: &[T], fold: impl Fn(T, T) -> T) -> Vec<T> {
+    let mut out = values.to_vec();
+    let height = values.len().checked_div(width).unwrap_or(0);
+    if width < 3 || height < 3 {
+        return out;
+    }
+    for y in 1..height - 1 {
+        let row = |y: usize| &values[y * width..(y + 1) * width];
+        let (above, here, below) = (row(y - 1), row(y), row(y + 1));
+        let three = above.iter().zip(here).zip(below);
+        let columns: Vec<T> = three.map(|((a, b), c)| fold(fold(*a, *b), *c)).collect();
+        let inner = &mut out[y * width + 1..(y + 1) * width - 1];
+        for (out, three) in inner.iter_mut().zip(columns.windows(3)) {
+            *out = fold(fold(three[0], three[1]), three[2]);
+        }
+    }
+    out
 }
 
 /// A rigid motion in single precision, for points given by ray and depth.
@@ -45,35 +96,40 @@ impl CellMotion {
         }
     }
 
-    /// The moved point at depth `z` (m) along a ray (x/z, y/z).
-    #[inline]
-    pub(super) fn apply(&self, [x, y]: [f32; 2], z: f32) -> [f32; 3] {
-        let (x, y) = (x * z, y * z);
-        let row = |r: &[f32; 3], t: f32| r[0] * x + r[1] * y + r[2] * z + t;
-        let ([r0, r1, r2], [t0, t1, t2]) = (&self.r, self.t);
-        [row(r0, t0), row(r1, t1), row(r2, t2)]
+    /// The moved points at depths `z` (m) along rays (x/z, y/z).
+    #[inline(always)]
+    fn apply_all<const L: usize>(&self, u: &[f32; L], v: &[f32; L], z: &[f32; L]) -> [[f32; L]; 3] {
+        let x: [f32; L] = from_fn(|l| u[l] * z[l]);
+        let y: [f32; L] = from_fn(|l| v[l] * z[l]);
+        from_fn(|i| {
+            let (r, t) = (&self.r[i], self.t[i]);
+            from_fn(|l| r[0] * x[l] + r[1] * y[l] + r[2] * z[l] + t)
+        })
     }
 
-    /// Calls `f` for each cell with a depth: with the cell, its place in the table after the motion, and its depth then (m).
-    #[inline]
+    /// Calls `f` for each cell with a depth that this motion puts into a cell of `table`: with the cell, that one, and its depth then (m).
+    #[inline(always)]
     pub(super) fn for_each(
         &self,
         cells: &Cells,
+        table: &[u16],
         depth: &[f32],
-        mut f: impl FnMut(usize, [f32; 2], f32),
+        mut f: impl FnMut(usize, usize, f32),
     ) {
         let rays = cells.rays().chunks(LANES);
         for (block, (rays, depth)) in rays.zip(depth.chunks(LANES)).enumerate() {
-            // Whole blocks without a branch, so that they are computed in vectors; what has no depth is passed over below.
-            let mut moved = [[0.0; LANES]; 3];
-            let [u, v, w] = &mut moved;
-            for (k, (ray, &z)) in rays.iter().zip(depth).enumerate() {
-                let p = self.apply(*ray, z);
-                [u[k], v[k]] = cells.table_place(p);
-                w[k] = p[2];
+            // Whole blocks without a branch, so that they are computed in vectors.
+            let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
+            for (k, ([u, v], depth)) in rays.iter().zip(depth).enumerate() {
+                (x[k], y[k], z[k]) = (*u, *v, *depth);
             }
+            let moved = self.apply_all(&x, &y, &z);
+            let entries = cells.entries(&moved);
             for (k, _) in depth.iter().enumerate().filter(|(_, z)| **z > 0.0) {
-                f(block * LANES + k, [moved[0][k], moved[1][k]], moved[2][k]);
+                let place = table[entries[k] as usize];
+                if place != NONE {
+                    f(block * LANES + k, usize::from(place), moved[2][k]);
+                }
             }
         }
     }
@@ -88,16 +144,16 @@ pub(super) fn add_evidence(
 ) {
     let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
     let motion = CellMotion::new(&earlier.earlier_from_now);
-    let before = (earlier.grid.data(), earlier.moving);
-    motion.for_each(cells, now.data(), |cell, place, z| {
-        if let Some(place) = cells.inner_at(place, z) {
-            match compare(before, cells, place, z) {
-                Seen::Through => evidence[cell] += SEEN_THROUGH,
-                Seen::Same => evidence[cell] -= weight,
-                Seen::Hidden => {}
-            }
-        }
-    });
+    motion.for_each(
+        cells,
+        cells.inner(),
+        now.data(),
+        |cell, place, z| match compare(earlier, cells, place, z) {
+            Seen::Through => evidence[cell] += SEEN_THROUGH,
+            Seen::Same => evidence[cell] -= weight,
+            Seen::Hidden => {}
+        },
+    );
 }
 
 /// What an earlier frame says of a place.
@@ -113,29 +169,22 @@ pub(super) enum Seen {
 
 /// Compares a depth with the 3x3 cells around its place. A surface that was moving then and is at the same depth is not the
 /// same thing standing still: large things overlap with where they were.
-pub(super) fn compare(
-    (before, moving): (&[f32], &[bool]),
-    cells: &Cells,
-    place: usize,
-    z: f32,
-) -> Seen {
+#[inline]
+fn compare(earlier: &Earlier<'_>, cells: &Cells, place: usize, z: f32) -> Seen {
+    let (before, moving, around) = (earlier.grid.data(), earlier.moving, earlier.around);
     let (width, tolerance) = (cells.width, cells.depth_tolerance(z));
+    let is_same = |i: usize| (before[i] > 0.0) & ((before[i] - z).abs() <= tolerance) & !moving[i];
     // What is seen most by far, first.
-    if before[place] > 0.0 && (before[place] - z).abs() <= tolerance && !moving[place] {
+    if is_same(place) {
         return Seen::Same;
     }
-    let (mut valid, mut farther, mut same) = (0, 0, false);
-    for row in [place - width, place, place + width] {
-        for i in row - 1..=row + 1 {
-            let there = before[i];
-            valid += u32::from(there > 0.0);
-            farther += u32::from(there > z + tolerance);
-            same |= there > 0.0 && (there - z).abs() <= tolerance && !moving[i];
-        }
-    }
-    if same {
+    let (nearest, farthest) = (around.nearest[place], around.farthest_still[place]);
+    // Where all of it is farther or what stood still is nearer, none of it can be the same.
+    let none_is_same = (nearest - z > tolerance) | (z - farthest > tolerance);
+    let mut rows = [place - width, place, place + width].into_iter();
+    if !none_is_same && rows.any(|row| (row - 1..=row + 1).any(is_same)) {
         Seen::Same
-    } else if valid >= MIN_VALID && farther == valid {
+    } else if around.valid[place] >= MIN_VALID && nearest > z + tolerance {
         Seen::Through
     } else {
         Seen::Hidden
@@ -175,7 +224,67 @@ mod tests {
             let cell = (i / 3 + 1) * W + i % 3 + 1;
             (before[cell], label[cell]) = (around[i], moving[i]);
         }
-        compare((&before, &label), cells, PLACE, 2.0)
+        let found = seen_as_defined((&before, &label), cells.depth_tolerance(2.0));
+        let around = Surroundings::new(W, &before, &label);
+        let grid = grid_of(&before);
+        let earlier = Earlier {
+            grid: &grid,
+            moving: &label,
+            around: &around,
+            earlier_from_now: Se3::identity(),
+            age: 1.0,
+        };
+        assert_eq!(compare(&earlier, cells, PLACE, 2.0), found);
+        found
+    }
+
+    /// Cells with these depths.
+    fn grid_of(depths: &[f32]) -> CoarseDepth {
+        const CELL: usize = super::super::cells::CELL_PX;
+        let pixel = |i: usize| depths[i / (W * CELL) / CELL * W + i % (W * CELL) / CELL];
+        let data = (0..depths.len() * CELL * CELL).map(pixel).collect();
+        let height = depths.len() / W * CELL;
+        CoarseDepth::new(&DepthImage::from_vec(W * CELL, height, data).unwrap(), CELL)
+    }
+
+    /// The comparison at 2 m by its definition, cell by cell.
+    fn seen_as_defined((before, moving): (&[f32], &[bool]), tolerance: f32) -> Seen {
+        let (mut valid, mut farther, mut same) = (0, 0, false);
+        for row in [PLACE - W, PLACE, PLACE + W] {
+            for i in row - 1..=row + 1 {
+                let there = before[i];
+                valid += u8::from(there > 0.0);
+                farther += u8::from(there > 2.0 + tolerance);
+                same |= there > 0.0 && (there - 2.0).abs() <= tolerance && !moving[i];
+            }
+        }
+        match same {
+            true => Seen::Same,
+            false if valid >= MIN_VALID && farther == valid => Seen::Through,
+            false => Seen::Hidden,
+        }
+    }
+
+    #[test]
+    fn places_are_compared_as_defined() {
+        let cells = five_by_five(1.0);
+        let depths = [0.0, 1.0, 1.9, 2.0, 2.06, 2.2, 3.0];
+        let mut x = 1_u64;
+        let mut seen = [0; 3];
+        for _ in 0..5000 {
+            let mut next = |n: usize| {
+                x = x.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (x >> 33) as usize % n
+            };
+            // Often of one side, as surfaces are.
+            let (from, count) = (next(7), 1 + next(4));
+            let around = std::array::from_fn(|_| depths[(from + next(count)).min(6)]);
+            let one_in = 2 + next(9);
+            let moving = std::array::from_fn(|_| next(one_in) == 0);
+            // Compares both.
+            seen[seen_among(&cells, around, moving) as usize] += 1;
+        }
+        assert!(seen.iter().all(|n| *n > 200), "{seen:?}");
     }
 
     fn with(value: f32, rest: f32, count: usize) -> [f32; 9] {
@@ -236,10 +345,10 @@ mod tests {
     fn motions_agree_with_rigid_transforms() {
         let turn = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
         let pose = Se3::new(turn, Vec3::new(0.2, -0.1, 0.4));
-        let p = CellMotion::new(&pose).apply([0.3, -0.2], 2.5);
+        let p = CellMotion::new(&pose).apply_all(&[0.3], &[-0.2], &[2.5]);
         let exact = pose.transform(&Vec3::new(0.75, -0.5, 2.5));
         for i in 0..3 {
-            assert!((f64::from(p[i]) - exact[i]).abs() < 1e-5);
+            assert!((f64::from(p[i][0]) - exact[i]).abs() < 1e-5);
         }
     }
 
@@ -262,9 +371,11 @@ mod tests {
             DepthNoise::default(),
         );
         let mut evidence = vec![0.0; cells.count()];
+        let moving = vec![was_moving; cells.count()];
         let earlier = Earlier {
             grid: before,
-            moving: &vec![was_moving; cells.count()],
+            moving: &moving,
+            around: &Surroundings::new(cells.width, before.data(), &moving),
             earlier_from_now: Se3::new(UnitQuaternion::identity(), Vec3::new(0.0, 0.0, back)),
             age,
         };
