@@ -160,6 +160,9 @@ fn the_page_shows_what_the_summary_says() {
         let share = seen[0].as_f64().unwrap();
         assert!(share > 0.05, "{what}: {share}");
         assert!(!looks.contains(&seen[1]), "{what} looks as before");
+        // Of what does not change only the parts are drawn again that something had covered.
+        browser.eval("page.view.scene.key = null, page.view.redraw()");
+        assert_eq!(browser.eval(LOOK), seen, "{what}, drawn anew");
         looks.push(seen[1].clone());
     };
     for frame in [10, 30, 50] {

@@ -23,8 +23,9 @@ void main() {
   colour = tint;
 }`;
 
-/// Layers that change with the frame. They are drawn over the others, which are drawn once for each view and then copied: without a graphics card
-/// points and lines take ten times as long as a copy. So the camera and what moves are not hidden by points either.
+/// Layers that change with the frame. They are drawn over the others, which are drawn once for each view and then copied to where these were:
+/// without a graphics card points and lines take ten times as long as a copy, and a copy of all as long as the rest of a frame. So the camera
+/// and what moves are not hidden by points either.
 const CHANGING = new Set(["camera", "movers"]);
 
 class Scene {
@@ -49,6 +50,8 @@ class Scene {
     this.program = program(VERTEX, FRAGMENT);
     this.targets = null;
     this.key = null;
+    // The part of the canvas in which layers that change were drawn.
+    this.touched = null;
     this.matrix = gl.getUniformLocation(this.program, "clip_from_world");
     this.size = gl.getUniformLocation(this.program, "size");
     this.isRound = gl.getUniformLocation(this.program, "is_round");
@@ -70,6 +73,7 @@ class Scene {
       this.layers.set(name, layer);
     }
     layer.kind = kind;
+    layer.positions = CHANGING.has(name) ? positions : null;
     layer.count = corners ? corners.length : positions.length / 3;
     gl.bindVertexArray(layer.array);
     gl.bindBuffer(gl.ARRAY_BUFFER, layer.buffers[0]);
@@ -124,7 +128,7 @@ class Scene {
     if (canvas.width !== w || canvas.height !== h) [canvas.width, canvas.height] = [w, h];
     gl.viewport(0, 0, w, h);
     const paper = rgb("--scene"), matrix = this.clipFromWorld(), size = this.pointSize * scale * this.distance;
-    const key = [w, h, size, paper, matrix].join();
+    const key = [w, h, size, paper, matrix].join(), whole = [0, 0, w, h];
     if (key !== this.key) {
       if (!this.targets || this.targets.size !== `${w}x${h}`) this.makeTargets(w, h);
       gl.bindFramebuffer(gl.FRAMEBUFFER, this.targets.sampled);
@@ -135,15 +139,39 @@ class Scene {
       this.drawLayers(matrix, size, false);
       gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.targets.sampled);
       gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, this.targets.drawn);
-      gl.blitFramebuffer(0, 0, w, h, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+      gl.blitFramebuffer(...whole, ...whole, gl.COLOR_BUFFER_BIT, gl.NEAREST);
       this.key = key;
+      this.touched = whole;
     }
-    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.targets.drawn);
-    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
-    gl.blitFramebuffer(0, 0, w, h, 0, 0, w, h, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    if (this.touched) {
+      gl.bindFramebuffer(gl.READ_FRAMEBUFFER, this.targets.drawn);
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+      gl.blitFramebuffer(...this.touched, ...this.touched, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+    }
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.disable(gl.DEPTH_TEST);
     this.drawLayers(matrix, size, true);
+    this.touched = this.reach(matrix, w, h);
+  }
+
+  /// The part of the canvas in which the layers that change lie, as left, bottom, right and top, px; null for none.
+  reach(matrix, w, h) {
+    let box = null;
+    for (const name of CHANGING) {
+      const layer = this.layers.get(name);
+      if (!layer || !layer.shown) continue;
+      const p = layer.positions, at = (row, i) => matrix[row] * p[i] + matrix[4 + row] * p[i + 1] + matrix[8 + row] * p[i + 2] + matrix[12 + row];
+      for (let i = 0; i < p.length; i += 3) {
+        const depth = at(3, i);
+        // What begins behind the viewer ends anywhere.
+        if (!(depth > 1e-6)) return [0, 0, w, h];
+        const [x, y] = [(at(0, i) / depth + 1) / 2 * w, (at(1, i) / depth + 1) / 2 * h];
+        box = box ? [Math.min(box[0], x), Math.min(box[1], y), Math.max(box[2], x), Math.max(box[3], y)] : [x, y, x, y];
+      }
+    }
+    if (!box) return null;
+    const clamp = (v, most) => Math.max(0, Math.min(most, v));
+    return [clamp(Math.floor(box[0]) - 2, w), clamp(Math.floor(box[1]) - 2, h), clamp(Math.ceil(box[2]) + 2, w), clamp(Math.ceil(box[3]) + 2, h)];
   }
 
   drawLayers(matrix, size, changing) {

@@ -8,7 +8,7 @@ class Timeline {
   constructor(canvas, go) {
     this.canvas = canvas;
     this.go = go;
-    this.back = document.createElement("canvas");
+    this.line = byId("now-line");
     const to = (e) => {
       const box = canvas.getBoundingClientRect();
       this.go(Math.round((e.clientX - box.left - this.left) / Math.max(1, box.width - this.left - 8) * (this.run.count - 1)));
@@ -44,16 +44,15 @@ class Timeline {
     this.paint();
   }
 
-  /// Draws the bands, once.
+  /// Draws the bands, once; where one is, is a line above them.
   paint() {
-    const { canvas, run, back } = this, scale = Math.min(2, window.devicePixelRatio || 1);
+    const { canvas, run } = this, scale = Math.min(2, window.devicePixelRatio || 1);
     const [w, h] = [Math.max(1, canvas.clientWidth), Math.max(1, canvas.clientHeight)];
-    for (const c of [canvas, back]) [c.width, c.height] = [w * scale, h * scale];
-    const g = back.getContext("2d");
+    [canvas.width, canvas.height] = [w * scale, h * scale];
+    const g = canvas.getContext("2d");
     g.scale(scale, scale);
     this.left = w < 480 ? 70 : 108;
     const width = w - this.left - 8, band = 14, top = 20;
-    g.clearRect(0, 0, w, h);
     g.font = "12px system-ui, sans-serif";
     g.textBaseline = "middle";
     const n = run.count;
@@ -128,13 +127,8 @@ class Timeline {
 
   at(i) {
     this.frame = i;
-    const g = this.canvas.getContext("2d"), run = this.run;
-    g.setTransform(1, 0, 0, 1, 0, 0);
-    g.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    g.drawImage(this.back, 0, 0);
-    const scale = Math.min(2, window.devicePixelRatio || 1), x = this.x(i) * scale;
-    g.fillStyle = css("--ink");
-    g.fillRect(x - scale, 4 * scale, 2 * scale, this.canvas.height - 22 * scale);
+    const run = this.run;
+    this.line.style.transform = `translateX(${this.x(i)}px)`;
     this.canvas.setAttribute("aria-valuenow", String(i));
     if (run.count) this.canvas.setAttribute("aria-valuetext", `frame ${run.id[i]}, ${STATES[run.state[i]]}, ${fixed(run.seconds[i], 2)} seconds`);
   }
