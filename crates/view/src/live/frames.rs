@@ -11,8 +11,8 @@ use stillpoint_slam::{AnchoredPose, FrameReport, Health, Outcome};
 
 /// Frames that are shown, at most: ten minutes at 30 Hz. Of longer runs every second one is shown, again and again.
 const MOST_FRAMES: usize = 18_000;
-/// Versions of the map that are kept, because tracking may still use an older one than the newest.
-const VIEWS: usize = 8;
+/// Versions of the map that are remembered, because tracking may still use an older one than the newest.
+const VERSIONS: usize = 8;
 /// A pose that moved by less is not told again, m and rad: less than a pixel of the picture.
 const STILL: f64 = 1e-3;
 
@@ -38,6 +38,35 @@ struct Anchored {
     submap: SubmapId,
 }
 
+/// What is remembered of a version of the map: what frames that used it hang on. A few numbers, since an older map would keep all that was
+/// changed in it since.
+#[derive(Clone, Copy, Debug)]
+struct Version {
+    number: u64,
+    newest: Option<Newest>,
+}
+
+/// The newest keyframe of a version, as it was then.
+#[derive(Clone, Copy, Debug)]
+struct Newest {
+    keyframe: KeyframeId,
+    submap: Option<SubmapId>,
+    world_from_keyframe: Option<Se3>,
+}
+
+impl Version {
+    fn of(view: &MapView, newest: Option<KeyframeId>) -> Self {
+        Self {
+            number: view.version(),
+            newest: newest.map(|keyframe| Newest {
+                keyframe,
+                submap: view.submap_of(keyframe),
+                world_from_keyframe: view.world_from_keyframe(keyframe),
+            }),
+        }
+    }
+}
+
 /// All frames.
 #[derive(Clone, Debug)]
 pub(super) struct Frames {
@@ -49,7 +78,9 @@ pub(super) struct Frames {
     /// Frames that went by.
     count: usize,
     posed: usize,
-    views: VecDeque<(Arc<MapView>, Option<KeyframeId>)>,
+    versions: VecDeque<Version>,
+    /// The newest version.
+    view: Option<Arc<MapView>>,
     /// Keyframe ids that the map had before the run.
     first_id: u32,
     /// The submap that is shown.
@@ -65,7 +96,8 @@ impl Default for Frames {
             most: MOST_FRAMES,
             count: 0,
             posed: 0,
-            views: VecDeque::new(),
+            versions: VecDeque::new(),
+            view: None,
             first_id: 0,
             submap: None,
         }
@@ -93,15 +125,18 @@ impl Frames {
     /// Begins with a map.
     pub(super) fn begin(&mut self, view: Arc<MapView>) {
         self.first_id = view.keyframe_bound() as u32;
-        self.views.push_back((view, None));
+        self.versions.push_back(Version::of(&view, None));
+        self.view = Some(view);
     }
 
     /// Takes a new version of the map; `newest` is the keyframe that it brings.
     pub(super) fn set_view(&mut self, view: &Arc<MapView>, newest: Option<KeyframeId>) {
-        let newest = newest.or_else(|| self.views.back()?.1);
-        self.views.push_back((Arc::clone(view), newest));
-        if self.views.len() > VIEWS {
-            self.views.pop_front();
+        let before = || Some(self.versions.back()?.newest?.keyframe);
+        let version = Version::of(view, newest.or_else(before));
+        self.versions.push_back(version);
+        self.view = Some(Arc::clone(view));
+        if self.versions.len() > VERSIONS {
+            self.versions.pop_front();
         }
     }
 
@@ -150,11 +185,12 @@ impl Frames {
     fn anchor(&self, report: &FrameReport) -> Option<Anchored> {
         let online_world_from_camera = report.world_from_camera?;
         let submap = report.submap?;
-        let used = |(view, _): &&(Arc<MapView>, _)| view.version() <= report.map_version;
-        let used = self.views.iter().rev().find(used).or(self.views.front());
-        let reference = used.and_then(|(view, newest)| {
-            let newest = newest.filter(|id| view.submap_of(*id) == Some(submap))?;
-            Some((newest, view.world_from_keyframe(newest)?))
+        let all = &self.versions;
+        let used = |version: &&Version| version.number <= report.map_version;
+        let used = all.iter().rev().find(used).or(all.front());
+        let reference = used.and_then(|version| {
+            let newest = version.newest.filter(|n| n.submap == Some(submap))?;
+            Some((newest.keyframe, newest.world_from_keyframe?))
         });
         let own = KeyframeId(report.frame.0.saturating_add(self.first_id));
         // Without a keyframe to hang on, the pose stays as it was measured.
@@ -172,7 +208,7 @@ impl Frames {
 
     /// The submap that a pose is in by what is known now.
     fn submap_now(&self, anchored: &Anchored) -> Option<SubmapId> {
-        let view = self.views.back().map(|(view, _)| view);
+        let view = self.view.as_ref();
         let joined = view.and_then(|v| v.submap_of(anchored.pose.reference));
         joined.or(Some(anchored.submap))
     }
@@ -184,10 +220,10 @@ impl Frames {
         }
         let pose = &anchored.pose;
         Some(
-            self.views
-                .back()
-                .map_or(pose.online_world_from_camera, |(v, _)| {
-                    pose.best_world_from_camera(v)
+            self.view
+                .as_ref()
+                .map_or(pose.online_world_from_camera, |view| {
+                    pose.best_world_from_camera(view)
                 }),
         )
     }

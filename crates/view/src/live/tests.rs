@@ -270,3 +270,28 @@ fn the_page_asks_for_its_own_events_and_nothing_else() {
         assert!(!html.contains(what), "{what}");
     }
 }
+
+#[test]
+fn of_the_map_the_newest_version_alone_is_held() {
+    let walk = walk();
+    let mut page = LivePage::new(About::default());
+    let mut given = Vec::new();
+    for event in &walk.events {
+        // Every version for itself, so that who holds one is seen.
+        let event = match event {
+            Event::Mapped { report, view } => {
+                let view = Arc::new(MapView::clone(view));
+                given.push(Arc::downgrade(&view));
+                Event::Mapped {
+                    report: report.clone(),
+                    view,
+                }
+            }
+            other => other.clone(),
+        };
+        page.receive(&event);
+        drop(event);
+        assert!(given.iter().filter(|v| v.strong_count() > 0).count() <= 1);
+    }
+    assert!(given.len() > 8, "{} versions", given.len());
+}
