@@ -81,7 +81,11 @@ impl ResultFolder {
         let mut folder = Self {
             out: out.to_owned(),
             // Two options may name the same folder.
-            aside: out.join(format!("{UNFINISHED}{option}-{}", std::process::id())),
+            aside: out.join(format!(
+                "{UNFINISHED}--{}-{}",
+                option.trim_start_matches('-'),
+                std::process::id()
+            )),
             option,
             is_ours,
             names: BTreeSet::new(),

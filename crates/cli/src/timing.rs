@@ -88,6 +88,21 @@ impl Timing {
         }
     }
 
+    /// Takes a frame's time that somebody else measured, ms, and ends the frame.
+    pub(crate) fn take_frame(&self, name: &'static str, milliseconds: f64) {
+        let mut table = self.lock();
+        let frame = table.frames;
+        let sample = (frame, milliseconds);
+        match table.stages.iter_mut().find(|s| s.name == name) {
+            Some(stage) => stage.samples.push(sample),
+            None => table.stages.push(TimedStage {
+                name,
+                samples: vec![sample],
+            }),
+        }
+        table.frames += 1;
+    }
+
     /// Ends a frame on this thread: its sums become samples. A frame in which nothing was measured is none.
     pub(crate) fn end_frame(&self) {
         self.end(true);

@@ -139,6 +139,7 @@ impl DemoStage<'_> {
         console::info(&format!("static filter {name}"));
         let mut frames = ReadAhead::new(simulator.source().with_colour());
         let session = driver.drive(&mut frames, &mut outputs)?;
+        let report = outputs.report.take();
         let setup = Setup {
             input: Input {
                 name: format!("{}, filter {name}", self.scene.scene),
@@ -150,7 +151,7 @@ impl DemoStage<'_> {
             timing: self.timing,
             truth: Some(&truth),
             log: None,
-            report: outputs.report.take().map(|g| g.0),
+            report: report.as_ref().map(|g| &g.0),
             view: None,
             command: page::typed(),
         };

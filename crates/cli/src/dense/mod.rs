@@ -104,18 +104,11 @@ impl Fusion {
         self.note_memory();
         let counts = self.dense.counts();
         let frames = self.dense.taken().iter().map(|f| f.0).collect();
-        let map = self.dense.finish(poses);
-        let mesh = map.mesh(&MeshOptions::default());
-        Fused {
-            json: DenseJson::new(&counts, &map, &mesh, self.most_bytes.max(map.bytes())),
-            logged: Logged {
-                voxel: map.voxel(),
-                frames,
-            },
-            up: self.up.unwrap_or_else(|| -Vec3::y()),
-            map,
-            mesh,
-        }
+        let mut fused = Fused::of(self.dense.finish(poses), &counts);
+        fused.json.memory_bytes = self.most_bytes.max(fused.json.memory_bytes);
+        fused.logged.frames = frames;
+        fused.up = self.up.unwrap_or(fused.up);
+        fused
     }
 
     /// Has a live page show the surface as it grows.
@@ -164,6 +157,21 @@ pub(crate) struct Fused {
 }
 
 impl Fused {
+    /// A finished surface, and what was done for it; up is that of a camera that was held upright at first.
+    pub(crate) fn of(map: DenseMap, counts: &DenseCounts) -> Self {
+        let mesh = map.mesh(&MeshOptions::default());
+        Self {
+            json: DenseJson::new(counts, &map, &mesh, map.bytes()),
+            logged: Logged {
+                voxel: map.voxel(),
+                frames: Vec::new(),
+            },
+            up: -Vec3::y(),
+            map,
+            mesh,
+        }
+    }
+
     /// What a map file keeps of it.
     pub(crate) fn extension(&self) -> Extension {
         Extension {

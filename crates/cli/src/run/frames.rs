@@ -62,7 +62,7 @@ impl Line {
 }
 
 /// All frames of a run, in order.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Frames(Vec<Line>);
 
 /// Poses of one submap, in its own frame of reference.

@@ -271,7 +271,7 @@ impl Begun<'_> {
             timing: self.task.timing,
             truth: self.truth.as_deref(),
             log: log()?,
-            report: gathered.map(|g| g.0),
+            report: gathered.as_ref().map(|g| &g.0),
             view: view.as_ref(),
             command: page::typed(),
         };

@@ -31,7 +31,7 @@ pub(crate) struct Setup<'a> {
     pub(crate) timing: &'a Timing,
     pub(crate) truth: Option<&'a [StampedPose]>,
     /// What the report shows of the frames; none where none is to be written.
-    pub(crate) report: Option<ReportRecorder>,
+    pub(crate) report: Option<&'a ReportRecorder>,
     /// Where the run was shown while it went on: it is told the report.
     pub(crate) view: Option<&'a PageView>,
     /// How the run was begun.
@@ -126,7 +126,7 @@ pub(crate) fn write(
     // After all that takes memory, but for the report, which holds it.
     let summary = summarise(setup, session, scores.as_ref());
     let json = to_json(&summary)?;
-    if let Some(recorder) = &setup.report {
+    if let Some(recorder) = setup.report {
         let score = scores.as_ref().map(|s| &s.0);
         let run = data::of_session(setup, session, &json, score, recorder, config);
         if let Some(view) = setup.view {

@@ -11,7 +11,7 @@ use stillpoint::map::MapView;
 use stillpoint::slam::{Event, FrameReport, Subscriber, Trajectory};
 
 /// Counts while frames go by.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(crate) struct Tally {
     /// Frames that went through the system.
     pub(crate) frames: usize,

@@ -1,6 +1,8 @@
 //! What front ends in other languages take over from the command line, so that the same words mean the same there.
 //!
-//! Answers: which configuration, detector or map a user's words name, and which poses make a trajectory. Says nothing on the terminal.
+//! Answers: which configuration, detector or map a user's words name, which poses make a trajectory, and what a result folder holds. Says nothing on the terminal.
+
+mod result;
 
 use crate::args::ConfigArgs;
 use crate::args::models::DetectorArgs;
@@ -20,6 +22,8 @@ use stillpoint::geometry::Camera;
 use stillpoint::imaging::Simd;
 use stillpoint::map::{Extension, Map, MapView};
 use stillpoint::slam::{Config, Timing, Trajectory, TrajectoryEntry};
+
+pub use result::{Driven, ResultRecorder};
 
 /// What a user asked for cannot be had: what was expected, what was found, where, and what to do.
 #[derive(Clone, Debug, PartialEq, Eq)]
