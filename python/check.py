@@ -3,6 +3,7 @@
 
     python3 python/check.py                 everything; packages come from PyPI
     python3 python/check.py --wheel FILE    a wheel that is there
+    python3 python/check.py --build FOLDER  builds the wheel into a folder, looks at it, and ends
     python3 python/check.py --here          with this Python and what it has, installing nothing: what .ci/run does
 """
 
@@ -24,6 +25,8 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 VERSIONS = ["3.10", "3.11", "3.12", "3.13", "3.14"]
 LARGEST = 15e6
+# Its C library is older than that of any system that has one of these Pythons.
+LINUX = "manylinux_2_17"
 TESTS = ["pytest", "hypothesis", "pillow"]
 MORE = ["mypy", "matplotlib", "nbclient", "ipykernel", "nbformat", "opencv-python-headless"]
 
@@ -78,9 +81,28 @@ def environment(python: Path, folder: Path) -> Path:
     return folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
 
 
-def build(folder: Path, maturin: Sequence[object], is_quick: bool) -> Path | None:
+class Tools:
+    """What builds wheels: maturin, and on Linux zig, which links against the interfaces of an old C library."""
+
+    def __init__(self, work: Path, may_install: bool) -> None:
+        self.env = dict(os.environ)
+        if may_install and not shutil.which("maturin"):
+            tools = environment(Path(sys.executable), work / "tools")
+            needs = ["maturin>=1.9,<2", *(["ziglang"] if sys.platform == "linux" else [])]
+            subprocess.run([tools, "-m", "pip", "install", "-q", *needs], check=True)
+            self.env["PATH"] = f"{tools.parent}{os.pathsep}{self.env['PATH']}"
+        # maturin asks for it in the same way.
+        self.has_zig = sys.platform == "linux" and (
+            shutil.which("zig", path=self.env["PATH"]) is not None
+            or subprocess.run(["python3", "-m", "ziglang", "version"], env=self.env, capture_output=True).returncode == 0
+        )
+
+
+def build(folder: Path, tools: Tools, is_quick: bool, target: str | None = None) -> Path | None:
     # The interpreter's oldest interface, whichever builds it.
-    command = [*maturin, "build", "--locked", "--out", folder, "-i", sys.executable]
+    command: list[object] = ["maturin", "build", "--locked", "--out", folder, "-i", sys.executable]
+    if target:
+        command += ["--target", target]
     if is_quick:
         # The profile of the library's tests, so that what was compiled for them is used again.
         profiles = folder.parent / "profiles.toml"
@@ -89,12 +111,16 @@ def build(folder: Path, maturin: Sequence[object], is_quick: bool) -> Path | Non
         command += ["--profile", "dev", "--config", profiles]
     else:
         command += ["--release"]
-    if not check("the wheel is built", command, cwd=HERE):
+        if tools.has_zig:
+            command += ["--zig", "--compatibility", LINUX]
+        else:
+            skip("a wheel for older C libraries", "zig is not there (PyPI's ziglang), or this is not Linux")
+    if not check("the wheel is built", command, env=tools.env, cwd=HERE):
         return None
     return next(folder.glob("*.whl"))
 
 
-def look_at(wheel: Path) -> None:
+def look_at(wheel: Path, is_local: bool) -> None:
     size = wheel.stat().st_size
     holds("the wheel has at most 15 MB", size <= LARGEST, f"{size / 1e6:.1f} MB")
     holds("it is for every Python from 3.10 on", "-cp310-abi3-" in wheel.name, wheel.name)
@@ -102,6 +128,8 @@ def look_at(wheel: Path) -> None:
         metadata = next(file.read(n).decode() for n in file.namelist() if n.endswith("/METADATA"))
         names = {Path(n).name for n in file.namelist()}
     needs = re.findall(r"^Requires-Dist: (.*)$", metadata, re.M)
+    if "linux" in wheel.name and not is_local:
+        holds("it is for every Linux with a C library of 2014 or later", LINUX in wheel.name, wheel.name)
     holds("NumPy is all it needs", [re.split(r"\W", n)[0] for n in needs] == ["numpy"], str(needs))
     holds("stubs and licences are in it", {"py.typed", "_native.pyi", "LICENSE-MIT", "LICENSE-APACHE"} <= names, f"{len(names)} files")
 
@@ -145,7 +173,27 @@ def types(python: Path, work: Path) -> None:
 def examples(fresh: Path, work: Path) -> None:
     check("a folder for the examples", [fresh, "-m", "stillpoint_slam", "simulate", "--scene", "xyz", "--frames", "100", "--out", work / "room", "-q"])
     check("example: a folder", [fresh, HERE / "examples" / "folder.py", work / "room", work / "trajectory.txt"], cwd=work)
+    own_detector(fresh, work)
     check("example: masks", [fresh, HERE / "examples" / "mask_for_another_slam.py", work / "room", work / "masks"], cwd=work)
+
+
+def own_detector(fresh: Path, work: Path) -> None:
+    """The example with a YOLO of one's own, by what stands in for it: the poses must be those of the same boxes from a file."""
+    people, boxes = work / "people", work / "boxes.csv"
+    line = [fresh, "-m", "stillpoint_slam"]
+    check("a folder with people", [*line, "simulate", "--scene", "walking_xyz", "--frames", "40", "--out", people, "-q"])
+    # In eighths of pixels, so that half a pixel to and fro leaves no trace.
+    text = (people / "detections.csv").read_text()
+    boxes.write_text(re.sub(r"-?\d+\.\d{3}(?=[,\n])", lambda m: f"{round(8 * float(m[0])) / 8:.3f}", text))
+    env = {**os.environ, "PYTHONPATH": str(HERE / "tests" / "standin"), "STANDIN_BOXES": str(boxes)}
+    folder = work / "yolo"
+    folder.mkdir()
+    check("example: a YOLO of one's own", [fresh, HERE / "examples" / "yolo.py", people], env=env, cwd=folder)
+    for name, detector in (("scripted", f"scripted:{boxes}"), ("blind", "none")):
+        check(f"the same frames, {name}", [*line, "run", people, "--detector", detector, "--out", work / name, "-q"])
+    poses = {f: (f / "trajectory.txt").read_bytes() if (f / "trajectory.txt").exists() else b"" for f in (folder / "out", work / "scripted", work / "blind")}
+    ours, scripted, blind = poses.values()
+    holds("a YOLO of one's own is as good as a file of its boxes", bool(ours) and ours == scripted and ours != blind, f"{len(ours.splitlines())} lines of poses")
 
 
 def realsense(python: Path, wheel: Path, work: Path) -> None:
@@ -185,23 +233,26 @@ def here(wheel: Path, work: Path) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--here", action="store_true", help="with this Python and what it has; installs nothing")
+    parser.add_argument("--build", type=Path, metavar="FOLDER", help="build the wheel into this folder, look at it, and end")
+    parser.add_argument("--target", help="with --build: the platform to build for, as rustc names it (this one)")
     parser.add_argument("--wheel", type=Path, help="a wheel that is there; else it is built")
     parser.add_argument("--python", action="append", help="a version to check with, e.g. 3.12; may be repeated (all that are found)")
     parser.add_argument("--minutes", type=float, default=10.0, help="minutes of frames over which memory is watched (10)")
     arguments = parser.parse_args()
-    with tempfile.TemporaryDirectory(prefix="stillpoint-python-") as folder:
-        work = Path(folder)
+    with tempfile.TemporaryDirectory(prefix="stillpoint-python-") as temporary:
+        work = Path(temporary)
         wheel = arguments.wheel.resolve() if arguments.wheel else None
-        if wheel is None:
-            maturin: list[object] = ["maturin"]
-            if not shutil.which("maturin"):
-                tools = environment(Path(sys.executable), work / "tools")
-                subprocess.run([tools, "-m", "pip", "install", "-q", "maturin>=1.9,<2"], check=True)
-                maturin = [tools.parent / "maturin"]
-            wheel = build(work / "wheels", maturin, arguments.here)
-        if wheel is not None and arguments.here:
+        tools = Tools(work, may_install=not arguments.here) if wheel is None else None
+        if tools is not None:
+            folder = arguments.build.resolve() if arguments.build else work / "wheels"
+            wheel = build(folder, tools, arguments.here, arguments.target)
+        is_local = tools is not None and not tools.has_zig
+        if wheel is not None and arguments.build:
+            look_at(wheel, is_local)
+        elif wheel is not None and arguments.here:
             here(wheel, work)
         elif wheel is not None:
+            look_at(wheel, is_local)
             everywhere(wheel, work, arguments)
     for reason in skipped:
         print(f"  skipped {reason}")
@@ -210,7 +261,6 @@ def main() -> int:
 
 
 def everywhere(wheel: Path, work: Path, arguments: argparse.Namespace) -> None:
-    look_at(wheel)
     found = pythons()
     wanted = arguments.python or list(found)
     for version in ("3.11", "3.12", "3.13"):

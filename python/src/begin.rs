@@ -5,15 +5,16 @@ use crate::camera::Camera;
 use crate::config::Config;
 use crate::driver::{Driver, Inline};
 use crate::guard::{Turn, detached};
-use crate::images::{Order, Spare};
+use crate::images::{Intake, Order};
 use crate::live::{Called, Live};
+use crate::result::About;
 use crate::slam::Slam;
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
 use std::path::PathBuf;
 use stillpoint::dense::{Dense as Fusing, DenseConfig, DenseMap};
-use stillpoint::detection::Detector;
+use stillpoint::detection::{Detector, DetectorInfo, NoDetector};
 use stillpoint::imaging::Simd;
 use stillpoint::slam::{MapUse, Stages, System};
 use stillpoint_cli::front;
@@ -116,18 +117,20 @@ impl Begin {
                 (detector, looks, None)
             }
         };
-        let driver = detached(py, || self.driver(detector))??;
+        let (driver, about) = detached(py, || self.driver(detector, function.is_some()))??;
         Ok(Slam {
             driver: Turn::new(driver),
-            camera,
-            order,
-            spare: Spare::default(),
-            keep_colour: keep || looks,
+            intake: Intake::new(camera, order, keep || looks),
             function,
+            about,
         })
     }
 
-    fn driver(mut self, detector: Option<Box<dyn Detector>>) -> PyResult<Driver> {
+    fn driver(
+        mut self,
+        detector: Option<Box<dyn Detector>>,
+        calls: bool,
+    ) -> PyResult<(Driver, About)> {
         let simd = front::simd().map_err(|e| PyValueError::new_err(e.to_string()))?;
         let lens = self.camera.model.camera;
         let loaded = match &self.map {
@@ -138,15 +141,21 @@ impl Begin {
             }
         };
         let stride = self.config.detector.stride;
+        let mut about = About {
+            config: self.config.clone(),
+            detector: about_detector(detector.as_deref(), calls),
+            simd,
+            keyframes: 0,
+        };
         let stages = Stages::new(self.config, lens, simd).map_err(|e| {
             let is_camera = e.0.iter().any(|p| p.path == "camera");
             value(if is_camera { "camera" } else { "config" }, e)
         })?;
-        let (mut known, mut keyframes) = (None, 0);
+        let mut known = None;
         let stages = match loaded {
             None => stages,
             Some(((map, surface), map_use)) => {
-                keyframes = map.view().keyframe_bound();
+                about.keyframes = map.view().keyframe_bound();
                 known = surface;
                 stages
                     .with_map(map, map_use)
@@ -155,20 +164,30 @@ impl Begin {
         };
         let dense = self
             .dense
-            .map(|config| fusing(config, &lens, simd, (known, keyframes)));
+            .map(|config| fusing(config, &lens, simd, (known, about.keyframes)));
         let dense = dense.transpose()?;
         if self.live {
             let live = Live::start(stages, detector, dense);
             let live = live.map_err(|e| {
                 PyOSError::new_err(format!("expected to start threads, found: {e}"))
             })?;
-            return Ok(Driver::Live(Box::new(live)));
+            return Ok((Driver::Live(Box::new(live)), about));
         }
         let mut system = System::from(stages);
         if let Some(detector) = detector {
             system = system.with_detector(detector);
         }
-        Ok(Driver::Inline(Box::new(Inline::new(system, stride, dense))))
+        let inline = Inline::new(system, stride, dense);
+        Ok((Driver::Inline(Box::new(inline)), about))
+    }
+}
+
+/// What a result says of who looks at the frames.
+fn about_detector(detector: Option<&dyn Detector>, calls: bool) -> DetectorInfo {
+    match detector {
+        Some(detector) => detector.info(),
+        None if calls => Called::about(),
+        None => NoDetector.info(),
     }
 }
 

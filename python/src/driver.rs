@@ -5,15 +5,16 @@
 use crate::events::Queue;
 use crate::live::Live;
 use std::sync::Arc;
+use std::time::Instant;
 use stillpoint::datasets::StampedPose;
-use stillpoint::dense::{Dense, DenseMap, FinalPose};
-use stillpoint::detection::Detection;
+use stillpoint::dense::{Dense, DenseCounts, DenseMap, FinalPose};
+use stillpoint::detection::{Detection, Detector, DetectorInfo};
 use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
 use stillpoint::map::{Map, MapView};
 use stillpoint::slam::{
     Event, FrameEvent, RefusedFrame, Subscriber, System, Timing, Trajectory, TrajectoryEntry,
 };
-use stillpoint_cli::front;
+use stillpoint_cli::front::{self, ResultRecorder};
 
 /// Why a frame has no answer.
 pub(crate) enum Trouble {
@@ -75,6 +76,8 @@ pub(crate) struct Inline {
     /// Whoever listens, as long as they are there.
     queues: Vec<Queue>,
     dense: Surface,
+    /// What a result folder says, if one is to be written.
+    result: Option<Box<ResultRecorder>>,
     stride: u64,
     /// Frames that were taken.
     steps: u64,
@@ -85,7 +88,8 @@ pub(crate) struct Inline {
 pub(crate) enum Surface {
     Unwanted,
     Growing(Box<Dense>),
-    Final(Box<DenseMap>),
+    /// With what was done for it.
+    Final(Box<(DenseMap, DenseCounts)>),
 }
 
 impl Surface {
@@ -100,7 +104,8 @@ impl Surface {
                     world_from_camera: pose.world_from_camera,
                 };
                 let poses: Vec<FinalPose> = known.poses().iter().map(of).collect();
-                Self::Final(Box::new(dense.finish(&poses)))
+                let counts = dense.counts();
+                Self::Final(Box::new((dense.finish(&poses), counts)))
             }
             other => other,
         };
@@ -110,7 +115,15 @@ impl Surface {
         match self {
             Self::Unwanted => None,
             Self::Growing(dense) => Some(dense.map().clone()),
+            Self::Final(map) => Some(map.0.clone()),
+        }
+    }
+
+    /// The final one, and what was done for it.
+    pub(crate) fn counted(&self) -> Option<(DenseMap, DenseCounts)> {
+        match self {
             Self::Final(map) => Some((**map).clone()),
+            _ => None,
         }
     }
 }
@@ -122,6 +135,7 @@ impl Inline {
             next: Some(0),
             queues: Vec::new(),
             dense: dense.map_or(Surface::Unwanted, |d| Surface::Growing(Box::new(d))),
+            result: None,
             stride: u64::from(stride),
             steps: 0,
             is_over: false,
@@ -156,6 +170,9 @@ impl Inline {
     fn tell(&mut self, events: &[Event]) {
         if let Surface::Growing(dense) = &mut self.dense {
             dense.receive_all(events);
+        }
+        if let Some(result) = &mut self.result {
+            result.receive_all(events);
         }
         self.queues.retain(Queue::is_wanted);
         for queue in &self.queues {
@@ -194,9 +211,55 @@ impl Driver {
         taken: Taken,
         seen: Option<Vec<Detection>>,
     ) -> Result<Arc<FrameEvent>, Trouble> {
-        match self {
+        let began = Instant::now();
+        let tracked = match self {
             Self::Inline(inline) => inline.track(taken, seen),
             Self::Live(live) => live.track(taken, seen),
+        }?;
+        let milliseconds = 1e3 * began.elapsed().as_secs_f64();
+        match self {
+            Self::Inline(inline) => {
+                if let Some(result) = &mut inline.result {
+                    result.end_frame(milliseconds);
+                }
+            }
+            Self::Live(live) => live.end_frame(milliseconds),
+        }
+        Ok(tracked)
+    }
+
+    /// Keeps from now on what a result folder says.
+    pub(crate) fn keep_result(&mut self, recorder: ResultRecorder) -> std::io::Result<()> {
+        match self {
+            Self::Inline(inline) => {
+                inline.result = Some(Box::new(recorder));
+                Ok(())
+            }
+            Self::Live(live) => live.keep_result(recorder),
+        }
+    }
+
+    /// What was kept for a result folder; nothing where nobody asked for it.
+    pub(crate) fn with_result<R>(&self, look: impl FnOnce(&ResultRecorder) -> R) -> Option<R> {
+        match self {
+            Self::Inline(inline) => inline.result.as_deref().map(look),
+            Self::Live(live) => live.with_result(look),
+        }
+    }
+
+    /// The detector that runs in this thread.
+    pub(crate) fn detector(&self) -> Option<DetectorInfo> {
+        match self {
+            Self::Inline(inline) => inline.system.detector().map(Detector::info),
+            Self::Live(_) => None,
+        }
+    }
+
+    /// The final surface of a run that is over, and what was done for it.
+    pub(crate) fn counted_surface(&self) -> Option<(DenseMap, DenseCounts)> {
+        match self {
+            Self::Inline(inline) => inline.dense.counted(),
+            Self::Live(live) => live.counted_surface(),
         }
     }
 

@@ -2,10 +2,15 @@
 
 use crate::arguments::{Depths, Pixels, colour, depth, stamp, value, words};
 use crate::camera::Camera;
+use crate::detections::detections;
 use crate::driver::Taken;
+use crate::guard::detached;
 use pyo3::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use stillpoint::detection::Detection;
 use stillpoint::imaging::{ColourImage, DepthImage, GrayImage, SizeError};
+use stillpoint::slam::{RefusalReason, RefusedFrame};
 
 /// In which order the bytes of a pixel are.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -31,7 +36,7 @@ impl Order {
 
 /// Memory for images on their way, to be used again: what is got from the system anew for each frame costs as much as the work on it.
 #[derive(Default)]
-pub(crate) struct Spare(Mutex<(Vec<u8>, Vec<u16>)>);
+struct Spare(Mutex<(Vec<u8>, Vec<u16>)>);
 
 impl Spare {
     fn take(&self) -> (Vec<u8>, Vec<u16>) {
@@ -43,16 +48,63 @@ impl Spare {
     }
 }
 
-/// What a user hands over for one frame, with its stamps.
+/// How the frames of one camera come in: what every object that takes frames keeps for it.
+pub(crate) struct Intake {
+    pub(crate) camera: Camera,
+    order: Order,
+    /// Whether anybody looks at the colours.
+    keep_colour: AtomicBool,
+    spare: Spare,
+}
+
+/// A frame that came in, and what a detector of the user's said of it; none where nobody looked.
+pub(crate) type Arrived = (Taken, Option<Vec<Detection>>);
+
+impl Intake {
+    pub(crate) fn new(camera: Camera, order: Order, keep_colour: bool) -> Self {
+        Self {
+            camera,
+            order,
+            keep_colour: AtomicBool::new(keep_colour),
+            spare: Spare::default(),
+        }
+    }
+
+    /// From now on somebody looks at the colours.
+    pub(crate) fn keep_colour(&self) {
+        self.keep_colour.store(true, Ordering::Relaxed);
+    }
+
+    /// Checks all that is handed over, then decodes the frame without the interpreter's lock.
+    pub(crate) fn take(&self, py: Python<'_>, handed: &Handed<'_, '_>) -> PyResult<Arrived> {
+        let raw = handed.copy(&self.camera, self.order, &self.spare)?;
+        let seen = handed.detections.map(|d| detections("detections", d));
+        let seen = seen.transpose()?;
+        let keep = self.keep_colour.load(Ordering::Relaxed);
+        let taken = detached(py, || raw.decode(keep, &self.spare))?;
+        Ok((taken.map_err(|e| value("color", e))?, seen))
+    }
+}
+
+/// A frame that does not follow the one before, by the argument that is to blame.
+pub(crate) fn refused(refused: RefusedFrame) -> PyErr {
+    match refused.reason {
+        RefusalReason::Stamp { .. } => value("stamp", refused),
+        _ => value("frame", refused),
+    }
+}
+
+/// What a user hands over for one frame, with its stamps and what a detector saw in it.
 pub(crate) struct Handed<'a, 'py> {
     pub(crate) stamp: &'a Bound<'py, PyAny>,
     pub(crate) colour: &'a Bound<'py, PyAny>,
     pub(crate) depth: &'a Bound<'py, PyAny>,
     pub(crate) depth_stamp: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) detections: Option<&'a Bound<'py, PyAny>>,
 }
 
 /// The same, checked and copied.
-pub(crate) struct Raw {
+struct Raw {
     stamps: [f64; 2],
     pixels: Pixels,
     depths: Depths,
@@ -63,7 +115,7 @@ pub(crate) struct Raw {
 
 impl Handed<'_, '_> {
     /// Checks everything, and copies it: Python may change its arrays as soon as its lock is free.
-    pub(crate) fn take(&self, camera: &Camera, order: Order, spare: &Spare) -> PyResult<Raw> {
+    fn copy(&self, camera: &Camera, order: Order, spare: &Spare) -> PyResult<Raw> {
         let (colours, depths) = spare.take();
         let size = camera.size();
         let time = stamp("stamp", self.stamp)?;
@@ -84,7 +136,7 @@ impl Handed<'_, '_> {
 
 impl Raw {
     /// The frame; with its colours where they are wanted.
-    pub(crate) fn decode(self, keep_colour: bool, spare: &Spare) -> Result<Taken, SizeError> {
+    fn decode(self, keep_colour: bool, spare: &Spare) -> Result<Taken, SizeError> {
         let [w, h] = self.size;
         let (mut bytes_left, mut raw_left) = (Vec::new(), Vec::new());
         let (gray, colour) = match self.pixels {

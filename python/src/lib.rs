@@ -22,6 +22,7 @@ mod map;
 mod mask;
 mod objects;
 mod record;
+mod result;
 mod score;
 mod simulate;
 mod slam;

@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
-use stillpoint::dense::{Dense, DenseMap};
+use stillpoint::dense::{Dense, DenseCounts, DenseMap};
 use stillpoint::detection::{
     DetectError, Detection, Detections, Detector, DetectorInfo, DetectorKind,
 };
@@ -17,6 +17,7 @@ use stillpoint::imaging::{FrameId, RgbdFrame};
 use stillpoint::live::{Delivery, Events, LiveOptions, LiveResult, LiveSystem, Stage, ThreadState};
 use stillpoint::map::Map;
 use stillpoint::slam::{Event, FrameEvent, Stages, Subscriber, Timing};
+use stillpoint_cli::front::ResultRecorder;
 
 /// How often it is seen to whether the threads are still there.
 const LOOK: Duration = Duration::from_millis(200);
@@ -31,6 +32,8 @@ pub(crate) struct Live {
     events: Events,
     next: Option<u32>,
     surface: Option<Arc<Mutex<Surface>>>,
+    /// What a result folder says, if one is to be written.
+    kept: Option<Arc<Mutex<ResultRecorder>>>,
     /// Once it is over.
     result: Option<LiveResult>,
     /// Whether it is, for whoever listens.
@@ -55,8 +58,17 @@ impl Subscriber for Fusing {
     }
 }
 
-fn lock(surface: &Mutex<Surface>) -> MutexGuard<'_, Surface> {
-    surface.lock().unwrap_or_else(PoisonError::into_inner)
+/// What a result folder says, kept on its own thread.
+struct Keeping(Arc<Mutex<ResultRecorder>>);
+
+impl Subscriber for Keeping {
+    fn receive(&mut self, event: &Event) {
+        lock(&self.0).receive(event);
+    }
+}
+
+fn lock<T>(shared: &Mutex<T>) -> MutexGuard<'_, T> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Live {
@@ -82,6 +94,7 @@ impl Live {
             events,
             next: Some(0),
             surface,
+            kept: None,
             result: None,
             over: Arc::default(),
         })
@@ -163,6 +176,31 @@ impl Live {
         self.surface.as_ref().and_then(|s| lock(s).map())
     }
 
+    pub(crate) fn counted_surface(&self) -> Option<(DenseMap, DenseCounts)> {
+        lock(self.surface.as_ref()?).counted()
+    }
+
+    pub(crate) fn keep_result(&mut self, recorder: ResultRecorder) -> std::io::Result<()> {
+        let Some(run) = &mut self.run else {
+            return Ok(());
+        };
+        let kept = Arc::new(Mutex::new(recorder));
+        let all = Delivery::until_full(4096).with_images(IMAGES, 1);
+        run.subscribe("result", all, Keeping(Arc::clone(&kept)))?;
+        self.kept = Some(kept);
+        Ok(())
+    }
+
+    pub(crate) fn with_result<R>(&self, look: impl FnOnce(&ResultRecorder) -> R) -> Option<R> {
+        self.kept.as_ref().map(|kept| look(&lock(kept)))
+    }
+
+    pub(crate) fn end_frame(&self, milliseconds: f64) {
+        if let Some(kept) = &self.kept {
+            lock(kept).end_frame(milliseconds);
+        }
+    }
+
     pub(crate) fn listen(&mut self, room: usize) -> Source {
         match &self.run {
             Some(run) => {
@@ -217,6 +255,13 @@ impl Detector for Called {
     }
 
     fn info(&self) -> DetectorInfo {
+        Self::about()
+    }
+}
+
+impl Called {
+    /// What a result says of it.
+    pub(crate) fn about() -> DetectorInfo {
         DetectorInfo::new(DetectorKind::Scripted, "a function of Python's")
     }
 }

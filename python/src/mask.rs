@@ -4,17 +4,16 @@ use crate::arguments::{pose, reals, value};
 use crate::arrays;
 use crate::camera::Camera;
 use crate::config::Config;
-use crate::detections::detections;
 use crate::frame::Verdicts;
 use crate::guard::{Turn, detached};
-use crate::images::{Handed, Order, Spare};
+use crate::images::{Handed, Intake, Order, refused};
 use crate::objects::Object;
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use std::sync::Arc;
 use stillpoint::detection::Detections;
 use stillpoint::imaging::FrameId;
-use stillpoint::slam::{self, MaskError, MovingThings, RefusalReason, RefusedFrame};
+use stillpoint::slam::{self, MaskError, MovingThings};
 use stillpoint_cli::front;
 
 /// Pixels that are asked for at once, at most.
@@ -34,9 +33,7 @@ const MOST_PIXELS: usize = 1 << 24;
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct DynamicMask {
     filter: Turn<Filter>,
-    camera: Camera,
-    order: Order,
-    spare: Spare,
+    intake: Intake,
 }
 
 struct Filter {
@@ -67,9 +64,7 @@ impl DynamicMask {
         })?;
         Ok(Self {
             filter: Turn::new(Filter { mask, next: 0 }),
-            camera,
-            order,
-            spare: Spare::default(),
+            intake: Intake::new(camera, order, false),
         })
     }
 
@@ -98,14 +93,10 @@ impl DynamicMask {
             colour: color,
             depth,
             depth_stamp,
+            detections,
         };
-        let raw = handed.take(&self.camera, self.order, &self.spare)?;
-        let seen = detections
-            .map(|d| self::detections("detections", d))
-            .transpose()?;
         let given = pose.map(|p| self::pose("pose", p)).transpose()?;
-        let taken = detached(py, || raw.decode(false, &self.spare))?;
-        let taken = taken.map_err(|e| value("color", e))?;
+        let (taken, seen) = self.intake.take(py, &handed)?;
         let looked = self.filter.with(py, |filter| {
             let id = FrameId(filter.next);
             let stamp = taken.stamp;
@@ -153,13 +144,6 @@ impl DynamicMask {
             .filter
             .with(py, |filter| filter.mask.verdicts(&pixels))?;
         Ok(Verdicts { all: all.into() })
-    }
-}
-
-fn refused(refused: RefusedFrame) -> PyErr {
-    match refused.reason {
-        RefusalReason::Stamp { .. } => value("stamp", refused),
-        _ => value("frame", refused),
     }
 }
 

@@ -3,7 +3,7 @@
 use crate::arguments::{path, pose, yes};
 use crate::camera::Camera;
 use crate::guard::{Turn, detached};
-use crate::images::{Handed, Order, Spare};
+use crate::images::{Handed, Intake, Order};
 use pyo3::exceptions::{PyOSError, PyRuntimeError};
 use pyo3::prelude::*;
 use stillpoint::datasets::{self, ColourFormat, StampedPose};
@@ -17,9 +17,7 @@ use stillpoint::recordings::McapRecorder;
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Recorder {
     writer: Turn<Option<Writer>>,
-    camera: Camera,
-    order: Order,
-    spare: Spare,
+    intake: Intake,
 }
 
 enum Writer {
@@ -94,9 +92,7 @@ impl Recorder {
         let writer = writer.map_err(|e: String| PyOSError::new_err(format!("path: {e}")))?;
         Ok(Self {
             writer: Turn::new(Some(writer)),
-            camera,
-            order,
-            spare: Spare::default(),
+            intake: Intake::new(camera, order, true),
         })
     }
 
@@ -124,13 +120,13 @@ impl Recorder {
             colour: color,
             depth,
             depth_stamp,
+            detections: None,
         };
-        let raw = handed.take(&self.camera, self.order, &self.spare)?;
         let truth = truth.map(|p| pose("truth", p)).transpose()?;
+        let (taken, _) = self.intake.take(py, &handed)?;
         let written = self.writer.with(py, |writer| {
             let writer = writer.as_mut()?;
-            let taken = raw.decode(true, &self.spare).map_err(|e| e.to_string());
-            Some(taken.and_then(|t| writer.add(&t.numbered(FrameId(0)), truth.as_ref())))
+            Some(writer.add(&taken.numbered(FrameId(0)), truth.as_ref()))
         })?;
         let written = written.ok_or_else(|| {
             PyRuntimeError::new_err("expected a recording that is open, found one that was closed")
@@ -158,7 +154,7 @@ impl Recorder {
     }
 
     fn __repr__(&self) -> String {
-        let [w, h] = self.camera.size();
+        let [w, h] = self.intake.camera.size();
         format!("<Recorder of {w}x{h} px>")
     }
 }

@@ -5,21 +5,22 @@ use crate::arrays;
 use crate::begin::Options;
 use crate::camera::Camera;
 use crate::dense::Dense;
-use crate::detections::{answer, detections};
+use crate::detections::answer;
 use crate::driver::{Driver, Trouble};
 use crate::events::Events;
 use crate::frame::Frame;
-use crate::guard::{Turn, detached};
-use crate::images::{Handed, Order, Spare};
+use crate::guard::Turn;
+use crate::images::{Handed, Intake, refused};
 use crate::map::Map;
+use crate::result::{About, Read};
 use crate::trajectory::Trajectory;
-use pyo3::exceptions::{PyFileNotFoundError, PyRuntimeError};
+use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError};
 use pyo3::gc::{PyTraverseError, PyVisit};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::path::PathBuf;
 use stillpoint::detection::Detection;
-use stillpoint::slam::{MapUse, RefusalReason};
+use stillpoint::slam::MapUse;
 use stillpoint_cli::front;
 
 /// RGB-D SLAM that stays still while the world moves.
@@ -46,20 +47,15 @@ use stillpoint_cli::front;
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Slam {
     pub(crate) driver: Turn<Driver>,
-    pub(crate) camera: Camera,
-    pub(crate) order: Order,
-    pub(crate) spare: Spare,
-    pub(crate) keep_colour: bool,
+    pub(crate) intake: Intake,
     /// The user's function, in a run in one thread.
     pub(crate) function: Option<Py<PyAny>>,
+    pub(crate) about: About,
 }
 
 fn trouble(trouble: Trouble) -> PyErr {
     match trouble {
-        Trouble::Refused(refused) => match refused.reason {
-            RefusalReason::Stamp { .. } => value("stamp", refused),
-            _ => value("frame", refused),
-        },
+        Trouble::Refused(frame) => refused(frame),
         Trouble::Over => PyRuntimeError::new_err(
             "expected a run that goes on, found one that finish() ended; begin a new Slam",
         ),
@@ -196,14 +192,9 @@ impl Slam {
             colour: color,
             depth,
             depth_stamp,
+            detections,
         };
-        let raw = handed.take(&self.camera, self.order, &self.spare)?;
-        let mut seen = detections
-            .map(|d| self::detections("detections", d))
-            .transpose()?;
-        let keep = self.keep_colour;
-        let taken = detached(py, || raw.decode(keep, &self.spare))?;
-        let taken = taken.map_err(|e| value("color", e))?;
+        let (taken, mut seen) = self.intake.take(py, &handed)?;
         if let (None, Some(function)) = (&seen, &self.function) {
             seen = self.ask(py, function, taken.colour.as_ref())?;
         }
@@ -281,7 +272,42 @@ impl Slam {
     /// The camera.
     #[getter]
     fn camera(&self) -> Camera {
-        self.camera.clone()
+        self.intake.camera.clone()
+    }
+
+    /// Has a run over a recording keep what its result folder says, with pictures of the frames for the report or without.
+    fn _keep_result(&self, py: Python<'_>, pictures: bool) -> PyResult<()> {
+        if pictures {
+            self.intake.keep_colour();
+        }
+        let recorder = self.about.recorder(pictures);
+        let kept = self
+            .driver
+            .with(py, |driver| driver.keep_result(recorder))?;
+        kept.map_err(|e| PyOSError::new_err(format!("expected to start a thread, found: {e}")))
+    }
+
+    /// Writes the result folder of a run that is over. `input` is what was run on, its layout and where the camera comes from; `how` is how to run it
+    /// again, how many frames could not be read, and how long it took, s.
+    fn _write_result(
+        &self,
+        py: Python<'_>,
+        folder: PathBuf,
+        input: [String; 3],
+        how: (String, usize, f64),
+        truth: Option<Bound<'_, Trajectory>>,
+    ) -> PyResult<()> {
+        let (command, skipped, seconds) = how;
+        let read = Read {
+            input,
+            command,
+            truth: truth.as_ref().map(Bound::get),
+            skipped,
+            seconds,
+        };
+        let about = &self.about;
+        self.driver
+            .with(py, |driver| about.write(driver, &folder, read))?
     }
 
     fn __enter__(this: Bound<'_, Self>) -> Bound<'_, Self> {

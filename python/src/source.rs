@@ -102,6 +102,7 @@ struct Reading {
     frames: Box<dyn FrameSource>,
     /// The exact pose at a stamp, where it is known.
     truth: Option<Truth>,
+    skipped: usize,
 }
 
 /// The exact pose at a stamp, s.
@@ -111,7 +112,11 @@ impl Images {
     pub(crate) fn new<S: FrameSource + 'static>(frames: S, truth: Option<Truth>) -> Self {
         let frames: Box<dyn FrameSource> = Box::new(ReadAhead::new(frames));
         Self {
-            source: Turn::new(Reading { frames, truth }),
+            source: Turn::new(Reading {
+                frames,
+                truth,
+                skipped: 0,
+            }),
         }
     }
 }
@@ -126,6 +131,8 @@ impl Images {
         loop {
             let next = self.source.with(py, |reading| {
                 let next = reading.frames.next_frame()?;
+                let is_damaged = next.as_ref().is_err_and(|e| e.recoverable);
+                reading.skipped += usize::from(is_damaged);
                 Some(next.map(|frame| {
                     let truth = reading.truth.as_ref().map(|t| t(frame.stamp));
                     Image::new(frame, truth)
@@ -142,6 +149,12 @@ impl Images {
                 Some(Err(e)) => return Err(PyValueError::new_err(e.to_string())),
             }
         }
+    }
+
+    /// Damaged images that were left out so far.
+    #[getter]
+    fn skipped(&self, py: Python<'_>) -> PyResult<usize> {
+        self.source.with(py, |reading| reading.skipped)
     }
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -55,7 +56,7 @@ def test_runs_are_scored_and_saved(room: sp.Simulation, images: list[sp.RgbdFram
     result = sp.run(tmp_path / "room", out=tmp_path / "out")
     assert result.frames == 12 and not result.lost and result.score is not None and result.score.ate_rmse < 0.005
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert summary["tracked"] == 12 and (tmp_path / "out" / "map.spmap").exists()
+    assert summary["tracked"] == 12 and summary["input"]["name"] == str(tmp_path / "room") and (tmp_path / "out" / "map.spmap").exists()
     assert len(sp.Trajectory.from_file(tmp_path / "out" / "trajectory.txt")) == 12
     for value in (result, result.trajectory, result.score, result.slam, result.slam.map, result.slam.map.keyframes):
         assert value._repr_html_().startswith("<table")
@@ -66,6 +67,40 @@ def test_runs_are_scored_and_saved(room: sp.Simulation, images: list[sp.RgbdFram
         sp.run(tmp_path / "nothing")
 
 
+def test_a_run_leaves_the_report_of_the_command_line(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
+    with sp.record(tmp_path / "room", room.camera) as recorder:
+        for i in images:
+            recorder.add(i.stamp, i.color, i.depth, depth_stamp=i.depth_stamp, truth=i.truth)
+    command = [sys.executable, "-m", "stillpoint_slam", "run", str(tmp_path / "room"), "--out", str(tmp_path / "line"), "--dense", "-q"]
+    assert subprocess.run(command, cwd=tmp_path).returncode == 0
+    sp.run(tmp_path / "room", out=tmp_path / "out", dense=True)
+    line, out = ({p.name for p in (tmp_path / folder).iterdir()} for folder in ("line", "out"))
+    assert out == line - {"run.log"} | {"map.spmap"}
+    for name in ("trajectory.txt", "trajectory_online.txt", "keyframes.txt", "frames.csv", "mesh.ply"):
+        assert (tmp_path / "out" / name).read_bytes() == (tmp_path / "line" / name).read_bytes(), name
+
+    def data(folder: str) -> dict[str, object]:
+        text = (tmp_path / folder / "report.html").read_text(encoding="utf-8")
+        return json.loads(re.search(r'<script id="data" type="application/json">(.*?)</script>', text, re.S)[1])[0]
+
+    ours, theirs = data("out"), data("line")
+    for part in ("image", "map", "surface", "keyframes", "marks", "objects", "pictures"):
+        assert ours[part] == theirs[part], part
+    # All of a frame but how long it took.
+    assert {k: v for k, v in ours["frames"].items() if k != "time_ms"} == {k: v for k, v in theirs["frames"].items() if k != "time_ms"}
+    assert len(ours["pictures"]["jpeg"]) == 12 and ours["frames"]["time_ms"]
+    assert ours["command"] == f"stillpoint_slam.run({str(tmp_path / 'room')!r}, dense=True)"
+    assert ours["summary"]["frames"] == 12 and ours["summary"]["accuracy"] == theirs["summary"]["accuracy"]
+    # Of a live run as well, with pictures of all frames where nobody is short of time.
+    sp.run(tmp_path / "room", out=tmp_path / "out", live=True)
+    assert len(data("out")["pictures"]["jpeg"]) > 0 and not (tmp_path / "out" / "mesh.ply").exists()
+    sp.run(room, out=tmp_path / "none", report=False)
+    assert not (tmp_path / "none" / "report.html").exists() and (tmp_path / "none" / "summary.json").exists()
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ValueError, match="^out: .*expected a folder"):
+        sp.run(room, out=tmp_path / "file")
+
+
 def test_damaged_frames_are_skipped_with_a_warning(room: sp.Simulation, images: list[sp.RgbdFrame], tmp_path: Path) -> None:
     with sp.record(tmp_path / "room", room.camera) as recorder:
         for i in images[:4]:
@@ -73,6 +108,8 @@ def test_damaged_frames_are_skipped_with_a_warning(room: sp.Simulation, images: 
     next(iter(sorted((tmp_path / "room" / "rgb").iterdir())[1:])).write_bytes(b"no image")
     with pytest.warns(RuntimeWarning, match="skipped"):
         assert len(list(sp.open(tmp_path / "room"))) == 3
+    with pytest.warns(RuntimeWarning, match="skipped"):
+        assert sp.run(tmp_path / "room", progress=False).skipped == 1
 
 
 def test_scores_are_those_of_trajectories(room: sp.Simulation) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import time
 from collections.abc import Callable, Mapping
@@ -72,6 +71,24 @@ def record(
     return Recorder(path, camera, color_order=color_order, jpeg=jpeg)
 
 
+class _Source:
+    """What a run is over, and how it was asked for."""
+
+    def __init__(self, path: str | os.PathLike[str] | Recording | Simulation, frames: Recording | Simulation, options: Mapping[str, Any]) -> None:
+        self.frames = frames
+        self.truth = frames.truth
+        self.camera = frames.camera
+        self.layout = frames.kind if isinstance(frames, Recording) else "simulated"
+        if isinstance(path, (Recording, Simulation)):
+            self.name = repr(path).strip("<>")
+            asked = repr(path)
+        else:
+            self.name = os.fspath(path)
+            asked = repr(self.name)
+        named = [f"{name}={getattr(value, '__name__', None) or repr(value)}" for name, value in options.items() if value]
+        self.command = f"stillpoint_slam.run({', '.join([asked, *named])})"
+
+
 class Run:
     """What a run over a recording gave.
 
@@ -81,40 +98,37 @@ class Run:
         truth: ground truth; None where there is none.
         score: the trajectory against the truth; None without truth, or where both do not overlap.
         frames: frames that were read.
+        skipped: frames that could not be read.
         lost: frames without a pose at the time, as (index, stamp in s, reason).
         seconds: how long it took.
     """
 
-    def __init__(self, slam: Slam, truth: Trajectory | None, frames: int, lost: list[tuple[int, float, str]], seconds: float) -> None:
+    def __init__(self, slam: Slam, source: _Source, counts: tuple[int, int], lost: list[tuple[int, float, str]], seconds: float) -> None:
         self.slam = slam
         self.trajectory = slam.trajectory()
-        self.truth = truth
-        self.frames = frames
+        self.truth = source.truth
+        self.frames, self.skipped = counts
         self.lost = lost
         self.seconds = seconds
+        self._source = source
         self.score: Score | None = None
-        if truth is not None:
+        if self.truth is not None:
             try:
-                self.score = evaluate(truth, self.trajectory)
+                self.score = evaluate(self.truth, self.trajectory)
             except ValueError:
                 # Poses that do not overlap with the truth in time are poses all the same.
                 self.score = None
 
     def save(self, folder: str | os.PathLike[str]) -> None:
-        """Writes ``trajectory.txt``, ``keyframes.txt``, ``map.spmap`` and ``summary.json`` into a folder, which is made if need be."""
-        to = Path(folder)
-        to.mkdir(parents=True, exist_ok=True)
-        self.trajectory.save(to / "trajectory.txt")
-        self.slam.map.keyframes.save(to / "keyframes.txt")
-        self.slam.save(to / "map.spmap")
-        summary = {
-            "frames": self.frames,
-            "tracked": len(self.trajectory),
-            "seconds": self.seconds,
-            "lost": [{"index": i, "stamp": s, "reason": r} for i, s, r in self.lost],
-            "ate_rmse": None if self.score is None else self.score.ate_rmse,
-        }
-        (to / "summary.json").write_text(json.dumps(summary, indent=2) + "\n", encoding="utf-8")
+        """Writes the result into a folder, which is made if need be: the files that ``stillpoint run`` leaves (poses, ``summary.json``, plots, the
+        surface if there is one) but for its log, and ``map.spmap``. ``report.html`` is among them where :func:`run` was given ``out``.
+
+        Raises:
+            ValueError: it cannot be written.
+        """
+        source = self._source
+        self.slam._write_result(folder, (source.name, source.layout, source.camera.name), (source.command, self.skipped, self.seconds), self.truth)
+        self.slam.save(Path(folder) / "map.spmap")
 
     def plot(self, ax: Any = None) -> Any:
         """Draws the trajectory, beside the truth if there is one, by matplotlib, and returns the axes."""
@@ -141,6 +155,7 @@ def run(
     start: int = 0,
     max_frames: int | None = None,
     out: str | os.PathLike[str] | None = None,
+    report: bool = True,
     progress: bool = True,
 ) -> Run:
     """Runs a data set folder, a recording or a simulation through SLAM, as ``stillpoint run`` does.
@@ -150,26 +165,35 @@ def run(
         camera, start, max_frames: as for :func:`open`.
         config, detector, live, dense: as for :class:`Slam`.
         out: folder for the result, see :meth:`Run.save`; None for none.
+        report: whether ``report.html`` is in that folder: one page that shows where the run went wrong.
         progress: whether progress is shown, in a notebook or a terminal.
 
     >>> run(simulate("xyz", frames=5))
     <Run: 5 of 5 frames with a pose, ATE RMSE ... mm>
     """
+    if out is not None and Path(out).exists() and not Path(out).is_dir():
+        # A run of an hour is not to end with that.
+        raise ValueError(f"out: {os.fspath(out)}: expected a folder to write to, found a file; name another")
+    pictures = report and out is not None
     # Grey is all that tracking looks at, and half of the work of decoding.
-    color = detector is not None or bool(dense)
-    source = path if isinstance(path, (Recording, Simulation)) else open(path, camera, color=color, start=start, max_frames=max_frames)
-    slam = Slam(source.camera, config, detector, live, dense=dense)
+    color = detector is not None or bool(dense) or pictures
+    recording = path if isinstance(path, (Recording, Simulation)) else open(path, camera, color=color, start=start, max_frames=max_frames)
+    options = {"camera": camera, "config": config, "detector": detector, "live": live, "dense": dense, "start": start, "max_frames": max_frames}
+    source = _Source(path, recording, options)
+    slam = Slam(recording.camera, config, detector, live, dense=dense)
+    slam._keep_result(pictures)
     lost: list[tuple[int, float, str]] = []
     frames, begin = 0, time.monotonic()
-    with Progress(len(source), progress) as bar, slam:
-        for image in source:
+    with Progress(len(recording), progress) as bar, slam:
+        images = iter(recording)
+        for image in images:
             pixels = image.color if color else image.gray
             frame = slam.track(image.stamp, pixels, image.depth, depth_stamp=image.depth_stamp)
             frames += 1
             if not frame.is_tracked:
                 lost.append((frame.index, frame.stamp, frame.reason or ""))
             bar.step(f", {len(lost)} lost" if lost else "")
-    result = Run(slam, source.truth, frames, lost, time.monotonic() - begin)
+    result = Run(slam, source, (frames, images.skipped), lost, time.monotonic() - begin)
     if out is not None:
         result.save(out)
     return result
