@@ -185,7 +185,7 @@ def own_detector(fresh: Path, work: Path) -> None:
     # In eighths of pixels, so that half a pixel to and fro leaves no trace.
     text = (people / "detections.csv").read_text()
     boxes.write_text(re.sub(r"-?\d+\.\d{3}(?=[,\n])", lambda m: f"{round(8 * float(m[0])) / 8:.3f}", text))
-    env = {**os.environ, "PYTHONPATH": str(HERE / "tests" / "standin"), "STANDIN_BOXES": str(boxes)}
+    env = {**os.environ, "PYTHONPATH": str(HERE / "tests" / "standin"), "STANDIN_ROOM": str(people), "STANDIN_BOXES": str(boxes)}
     folder = work / "yolo"
     folder.mkdir()
     check("example: a YOLO of one's own", [fresh, HERE / "examples" / "yolo.py", people], env=env, cwd=folder)

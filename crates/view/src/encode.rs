@@ -25,26 +25,28 @@ pub fn write_png<W: Write>(picture: &Picture, sink: W) -> Result<(), ViewError> 
 ///
 /// # Errors
 /// [`ViewError::Empty`], also for what is larger than JPEG holds; [`ViewError::Write`].
-pub fn write_jpeg<W: Write>(picture: &Picture, quality: u8, sink: W) -> Result<(), ViewError> {
-    let (w, h) = (picture.width(), picture.height());
-    jpeg(picture.data(), (w, h), ColorType::Rgb, quality, sink)
+pub fn write_jpeg<W: Write>(picture: &Picture, quality: u8, mut sink: W) -> Result<(), ViewError> {
+    let size = (picture.width(), picture.height());
+    let jpeg = jpeg(picture.data(), size, ColorType::Rgb, quality)?;
+    sink.write_all(&jpeg).map_err(ViewError::Write)
 }
 
-/// Writes pixels as JPEG.
-pub(crate) fn jpeg<W: Write>(
+/// Pixels as JPEG. The encoder compiles to a third of a megabyte for every kind of sink, so there is one.
+pub(crate) fn jpeg(
     pixels: &[u8],
     (w, h): (usize, usize),
     colour: ColorType,
     quality: u8,
-    sink: W,
-) -> Result<(), ViewError> {
+) -> Result<Vec<u8>, ViewError> {
     let (Ok(width @ 1..), Ok(height @ 1..)) = (u16::try_from(w), u16::try_from(h)) else {
         return Err(ViewError::Empty(w, h));
     };
-    let encoder = Encoder::new(sink, quality.clamp(1, 100));
+    let mut bytes = Vec::new();
+    let encoder = Encoder::new(&mut bytes, quality.clamp(1, 100));
     encoder
         .encode(pixels, width, height, colour)
-        .map_err(|e| ViewError::Write(std::io::Error::other(e)))
+        .map_err(|e| ViewError::Write(std::io::Error::other(e)))?;
+    Ok(bytes)
 }
 
 /// Writes a mask or another grey image as PNG of 8 bits, value by value.

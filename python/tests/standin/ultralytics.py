@@ -1,5 +1,5 @@
-"""Stands in for the package `ultralytics` where its weights cannot be had: the same calls with the same shapes, its boxes from the `detections.csv` of a simulated
-room, whose frames it is shown in order. `STANDIN_BOXES` names that file.
+"""Stands in for the package `ultralytics` where its weights cannot be had: the same calls with the same shapes, its boxes from a file for a simulated room,
+whose frames it is shown in order. `STANDIN_ROOM` names the room's folder, `STANDIN_BOXES` the file.
 """
 
 from __future__ import annotations
@@ -43,8 +43,10 @@ class YOLO:
         assert model.endswith(".pt")
         with open(os.environ["STANDIN_BOXES"], newline="") as file:
             rows = list(csv.DictReader(file))
-        self.stamps = sorted({r["timestamp"] for r in rows}, key=float)
+        with open(os.path.join(os.environ["STANDIN_ROOM"], "rgb.txt")) as file:
+            self.stamps = [line.split()[0] for line in file if not line.startswith("#")]
         self.rows = {s: [r for r in rows if r["timestamp"] == s] for s in self.stamps}
+        assert sum(map(len, self.rows.values())) == len(rows)
         self.calls = 0
 
     def __call__(self, image: np.ndarray, *, verbose: bool = True) -> list[Results]:

@@ -67,11 +67,8 @@ impl Thumbnails {
                 (w, h, small, ColorType::Luma)
             }
         };
-        let mut jpeg = Vec::new();
-        // Memory takes everything, and the size is that of the pixels.
-        if encode::jpeg(&pixels, (width, height), colour, self.quality, &mut jpeg).is_err() {
-            return Vec::new();
-        }
+        // The size is that of the pixels, so this does not fail.
+        let jpeg = encode::jpeg(&pixels, (width, height), colour, self.quality).unwrap_or_default();
         self.made += 1;
         self.bytes += jpeg.len();
         if self.bytes > self.made * self.mean_bytes {
