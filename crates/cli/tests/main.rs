@@ -32,4 +32,5 @@ mod record;
 mod recordings;
 mod report;
 mod suite;
+mod things;
 mod variants;

@@ -2,7 +2,7 @@
 //!
 //! Little-endian: `SPDENSE2`; voxel, truncation, side of a cell, farthest depth (doubles); number of blocks of voxels and of cells (4 each); the
 //! blocks by key: z, y, x (4 each), then 512 distances (2 each), weights (2 each) and colours (4 each); the same with counts of frames that
-//! were free, crossed, and arrived in (2 each).
+//! were free and crossed in, and how long something that arrived was seen, hundredths of a second (2 each).
 
 use crate::block::{Block, Blocks, Key, VOXELS};
 use crate::cells::CellBlock;

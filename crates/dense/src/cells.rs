@@ -18,7 +18,7 @@ pub(crate) struct CellBlock {
     pub(crate) free: [u16; VOXELS],
     /// Frames in which something that moves was in it.
     pub(crate) crossed: [u16; VOXELS],
-    /// Frames in which a surface was in it that came when it was free, since it was free last.
+    /// For how long a surface was seen in it that came when it was free, since it was free last, hundredths of a second.
     pub(crate) arrived: [u16; VOXELS],
 }
 
@@ -42,9 +42,9 @@ pub(crate) struct Cells {
 
 /// A cell was surely free that so many frames saw to be.
 const SURELY_FREE: u16 = 4;
-/// What came to stand in such a cell is part of the room when it has stood for so many frames: 10 s at 15 Hz. Who sits down, sits for longer at times; who
-/// waits does not, mostly.
-const STANDS: u16 = 150;
+/// What came to stand in such a cell is part of the room when it was seen to stand for so long, hundredths of a second. Who sits down, sits for longer at
+/// times; who waits does not, mostly.
+const STANDS: u16 = 1000;
 
 /// The camera and the motion of a step along each axis of the world.
 struct View<'a> {
@@ -151,13 +151,13 @@ impl Cells {
         block.is_some_and(|b| b.free[index] >= SURELY_FREE && b.arrived[index] < STANDS)
     }
 
-    /// Counts a frame in which surfaces waited in these cells.
-    pub(crate) fn arrive(&mut self, cells: &[[i32; 3]]) {
+    /// Notes that surfaces waited in these cells for so many hundredths of a second more.
+    pub(crate) fn arrive(&mut self, cells: &[[i32; 3]], elapsed: u16) {
         for at in cells {
             let (key, index) = place(*at);
             let number = self.blocks.find_or_make(key);
             let arrived = &mut self.blocks.get_mut(number).arrived[index];
-            *arrived = arrived.saturating_add(1);
+            *arrived = arrived.saturating_add(elapsed);
         }
     }
 

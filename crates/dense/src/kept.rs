@@ -95,6 +95,7 @@ impl Kept {
     pub(crate) fn unpack(&self, to: &mut Observation) {
         [to.width, to.height] = self.size;
         to.doubt = self.doubt;
+        to.depth_stamp = self.depth_stamp;
         let movers = to.mover_width() * to.mover_height();
         // What was packed here reads back.
         let depth = rvl::decode(&self.depth, to.width * to.height, &mut to.depth);

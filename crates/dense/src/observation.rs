@@ -12,8 +12,10 @@ pub(crate) const COLOUR_PX: usize = 4;
 pub(crate) const MOVER_PX: usize = 8;
 
 /// A frame as it is integrated.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Observation {
+    /// When its depth was taken, s.
+    pub(crate) depth_stamp: f64,
     /// px.
     pub(crate) width: usize,
     /// px.
@@ -82,6 +84,7 @@ impl Rectifier {
     pub(crate) fn take(&self, frame: &RgbdFrame, moving: &[bool], doubt: u8, to: &mut Observation) {
         let (w, h) = (frame.depth.width(), frame.depth.height());
         (to.width, to.height, to.doubt) = (w, h, doubt);
+        to.depth_stamp = frame.depth_stamp;
         to.depth.clear();
         to.movers.clear();
         to.movers.resize(to.mover_width() * to.mover_height(), 0);

@@ -266,6 +266,7 @@ mod tests {
             width: w,
             height: h,
             depth: (0..w * h).map(of).collect(),
+            depth_stamp: 0.0,
             doubt: 1,
             ..Observation::default()
         };

@@ -135,23 +135,12 @@ impl Plan {
     /// passes of parabolas (Felzenszwalb, Huttenlocher, Theory of Computing 2012).
     #[must_use]
     pub fn distances(&self) -> Vec<f32> {
-        let occupied = |c: &Occupancy| *c == Occupancy::Occupied;
-        let zero = |c| if occupied(c) { 0.0 } else { f64::INFINITY };
-        let mut squares: Vec<f64> = self.cells.iter().map(zero).collect();
-        let (w, h) = (self.width, self.height);
-        let mut line = Vec::new();
-        for y in 0..h {
-            line.clear();
-            line.extend_from_slice(&squares[y * w..(y + 1) * w]);
-            transform(&line, |x, d| squares[y * w + x] = d);
-        }
-        for x in 0..w {
-            line.clear();
-            line.extend((0..h).map(|y| squares[y * w + x]));
-            transform(&line, |y, d| squares[y * w + x] = d);
-        }
-        let metres = |d: f64| (d.sqrt() * self.resolution) as f32;
-        squares.into_iter().map(metres).collect()
+        let occupied: Vec<bool> = self
+            .cells
+            .iter()
+            .map(|c| *c == Occupancy::Occupied)
+            .collect();
+        distances(&occupied, self.width, self.resolution)
     }
 
     /// Writes the image of map_server: black occupied, white free, grey unknown; the row of the largest y first.
@@ -205,6 +194,26 @@ impl Plan {
             self.resolution, self.origin[0], self.origin[1]
         )
     }
+}
+
+/// Distance from the middle of each cell to that of the nearest one that is set, m; see [`Plan::distances`]. The cells have a side of `side` m.
+pub(crate) fn distances(set: &[bool], width: usize, side: f64) -> Vec<f32> {
+    let zero = |s: &bool| if *s { 0.0 } else { f64::INFINITY };
+    let mut squares: Vec<f64> = set.iter().map(zero).collect();
+    let (w, h) = (width, set.len() / width.max(1));
+    let mut line = Vec::new();
+    for y in 0..h {
+        line.clear();
+        line.extend_from_slice(&squares[y * w..(y + 1) * w]);
+        transform(&line, |x, d| squares[y * w + x] = d);
+    }
+    for x in 0..w {
+        line.clear();
+        line.extend((0..h).map(|y| squares[y * w + x]));
+        transform(&line, |y, d| squares[y * w + x] = d);
+    }
+    let metres = |d: f64| (d.sqrt() * side) as f32;
+    squares.into_iter().map(metres).collect()
 }
 
 /// Squared distances along a line, of values that are squared distances already.

@@ -16,8 +16,13 @@ pub struct DenseMap {
     pub(crate) volume: Volume,
     pub(crate) cells: Cells,
     max_depth: f64,
+    /// Of the last frame, hundredths of a second.
+    last_stamp: Option<f64>,
     arrivals: Arrivals,
 }
+
+/// A frame says of no longer than this what stood before it, hundredths of a second.
+const MOST_ELAPSED: f64 = 50.0;
 
 /// What is known of a cell of the coarse grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +41,7 @@ impl Clone for DenseMap {
             volume: self.volume.clone(),
             cells: self.cells.clone(),
             max_depth: self.max_depth,
+            last_stamp: self.last_stamp,
             arrivals: Arrivals::default(),
         }
     }
@@ -48,6 +54,7 @@ impl DenseMap {
             volume: Volume::new(config, simd),
             cells: Cells::new(config.cell),
             max_depth: config.max_depth,
+            last_stamp: None,
             arrivals: Arrivals::default(),
         }
     }
@@ -55,6 +62,7 @@ impl DenseMap {
     /// Takes what a frame saw from a pose. `camera` is that of the pinhole image.
     pub(crate) fn integrate(&mut self, seen: &Observation, camera: &Camera, pose: &Se3) {
         if pose.is_finite() && seen.width > 0 && seen.height > 0 {
+            let elapsed = self.elapsed(seen.depth_stamp);
             let Self {
                 volume,
                 cells,
@@ -62,7 +70,7 @@ impl DenseMap {
                 ..
             } = self;
             arrivals.find(seen, camera, pose, volume, cells);
-            cells.arrive(arrivals.cells());
+            cells.arrive(arrivals.cells(), elapsed);
             volume.integrate(seen, camera, pose, arrivals);
             let stand = Stand {
                 camera,
@@ -73,6 +81,13 @@ impl DenseMap {
             let pixels = self.volume.pixels();
             self.cells.integrate(seen, pixels, &stand, self.max_depth);
         }
+    }
+
+    /// Hundredths of a second since the frame before, by their stamps: rounded stamps are compared, so that no rounding adds up.
+    fn elapsed(&mut self, stamp: f64) -> u16 {
+        let now = (stamp * 100.0).round();
+        let last = self.last_stamp.replace(now);
+        last.map_or(0.0, |last| (now - last).abs().min(MOST_ELAPSED)) as u16
     }
 
     /// The surface as triangles.

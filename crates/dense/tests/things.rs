@@ -204,3 +204,41 @@ fn what_is_carried_away_is_gone() {
     let gone = gathered(&taken(0), Some(known)).list(&view());
     assert!(listed(&gone, "tv").is_empty(), "{gone:?}");
 }
+
+#[test]
+fn what_walls_do_not_part_is_one_room_and_all_things_are_in_it() {
+    let map = gathered(&told(&|_, _| ()), None);
+    let rooms = map.rooms(&view());
+    assert_eq!(rooms.len(), 1, "{rooms:?}");
+    assert!(rooms[0].number == 1 && (1.0..40.0).contains(&rooms[0].area));
+    let list = map.list(&view());
+    assert!(list.len() > 3 && list.iter().all(|t| t.room == Some(1)));
+    // What was written and read is the same room, and a run that goes on keeps it one.
+    let read = ThingMap::from_bytes(&map.to_bytes()).unwrap();
+    assert_eq!(read.rooms(&view()), rooms);
+    let again = gathered(&told(&|_, _| ()), Some(read)).rooms(&view());
+    assert!(
+        again.len() == 1 && (again[0].area - rooms[0].area).abs() < 0.5,
+        "{again:?}"
+    );
+}
+
+/// The same map twice: what both know is there once.
+#[test]
+fn joined_maps_know_each_thing_once() {
+    let map = gathered(&told(&|_, _| ()), None);
+    let joined = ThingMap::joined(&map, &map, 0, &view());
+    let (before, after) = (map.list(&view()), joined.list(&view()));
+    assert_eq!(before.len(), after.len(), "{after:?}");
+    for (a, b) in before.iter().zip(&after) {
+        assert!(b.class == a.class && b.found == 2 * a.found, "{a:?} {b:?}");
+        assert!(
+            (a.bounds.centre - b.bounds.centre).norm() < 0.03,
+            "{a:?} {b:?}"
+        );
+    }
+    assert_eq!(joined.rooms(&view()), map.rooms(&view()));
+    // Of keyframes that the map does not have nothing is listed, and nothing is lost.
+    let elsewhere = ThingMap::joined(&ThingMap::default(), &map, 100_000, &view());
+    assert!(elsewhere.list(&view()).is_empty() && !elsewhere.is_empty());
+}

@@ -5,6 +5,7 @@ use crate::disparity::DepthModel;
 use crate::error::SimulatorError;
 use crate::lens::Lens;
 use crate::path::Path;
+use crate::raster::{NOTHING, View};
 use crate::scene::Scene;
 use crate::sensor::Sensor;
 use crate::shutter::{Shutter, Sight};
@@ -254,6 +255,24 @@ impl Simulator {
             motion.velocity = motion.velocity.map(|v| v * self.scale);
         }
         truth::truth(&view, &movers, self.scene.things())
+    }
+
+    /// How many pixels a thing of a number in [`FrameTruth::things`] would fill in frame `index` if nothing stood before it and the image were twice as
+    /// wide and as high: by it can be told how much of the thing is in sight.
+    #[must_use]
+    pub fn whole_px(&self, index: usize, thing: u32) -> usize {
+        let camera = Camera {
+            width: 2 * self.camera.width,
+            height: 2 * self.camera.height,
+            cx: self.camera.cx + 0.5 * f64::from(self.camera.width),
+            cy: self.camera.cy + 0.5 * f64::from(self.camera.height),
+            ..self.camera.rectified()
+        };
+        let faces = self.scene.fixed().iter();
+        let faces = faces.filter(|f| u32::from(f.thing) == thing);
+        let pose = self.path.world_from_camera(self.stamp(index));
+        let view = View::new(faces, &camera, &pose, 1);
+        view.face.iter().filter(|f| **f != NOTHING).count()
     }
 
     /// The true boxes of all things of a class that detectors know, with their numbers in [`FrameTruth::things`]; after them those that somebody

@@ -3,7 +3,7 @@
 use crate::args::map::MapMergeArgs;
 use crate::failure::{Failure, Status};
 use crate::map::file::MapOutput;
-use crate::{console, map};
+use crate::{console, map, things};
 use stillpoint::slam::{Config, Timing, join_maps};
 
 /// `map merge`.
@@ -19,6 +19,10 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         readout_sigma,
         ..Timing::default()
     });
+    let known = [
+        things::of_file(&first, &args.first)?,
+        things::of_file(&second, &args.second)?,
+    ];
     let (first, second) = (first.file.map, second.file.map);
     map::file::check_alike([&args.first, &args.second], [&first, &second])?;
     map::file::check_room(&args.first, &first, second.view().keyframe_bound())?;
@@ -35,7 +39,8 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
             joined.reports.len()
         )));
     }
-    let saved = file.save(&joined.map, timing.as_ref(), Vec::new())?;
+    let things = things::joined(known, &joined);
+    let saved = file.save(&joined.map, timing.as_ref(), things.into_iter().collect())?;
     let submaps = map::submaps(joined.map.view());
     console::report(&format!(
         "{}: {} keyframes and {} landmarks; {a} and {b} submaps became {}\n",

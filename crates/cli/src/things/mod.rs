@@ -8,11 +8,11 @@ use crate::run::Known;
 use crate::run::session::listeners::Writer;
 use serde::Serialize;
 use std::path::Path;
-use stillpoint::dense::{Thing, ThingMap, Things, ThingsConfig};
+use stillpoint::dense::{Room, Thing, ThingMap, Things, ThingsConfig};
 use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::imaging::FrameId;
 use stillpoint::map::{Extension, MapView};
-use stillpoint::slam::{Config, Event, Subscriber};
+use stillpoint::slam::{Config, Event, JoinedMaps, Subscriber};
 
 /// The things of a map file, if it has any.
 pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<ThingMap>, Failure> {
@@ -53,6 +53,7 @@ impl Gatherer {
         let map = self.0.at(view);
         Gathered {
             things: map.list(view),
+            rooms: map.rooms(view),
             frames: Some(self.0.taken().iter().map(|f| f.0).collect()),
             map,
         }
@@ -70,6 +71,7 @@ impl Writer for Gatherer {
 pub(crate) struct Gathered {
     map: ThingMap,
     things: Vec<Thing>,
+    rooms: Vec<Room>,
     /// Numbers of the frames that were looked at; none where an earlier run knew it all.
     pub(crate) frames: Option<Vec<u32>>,
 }
@@ -79,6 +81,7 @@ impl Gathered {
     pub(crate) fn known(map: ThingMap, view: &MapView) -> Self {
         Self {
             things: map.list(view),
+            rooms: map.rooms(view),
             frames: None,
             map,
         }
@@ -94,8 +97,21 @@ impl Gathered {
 
     /// As `map objects --json` has it.
     pub(crate) fn json(&self) -> Result<String, Failure> {
-        to_json(&self.things)
+        to_json(&self.rooms, &self.things)
     }
+}
+
+/// What a map file keeps of the things of two maps that were put together; none where neither had any.
+pub(crate) fn joined(known: [Option<ThingMap>; 2], maps: &JoinedMaps) -> Option<Extension> {
+    if known.iter().all(Option::is_none) {
+        return None;
+    }
+    let [first, second] = known.map(Option::unwrap_or_default);
+    let map = ThingMap::joined(&first, &second, maps.added, maps.map.view());
+    Some(Extension {
+        name: ThingMap::EXTENSION.to_owned(),
+        bytes: map.to_bytes(),
+    })
 }
 
 /// A thing as users see it.
@@ -112,6 +128,8 @@ struct ThingJson {
     /// Looks in which it was found.
     found: u32,
     submap: u32,
+    /// The number of the room that it is in.
+    room: Option<u32>,
     /// Stamp, s.
     first_seen: f64,
     /// Stamp, s.
@@ -129,15 +147,42 @@ impl ThingJson {
             confidence: thing.confidence,
             found: thing.found,
             submap: thing.submap.0,
+            room: thing.room,
             first_seen: thing.first_seen,
             last_seen: thing.last_seen,
         }
     }
 }
 
-fn to_json(things: &[Thing]) -> Result<String, Failure> {
-    let things: Vec<ThingJson> = things.iter().map(ThingJson::new).collect();
-    let text = serde_json::to_string_pretty(&things).map_err(Failure::input)?;
+/// A room as users see it.
+#[derive(Debug, Serialize)]
+struct RoomJson {
+    number: u32,
+    submap: u32,
+    /// m, world.
+    centre: [f64; 3],
+    /// m^2.
+    area: f64,
+}
+
+#[derive(Debug, Serialize)]
+struct LevelJson {
+    rooms: Vec<RoomJson>,
+    things: Vec<ThingJson>,
+}
+
+fn to_json(rooms: &[Room], things: &[Thing]) -> Result<String, Failure> {
+    let room = |r: &Room| RoomJson {
+        number: r.number,
+        submap: r.submap.0,
+        centre: r.centre.into(),
+        area: r.area,
+    };
+    let level = LevelJson {
+        rooms: rooms.iter().map(room).collect(),
+        things: things.iter().map(ThingJson::new).collect(),
+    };
+    let text = serde_json::to_string_pretty(&level).map_err(Failure::input)?;
     Ok(format!("{text}\n"))
 }
 
@@ -150,30 +195,47 @@ pub(crate) fn objects(args: &MapObjectsArgs) -> Result<Status, Failure> {
             args.file.display()
         ))
     })?;
-    let things = map.list(loaded.file.map.view());
+    let view = loaded.file.map.view();
+    let (rooms, things) = (map.rooms(view), map.list(view));
     if args.json {
-        console::print(&to_json(&things)?);
-        return Ok(Status::Ok);
+        console::print(&to_json(&rooms, &things)?);
+    } else {
+        console::print(&text(&rooms, &things));
     }
-    let mut text = format!(
-        "{:<14}{:>24}{:>20}  {:<11}{:<8}last seen, s\n",
-        "class", "centre, m", "size, m", "confidence", "submap"
-    );
-    for t in &things {
-        let triple = |v: &Vec3, digits: usize| {
-            let parts: Vec<String> = v.iter().map(|x| format!("{x:.digits$}")).collect();
-            parts.join(" ")
-        };
+    Ok(Status::Ok)
+}
+
+fn triple(v: &Vec3, digits: usize) -> String {
+    let parts: Vec<String> = v.iter().map(|x| format!("{x:.digits$}")).collect();
+    parts.join(" ")
+}
+
+fn text(rooms: &[Room], things: &[Thing]) -> String {
+    let mut text = String::new();
+    for r in rooms {
         text += &format!(
-            "{:<14}{:>24}{:>20}  {:<11.2}{:<8}{:.3}\n",
+            "room {}: {:.1} m^2 around {} m, submap {}\n",
+            r.number,
+            r.area,
+            triple(&r.centre, 2),
+            r.submap.0
+        );
+    }
+    text += &format!(
+        "{:<14}{:>24}{:>20}  {:<11}{:<8}{:<6}last seen, s\n",
+        "class", "centre, m", "size, m", "confidence", "submap", "room"
+    );
+    for t in things {
+        text += &format!(
+            "{:<14}{:>24}{:>20}  {:<11.2}{:<8}{:<6}{:.3}\n",
             t.class.name(),
             triple(&t.bounds.centre, 3),
             triple(&t.bounds.size, 2),
             t.confidence,
             t.submap.0,
+            t.room.map_or("-".to_owned(), |r| r.to_string()),
             t.last_seen
         );
     }
-    console::print(&text);
-    Ok(Status::Ok)
+    text
 }

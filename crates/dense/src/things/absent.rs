@@ -1,8 +1,8 @@
 //! What has been carried away: cameras see through its place.
 
+use super::carve::evenly;
 use super::look::{Placed, Shown};
 use super::merge::Part;
-use super::own::evenly;
 use stillpoint_geometry::Vec3;
 
 /// Points whose places are looked at.

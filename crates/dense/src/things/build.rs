@@ -2,11 +2,13 @@
 
 use super::ThingMap;
 use super::absent::presence;
+use super::assign::{Group, Sights, assign};
 use super::gather::Things;
+use super::ground::ground;
 use super::level;
 use super::look::Placed;
 use super::merge::{Part, merge};
-use super::own::{Seen, by_place, owners, points};
+use super::own::{Seen, by_place, owners};
 use super::part::{Point, Record, World};
 use crate::floor::Floor;
 use std::collections::{BTreeMap, BTreeSet};
@@ -15,6 +17,8 @@ use stillpoint_map::{MapView, SubmapId};
 
 /// Looks in which a track has to be found to be taken for anything.
 const LEAST_LOOKS: usize = 2;
+/// How well its surface has to meet the borders of its boxes: where it does not, what was taken for it is something before or behind it.
+const LEAST_FIT: f64 = 0.5;
 
 /// All that is known at the poses of a version of the map.
 pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
@@ -31,7 +35,7 @@ pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
         view,
         levels: &levels,
     };
-    let mut parts = known(&things.known, &world);
+    let mut parts = known(&things.known, 0, &world);
     parts.extend(tracks(&looks, &world));
     let merged = merge(parts, &world);
     let mut records: Vec<Record> = untouched(&things.known, &world);
@@ -41,7 +45,52 @@ pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
             records.push(record(part, presence.missed, view));
         }
     }
-    ThingMap { records, levels }
+    let ground = ground(&things.known.ground, &looks, &levels, view);
+    ThingMap {
+        records,
+        levels,
+        ground,
+    }
+}
+
+/// The things of two maps that have become one: what both have is one thing, found as often as in both together. `map` is the joined one, in which the
+/// keyframes of the second have ids that are higher by `added`.
+pub(crate) fn join(first: &ThingMap, second: &ThingMap, added: u32, map: &MapView) -> ThingMap {
+    let second = shifted(second, added);
+    // Of submaps that have become one, the floor of the first; others keep theirs where no correction moved them.
+    let mut levels = second.levels.clone();
+    levels.extend(first.levels.clone());
+    levels.retain(|submap, _| map.submaps().iter().any(|s| s.0 == *submap));
+    let world = World {
+        view: map,
+        levels: &levels,
+    };
+    let mut parts = known(first, 0, &world);
+    parts.extend(known(&second, 1, &world));
+    let mut records = untouched(first, &world);
+    records.extend(untouched(&second, &world));
+    let merged = merge(parts, &world);
+    records.extend(merged.into_iter().map(|part| record(part, 0, map)));
+    let spots = [&first.ground[..], &second.ground].concat();
+    let ground = ground(&spots, &[], &levels, map);
+    ThingMap {
+        records,
+        levels,
+        ground,
+    }
+}
+
+/// The same under other ids of keyframes, and of the submaps that are named after them.
+fn shifted(map: &ThingMap, added: u32) -> ThingMap {
+    let mut map = map.clone();
+    let points = map.records.iter_mut().flat_map(|r| &mut r.points);
+    let spots = map.ground.iter_mut().map(|s| &mut s.at);
+    for point in points.chain(spots) {
+        point.keyframe.0 += added;
+    }
+    let levels = map.levels.into_iter();
+    map.levels = levels.map(|(s, f)| (SubmapId(s.0 + added), f)).collect();
+    map
 }
 
 /// The floor of every submap: the lower one of what is known and what this run shows, which may be a table's top where no floor was in sight.
@@ -53,6 +102,7 @@ fn levels(things: &Things, looks: &[Placed<'_>]) -> BTreeMap<SubmapId, Floor> {
         let Some(found) = level::floor(&own, &things.config.about_up) else {
             continue;
         };
+        let found = level::below_tables(found, &own);
         let eye = own[0].world_from_camera.translation;
         let lower = levels
             .get(&submap)
@@ -65,7 +115,7 @@ fn levels(things: &Things, looks: &[Placed<'_>]) -> BTreeMap<SubmapId, Floor> {
 }
 
 /// What earlier runs knew, as far as the map has its keyframes.
-fn known(map: &ThingMap, world: &World<'_>) -> Vec<Part> {
+fn known(map: &ThingMap, file: u8, world: &World<'_>) -> Vec<Part> {
     let part = |record: &Record| {
         let (submap, points) = record.place(world.view)?;
         let bounds = world.bounds(record.class, submap, &points)?;
@@ -75,6 +125,7 @@ fn known(map: &ThingMap, world: &World<'_>) -> Vec<Part> {
             votes: BTreeMap::from([(record.class, f64::from(record.found))]),
             looks: BTreeSet::new(),
             known: vec![record.clone()],
+            files: BTreeSet::from([file]),
             submap,
             points: kept.zip(points).collect(),
             bounds,
@@ -108,40 +159,52 @@ fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> Vec<Part> {
             }
         }
     }
-    let part = |(submap, seen): (SubmapId, Vec<Seen>)| {
-        if seen.len() < LEAST_LOOKS {
-            return None;
-        }
-        let mut votes = BTreeMap::new();
-        let mut farthest: f64 = 0.0;
-        for (l, s) in &seen {
-            let sighting = &looks[*l].look.sightings[*s];
-            *votes.entry(sighting.class).or_default() += f64::from(sighting.score);
-            farthest = farthest.max(f64::from(sighting.depths[1]));
-        }
-        let stamp = |at: Option<&Seen>| at.map_or(0.0, |(l, _)| looks[*l].look.stamp);
-        let own = points(&seen, looks, &owners);
-        let places: Vec<Vec3> = own.iter().map(|p| p.1).collect();
-        let class = *votes
-            .iter()
-            .max_by(|a: &(_, &f64), b| a.1.total_cmp(b.1))?
-            .0;
-        Some(Part {
-            votes,
-            looks: seen.iter().map(|s| s.0).collect(),
-            known: Vec::new(),
-            submap,
-            points: own,
-            bounds: world.bounds(class, submap, &places)?,
-            seen: [stamp(seen.first()), stamp(seen.last())],
-            farthest,
-        })
-    };
     let parted = seen.into_iter().flat_map(|((submap, _, _), seen)| {
         let places = by_place(&seen, looks, &owners);
         places.into_iter().map(move |seen| (submap, seen))
     });
-    parted.filter_map(part).collect()
+    let sights = Sights {
+        looks,
+        owners: &owners,
+    };
+    let groups = assign(parted.collect(), &sights, world);
+    groups
+        .into_iter()
+        .filter_map(|g| part(g, looks, world))
+        .collect()
+}
+
+/// A group of sightings as a part of a thing; none where its surface does not say where it is.
+fn part(group: Group, looks: &[Placed<'_>], world: &World<'_>) -> Option<Part> {
+    let Group {
+        submap,
+        seen,
+        carved,
+        ..
+    } = group;
+    if seen.len() < LEAST_LOOKS || carved.fit < LEAST_FIT {
+        return None;
+    }
+    let mut votes = BTreeMap::new();
+    let mut farthest: f64 = 0.0;
+    for (l, s) in &seen {
+        let sighting = &looks[*l].look.sightings[*s];
+        *votes.entry(sighting.class).or_default() += f64::from(sighting.score);
+        farthest = farthest.max(f64::from(sighting.depths[1]));
+    }
+    let stamp = |at: Option<&Seen>| at.map_or(0.0, |(l, _)| looks[*l].look.stamp);
+    let places: Vec<Vec3> = carved.points.iter().map(|p| p.1).collect();
+    Some(Part {
+        votes,
+        looks: seen.iter().map(|s| s.0).collect(),
+        known: Vec::new(),
+        files: BTreeSet::new(),
+        submap,
+        points: carved.points,
+        bounds: world.bounds(group.class, submap, &places)?,
+        seen: [stamp(seen.first()), stamp(seen.last())],
+        farthest,
+    })
 }
 
 /// What is kept of a thing.

@@ -1,23 +1,29 @@
 //! Things as bytes and back: what rides in a map file.
 //!
-//! Little-endian: `SPTHING1`; number of floors and of things (4 each); per floor its submap (4), the unit vector away from it and its offset (4
+//! Little-endian: `SPTHING2`; number of floors and of things (4 each); per floor its submap (4), the unit vector away from it and its offset (4
 //! doubles); per thing its class in COCO, from 0 (1), looks in which it was found and in which it could have been (4 each), stamps of the first and the last one,
-//! largest depth (doubles), number of points (4), and per point a keyframe (4) and x, y, z in its camera, mm (2 each).
+//! largest depth (doubles), number of points (4), and per point a keyframe (4) and x, y, z in its camera, mm (2 each). Then the ground:
+//! number of cells (4), and per cell a point as those of things, and whether it is a wall (1). `SPTHING1` is the same without ground, and is read.
 
 use super::ThingMap;
+use super::ground::Spot;
 use super::part::{MOST_POINTS, Point, Record};
 use crate::floor::Floor;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{KeyframeId, SubmapId};
 
-const MAGIC: &[u8; 8] = b"SPTHING1";
+const MAGIC: &[u8; 8] = b"SPTHING2";
+/// Of files without ground.
+const WITHOUT_GROUND: &[u8; 8] = b"SPTHING1";
 
 /// Why bytes are no things.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ThingBytesError {
     /// They begin otherwise.
-    #[error("expected things (SPTHING1), found other bytes; gather them again with --things")]
+    #[error(
+        "expected things (SPTHING2 or SPTHING1), found other bytes; gather them again with --things"
+    )]
     Kind,
     /// They end too early or too late.
     #[error(
@@ -52,10 +58,12 @@ impl ThingMap {
                 out.extend(v.to_le_bytes());
             }
             out.extend((r.points.len() as u32).to_le_bytes());
-            for p in &r.points {
-                out.extend(p.keyframe.0.to_le_bytes());
-                out.extend(p.at.iter().flat_map(|v| v.to_le_bytes()));
-            }
+            r.points.iter().for_each(|p| put(p, &mut out));
+        }
+        out.extend((self.ground.len() as u32).to_le_bytes());
+        for spot in &self.ground {
+            put(&spot.at, &mut out);
+            out.push(u8::from(spot.wall));
         }
         out
     }
@@ -65,8 +73,11 @@ impl ThingMap {
     /// # Errors
     /// [`ThingBytesError`], whatever the bytes are.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ThingBytesError> {
-        let rest = bytes.strip_prefix(MAGIC).ok_or(ThingBytesError::Kind)?;
-        let mut reader = Reader(rest);
+        let (with, without) = (
+            bytes.strip_prefix(MAGIC),
+            bytes.strip_prefix(WITHOUT_GROUND),
+        );
+        let mut reader = Reader(with.or(without).ok_or(ThingBytesError::Kind)?);
         let (levels, records) = (reader.word()?, reader.word()?);
         let mut map = Self::default();
         for _ in 0..levels {
@@ -85,11 +96,21 @@ impl ThingMap {
             let record = reader.record()?;
             map.records.push(record);
         }
+        let spots = if with.is_some() { reader.word()? } else { 0 };
+        for _ in 0..spots {
+            let spot = reader.spot()?;
+            map.ground.push(spot);
+        }
         match reader.0.len() {
             0 => Ok(map),
             more => Err(ThingBytesError::Length(format!("{more} bytes more"))),
         }
     }
+}
+
+fn put(p: &Point, out: &mut Vec<u8>) {
+    out.extend(p.keyframe.0.to_le_bytes());
+    out.extend(p.at.iter().flat_map(|v| v.to_le_bytes()));
 }
 
 fn value(found: String) -> ThingBytesError {
@@ -150,10 +171,7 @@ impl Reader<'_> {
         }
         let mut points = Vec::with_capacity(count);
         for _ in 0..count {
-            points.push(Point {
-                keyframe: KeyframeId(self.word()?),
-                at: [self.half()?, self.half()?, self.half()?],
-            });
+            points.push(self.point()?);
         }
         Ok(Record {
             class: ClassId(class),
@@ -163,6 +181,24 @@ impl Reader<'_> {
             farthest,
             points,
         })
+    }
+
+    fn point(&mut self) -> Result<Point, ThingBytesError> {
+        Ok(Point {
+            keyframe: KeyframeId(self.word()?),
+            at: [self.half()?, self.half()?, self.half()?],
+        })
+    }
+
+    fn spot(&mut self) -> Result<Spot, ThingBytesError> {
+        let at = self.point()?;
+        match self.take()? {
+            [wall @ (0 | 1)] => Ok(Spot {
+                at,
+                wall: wall == 1,
+            }),
+            [other] => Err(value(format!("ground of kind {other}"))),
+        }
     }
 
     fn half(&mut self) -> Result<i16, ThingBytesError> {
@@ -175,6 +211,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn spot(keyframe: u32, wall: bool) -> Spot {
+        let at = Point {
+            keyframe: KeyframeId(keyframe),
+            at: [-1000, 250, 3],
+        };
+        Spot { at, wall }
+    }
+
     fn map(records: Vec<Record>) -> ThingMap {
         let floor = Floor {
             up: -Vec3::y(),
@@ -183,6 +227,7 @@ mod tests {
         ThingMap {
             records,
             levels: [(SubmapId(0), floor), (SubmapId(40), floor)].into(),
+            ground: vec![spot(3, true), spot(4, false)],
         }
     }
 
@@ -240,11 +285,19 @@ mod tests {
     #[test]
     fn damage_is_said_in_words() {
         let said = |bytes: &[u8]| ThingMap::from_bytes(bytes).unwrap_err().to_string();
-        assert!(said(b"SPDENSE2").contains("expected things (SPTHING1), found other bytes"));
+        assert!(
+            said(b"SPDENSE2").contains("expected things (SPTHING2 or SPTHING1), found other bytes")
+        );
         let mut bytes = map(Vec::new()).to_bytes();
         assert!(said(&bytes[..30]).contains("found an early end"));
         bytes[20..28].copy_from_slice(&f64::NAN.to_le_bytes());
         assert!(said(&bytes).contains("found a direction of NaN"));
+        // What was written before there was any ground is read.
+        let mut old = map(Vec::new());
+        old.ground.clear();
+        let bytes = old.to_bytes();
+        let before = [WITHOUT_GROUND, &bytes[8..bytes.len() - 4]].concat();
+        assert_eq!(ThingMap::from_bytes(&before), Ok(old));
         // A count is not believed before what it counts is there.
         let mut bytes = map(Vec::new()).to_bytes();
         bytes[12..16].copy_from_slice(&u32::MAX.to_le_bytes());

@@ -191,6 +191,11 @@ impl<'a> Placed<'a> {
         Some((Point::new(self.keyframe, &at)?, world))
     }
 
+    /// A point of the world as it is kept.
+    pub(crate) fn keep_world(&self, p: &Vec3) -> Option<Point> {
+        self.keep(&self.camera_from_world.transform(p)).map(|k| k.0)
+    }
+
     /// The pixel of a point of the world and its depth, if it is in the image.
     pub(crate) fn project(&self, p: &Vec3) -> Option<(Vec2, f64)> {
         let at = self.camera_from_world.transform(p);

@@ -16,6 +16,8 @@ pub(crate) struct Part {
     pub(crate) looks: BTreeSet<usize>,
     /// What an earlier run knew, as it stands in the map file.
     pub(crate) known: Vec<Record>,
+    /// The map files that it was in: what one file tells apart stays apart.
+    pub(crate) files: BTreeSet<u8>,
     pub(crate) submap: SubmapId,
     pub(crate) points: Vec<(Point, Vec3)>,
     pub(crate) bounds: UprightBox,
@@ -59,8 +61,7 @@ impl Part {
     /// How surely another part is the same thing: 0 where it is not.
     fn likeness(&self, other: &Self) -> f64 {
         let together = self.looks.intersection(&other.looks).count();
-        // What an earlier run told apart stays apart.
-        let told_apart = !self.known.is_empty() && !other.known.is_empty();
+        let told_apart = self.files.intersection(&other.files).next().is_some();
         if self.submap != other.submap || together >= TOGETHER || told_apart {
             return 0.0;
         }
@@ -92,6 +93,7 @@ impl Part {
         }
         self.looks.extend(other.looks);
         self.known.extend(other.known);
+        self.files.extend(other.files);
         self.points.extend(other.points);
         self.seen = [
             self.seen[0].min(other.seen[0]),

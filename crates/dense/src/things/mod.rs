@@ -6,9 +6,12 @@
 //! (`merge`), and what has been carried away (`absent`). People are never in it.
 
 mod absent;
+mod assign;
 mod build;
 mod bytes;
+mod carve;
 mod gather;
+mod ground;
 mod level;
 mod look;
 mod merge;
@@ -18,9 +21,11 @@ mod upright;
 
 pub use bytes::ThingBytesError;
 pub use gather::{Things, ThingsConfig};
+pub use ground::Room;
 pub use upright::UprightBox;
 
 use crate::floor::Floor;
+use ground::{RoomMap, Spot};
 use part::{Record, World};
 use std::collections::BTreeMap;
 use stillpoint_detection::ClassId;
@@ -39,6 +44,8 @@ pub struct Thing {
     pub found: u32,
     /// The submap whose frame of reference its box is in.
     pub submap: SubmapId,
+    /// The number of the room that it is in, as in [`ThingMap::rooms`]; none where the ground around it is not known.
+    pub room: Option<u32>,
     /// Stamp of the first frame in which it was found, s.
     pub first_seen: f64,
     /// Stamp of the last one, s.
@@ -56,6 +63,8 @@ pub struct ThingMap {
     records: Vec<Record>,
     /// Where the floor is, by submap.
     levels: BTreeMap<SubmapId, Floor>,
+    /// Where one can be, and where walls are.
+    ground: Vec<Spot>,
 }
 
 impl ThingMap {
@@ -75,6 +84,10 @@ impl ThingMap {
             .filter(|r| r.found >= LEAST_FOUND && r.confidence() >= LEAST_CONFIDENCE)
             .filter_map(|r| r.thing(&world))
             .collect();
+        let rooms = RoomMap::new(&self.ground, &self.levels, view);
+        for thing in &mut things {
+            thing.room = rooms.room(thing.submap, &thing.bounds.centre);
+        }
         things.sort_by(|a, b| {
             let place = |t: &Thing| t.bounds.centre.x;
             let stamps = a.first_seen.total_cmp(&b.first_seen);
@@ -83,6 +96,19 @@ impl ThingMap {
                 .then(place(a).total_cmp(&place(b)))
         });
         things
+    }
+
+    /// The things of two maps that were put together ([`stillpoint_slam::join_maps`]): `second` is of the map whose keyframe ids were raised by `added`, and
+    /// `map` the joined one. What both know is one thing.
+    #[must_use]
+    pub fn joined(first: &Self, second: &Self, added: u32, map: &MapView) -> Self {
+        build::join(first, second, added, map)
+    }
+
+    /// The rooms, submap by submap, in the order in which they were entered.
+    #[must_use]
+    pub fn rooms(&self, view: &MapView) -> Vec<Room> {
+        RoomMap::new(&self.ground, &self.levels, view).rooms
     }
 
     /// Where the floor of a submap is, if it was seen.

@@ -1,8 +1,6 @@
-//! Which points are a thing's own.
+//! Whose points are whose in a look, and which looks show one place.
 
-use super::look::{Placed, Shown, Sighting};
-use super::part::Point;
-use std::collections::BTreeMap;
+use super::look::{Placed, Sighting};
 use stillpoint_geometry::Vec3;
 
 /// The sighting that each point of a small image belongs to, counted from 1; 0 for none. Where boxes overlap it is that of the smallest one, since
@@ -30,7 +28,10 @@ pub(crate) fn owners(placed: &Placed<'_>) -> Vec<u16> {
 }
 
 /// The points of the small image in the box of a sighting.
-fn inside(placed: &Placed<'_>, sighting: &Sighting) -> impl Iterator<Item = usize> + use<> {
+pub(crate) fn inside(
+    placed: &Placed<'_>,
+    sighting: &Sighting,
+) -> impl Iterator<Item = usize> + use<> {
     let (grid, [x0, y0, x1, y1]) = (placed.grid, sighting.bounds);
     let (step, columns) = (grid.step as f32, grid.columns);
     let range = |from: f32, to: f32, end: usize| {
@@ -45,55 +46,6 @@ fn inside(placed: &Placed<'_>, sighting: &Sighting) -> impl Iterator<Item = usiz
 
 /// A track in a look: the number of the look and of the sighting in it.
 pub(crate) type Seen = (usize, usize);
-
-/// Sides of the cells in which points are one, as a share of a thing's size, and their bounds, m.
-const CELL: f64 = 1.0 / 24.0;
-const CELLS: [f64; 2] = [0.005, 0.03];
-/// Sightings that points are compared with: more say the same again.
-const MOST_COMPARED: usize = 24;
-/// A point is outside of a box when it is this far outside, px, ...
-const MARGIN: f32 = 4.0;
-/// ... and this share of the box's size: detected boxes jitter.
-const MARGIN_SHARE: f32 = 0.06;
-/// Share of the boxes that a point may be outside of.
-const MOST_OUTSIDE: f64 = 0.25;
-
-/// The points of a track's own surface: in its box and at its depth, and in nearly all of its boxes from wherever else they are seen. What is behind a
-/// thing is beside it from elsewhere.
-pub(crate) fn points(
-    seen: &[Seen],
-    looks: &[Placed<'_>],
-    owners: &[Vec<u16>],
-) -> Vec<(Point, Vec3)> {
-    let cell = cell(seen, looks);
-    let mut cells: BTreeMap<[i32; 3], (Point, Vec3)> = BTreeMap::new();
-    for (l, s) in seen {
-        let placed = &looks[*l];
-        for i in inside(placed, &placed.look.sightings[*s]) {
-            if usize::from(owners[*l][i]) != s + 1 {
-                continue;
-            }
-            let kept = placed.in_camera(i).and_then(|p| placed.keep(&p));
-            if let Some((point, p)) = kept {
-                cells.entry(key(&p, cell)).or_insert((point, p));
-            }
-        }
-    }
-    let every = seen.len().div_ceil(MOST_COMPARED).max(1);
-    let compared: Vec<&Seen> = seen.iter().step_by(every).collect();
-    let own = |p: &Vec3| {
-        let (mut within, mut outside) = (0_u32, 0_u32);
-        for (l, s) in &compared {
-            match is_in(&looks[*l], &looks[*l].look.sightings[*s], p) {
-                Some(true) => within += 1,
-                Some(false) => outside += 1,
-                None => {}
-            }
-        }
-        f64::from(outside) <= MOST_OUTSIDE * f64::from(within + outside)
-    };
-    cells.into_values().filter(|(_, p)| own(p)).collect()
-}
 
 /// Points that a sighting has to have to say anything.
 const LEAST_POINTS: usize = 5;
@@ -149,48 +101,4 @@ fn place((l, s): &Seen, looks: &[Placed<'_>], owners: &[u16]) -> Option<(Vec3, f
     let [x0, y0, x1, y1] = sighting.bounds.map(f64::from);
     let longest = (x1 - x0).max(y1 - y0) / placed.grid.camera.fx * middle.z;
     Some((placed.world_from_camera.transform(&middle), longest))
-}
-
-/// Whether a point is in the box of a sighting; none where it is not seen.
-fn is_in(placed: &Placed<'_>, sighting: &Sighting, p: &Vec3) -> Option<bool> {
-    let (px, _) = placed.project(p)?;
-    if placed.shows(p) == Shown::Nearer {
-        return None;
-    }
-    let [x0, y0, x1, y1] = sighting.bounds;
-    let (x, y) = (px.x as f32, px.y as f32);
-    let margin = [x1 - x0, y1 - y0].map(|side| MARGIN + MARGIN_SHARE * side);
-    let along = x >= x0 - margin[0] && x <= x1 + margin[0];
-    Some(along && y >= y0 - margin[1] && y <= y1 + margin[1])
-}
-
-/// The side of cells for a thing of the size that its boxes have, m.
-fn cell(seen: &[Seen], looks: &[Placed<'_>]) -> f64 {
-    let size = |(l, s): &Seen| {
-        let sighting = &looks[*l].look.sightings[*s];
-        let [x0, y0, x1, y1] = sighting.bounds.map(f64::from);
-        let z = 0.5 * f64::from(sighting.depths[0] + sighting.depths[1]);
-        (x1 - x0).max(y1 - y0) / looks[*l].grid.camera.fx * z
-    };
-    let largest = seen.iter().map(size).fold(0.0, f64::max);
-    (CELL * largest).clamp(CELLS[0], CELLS[1])
-}
-
-fn key(p: &Vec3, cell: f64) -> [i32; 3] {
-    p.map(|v| (v / cell).floor() as i32).into()
-}
-
-/// At most so many of some points, one in each of cells that are as small as they can be for that.
-pub(crate) fn evenly(points: &[Vec3], most: usize) -> Vec<usize> {
-    let mut cell = CELLS[0];
-    loop {
-        let mut cells: BTreeMap<[i32; 3], usize> = BTreeMap::new();
-        for (i, p) in points.iter().enumerate() {
-            cells.entry(key(p, cell)).or_insert(i);
-        }
-        if cells.len() <= most {
-            return cells.into_values().collect();
-        }
-        cell *= 1.25;
-    }
 }

@@ -1,11 +1,11 @@
 //! What is known of a thing: points that hang on keyframes.
 
 use super::upright::UprightBox;
-use super::{Thing, own};
+use super::{Thing, carve};
 use crate::floor::Floor;
 use std::collections::BTreeMap;
 use stillpoint_detection::ClassId;
-use stillpoint_geometry::Vec3;
+use stillpoint_geometry::{Mat3, Vec3};
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
 
 /// Points that are kept of a thing: enough for 2 % at each end to be some.
@@ -35,6 +35,12 @@ impl Point {
     fn in_keyframe(self) -> Vec3 {
         Vec3::from(self.at.map(f64::from)) / PER_METRE
     }
+
+    /// None where the map does not have its keyframe.
+    pub(crate) fn world(self, view: &MapView) -> Option<Vec3> {
+        let pose = view.world_from_keyframe(self.keyframe)?;
+        Some(pose.transform(&self.in_keyframe()))
+    }
 }
 
 /// What is known of a thing, wherever the map has its keyframes.
@@ -60,13 +66,7 @@ impl Record {
 
     /// The submap of most of its keyframes, and its points there, world; none where the map has none of them.
     pub(crate) fn place(&self, view: &MapView) -> Option<(SubmapId, Vec<Vec3>)> {
-        let placed = |p: &Point| {
-            let pose = view.world_from_keyframe(p.keyframe)?;
-            Some((
-                view.submap_of(p.keyframe)?,
-                pose.transform(&p.in_keyframe()),
-            ))
-        };
+        let placed = |p: &Point| Some((view.submap_of(p.keyframe)?, p.world(view)?));
         let placed: Vec<(SubmapId, Vec3)> = self.points.iter().filter_map(placed).collect();
         let mut counts: BTreeMap<SubmapId, usize> = BTreeMap::new();
         for (submap, _) in &placed {
@@ -83,6 +83,7 @@ impl Record {
         Some(Thing {
             class: self.class,
             bounds: world.bounds(self.class, submap, &points)?,
+            room: None,
             confidence: self.confidence(),
             found: self.found,
             submap,
@@ -96,12 +97,9 @@ impl Record {
         if self.points.len() <= MOST_POINTS {
             return;
         }
-        let world = |p: &Point| {
-            let pose = view.world_from_keyframe(p.keyframe);
-            pose.map_or_else(Vec3::zeros, |w| w.transform(&p.in_keyframe()))
-        };
+        let world = |p: &Point| p.world(view).unwrap_or_else(Vec3::zeros);
         let places: Vec<Vec3> = self.points.iter().map(world).collect();
-        let kept = own::evenly(&places, MOST_POINTS);
+        let kept = carve::evenly(&places, MOST_POINTS);
         self.points = kept.into_iter().map(|i| self.points[i]).collect();
     }
 }
@@ -127,6 +125,21 @@ const ON_FLOOR: [&str; 9] = [
 /// They are seen from this height on, at most, m.
 const HIGHEST_FOOT: f64 = 0.9;
 
+/// Heights are counted in steps of this, m.
+const STEP: f64 = 0.02;
+
+/// The height of a table's top, which is where most of its points are: what lies on it is no part of it.
+fn top(points: &[Vec3], level: &Mat3) -> f64 {
+    let mut counts: BTreeMap<i64, usize> = BTreeMap::new();
+    for p in points {
+        let step = ((level * p).z / STEP).floor() as i64;
+        // Noise spreads over the neighbours.
+        (-1..=1).for_each(|d| *counts.entry(step + d).or_default() += 1);
+    }
+    let most = counts.iter().max_by_key(|c| c.1);
+    most.map_or(f64::INFINITY, |(step, _)| (*step as f64 + 2.0) * STEP)
+}
+
 impl World<'_> {
     /// The box around the points of a thing.
     pub(crate) fn bounds(
@@ -142,7 +155,10 @@ impl World<'_> {
             offset: 0.0,
         };
         let level = floor.unwrap_or(&upright).level_from_world();
-        let bounds = UprightBox::around(points, &level)?;
+        let top = (class.name() == "dining table").then(|| top(points, &level));
+        let below = |p: &&Vec3| top.is_none_or(|z| (level * *p).z <= z);
+        let points: Vec<Vec3> = points.iter().filter(below).copied().collect();
+        let bounds = UprightBox::around(&points, &level)?;
         let stands = ON_FLOOR.contains(&class.name());
         Some(match floor {
             Some(floor) if stands => bounds.on_floor(floor, HIGHEST_FOOT),

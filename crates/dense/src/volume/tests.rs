@@ -33,6 +33,7 @@ fn look(pose: &Se3, depth: impl Fn(&Vec3, &Vec3) -> Option<f64>) -> Observation 
         depth: (0..W * H).map(of).collect(),
         movers: vec![0; W.div_ceil(8) * H.div_ceil(8)],
         colour: vec![0x40_80_c0; (W / 4) * (H / 4)],
+        depth_stamp: 0.0,
         doubt: 1,
     }
 }

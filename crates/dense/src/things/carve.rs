@@ -1,0 +1,327 @@
+//! Which points are a thing's own: carved by its boxes from all sides.
+//!
+//! A box says little of depth: what stands before a thing and what is behind it are in it as well. But a point of the thing is in nearly all boxes that see
+//! it, and the points of the thing reach to the borders of all of them; the others leave a box when the camera moves, and fill it in part.
+
+use super::look::{Placed, Shown};
+use super::own::{Seen, inside};
+use super::part::Point;
+use crate::floor::Floor;
+use std::collections::BTreeMap;
+use stillpoint_geometry::Vec3;
+
+/// Sides of the cells in which points are one, as a share of a thing's size, and their bounds, m.
+const CELL: f64 = 1.0 / 24.0;
+const CELLS: [f64; 2] = [0.005, 0.03];
+/// Sightings that points are compared with: more say the same again.
+const MOST_COMPARED: usize = 24;
+/// A point is outside of a box when it is this far outside, px, ...
+const MARGIN: f32 = 4.0;
+/// ... and this share of the box's size: detected boxes jitter.
+const MARGIN_SHARE: f32 = 0.06;
+/// Share of the boxes that a point may be outside of.
+const MOST_OUTSIDE: f64 = 0.25;
+/// ... and of those that it has to be in.
+const LEAST_WITHIN: f64 = 0.15;
+/// What is lower above the floor is the floor, m.
+const SOLE: f64 = 0.05;
+/// Points that are nearer to each other are of one piece: cells, and at least so many m.
+const LINK_CELLS: f64 = 2.5;
+/// ... and points of the small image, across and along the line of sight: surfaces are seen under up to 70 degrees.
+const LINK_POINTS: [f64; 2] = [1.7, 2.5];
+/// What the share of a box that is filled counts beside how well its borders are met.
+const FILL: f64 = 0.25;
+/// A further piece has to make the borders better by this.
+const GAIN: f64 = 0.02;
+/// ... and be nearer than this share of the size of what was chosen.
+const GAP: f64 = 0.4;
+
+/// A surface point with what the compared boxes say of it.
+struct Cell {
+    point: Point,
+    at: Vec3,
+    depth: f64,
+    /// Direction from the camera to it, world.
+    ray: Vec3,
+    /// Whether it was at the depth that the tracker takes for its object.
+    tracked: bool,
+    /// By compared sighting, its pixel where it is in sight.
+    pixels: Vec<Option<[f32; 2]>>,
+}
+
+/// The surface of what some sightings show.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Carved {
+    pub(crate) points: Vec<(Point, Vec3)>,
+    /// How well they meet the borders of the boxes, 0 to 1.
+    pub(crate) fit: f64,
+}
+
+/// The points of the surface of what some sightings show.
+pub(crate) fn carve(
+    seen: &[Seen],
+    looks: &[Placed<'_>],
+    owners: &[Vec<u16>],
+    floor: Option<&Floor>,
+) -> Carved {
+    let side = cell(seen, looks);
+    let every = seen.len().div_ceil(MOST_COMPARED).max(1);
+    let compared: Vec<Seen> = seen.iter().step_by(every).copied().collect();
+    let mut cells = gather(seen, looks, owners, side, floor);
+    cells.retain_mut(|c| is_own(c, &compared, looks, owners));
+    let grid = looks[seen[0].0].grid;
+    let apart = grid.step as f64 / grid.camera.fx;
+    let pieces = pieces(&cells, side, apart);
+    let boxes: Vec<[f32; 4]> = compared
+        .iter()
+        .map(|(l, s)| looks[*l].look.sightings[*s].bounds)
+        .collect();
+    let chosen = choose(&cells, &pieces, &boxes);
+    let quality = fit(&cells, &chosen, &boxes);
+    let tracked: Vec<usize> = (0..cells.len()).filter(|i| cells[*i].tracked).collect();
+    let (mut own, quality) = match fit(&cells, &tracked, &boxes) {
+        f if f + 0.05 > quality => (tracked, f),
+        _ => (chosen, quality),
+    };
+    own.sort_unstable();
+    let points = own.into_iter().map(|i| (cells[i].point, cells[i].at));
+    Carved {
+        points: points.collect(),
+        fit: quality,
+    }
+}
+
+/// All that is in the boxes and belongs to no smaller one.
+fn gather(
+    seen: &[Seen],
+    looks: &[Placed<'_>],
+    owners: &[Vec<u16>],
+    side: f64,
+    floor: Option<&Floor>,
+) -> Vec<Cell> {
+    let mut cells: BTreeMap<[i32; 3], Cell> = BTreeMap::new();
+    for (l, s) in seen {
+        let placed = &looks[*l];
+        for i in inside(placed, &placed.look.sightings[*s]) {
+            let owner = usize::from(owners[*l][i]);
+            if owner != 0 && owner != s + 1 {
+                continue;
+            }
+            let Some(p) = placed.in_camera(i) else {
+                continue;
+            };
+            let Some((point, at)) = placed.keep(&p) else {
+                continue;
+            };
+            if floor.is_some_and(|f| f.height(&at).abs() < SOLE) {
+                continue;
+            }
+            let cell = || Cell {
+                point,
+                at,
+                depth: p.z,
+                ray: (at - placed.world_from_camera.translation).normalize(),
+                tracked: false,
+                pixels: Vec::new(),
+            };
+            let cell = cells.entry(key(&at, side)).or_insert_with(cell);
+            cell.tracked |= owner == s + 1;
+        }
+    }
+    cells.into_values().collect()
+}
+
+/// Whether a point is in nearly all boxes from which it is in sight.
+fn is_own(cell: &mut Cell, compared: &[Seen], looks: &[Placed<'_>], owners: &[Vec<u16>]) -> bool {
+    let (mut within, mut outside) = (0_u32, 0_u32);
+    cell.pixels.clear();
+    for (l, s) in compared {
+        let placed = &looks[*l];
+        let sight = placed.project(&cell.at);
+        let shown = placed.shows(&cell.at);
+        let pixel = sight.map(|(px, _)| [px.x as f32, px.y as f32]);
+        cell.pixels.push(pixel.filter(|_| shown == Shown::Point));
+        let (Some(at), false) = (pixel, shown == Shown::Nearer) else {
+            continue;
+        };
+        let [x0, y0, x1, y1] = placed.look.sightings[*s].bounds;
+        let margin = [x1 - x0, y1 - y0].map(|side| MARGIN + MARGIN_SHARE * side);
+        let owner = sight
+            .and_then(|(px, _)| placed.grid.nearest(px))
+            .map_or(0, |i| usize::from(owners[*l][i]));
+        let along = at[0] >= x0 - margin[0] && at[0] <= x1 + margin[0];
+        let inside = along && at[1] >= y0 - margin[1] && at[1] <= y1 + margin[1];
+        if inside && (owner == 0 || owner == s + 1) {
+            within += 1;
+        } else {
+            outside += 1;
+        }
+    }
+    let often = f64::from(within) >= LEAST_WITHIN * compared.len() as f64;
+    often && f64::from(outside) <= MOST_OUTSIDE * f64::from(within + outside)
+}
+
+/// Parts cells into pieces whose points are near each other.
+fn pieces(cells: &[Cell], side: f64, apart: f64) -> Vec<Vec<usize>> {
+    let mut buckets: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
+    let reach = |c: &Cell, k: usize| (LINK_CELLS * side).max(LINK_POINTS[k] * apart * c.depth);
+    let widest = cells.iter().map(|c| reach(c, 1)).fold(side, f64::max);
+    for (i, c) in cells.iter().enumerate() {
+        buckets.entry(key(&c.at, widest)).or_default().push(i);
+    }
+    let mut piece = vec![usize::MAX; cells.len()];
+    let mut pieces: Vec<Vec<usize>> = Vec::new();
+    for first in 0..cells.len() {
+        if piece[first] != usize::MAX {
+            continue;
+        }
+        piece[first] = pieces.len();
+        let mut members = vec![first];
+        let mut next = 0;
+        while let Some(i) = members.get(next).copied() {
+            next += 1;
+            let [x, y, z] = key(&cells[i].at, widest);
+            for k in 0..27 {
+                let near = [x + k / 9 - 1, y + k / 3 % 3 - 1, z + k % 3 - 1];
+                for j in buckets.get(&near).into_iter().flatten() {
+                    if piece[*j] != usize::MAX {
+                        continue;
+                    }
+                    let gap = cells[*j].at - cells[i].at;
+                    let along = gap.dot(&cells[i].ray);
+                    let across = (gap - along * cells[i].ray).norm();
+                    if across < reach(&cells[i], 0) && along.abs() < reach(&cells[i], 1) {
+                        piece[*j] = pieces.len();
+                        members.push(*j);
+                    }
+                }
+            }
+        }
+        pieces.push(members);
+    }
+    pieces
+}
+
+/// The piece that fills the boxes best, with all others that make the borders better.
+fn choose(cells: &[Cell], pieces: &[Vec<usize>], boxes: &[[f32; 4]]) -> Vec<usize> {
+    let worth = |p: &Vec<usize>| fit(cells, p, boxes) + FILL * fill(cells, p, boxes);
+    let mut order: Vec<(f64, usize)> = pieces.iter().map(worth).zip(0..).collect();
+    order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut order = order.into_iter().map(|o| o.1);
+    let Some(first) = order.next() else {
+        return Vec::new();
+    };
+    let mut chosen = pieces[first].clone();
+    let mut best = fit(cells, &chosen, boxes);
+    for k in order {
+        if !is_near(cells, &chosen, &pieces[k]) {
+            continue;
+        }
+        let more: Vec<usize> = chosen.iter().chain(&pieces[k]).copied().collect();
+        let with = fit(cells, &more, boxes);
+        if with > best + GAIN {
+            (chosen, best) = (more, with);
+        }
+    }
+    chosen
+}
+
+/// Whether the boxes around two pieces are nearer than a share of the size of the first.
+fn is_near(cells: &[Cell], first: &[usize], second: &[usize]) -> bool {
+    let around = |members: &[usize]| {
+        let far = Vec3::repeat(f64::INFINITY);
+        members.iter().fold((far, -far), |(low, high), i| {
+            (low.inf(&cells[*i].at), high.sup(&cells[*i].at))
+        })
+    };
+    let (a, b) = (around(first), around(second));
+    let gap = (a.0 - b.1).sup(&(b.0 - a.1)).sup(&Vec3::zeros());
+    gap.norm() < GAP * (a.1 - a.0).max()
+}
+
+/// How well points meet the borders of the boxes: the mean of intersection over union of each box with the one around those that are in sight.
+fn fit(cells: &[Cell], members: &[usize], boxes: &[[f32; 4]]) -> f64 {
+    let mut sum = 0.0;
+    for (k, b) in boxes.iter().enumerate() {
+        let pixels = members.iter().filter_map(|i| cells[*i].pixels[k]);
+        sum += overlap(around(pixels), b);
+    }
+    sum / boxes.len().max(1) as f64
+}
+
+/// The box around pixels; an inside-out one around none.
+pub(crate) fn around(pixels: impl Iterator<Item = [f32; 2]>) -> [f32; 4] {
+    let far = f32::INFINITY;
+    pixels.fold([far, far, -far, -far], |a, p| {
+        [
+            a[0].min(p[0]),
+            a[1].min(p[1]),
+            a[2].max(p[0]),
+            a[3].max(p[1]),
+        ]
+    })
+}
+
+/// Borders of boxes that differ by less say nothing, px: detected ones jitter, and points of the small image are some pixels apart.
+const SLACK: f32 = 6.0;
+
+/// Intersection over union of the box around pixels with a detected one, of which each border may be off by some pixels; 0 where one is inside out.
+pub(crate) fn overlap(around: [f32; 4], b: &[f32; 4]) -> f64 {
+    if around[0] > around[2] {
+        return 0.0;
+    }
+    let nearer = |k: usize| around[k] + (b[k] - around[k]).clamp(-SLACK, SLACK);
+    let a = [0, 1, 2, 3].map(nearer);
+    let area = |b: &[f32; 4]| (b[2] - b[0]).max(0.0) * (b[3] - b[1]).max(0.0);
+    let both = [
+        a[0].max(b[0]),
+        a[1].max(b[1]),
+        a[2].min(b[2]),
+        a[3].min(b[3]),
+    ];
+    let either = area(&a) + area(b) - area(&both);
+    if either <= 0.0 {
+        return 0.0;
+    }
+    f64::from(area(&both) / either)
+}
+
+/// Which share of what is in sight in the boxes some points are.
+fn fill(cells: &[Cell], members: &[usize], boxes: &[[f32; 4]]) -> f64 {
+    let count = |i: usize| cells[i].pixels.iter().flatten().count();
+    let own: usize = members.iter().map(|i| count(*i)).sum();
+    let all: usize = (0..cells.len()).map(count).sum();
+    debug_assert!(boxes.len() <= MOST_COMPARED);
+    own as f64 / all.max(1) as f64
+}
+
+/// The side of cells for a thing of the size that its boxes have, m.
+fn cell(seen: &[Seen], looks: &[Placed<'_>]) -> f64 {
+    let size = |(l, s): &Seen| {
+        let sighting = &looks[*l].look.sightings[*s];
+        let [x0, y0, x1, y1] = sighting.bounds.map(f64::from);
+        let z = 0.5 * f64::from(sighting.depths[0] + sighting.depths[1]);
+        (x1 - x0).max(y1 - y0) / looks[*l].grid.camera.fx * z
+    };
+    let largest = seen.iter().map(size).fold(0.0, f64::max);
+    (CELL * largest).clamp(CELLS[0], CELLS[1])
+}
+
+fn key(p: &Vec3, cell: f64) -> [i32; 3] {
+    p.map(|v| (v / cell).floor() as i32).into()
+}
+
+/// At most so many of some points, one in each of cells that are as small as they can be for that.
+pub(crate) fn evenly(points: &[Vec3], most: usize) -> Vec<usize> {
+    let mut cell = CELLS[0];
+    loop {
+        let mut cells: BTreeMap<[i32; 3], usize> = BTreeMap::new();
+        for (i, p) in points.iter().enumerate() {
+            cells.entry(key(p, cell)).or_insert(i);
+        }
+        if cells.len() <= most {
+            return cells.into_values().collect();
+        }
+        cell *= 1.25;
+    }
+}
