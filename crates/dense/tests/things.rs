@@ -229,13 +229,12 @@ fn joined_maps_know_each_thing_once() {
     let map = gathered(&told(&|_, _| ()), None);
     let joined = ThingMap::joined(&map, &map, 0, &view());
     let (before, after) = (map.list(&view()), joined.list(&view()));
-    assert_eq!(before.len(), after.len(), "{after:?}");
-    for (a, b) in before.iter().zip(&after) {
-        assert!(b.class == a.class && b.found == 2 * a.found, "{a:?} {b:?}");
-        assert!(
-            (a.bounds.centre - b.bounds.centre).norm() < 0.03,
-            "{a:?} {b:?}"
-        );
+    // What was found too seldom to be listed may be listed now.
+    for a in &before {
+        let same = |b: &&Thing| b.class == a.class && b.found == 2 * a.found;
+        let near = |b: &&Thing| (a.bounds.centre - b.bounds.centre).norm() < 0.03;
+        let found = after.iter().filter(|b| same(b) && near(b)).count();
+        assert_eq!(found, 1, "{a:?} in {after:?}");
     }
     assert_eq!(joined.rooms(&view()), map.rooms(&view()));
     // Of keyframes that the map does not have nothing is listed, and nothing is lost.
