@@ -66,7 +66,7 @@ fn things_are_found_kept_listed_and_left_alone_by_localize() {
 
     // A run that only asks where it is leaves the map as it is; it says no things of its own.
     let before = std::fs::read(&map).unwrap();
-    let (asked, load) = (at("asked"), ["--load-map", text(&map), "--localize"]);
+    let (asked, load) = (at("asked"), ["--localize", text(&map)]);
     let out = ["--out", text(&asked)];
     check(&stillpoint([&run[..], &load, &out].concat()), 0, &[]);
     assert!(std::fs::read(&map).unwrap() == before && !asked.join("things.json").exists());
