@@ -42,7 +42,7 @@ impl Default for SensorConfig {
             max_depth: 8.0,
             close_depth: 3.0,
             noise_scale: 1.0,
-            calibration_error: 0.018,
+            calibration_error: 0.016,
             readout: 0.0,
             readout_sigma: 0.02,
             depth_delay: 0.0,
