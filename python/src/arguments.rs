@@ -50,7 +50,7 @@ fn dtype(array: &Bound<'_, PyUntypedArray>) -> String {
 pub(crate) fn stamp(name: &str, found: &Bound<'_, PyAny>) -> PyResult<f64> {
     const EXPECTED: &str = "seconds as a float or nanoseconds as an int";
     let wrong = || wrong_type(name, EXPECTED, found);
-    if found.is_instance_of::<PyBool>() || found.cast::<PyUntypedArray>().is_ok() {
+    if is_bool(found) || found.cast::<PyUntypedArray>().is_ok() {
         return Err(wrong());
     }
     let seconds = if found.is_instance_of::<PyFloat>() || is_numpy_float(found)? {
@@ -80,10 +80,17 @@ fn is_numpy_float(found: &Bound<'_, PyAny>) -> PyResult<bool> {
     found.is_instance(&floating)
 }
 
+/// Whether it is a truth value, of Python or of NumPy: both count as whole numbers to Python.
+pub(crate) fn is_bool(found: &Bound<'_, PyAny>) -> bool {
+    let numpy = || found.py().import("numpy")?.getattr("bool_");
+    found.is_instance_of::<PyBool>()
+        || numpy().is_ok_and(|truth| found.is_instance(&truth).unwrap_or(false))
+}
+
 /// A real number in a range.
 pub(crate) fn number(name: &str, found: &Bound<'_, PyAny>, range: [f64; 2]) -> PyResult<f64> {
     let wrong = || wrong_type(name, "a number", found);
-    if found.is_instance_of::<PyBool>() {
+    if is_bool(found) {
         return Err(wrong());
     }
     let number: f64 = found.extract().map_err(|_| wrong())?;
@@ -128,7 +135,7 @@ pub(crate) fn yes(name: &str, found: &Bound<'_, PyAny>) -> PyResult<bool> {
 /// A whole number of at most `most`.
 pub(crate) fn count(name: &str, found: &Bound<'_, PyAny>, most: u64) -> PyResult<u64> {
     let wrong = || wrong_type(name, "a whole number", found);
-    if found.is_instance_of::<PyBool>() || found.cast::<PyUntypedArray>().is_ok() {
+    if is_bool(found) || found.cast::<PyUntypedArray>().is_ok() {
         return Err(wrong());
     }
     if !found.hasattr("__index__").unwrap_or(false) {

@@ -1,10 +1,10 @@
 //! A camera: lens, size, and what its depth values mean.
 
-use crate::arguments::{self, number, reals, value, words, wrong_type};
+use crate::arguments::{self, is_bool, number, reals, value, words, wrong_type};
 use crate::arrays;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyString, PyType};
+use pyo3::types::{PyString, PyType};
 use stillpoint::datasets::{CameraChoice, CameraModel};
 use stillpoint::geometry::{BrownConrady, Camera as Lens};
 
@@ -70,7 +70,7 @@ impl Camera {
 /// Pixels of a side: what images have at most.
 fn side(name: &str, found: &Bound<'_, PyAny>) -> PyResult<u32> {
     let wrong = || wrong_type(name, "a whole number of pixels", found);
-    if found.is_instance_of::<PyBool>() || !found.hasattr("__index__").unwrap_or(false) {
+    if is_bool(found) || !found.hasattr("__index__").unwrap_or(false) {
         return Err(wrong());
     }
     let index = found.call_method0("__index__").map_err(|_| wrong())?;

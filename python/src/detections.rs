@@ -1,11 +1,11 @@
 //! What a detector of the user's sees.
 
-use crate::arguments::{number, reals, value, words, wrong_type};
+use crate::arguments::{is_bool, number, reals, value, words, wrong_type};
 use crate::guard::calling;
 use numpy::PyUntypedArray;
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyList, PyString, PyTuple};
+use pyo3::types::{PyList, PyString, PyTuple};
 use stillpoint::detection::{BoundingBox, ClassId, Detection as Seen};
 
 /// Detections of one frame, at most: a detector that says more is none.
@@ -102,7 +102,7 @@ fn class_of(found: &Bound<'_, PyAny>) -> PyResult<ClassId> {
             )
         });
     }
-    if found.is_instance_of::<PyBool>() || !found.hasattr("__index__").unwrap_or(false) {
+    if is_bool(found) || !found.hasattr("__index__").unwrap_or(false) {
         return Err(wrong_type(
             "class_name",
             "the name or number of a class of COCO",

@@ -1,6 +1,6 @@
 //! Simulated rooms with exact ground truth.
 
-use crate::arguments::{count, number, value, words, wrong_type, yes};
+use crate::arguments::{count, is_bool, number, value, words, wrong_type, yes};
 use crate::arrays;
 use crate::camera::Camera;
 use crate::detections::Detection;
@@ -10,7 +10,6 @@ use crate::trajectory::Trajectory;
 use numpy::PyArray2;
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
-use pyo3::types::PyBool;
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::{BoundingBox, ClassId, Detection as Seen};
@@ -182,7 +181,7 @@ impl Simulation {
     fn index(&self, found: &Bound<'_, PyAny>) -> PyResult<usize> {
         let length = self.simulator.len();
         let wrong = || wrong_type("index", "the number of a frame", found);
-        if found.is_instance_of::<PyBool>() || !found.hasattr("__index__").unwrap_or(false) {
+        if is_bool(found) || !found.hasattr("__index__").unwrap_or(false) {
             return Err(wrong());
         }
         let index: isize = found

@@ -98,6 +98,13 @@ def refused(name: str, call: Callable[[], Any]) -> str:
     return text
 
 
+def test_truth_values_are_no_times() -> None:
+    slam = sp.Slam(CAMERA)
+    for value in (True, np.True_, np.bool_(False)):
+        refused("stamp", lambda: slam.track(value, COLOR, DEPTH))
+        refused("depth_stamp", lambda: slam.track(1.0, COLOR, DEPTH, depth_stamp=value))
+
+
 @settings(max_examples=CASES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(name=st.sampled_from(["stamp", "color", "depth", "detections", "depth_stamp"]), value=ANYTHING, mask=st.booleans())
 def test_whatever_is_handed_over_is_used_or_refused_by_name(name: str, value: Any, mask: bool) -> None:
