@@ -1,6 +1,6 @@
 //! What the filter remembers of earlier frames: their coarse depth and where they were taken from.
 
-use super::visibility::Surroundings;
+use super::surroundings::Surroundings;
 use crate::anchored_pose::AnchoredPose;
 use std::collections::VecDeque;
 use std::sync::Arc;

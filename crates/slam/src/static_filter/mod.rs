@@ -18,6 +18,7 @@ mod rigid;
 mod segments;
 mod semantic;
 mod surfaces;
+mod surroundings;
 mod verdict;
 mod visibility;
 
