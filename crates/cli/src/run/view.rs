@@ -64,7 +64,7 @@ fn set_timing(measured: &mut Measured, timing: Option<FrameTiming>) {
 }
 
 impl Feed for Shown {
-    fn since(&self, version: u64) -> (u64, String) {
+    fn since(&self, version: u64, json: &mut Vec<u8>) -> u64 {
         let measured = self.measured();
         let update = {
             let mut page = self.page();
@@ -73,8 +73,12 @@ impl Feed for Shown {
             }
             page.since(version)
         };
-        let text = serde_json::to_string(&update).unwrap_or_else(|_| "{}".to_owned());
-        (update.version, text)
+        let begin = json.len();
+        if serde_json::to_writer(&mut *json, &update).is_err() {
+            json.truncate(begin);
+            json.extend_from_slice(b"{}");
+        }
+        update.version
     }
 }
 

@@ -17,6 +17,9 @@ const PACE: Duration = Duration::from_millis(100);
 /// Where nothing is new, it is said so often that the connection stands, and how things are.
 const IDLE: Duration = Duration::from_secs(1);
 
+/// Bytes of an update that memory is kept for; the first one may be larger.
+const ROOM: usize = 1 << 16;
+
 /// What every answer says of itself: it is not kept, not guessed at, not shown within other pages, and not read by them.
 const HEADERS: &str = "Connection: close\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: DENY\r\nReferrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n";
 
@@ -78,15 +81,20 @@ fn tell(stream: &mut TcpStream, shared: &Shared) -> Result<()> {
     );
     write_within(stream, head.as_bytes(), UPDATE)?;
     let (mut version, mut seen) = (0, None);
+    // One for all updates: ten a second of ever other sizes would leave holes in the memory.
+    let mut text = Vec::with_capacity(ROOM);
     loop {
         let began = Instant::now();
         let last = shared.wait(&mut seen, IDLE);
-        let (now, text) = shared.feed.since(version);
-        write_within(stream, event("update", &text).as_bytes(), UPDATE)?;
-        version = now;
+        text.clear();
+        text.extend_from_slice(b"event: update\ndata: ");
+        version = shared.feed.since(version, &mut text);
+        text.extend_from_slice(b"\n\n");
+        write_within(stream, &text, UPDATE)?;
         if let Some((name, text)) = &*last {
             return write_within(stream, event(name, text).as_bytes(), UPDATE);
         }
+        text.shrink_to(ROOM);
         std::thread::sleep(PACE.saturating_sub(began.elapsed()));
     }
 }

@@ -28,8 +28,8 @@ const LAST: Duration = Duration::from_millis(if cfg!(test) { 500 } else { 3000 }
 
 /// What is shown.
 pub(crate) trait Feed: Send + Sync + 'static {
-    /// What is new since a version, as JSON in one line; with 0 all that there is. And the version that is known with it.
-    fn since(&self, version: u64) -> (u64, String);
+    /// Appends what is new since a version, as JSON in one line; with 0 all that there is. Gives the version that is known with it.
+    fn since(&self, version: u64, json: &mut Vec<u8>) -> u64;
 }
 
 /// Where a page is served: `ADDR:PORT`, `ADDR`, or `PORT`.

@@ -11,13 +11,12 @@ struct Numbers {
 }
 
 impl Feed for Numbers {
-    fn since(&self, version: u64) -> (u64, String) {
+    fn since(&self, version: u64, json: &mut Vec<u8>) -> u64 {
         let now = self.now.load(Ordering::Relaxed);
         let filler = "x".repeat(self.bytes);
-        (
-            now,
-            format!("{{\"from\":{version},\"to\":{now},\"filler\":\"{filler}\"}}"),
-        )
+        let text = format!("{{\"from\":{version},\"to\":{now},\"filler\":\"{filler}\"}}");
+        json.extend_from_slice(text.as_bytes());
+        now
     }
 }
 

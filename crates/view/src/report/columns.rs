@@ -4,6 +4,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
+use std::fmt::{Display, Formatter};
 
 /// Numbers of one kind.
 #[derive(Clone, Debug, PartialEq)]
@@ -41,9 +42,27 @@ number!(u8, u16, u32, f32, f64);
 
 impl<T: Number> Serialize for Column<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let mut bytes = Vec::new();
-        self.0.iter().for_each(|n| n.put(&mut bytes));
-        serializer.serialize_str(&STANDARD.encode(bytes))
+        serializer.collect_str(&Text(&self.0))
+    }
+}
+
+/// Numbers encoded together: their bytes are a multiple of three, which base 64 turns into whole letters.
+const TOGETHER: usize = 768;
+
+/// Numbers as text, in pieces: a column of a large map is some megabytes, which nobody needs twice more.
+struct Text<'a, T>(&'a [T]);
+
+impl<T: Number> Display for Text<'_, T> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> std::fmt::Result {
+        let (mut bytes, mut text) = (Vec::new(), String::new());
+        for numbers in self.0.chunks(TOGETHER) {
+            bytes.clear();
+            text.clear();
+            numbers.iter().for_each(|n| n.put(&mut bytes));
+            STANDARD.encode_string(&bytes, &mut text);
+            f.write_str(&text)?;
+        }
+        Ok(())
     }
 }
 
@@ -87,6 +106,17 @@ mod tests {
             let bits = |v: &[f32]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
             prop_assert_eq!(bits(&back.0), bits(&a));
             prop_assert_eq!(other.0, b);
+        }
+    }
+
+    #[test]
+    fn pieces_are_one_text() {
+        for count in [0, 1, 767, 768, 769, 2000] {
+            let column: Column<u16> = (0..count).map(|i| (i as u16).wrapping_mul(77)).collect();
+            let mut bytes = Vec::new();
+            column.0.iter().for_each(|n| n.put(&mut bytes));
+            let text = serde_json::to_string(&column).unwrap();
+            assert_eq!(text, format!("\"{}\"", STANDARD.encode(bytes)), "{count}");
         }
     }
 
