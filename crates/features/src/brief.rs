@@ -13,8 +13,6 @@ pub(crate) struct Brief {
     /// x and y of the first points of all tests, then of the second points, px.
     points_x: [f32; 512],
     points_y: [f32; 512],
-    /// Offsets of the rotated points from the keypoint's pixel.
-    offsets: Vec<i32>,
     simd: Simd,
 }
 
@@ -26,14 +24,13 @@ impl Brief {
         Self {
             points_x: column(0),
             points_y: column(1),
-            offsets: vec![0; 512],
             simd,
         }
     }
 
     /// The descriptor at (x, y), at least [`REACH`] px from the border of `smooth`, turned by the angle of this (cosine, sine).
     pub(crate) fn describe(
-        &mut self,
+        &self,
         smooth: &GrayImage,
         x: usize,
         y: usize,
@@ -49,8 +46,9 @@ impl Brief {
             return crate::avx2::describe(xs, ys, direction, width as i32, (window, centre));
         }
         let _ = self.simd;
-        rotate_scalar(xs, ys, direction, width as i32, &mut self.offsets);
-        compare_scalar(window, centre, &self.offsets)
+        let mut offsets = [0; 512];
+        rotate_scalar(xs, ys, direction, width as i32, &mut offsets);
+        compare_scalar(window, centre, &offsets)
     }
 }
 

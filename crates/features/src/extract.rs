@@ -1,6 +1,6 @@
 //! ORB extraction: an image in, keypoints with descriptors out.
 
-use stillpoint_imaging::{GrayImage, Pyramid, Simd};
+use stillpoint_imaging::{GrayImage, Pyramid, Simd, workers};
 
 use crate::{
     Descriptor, OrbConfig,
@@ -13,6 +13,9 @@ use crate::{
 
 /// Distance of keypoints to the border of their level, px: the rotated pattern reaches 18 px, and smoothing repeats the border beyond that.
 const MARGIN: usize = 19;
+
+/// Keypoints that are described together, at least: some 50 us of work.
+const DESCRIBED_TOGETHER: usize = 150;
 
 /// A corner with its scale and orientation.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,8 +61,8 @@ impl Features {
     }
 }
 
-/// The ORB extractor (Rublee et al., ICCV 2011) with an even spread over image and scales. Buffers are reused: once they have
-/// grown to the image with the most corners, extraction allocates nothing.
+/// The ORB extractor (Rublee et al., ICCV 2011) with an even spread over image and scales. The large buffers are reused; levels and
+/// keypoints are shared among [`Workers`](stillpoint_imaging::Workers).
 #[derive(Clone, Debug)]
 pub struct OrbExtractor {
     config: OrbConfig,
@@ -70,6 +73,8 @@ pub struct OrbExtractor {
     detectors: Vec<FastDetector>,
     spread: Spread,
     chosen: Vec<Vec<Corner>>,
+    /// The same with their levels.
+    all: Vec<(usize, Corner)>,
     quotas: Vec<usize>,
     brief: Brief,
 }
@@ -89,6 +94,7 @@ impl OrbExtractor {
             detectors: vec![FastDetector::new(simd); config.levels],
             spread: Spread::default(),
             chosen: vec![Vec::new(); config.levels],
+            all: Vec::new(),
             quotas: vec![0; config.levels],
             brief: Brief::new(simd),
             config,
@@ -102,7 +108,6 @@ impl OrbExtractor {
         out.clear();
         std::mem::swap(&mut self.pyramid, &mut self.previous_pyramid);
         self.pyramid.build(image);
-        self.pyramid.smooth_all();
         self.detect();
         self.share_quota();
         self.choose();
@@ -132,15 +137,17 @@ impl OrbExtractor {
         &self.previous_pyramid
     }
 
+    /// Smooths the levels and finds their corners.
     fn detect(&mut self) {
         let options = FastOptions {
             high: self.config.fast_threshold,
             low: self.config.fast_threshold_low,
             margin: MARGIN,
         };
-        for (level, detector) in self.detectors.iter_mut().enumerate() {
-            detector.detect(self.pyramid.level(level), &options);
-        }
+        self.pyramid
+            .smooth_beside(&mut self.detectors, |level, detector| {
+                detector.detect(level, &options);
+            });
     }
 
     /// Shares the wanted features among the levels in proportion to their area. A level with fewer corners gives the rest to the others.
@@ -199,29 +206,41 @@ impl OrbExtractor {
     }
 
     fn describe(&mut self, out: &mut Features) {
-        for (level, chosen) in self.chosen.iter().enumerate() {
-            let (image, smooth) = (self.pyramid.level(level), self.pyramid.smooth(level));
-            for corner in chosen {
-                let (x, y) = (usize::from(corner.x), usize::from(corner.y));
-                // The orientation comes from the sharp image; the descriptor compares single pixels, which only a smoothed one makes
-                // stable (Rublee et al., ICCV 2011).
-                let moments = moments(image, x, y, self.simd);
-                let (dx, dy) = if self.config.subpixel {
-                    refine(self.detectors[level].scores(), x, y)
-                } else {
-                    (0.0, 0.0)
-                };
-                let (base_x, base_y) = self.pyramid.to_base(level, x as f32 + dx, y as f32 + dy);
-                out.keypoints.push(Keypoint {
-                    x: base_x,
-                    y: base_y,
-                    level: level as u8,
-                    angle: libm::atan2f(moments.1 as f32, moments.0 as f32),
-                    response: f32::from(corner.score),
-                });
-                let descriptor = self.brief.describe(smooth, x, y, direction(moments));
-                out.descriptors.push(descriptor);
-            }
+        let levels = self.chosen.iter().enumerate();
+        let all = levels.flat_map(|(level, chosen)| chosen.iter().map(move |c| (level, *c)));
+        self.all.clear();
+        self.all.extend(all);
+        let described = workers::in_parts(0..self.all.len(), DESCRIBED_TOGETHER, |part| {
+            let corners = self.all[part].iter();
+            let described = corners.map(|(level, corner)| self.describe_one(*level, corner));
+            described.collect::<Vec<_>>()
+        });
+        for (keypoint, descriptor) in described.into_iter().flatten() {
+            out.keypoints.push(keypoint);
+            out.descriptors.push(descriptor);
         }
+    }
+
+    fn describe_one(&self, level: usize, corner: &Corner) -> (Keypoint, Descriptor) {
+        let (image, smooth) = (self.pyramid.level(level), self.pyramid.smooth(level));
+        let (x, y) = (usize::from(corner.x), usize::from(corner.y));
+        // The orientation comes from the sharp image; the descriptor compares single pixels, which only a smoothed one makes
+        // stable (Rublee et al., ICCV 2011).
+        let moments = moments(image, x, y, self.simd);
+        let (dx, dy) = if self.config.subpixel {
+            refine(self.detectors[level].scores(), x, y)
+        } else {
+            (0.0, 0.0)
+        };
+        let (base_x, base_y) = self.pyramid.to_base(level, x as f32 + dx, y as f32 + dy);
+        let keypoint = Keypoint {
+            x: base_x,
+            y: base_y,
+            level: level as u8,
+            angle: libm::atan2f(moments.1 as f32, moments.0 as f32),
+            response: f32::from(corner.score),
+        };
+        let descriptor = self.brief.describe(smooth, x, y, direction(moments));
+        (keypoint, descriptor)
     }
 }

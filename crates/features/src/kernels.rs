@@ -61,7 +61,7 @@ impl Stages {
     }
 
     /// Descriptors of all chosen corners, turned by an arbitrary angle; their exclusive or.
-    pub fn describe(&mut self, smooth: &GrayImage) -> Descriptor {
+    pub fn describe(&self, smooth: &GrayImage) -> Descriptor {
         let mut all = [0; 4];
         for corner in &self.chosen {
             let turn = (0.8, 0.6);

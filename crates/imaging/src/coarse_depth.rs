@@ -1,7 +1,8 @@
 //! A depth image reduced to cells: what depth-connected regions and moving things are looked for in.
 
-use crate::DepthImage;
+use crate::{DepthImage, workers};
 use std::array::from_fn;
+use std::ops::Range;
 
 /// Samples that differ by at most this share of their depth are of one surface.
 const ONE_SURFACE: f32 = 0.03;
@@ -25,32 +26,13 @@ impl CoarseDepth {
         // A larger cell than any image has none either.
         let cell = cell.clamp(4, 1 << 24);
         let (width, height) = (depth.width() / cell, depth.height() / cell);
-        let mut data = Vec::with_capacity(width * height);
-        let offsets = [0, 1, 2, 3].map(|i| (2 * i + 1) * cell / 8);
-        for y in 0..height {
-            let rows = offsets.map(|o| {
-                let start = (y * cell + o) * depth.width();
-                &depth.data()[start..start + width * cell]
-            });
-            // Blocks of cells are computed in vectors.
-            let blocks = if cell == BLOCK_CELL { width / LANES } else { 0 };
-            for x in 0..blocks {
-                let block = |row: &&[f32]| row.as_chunks().0[x * LANES..].first_chunk().copied();
-                let [a, b, c, d] = rows.each_ref().map(block);
-                if let (Some(a), Some(b), Some(c), Some(d)) = (a, b, c, d) {
-                    data.extend_from_slice(&Samples::of_block([&a, &b, &c, &d]).reduce());
-                }
-            }
-            for x in blocks * LANES..width {
-                let [z] = Samples::of_cell(&rows, x * cell, offsets).reduce();
-                data.push(z);
-            }
-        }
+        let reduce = |rows: Range<usize>| reduce_rows(depth, cell, rows);
+        let parts = workers::in_parts(0..height, ROWS_TOGETHER, reduce);
         Self {
             cell,
             width,
             height,
-            data,
+            data: parts.concat(),
         }
     }
 
@@ -95,6 +77,36 @@ impl CoarseDepth {
         let middle = |i: usize| (i as f64 + 0.5) * size - 0.5;
         [middle(x), middle(y)]
     }
+}
+
+/// Rows of cells that one worker reduces, at least.
+const ROWS_TOGETHER: usize = 15;
+
+/// The depths of some rows of cells of `cell` x `cell` px.
+fn reduce_rows(depth: &DepthImage, cell: usize, rows: Range<usize>) -> Vec<f32> {
+    let width = depth.width() / cell;
+    let mut data = Vec::with_capacity(width * rows.len());
+    let offsets = [0, 1, 2, 3].map(|i| (2 * i + 1) * cell / 8);
+    for y in rows {
+        let rows = offsets.map(|o| {
+            let start = (y * cell + o) * depth.width();
+            &depth.data()[start..start + width * cell]
+        });
+        // Blocks of cells are computed in vectors.
+        let blocks = if cell == BLOCK_CELL { width / LANES } else { 0 };
+        for x in 0..blocks {
+            let block = |row: &&[f32]| row.as_chunks().0[x * LANES..].first_chunk().copied();
+            let [a, b, c, d] = rows.each_ref().map(block);
+            if let (Some(a), Some(b), Some(c), Some(d)) = (a, b, c, d) {
+                data.extend_from_slice(&Samples::of_block([&a, &b, &c, &d]).reduce());
+            }
+        }
+        for x in blocks * LANES..width {
+            let [z] = Samples::of_cell(&rows, x * cell, offsets).reduce();
+            data.push(z);
+        }
+    }
+    data
 }
 
 /// Cells that are reduced together ...

@@ -11,6 +11,7 @@ mod image;
 mod pyramid;
 mod resize;
 mod simd;
+pub mod workers;
 
 pub use blur::Blur;
 pub use coarse_depth::CoarseDepth;
@@ -18,3 +19,4 @@ pub use frame::{FrameId, FrameSource, RgbdFrame, SourceError};
 pub use image::{ColourImage, DepthImage, GrayImage, SizeError};
 pub use pyramid::Pyramid;
 pub use simd::Simd;
+pub use workers::Workers;

@@ -4,7 +4,7 @@
 //! exactly and in both directions. Images are aligned at their upper left corner, so with pixel centres at integers
 //! `x0 = (x_l + 0.5) s - 0.5`: a position found at any level has no bias that depends on the level.
 
-use crate::{Blur, GrayImage, Simd, resize::Resizer};
+use crate::{Blur, GrayImage, Simd, resize::Resizer, workers};
 
 /// Scaled copies of an image, each made from the next finer one, and their smoothed versions. Buffers are reused from image to image.
 #[derive(Clone, Debug)]
@@ -15,7 +15,8 @@ pub struct Pyramid {
     smooth: Vec<GrayImage>,
     /// One per level from the second on, for the present image size.
     resizers: Vec<Resizer>,
-    blur: Blur,
+    /// One per level, too.
+    blurs: Vec<Blur>,
     simd: Simd,
 }
 
@@ -36,7 +37,7 @@ impl Pyramid {
             levels: vec![GrayImage::default(); levels],
             smooth: vec![GrayImage::default(); levels],
             resizers: Vec::new(),
-            blur: Blur::new(simd),
+            blurs: vec![Blur::new(simd); levels],
             simd,
         }
     }
@@ -64,9 +65,27 @@ impl Pyramid {
 
     /// Smooths every level (7x7 Gaussian, sigma 2 px of that level) for [`Pyramid::smooth`].
     pub fn smooth_all(&mut self) {
-        for (level, smooth) in self.levels.iter().zip(&mut self.smooth) {
-            self.blur.run(level, smooth);
-        }
+        let mut nothing = vec![(); self.levels.len()];
+        self.smooth_beside(&mut nothing, |_, ()| {});
+    }
+
+    /// Smooths every level, and beside that does something with it and what belongs to it: item `l` of `beside` is of level `l`. Levels are shared
+    /// among [`Workers`](crate::Workers).
+    pub fn smooth_beside<T: Send>(
+        &mut self,
+        beside: &mut [T],
+        work: impl Fn(&GrayImage, &mut T) + Sync,
+    ) {
+        let own = self
+            .levels
+            .iter()
+            .zip(&mut self.smooth)
+            .zip(&mut self.blurs);
+        let mut levels: Vec<_> = own.zip(beside).collect();
+        workers::for_each(&mut levels, |_, (((level, smooth), blur), beside)| {
+            blur.run(level, smooth);
+            work(level, beside);
+        });
     }
 
     fn size_of(&self, base: (usize, usize), level: usize) -> (usize, usize) {

@@ -13,8 +13,10 @@ pub use config::FlowConfig;
 
 use align::{Aligned, Aligner, Outcome, Start};
 use scales::Scales;
-use stillpoint_imaging::{Pyramid, Simd};
+use stillpoint_imaging::{Pyramid, Simd, workers};
 
+/// Points that are tracked together, at least: some 50 us of work.
+const TRACKED_TOGETHER: usize = 60;
 /// A step shorter than this ends a coarse scale, px of it: the next finer one goes on from there.
 const COARSE_EPSILON: f32 = 0.1;
 
@@ -79,19 +81,19 @@ impl Flow {
         let (count, step) = (self.config.levels, self.config.level_step);
         self.old.build(previous, count, step);
         self.new.build(current, count, step);
-        let pair = (previous, current);
         let near = self.levels_for(self.config.guess_error);
-        for (i, &point) in points.iter().enumerate() {
+        let track = |seeker: &mut Seeker<'_>, i: usize| {
             let (start, first) = match guesses.and_then(|guesses| guesses.get(i)) {
                 Some(&guess) => (guess, near),
-                None => (point, count),
+                None => (points[i], count),
             };
-            let mut found = self.track_point(pair, point, start, first);
+            let found = seeker.track_point(points[i], start, first);
             if found == Outcome::Lost && first < count {
-                found = self.track_point(pair, point, start, count);
+                return seeker.track_point(points[i], start, count);
             }
-            out.push(found.found());
-        }
+            found
+        };
+        self.track_all((previous, current), points.len(), out, track);
     }
 
     /// The same for points whose guesses are right or of no interest: looks on the finest scale only, within half a window of them.
@@ -109,11 +111,32 @@ impl Flow {
             out.resize(points.len(), None);
             return;
         }
-        for (i, &point) in points.iter().enumerate() {
-            let guess = guesses.get(i).copied().unwrap_or(point);
-            let found = self.track_point((previous, current), point, guess, 1);
-            out.push(found.found());
-        }
+        let look = |seeker: &mut Seeker<'_>, i: usize| {
+            let guess = guesses.get(i).copied().unwrap_or(points[i]);
+            seeker.track_point(points[i], guess, 1)
+        };
+        self.track_all((previous, current), points.len(), out, look);
+    }
+
+    /// Tracks so many points, which are shared among [`Workers`](stillpoint_imaging::Workers).
+    fn track_all(
+        &self,
+        pair: (&Pyramid, &Pyramid),
+        count: usize,
+        out: &mut Vec<Option<FlowMatch>>,
+        track: impl Fn(&mut Seeker<'_>, usize) -> Outcome<FlowMatch> + Sync,
+    ) {
+        let found = workers::in_parts(0..count, TRACKED_TOGETHER, |part| {
+            let mut seeker = Seeker {
+                flow: self,
+                previous: pair.0,
+                current: pair.1,
+                aligner: self.aligner.clone(),
+            };
+            part.map(|i| track(&mut seeker, i).found())
+                .collect::<Vec<_>>()
+        });
+        out.extend(found.into_iter().flatten());
     }
 
     /// How many scales are needed for a start that is wrong by up to `error` px: a step reaches about half a radius.
@@ -123,88 +146,6 @@ impl Flow {
         (0..self.new.len())
             .find(enough)
             .map_or(self.new.len(), |i| i + 1)
-    }
-
-    /// Forward from coarse to fine, and back at the finest level.
-    fn track_point(
-        &mut self,
-        (previous, current): (&Pyramid, &Pyramid),
-        point: [f32; 2],
-        start: [f32; 2],
-        levels: usize,
-    ) -> Outcome<FlowMatch> {
-        let forward = match self.descend((previous, current), point, start, levels) {
-            Outcome::Found(forward) => forward,
-            Outcome::Lost => return Outcome::Lost,
-            Outcome::Untrackable => return Outcome::Untrackable,
-        };
-        // A comparison that a NaN does not pass.
-        let passes = |value: f32, limit: f32| value <= limit;
-        if !passes(forward.residual, self.config.max_residual) {
-            return Outcome::Lost;
-        }
-        let (old, new) = (previous.level(0), current.level(0));
-        // On the finest scale and from the point itself: a right match is there already, a wrong one walks away.
-        let back = self.aligner.align(
-            (new, old),
-            forward.position,
-            Start {
-                position: point,
-                brightness: -forward.brightness,
-                epsilon: self.config.epsilon,
-            },
-        );
-        let Outcome::Found(back) = back else {
-            return Outcome::Lost;
-        };
-        let (dx, dy) = (back.position[0] - point[0], back.position[1] - point[1]);
-        let forward_backward = (dx * dx + dy * dy).sqrt();
-        if !passes(forward_backward, self.config.forward_backward) {
-            return Outcome::Lost;
-        }
-        Outcome::Found(FlowMatch {
-            position: forward.position,
-            residual: forward.residual,
-            forward_backward,
-        })
-    }
-
-    /// Refines `start` on the `count` finest scales, from coarse to fine.
-    fn descend(
-        &mut self,
-        (previous, current): (&Pyramid, &Pyramid),
-        point: [f32; 2],
-        start: [f32; 2],
-        count: usize,
-    ) -> Outcome<Aligned> {
-        let mut position = start;
-        let mut brightness = 0.0;
-        for i in (1..count).rev() {
-            let images = (self.old.image(previous, i), self.new.image(current, i));
-            let size = (images.1.width(), images.1.height());
-            let from = self.old.at_scale(i, point);
-            let to = self.new.at_scale(i, position);
-            let [from, to, shift] = self.inwards(from, to, size);
-            let start = Start {
-                position: to,
-                brightness,
-                epsilon: self.config.epsilon.max(COARSE_EPSILON),
-            };
-            let found = self.aligner.align(images, from, start);
-            // A coarse window that runs off or has no texture says nothing: the finer ones go on from where they are.
-            if let Outcome::Found(aligned) = found {
-                let [x, y] = aligned.position;
-                position = self.new.to_base(i, [x - shift[0], y - shift[1]]);
-                brightness = aligned.brightness;
-            }
-        }
-        let images = (previous.level(0), current.level(0));
-        let start = Start {
-            position,
-            brightness,
-            epsilon: self.config.epsilon,
-        };
-        self.aligner.align(images, point, start)
     }
 
     /// Moves a pair of positions, and both alike, so that their windows are inside images of this size: near the border the motion of the
@@ -222,6 +163,92 @@ impl Flow {
         ];
         let moved = |p: [f32; 2]| [p[0] + shift[0], p[1] + shift[1]];
         [moved(from), moved(to), shift]
+    }
+}
+
+/// Looks for points of one image in another, one after the other, with a buffer of its own.
+struct Seeker<'a> {
+    flow: &'a Flow,
+    previous: &'a Pyramid,
+    current: &'a Pyramid,
+    aligner: Aligner,
+}
+
+impl Seeker<'_> {
+    /// Forward from coarse to fine, and back at the finest level.
+    fn track_point(
+        &mut self,
+        point: [f32; 2],
+        start: [f32; 2],
+        levels: usize,
+    ) -> Outcome<FlowMatch> {
+        let config = &self.flow.config;
+        let forward = match self.descend(point, start, levels) {
+            Outcome::Found(forward) => forward,
+            Outcome::Lost => return Outcome::Lost,
+            Outcome::Untrackable => return Outcome::Untrackable,
+        };
+        // A comparison that a NaN does not pass.
+        let passes = |value: f32, limit: f32| value <= limit;
+        if !passes(forward.residual, config.max_residual) {
+            return Outcome::Lost;
+        }
+        let (old, new) = (self.previous.level(0), self.current.level(0));
+        // On the finest scale and from the point itself: a right match is there already, a wrong one walks away.
+        let back = self.aligner.align(
+            (new, old),
+            forward.position,
+            Start {
+                position: point,
+                brightness: -forward.brightness,
+                epsilon: config.epsilon,
+            },
+        );
+        let Outcome::Found(back) = back else {
+            return Outcome::Lost;
+        };
+        let (dx, dy) = (back.position[0] - point[0], back.position[1] - point[1]);
+        let forward_backward = (dx * dx + dy * dy).sqrt();
+        if !passes(forward_backward, config.forward_backward) {
+            return Outcome::Lost;
+        }
+        Outcome::Found(FlowMatch {
+            position: forward.position,
+            residual: forward.residual,
+            forward_backward,
+        })
+    }
+
+    /// Refines `start` on the `count` finest scales, from coarse to fine.
+    fn descend(&mut self, point: [f32; 2], start: [f32; 2], count: usize) -> Outcome<Aligned> {
+        let (Flow { old, new, .. }, epsilon) = (self.flow, self.flow.config.epsilon);
+        let mut position = start;
+        let mut brightness = 0.0;
+        for i in (1..count).rev() {
+            let images = (old.image(self.previous, i), new.image(self.current, i));
+            let size = (images.1.width(), images.1.height());
+            let (from, to) = (old.at_scale(i, point), new.at_scale(i, position));
+            let [from, to, shift] = self.flow.inwards(from, to, size);
+            let start = Start {
+                position: to,
+                brightness,
+                epsilon: epsilon.max(COARSE_EPSILON),
+            };
+            let found = self.aligner.align(images, from, start);
+            // A coarse window that runs off or has no texture says nothing: the finer ones go on from where they are.
+            if let Outcome::Found(aligned) = found {
+                let [x, y] = aligned.position;
+                position = new.to_base(i, [x - shift[0], y - shift[1]]);
+                brightness = aligned.brightness;
+            }
+        }
+        let images = (self.previous.level(0), self.current.level(0));
+        let start = Start {
+            position,
+            brightness,
+            epsilon,
+        };
+        self.aligner.align(images, point, start)
     }
 }
 
