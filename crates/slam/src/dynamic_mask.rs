@@ -11,7 +11,7 @@ use crate::validation::{ConfigError, check_camera};
 use std::sync::Arc;
 use stillpoint_detection::{Detections, Object};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{FrameId, GrayImage, RgbdFrame, Simd};
+use stillpoint_imaging::{FrameId, GrayImage, RgbdFrame, Simd, Workers};
 
 /// Why a [`DynamicMask`] cannot be made of a configuration.
 #[derive(Clone, Debug, PartialEq)]
@@ -104,6 +104,13 @@ impl DynamicMask {
             next: FrameId(0),
             last: None,
         })
+    }
+
+    /// The filter with threads that share the work on a frame. What it finds is the same, bit for bit.
+    #[must_use]
+    pub fn with_workers(mut self, workers: Workers) -> Self {
+        self.tracker = self.tracker.with_workers(workers);
+        self
     }
 
     /// Takes what a detector of the user's sees: before [`Self::step`] for the frame to come, or for a frame of the last three seconds.

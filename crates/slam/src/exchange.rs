@@ -19,7 +19,7 @@ use crate::trajectory::Trajectory;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections};
-use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_imaging::{FrameId, RgbdFrame, Workers};
 use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 
@@ -116,6 +116,13 @@ impl From<Stages> for Exchange {
 }
 
 impl Exchange {
+    /// The exchange with threads that share the work on a frame: see [`Tracker::with_workers`](crate::Tracker::with_workers). To be called before the
+    /// first frame.
+    #[must_use]
+    pub fn with_workers(self, workers: Workers) -> Self {
+        Self::from(self.stages.with_workers(workers))
+    }
+
     /// The exchange with a map that is there already: see [`Stages::with_map`]. To be called before the first frame.
     ///
     /// # Errors

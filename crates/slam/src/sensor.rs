@@ -2,7 +2,7 @@
 
 mod reader;
 
-pub(crate) use reader::DepthReader;
+pub(crate) use reader::{DepthReader, DepthReading};
 
 use crate::timing::Timing;
 use crate::validation::Checker;

@@ -16,7 +16,7 @@ use crate::tracking::Tracker;
 use crate::validation::{ConfigError, check_camera};
 use std::sync::Arc;
 use stillpoint_geometry::Camera;
-use stillpoint_imaging::Simd;
+use stillpoint_imaging::{Simd, Workers};
 use stillpoint_map::Map;
 
 /// What is done with a map that is there before the first frame.
@@ -103,6 +103,13 @@ impl Stages {
             config,
             fingerprint,
         })
+    }
+
+    /// The stages with threads that share the work on a frame: see [`Tracker::with_workers`].
+    #[must_use]
+    pub fn with_workers(mut self, workers: Workers) -> Self {
+        self.tracker = self.tracker.with_workers(workers);
+        self
     }
 
     /// The stages with a map that is there already, to be resumed or to be localized in. Until a place in it is recognised

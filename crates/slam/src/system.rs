@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{Detection, Detections, Detector};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{FrameId, RgbdFrame, Simd};
+use stillpoint_imaging::{FrameId, RgbdFrame, Simd, Workers};
 use stillpoint_map::{Map, MapView};
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
@@ -93,6 +93,13 @@ impl System {
     #[must_use]
     pub fn with_detector(mut self, detector: Box<dyn Detector>) -> Self {
         self.detector = Some(detector);
+        self
+    }
+
+    /// The system with threads that share the work on a frame. The result is the same, bit for bit. To be called before the first frame.
+    #[must_use]
+    pub fn with_workers(mut self, workers: Workers) -> Self {
+        self.exchange = self.exchange.with_workers(workers);
         self
     }
 

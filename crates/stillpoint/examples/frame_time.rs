@@ -1,7 +1,7 @@
 //! How long tracking takes per frame, and its parts, without reading images and without a detector.
 //!
-//! `cargo run --release -p stillpoint --example frame_time -- PATH [PASSES] [FRAMES]`; 5 passes over the first 300 frames of a data set folder or
-//! recording by default. All passes do the same, to the bit. Of every frame and part the least time of the passes counts, so that
+//! `cargo run --release -p stillpoint --example frame_time -- PATH [PASSES] [FRAMES] [THREADS]`; 5 passes over the first 300 frames of a data set
+//! folder or recording, by one thread, by default. All passes do the same, to the bit. Of every frame and part the least time of the passes counts, so that
 //! who else uses the machine is left out as far as possible; said are the median, the 99 % quantile and the mean over the frames. The part `frame`
 //! holds the parts `extract` to `keyframe`; what is left of it is said as `rest`. Mapping takes place once per keyframe and is not in it.
 #![allow(clippy::print_stdout)]
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
+use stillpoint::imaging::{FrameSource, RgbdFrame, Simd, Workers};
 use stillpoint::recordings::{OpenOptions, open};
 use stillpoint::slam::{Config, System};
 use tracing::span::{Attributes, Id, Record};
@@ -27,7 +27,8 @@ fn main() -> Result<(), Failure> {
     let mut arguments = std::env::args().skip(1);
     let path = arguments.next().ok_or("expected a folder or a recording")?;
     let mut next = |default: usize| arguments.next().map_or(Ok(default), |a| a.parse::<usize>());
-    let (passes, count) = (next(5)?.max(1), next(300)?);
+    let (passes, count, threads) = (next(5)?.max(1), next(300)?, next(1)?);
+    let workers = Workers::new(threads)?;
     let input = open(Path::new(&path), &OpenOptions::default())?;
     let camera = input.camera().camera;
     let mut source = input.frames(&stillpoint::datasets::FrameOptions::default())?;
@@ -43,14 +44,18 @@ fn main() -> Result<(), Failure> {
     tracing::subscriber::set_global_default(Arc::clone(&times))?;
     let mut least: Vec<BTreeMap<&str, f64>> = vec![BTreeMap::new(); frames.len()];
     for _ in 0..passes {
-        let mut system = System::new(Config::default(), camera, Simd::detect())?;
+        let system = System::new(Config::default(), camera, Simd::detect())?;
+        let mut system = system.with_workers(workers.clone());
         for (frame, least) in frames.iter().zip(&mut least) {
             times.take();
             drop(system.step(frame.clone()));
             keep_least(least, times.take());
         }
     }
-    println!("{path}: {} frames, {passes} passes, ms", frames.len());
+    println!(
+        "{path}: {} frames, {passes} passes, {threads} threads, ms",
+        frames.len()
+    );
     println!("part     | median |   99 % |   mean");
     for part in ["frame"].iter().chain(&PARTS) {
         let mut all: Vec<f64> = least.iter().filter_map(|f| f.get(part).copied()).collect();

@@ -3,6 +3,7 @@
 
 use stillpoint_features::{Descriptor, RotationHistogram, Window, best_two};
 use stillpoint_geometry::{Mat3, Se3, Vec3};
+use stillpoint_imaging::workers;
 use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
 
 /// Hamming distance up to which two descriptors may be the same corner (of 256 bits; random ones differ by 128 +- 8).
@@ -13,6 +14,9 @@ pub(crate) const STRICT_DISTANCE: u32 = 50;
 const RATIO: f32 = 0.9;
 /// A match to a landmark in a small window needs less: the ratio only counts between candidates of one level.
 const WINDOW_RATIO: f32 = 0.8;
+
+/// Points that are searched together, at least: some 50 us of work.
+const SEARCHED_TOGETHER: usize = 150;
 
 /// A point that a feature sees: a landmark, or a point that only the last frame's depth speaks for.
 #[derive(Clone, Copy, Debug)]
@@ -120,16 +124,16 @@ pub(crate) fn match_by_projection(
     radius_px: f32,
 ) -> Matches {
     let (r, t): (Mat3, Vec3) = (predicted.rotation_matrix(), predicted.translation);
-    let mut found = Vec::with_capacity(candidates.len());
-    for c in candidates {
+    let search = |c| {
+        let c: &Candidate = c;
         let p = r * c.position + t;
         if p.z <= 0.0 {
-            continue;
+            return None;
         }
         let px = data.camera.project(&p);
         let (x, y) = (px.x as f32, px.y as f32);
         if !inside(x, y, bounds) {
-            continue;
+            return None;
         }
         let feature = c.feature as usize;
         let level = earlier.keypoints[feature].level;
@@ -141,16 +145,16 @@ pub(crate) fn match_by_projection(
             max_level: level + 1,
         };
         let descriptor = &earlier.descriptors[feature];
-        let Some(best) = best_two(&data.grid, &window, descriptor, &data.descriptors, |_| true)
-        else {
-            continue;
-        };
-        if best.distance <= MAX_DISTANCE && is_distinct(best.distance, best.second_distance, RATIO)
-        {
-            found.push((c, best.index, best.distance));
-        }
-    }
-    keep_consistent_rotations(data, earlier, &found)
+        let best = best_two(&data.grid, &window, descriptor, &data.descriptors, |_| true)?;
+        let holds = best.distance <= MAX_DISTANCE
+            && is_distinct(best.distance, best.second_distance, RATIO);
+        holds.then_some((c, best.index, best.distance))
+    };
+    let found = workers::in_parts(0..candidates.len(), SEARCHED_TOGETHER, |part| {
+        let found = candidates[part].iter().filter_map(search);
+        found.collect::<Vec<_>>()
+    });
+    keep_consistent_rotations(data, earlier, &found.concat())
 }
 
 /// Searches each candidate of `earlier` among all features, by descriptor alone.

@@ -32,13 +32,16 @@ use cells::Cells;
 use history::{History, Snapshot};
 use rigid::Votes;
 use semantic::Mover;
+use std::ops::Range;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame};
+use stillpoint_imaging::{CoarseDepth, FrameId, RgbdFrame, workers};
 use stillpoint_map::{KeyframeData, MapView};
 use surfaces::{MOVES, Now, Surfaces};
 
+/// Features that are judged together, at least.
+const JUDGED_TOGETHER: usize = 150;
 /// Surfaces of an object that were seen to stand still have at most these log odds from free space.
 const STANDS_STILL: f32 = -1.5;
 
@@ -281,7 +284,10 @@ impl StaticFilter {
         self.measure_rigidity(stamp, grid, movers);
         let judge =
             |pixel: &[f32; 2]| self.judge_feature(*pixel, &input.frame.depth, grid.data(), movers);
-        input.features.iter().map(judge).collect()
+        let some = |part: Range<usize>| -> Vec<FeatureVerdict> {
+            input.features[part].iter().map(judge).collect()
+        };
+        workers::in_parts(0..input.features.len(), JUDGED_TOGETHER, some).concat()
     }
 
     /// What is said of any raw pixels of the frame that was judged last, in which these objects were.

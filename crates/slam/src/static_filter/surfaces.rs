@@ -8,12 +8,15 @@ use super::segments::Links;
 use super::semantic::Mover;
 use super::visibility::{self, Earlier};
 use crate::pace::worth;
+use std::ops::Range;
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::CoarseDepth;
+use stillpoint_imaging::{CoarseDepth, workers};
 use stillpoint_map::MapView;
 
 /// Ages of the frames that a frame is compared with, s: from a few frames, for fast things, to seconds, for slow ones.
 const AGES: [f64; 5] = [0.2, 0.4, 0.8, 1.6, 3.0];
+/// Cells that are compared together with earlier frames, at least.
+const CELLS_TOGETHER: usize = 1000;
 /// Share of a surface's log odds that it keeps from one frame of 30 Hz to the next.
 const KEEP: f32 = 0.85;
 
@@ -88,22 +91,25 @@ impl Surfaces {
         movers: &[Mover],
         flow: &Votes,
     ) -> Self {
-        let links = Links::new(cells, now.grid.data());
-        let (mut past, mut moved_at) = self.propagate(cells, history, now);
+        let ((links, (mut past, mut moved_at)), mut evidence) = workers::both(
+            || {
+                let links = Links::new(cells, now.grid.data());
+                (links, self.propagate(cells, history, now))
+            },
+            || weigh_free_space(cells, history, now),
+        );
         // Who has just stopped counts as moving for a while, though everything measured says that he stands still.
         for (past, at) in past.iter_mut().zip(&moved_at) {
             *past += at.map_or(0.0, |at| suspicion(now.stamp - at));
         }
-        let mut evidence = weigh_free_space(cells, history, now);
         weigh_flow(cells, &links, flow, &mut evidence, &mut past);
         let mut own = past;
         for (own, evidence) in own.iter_mut().zip(&evidence) {
             *own += evidence;
         }
         // Spread before the objects are added: what a box lends is not remembered, or it would confirm itself from frame to frame.
-        let mut motion = links.spread(&own);
         // This frame's evidence alone: whether a thing moves now, not whether it did.
-        let fresh = links.spread(&evidence);
+        let (mut motion, fresh) = workers::both(|| links.spread(&own), || links.spread(&evidence));
         remember_motion(now.stamp, &fresh, &mut motion, &mut moved_at);
         add_movers(now.grid, movers, &mut own);
         let odds = links.spread(&own);
@@ -134,7 +140,8 @@ impl Surfaces {
         let motion = visibility::CellMotion::new(&pose);
         let before = last.grid.data();
         let keep = libm::powf(KEEP, worth(Some(now.stamp - last.stamp)));
-        motion.for_each(cells, cells.all(), now.grid.data(), |cell, place, z| {
+        let depths = (0, now.grid.data());
+        motion.for_each(cells, cells.all(), depths, |cell, place, z| {
             // The camera's motion puts the cell between cells of the last frame, and what moves went its own way since: every
             // neighbour at about this depth may be where the surface was.
             let (mut sum, mut count, mut moved) = (0.0, 0.0, None);
@@ -159,19 +166,23 @@ impl Surfaces {
 
 /// What earlier frames say of the places where the surfaces are now, in log odds of "moving" per cell.
 fn weigh_free_space(cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32> {
-    let mut evidence = vec![0.0; cells.count()];
-    for s in history.at_ages(now.stamp, &AGES) {
-        let earlier = Earlier {
-            grid: &s.grid,
-            moving: &s.moving,
-            around: &s.around,
-            // Both poses in the present view of the map: a correction in between moved them together.
-            earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
-            age: now.stamp - s.stamp,
-        };
-        visibility::add_evidence(cells, now.grid, &earlier, &mut evidence);
-    }
-    evidence
+    let snapshots = history.at_ages(now.stamp, &AGES);
+    let weigh = |part: Range<usize>| {
+        let mut evidence = vec![0.0; part.len()];
+        for s in &snapshots {
+            let earlier = Earlier {
+                grid: &s.grid,
+                moving: &s.moving,
+                around: &s.around,
+                // Both poses in the present view of the map: a correction in between moved them together.
+                earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
+                age: now.stamp - s.stamp,
+            };
+            visibility::add_evidence(cells, now.grid, &earlier, (part.start, &mut evidence));
+        }
+        evidence
+    };
+    workers::in_parts(0..cells.count(), CELLS_TOGETHER, weigh).concat()
 }
 
 /// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
@@ -189,7 +200,7 @@ fn weigh_flow(cells: &Cells, links: &Links, flow: &Votes, evidence: &mut [f32], 
     }
     // A surface has corners in few of its cells, and they speak for all of it. Both counts are spread alike, so that their ratio
     // stays a share.
-    let (near_moving, near_all) = (links.spread(&moving), links.spread(&all));
+    let (near_moving, near_all) = workers::both(|| links.spread(&moving), || links.spread(&all));
     let so_far = evidence.iter_mut().zip(past);
     for ((e, past), (m, n)) in so_far.zip(near_moving.iter().zip(&near_all)) {
         if *n <= 0.0 {

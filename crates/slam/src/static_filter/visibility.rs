@@ -59,16 +59,17 @@ impl CellMotion {
         })
     }
 
-    /// Calls `f` for each cell with a depth that this motion puts into a cell of `table`: with the cell, that one, and its depth then (m).
+    /// Calls `f` for each cell from number `first` on, of which `depth` tells the depths, that has one and that this motion puts into a cell of
+    /// `table`: with its number less `first`, that cell, and its depth then (m).
     #[inline(always)]
     pub(super) fn for_each(
         &self,
         cells: &Cells,
         table: &[u16],
-        depth: &[f32],
+        (first, depth): (usize, &[f32]),
         mut f: impl FnMut(usize, usize, f32),
     ) {
-        let rays = cells.rays().chunks(LANES);
+        let rays = cells.rays()[first..].chunks(LANES);
         for (block, (rays, depth)) in rays.zip(depth.chunks(LANES)).enumerate() {
             // Whole blocks without a branch, so that they are computed in vectors.
             let (mut x, mut y, mut z) = ([0.0; LANES], [0.0; LANES], [0.0; LANES]);
@@ -87,19 +88,19 @@ impl CellMotion {
     }
 }
 
-/// Adds the evidence of one earlier frame to each cell's log odds.
+/// Adds the evidence of one earlier frame to the log odds `evidence` of the cells from number `first` on.
 pub(super) fn add_evidence(
     cells: &Cells,
     now: &CoarseDepth,
     earlier: &Earlier<'_>,
-    evidence: &mut [f32],
+    (first, evidence): (usize, &mut [f32]),
 ) {
     let weight = (MATCH_PER_SECOND * earlier.age as f32).min(MATCH_LIMIT);
     let motion = CellMotion::new(&earlier.earlier_from_now);
     motion.for_each(
         cells,
         cells.inner(),
-        now.data(),
+        (first, &now.data()[first..first + evidence.len()]),
         |cell, place, z| match compare(earlier, cells, place, z) {
             Seen::Through => evidence[cell] += SEEN_THROUGH,
             Seen::Same => evidence[cell] -= weight,
@@ -331,7 +332,13 @@ mod tests {
             earlier_from_now: Se3::new(UnitQuaternion::identity(), Vec3::new(0.0, 0.0, back)),
             age,
         };
-        add_evidence(&cells, now, &earlier, &mut evidence);
+        add_evidence(&cells, now, &earlier, (0, &mut evidence));
+        // In two parts it is the same.
+        let (mut parts, middle) = (vec![0.0; cells.count()], cells.count() / 2 + 3);
+        let (a, b) = parts.split_at_mut(middle);
+        add_evidence(&cells, now, &earlier, (0, a));
+        add_evidence(&cells, now, &earlier, (middle, b));
+        assert_eq!(parts, evidence);
         evidence
     }
 

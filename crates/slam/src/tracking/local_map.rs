@@ -10,7 +10,7 @@ use crate::static_filter::Preset;
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Camera, Mat3, Se3, Vec3};
-use stillpoint_imaging::RgbdFrame;
+use stillpoint_imaging::{RgbdFrame, workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView, ScaleRange, SubmapId};
 
 /// Keyframes in the local map, at most: enough for every view of a desk, few enough to project per frame.
@@ -18,6 +18,8 @@ const MAX_KEYFRAMES: usize = 40;
 /// Factor on the radius (2.5 or 4 px) of the search for local landmarks. The pose before the filter is off by more than that of a scene
 /// in which all stands still.
 pub(super) const LOCAL_RADIUS: f32 = 2.0;
+/// Landmarks that are projected or looked at together, at least.
+const SEARCHED_TOGETHER: usize = 250;
 /// Keyframes farther than this are not around.
 const AROUND_M: f64 = 1.5;
 /// Landmarks seen at more than 60 degrees from their mean viewing direction look different. The limit is that of ORB-SLAM2 (Mur-Artal,
@@ -233,7 +235,7 @@ impl LocalMap {
         camera_from_world: &Se3,
         area: &SearchArea<'_>,
         matches: &mut Matches,
-        sight: impl Fn(&Vec3) -> Sight,
+        sight: impl Fn(&Vec3) -> Sight + Sync,
         mut seen: impl FnMut(LandmarkId, Sight),
     ) -> LocalSearch {
         let SearchArea {
@@ -252,11 +254,15 @@ impl LocalMap {
         let scale = f64::from(level_sigmas.get(1).copied().unwrap_or(1.2));
         let log_scale = libm::log(scale.max(1.01));
         let top_level = level_sigmas.len().saturating_sub(1) as f64;
+        let visible = workers::in_parts(0..self.entries.len(), SEARCHED_TOGETHER, |part| {
+            let look = |e| viewpoint.see(e).map(|visible| (e, visible));
+            let visible = self.entries[part].iter().filter_map(look);
+            visible.collect::<Vec<_>>()
+        });
         let mut result = LocalSearch::default();
-        for e in &self.entries {
-            let Some(visible) = viewpoint.see(e) else {
-                continue;
-            };
+        // Who took which feature decides what is left for the next: one after the other.
+        let mut missed = Vec::new();
+        for (e, visible) in visible.iter().flatten() {
             result.visible += 1;
             if self.marks[e.id.index()] == self.round {
                 continue;
@@ -272,13 +278,18 @@ impl LocalMap {
                 level,
                 radius_px: radius_px * if frontal { 2.5 } else { 4.0 },
             };
-            let found = match_expected(data, &expected, level_sigmas, matches);
-            let sight = if found {
-                Sight::Open
+            if match_expected(data, &expected, level_sigmas, matches) {
+                seen(e.id, Sight::Open);
             } else {
-                sight(&visible.point)
-            };
-            seen(e.id, sight);
+                missed.push((e.id, visible.point));
+            }
+        }
+        let sights = workers::in_parts(0..missed.len(), SEARCHED_TOGETHER, |part| {
+            let look = |(id, point): &(LandmarkId, Vec3)| (*id, sight(point));
+            missed[part].iter().map(look).collect::<Vec<_>>()
+        });
+        for (id, sight) in sights.into_iter().flatten() {
+            seen(id, sight);
         }
         result
     }

@@ -51,7 +51,7 @@ use statistics::Sightings;
 use std::sync::Arc;
 use stillpoint_features::OrbConfig;
 use stillpoint_geometry::{Camera, Mat6, Se3};
-use stillpoint_imaging::{RgbdFrame, Simd};
+use stillpoint_imaging::{RgbdFrame, Simd, Workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
 
 /// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
@@ -91,6 +91,7 @@ pub struct Tracker {
     previous: Option<Arc<RgbdFrame>>,
     trajectory: Trajectory,
     simd: Simd,
+    workers: Workers,
     /// Whether the next frame with a pose becomes a keyframe, needed or not.
     keyframe_wanted: bool,
 }
@@ -151,6 +152,7 @@ impl Tracker {
             previous: None,
             trajectory: Trajectory::default(),
             simd,
+            workers: Workers::default(),
             keyframe_wanted: false,
         }
     }
@@ -162,8 +164,20 @@ impl Tracker {
         self
     }
 
+    /// The tracker with threads that share its work on a frame. What it finds is the same, bit for bit.
+    #[must_use]
+    pub fn with_workers(mut self, workers: Workers) -> Self {
+        self.workers = workers;
+        self
+    }
+
     /// Tracks a frame.
     pub fn track(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
+        let workers = self.workers.clone();
+        workers.run(|| self.track_here(frame))
+    }
+
+    fn track_here(&mut self, frame: &Arc<RgbdFrame>) -> Tracked {
         let _span = tracing::info_span!("frame").entered();
         self.handle_clock(frame.stamp);
         self.pace.next(frame);

@@ -27,6 +27,11 @@ impl<'a> Shutter<'a> {
         }
     }
 
+    /// Whether rows are known to be exposed one after the other.
+    pub(super) fn rolls(&self) -> bool {
+        self.readout != 0.0
+    }
+
     /// How far a pixel may be bent aside while the camera's turning changes by `unsteady` rad/s, px: one standard deviation.
     pub(super) fn sigma_px(&self, raw_y: f64, unsteady: f64) -> f64 {
         (Self::row_share(self.camera, raw_y) * unsteady).abs() * self.reach * self.camera.fx
