@@ -132,6 +132,8 @@ impl Begin {
         calls: bool,
     ) -> PyResult<(Driver, About)> {
         let simd = front::simd().map_err(|e| PyValueError::new_err(e.to_string()))?;
+        let workers = front::workers(self.live);
+        let workers = workers.map_err(|e| PyValueError::new_err(e.to_string()))?;
         let lens = self.camera.model.camera;
         let loaded = match &self.map {
             None => None,
@@ -151,6 +153,7 @@ impl Begin {
             let is_camera = e.0.iter().any(|p| p.path == "camera");
             value(if is_camera { "camera" } else { "config" }, e)
         })?;
+        let stages = stages.with_workers(workers);
         let mut known = None;
         let stages = match loaded {
             None => stages,

@@ -55,8 +55,12 @@ impl DynamicMask {
         let order = Order::of(color_order)?;
         let config = Config::from_any(config)?;
         let simd = front::simd().map_err(|e| value("STILLPOINT_SIMD", e))?;
+        let workers = front::workers(false).map_err(|e| value("STILLPOINT_WORKERS", e))?;
         let lens = camera.model.camera;
-        let mask = detached(py, || slam::DynamicMask::new(&config, lens, simd))?;
+        let mask = detached(py, || {
+            let mask = slam::DynamicMask::new(&config, lens, simd)?;
+            Ok(mask.with_workers(workers))
+        })?;
         let mask = mask.map_err(|e| {
             let of_camera = |p: &slam::ConfigProblem| p.path == "camera";
             let is_camera = matches!(&e, MaskError::Config(e) if e.0.iter().any(of_camera));

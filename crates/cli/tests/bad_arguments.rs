@@ -57,6 +57,13 @@ fn arguments() {
         .output()
         .unwrap();
     check(&output, 2, &["STILLPOINT_SIMD", "scalar"]);
+    let output = program()
+        .env("STILLPOINT_WORKERS", "0")
+        .arg("run")
+        .arg(case.room())
+        .output()
+        .unwrap();
+    check(&output, 2, &["STILLPOINT_WORKERS", "1 to 64", "\"0\""]);
 }
 
 #[test]

@@ -58,11 +58,18 @@ fn the_same_command_gives_the_same_bytes() {
         "{keyframes} lines: too few keyframes to test mapping"
     );
 
-    let again = trajectories(program(), &dir.path().join("again"));
-    assert!(first == again, "a second run differs");
+    let mut shared = program();
+    shared.env("STILLPOINT_WORKERS", "3");
+    let again = trajectories(shared, &dir.path().join("again"));
+    assert!(
+        first == again,
+        "a second run, whose work three threads share, differs"
+    );
 
     let mut scalar = program();
-    scalar.env("STILLPOINT_SIMD", "scalar");
+    scalar
+        .env("STILLPOINT_SIMD", "scalar")
+        .env("STILLPOINT_WORKERS", "1");
     let scalar = trajectories(scalar, &dir.path().join("scalar"));
     assert!(first == scalar, "the scalar kernels differ");
     let summary = std::fs::read_to_string(dir.path().join("scalar/summary.json")).unwrap();

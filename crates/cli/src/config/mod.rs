@@ -18,7 +18,7 @@ use serde::Deserialize;
 use std::path::Path;
 use stillpoint::datasets::read_regular_text;
 use stillpoint::detection::ClassId;
-use stillpoint::imaging::Simd;
+use stillpoint::imaging::{Simd, Workers};
 use stillpoint::slam::Config;
 use toml::de::{DeTable, DeValue};
 use toml::{Table, Value};
@@ -88,6 +88,30 @@ pub(crate) fn simd() -> Result<Simd, Failure> {
             "STILLPOINT_SIMD: expected scalar or auto, found {v:?}; unset it or correct it"
         ))),
     }
+}
+
+/// Threads that share the work on a frame, at most: more gain nothing.
+const MOST_WORKERS: usize = 4;
+
+/// Threads that share the work on a frame: as the environment says by `STILLPOINT_WORKERS`, else as many as the machine has cores to spare. In a live
+/// run detection and mapping want cores of their own, and a thread that shares a core with them is late. The results are the same to the bit; only
+/// the speed differs.
+pub(crate) fn workers(live: bool) -> Result<Workers, Failure> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let spare = if live { cores / 2 } else { cores };
+    let threads = match std::env::var_os("STILLPOINT_WORKERS") {
+        Some(v) if !v.is_empty() && v != "auto" => v
+            .to_str()
+            .and_then(|v| v.parse().ok())
+            .filter(|n| (1..=64).contains(n))
+            .ok_or_else(|| {
+                Failure::input(format!(
+                    "STILLPOINT_WORKERS: expected 1 to 64 or auto, found {v:?}; unset it or correct it"
+                ))
+            })?,
+        _ => spare.clamp(1, MOST_WORKERS),
+    };
+    Workers::new(threads).map_err(Failure::thread)
 }
 
 /// Where values come from, for messages.

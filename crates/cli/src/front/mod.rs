@@ -19,7 +19,7 @@ use stillpoint::datasets::StampedPose;
 use stillpoint::dense::DenseMap;
 use stillpoint::detection::Detector;
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::Simd;
+use stillpoint::imaging::{Simd, Workers};
 use stillpoint::map::{Extension, Map, MapView};
 use stillpoint::slam::{Config, Timing, Trajectory, TrajectoryEntry};
 
@@ -75,6 +75,14 @@ pub fn config_text(config: &Config) -> Result<String, Refused> {
 /// [`Refused`] for a value of `STILLPOINT_SIMD` that is none.
 pub fn simd() -> Result<Simd, Refused> {
     Ok(config::simd()?)
+}
+
+/// Threads that share the work on a frame: as the environment says, else as many as there are cores to spare.
+///
+/// # Errors
+/// [`Refused`] for a value of `STILLPOINT_WORKERS` that is none, and where the system has no more threads.
+pub fn workers(live: bool) -> Result<Workers, Refused> {
+    Ok(config::workers(live)?)
 }
 
 /// What `--detector` names, and whether it looks at colours. `auto` is what the command line takes when nothing is named: a model of the

@@ -33,6 +33,7 @@ pub fn shell<I: IntoIterator<Item = S>, S: AsRef<std::ffi::OsStr>>(
 pub fn isolated(mut command: Command) -> Command {
     command
         .env_remove("STILLPOINT_SIMD")
+        .env_remove("STILLPOINT_WORKERS")
         .env("STILLPOINT_CACHE", EMPTY_CACHE);
     command
 }

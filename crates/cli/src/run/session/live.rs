@@ -78,7 +78,7 @@ impl Driver<'_> {
         choice: LiveChoice,
         options: LiveOptions,
     ) -> Result<Session, Failure> {
-        let stages = self.stages()?;
+        let stages = self.stages(true)?;
         let detector = DetectorJson::of(self.detector.as_deref());
         let mut live =
             LiveSystem::start(stages, self.detector.take(), options).map_err(Failure::thread)?;

@@ -8,6 +8,7 @@ pub(crate) mod live;
 pub(crate) mod outputs;
 pub(crate) mod replay;
 
+use crate::config;
 use crate::dense::Fused;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -135,7 +136,7 @@ impl Driver<'_> {
         source: &mut dyn FrameSource,
         outputs: &mut Outputs,
     ) -> Result<Session, Failure> {
-        let mut system = System::from(self.stages()?).with_log();
+        let mut system = System::from(self.stages(false)?).with_log();
         self.interrupt.begin();
         if let Some(detector) = self.detector.take() {
             system = system.with_detector(detector);
@@ -180,9 +181,10 @@ impl Driver<'_> {
     }
 
     /// The stages, with the map that is there before the first frame.
-    pub(crate) fn stages(&mut self) -> Result<Stages, Failure> {
+    pub(crate) fn stages(&mut self, live: bool) -> Result<Stages, Failure> {
         let stages =
             Stages::new(self.config.clone(), self.camera, self.simd).map_err(Failure::input)?;
+        let stages = stages.with_workers(config::workers(live)?);
         match self.map.take() {
             None => Ok(stages),
             Some((map, map_use)) => stages.with_map(map, map_use).map_err(Failure::input),

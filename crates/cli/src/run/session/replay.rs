@@ -26,7 +26,7 @@ impl Driver<'_> {
         let expected = log.trajectory;
         let is_frame = |entry: &&LogEntry| matches!(entry, LogEntry::TrackFrame { .. });
         let frames = log.entries.iter().filter(is_frame).count();
-        let mut replay = Replay::new(self.stages()?, log).map_err(Failure::input)?;
+        let mut replay = Replay::new(self.stages(false)?, log).map_err(Failure::input)?;
         self.interrupt.begin();
         if let Some(view) = &outputs.view {
             view.begin(replay.view(), None);
