@@ -5,9 +5,7 @@ use crate::outlet::Decided;
 use crate::outputs::Outputs;
 use crate::record::Recorder;
 use std::sync::Arc;
-use stillpoint::dense::{
-    Dense, DenseConfig, Floor, MeshOptions, PlanOptions,
-};
+use stillpoint::dense::{Dense, DenseConfig, Floor, MeshOptions, PlanOptions};
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::Simd;
 use stillpoint::ros_events::{Mount, Outgoing, Publisher};

@@ -2,6 +2,7 @@
 
 use crate::services;
 use sha2::{Digest, Sha256};
+use std::collections::BTreeMap;
 use stillpoint::ros_events::Topic;
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::{Described, Message, Section, Version};
@@ -90,6 +91,15 @@ pub fn of_service<Q: Message, A: Message>(name: &str) -> String {
         fields: vec![plain("sec", 6, 0), plain("nanosec", 7, 0)],
     });
     hash(name, all)
+}
+
+/// The hashes of a service, of its requests and of its answers.
+pub(crate) fn of_halves<Q: Message, A: Message>(name: &str) -> [String; 3] {
+    [
+        of_service::<Q, A>(name),
+        of_message::<Q>(),
+        of_message::<A>(),
+    ]
 }
 
 /// A message and those that it holds.
@@ -211,9 +221,25 @@ pub fn all() -> Vec<(&'static str, String)> {
         ros::ParameterEvent::NAME,
         of_message::<ros::ParameterEvent<'_>>(),
     ));
-    all.extend(services::hashes());
+    let services = services::hashes().into_iter();
+    all.extend(services.map(|(name, [service, ..])| (name, service)));
     all.sort();
     all.dedup();
+    all
+}
+
+/// The hash of every type of a topic, those behind services included, by its name.
+#[must_use]
+pub fn of_topics() -> BTreeMap<String, String> {
+    let mut all: BTreeMap<String, String> = all()
+        .into_iter()
+        .map(|(name, hash)| (name.to_owned(), hash))
+        .collect();
+    for (name, [_, request, answer]) in services::hashes() {
+        all.remove(name);
+        all.insert(format!("{name}_Request"), request);
+        all.insert(format!("{name}_Response"), answer);
+    }
     all
 }
 

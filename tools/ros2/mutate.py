@@ -1,6 +1,13 @@
-"""Sends mutated packets to a node: takes what goes over loopback while a camera is played, changes it, and sends it again.
+"""Sends mutated or forged packets to a node: takes what goes over loopback while a camera is played, changes it, and sends it again.
 
-usage: mutate.py PID PACKETS SECONDS [frag]; needs root to listen; frag: fragments that say that their message has 2 GB, new ones each time. Prints memory and threads before and after.
+usage: mutate.py PID PACKETS SECONDS [KIND]; needs root to listen. Prints memory and threads before and after. KIND, each with other numbers in every packet:
+  mutated       bytes changed, put in, left out (what is done without KIND)
+  frag          fragments that say that their message has 2 GB
+  small_frag    fragments that say that theirs has 8 MB
+  heartbeat     all messages up to 2^62 are there
+  gap           no messages up to 2^62 are there
+  nackfrag      the four thousand millionth fragment is asked for
+  participants  participants that are not there
 """
 import random
 import socket
@@ -59,37 +66,101 @@ def mutated(body, rng):
     return bytes(body[:65000])
 
 
-def oversized(body, number):
-    """A fragment (submessage 0x16) with another number and a size of 2 GB; none of other packets."""
+def submessages(body):
+    """Kind, byte order as flags say it, place and length of each."""
     at = 20
     while at + 4 <= len(body):
-        kind, flags, length = body[at], body[at + 1], int.from_bytes(body[at + 2:at + 4], "little")
+        order = "little" if body[at + 1] & 1 else "big"
+        length = int.from_bytes(body[at + 2:at + 4], order)
+        if length == 0:
+            length = len(body) - at - 4
+        yield body[at], order, at, length
+        at += 4 + length
+
+
+def sequence_number(value, order):
+    return (value >> 32).to_bytes(4, order) + (value & 0xffffffff).to_bytes(4, order)
+
+
+def fragment(body, number, size):
+    for kind, order, at, _ in submessages(body):
         if kind == 0x16:
             body = bytearray(body)
-            body[at + 20:at + 24] = (2**20 + number).to_bytes(4, "little")
-            body[at + 32:at + 36] = (2**31 - 1).to_bytes(4, "little")
+            body[at + 16:at + 24] = sequence_number(2**20 + number, order)
+            body[at + 32:at + 36] = size.to_bytes(4, order)
             return bytes(body)
-        if length == 0:
-            return None
-        at += 4 + length
     return None
+
+
+def alone(body, kind, order, content):
+    flags = 1 if order == "little" else 0
+    return body[:20] + bytes([kind, flags]) + len(content).to_bytes(2, order) + content
+
+
+def heartbeat(body, number):
+    for kind, order, at, _ in submessages(body):
+        if kind == 0x07:
+            content = body[at + 4:at + 20] + sequence_number(2**62 + number, order) + (2**20 + number).to_bytes(4, order)
+            return alone(body, 0x07, order, content)
+    return None
+
+
+def gap(body, number):
+    for kind, order, at, _ in submessages(body):
+        if kind == 0x07:
+            content = (body[at + 4:at + 12] + sequence_number(2**10 + number, order)
+                       + sequence_number(2**62, order) + bytes(4))
+            return alone(body, 0x08, order, content)
+    return None
+
+
+def nackfrag(body, number):
+    for kind, order, at, _ in submessages(body):
+        if kind == 0x06:
+            content = (body[at + 4:at + 12] + sequence_number(1 + number, order) + (2**32 - 64).to_bytes(4, order)
+                       + (32).to_bytes(4, order) + b"\xff\xff\xff\xff" + (2**20 + number).to_bytes(4, order))
+            return alone(body, 0x12, order, content)
+    return None
+
+
+def participant(body, number):
+    """One that is not there, by the announcement of one that is."""
+    for kind, _, at, _ in submessages(body):
+        if kind == 0x15 and body[at + 12:at + 16] == b"\x00\x01\x00\xc2":
+            prefix = body[8:20]
+            return body.replace(prefix, prefix[:4] + number.to_bytes(8, "big"))
+    return None
+
+
+FORGERS = {
+    "frag": lambda body, i: fragment(body, i, 2**31 - 1),
+    "small_frag": lambda body, i: fragment(body, i, 8 << 20),
+    "heartbeat": heartbeat,
+    "gap": gap,
+    "nackfrag": nackfrag,
+    "participants": participant,
+}
 
 
 def main():
     pid, count, seconds = int(sys.argv[1]), int(sys.argv[2]), float(sys.argv[3])
-    frag = len(sys.argv) > 4
+    kind = sys.argv[4] if len(sys.argv) > 4 else "mutated"
     rng = random.Random(1)
     random.seed(1)
     packets = capture(seconds, 4000)
     print(f"captured {len(packets)} packets; RSS, peak (MB), threads before: {status(pid)}")
     out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    worst = 0
+    worst = number = 0
+    if kind in FORGERS:
+        packets = [(port, body) for port, body in packets if FORGERS[kind](body, 1)]
+    if not packets:
+        sys.exit(f"{kind}: no packet that could be changed so went by")
     for i in range(count):
         port, body = rng.choice(packets)
+        changed = FORGERS[kind](body, i) if kind in FORGERS else mutated(body, rng)
         try:
-            sent = oversized(body, i) if frag else mutated(body, rng)
-            if sent:
-                out.sendto(sent, ("127.0.0.1", port))
+            out.sendto(changed, ("127.0.0.1", port))
+            number += 1
         except OSError:
             pass
         if i % 20 == 0:
@@ -98,7 +169,7 @@ def main():
             worst = max(worst, status(pid)[0])
     time.sleep(3)
     rss, peak, threads = status(pid)
-    print(f"sent {count} mutated packets; RSS {rss:.0f} MB, largest {max(worst, rss):.0f}, peak {peak:.0f} MB, threads {threads}")
+    print(f"sent {number} packets ({kind}); RSS {rss:.0f} MB, largest {max(worst, rss):.0f}, peak {peak:.0f} MB, threads {threads}")
 
 
 if __name__ == "__main__":

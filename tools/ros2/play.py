@@ -1,6 +1,6 @@
 """Plays a TUM folder to the node as a camera on Cyclone DDS, at its own pace, and keeps what the node says.
 
-usage: play.py FOLDER OUT.json [--reliable] [--frames N] [--loops N] [--stop-at S] [--rate X] [--tf] [--offset S]
+usage: play.py FOLDER OUT.json [--reliable] [--frames N] [--loops N] [--rate X] [--tf] [--half] [--compressed] [--namespace /NAME] [--shift S]...
 OUT.json: odometry (stamp, position, quaternion, times of sending and arrival), tf, counts.
 """
 import argparse
@@ -71,6 +71,18 @@ def image_bytes(frame, h, w, encoding, step, data):
     return bytes(out)
 
 
+def compressed_bytes(frame, format_, data):
+    """A sensor_msgs/CompressedImage with a stamp of zero."""
+    out = bytearray(b"\0\1\0\0" + bytes(8))
+    for text in (frame, format_):
+        out.extend(bytes(-len(out) % 4))
+        out.extend(struct.pack("<I", len(text) + 1) + text.encode() + b"\0")
+    out.extend(bytes(-len(out) % 4))
+    out.extend(struct.pack("<I", len(data)) + data)
+    out.extend(bytes(-len(out) % 4))
+    return bytes(out)
+
+
 def send_image(writer, message, stamp):
     body = message[:4] + struct.pack("<iI", stamp.sec, stamp.nanosec) + message[12:]
     assert ddspy_write(writer._ref, body) >= 0
@@ -88,6 +100,8 @@ def main():
     parser.add_argument("--rate", type=float, default=1.0)
     parser.add_argument("--namespace", default="")
     parser.add_argument("--no-info", action="store_true")
+    parser.add_argument("--half", action="store_true", help="images of half the width and height")
+    parser.add_argument("--compressed", action="store_true", help="colour as JPEG on .../compressed, depth as PNG on .../compressedDepth")
     parser.add_argument("--encoding", default="rgb8")
     parser.add_argument("--shift", type=float, default=0.0, help="added to all stamps, s")
     args = parser.parse_args()
@@ -101,15 +115,27 @@ def main():
         k = dict(fx=fx, fy=fy, cx=cx, cy=cy, d=[0.0] * 5)
     else:
         k, scale = FR1, 5000.0
+    if args.half:
+        k = dict(k, fx=k["fx"] / 2, fy=k["fy"] / 2, cx=k["cx"] / 2 - 0.25, cy=k["cy"] / 2 - 0.25)
     images = []
     for stamp, colour, depth_stamp, depth in frames:
         bgr = cv2.imread(str(colour))
         mm = np.rint(cv2.imread(str(depth), cv2.IMREAD_UNCHANGED).astype(np.float64) * (1000.0 / scale)).astype("<u2")
+        if args.half:
+            bgr = cv2.resize(bgr, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            mm = np.ascontiguousarray(mm[::2, ::2])
         rgb = cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
         h, w = bgr.shape[:2]
         frame = "camera_color_optical_frame"
-        colour_image = image_bytes(frame, h, w, args.encoding, w * 3, rgb.tobytes())
-        depth_image = image_bytes(frame, h, w, "16UC1", w * 2, mm.tobytes())
+        if args.compressed:
+            jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+            # What compressed_depth_image_transport puts before the PNG: a format, and two numbers for depth in metres.
+            png = bytes(12) + cv2.imencode(".png", mm)[1].tobytes()
+            colour_image = compressed_bytes(frame, "rgb8; jpeg compressed bgr8", jpeg)
+            depth_image = compressed_bytes(frame, "16UC1; compressedDepth png", png)
+        else:
+            colour_image = image_bytes(frame, h, w, args.encoding, w * 3, rgb.tobytes())
+            depth_image = image_bytes(frame, h, w, "16UC1", w * 2, mm.tobytes())
         images.append((stamp + args.shift, colour_image, depth_stamp + args.shift, depth_image, (h, w)))
     participant = DomainParticipant(args.domain)
     sensor = qos(reliable=args.reliable, depth=5)
@@ -123,8 +149,10 @@ def main():
         return DataReader(participant, Topic(participant, name, type_, qos=q), qos=q)
 
     base = "rt" + args.namespace
-    colour = writer(base + "/camera/color/image_raw", Image)
-    depth = writer(base + "/camera/aligned_depth_to_color/image_raw", Image)
+    type_ = CompressedImage if args.compressed else Image
+    ends = ["/compressed", "/compressedDepth"] if args.compressed else ["", ""]
+    colour = writer(base + "/camera/color/image_raw" + ends[0], type_)
+    depth = writer(base + "/camera/aligned_depth_to_color/image_raw" + ends[1], type_)
     colour_info = writer(base + "/camera/color/camera_info", CameraInfo)
     depth_info = writer(base + "/camera/aligned_depth_to_color/camera_info", CameraInfo)
     static = writer("rt/tf_static", TFMessage, qos(latched=True, depth=1)) if args.tf else None

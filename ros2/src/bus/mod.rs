@@ -3,127 +3,31 @@
 //! Answers: how bytes reach other nodes and theirs come here, and who is there. Knows no message and no frame.
 
 mod discovery;
+mod matches;
+mod quality;
 mod raw;
+mod reach;
 mod service;
 
+pub use matches::Others;
+pub use quality::Quality;
 pub use raw::{Reader, Received, Writer};
+pub use reach::Reach;
 pub use service::{Request, Service};
 
 use crate::bus::raw::RawAdapter;
 use crate::names::{NodeName, topic_on_wire, type_on_wire};
 use discovery::Discovery;
+use matches::Matches;
 use rustdds::mio1::{Events, Interest, Poll, Token};
-use rustdds::policy::{Durability, History, Reliability};
 use rustdds::{
     DomainParticipant, DomainParticipantBuilder, DomainParticipantStatusEvent,
-    DomainParticipantStatusListener, GUID, Publisher, QosPolicies, QosPolicyBuilder, StatusEvented,
-    Subscriber, TopicKind,
+    DomainParticipantStatusListener, GUID, Publisher, QosPolicies, StatusEvented, Subscriber,
+    TopicKind,
 };
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr};
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
-
-/// How messages of a topic are delivered.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Quality {
-    /// What was lost is sent again.
-    pub reliable: bool,
-    /// Who comes later gets what was sent before.
-    pub latched: bool,
-    /// Messages that wait at most.
-    pub depth: u16,
-}
-
-impl Quality {
-    /// Of sensors: what is lost is lost.
-    pub const SENSOR: Self = Self {
-        reliable: false,
-        latched: false,
-        depth: 10,
-    };
-    /// What ROS 2 does unless it is told otherwise.
-    pub const DEFAULT: Self = Self {
-        reliable: true,
-        latched: false,
-        depth: 10,
-    };
-    /// For maps and constant transforms.
-    pub const LATCHED: Self = Self {
-        reliable: true,
-        latched: true,
-        depth: 1,
-    };
-
-    fn policies(self) -> QosPolicies {
-        let reliability = if self.reliable {
-            Reliability::Reliable {
-                max_blocking_time: rustdds::Duration::from_millis(100),
-            }
-        } else {
-            Reliability::BestEffort
-        };
-        let durability = if self.latched {
-            Durability::TransientLocal
-        } else {
-            Durability::Volatile
-        };
-        QosPolicyBuilder::new()
-            .reliability(reliability)
-            .durability(durability)
-            .history(History::KeepLast {
-                depth: self.depth.into(),
-            })
-            .build()
-    }
-}
-
-/// Where nodes are looked for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reach {
-    /// `ROS_DOMAIN_ID`.
-    pub domain: u16,
-    /// Only this machine.
-    pub local_only: bool,
-}
-
-impl Reach {
-    /// As the environment says: `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE`, and `ROS_LOCALHOST_ONLY` of older versions, which wins.
-    ///
-    /// # Errors
-    /// Values that they cannot have.
-    pub fn of_environment(get: impl Fn(&str) -> Option<String>) -> Result<Self, String> {
-        let set = |name: &str| get(name).filter(|v| !v.is_empty());
-        let domain = match set("ROS_DOMAIN_ID") {
-            None => 0,
-            Some(text) => text
-                .trim()
-                .parse()
-                .ok()
-                .filter(|d| *d <= 232)
-                .ok_or_else(|| {
-                    format!("ROS_DOMAIN_ID: expected a number from 0 to 232, found \"{text}\"")
-                })?,
-        };
-        let only = set("ROS_LOCALHOST_ONLY").map(|v| v == "1");
-        let range = set("ROS_AUTOMATIC_DISCOVERY_RANGE").map(|v| v.to_ascii_uppercase());
-        let by_range = match range.as_deref() {
-            None | Some("SUBNET" | "SYSTEM_DEFAULT" | "NOT_SET") => false,
-            // Nobody is looked for by multicast either way; other nodes of this machine are found by their ports.
-            Some("LOCALHOST" | "OFF") => true,
-            Some(other) => {
-                return Err(format!(
-                    "ROS_AUTOMATIC_DISCOVERY_RANGE: expected SUBNET, LOCALHOST, OFF or SYSTEM_DEFAULT, found \"{other}\""
-                ));
-            }
-        };
-        Ok(Self {
-            domain,
-            local_only: only.unwrap_or(by_range),
-        })
-    }
-}
 
 /// Why something is not on the wire.
 #[derive(Debug, thiserror::Error)]
@@ -146,51 +50,6 @@ impl BusError {
     }
 }
 
-/// How many are at the other ends of a writer or reader.
-#[derive(Clone, Debug, Default)]
-pub struct Others(Arc<AtomicUsize>);
-
-impl Others {
-    /// As of now.
-    #[must_use]
-    pub fn count(&self) -> usize {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
-/// The ends here, and who is at the others.
-#[derive(Default)]
-struct Matches {
-    of: BTreeMap<GUID, (BTreeSet<GUID>, Others)>,
-}
-
-impl Matches {
-    fn track(&mut self, own: GUID) -> Others {
-        let others = Others::default();
-        self.of.insert(own, (BTreeSet::new(), others.clone()));
-        others
-    }
-
-    fn matched(&mut self, own: GUID, other: GUID) {
-        // The node itself is nobody else.
-        if own.prefix == other.prefix {
-            return;
-        }
-        if let Some((all, count)) = self.of.get_mut(&own) {
-            all.insert(other);
-            count.0.store(all.len(), Ordering::Relaxed);
-        }
-    }
-
-    fn lost(&mut self, other: GUID) {
-        for (all, count) in self.of.values_mut() {
-            if all.remove(&other) {
-                count.0.store(all.len(), Ordering::Relaxed);
-            }
-        }
-    }
-}
-
 /// A node's place among others.
 pub struct Bus {
     node: NodeName,
@@ -203,16 +62,22 @@ pub struct Bus {
     tokens: usize,
     matches: Matches,
     discovery: Discovery,
+    /// Hashes of types, by their names.
+    hashes: BTreeMap<String, String>,
     /// What publishers and subscribers offered or asked for that does not go together.
     misfits: Vec<GUID>,
 }
 
 impl Bus {
-    /// Becomes visible to others.
+    /// Becomes visible to others. `hashes` are those of types of topics, by names as `sensor_msgs/msg/Image`.
     ///
     /// # Errors
     /// No network, or no free port.
-    pub fn join(node: &NodeName, reach: Reach) -> Result<Self, BusError> {
+    pub fn join(
+        node: &NodeName,
+        reach: Reach,
+        hashes: BTreeMap<String, String>,
+    ) -> Result<Self, BusError> {
         let name = node.full();
         let refuse = BusError::of(&name);
         let mut builder = DomainParticipantBuilder::new(reach.domain);
@@ -244,6 +109,7 @@ impl Bus {
             tokens: 1,
             matches: Matches::default(),
             discovery,
+            hashes,
             misfits: Vec::new(),
         })
     }
@@ -258,7 +124,7 @@ impl Bus {
         type_name: &str,
         quality: Quality,
     ) -> Result<Writer, BusError> {
-        let writer = self.writer(&topic_on_wire(name), &type_on_wire(type_name), quality)?;
+        let writer = self.writer(&topic_on_wire(name), type_name, quality)?;
         let others = self.matches.track(writer.guid());
         Ok(writer.with_others(others))
     }
@@ -273,7 +139,7 @@ impl Bus {
         type_name: &str,
         quality: Quality,
     ) -> Result<Reader, BusError> {
-        let reader = self.reader(&topic_on_wire(name), &type_on_wire(type_name), quality)?;
+        let reader = self.reader(&topic_on_wire(name), type_name, quality)?;
         let others = self.matches.track(reader.guid());
         Ok(reader.with_others(others))
     }
@@ -284,14 +150,17 @@ impl Bus {
         type_name: &str,
         qos: &QosPolicies,
     ) -> Result<rustdds::Topic, BusError> {
-        self.participant
-            .create_topic(
-                topic.to_owned(),
-                type_name.to_owned(),
-                qos,
-                TopicKind::NoKey,
-            )
-            .map_err(BusError::of(topic))
+        let on_wire = self.participant.create_topic(
+            topic.to_owned(),
+            type_on_wire(type_name),
+            qos,
+            TopicKind::NoKey,
+        );
+        let on_wire = on_wire.map_err(BusError::of(topic))?;
+        Ok(match self.hashes.get(type_name) {
+            Some(hash) => on_wire.with_endpoint_user_data(&user_data(hash)),
+            None => on_wire,
+        })
     }
 
     fn writer(
@@ -383,34 +252,7 @@ impl Bus {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn reach(set: &[(&str, &str)]) -> Result<Reach, String> {
-        Reach::of_environment(|name| {
-            let found = set.iter().find(|(n, _)| *n == name);
-            found.map(|(_, v)| (*v).to_owned())
-        })
-    }
-
-    #[test]
-    fn the_environment_is_honoured() {
-        let expect = |set: &[(&str, &str)], domain, local_only| {
-            assert_eq!(reach(set), Ok(Reach { domain, local_only }), "{set:?}");
-        };
-        expect(&[], 0, false);
-        expect(&[("ROS_DOMAIN_ID", "42")], 42, false);
-        expect(&[("ROS_LOCALHOST_ONLY", "1")], 0, true);
-        expect(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")], 0, true);
-        expect(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "subnet")], 0, false);
-        let both = [
-            ("ROS_LOCALHOST_ONLY", "0"),
-            ("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
-        ];
-        expect(&both, 0, false);
-        assert!(reach(&[("ROS_DOMAIN_ID", "233")]).is_err());
-        assert!(reach(&[("ROS_DOMAIN_ID", "x")]).is_err());
-        assert!(reach(&[("ROS_AUTOMATIC_DISCOVERY_RANGE", "MOON")]).is_err());
-    }
+/// The hash of a type as readers and writers announce it since Iron (`rmw_dds_common`).
+fn user_data(hash: &str) -> Vec<u8> {
+    format!("typehash={hash};").into_bytes()
 }

@@ -159,6 +159,12 @@ impl Writer {
         self.inner.guid()
     }
 
+    /// By what others know this writer: 12 bytes of its participant, and 4 of its own.
+    #[must_use]
+    pub fn id(&self) -> [u8; 16] {
+        self.inner.guid().to_bytes()
+    }
+
     /// Subscribers that are known.
     #[must_use]
     pub fn subscribers(&self) -> usize {

@@ -4,7 +4,7 @@
 //! rmw_cyclonedds puts half of the client's id and a number before it. Which of them a client is, its id says: its first two bytes are the vendor's number.
 
 use crate::bus::{Bus, BusError, Quality, Reader, Received, Writer};
-use crate::names::{service_on_wire, type_on_wire};
+use crate::names::service_on_wire;
 use rustdds::rpc::SampleIdentity;
 use rustdds::{GUID, SequenceNumber};
 
@@ -41,7 +41,7 @@ impl Bus {
     /// What the middleware says.
     pub fn serve(&mut self, name: &str, type_name: &str) -> Result<Service, BusError> {
         let [requests, answers] = service_on_wire(name);
-        let of = |half: &str| type_on_wire(&format!("{type_name}_{half}"));
+        let of = |half: &str| format!("{type_name}_{half}");
         Ok(Service {
             answers: self.writer(&answers, &of("Response"), Quality::DEFAULT)?,
             requests: self.reader(&requests, &of("Request"), Quality::DEFAULT)?,

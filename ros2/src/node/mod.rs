@@ -17,6 +17,7 @@ use crate::record::Entry;
 use crate::run::{Known, Plan, Run};
 use crate::say::Voice;
 use crate::services::Services;
+use crate::type_hash;
 use crate::value::Value;
 use crate::waiting::Waiting;
 use entries::{constant, image};
@@ -85,7 +86,7 @@ impl Node {
         let voice = Voice::new(&node.full(), request.log_level);
         let remaps = &request.remaps;
         let told = |e: crate::bus::BusError| e.to_string();
-        let mut bus = Bus::join(node, reach).map_err(told)?;
+        let mut bus = Bus::join(node, reach, type_hash::of_topics()).map_err(told)?;
         let of_node = |bus: &mut Bus, name: &str, type_name: &str| {
             let quality = Quality {
                 depth: 100,
