@@ -30,6 +30,7 @@ pub struct Intake {
     pairing: Pairing<Vec<u8>>,
     /// Of both streams.
     pub seen: [StreamState; 2],
+    reliable: bool,
 }
 
 /// What came of everything that is no image.
@@ -128,6 +129,7 @@ impl Intake {
             topics: topics.clone(),
             pairing: Pairing::new(options.max_dt),
             seen: [StreamState::default(), StreamState::default()],
+            reliable: options.reliable,
         })
     }
 
@@ -168,6 +170,9 @@ impl Intake {
             while let Some(message) = reader.take() {
                 newest = Some(message.bytes);
             }
+            if newest.is_some() {
+                self.seen[usize::from(is_depth)].info = Some(Instant::now());
+            }
             match newest.map(|bytes| camera.take_info(is_depth, bytes)) {
                 Some(Ok(differs)) => news.other_camera |= differs,
                 Some(Err(e)) => news.broken.push(e),
@@ -197,7 +202,7 @@ impl Intake {
         for (stream, reader, compressed) in readers {
             let seen = &mut self.seen[stream as usize];
             while let Some(message) = reader.take() {
-                seen.come(Instant::now());
+                seen.come(Instant::now(), message.number());
                 match stamp_of(&message.bytes, compressed) {
                     Ok(stamp) => {
                         seen.stamp = Some(stamp);
@@ -218,14 +223,16 @@ impl Intake {
         self.pairing.next_pair()
     }
 
-    /// What is known of both streams, for whoever waits.
+    /// What is known of both streams, for whoever waits; `losses`: what is lost on the wire.
     #[must_use]
-    pub fn state(&self) -> Seen<'_> {
+    pub fn state<'a>(&'a self, losses: Option<&'a str>) -> Seen<'a> {
         Seen {
             topics: &self.topics,
             streams: &self.seen,
             publishers: self.publishers(),
             alone: self.alone(),
+            reliable: self.reliable,
+            losses,
         }
     }
 }

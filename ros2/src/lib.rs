@@ -7,6 +7,7 @@ pub mod bus;
 pub mod camera;
 pub mod fusing;
 pub mod intake;
+pub mod losses;
 pub mod maps;
 pub mod mounting;
 pub mod names;

@@ -18,13 +18,26 @@ pub struct StreamState {
     pub last: Option<Instant>,
     /// Its stamp, s.
     pub stamp: Option<f64>,
+    /// Messages that are missing between those that came.
+    pub lost: u64,
+    /// When the last camera info beside it came.
+    pub info: Option<Instant>,
+    /// The writer and number of the last one.
+    number: Option<([u8; 16], i64)>,
 }
 
 impl StreamState {
-    /// A message came.
-    pub fn come(&mut self, now: Instant) {
+    /// A message came, of which writer and with which number.
+    pub fn come(&mut self, now: Instant, number: ([u8; 16], i64)) {
         self.count += 1;
         self.last = Some(now);
+        if let Some((writer, last)) = self.number
+            && writer == number.0
+        {
+            let between = number.1.saturating_sub(last).saturating_sub(1);
+            self.lost = self.lost.saturating_add(between.max(0).unsigned_abs());
+        }
+        self.number = Some(number);
     }
 
     fn has_stopped(&self, now: Instant) -> bool {
@@ -44,6 +57,10 @@ pub struct Seen<'a> {
     pub publishers: [usize; 3],
     /// Images without a partner.
     pub alone: [u64; 2],
+    /// Whether lost packets are asked for again.
+    pub reliable: bool,
+    /// What is lost on the wire, if anything is.
+    pub losses: Option<&'a str>,
 }
 
 impl Seen<'_> {
@@ -69,8 +86,8 @@ impl Seen<'_> {
             .map(|(i, (what, topic, compressed))| {
                 let publishers = match self.publishers[i] {
                     0 => "nobody publishes it; remap it, or start the camera".to_owned(),
-                    1 => "it has a publisher".to_owned(),
-                    n => format!("it has {n} publishers"),
+                    1 => format!("it has a publisher{}", self.hint(i, now)),
+                    n => format!("it has {n} publishers{}", self.hint(i, now)),
                 };
                 format!(
                     "{what} images on {topic} ({}: {publishers})",
@@ -84,9 +101,23 @@ impl Seen<'_> {
         let pairs_stopped = last_pair.is_none_or(|t| now.saturating_duration_since(t) > STOPPED);
         let stamps = self.streams[0].stamp.zip(self.streams[1].stamp);
         let (c, d) = stamps.filter(|_| pairs_stopped)?;
+        if let Some(losses) = self.losses {
+            return Some(format!("whole pairs of images: {losses}"));
+        }
         Some(format!(
             "colour and depth images with stamps within {max_dt} s of each other: the last are of {c:.3} s and {d:.3} s; set max_dt, or the camera's clock"
         ))
+    }
+
+    /// Why nothing comes of a publisher that is there: what is small arrives where what is large does not.
+    fn hint(&self, stream: usize, now: Instant) -> &'static str {
+        let info = self.streams[stream].info;
+        let infos_come = info.is_some_and(|at| now.saturating_duration_since(at) <= STOPPED);
+        if infos_come && !self.reliable {
+            ", and its camera infos come; where images are incomplete since packets are lost, start with -p reliability:=reliable, as best effort does not ask for them again"
+        } else {
+            ""
+        }
     }
 }
 
@@ -168,6 +199,8 @@ pub fn diagnostics(
                 value("depth_images", seen.streams[1].count.to_string()),
                 value("colour_without_depth", seen.alone[0].to_string()),
                 value("depth_without_colour", seen.alone[1].to_string()),
+                value("colour_lost", seen.streams[0].lost.to_string()),
+                value("depth_lost", seen.streams[1].lost.to_string()),
             ],
         }],
     }
@@ -193,15 +226,18 @@ mod tests {
         let topics = topics();
         let now = Instant::now();
         let mut streams = [StreamState::default(), StreamState::default()];
-        let missing = |streams: &[StreamState; 2], pair| {
+        let told_of = |streams: &[StreamState; 2], pair, losses| {
             let seen = Seen {
                 topics: &topics,
                 streams,
                 publishers: [0, 2, 0],
                 alone: [0; 2],
+                reliable: false,
+                losses,
             };
             seen.missing(now, pair, 0.02)
         };
+        let missing = |streams: &[StreamState; 2], pair| told_of(streams, pair, None);
         let told = missing(&streams, None).unwrap();
         for part in [
             "colour images on /c",
@@ -211,15 +247,21 @@ mod tests {
         ] {
             assert!(told.contains(part), "{told}");
         }
-        streams[0].come(now);
-        assert!(missing(&streams, None).unwrap().starts_with("depth images"));
-        streams[1].come(now);
+        streams[0].come(now, ([1; 16], 1));
+        let told = missing(&streams, None).unwrap();
+        assert!(told.starts_with("depth images") && !told.contains("reliable"));
+        streams[1].info = Some(now);
+        let told = missing(&streams, None).unwrap();
+        assert!(told.contains("incomplete") && told.contains("reliability:=reliable"));
+        streams[1].come(now, ([2; 16], 1));
         (streams[0].stamp, streams[1].stamp) = (Some(5.0), Some(9.0));
         let told = missing(&streams, None).unwrap();
         assert!(
             told.contains("within 0.02 s") && told.contains("9.000"),
             "{told}"
         );
+        let told = told_of(&streams, None, Some("120 of 150 images")).unwrap();
+        assert_eq!(told, "whole pairs of images: 120 of 150 images");
         assert_eq!(missing(&streams, Some(now)), None);
     }
 

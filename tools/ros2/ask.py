@@ -1,4 +1,4 @@
-"""Calls services of the node as rmw_cyclonedds does: ask.py SERVICE[=true|false]...; for example pause=true save_map reset"""
+"""Calls services of the node as rmw_cyclonedds does: ask.py [--namespace /NAME] SERVICE[=true|false]...; for example pause=true save_map reset"""
 import sys
 import time
 
@@ -9,13 +9,16 @@ from cyclonedds.topic import Topic
 
 from dds_types import *
 
+words, namespace = sys.argv[1:], ""
+if words[:1] == ["--namespace"]:
+    namespace, words = words[1], words[2:]
 participant = DomainParticipant(0)
-for number, word in enumerate(sys.argv[1:], 1):
+for number, word in enumerate(words, 1):
     name, _, value = word.partition("=")
     ask, answer = (SetBoolRequest, SetBoolResponse) if value else (TriggerRequest, TriggerResponse)
     q = qos(depth=10)
-    writer = DataWriter(participant, Topic(participant, f"rq/stillpoint/{name}Request", ask, qos=q), qos=q)
-    reader = DataReader(participant, Topic(participant, f"rr/stillpoint/{name}Reply", answer, qos=q), qos=q)
+    writer = DataWriter(participant, Topic(participant, f"rq{namespace}/stillpoint/{name}Request", ask, qos=q), qos=q)
+    reader = DataReader(participant, Topic(participant, f"rr{namespace}/stillpoint/{name}Reply", answer, qos=q), qos=q)
     end = time.time() + 10
     while time.time() < end and not (writer.get_matched_subscriptions() and reader.get_matched_publications()):
         time.sleep(0.02)

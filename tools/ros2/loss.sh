@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# 5 % of all packets lost, in a network namespace of its own: loss.sh FOLDER [rel]; needs root and nftables; environment as of track.sh
+# 5 % of all packets lost, in a network namespace of its own, and none afterwards: loss.sh FOLDER [rel]; needs root and nftables; environment as of track.sh
 set -u
 if [ -z "${INSIDE:-}" ]; then
   INSIDE=1 exec unshare -n "$0" "$@"
@@ -16,6 +16,9 @@ rm -rf "$out" && mkdir -p "$out"
 "$NODE" --ros-args -p frames:=all ${2:+-p reliability:=reliable} >"$out/node.txt" 2>&1 &
 node=$!
 timeout 100 "$PY" "$here/play.py" "$1" "$out/heard.json" ${2:+--reliable} 2>/dev/null
+echo "no packets are lost any more"
+nft delete table ip loss
+timeout 100 "$PY" "$here/play.py" "$1" "$out/then.json" --shift 100 ${2:+--reliable} 2>/dev/null
 kill -INT $node
 wait $node
-cut -c1-200 "$out/node.txt"
+cut -c1-400 "$out/node.txt"

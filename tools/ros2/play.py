@@ -9,6 +9,7 @@ import pathlib
 import struct
 import time
 import tomllib
+from collections import Counter
 
 import cv2
 import numpy as np
@@ -99,6 +100,8 @@ def main():
     parser.add_argument("--tf", action="store_true")
     parser.add_argument("--rate", type=float, default=1.0)
     parser.add_argument("--namespace", default="")
+    parser.add_argument("--objects", action="store_true", help="listens to objects, too")
+    parser.add_argument("--own-tf", action="store_true", help="transforms in the namespace, too")
     parser.add_argument("--no-info", action="store_true")
     parser.add_argument("--half", action="store_true", help="images of half the width and height")
     parser.add_argument("--compressed", action="store_true", help="colour as JPEG on .../compressed, depth as PNG on .../compressedDepth")
@@ -149,15 +152,17 @@ def main():
         return DataReader(participant, Topic(participant, name, type_, qos=q), qos=q)
 
     base = "rt" + args.namespace
+    root = base if args.own_tf else "rt"
     type_ = CompressedImage if args.compressed else Image
     ends = ["/compressed", "/compressedDepth"] if args.compressed else ["", ""]
     colour = writer(base + "/camera/color/image_raw" + ends[0], type_)
     depth = writer(base + "/camera/aligned_depth_to_color/image_raw" + ends[1], type_)
     colour_info = writer(base + "/camera/color/camera_info", CameraInfo)
     depth_info = writer(base + "/camera/aligned_depth_to_color/camera_info", CameraInfo)
-    static = writer("rt/tf_static", TFMessage, qos(latched=True, depth=1)) if args.tf else None
+    static = writer(root + "/tf_static", TFMessage, qos(latched=True, depth=1)) if args.tf else None
     odometry = reader(base + "/stillpoint/odometry", Odometry)
-    tf = reader("rt/tf", TFMessage)
+    tf = reader(root + "/tf", TFMessage)
+    objects = reader(base + "/stillpoint/objects", Detection3DArray) if args.objects else None
     diagnostics = reader("rt/diagnostics", DiagnosticArray)
     said = reader("rt/rosout", Log, qos(latched=True))
     if static:
@@ -170,7 +175,7 @@ def main():
                                      and odometry.get_matched_publications()):
         time.sleep(0.05)
     time.sleep(0.5)
-    log = dict(odometry=[], tf=[], sent=0, diagnostics=[], rosout=[], complete={})
+    log = dict(odometry=[], tf=[], sent=0, diagnostics=[], rosout=[], complete={}, objects=[])
 
     def take():
         now = time.time()
@@ -184,6 +189,9 @@ def main():
                     s, p, q = t.header.stamp, t.transform.translation, t.transform.rotation
                     log["tf"].append([s.sec + s.nanosec * 1e-9, t.header.frame_id, t.child_frame_id,
                                       p.x, p.y, p.z, q.x, q.y, q.z, q.w])
+        for sample in objects.take(100) if objects else []:
+            if hasattr(sample, "detections"):
+                log["objects"].append([[r.hypothesis.class_id for r in d.results] for d in sample.detections])
         for sample in said.take(100):
             if hasattr(sample, "msg"):
                 log["rosout"].append(sample.msg)
@@ -227,6 +235,9 @@ def main():
     log["seconds"] = time.time() - begin
     args.out.write_text(json.dumps(log))
     late = [o[8] - log["complete"][f"{o[0]:.6f}"] for o in log["odometry"] if f"{o[0]:.6f}" in log["complete"]]
+    if objects:
+        classes = Counter(c for frame in log["objects"] for d in frame for c in d)
+        print(f"{len(log['objects'])} messages of objects, {sum(map(bool, log['objects']))} with some: {dict(classes)}")
     print(f"sent {log['sent']}, odometry {len(log['odometry'])}, tf {len(log['tf'])}, "
           f"latency median {1e3 * np.median(late or [0]):.1f} ms, p95 {1e3 * np.percentile(late or [0], 95):.1f} ms")
 

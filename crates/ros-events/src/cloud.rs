@@ -1,7 +1,7 @@
 //! The landmarks and keyframes of a submap.
 
 use crate::mount::Mount;
-use crate::publisher::{pose, quaternion_and_point};
+use crate::parts::{pose, quaternion_and_point};
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{MapView, SubmapId};
 use stillpoint_ros_messages as ros;

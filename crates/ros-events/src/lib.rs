@@ -25,6 +25,7 @@ mod diagnostics;
 mod mount;
 mod objects;
 mod odom;
+mod parts;
 mod publisher;
 mod topic;
 

@@ -2,7 +2,7 @@
 
 use crate::axes;
 use crate::mount::Mount;
-use crate::publisher::{pose, quaternion_and_point, rows, vector};
+use crate::parts::{pose, quaternion_and_point, rows, vector};
 use stillpoint_detection::{Motion, Object, ObjectInCamera, ObjectState};
 use stillpoint_geometry::{Mat6, Se3, Vec3};
 use stillpoint_ros_messages as ros;

@@ -84,6 +84,16 @@ pub struct Received {
     pub(crate) related: Option<SampleIdentity>,
 }
 
+impl Received {
+    /// Its writer, and its number among the messages of that, which count up by one.
+    #[must_use]
+    pub fn number(&self) -> ([u8; 16], i64) {
+        let identity = &self.identity;
+        let number = i64::from(identity.sequence_number);
+        (identity.writer_guid.to_bytes(), number)
+    }
+}
+
 /// One end of a topic, to be read.
 pub struct Reader {
     inner: SimpleDataReader<Raw, RawAdapter>,

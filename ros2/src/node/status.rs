@@ -22,7 +22,14 @@ impl Node {
                 ));
             }
         }
-        let seen = self.intake.state();
+        let reliable = self.options.reliable;
+        if let Some(told) = self.losses.update(now_is, &self.intake.seen, reliable) {
+            match self.losses.now() {
+                Some(_) => self.voice.warn(&told),
+                None => self.voice.info(&told),
+            }
+        }
+        let seen = self.intake.state(self.losses.now());
         let missing = seen.missing(now_is, self.last_pair, self.options.max_dt);
         let missing = missing
             .or_else(|| {
