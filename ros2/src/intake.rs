@@ -6,7 +6,8 @@ use crate::names::{NodeName, Remap, resolve};
 use crate::options::Options;
 use crate::pairing::{Pair, Pairing, Stream, Taken};
 use crate::waiting::{Seen, StreamState};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use stillpoint::recordings::{ImageMessage, camera_info_topic, stamp_seconds};
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::Message;
@@ -17,6 +18,9 @@ pub const COLOUR: &str = "camera/color/image_raw";
 pub const DEPTH: &str = "camera/aligned_depth_to_color/image_raw";
 /// Odometry that is recorded.
 pub const ODOMETRY: &str = "wheel_odometry";
+
+/// Images of each stream of which is known when they came: as many as may wait for a calibration, and some.
+const WHOLE: usize = 32;
 
 /// Readers of everything.
 pub struct Intake {
@@ -31,6 +35,8 @@ pub struct Intake {
     /// Of both streams.
     pub seen: [StreamState; 2],
     reliable: bool,
+    /// When the newest images of both streams were whole, by their stamps.
+    whole: [VecDeque<(f64, Instant)>; 2],
 }
 
 /// What came of everything that is no image.
@@ -130,6 +136,7 @@ impl Intake {
             pairing: Pairing::new(options.max_dt),
             seen: [StreamState::default(), StreamState::default()],
             reliable: options.reliable,
+            whole: Default::default(),
         })
     }
 
@@ -206,6 +213,7 @@ impl Intake {
                 match stamp_of(&message.bytes, compressed) {
                     Ok(stamp) => {
                         seen.stamp = Some(stamp);
+                        note(&mut self.whole[stream as usize], stamp, message.age());
                         if self.pairing.take(stream, stamp, message.bytes) == Taken::SetBack {
                             told.push(format!(
                                 "stamps of images went back to {stamp:.3} s: the clock was set back, and frames follow its new time"
@@ -223,6 +231,16 @@ impl Intake {
         self.pairing.next_pair()
     }
 
+    /// How long both images of a pair are here.
+    #[must_use]
+    pub fn age(&self, pair: &Pair<Vec<u8>>) -> Duration {
+        let of = |stream: usize, stamp: f64| {
+            let found = self.whole[stream].iter().find(|(s, _)| *s == stamp);
+            found.map_or(Duration::ZERO, |(_, at)| at.elapsed())
+        };
+        of(0, pair.colour.0).min(of(1, pair.depth.0))
+    }
+
     /// What is known of both streams, for whoever waits; `losses`: what is lost on the wire.
     #[must_use]
     pub fn state<'a>(&'a self, losses: Option<&'a str>) -> Seen<'a> {
@@ -235,6 +253,12 @@ impl Intake {
             losses,
         }
     }
+}
+
+fn note(whole: &mut VecDeque<(f64, Instant)>, stamp: f64, age: Duration) {
+    let now = Instant::now();
+    whole.push_front((stamp, now.checked_sub(age).unwrap_or(now)));
+    whole.truncate(WHOLE);
 }
 
 fn name(stream: Stream) -> &'static str {

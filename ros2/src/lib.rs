@@ -23,6 +23,7 @@ pub mod record;
 pub mod run;
 pub mod say;
 pub mod services;
+pub mod timing;
 pub mod type_hash;
 pub mod value;
 pub mod waiting;

@@ -3,6 +3,7 @@
 use crate::options::Options;
 use crate::outputs::Outputs;
 use crate::record::Recorder;
+use crate::timing::Timing;
 use std::sync::{Arc, OnceLock};
 use stillpoint::ros_events::{FrameNames, Mount, Outgoing, Publisher, Topic};
 use stillpoint::slam::{Event, Subscriber};
@@ -43,6 +44,7 @@ pub struct Outlet {
     outputs: Arc<Outputs>,
     recorder: Option<Recorder>,
     publish_tf: bool,
+    timing: Timing,
 }
 
 impl Outlet {
@@ -63,13 +65,23 @@ impl Outlet {
             outputs: Arc::clone(outputs),
             recorder,
             publish_tf: options.publish_tf,
+            timing: Timing::default(),
         }
+    }
+
+    /// Tells when odometry was sent.
+    #[must_use]
+    pub fn timed(self, timing: Timing) -> Self {
+        Self { timing, ..self }
     }
 
     fn send(&self, messages: &[Outgoing]) {
         for message in messages {
             if self.publish_tf || message.topic != Topic::Tf {
                 self.outputs.send(message);
+            }
+            if message.topic == Topic::Odometry {
+                self.timing.sent(message.time);
             }
             if let Some(recorder) = &self.recorder {
                 recorder.found(message);

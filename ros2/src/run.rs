@@ -10,6 +10,7 @@ use crate::parameters::to_table;
 use crate::pictures::Pictures;
 use crate::priority;
 use crate::record::{Entry, Recorder, Recording};
+use crate::timing::Timing;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -25,6 +26,8 @@ use stillpoint::view::Style;
 
 /// Events that wait for who publishes them at most: more than a minute at 30 Hz.
 const EVENTS: usize = 4096;
+/// Frames that the trajectory of a run without a log remembers: more than two minutes. Nothing of the node needs older ones.
+const FRAMES: usize = 4096;
 /// Frames with their images that wait for the surface at most.
 const IMAGES: usize = 4;
 
@@ -82,6 +85,7 @@ pub struct Run {
     live: LiveSystem,
     decided: Decided,
     outlet: Subscribed<Outlet>,
+    timing: Timing,
     pictures: Option<Subscribed<Pictures>>,
     fusing: Option<Subscribed<Fusing>>,
     recording: Option<(Recording, Recorder)>,
@@ -100,7 +104,9 @@ pub struct Ended {
     /// Frames that came, and those of them that were dropped.
     pub frames: [u64; 2],
     /// Frames with a pose.
-    pub tracked: usize,
+    pub tracked: u64,
+    /// Median and 95th percentile from the last packet of an image to its odometry, of the last minute, s.
+    pub latency: Option<[f32; 2]>,
     /// What could not be written, and threads that failed.
     pub troubles: Vec<String>,
 }
@@ -130,6 +136,7 @@ impl Run {
         let system = LiveOptions {
             drop_late: options.drop_late,
             keep_log: log.is_some(),
+            keep_frames: Some(FRAMES),
             hook: Some(Arc::new(priority::lower_once)),
             subscriber_hook: Some(Arc::new(|name| {
                 // What is published is to be there as soon as it is found.
@@ -144,7 +151,9 @@ impl Run {
         let decided = Decided::default();
         let fresh = Publisher::new(camera, FrameNames::default());
         let publisher = plan.publisher.unwrap_or_else(|| fresh.clone());
-        let outlet = Outlet::new(publisher, &decided, plan.outputs, recorder.clone(), options);
+        let timing = Timing::default();
+        let outlet = Outlet::new(publisher, &decided, plan.outputs, recorder.clone(), options)
+            .timed(timing.clone());
         let outlet = live
             .subscribe("publish", Delivery::until_full(EVENTS), outlet)
             .map_err(threads)?;
@@ -173,6 +182,7 @@ impl Run {
             live,
             decided,
             outlet,
+            timing,
             recording,
             log,
             about,
@@ -222,6 +232,12 @@ impl Run {
         self.live.push(frame)
     }
 
+    /// How long frames take.
+    #[must_use]
+    pub fn timing(&self) -> &Timing {
+        &self.timing
+    }
+
     /// How things stand.
     #[must_use]
     pub fn watch(&self) -> Watch {
@@ -259,7 +275,8 @@ impl Run {
                 result.statistics.arrived,
                 result.statistics.dropped.len() as u64,
             ],
-            tracked: result.trajectory.entries().len(),
+            tracked: self.timing.frames(),
+            latency: self.timing.latency(),
             map: result.map,
             troubles,
         }

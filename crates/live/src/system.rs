@@ -39,6 +39,8 @@ pub struct LiveOptions {
     /// Whether the log of the run and the timings of its frames are kept. A run of days, which nobody will repeat, does without: they grow with every frame, and the log of
     /// such a run has no entries.
     pub keep_log: bool,
+    /// How many of the newest frames the trajectory remembers at least, of runs of days that keep no log: 300 bytes each. Twice as many are never exceeded. None: all, as with a log.
+    pub keep_frames: Option<usize>,
     /// Called by every thread of a stage before it waits for its next message.
     pub hook: Option<Hook>,
     /// Called by the thread of every subscriber before its first event, with its name: to set its priority.
@@ -53,6 +55,7 @@ impl Default for LiveOptions {
             subscriber_patience: Duration::from_secs(30),
             budget: None,
             keep_log: true,
+            keep_frames: None,
             hook: None,
             subscriber_hook: None,
         }

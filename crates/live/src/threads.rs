@@ -91,7 +91,9 @@ impl Threads {
         let looping = LoopingWorker::new(office.desk(Stage::Looping), loop_closer);
         let mapping = MappingWorker::new(office.desk(Stage::Mapping), mapper, effort);
         let desk = office.desk(Stage::Tracking);
-        let tracking = TrackingWorker::new(desk, (tracker, retracer, health), stride, budget);
+        let mut tracking = TrackingWorker::new(desk, (tracker, retracer, health), stride, budget);
+        // A log ends with a number of the whole trajectory.
+        tracking.keep_frames = options.keep_frames.filter(|_| !options.keep_log);
         let detection = detector.map(|detector| DetectionWorker {
             boxes: Arc::clone(boxes),
             hook: options.hook.clone(),

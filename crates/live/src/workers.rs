@@ -77,6 +77,8 @@ pub(crate) struct TrackingWorker {
     sent: u64,
     /// What of the trajectory was passed on.
     passed_on: PassedOn,
+    /// Frames that the trajectory remembers; none: all.
+    pub(crate) keep_frames: Option<usize>,
 }
 
 impl TrackingWorker {
@@ -102,6 +104,7 @@ impl TrackingWorker {
             mapped: 0,
             sent: 0,
             passed_on: PassedOn::default(),
+            keep_frames: None,
         }
     }
 
@@ -165,6 +168,11 @@ impl TrackingWorker {
                 at: Instant::now(),
             });
         });
+        if let Some(most) = self.keep_frames
+            && self.tracker.trajectory().entries().len() > 2 * most
+        {
+            self.tracker.forget_frames_but(most);
+        }
         let trajectory = self.tracker.trajectory();
         boxes.tracked.put(|t| t.take(&self.passed_on, trajectory));
         self.passed_on = PassedOn::of(trajectory);

@@ -48,7 +48,16 @@ impl Trajectory {
         self.revision += 1;
     }
 
-    /// How often entries that were there were replaced.
+    /// Forgets all entries but the newest.
+    pub(crate) fn keep_newest(&mut self, most: usize) {
+        let old = self.entries.len().saturating_sub(most);
+        if old > 0 {
+            self.entries.drain(..old);
+            self.revision += 1;
+        }
+    }
+
+    /// How often entries that were there were replaced or forgotten.
     #[must_use]
     pub fn revision(&self) -> u64 {
         self.revision

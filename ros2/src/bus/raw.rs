@@ -7,8 +7,9 @@ use rustdds::no_key::{
     DataWriter, Decode, DefaultDecoder, DeserializerAdapter, SerializerAdapter, SimpleDataReader,
 };
 use rustdds::rpc::SampleIdentity;
-use rustdds::{GUID, RTPSEntity, RepresentationIdentifier, WriteOptionsBuilder};
+use rustdds::{GUID, RTPSEntity, RepresentationIdentifier, Timestamp, WriteOptionsBuilder};
 use std::convert::Infallible;
+use std::time::Duration;
 
 /// A message with its encapsulation header, as recordings have it.
 #[derive(Clone, Debug)]
@@ -78,6 +79,8 @@ impl<'de> Decode<'de, Raw> for Copying {
 pub struct Received {
     /// CDR with its encapsulation header.
     pub bytes: Vec<u8>,
+    /// When the last of its packets came.
+    pub(crate) at: Timestamp,
     /// Which message of which writer it is.
     pub(crate) identity: SampleIdentity,
     /// Which message it answers, or as which it wants to be answered.
@@ -85,6 +88,16 @@ pub struct Received {
 }
 
 impl Received {
+    /// How long ago its last packet came.
+    #[must_use]
+    pub fn age(&self) -> Duration {
+        let ticks = Timestamp::now()
+            .to_ticks()
+            .saturating_sub(self.at.to_ticks());
+        // Ticks of RTPS: 2^-32 s.
+        Duration::from_secs_f64(ticks as f64 / (1u64 << 32) as f64)
+    }
+
     /// Its writer, and its number among the messages of that, which count up by one.
     #[must_use]
     pub fn number(&self) -> ([u8; 16], i64) {
@@ -138,6 +151,7 @@ impl Reader {
 
 fn received(change: DeserializedCacheChange<Raw>) -> Received {
     Received {
+        at: change.receive_instant,
         identity: SampleIdentity {
             writer_guid: change.writer_guid(),
             sequence_number: change.sequence_number,

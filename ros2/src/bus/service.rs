@@ -112,6 +112,7 @@ mod tests {
         id[..2].copy_from_slice(&[1, vendor]);
         Received {
             bytes,
+            at: rustdds::Timestamp::now(),
             identity: SampleIdentity {
                 writer_guid: GUID::from_bytes(id),
                 sequence_number: SequenceNumber::new(5),

@@ -263,6 +263,7 @@ impl Node {
                 run.record(|| image(topic.clone(), compressed, time, bytes.clone()));
             }
         }
+        run.timing().begin(pair.colour.0, self.intake.age(pair));
         let id = run.number();
         let stamps = (pair.colour.0, pair.depth.0);
         let keep = run.keep_colour();

@@ -121,8 +121,14 @@ impl Node {
             return Vec::new();
         };
         let ended = run.end();
+        let latency = ended.latency.map(|l| l.map(|s| 1e3 * s));
+        let latency = latency.map_or_else(String::new, |[median, most]| {
+            format!(
+                "; from an image's last packet to its odometry {median:.1} ms, 95 % within {most:.1} ms"
+            )
+        });
         self.voice.info(&format!(
-            "run {} ended: {} frames, {} dropped, {} with a pose",
+            "run {} ended: {} frames, {} dropped, {} with a pose{latency}",
             self.number, ended.frames[0], ended.frames[1], ended.tracked
         ));
         ended.troubles.iter().for_each(|t| self.voice.error(t));

@@ -67,6 +67,28 @@ fn a_run_whose_log_nobody_wants_has_the_same_frames_and_keeps_nothing_of_each() 
     assert_eq!(statistics.arrived, frames().len() as u64);
 }
 
+#[test]
+fn a_run_of_days_remembers_its_newest_frames_alone() {
+    let forgetful = |keep_log| LiveOptions {
+        keep_log,
+        keep_frames: Some(3),
+        ..unhurried()
+    };
+    let (result, _) = run(None, forgetful(false), 2);
+    assert_all_finished(&result);
+    let entries = result.trajectory.entries();
+    assert!((3..=6).contains(&entries.len()), "{}", entries.len());
+    assert!(frames().len() > 6);
+    let last = frames().last().map(|f| f.id);
+    assert_eq!(entries.last().map(|e| e.frame), last);
+    let newest = result.trajectory.resolve(&result.view).count();
+    assert_eq!(newest, entries.len());
+    // With a log all are there: it says what the whole trajectory was.
+    let (result, received) = run(None, forgetful(true), 2);
+    assert_eq!(result.trajectory.entries().len(), frames().len());
+    assert_reproduced(&result, &received);
+}
+
 /// Says when it is asked, and hangs the third time.
 struct Hanging {
     asked: u32,

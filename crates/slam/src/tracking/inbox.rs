@@ -71,6 +71,11 @@ impl Tracker {
         &self.trajectory
     }
 
+    /// Forgets all frames of the trajectory but the newest, for runs that never end. Poses stay as they are; first frames that are forgotten are not tracked again.
+    pub fn forget_frames_but(&mut self, most: usize) {
+        self.trajectory.keep_newest(most);
+    }
+
     /// When the parts of a frame are exposed, as estimated so far.
     #[must_use]
     pub fn timing(&self) -> Timing {

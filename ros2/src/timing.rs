@@ -1,0 +1,103 @@
+//! How long an image takes from its last packet to the odometry that it gives.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Frames that are on their way at most; those that were dropped are among them.
+const ON_THE_WAY: usize = 64;
+/// Latencies that are remembered: a minute of frames.
+const REMEMBERED: usize = 1800;
+
+/// Shared by who takes images and who sends odometry.
+#[derive(Clone, Debug, Default)]
+pub struct Timing(Arc<Mutex<Inner>>);
+
+#[derive(Debug, Default)]
+struct Inner {
+    /// When the images of a frame were whole, by the stamp of its colour image, µs.
+    begun: BTreeMap<u64, Instant>,
+    /// Of the newest frames, s; the next to be written over.
+    latencies: Vec<f32>,
+    next: usize,
+    sent: u64,
+}
+
+impl Timing {
+    fn lock(&self) -> MutexGuard<'_, Inner> {
+        // A panic of another thread leaves numbers that are numbers.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// The images of a frame were whole so long ago. `stamp` is that of its colour image, s.
+    pub fn begin(&self, stamp: f64, ago: Duration) {
+        let now = Instant::now();
+        let mut inner = self.lock();
+        let at = now.checked_sub(ago).unwrap_or(now);
+        inner.begun.insert(micro(stamp), at);
+        if inner.begun.len() > ON_THE_WAY {
+            inner.begun.pop_first();
+        }
+    }
+
+    /// The odometry of a frame was sent. `time` is its stamp, ns.
+    pub fn sent(&self, time: u64) {
+        let now = Instant::now();
+        let mut inner = self.lock();
+        inner.sent += 1;
+        let Some(begun) = inner.begun.remove(&(time / 1000)) else {
+            return;
+        };
+        let latency = now.saturating_duration_since(begun).as_secs_f32();
+        let next = inner.next;
+        if next < inner.latencies.len() {
+            inner.latencies[next] = latency;
+        } else {
+            inner.latencies.push(latency);
+        }
+        inner.next = (next + 1) % REMEMBERED;
+    }
+
+    /// Frames whose odometry was sent.
+    #[must_use]
+    pub fn frames(&self) -> u64 {
+        self.lock().sent
+    }
+
+    /// Median and 95th percentile of the last minute, s; none before the first frame.
+    #[must_use]
+    pub fn latency(&self) -> Option<[f32; 2]> {
+        let mut all = self.lock().latencies.clone();
+        all.sort_by(f32::total_cmp);
+        let at = |share: f64| all.get((all.len() as f64 * share) as usize).copied();
+        Some([at(0.5)?, at(0.95)?])
+    }
+}
+
+fn micro(stamp: f64) -> u64 {
+    (stamp * 1e6).round().max(0.0) as u64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_are_known_again_by_their_stamps() {
+        let timing = Timing::default();
+        assert_eq!(timing.latency(), None);
+        for i in 0..100 {
+            let stamp = 1305031102.175304 + f64::from(i) / 30.0;
+            timing.begin(stamp, Duration::from_millis(10));
+            timing.begin(stamp + 0.001, Duration::from_secs(9));
+            timing.sent(micro(stamp) * 1000);
+        }
+        timing.sent(5);
+        assert_eq!(timing.frames(), 101);
+        let [median, most] = timing.latency().unwrap();
+        assert!(
+            (0.01..1.0).contains(&median) && most >= median,
+            "{median} {most}"
+        );
+    }
+}
