@@ -51,13 +51,14 @@ impl Frame {
         self.event.report.stamp
     }
 
-    /// initialised (a map begins here), tracked, relocalised or lost.
+    /// initialised (a map begins here), tracked, relocalised, carried (by a gyroscope) or lost.
     #[getter]
     fn state(&self) -> &'static str {
         match self.event.report.outcome {
             Outcome::Initialised => "initialised",
             Outcome::Tracked => "tracked",
             Outcome::Relocalised { .. } => "relocalised",
+            Outcome::Carried { .. } => "carried",
             Outcome::Lost { .. } => "lost",
         }
     }

@@ -7,6 +7,7 @@ use crate::p3p::p3p;
 use crate::pose::transform;
 use crate::pose_graph::CHI2_95_6;
 use crate::sampling::{Rng, ransac_iterations};
+use crate::turn::{KnownTurn, ray};
 use crate::votes::Votes;
 use crate::{Intrinsics, Measurement, PoseObservation, PoseOptions, optimise_pose};
 use stillpoint_geometry::{Mat6, Se3, Vec3, align_umeyama, so3};
@@ -68,6 +69,8 @@ pub struct MotionOptions {
     pub prior_strength: f64,
     /// Least number of inliers with a weight.
     pub min_inliers: usize,
+    /// The rotation of the motion where it is known: others have no votes.
+    pub turn: Option<KnownTurn>,
 }
 
 impl Default for MotionOptions {
@@ -80,6 +83,7 @@ impl Default for MotionOptions {
             peak: 0.0,
             prior_strength: 0.3,
             min_inliers: 8,
+            turn: None,
         }
     }
 }
@@ -180,6 +184,9 @@ impl<'a> Search<'a> {
 
     /// The vote on a motion, 0 when it cannot exceed `limit`.
     fn score(&self, b_from_a: &Se3, limit: f64) -> f64 {
+        if self.options.turn.is_some_and(|t| !t.allows(b_from_a)) {
+            return 0.0;
+        }
         let factor = self
             .prior
             .map_or(1.0, |p| p.factor(b_from_a, self.options.prior_strength));
@@ -218,6 +225,7 @@ impl<'a> Search<'a> {
             plain_rounds: 0,
             iterations: 2,
             gate_scale: self.options.gate_scale,
+            turn: self.options.turn,
         };
         Some(optimise_pose(self.camera, pose, &chosen, &options).camera_from_world)
     }
@@ -315,11 +323,7 @@ impl<'a> Search<'a> {
     fn solve(&self, chosen: &[usize; 3]) -> Vec<Se3> {
         let sample = chosen.map(|i| &self.pairs[i]);
         let points = sample.map(|p| p.point);
-        let rays = sample.map(|p| {
-            let px = p.measurement.pixel;
-            let k = self.camera;
-            Vec3::new((px.x - k.cx) / k.fx, (px.y - k.cy) / k.fy, 1.0)
-        });
+        let rays = sample.map(|p| ray(self.camera, p));
         if !sample.iter().all(|p| p.measurement.has_depth()) {
             return p3p(points, rays);
         }
@@ -327,6 +331,9 @@ impl<'a> Search<'a> {
             std::array::from_fn(|i| rays[i] / sample[i].measurement.inverse_depth);
         if !self.rigid(&sample, &points, &seen) {
             return Vec::new();
+        }
+        if let Some(turn) = &self.options.turn {
+            return vec![turn.with_shift(&points, &seen)];
         }
         align_umeyama(&points, &seen, false)
             .map(|a| a.target_from_source)
@@ -356,6 +363,7 @@ impl<'a> Search<'a> {
             plain_rounds: 1,
             iterations: 2,
             gate_scale: scale,
+            turn: self.options.turn,
         };
         let rounds = if self.options.peak > 0.0 { 3 } else { 1 };
         let (mut b_from_a, mut information) = (self.best?, Mat6::zeros());

@@ -26,6 +26,7 @@ mod sampling;
 mod schur;
 mod sparse;
 mod triangulate;
+mod turn;
 mod twist;
 mod two_view;
 mod votes;
@@ -54,4 +55,5 @@ pub use pose_graph::{
 pub use rigid::{RigidEstimate, RigidOptions, RigidOutcome, RigidPair, find_rigid};
 pub use sampling::{Purpose, Rng, address, ransac_iterations, rng};
 pub use triangulate::{Triangulation, triangulate_midpoint};
+pub use turn::KnownTurn;
 pub use two_view::{PixelPair, TwoViewOptions};

@@ -1,7 +1,7 @@
 //! Pose-only optimisation: the camera's pose from measurements of known points.
 
 use crate::linearise::linearise;
-use crate::{Intrinsics, Measurement};
+use crate::{Intrinsics, KnownTurn, Measurement};
 use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, Vec6, robust};
 
 /// A measurement of a point whose world position is known.
@@ -24,6 +24,8 @@ pub struct PoseOptions {
     pub iterations: usize,
     /// Factor on the squared chi-square gates (95 %); 1 for measurements whose noise is known.
     pub gate_scale: f64,
+    /// The rotation where it is known from elsewhere: a measurement more. Its gate is not asked.
+    pub turn: Option<KnownTurn>,
 }
 
 impl Default for PoseOptions {
@@ -34,6 +36,7 @@ impl Default for PoseOptions {
             plain_rounds: 2,
             iterations: 10,
             gate_scale: 1.0,
+            turn: None,
         }
     }
 }
@@ -68,6 +71,7 @@ pub fn optimise_pose(
         observations,
         active: vec![true; observations.len()],
         gate_scale: options.gate_scale,
+        turn: options.turn,
     };
     let mut pose = *initial;
     let mut inlier_count = 0;
@@ -103,6 +107,7 @@ struct Problem<'a> {
     observations: &'a [PoseObservation],
     active: Vec<bool>,
     gate_scale: f64,
+    turn: Option<KnownTurn>,
 }
 
 /// Normal equations and cost at a pose.
@@ -187,6 +192,9 @@ impl Problem<'_> {
                 sums.add([2, 3, 4], d, e[2], w[2]);
             }
         }
+        if let Some(turn) = &self.turn {
+            sums.add_turn(turn, pose);
+        }
         sums.finish()
     }
 
@@ -226,6 +234,17 @@ impl Sums {
             }
             self.b[row] += wj * e;
         }
+    }
+
+    /// Adds that the rotation is known.
+    fn add_turn(&mut self, turn: &KnownTurn, pose: &Se3) {
+        let weight = 1.0 / (turn.sigma * turn.sigma);
+        let offset = turn.offset(pose);
+        for axis in 0..3 {
+            self.h[3 + axis][3 + axis] += weight;
+            self.b[3 + axis] += weight * offset[axis];
+        }
+        self.cost += weight * offset.norm_squared();
     }
 
     fn finish(self) -> Normal {

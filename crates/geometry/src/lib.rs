@@ -7,6 +7,7 @@
 mod alignment;
 mod camera;
 mod camera_check;
+mod imu;
 pub mod robust;
 mod se3;
 pub mod so3;
@@ -14,6 +15,7 @@ pub mod so3;
 pub use alignment::{Alignment, AlignmentError, align_umeyama};
 pub use camera::{BrownConrady, Camera};
 pub use camera_check::CameraError;
+pub use imu::{ImuError, ImuModel, STANDARD_GRAVITY};
 pub use se3::Se3;
 
 pub use nalgebra;

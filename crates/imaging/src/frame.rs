@@ -1,6 +1,6 @@
 //! RGB-D frames and where they come from.
 
-use crate::{ColourImage, DepthImage, GrayImage};
+use crate::{ColourImage, DepthImage, GrayImage, ImuSample};
 use std::sync::Arc;
 
 /// Number of a frame in its stream: 0, 1, 2, ... Also the id of the keyframe made from it.
@@ -52,6 +52,12 @@ pub trait FrameSource: Send {
     /// The next frame; `None` at the end of the stream. After a recoverable error the next call continues with the next
     /// frame; after any other error the stream has ended.
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>>;
+
+    /// What an inertial sensor measured since the last call, in order of time: up to the newest frame that was given, and where there is one the
+    /// first sample after it. To be asked after each frame; whoever passes frames on passes this on.
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        Vec::new()
+    }
 
     /// How many frames are left, when that is known.
     fn remaining(&self) -> Option<usize> {

@@ -6,7 +6,7 @@ use crate::people::Cast;
 use crate::scene::Scene;
 use crate::shutter::Shutter;
 
-const NAMES: [&str; 27] = [
+const NAMES: [&str; 28] = [
     "xyz",
     "rpy",
     "halfsphere",
@@ -34,6 +34,7 @@ const NAMES: [&str; 27] = [
     "crowd_halfsphere",
     "crowd_rpy_60",
     "crowd_rpy_150",
+    "blocked_turn",
 ];
 
 /// Factors on the pace of `rpy` with which it turns by up to 60, 100 and 150 deg/s.
@@ -94,6 +95,7 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
         ),
         "crowd_rpy_60" => (people(Cast::Crowd), fast(0).farther(0.9)),
         "crowd_rpy_150" => (people(Cast::Crowd), fast(2).farther(0.9)),
+        "blocked_turn" => (people(Cast::Blocking), Path::blocked(seed)),
         _ => return None,
     })
 }

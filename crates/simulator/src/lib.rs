@@ -29,5 +29,5 @@ pub use catalogue::scene_names;
 pub use disparity::DepthModel;
 pub use error::SimulatorError;
 pub use shutter::Shutter;
-pub use simulator::{Simulator, SimulatorConfig, SimulatorSource};
+pub use simulator::{SimulatedImu, Simulator, SimulatorConfig, SimulatorSource};
 pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection, ThingBox};

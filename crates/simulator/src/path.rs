@@ -3,6 +3,7 @@
 //! Answers: where the camera is at a stamp. World axes: z up, m; camera axes: x right, y down, z forward.
 
 use crate::random::{Purpose, Stream};
+use std::f64::consts::FRAC_PI_2;
 use stillpoint_geometry::nalgebra::Matrix3;
 use stillpoint_geometry::{Se3, Vec3, so3};
 
@@ -26,6 +27,8 @@ enum Kind {
     Halfsphere { flat: f64 },
     /// Held still.
     Static,
+    /// Held at one place, turned by 60 degrees to the left.
+    Blocked,
     /// A walk along a closed curve.
     Loop(Walk),
     /// From a pose with a constant twist per second in camera coordinates.
@@ -35,6 +38,20 @@ enum Kind {
 
 /// Height and place of what the small scenes look at, m.
 const DESK_CENTRE: [f64; 3] = [0.0, -0.05, 0.8];
+
+/// From 0 at 0 to 1 at 1, smooth to the second derivative.
+fn smooth(share: f64) -> f64 {
+    let share = share.clamp(0.0, 1.0);
+    share * share * share * (share * (6.0 * share - 15.0) + 10.0)
+}
+
+/// Where the camera is whose view is blocked, m.
+pub(crate) const BLOCKED_EYE: [f64; 2] = [0.0, -2.0];
+
+/// By how much that camera is turned to the left of the desk, rad: by 60 degrees within three seconds.
+pub(crate) fn blocked_turn(t: f64) -> f64 {
+    (smooth((t - 3.0) / 3.0) - 0.5) * 60.0_f64.to_radians()
+}
 
 fn wave(t: f64, hertz: f64, phase: f64) -> f64 {
     libm::sin(std::f64::consts::TAU * hertz * t + phase)
@@ -82,6 +99,16 @@ impl Path {
         Self {
             kind: Kind::Static,
             tremor: Tremor::new(seed, 0.6),
+            back: 0.0,
+            ahead: 0.0,
+        }
+    }
+
+    /// A turn of a camera whose view is blocked meanwhile.
+    pub(crate) fn blocked(seed: u64) -> Self {
+        Self {
+            kind: Kind::Blocked,
+            tremor: Tremor::new(seed, 1.5),
             back: 0.0,
             ahead: 0.0,
         }
@@ -138,6 +165,7 @@ impl Path {
     pub(crate) fn duration(&self) -> f64 {
         match &self.kind {
             Kind::Loop(walk) => walk.duration(),
+            Kind::Blocked => 9.0,
             _ => 10.0,
         }
     }
@@ -183,6 +211,14 @@ impl Path {
                 look_at(centre + out, centre)
             }
             Kind::Static => look_at(centre + Vec3::new(-0.1, -1.1 - self.back, 0.55), centre),
+            Kind::Blocked => {
+                let eye = Vec3::new(BLOCKED_EYE[0], BLOCKED_EYE[1], 1.35);
+                // Before, it looks to both sides a little, as every hand does.
+                let glance = 0.14 * wave(t, 0.5, 0.0) * (1.0 - smooth(t - 1.5));
+                let angle = FRAC_PI_2 + blocked_turn(t) + glance;
+                let ahead = Vec3::new(libm::cos(angle), libm::sin(angle), -0.3);
+                look_at(eye, eye + ahead)
+            }
             Kind::Loop(walk) => walk.pose(t),
             #[cfg(test)]
             Kind::Steady(start, twist) => *start * Se3::exp(&(twist * t)),

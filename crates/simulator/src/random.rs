@@ -17,6 +17,7 @@ pub(crate) enum Purpose {
     Lateral = 9,
     Matching = 10,
     Distortion = 11,
+    Inertial = 12,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a bijection of 64 bits that mixes them well.

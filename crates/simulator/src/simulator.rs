@@ -1,5 +1,11 @@
 //! The simulator: a scene, a path and a sensor put together.
 
+mod inertial;
+mod source;
+
+pub use inertial::SimulatedImu;
+pub use source::SimulatorSource;
+
 use crate::catalogue::{self, build, nearest_name};
 use crate::disparity::DepthModel;
 use crate::error::SimulatorError;
@@ -12,7 +18,7 @@ use crate::shutter::{Shutter, Sight};
 use crate::truth::{self, DetectionNoise, FrameTruth, ScriptedDetection, ThingBox};
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
-use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
+use stillpoint_imaging::{ColourImage, DepthImage, FrameId, RgbdFrame};
 
 /// What to simulate.
 #[derive(Clone, Debug, PartialEq)]
@@ -67,6 +73,7 @@ pub struct Simulator {
     path: Path,
     sensor: Sensor,
     length: usize,
+    seed: u64,
     rate: f64,
     scale: f64,
     noise: bool,
@@ -122,6 +129,7 @@ impl Simulator {
             scene,
             length: config.frames.unwrap_or(default_length),
             path,
+            seed,
             rate: config.rate,
             scale: config.scale,
             noise: config.noise,
@@ -311,65 +319,7 @@ impl Simulator {
     /// The frames in order, with colour when `colour` says so.
     #[must_use]
     pub fn source(self) -> SimulatorSource {
-        SimulatorSource {
-            end: self.len(),
-            simulator: self,
-            next: 0,
-            colour: false,
-        }
-    }
-}
-
-/// The frames of a [`Simulator`], one after the other.
-pub struct SimulatorSource {
-    simulator: Simulator,
-    next: usize,
-    end: usize,
-    colour: bool,
-}
-
-impl SimulatorSource {
-    /// The same stream with colour images.
-    #[must_use]
-    pub fn with_colour(self) -> Self {
-        Self {
-            colour: true,
-            ..self
-        }
-    }
-
-    /// The same stream from frame `start` on, up to but not including `end` where it is given; ids and stamps stay those of the
-    /// whole recording.
-    #[must_use]
-    pub fn between(mut self, start: usize, end: Option<usize>) -> Self {
-        self.end = end.map_or(self.simulator.len(), |e| e.min(self.simulator.len()));
-        self.next = start.min(self.end);
-        self
-    }
-
-    /// The simulator behind the stream.
-    #[must_use]
-    pub fn simulator(&self) -> &Simulator {
-        &self.simulator
-    }
-}
-
-impl FrameSource for SimulatorSource {
-    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
-        if self.next >= self.end {
-            return None;
-        }
-        let index = self.next;
-        self.next += 1;
-        Some(Ok(if self.colour {
-            self.simulator.frame_with_colour(index)
-        } else {
-            self.simulator.frame(index)
-        }))
-    }
-
-    fn remaining(&self) -> Option<usize> {
-        Some(self.end - self.next)
+        SimulatorSource::new(self)
     }
 }
 

@@ -51,6 +51,7 @@ impl std::error::Error for NotSent {}
 /// | tracker: a frame | a keyframe | mapper |
 /// | | what is taken back of the beginning of the map | mapper |
 /// | tracker: detections | what moves in an earlier keyframe | mapper |
+/// | tracker: samples of an inertial sensor | nothing | |
 /// | mapper: any message | a view of the map | tracker |
 /// | | what it did | loop closer |
 /// | loop closer: any message | the known places | tracker |
@@ -165,6 +166,10 @@ impl Exchange {
                 let places = self.places.take(*answer);
                 let places = places.ok_or_else(|| not_sent(entry, None))?;
                 self.stages.tracker.receive_places(places);
+                None
+            }
+            LogEntry::TrackInertial { samples } => {
+                self.stages.tracker.receive_inertial(samples);
                 None
             }
             LogEntry::TrackEffort { features } => {

@@ -1,5 +1,6 @@
 //! What the stages report: of a frame, of a keyframe, of a correction, of a loop. Values, which events carry outward.
 
+use crate::inertial::InertialReport;
 use crate::map_shift::MapShift;
 use crate::static_filter::{FeatureVerdict, Segments};
 use std::sync::Arc;
@@ -22,6 +23,11 @@ pub enum Outcome {
         /// The keyframe that was recognised.
         with: KeyframeId,
     },
+    /// Too little was seen to measure a pose: the camera's direction is carried by the gyroscope, its place by what little was seen or by its velocity.
+    Carried {
+        /// The first frame of this stretch.
+        since: FrameId,
+    },
     /// No pose could be measured.
     Lost {
         /// The first frame of this loss.
@@ -42,6 +48,8 @@ pub enum LostReason {
     FewMatches,
     /// Too few matches agreed on one pose.
     FewInliers,
+    /// What was seen turns otherwise than the gyroscope, and the gyroscope could not carry the camera any longer.
+    AgainstGyro,
 }
 
 impl std::fmt::Display for LostReason {
@@ -51,6 +59,7 @@ impl std::fmt::Display for LostReason {
             Self::FewDepths => "too few keypoints with depth",
             Self::FewMatches => "too few keypoints match the map",
             Self::FewInliers => "too few matches agree on a pose",
+            Self::AgainstGyro => "what is seen turns otherwise than the gyroscope",
         })
     }
 }
@@ -86,6 +95,8 @@ pub struct FrameReport {
     pub submap: Option<SubmapId>,
     /// Version of the map view that was used.
     pub map_version: u64,
+    /// What is known of the inertial sensor; none where there is none.
+    pub inertial: Option<InertialReport>,
 }
 
 /// So many landmarks that agree hold a pose, whatever moves beside them.
@@ -98,7 +109,10 @@ impl FrameReport {
     /// on somebody for this frame.
     #[must_use]
     pub fn is_undecided(&self) -> bool {
-        let posed = !matches!(self.outcome, Outcome::Lost { .. } | Outcome::Initialised);
+        let posed = matches!(
+            self.outcome,
+            Outcome::Tracked | Outcome::Relocalised { .. }
+        );
         let thin = self.counts.inliers < FEW && self.counts.moving_share() >= MANY;
         self.undecided.is_some() || (posed && thin)
     }

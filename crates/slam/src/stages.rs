@@ -15,7 +15,7 @@ use crate::retrace::Retracer;
 use crate::tracking::Tracker;
 use crate::validation::{ConfigError, check_camera};
 use std::sync::Arc;
-use stillpoint_geometry::Camera;
+use stillpoint_geometry::{Camera, ImuError, ImuModel};
 use stillpoint_imaging::{Simd, Workers};
 use stillpoint_map::Map;
 
@@ -142,6 +142,17 @@ impl Stages {
         self.fingerprint.number(view.landmark_count() as u64);
         self.tracker = self.tracker.in_map(view, map_use == MapUse::Grow);
         self.tracker.receive_places(known.places);
+        Ok(self)
+    }
+
+    /// The stages with an inertial sensor on the camera, whose samples the tracker is given.
+    ///
+    /// # Errors
+    /// [`ImuError`] for figures that no such sensor has.
+    pub fn with_imu(mut self, model: ImuModel) -> Result<Self, ImuError> {
+        model.check()?;
+        self.fingerprint.text(&format!("{model:?}"));
+        self.tracker = self.tracker.with_imu(model);
         Ok(self)
     }
 

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{Detection, Detections, Detector};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{FrameId, RgbdFrame, Simd, Workers};
+use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame, Simd, Workers};
 use stillpoint_map::{Map, MapView};
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
@@ -152,6 +152,16 @@ impl System {
         self.deliver_corrections(self.step, &mut events);
         self.step += 1;
         events
+    }
+
+    /// Takes samples of the inertial sensor, in order of time: before the frame that they lead to, and where there is one with the first sample after
+    /// it. Without a sensor ([`Stages::with_imu`]) they are left out.
+    pub fn receive_inertial(&mut self, samples: Vec<ImuSample>) {
+        if samples.is_empty() || !self.exchange.stages().tracker.has_imu() {
+            return;
+        }
+        let entry = LogEntry::TrackInertial { samples };
+        self.carry_out(entry, None, &mut Vec::new());
     }
 
     /// Ends the stream: delivers the corrections, views and places that are still outstanding, and says what happened.

@@ -18,6 +18,8 @@ pub struct TrajectoryEntry {
     pub pose: AnchoredPose,
     /// Landmark matches that agreed with the pose.
     pub inliers: u32,
+    /// Whether its direction was carried by the gyroscope, and its place by little or nothing ([`Outcome::Carried`](crate::Outcome::Carried)).
+    pub carried: bool,
 }
 
 /// All frames in which a pose was measured, in order.
@@ -102,6 +104,9 @@ impl Trajectory {
             f.number(entry.stamp.to_bits());
             f.number(u64::from(entry.pose.reference.0));
             f.number(u64::from(entry.inliers));
+            if entry.carried {
+                f.number(1);
+            }
             for pose in [
                 &entry.pose.reference_from_camera,
                 &entry.pose.online_world_from_camera,
@@ -241,6 +246,7 @@ mod tests {
     /// A frame at `id` seconds, measured at `x` from a keyframe.
     fn entry(id: u32, is_keyframe: bool, reference: u32, x: f64) -> TrajectoryEntry {
         TrajectoryEntry {
+            carried: false,
             frame: FrameId(id),
             stamp: f64::from(id),
             pose: AnchoredPose {

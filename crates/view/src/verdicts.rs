@@ -145,6 +145,7 @@ fn badge(report: &FrameReport) -> (&'static str, Colour) {
         Outcome::Initialised => ("NEW MAP", Colour::of_number(0)),
         Outcome::Tracked => ("TRACKED", Colour::STATIC),
         Outcome::Relocalised { .. } => ("FOUND AGAIN", Colour::of_number(0)),
+        Outcome::Carried { .. } => ("CARRIED", Colour::of_number(0)),
         Outcome::Lost { .. } => ("LOST", Colour::SEMANTIC),
     }
 }
@@ -156,6 +157,7 @@ fn caption(report: &FrameReport) -> String {
     match report.outcome {
         Outcome::Lost { reason, .. } => parts.push(reason.to_string()),
         Outcome::Initialised => {}
+        Outcome::Carried { .. } => parts.push("direction by the gyroscope".to_owned()),
         Outcome::Tracked | Outcome::Relocalised { .. } => {
             parts.push(format!("{} inliers", c.inliers));
         }

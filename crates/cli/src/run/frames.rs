@@ -22,6 +22,8 @@ enum State {
     Tracked,
     /// The camera was found again.
     Relocalised,
+    /// Its direction was carried by the gyroscope.
+    Carried,
     /// No pose was found, and why.
     Lost(String),
 }
@@ -32,6 +34,7 @@ impl State {
             Self::Begun => "initialised",
             Self::Tracked => "tracked",
             Self::Relocalised => "relocalised",
+            Self::Carried => "carried",
             Self::Lost(_) => "lost",
         }
     }
@@ -61,6 +64,11 @@ impl Line {
     }
 }
 
+/// Whether an entry's pose is to be written.
+fn is_posed(entry: &TrajectoryEntry) -> bool {
+    entry.carried || entry.inliers >= MIN_INLIERS
+}
+
 /// All frames of a run, in order.
 #[derive(Clone, Default)]
 pub(crate) struct Frames(Vec<Line>);
@@ -85,6 +93,7 @@ impl Frames {
         let state = match report.outcome {
             Outcome::Lost { reason, .. } => State::Lost(reason.to_string()),
             Outcome::Initialised => State::Begun,
+            Outcome::Carried { .. } => State::Carried,
             _ if inliers < MIN_INLIERS => State::Lost(format!("fewer than {MIN_INLIERS} inliers")),
             Outcome::Tracked => State::Tracked,
             Outcome::Relocalised { .. } => State::Relocalised,
@@ -107,7 +116,7 @@ impl Frames {
         let entries = trajectory.entries();
         for line in &mut self.0 {
             let at = entries.binary_search_by_key(&line.frame, |e| e.frame);
-            let posed = at.is_ok_and(|i| entries[i].inliers >= MIN_INLIERS);
+            let posed = at.is_ok_and(|i| is_posed(&entries[i]));
             let lost = matches!(line.state, State::Lost(_));
             if lost && posed {
                 (line.state, line.undecided) = (State::Tracked, true);
@@ -257,7 +266,7 @@ pub(crate) fn by_submap(
         // Until the map holds it, a keyframe is a submap of its own.
         let submap = view.submap_of(entry.pose.reference);
         let submap = submap.unwrap_or(SubmapId(entry.pose.reference.0));
-        if entry.inliers >= MIN_INLIERS {
+        if is_posed(&entry) {
             let stamp = entry.stamp;
             let pose = StampedPose {
                 stamp,
@@ -291,6 +300,7 @@ mod tests {
             },
             is_keyframe: frame == 0,
             undecided: None,
+            inertial: None,
             submap: submap.map(SubmapId),
             map_version: 0,
         }
@@ -359,6 +369,7 @@ mod tests {
         }
         // Frame 1 was withdrawn, and frame 2 has a pose now.
         let entry = |i: u32, inliers| TrajectoryEntry {
+            carried: false,
             frame: FrameId(i),
             stamp: f64::from(i) / 10.0,
             pose: stillpoint::slam::AnchoredPose {

@@ -211,6 +211,7 @@ mod tests {
                 ..FrameCounts::default()
             },
             is_keyframe: true,
+            inertial: None,
             submap: None,
             map_version: 0,
         };

@@ -26,6 +26,7 @@ fn tracked(n: u32) -> Event {
             depth: DepthImage::default(),
         })),
         report: FrameReport {
+            inertial: None,
             frame,
             stamp,
             outcome: Outcome::Tracked,

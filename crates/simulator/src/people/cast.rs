@@ -4,6 +4,7 @@ use super::gait::{Gait, Load, SIT_BACK, Standing};
 use super::mesh::{Cover, Mesh};
 use super::route::{Leg, Route};
 use super::{Body, Dress, Person};
+use crate::path::{BLOCKED_EYE, blocked_turn};
 use crate::random::{Purpose, Stream};
 use crate::scene::{Builder, Place};
 use crate::texture::Pattern;
@@ -19,6 +20,8 @@ pub(crate) enum Cast {
     Carrying,
     /// Two people walk to and fro between the camera and the desk, from the first frame on.
     Crowd,
+    /// Two people step before the camera and walk round it as it turns, face to face with it.
+    Blocking,
     /// One person comes, lifts a chair that stands before the desk and carries it out of the picture.
     Fetching,
 }
@@ -65,7 +68,9 @@ impl Cast {
         match self {
             Self::Walking => [SEAT, [0.9, 1.65, 0.8]],
             Self::Sitting => SEATS,
-            Self::Carrying | Self::Crowd | Self::Fetching => [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]],
+            Self::Carrying | Self::Crowd | Self::Blocking | Self::Fetching => {
+                [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]]
+            }
         }
     }
 
@@ -88,6 +93,10 @@ impl Cast {
                 .collect(),
             Self::Carrying => vec![(PLAID, [1.01, 1.05], carrier(), Some(LOAD))],
             Self::Fetching => vec![(PLAID, [1.01, 1.05], fetcher(), Some(CHAIR))],
+            Self::Blocking => vec![
+                (PLAID, [1.01, 1.05], blocker(-BLOCKERS_APART), None),
+                (PRINT, [0.97, 1.0], blocker(BLOCKERS_APART), None),
+            ],
             Self::Crowd => vec![
                 (PLAID, [1.01, 1.05], near_one(), None),
                 (PRINT, [0.97, 1.0], far_one(), None),
@@ -254,4 +263,54 @@ fn far_one() -> Script {
     let to = |x: f64| Leg::To(x, FAR_LINE, 0.7);
     let stages = vec![to(0.7), to(-0.7), to(0.7), to(-0.7), to(0.7), to(-0.7)];
     ([0.25, FAR_LINE, 0.0], stages)
+}
+
+/// How far from the camera they stand who block its view, m ...
+const BLOCKERS_AT: f64 = 0.78;
+/// ... and by how much each is off the middle of the picture, rad.
+const BLOCKERS_APART: f64 = 0.36;
+/// When they begin to come, s, and when they leave again.
+const BLOCKERS_COME: f64 = 1.6;
+const BLOCKERS_LEAVE: f64 = 6.2;
+/// Time of a step aside, s.
+const BLOCKERS_STEP: f64 = 0.2;
+
+/// Comes from the side, stays before the camera while it turns, a little to one side of the picture's middle, and goes away to the same side.
+fn blocker(apart: f64) -> Script {
+    let [x, y] = BLOCKED_EYE;
+    let at = |t: f64| {
+        // To the right of the picture is clockwise.
+        let angle = -TO_CAMERA + blocked_turn(t) - apart;
+        [
+            x + BLOCKERS_AT * libm::cos(angle),
+            y + BLOCKERS_AT * libm::sin(angle),
+            angle + std::f64::consts::PI,
+        ]
+    };
+    let side = 1.9 * apart.signum();
+    let outside = [x + side, y + 0.9];
+    let [first_x, first_y, _] = at(0.0);
+    let way = libm::hypot(first_x - outside[0], first_y - outside[1]);
+    let mut stages = vec![
+        Leg::Stand(BLOCKERS_COME, at(0.0)[2]),
+        Leg::Aside(first_x, first_y, way / 1.2, at(0.0)[2]),
+    ];
+    let mut t = BLOCKERS_COME + 1.2;
+    let mut here = [first_x, first_y];
+    while t < BLOCKERS_LEAVE {
+        t += BLOCKERS_STEP;
+        let [to_x, to_y, yaw] = at(t);
+        let way = libm::hypot(to_x - here[0], to_y - here[1]);
+        stages.push(match way < 1e-3 {
+            true => Leg::Stand(BLOCKERS_STEP, yaw),
+            false => Leg::Aside(to_x, to_y, way / BLOCKERS_STEP, yaw),
+        });
+        here = match way < 1e-3 {
+            true => here,
+            false => [to_x, to_y],
+        };
+    }
+    stages.push(Leg::To(x + side, y + 1.2, 1.3));
+    stages.push(Leg::Stand(60.0, 0.0));
+    ([outside[0], outside[1], at(0.0)[2]], stages)
 }

@@ -5,6 +5,8 @@
 pub(crate) enum Leg {
     /// Walks straight to (x, y) in m at a speed in m/s.
     To(f64, f64, f64),
+    /// The same, turned to a direction all the while: steps aside.
+    Aside(f64, f64, f64, f64),
     /// Stands for some seconds, turned to a direction (rad, 0 along x, to the left).
     Stand(f64, f64),
     /// The same with talking hands.
@@ -106,6 +108,15 @@ impl Route {
                     ..still(libm::atan2(dy, dx), 0.0, 0.0)
                 };
                 (libm::hypot(dx, dy) / speed, to)
+            }
+            Leg::Aside(x, y, speed, yaw) => {
+                let seconds = libm::hypot(x - from.x, y - from.y) / speed;
+                let to = Doing {
+                    x,
+                    y,
+                    ..still(yaw, 0.0, 0.0)
+                };
+                (seconds, to)
             }
             Leg::Stand(seconds, yaw) => (seconds, still(yaw, 0.0, 0.0)),
             Leg::Talk(seconds, yaw) => (seconds, still(yaw, 0.0, 1.0)),

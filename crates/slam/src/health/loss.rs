@@ -260,7 +260,7 @@ pub(super) fn cause(clues: &Clues<'_>) -> LossCause {
             matches: counts.frame_matches,
             needed,
         },
-        LostReason::FewInliers => LossCause::Contradiction {
+        LostReason::FewInliers | LostReason::AgainstGyro => LossCause::Contradiction {
             agreed: counts.inliers,
             matches: counts.map_matches,
             needed,

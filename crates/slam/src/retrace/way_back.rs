@@ -48,6 +48,7 @@ struct Seen {
     point_from_camera: Se3,
     online_world_from_camera: Se3,
     inliers: u32,
+    carried: bool,
 }
 
 impl WayBack {
@@ -153,6 +154,7 @@ impl WayBack {
                     online_world_from_camera: online.unwrap_or(world_from_camera),
                 },
                 inliers: seen.inliers,
+                carried: seen.carried,
             })
         });
         tracker.repose(first, last, entries.collect());
@@ -173,6 +175,7 @@ impl WayBack {
                 point_from_camera: point_from_world * e.pose.best_world_from_camera(&view),
                 online_world_from_camera: e.pose.online_world_from_camera,
                 inliers: e.inliers,
+                carried: e.carried,
             };
             (e.frame, seen)
         });
@@ -210,6 +213,7 @@ impl WayBack {
                 point_from_camera: point_from_world * pose,
                 online_world_from_camera: entry.pose.online_world_from_camera,
                 inliers: entry.inliers,
+                carried: entry.carried,
             };
             (self.mirrored_id(entry.frame), seen)
         });

@@ -1,5 +1,6 @@
 //! The lines of a log.
 
+use super::inertial;
 use super::word::{escaped, unescaped};
 use super::{LogEntry, LogError};
 use crate::mapping::MappingEffort;
@@ -183,6 +184,10 @@ pub(super) fn write(text: &mut String, entry: &LogEntry) {
             }
             Ok(())
         }
+        LogEntry::TrackInertial { samples } => {
+            inertial::write(text, samples);
+            Ok(())
+        }
         LogEntry::TrackEffort { features } => writeln!(text, "track-effort {features}"),
         LogEntry::MapEffort { effort } => {
             writeln!(text, "map-effort {} {}", effort.neighbours, effort.window)
@@ -279,6 +284,9 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
         "failed" => LogEntry::TrackDetections {
             next: words.frame()?,
             said: Err(read_failure(&mut words)?),
+        },
+        "inertial" => LogEntry::TrackInertial {
+            samples: inertial::read(&mut words, rest)?,
         },
         "track-effort" => LogEntry::TrackEffort {
             features: words.number("a number of keypoints")?,

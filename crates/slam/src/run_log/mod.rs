@@ -8,6 +8,7 @@
 //! As a text: a header, lines about the run, one entry per line, and a last line that tells their number and a check sum of all before it.
 //! Numbers are written so that they read back to the same bits.
 
+mod inertial;
 mod line;
 mod word;
 
@@ -16,7 +17,7 @@ use crate::mapping::MappingEffort;
 use crate::messages::{LoopCloserMsg, MapperMsg};
 use line::Line;
 use stillpoint_detection::{DetectError, Detections};
-use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame};
 use stillpoint_map::{Correction, KeyframeId};
 
 /// First line of every log; the number is the version of the format.
@@ -48,6 +49,11 @@ pub enum LogEntry {
         next: FrameId,
         /// What the detector said; kept here, so that no network is needed to run again.
         said: Result<Detections, DetectError>,
+    },
+    /// The tracker received samples of an inertial sensor; kept here, in the order of time.
+    TrackInertial {
+        /// The samples.
+        samples: Vec<ImuSample>,
     },
     /// The tracker was set how many keypoints are wanted per image from now on.
     TrackEffort {

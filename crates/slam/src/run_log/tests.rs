@@ -44,6 +44,17 @@ fn said() -> impl Strategy<Value = Result<Detections, DetectError>> {
     ]
 }
 
+fn sample() -> impl Strategy<Value = ImuSample> {
+    let vector = || proptest::array::uniform3(-1e3..1e3_f64);
+    (-1e10..1e10_f64, vector(), vector()).prop_map(|(stamp, angular_rate, specific_force)| {
+        ImuSample {
+            stamp,
+            angular_rate,
+            specific_force,
+        }
+    })
+}
+
 fn entry() -> impl Strategy<Value = LogEntry> {
     let keyframe = || any::<u32>().prop_map(KeyframeId);
     prop_oneof![
@@ -57,6 +68,8 @@ fn entry() -> impl Strategy<Value = LogEntry> {
             next: FrameId(n),
             said
         }),
+        proptest::collection::vec(sample(), 0..4)
+            .prop_map(|samples| LogEntry::TrackInertial { samples }),
         any::<u32>().prop_map(|features| LogEntry::TrackEffort { features }),
         (any::<u32>(), any::<u32>()).prop_map(|(neighbours, window)| LogEntry::MapEffort {
             effort: MappingEffort { neighbours, window }

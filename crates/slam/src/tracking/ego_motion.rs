@@ -27,6 +27,8 @@ pub(super) struct EgoMotion {
     pub(super) rest: Vec<Guess>,
     /// What a vote of the flow alone says of it.
     pub(super) by_flow: Option<Vote>,
+    /// Whether the camera was followed from the frame before, and not found anywhere in the map.
+    pub(super) follows: bool,
 }
 
 impl EgoMotion {
@@ -39,6 +41,7 @@ impl EgoMotion {
             pairs: Vec::new(),
             rest: Vec::new(),
             by_flow: None,
+            follows: false,
         }
     }
 }
@@ -58,6 +61,7 @@ impl Tracker {
             return Err(LostReason::FewFeatures);
         }
         let (found, mut pairs, rest) = self.follow(frame, data, predicted);
+        notes.bound = found.clone().filter(|v| v.is_bound);
         let voted = found.as_ref().map(|v| v.camera_from_world);
         let start = voted.unwrap_or(*predicted);
         let velocity = self.motion_to(&start).at_last();
@@ -79,12 +83,13 @@ impl Tracker {
             pairs,
             rest,
             by_flow: found,
+            follows: true,
         })
     }
 
     /// The vote of the flow, and once it says how fast the camera turns, the vote of the flow that is corrected for that.
     fn vote_twice(
-        &self,
+        &mut self,
         frame: &RgbdFrame,
         data: &KeyframeData,
         pairs: &mut [Option<FlowPair>],
@@ -127,6 +132,7 @@ impl Tracker {
             None
         };
         let found = self.vote_by_descriptors(frame, data);
+        let found = found.filter(|v| self.may_be(&v.camera_from_world));
         let start = found.as_ref().map_or(*predicted, |v| v.camera_from_world);
         let (mut pairs, rest) = self.flow(data, &start);
         let vote = self.vote_twice(frame, data, &mut pairs, &start);

@@ -26,7 +26,8 @@ impl Tracker {
     /// The camera's motion if it is at `camera_from_world` in the present frame.
     pub(super) fn motion_to(&self, camera_from_world: &Se3) -> CameraMotion {
         let now = self.front_end.clock.now();
-        self.state.motion_to(camera_from_world, now)
+        let motion = self.state.motion_to(camera_from_world, now);
+        motion.turning(self.turning())
     }
 
     /// Finds the features of the frame in the one before. The guess is that the scene stands still and the camera moves to

@@ -57,6 +57,7 @@ impl Tracker {
             // The submap became part of another: what moves was seen in a frame of reference that is no more.
             self.filter.forget();
             self.submap = Some(Submap::known(id));
+            self.forget_world();
         }
     }
 
@@ -96,6 +97,10 @@ impl Tracker {
             self.filter.forget_times();
             self.state.set_clock(stamp - before);
             self.begun += stamp - before;
+            self.forget_turns();
+            if let Some(inertial) = &mut self.inertial {
+                inertial.forget_times();
+            }
         }
     }
 }

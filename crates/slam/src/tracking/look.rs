@@ -98,6 +98,7 @@ impl Tracker {
             self.recheck_flow(data, &mut pairs, &camera_from_world);
             let motion = self.motion_to(&camera_from_world);
             return Some(EgoMotion {
+                follows: true,
                 camera_from_world,
                 velocity: motion.at_last(),
                 matches: Matches::new(data.len()),

@@ -9,6 +9,7 @@ mod ego_motion;
 mod flow;
 mod frame;
 mod front_end;
+mod inertial;
 mod inbox;
 mod keyframe;
 mod known_map;
@@ -35,6 +36,7 @@ pub(crate) use mirror::TurningPoint;
 
 use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};
+use crate::inertial::Inertial;
 use crate::messages::Tracked;
 use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
@@ -43,6 +45,7 @@ use crate::static_filter::{FeatureVerdict, FilterSetup, FrameInput, Judgement, S
 use crate::trajectory::Trajectory;
 use ego_motion::EgoMotion;
 use front_end::FrontEnd;
+use inertial::{Carried, PastTurns};
 use known_map::{KnownMap, Submap};
 use outcome::SinceKeyframe;
 use self_calibration::RowPair;
@@ -53,6 +56,7 @@ use stillpoint_features::OrbConfig;
 use stillpoint_geometry::{Camera, Mat6, Se3};
 use stillpoint_imaging::{RgbdFrame, Simd, Workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
+use vote::Vote;
 
 /// What of the configuration concerns the tracker: made from a [`Config`](crate::Config).
 #[derive(Clone, Debug, PartialEq)]
@@ -94,6 +98,12 @@ pub struct Tracker {
     workers: Workers,
     /// Whether the next frame with a pose becomes a keyframe, needed or not.
     keyframe_wanted: bool,
+    /// The inertial sensor, where there is one.
+    inertial: Option<Inertial>,
+    /// Directions that were taken, to compare with its turns.
+    past_turns: PastTurns,
+    /// Set while the direction is carried by it.
+    carried: Option<Carried>,
 }
 
 /// What is noted of a frame on its way.
@@ -104,6 +114,8 @@ struct Notes {
     /// The static filter as of this frame, once it was asked: it takes the place of the one before when the frame ends.
     filter: Option<StaticFilter>,
     evidence: Evidence,
+    /// The vote of motions that turn as the gyroscope says.
+    bound: Option<Vote>,
 }
 
 /// A pose and the matches that agree with it.
@@ -154,6 +166,9 @@ impl Tracker {
             simd,
             workers: Workers::default(),
             keyframe_wanted: false,
+            inertial: None,
+            past_turns: PastTurns::default(),
+            carried: None,
         }
     }
 
@@ -191,7 +206,10 @@ impl Tracker {
             // At the first frame that fails: the longer the camera is lost, the less is known of where it can be.
             match followed.or_else(|reason| self.relocalise(frame, &data, reason, &mut notes)) {
                 Ok(solution) => self.accept(frame, solution, &notes),
-                Err(reason) => self.give_up(frame, &data, reason, &mut notes),
+                Err(reason) => match self.carry(frame, &data, &mut notes) {
+                    Some(ending) => ending,
+                    None => self.give_up(frame, &data, reason, &mut notes),
+                },
             }
         };
         self.previous = Some(Arc::clone(frame));
@@ -211,7 +229,10 @@ impl Tracker {
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         let now = self.front_end.clock.now();
+        let before = self.state.last().map(|l| l.world_from_camera.rotation);
         let (reference, predicted) = self.state.predict(&self.map.view, now);
+        self.note_correction(before);
+        let predicted = self.turned(predicted);
         let motion = self.estimate_motion(frame, data, reference, &predicted, notes)?;
         self.settle(frame, data, reference, &motion, notes)
     }
@@ -234,6 +255,7 @@ impl Tracker {
         // The map before the flow: poses from flow drift, those from the map do not.
         let fix = self.regain_map_when_starved(frame.id, &data, fix);
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
+        let fix = self.refuse_riding(motion, fix, data.len())?;
         let mut solution = self.confirm(data, reference, fix, notes)?;
         solution.followed = self.followed(motion, &notes.judgement.verdicts, full);
         Ok(solution)
@@ -241,9 +263,10 @@ impl Tracker {
 
     /// Extracts the features of a frame and reads their depths.
     fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
+        let velocity = self.expected_velocity();
         let data = self
             .front_end
-            .observe(frame, self.state.velocity().as_ref());
+            .observe(frame, velocity.as_ref());
         // What is said of a frame that gives no pose: nothing against any feature.
         let kept = data
             .keypoints

@@ -1,6 +1,6 @@
 //! How the camera moves, in time rather than in frames: where it is expected to be, and how fast it moves at a stamp.
 
-use stillpoint_geometry::{Se3, Vec6};
+use stillpoint_geometry::{Se3, Vec3, Vec6};
 
 /// While no change of turning is known, it may have begun within the frame: a share of the turning.
 const UNSTEADY_FIRST: f64 = 0.5;
@@ -9,11 +9,16 @@ const UNSTEADY_CHANGE: f64 = 0.5;
 /// ... and the share of the turning that comes to it: who turns fast does not turn steadily.
 const UNSTEADY_TURN: f64 = 0.2;
 
+/// Where a gyroscope tells the turning at both poses, the share of its change that is left: rows are exposed for less than a frame's time.
+const UNSTEADY_MEASURED: f64 = 0.3;
+
 /// The camera's motion over the intervals between the last poses. Twists are per second, of `camera_later_from_camera_earlier`.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CameraMotion {
     last: Option<Interval>,
     before: Option<Interval>,
+    /// How fast it turns at the pose before the last and at the last one, rad/s, where a gyroscope tells.
+    turning: Option<[Vec3; 2]>,
 }
 
 /// The mean velocity between two poses.
@@ -39,7 +44,13 @@ impl CameraMotion {
         Self {
             last: (seconds > 1e-6).then(moved),
             before: self.last,
+            turning: None,
         }
+    }
+
+    /// The same motion, of which it is known how fast it turns at the pose before the last and at the last one: angular parts of twists, rad/s.
+    pub(super) fn turning(self, turning: Option<[Vec3; 2]>) -> Self {
+        Self { turning, ..self }
     }
 
     /// The mean velocity since the pose before: that of the middle between both.
@@ -51,23 +62,28 @@ impl CameraMotion {
     /// itself within half a frame.
     pub(super) fn at_last(&self) -> Option<Vec6> {
         let last = self.last?;
-        Some(match self.before {
+        let velocity = match self.before {
             Some(before) => last.velocity + before.change_to(&last) * (0.5 * last.seconds),
             None => last.velocity,
-        })
+        };
+        Some(turned(velocity, self.turning.map(|t| t[1])))
     }
 
     /// The velocity at the pose before the last, which lies between what is known of both its sides.
     pub(super) fn at_before(&self) -> Option<Vec6> {
         let last = self.last?;
-        Some(match self.before {
+        let velocity = match self.before {
             Some(before) => before.velocity + before.change_to(&last) * (0.5 * before.seconds),
             None => last.velocity,
-        })
+        };
+        Some(turned(velocity, self.turning.map(|t| t[0])))
     }
 
     /// By how much the turning may change within a frame beyond what is known of it, rad/s: one standard deviation.
     pub(super) fn unsteadiness(&self) -> f64 {
+        if let Some([before, last]) = self.turning {
+            return UNSTEADY_MEASURED * (last - before).norm();
+        }
         let turning = |v: &Vec6| v.fixed_rows::<3>(3).norm();
         let Some(last) = self.last else {
             return 0.0;
@@ -90,6 +106,7 @@ impl CameraMotion {
         Self {
             last: self.last.map(back),
             before: None,
+            turning: None,
         }
     }
 
@@ -103,6 +120,14 @@ impl CameraMotion {
     }
 }
 
+/// A twist with another angular part, where that is known.
+fn turned(mut twist: Vec6, turning: Option<Vec3>) -> Vec6 {
+    if let Some(turning) = turning {
+        twist.fixed_rows_mut::<3>(3).copy_from(&turning);
+    }
+    twist
+}
+
 impl Interval {
     /// By how much the velocity changes per second, from the middle of this interval to that of the next.
     fn change_to(&self, next: &Self) -> Vec6 {
@@ -113,7 +138,6 @@ impl Interval {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_geometry::Vec3;
 
     /// A pose on a path that turns about one axis with an angular velocity of `w + a t` rad/s.
     fn turned(w: f64, a: f64, t: f64) -> Se3 {

@@ -8,6 +8,7 @@ use super::statistics::Statistics;
 use super::{Notes, Solution, Submap, Tracker};
 use crate::anchored_pose::AnchoredPose;
 use crate::evidence::Cells;
+use crate::inertial::Inertial;
 use crate::messages::{NewKeyframe, Tracked};
 use crate::report::{FrameReport, LostReason, Outcome};
 use crate::static_filter::CapturePose;
@@ -85,6 +86,7 @@ impl Tracker {
             camera_from_depth: Se3::identity(),
         };
         let matches = vec![None; data.len()];
+        self.forget_world();
         self.submap = Some(Submap {
             id: SubmapId(id.0),
             // The first submap of all has no others whose places it could be compared with.
@@ -92,7 +94,7 @@ impl Tracker {
         });
         self.begun = frame.stamp;
         self.since_keyframe.frame = Some(frame.id);
-        self.write_down(frame, &place, inliers);
+        self.write_down(frame, &place, Some(inliers));
         let motion = CameraMotion::default();
         self.follow_from(frame, &data, &matches, &place, motion);
         let keyframe = NewKeyframe {
@@ -130,6 +132,12 @@ impl Tracker {
             // From where it was lost to where it was found again it did not move like that.
             _ => CameraMotion::default(),
         };
+        if outcome != Outcome::Tracked {
+            self.forget_turns();
+        }
+        self.carried = None;
+        let measured = !solution.sightings.is_empty();
+        self.learn_turn(notes, &camera_from_world.inverse(), measured);
         self.learn_readout(&mut solution);
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
         let worth = self.pace.worth();
@@ -160,12 +168,44 @@ impl Tracker {
                 .front_end
                 .camera_from_depth(frame, motion.at_last().as_ref()),
         };
-        self.write_down(frame, &place, notes.counts.inliers);
+        self.write_down(frame, &place, Some(notes.counts.inliers));
         self.follow_from(frame, &solution.data, &solution.matches, &place, motion);
         Ending {
             outcome,
             place: Some(place),
             keyframe,
+        }
+    }
+
+    /// Takes a pose whose direction was carried since a frame: it is followed from there, and makes no keyframe.
+    pub(super) fn accept_carried(
+        &mut self,
+        frame: &RgbdFrame,
+        solution: &Solution,
+        since: FrameId,
+    ) -> Ending {
+        let motion = self.motion_to(&solution.camera_from_world);
+        let world_from_camera = solution.camera_from_world.inverse();
+        let view = &self.map.view;
+        let world_from_reference = view.world_from_keyframe(solution.reference);
+        let place = CapturePose {
+            anchored: AnchoredPose {
+                keyframe: None,
+                reference: solution.reference,
+                reference_from_camera: world_from_reference.unwrap_or_default().inverse()
+                    * world_from_camera,
+                online_world_from_camera: world_from_camera,
+            },
+            camera_from_depth: self
+                .front_end
+                .camera_from_depth(frame, motion.at_last().as_ref()),
+        };
+        self.write_down(frame, &place, None);
+        self.follow_from(frame, &solution.data, &solution.matches, &place, motion);
+        Ending {
+            outcome: Outcome::Carried { since },
+            place: Some(place),
+            keyframe: None,
         }
     }
 
@@ -210,13 +250,14 @@ impl Tracker {
         })
     }
 
-    /// Appends the frame to the trajectory.
-    fn write_down(&mut self, frame: &RgbdFrame, place: &CapturePose, inliers: u32) {
+    /// Appends the frame to the trajectory; without inliers where its direction was carried.
+    fn write_down(&mut self, frame: &RgbdFrame, place: &CapturePose, inliers: Option<u32>) {
         self.trajectory.push(TrajectoryEntry {
             frame: frame.id,
             stamp: frame.stamp,
             pose: place.anchored,
-            inliers,
+            inliers: inliers.unwrap_or(0),
+            carried: inliers.is_none(),
         });
     }
 
@@ -281,6 +322,7 @@ impl Tracker {
             is_keyframe: ending.keyframe.is_some(),
             submap: submap.map(|s| s.id),
             map_version: self.map.view.version(),
+            inertial: self.inertial.as_ref().map(Inertial::report),
         };
         Tracked {
             report,

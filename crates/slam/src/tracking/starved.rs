@@ -160,7 +160,7 @@ impl Tracker {
 
     /// Takes the pose that the vote of the flow leads to, where too little stands still around it to measure it better: as many pairs
     /// agree with it as make a pose, whatever the filter says of them.
-    fn follow_vote(vote: &Vote, features: usize) -> Fix {
+    pub(super) fn follow_vote(vote: &Vote, features: usize) -> Fix {
         Fix {
             camera_from_world: vote.camera_from_world,
             inliers: vote.agreed,

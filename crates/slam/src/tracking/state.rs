@@ -135,6 +135,16 @@ impl State {
         (reference, predicted)
     }
 
+    /// The expected pose `dt` seconds after the last one, without turning; none of a camera that is lost.
+    pub(super) fn continued(&self, dt: f64) -> Option<Se3> {
+        match self {
+            Self::Tracking { last, motion } => {
+                Some(motion.predict(&last.world_from_camera.inverse(), dt))
+            }
+            Self::Waiting { .. } | Self::Lost { .. } => None,
+        }
+    }
+
     /// A frame has no pose. Returns the first frame of the loss that it belongs to.
     pub(super) fn lose(&mut self, frame: FrameId) -> FrameId {
         if let Self::Waiting { since, .. } = self {

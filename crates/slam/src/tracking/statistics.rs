@@ -24,6 +24,11 @@ enum Seen {
 }
 
 impl Sightings {
+    /// Whether nothing was seen of any landmark: the map does not bear the pose out.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Notes how a landmark looked that was expected in the frame.
     pub(super) fn expected(&mut self, id: LandmarkId, sight: Sight) {
         self.0.push((id, Seen::Expected(sight)));

@@ -5,10 +5,12 @@
 //! frames, within a few pixels of some motion that lies between the desk's and his own.
 
 use super::Tracker;
+use super::inertial::Choice;
 use crate::association::{Candidate, match_by_descriptor, measurement};
+use crate::inertial::Inertial;
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
-    Intrinsics, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
+    Intrinsics, KnownTurn, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
     rng,
 };
 use stillpoint_geometry::{Mat6, Se3, Vec6};
@@ -35,6 +37,10 @@ const PRIOR_SIGMA_RAD: f64 = 0.02;
 const MAX_PAIRS: usize = 300;
 /// The motion is believed when pairs with this share of the weight agree on it.
 const MIN_WEIGHT_SHARE: f64 = 0.4;
+/// A motion that turns as the gyroscope says needs less: it is known which motions cannot be the camera's ...
+const MIN_BOUND_SHARE: f64 = 0.1;
+/// ... and where so much agrees with it, nothing else needs to be asked.
+const PLAIN_SHARE: f64 = 0.6;
 /// Side of the blocks of the image that have one say each, px.
 const BLOCK_PX: f64 = 40.0;
 /// Surfaces farther than this have no more say, m: what is farther tells the turning only.
@@ -53,12 +59,16 @@ pub(super) struct Vote {
     pub(super) voted: usize,
     /// Inverse covariance of the motion, as that of the pose.
     pub(super) information: Mat6,
+    /// Share of the weight that agrees.
+    pub(super) share: f64,
+    /// Whether it turns as the gyroscope says.
+    pub(super) is_bound: bool,
 }
 
 impl Tracker {
     /// The camera's motion since the last frame by a vote of the flow. Features on surfaces that moved before have next to no say.
     pub(super) fn vote(
-        &self,
+        &mut self,
         frame: &RgbdFrame,
         data: &KeyframeData,
         pairs: &[Option<FlowPair>],
@@ -82,21 +92,38 @@ impl Tracker {
             peak: if exact { PEAK } else { 0.0 },
             ..MotionOptions::default()
         };
-        let address = u64::from(frame.id.0);
-        let motion = find_camera_motion(
-            &Intrinsics::from(&data.camera),
-            &votes,
-            Some(&prior),
-            &options,
-            rng(self.setup.seed, address, Purpose::CAMERA_MOTION),
-        )?;
-        (motion.weight_share >= MIN_WEIGHT_SHARE).then(|| Vote {
-            camera_from_world: motion.b_from_a.inverse() * last.world_from_camera.inverse(),
-            exact,
-            agreed: motion.count,
-            voted: votes.len(),
-            information: motion.information,
-        })
+        let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
+        let last_from_world = last.world_from_camera.inverse();
+        let find = |turn: Option<KnownTurn>, least: f64| {
+            let options = MotionOptions { turn, ..options };
+            let rng = rng(self.setup.seed, address, Purpose::CAMERA_MOTION);
+            let motion = find_camera_motion(&camera, &votes, Some(&prior), &options, rng)?;
+            (motion.weight_share >= least).then(|| Vote {
+                camera_from_world: motion.b_from_a.inverse() * last_from_world,
+                exact,
+                agreed: motion.count,
+                voted: votes.len(),
+                information: motion.information,
+                share: motion.weight_share,
+                is_bound: turn.is_some(),
+            })
+        };
+        let Some(turn) = self.known_turn() else {
+            return find(None, MIN_WEIGHT_SHARE);
+        };
+        let confirmed = self.inertial.as_ref().is_some_and(Inertial::is_confirmed);
+        let bound = find(Some(turn), MIN_BOUND_SHARE);
+        if confirmed && bound.as_ref().is_some_and(|v| v.share >= PLAIN_SHARE) {
+            return bound;
+        }
+        let free = find(None, MIN_WEIGHT_SHARE);
+        let choice = Choice::between(free, bound, &turn, confirmed, &last_from_world);
+        if choice.against
+            && let Some(inertial) = &mut self.inertial
+        {
+            inertial.stand_against();
+        }
+        choice.vote
     }
 
     /// The pairs that vote, spread over the features, with the camera moving by `velocity` in the frame before.
@@ -176,6 +203,8 @@ impl Tracker {
             agreed: motion.count,
             voted: votes.len(),
             information: motion.information,
+            share: motion.weight_share,
+            is_bound: false,
         })
     }
 }

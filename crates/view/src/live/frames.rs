@@ -276,6 +276,8 @@ fn state(report: &FrameReport) -> FrameState {
         Outcome::Lost { .. } => FrameState::Lost,
         Outcome::Initialised => FrameState::Begun,
         Outcome::Tracked if report.undecided.is_some() => FrameState::Undecided,
+        // A direction that was carried is as little certain.
+        Outcome::Carried { .. } => FrameState::Undecided,
         Outcome::Tracked => FrameState::Tracked,
         Outcome::Relocalised { .. } => FrameState::Relocalised,
     }

@@ -82,7 +82,7 @@ pub enum FrameState {
     Tracked = 2,
     /// The camera was found again.
     Relocalised = 3,
-    /// It has a pose, from a time at which it was undecided who moves.
+    /// It has a pose, from a time at which it was undecided who moves, or one whose direction was carried by a gyroscope.
     Undecided = 4,
 }
 
@@ -95,7 +95,7 @@ impl FrameState {
             "initialised" => Self::Begun,
             "tracked" => Self::Tracked,
             "relocalised" => Self::Relocalised,
-            "undecided" => Self::Undecided,
+            "undecided" | "carried" => Self::Undecided,
             _ => return None,
         })
     }

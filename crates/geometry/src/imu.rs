@@ -1,0 +1,155 @@
+//! An inertial sensor: how it is mounted on the camera, and by how much it errs.
+//!
+//! Answers: what a sample of it means for the camera. Holds no samples.
+
+use crate::{Se3, Vec3, so3};
+
+/// An inertial sensor that is fixed to the camera. Its noise is that of the continuous model of IEEE Std 952-1997, annex C: white noise by its density,
+/// and a bias that walks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuModel {
+    /// Where the sensor is: maps its coordinates to those of the camera.
+    pub camera_from_imu: Se3,
+    /// What is to be added to a sample's stamp to have the time on the camera's clock, s.
+    pub time_offset: f64,
+    /// Density of the gyroscope's white noise, rad/s/sqrt(Hz).
+    pub gyro_noise: f64,
+    /// Standard deviation of the gyroscope's bias when the sensor is switched on, rad/s.
+    pub gyro_bias: f64,
+    /// How the gyroscope's bias walks, rad/s/sqrt(s).
+    pub gyro_walk: f64,
+    /// Density of the accelerometer's white noise, m/s^2/sqrt(Hz).
+    pub accel_noise: f64,
+    /// Standard deviation of the accelerometer's bias when the sensor is switched on, m/s^2.
+    pub accel_bias: f64,
+    /// How the accelerometer's bias walks, m/s^2/sqrt(s).
+    pub accel_walk: f64,
+}
+
+/// A figure that no inertial sensor has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ImuError {
+    /// The field.
+    pub field: &'static str,
+    /// What it should hold.
+    pub expected: &'static str,
+    /// What it holds.
+    pub found: f64,
+}
+
+impl std::fmt::Display for ImuError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            field,
+            expected,
+            found,
+        } = self;
+        write!(f, "expected {field} {expected}, found {found}")
+    }
+}
+
+impl std::error::Error for ImuError {}
+
+/// Standard gravity, m/s^2.
+pub const STANDARD_GRAVITY: f64 = 9.806_65;
+
+impl ImuModel {
+    /// The Bosch BMI055, which Intel's D435i carries, at the camera's own place and axes. By its data sheet (BST-BMI055-DS000-08, July 2014), typical figures: gyroscope noise
+    /// 0.014 deg/s/sqrt(Hz), zero-rate offset 1 deg/s and 0.015 deg/s/K; accelerometer noise 150 ug/sqrt(Hz), zero-g offset 70 mg and 1 mg/K.
+    /// The data sheet says nothing of how a bias walks: a change of temperature by 1 K within a minute is taken for one standard deviation of it.
+    #[must_use]
+    pub fn bmi055() -> Self {
+        let minute = 60.0_f64.sqrt();
+        Self {
+            camera_from_imu: Se3::identity(),
+            time_offset: 0.0,
+            gyro_noise: 0.014_f64.to_radians(),
+            gyro_bias: 1.0_f64.to_radians(),
+            gyro_walk: 0.015_f64.to_radians() / minute,
+            accel_noise: 150e-6 * STANDARD_GRAVITY,
+            accel_bias: 70e-3 * STANDARD_GRAVITY,
+            accel_walk: 1e-3 * STANDARD_GRAVITY / minute,
+        }
+    }
+
+    /// The same sensor mounted so: `camera_from_imu` maps its coordinates to those of the camera.
+    #[must_use]
+    pub fn mounted(self, camera_from_imu: Se3) -> Self {
+        Self {
+            camera_from_imu,
+            ..self
+        }
+    }
+
+    /// The same sensor turned on its mount by a rotation vector in its own axes, rad.
+    #[must_use]
+    pub fn turned(self, turn: Vec3) -> Self {
+        let turn = Se3::new(so3::exp(&turn), Vec3::zeros());
+        self.mounted(self.camera_from_imu * turn)
+    }
+
+    /// Whether all figures can be computed with.
+    ///
+    /// # Errors
+    /// [`ImuError`] for the first that cannot.
+    pub fn check(&self) -> Result<(), ImuError> {
+        let lever = self.camera_from_imu.translation;
+        let ranges = [
+            ("gyro_noise", self.gyro_noise, 1e-9, 1.0),
+            ("gyro_bias", self.gyro_bias, 0.0, 10.0),
+            ("gyro_walk", self.gyro_walk, 0.0, 1.0),
+            ("accel_noise", self.accel_noise, 1e-9, 10.0),
+            ("accel_bias", self.accel_bias, 0.0, 100.0),
+            ("accel_walk", self.accel_walk, 0.0, 10.0),
+            ("time_offset", self.time_offset, -1.0, 1.0),
+            ("translation x", lever.x, -10.0, 10.0),
+            ("translation y", lever.y, -10.0, 10.0),
+            ("translation z", lever.z, -10.0, 10.0),
+        ];
+        for (field, found, low, high) in ranges {
+            // Also refuses what is no number.
+            if !(low..=high).contains(&found) {
+                let expected = match field {
+                    "time_offset" => "within 1 s",
+                    "translation x" | "translation y" | "translation z" => "within 10 m",
+                    "gyro_noise" | "accel_noise" => "above 0, in SI units",
+                    _ => "of 0 or more, in SI units",
+                };
+                return Err(ImuError {
+                    field,
+                    expected,
+                    found,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_that_no_sensor_has_are_named() {
+        let good = ImuModel::bmi055();
+        assert_eq!(good.check(), Ok(()));
+        let wrong = |change: fn(&mut ImuModel)| {
+            let mut model = good;
+            change(&mut model);
+            model.check().unwrap_err().to_string()
+        };
+        assert!(wrong(|m| m.gyro_noise = 0.0).contains("gyro_noise above 0"));
+        assert!(wrong(|m| m.gyro_noise = f64::NAN).contains("found NaN"));
+        assert!(wrong(|m| m.accel_bias = -1.0).contains("accel_bias of 0 or more"));
+        assert!(wrong(|m| m.time_offset = 5.0).contains("within 1 s, found 5"));
+        assert!(wrong(|m| m.camera_from_imu.translation.y = 1e3).contains("translation y"));
+    }
+
+    #[test]
+    fn a_turned_sensor_sees_other_axes() {
+        let turned = ImuModel::bmi055().turned(Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2));
+        let seen = turned.camera_from_imu.rotation * Vec3::x();
+        assert!((seen - Vec3::y()).norm() < 1e-12);
+    }
+}

@@ -1,0 +1,89 @@
+//! The frames of a simulator as a stream.
+
+use super::Simulator;
+use super::inertial::{BEFORE, SimulatedImu};
+use stillpoint_imaging::{FrameSource, ImuSample, ImuTrack, RgbdFrame, SourceError};
+
+/// The frames of a [`Simulator`], one after the other.
+pub struct SimulatorSource {
+    simulator: Simulator,
+    next: usize,
+    end: usize,
+    colour: bool,
+    imu: ImuTrack,
+    /// Stamp of the newest frame that was given, s.
+    newest: Option<f64>,
+}
+
+impl SimulatorSource {
+    pub(super) fn new(simulator: Simulator) -> Self {
+        Self {
+            end: simulator.len(),
+            simulator,
+            next: 0,
+            colour: false,
+            imu: ImuTrack::default(),
+            newest: None,
+        }
+    }
+
+    /// The same stream with colour images.
+    #[must_use]
+    pub fn with_colour(self) -> Self {
+        Self {
+            colour: true,
+            ..self
+        }
+    }
+
+    /// The same stream from frame `start` on, up to but not including `end` where it is given; ids and stamps stay those of the
+    /// whole recording.
+    #[must_use]
+    pub fn between(mut self, start: usize, end: Option<usize>) -> Self {
+        self.end = end.map_or(self.simulator.len(), |e| e.min(self.simulator.len()));
+        self.next = start.min(self.end);
+        self.imu
+            .skip_before(self.simulator.stamp(self.next) - BEFORE);
+        self
+    }
+
+    /// The same stream with what an inertial sensor measures.
+    #[must_use]
+    pub fn with_imu(mut self, imu: &SimulatedImu) -> Self {
+        self.imu = ImuTrack::new(self.simulator.inertial(imu).into());
+        self.imu
+            .skip_before(self.simulator.stamp(self.next) - BEFORE);
+        self
+    }
+
+    /// The simulator behind the stream.
+    #[must_use]
+    pub fn simulator(&self) -> &Simulator {
+        &self.simulator
+    }
+}
+
+impl FrameSource for SimulatorSource {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        if self.next >= self.end {
+            return None;
+        }
+        let index = self.next;
+        self.next += 1;
+        self.newest = Some(self.simulator.stamp(index));
+        Some(Ok(if self.colour {
+            self.simulator.frame_with_colour(index)
+        } else {
+            self.simulator.frame(index)
+        }))
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        let imu = &mut self.imu;
+        self.newest.map_or_else(Vec::new, |t| imu.take_until(t))
+    }
+
+    fn remaining(&self) -> Option<usize> {
+        Some(self.end - self.next)
+    }
+}

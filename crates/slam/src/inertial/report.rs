@@ -1,0 +1,58 @@
+//! What is said of the inertial sensor.
+
+/// What is wrong with an inertial sensor that is not listened to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorFault {
+    /// Its values do not change: it is stuck, or not connected.
+    Constant,
+    /// Its noise is far beyond that of any sensor of use.
+    Noisy,
+    /// It turns otherwise than the camera: it is mounted otherwise than the calibration says, or its stamps are of another clock.
+    Contradicts,
+}
+
+impl std::fmt::Display for SensorFault {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Constant => "its values do not change: is it connected?",
+            Self::Noisy => "its noise is over 10 deg/s",
+            Self::Contradicts => {
+                "it turns otherwise than the camera: check camera_from_imu and time_offset"
+            }
+        })
+    }
+}
+
+/// How far the inertial sensor is believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InertialState {
+    /// It is listened to, and the camera has not turned enough yet to tell whether both agree.
+    Unconfirmed,
+    /// It is listened to, and turned as the camera did.
+    Confirmed,
+    /// It is not listened to.
+    Ignored(SensorFault),
+}
+
+impl std::fmt::Display for InertialState {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unconfirmed => f.write_str("not confirmed yet"),
+            Self::Confirmed => f.write_str("confirmed"),
+            Self::Ignored(fault) => write!(f, "ignored: {fault}"),
+        }
+    }
+}
+
+/// What is known of the inertial sensor at a frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InertialReport {
+    /// Whether it is believed.
+    pub state: InertialState,
+    /// The gyroscope's bias, in its axes, rad/s ...
+    pub gyro_bias: [f64; 3],
+    /// ... and its standard deviation, rad/s.
+    pub gyro_bias_sigma: f64,
+    /// The direction that points up, in the world of the map; none before the sensor has told for a second.
+    pub up: Option<[f64; 3]>,
+}

@@ -1,0 +1,68 @@
+//! Whether the sensor is at rest: what a gyroscope measures then is its bias.
+
+use stillpoint_geometry::{ImuModel, Vec3};
+use stillpoint_imaging::ImuSample;
+
+/// It is at rest where its values spread no more than its noise for so long, s.
+const STILL_S: f64 = 0.5;
+/// Values of so many samples at least.
+const LEAST: f64 = 20.0;
+/// Noise spreads by this factor more than the data sheet says, and a table trembles.
+const SPREAD: f64 = 2.0;
+/// A hand holds a camera no more still than this, rad/s: a mean below it may be a slow turn, and is not more exact than that.
+const SLOWEST: f64 = 2e-3;
+
+/// A stretch of samples at rest.
+pub(super) struct Still {
+    /// The mean rate, rad/s ...
+    pub(super) rate: Vec3,
+    /// ... and its standard deviation.
+    pub(super) sigma: f64,
+}
+
+/// Sums of the samples of a stretch.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Rest {
+    since: Option<f64>,
+    count: f64,
+    rate: Vec3,
+    rate_squares: f64,
+    force: Vec3,
+    force_squares: f64,
+}
+
+impl Rest {
+    /// Takes a sample; at the end of a stretch says whether the sensor was at rest.
+    pub(super) fn take(&mut self, sample: &ImuSample, model: &ImuModel) -> Option<Still> {
+        let since = *self.since.get_or_insert(sample.stamp);
+        let (rate, force) = (
+            Vec3::from(sample.angular_rate),
+            Vec3::from(sample.specific_force),
+        );
+        self.count += 1.0;
+        self.rate += rate;
+        self.rate_squares += rate.norm_squared();
+        self.force += force;
+        self.force_squares += force.norm_squared();
+        let seconds = sample.stamp - since;
+        if seconds < STILL_S {
+            return None;
+        }
+        let stretch = std::mem::take(self);
+        stretch.judge(seconds, model)
+    }
+
+    fn judge(&self, seconds: f64, model: &ImuModel) -> Option<Still> {
+        let n = self.count;
+        let spread = |sum: &Vec3, squares: f64| {
+            ((squares / n - (sum / n).norm_squared()).max(0.0) / 3.0).sqrt()
+        };
+        let per_sample = (n / seconds).sqrt() * SPREAD;
+        let still = spread(&self.rate, self.rate_squares) <= model.gyro_noise * per_sample
+            && spread(&self.force, self.force_squares) <= model.accel_noise * per_sample;
+        (n >= LEAST && still).then(|| Still {
+            rate: self.rate / n,
+            sigma: SLOWEST.max(model.gyro_noise / seconds.sqrt()),
+        })
+    }
+}
