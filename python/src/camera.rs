@@ -134,6 +134,7 @@ impl Camera {
                 camera,
                 depth_scale: depth_scale.transpose()?.unwrap_or(1000.0),
                 nominal: false,
+                imu: None,
             },
         })
     }

@@ -65,6 +65,7 @@ impl Simulation {
             camera: config.camera,
             depth_scale: 5000.0,
             nominal: false,
+            imu: None,
         });
         if let Some(camera) = camera {
             model = Camera::from_any(camera)?;

@@ -24,6 +24,9 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
         }
         text.push('\n');
     }
+    if let Some(i) = &s.inertial {
+        text += &format!("{}\n", i.line());
+    }
     if let Some(d) = &s.dense {
         text += &d.text();
     }

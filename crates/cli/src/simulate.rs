@@ -9,7 +9,7 @@ use stillpoint::datasets::{ColourFormat, MoverRow, ReadAhead, Recorder};
 use stillpoint::detection::{BoundingBox, ClassId, Detection, ScriptRow, format_script};
 use stillpoint::imaging::{FrameSource, GrayImage};
 use stillpoint::simulator::{
-    DepthModel, DetectionNoise, MoverBox, Shutter, Simulator, SimulatorConfig,
+    DepthModel, DetectionNoise, MoverBox, Shutter, SimulatedImu, Simulator, SimulatorConfig,
 };
 
 /// `simulate`.
@@ -24,15 +24,25 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     let poses = simulator.ground_truth();
     let name = format!("simulated {}", args.scene);
     let mut recorder = Recorder::create(&args.out, simulator.camera(), &name, format)?;
+    let imu = args.imu.then(|| SimulatedImu {
+        noise: !args.ideal,
+        ..SimulatedImu::default()
+    });
     // The other one goes to the thread that reads ahead.
     let twin = Simulator::new(&config).map_err(Failure::input)?;
     let mut movers = Movers::new(args);
     let interrupt = Interrupt::listen();
     let mut progress = Progress::new(Some(simulator.len()));
-    let mut frames = ReadAhead::new(simulator.source().with_colour());
+    let mut source = simulator.source().with_colour();
+    if let Some(imu) = &imu {
+        recorder = recorder.with_imu(imu.model);
+        source = source.with_imu(imu);
+    }
+    let mut frames = ReadAhead::new(source);
     let mut written = 0;
     while let Some(frame) = frames.next_frame() {
         let frame = frame.map_err(Failure::input)?;
+        recorder.add_inertial(&frames.take_inertial());
         recorder.add(&frame, poses.get(written).map(|(_, p)| p))?;
         movers.record(&twin, written, &mut recorder)?;
         written += 1;

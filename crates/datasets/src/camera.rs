@@ -3,10 +3,11 @@
 //! The crate's documentation describes the formats.
 
 use crate::error::{DatasetError, Result, quote};
+use crate::imu::{self, ImuTable};
 use crate::lists::{data_lines, parse_numbers, read_text};
 use crate::presets::{preset_names, preset_text};
 use std::path::{Path, PathBuf};
-use stillpoint_geometry::{BrownConrady, Camera};
+use stillpoint_geometry::{BrownConrady, Camera, ImuModel};
 
 /// A camera with what its depth images mean.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,6 +20,8 @@ pub struct CameraModel {
     pub depth_scale: f64,
     /// Whether it is made of a data sheet's field of view and not of a calibration: a device differs by some per cent.
     pub nominal: bool,
+    /// The inertial sensor that is fixed to it, if it is known.
+    pub imu: Option<ImuModel>,
 }
 
 /// What the user asked for: the name of a preset, or a camera file.
@@ -60,6 +63,7 @@ struct CameraFile {
     depth_scale: f64,
     #[serde(default)]
     nominal: bool,
+    imu: Option<ImuTable>,
 }
 
 impl CameraModel {
@@ -120,7 +124,19 @@ impl CameraModel {
             }
         })?;
         let [k1, k2, p1, p2, k3] = coefficients(file.distortion.as_deref(), text, path)?;
+        let imu = file.imu.as_ref().map(ImuTable::model).transpose();
+        let imu = imu.map_err(|(expected, found)| DatasetError::Malformed {
+            path: path.to_owned(),
+            line: text
+                .lines()
+                .position(|l| l.trim_start().starts_with("[imu]"))
+                .map_or(1, |i| i + 1),
+            expected,
+            found,
+            advice: "correct the camera file".into(),
+        })?;
         let model = Self {
+            imu,
             name: file.name.unwrap_or_else(|| path.display().to_string()),
             camera: Camera {
                 distortion: BrownConrady { k1, k2, p1, p2, k3 },
@@ -166,6 +182,7 @@ impl CameraModel {
             camera: Camera::pinhole(0, 0, [fx, fy, cx, cy]),
             depth_scale,
             nominal: false,
+            imu: None,
         };
         model.check(path, line.number)?;
         Ok(model)
@@ -185,7 +202,7 @@ impl CameraModel {
             .replace('\\', "\\\\")
             .replace('"', "\\\"");
         format!(
-            "name = \"{name}\"\nwidth = {}\nheight = {}\nfx = {:?}\nfy = {:?}\ncx = {:?}\ncy = {:?}\ndistortion = [{:?}, {:?}, {:?}, {:?}, {:?}] # k1 k2 p1 p2 k3\ndepth_scale = {:?} # depth image values per metre\n{}",
+            "name = \"{name}\"\nwidth = {}\nheight = {}\nfx = {:?}\nfy = {:?}\ncx = {:?}\ncy = {:?}\ndistortion = [{:?}, {:?}, {:?}, {:?}, {:?}] # k1 k2 p1 p2 k3\ndepth_scale = {:?} # depth image values per metre\n{}{}",
             c.width,
             c.height,
             c.fx,
@@ -203,6 +220,7 @@ impl CameraModel {
             } else {
                 ""
             },
+            self.imu.as_ref().map(imu::to_toml).unwrap_or_default(),
         )
     }
 
@@ -399,6 +417,7 @@ mod tests {
                     ..Camera::pinhole(0, 0, [f, f + 1.0, c, c]) },
                 depth_scale: s,
                 nominal: s > 5e4,
+                imu: None,
             };
             let back = CameraModel::parse_toml(&m.to_toml(), Path::new("c.toml")).unwrap();
             prop_assert_eq!(back.camera, m.camera);

@@ -6,9 +6,10 @@ use crate::error::{DatasetError, Result};
 use crate::layout::{self, Layout};
 use crate::source::{DatasetSource, FrameOptions};
 use crate::trajectory::StampedPose;
-use crate::{ground_truth, presets, probe};
+use crate::{ground_truth, imu, presets, probe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use stillpoint_imaging::ImuSample;
 
 /// How to open a data set; the default guesses everything.
 #[derive(Clone, Debug)]
@@ -86,6 +87,8 @@ pub struct Dataset {
     strict: bool,
     guesses: Vec<String>,
     warnings: Vec<String>,
+    /// What the inertial sensor measured.
+    inertial: Arc<[ImuSample]>,
 }
 
 impl Dataset {
@@ -127,6 +130,10 @@ impl Dataset {
         };
         probe::probe(&entries, &mut model, &mut warnings)?;
         model.check_lens(path)?;
+        let inertial = imu::read(path, model.imu.as_ref(), &mut warnings)?;
+        if !inertial.is_empty() {
+            guesses.push(format!("inertial sensor: {} samples", inertial.len()));
+        }
         Ok(Self {
             path: path.to_owned(),
             layout,
@@ -136,6 +143,7 @@ impl Dataset {
             strict: options.strict,
             guesses,
             warnings,
+            inertial,
         })
     }
 
@@ -166,6 +174,12 @@ impl Dataset {
     /// The same, to be kept.
     pub(crate) fn shared_entries(&self) -> Arc<[Entry]> {
         Arc::clone(&self.entries)
+    }
+
+    /// What the inertial sensor measured, in order of time; nothing where there is none, or where the camera file does not know it.
+    #[must_use]
+    pub fn inertial(&self) -> &Arc<[ImuSample]> {
+        &self.inertial
     }
 
     /// How many images are listed and how many make frames.

@@ -51,6 +51,7 @@ mod disturb;
 mod error;
 mod fault;
 mod ground_truth;
+mod imu;
 mod layout;
 mod lists;
 pub mod point_cloud;

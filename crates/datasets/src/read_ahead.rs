@@ -2,9 +2,11 @@
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
-use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
+use stillpoint_imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
 
 type Item = Result<RgbdFrame, SourceError>;
+/// A frame and what the inertial sensor measured until then.
+type Read = (Item, Vec<ImuSample>);
 
 /// Runs a source on its own thread, at most a fixed number of frames ahead. The frames and their order are those of the
 /// source. A panic of the source becomes a [`SourceError`] that ends the stream. Dropping it early stops and
@@ -12,10 +14,12 @@ type Item = Result<RgbdFrame, SourceError>;
 #[derive(Debug)]
 pub struct ReadAhead {
     // `None` once the stream has ended.
-    frames: Option<Receiver<Item>>,
+    frames: Option<Receiver<Read>>,
     thread: Option<JoinHandle<()>>,
     remaining: Option<usize>,
     is_live: bool,
+    /// Samples that came with the frames given so far.
+    samples: Vec<ImuSample>,
 }
 
 impl ReadAhead {
@@ -41,7 +45,8 @@ impl ReadAhead {
                     while let Some(item) = source.next_frame() {
                         let last = matches!(&item, Err(e) if !e.recoverable);
                         // Sending fails when nobody listens any more.
-                        if sender.send(item).is_err() || last {
+                        let samples = source.take_inertial();
+                        if sender.send((item, samples)).is_err() || last {
                             break;
                         }
                     }
@@ -51,12 +56,13 @@ impl ReadAhead {
             Ok(thread) => Some(thread),
             Err(e) => {
                 // The channel is empty and holds at least one, so this cannot block.
-                let _ = sender.try_send(Err(SourceError {
+                let failed = Err(SourceError {
                     message: format!(
                         "expected to start a thread for reading, found: {e}; end other programs"
                     ),
                     recoverable: false,
-                }));
+                });
+                let _ = sender.try_send((failed, Vec::new()));
                 None
             }
         };
@@ -65,6 +71,7 @@ impl ReadAhead {
             thread,
             remaining,
             is_live,
+            samples: Vec::new(),
         }
     }
 
@@ -88,7 +95,8 @@ impl ReadAhead {
 impl FrameSource for ReadAhead {
     fn next_frame(&mut self) -> Option<Item> {
         match self.frames.as_ref()?.recv() {
-            Ok(item) => {
+            Ok((item, samples)) => {
+                self.samples.extend(samples);
                 self.remaining = self.remaining.map(|n| n.saturating_sub(1));
                 if matches!(&item, Err(e) if !e.recoverable) {
                     self.finish();
@@ -97,6 +105,10 @@ impl FrameSource for ReadAhead {
             }
             Err(_) => self.finish(),
         }
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        std::mem::take(&mut self.samples)
     }
 
     fn remaining(&self) -> Option<usize> {

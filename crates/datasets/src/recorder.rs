@@ -2,6 +2,7 @@
 
 use crate::camera::CameraModel;
 use crate::error::{DatasetError, Result};
+use crate::imu;
 use crate::trajectory::{self, StampedPose};
 use crate::write::write_atomic;
 use image::codecs::jpeg::JpegEncoder;
@@ -9,8 +10,8 @@ use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{GrayImage, RgbdFrame};
+use stillpoint_geometry::{Camera, ImuModel, Se3};
+use stillpoint_imaging::{GrayImage, ImuSample, RgbdFrame};
 
 /// How colour images are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -56,7 +57,7 @@ const BOXES_HEADER: &str = "timestamp,mover,x0,y0,x1,y1,visible_px,px,py,pz,vx,v
 
 /// Records frames and poses into a folder: `rgb/*.png` (or `.jpg`), `depth/*.png` (16 bit, 5000 per metre), `rgb.txt`,
 /// `depth.txt`, `groundtruth.txt` (when there are poses) and `camera.toml`; of what moves, where it is known, `mask/*.png` and
-/// `boxes.csv`. The lists are written last, by [`Recorder::finish`]: a folder without them is unfinished.
+/// `boxes.csv`; of an inertial sensor `imu.csv`. The lists are written last, by [`Recorder::finish`]: a folder without them is unfinished.
 #[derive(Debug)]
 pub struct Recorder {
     folder: PathBuf,
@@ -68,6 +69,8 @@ pub struct Recorder {
     last_stamps: Option<(f64, f64)>,
     /// Rows of `boxes.csv`; `None` before the first mask.
     boxes: Option<String>,
+    /// Rows of `imu.csv`.
+    samples: Vec<ImuSample>,
 }
 
 impl Recorder {
@@ -108,6 +111,7 @@ impl Recorder {
                 camera: *camera,
                 depth_scale: DEPTH_SCALE,
                 nominal: false,
+                imu: None,
             },
             format,
             rgb_list: "# color images\n# timestamp filename\n".to_owned(),
@@ -115,6 +119,7 @@ impl Recorder {
             poses: Vec::new(),
             last_stamps: None,
             boxes: None,
+            samples: Vec::new(),
         })
     }
 
@@ -211,9 +216,24 @@ impl Recorder {
         if let Some(boxes) = &self.boxes {
             write("boxes.csv", boxes)?;
         }
+        if self.camera.imu.is_some() {
+            write(imu::FILE, &imu::to_text(&self.samples))?;
+        }
         write("camera.toml", &self.camera.to_toml())?;
         write("depth.txt", &self.depth_list)?;
         write("rgb.txt", &self.rgb_list)
+    }
+
+    /// Says how an inertial sensor is mounted: then its samples are written as well.
+    #[must_use]
+    pub fn with_imu(mut self, model: ImuModel) -> Self {
+        self.camera.imu = Some(model);
+        self
+    }
+
+    /// Adds samples of the inertial sensor, in order of time; without [`Recorder::with_imu`] they are left out.
+    pub fn add_inertial(&mut self, samples: &[ImuSample]) {
+        self.samples.extend_from_slice(samples);
     }
 
     fn check_stamps(&self, frame: &RgbdFrame) -> Result<()> {

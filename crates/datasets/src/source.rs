@@ -6,7 +6,7 @@ use crate::decode::{read_colour, read_depth, read_gray};
 use crate::error::{DatasetError, Result};
 use crate::probe::check_size;
 use std::sync::Arc;
-use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
+use stillpoint_imaging::{FrameId, FrameSource, ImuSample, ImuTrack, RgbdFrame, SourceError};
 
 /// Which frames to read and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -31,7 +31,13 @@ pub struct DatasetSource {
     keep_colour: bool,
     strict: bool,
     ended: bool,
+    imu: ImuTrack,
+    /// Stamp of the newest frame that was read, s.
+    newest: Option<f64>,
 }
+
+/// Samples from so long before the first frame on are given, s.
+const BEFORE: f64 = 0.1;
 
 impl DatasetSource {
     pub(crate) fn new(dataset: &Dataset, options: &FrameOptions) -> Result<Self> {
@@ -46,7 +52,11 @@ impl DatasetSource {
         }
         let rest = all.len() - options.start;
         let count = options.max_frames.unwrap_or(rest).min(rest);
+        let mut imu = ImuTrack::new(Arc::clone(dataset.inertial()));
+        imu.skip_before(all[options.start].stamp - BEFORE);
         Ok(Self {
+            imu,
+            newest: None,
             left: options.start..options.start + count,
             entries: dataset.shared_entries(),
             next_id: 0,
@@ -97,6 +107,7 @@ impl FrameSource for DatasetSource {
         let entry = &entries[self.left.next()?];
         let id = self.next_id;
         self.next_id += 1;
+        self.newest = Some(entry.stamp);
         Some(self.read(entry, id).map_err(|e| {
             self.ended = self.strict;
             SourceError {
@@ -104,6 +115,11 @@ impl FrameSource for DatasetSource {
                 recoverable: !self.strict,
             }
         }))
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        let imu = &mut self.imu;
+        self.newest.map_or_else(Vec::new, |t| imu.take_until(t))
     }
 
     fn remaining(&self) -> Option<usize> {

@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections};
-use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame};
 use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
@@ -18,6 +18,8 @@ use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEnt
 /// Messages that wait for one stage, at most; then whoever has another one waits. More than a stage that keeps up ever sees,
 /// and little enough for a machine's memory.
 pub(crate) const QUEUE: usize = 64;
+/// Samples of the inertial sensor that wait for tracking, at most: of eight seconds at 4 kHz.
+pub(crate) const SAMPLES: usize = 32_768;
 /// The detector rests no longer than this.
 const LONGEST_REST: Duration = Duration::from_secs(1);
 
@@ -165,6 +167,8 @@ pub(crate) struct TrackingBox {
     pub(crate) view: Option<Published>,
     pub(crate) places: Option<(u64, PlaceIndex<KeyframeId>)>,
     pub(crate) said: VecDeque<Said>,
+    /// What the inertial sensor measured.
+    pub(crate) inertial: Vec<ImuSample>,
 }
 
 /// All that tracking takes with a frame.

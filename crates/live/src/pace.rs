@@ -79,7 +79,7 @@ impl LiveSystem {
                     if !wait(due, stop) {
                         return Played::Stopped;
                     }
-                    if !self.push(frame) {
+                    if !(self.tell_inertial(source.take_inertial()) && self.push(frame)) {
                         return Played::TrackingEnded;
                     }
                 }

@@ -1,7 +1,7 @@
 //! A live run from its first frame to its result.
 
 use crate::audience::{self, Delivery, Events, Listening, Subscribed};
-use crate::boxes::{Arrived, Boxes, QUEUE, Said};
+use crate::boxes::{Arrived, Boxes, QUEUE, SAMPLES, Said};
 use crate::health::Watch;
 use crate::measure::{Ended, LiveStatistics, WorkerEnd};
 use crate::recorder::Recorder;
@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use stillpoint_detection::{Detections, Detector};
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame};
 use stillpoint_map::{Map, MapView};
 use stillpoint_slam::{
     Event, FrameGate, LoopReport, RefusedFrame, RunLog, Stages, Subscriber, Timing, Trajectory,
@@ -213,6 +213,20 @@ impl LiveSystem {
                 b.said.pop_front();
             }
             b.said.push_back(said);
+        });
+        put.is_some()
+    }
+
+    /// Hands over samples of the inertial sensor, in order of time: before [`LiveSystem::push`] of the frame that they lead to. Those of frames that are dropped
+    /// wait for the next one. Without a sensor ([`Stages::with_imu`]) they are left out. False when tracking takes no more of them because it panicked.
+    pub fn tell_inertial(&mut self, samples: Vec<ImuSample>) -> bool {
+        if samples.is_empty() {
+            return true;
+        }
+        let put = self.boxes.tracking.put(|b| {
+            b.inertial.extend(samples);
+            let excess = b.inertial.len().saturating_sub(SAMPLES);
+            b.inertial.drain(..excess);
         });
         put.is_some()
     }

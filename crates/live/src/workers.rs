@@ -204,6 +204,11 @@ impl TrackingWorker {
             self.desk.recorder.took(LogEntry::TrackPlaces { answer });
             self.tracker.receive_places(places);
         }
+        if !news.inertial.is_empty() && self.tracker.has_imu() {
+            self.tracker.receive_inertial(&news.inertial);
+            let samples = news.inertial;
+            self.desk.recorder.took(LogEntry::TrackInertial { samples });
+        }
         for said in news.said {
             self.desk.recorder.took(LogEntry::TrackDetections {
                 next: next.id,

@@ -7,7 +7,8 @@ use std::path::Path;
 use stillpoint_datasets::{
     CameraChoice, CameraModel, Dataset, DatasetSource, FrameOptions, StampedPose,
 };
-use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
+use stillpoint_geometry::ImuModel;
+use stillpoint_imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
 
 /// How to open a data set or recording; the default guesses everything.
 #[derive(Clone, Debug)]
@@ -119,6 +120,15 @@ impl Input {
         }
     }
 
+    /// The inertial sensor of the camera, where there are samples of it.
+    #[must_use]
+    pub fn imu(&self) -> Option<ImuModel> {
+        match self {
+            Self::Folder(d) => d.camera().imu.filter(|_| !d.inertial().is_empty()),
+            Self::File(_) | Self::Device(_) => None,
+        }
+    }
+
     /// Stamps of colour and depth of each frame, s, in order of time; none of frames that are still to come.
     #[must_use]
     pub fn stamps(&self) -> Vec<(f64, f64)> {
@@ -208,6 +218,10 @@ impl FrameSource for Taken {
         Some(next)
     }
 
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        self.frames.take_inertial()
+    }
+
     fn is_live(&self) -> bool {
         self.frames.is_live()
     }
@@ -230,6 +244,14 @@ impl FrameSource for Source {
             Self::Folder(s) => s.next_frame(),
             Self::File(s) => s.next_frame(),
             Self::Device(s) => s.next_frame(),
+        }
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        match self {
+            Self::Folder(s) => s.take_inertial(),
+            Self::File(s) => s.take_inertial(),
+            Self::Device(s) => s.take_inertial(),
         }
     }
 

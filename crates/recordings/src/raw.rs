@@ -47,6 +47,7 @@ impl RawFrames {
             camera: colour.camera(),
             depth_scale: pair.depth_scale.unwrap_or(MILLIMETRES),
             nominal: false,
+            imu: None,
         };
         model.camera.check().map_err(|e| {
             format!(

@@ -120,6 +120,7 @@ impl Setup<'_> {
             camera: optics.camera(),
             depth_scale,
             nominal,
+            imu: None,
         };
         model.camera.check().map_err(|e| {
             self.camera_error(

@@ -109,10 +109,7 @@ impl FrameReport {
     /// on somebody for this frame.
     #[must_use]
     pub fn is_undecided(&self) -> bool {
-        let posed = matches!(
-            self.outcome,
-            Outcome::Tracked | Outcome::Relocalised { .. }
-        );
+        let posed = matches!(self.outcome, Outcome::Tracked | Outcome::Relocalised { .. });
         let thin = self.counts.inliers < FEW && self.counts.moving_share() >= MANY;
         self.undecided.is_some() || (posed && thin)
     }

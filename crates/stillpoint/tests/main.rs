@@ -7,6 +7,7 @@ mod breakage;
 mod dependencies;
 mod documents;
 mod front_ends;
+mod inertial;
 mod layout;
 mod looping;
 mod modules;

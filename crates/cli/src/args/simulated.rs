@@ -67,6 +67,7 @@ pub(crate) struct DemoArgs {
   stillpoint simulate --scene walking_xyz --out walking
   stillpoint run walking --detector scripted:walking/detections.csv
   stillpoint simulate --scene xyz --furniture --out desk
+  stillpoint simulate --scene blocked_turn --imu --out blocked
   stillpoint simulate --scene rpy_150 --readout 0 --exposure 0 --out sharp"
 )]
 pub(crate) struct SimulateArgs {
@@ -88,6 +89,10 @@ pub(crate) struct SimulateArgs {
     /// only people are found, and only scenes in which something moves have the file.
     #[arg(long, verbatim_doc_comment)]
     pub(crate) furniture: bool,
+    /// With an inertial sensor on the camera, a Bosch BMI055 at 200 Hz: imu.csv, and how it is mounted in
+    /// camera.toml.
+    #[arg(long)]
+    pub(crate) imu: bool,
     /// Colour images as JPEG instead of PNG: a third of the size.
     #[arg(long)]
     pub(crate) jpeg: bool,
@@ -109,8 +114,10 @@ pub(crate) struct SimulateArgs {
 
 /// The help of `--scene`: all scenes that there are, in lines of at most a hundred characters.
 fn scenes_in_words() -> String {
-    let mut lines =
-        vec!["Scene; people are in walking_*, crowd_*, sitting_* and *_carried. One of".to_owned()];
+    let mut lines = vec![
+        "Scene; people are in walking_*, crowd_*, sitting_*, *_carried and blocked_turn. One of"
+            .to_owned(),
+    ];
     let names = stillpoint::simulator::scene_names();
     for (i, name) in names.iter().enumerate() {
         let word = match i + 1 {

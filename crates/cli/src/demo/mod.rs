@@ -125,6 +125,7 @@ impl DemoStage<'_> {
         let driver = Driver {
             config: config.clone(),
             camera: *simulator.camera(),
+            imu: None,
             simd: self.simd,
             timing: self.timing,
             interrupt: self.interrupt,

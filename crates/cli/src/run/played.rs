@@ -3,7 +3,7 @@
 use crate::run::session::listeners::Stop;
 use crate::timing::Timing;
 use std::time::Instant;
-use stillpoint::imaging::{FrameSource, RgbdFrame, SourceError};
+use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
 
 type Item = Result<RgbdFrame, SourceError>;
 
@@ -24,6 +24,10 @@ impl<S: FrameSource> FrameSource for Reading<S> {
         let next = tracing::info_span!("read").in_scope(|| self.source.next_frame());
         self.timing.end_round();
         next
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        self.source.take_inertial()
     }
 
     fn remaining(&self) -> Option<usize> {
@@ -104,6 +108,10 @@ impl FrameSource for Watched<'_> {
             self.pace.came(frame.stamp, Instant::now());
         }
         next
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        self.source.take_inertial()
     }
 
     fn remaining(&self) -> Option<usize> {

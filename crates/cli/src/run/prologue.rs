@@ -247,6 +247,7 @@ impl Begun<'_> {
         Driver {
             config: self.task.config.clone(),
             camera: self.dataset.camera().camera,
+            imu: self.dataset.imu(),
             simd: self.simd,
             timing: self.task.timing,
             interrupt,

@@ -266,6 +266,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         detector: session.detector.clone(),
         features: session.features,
         loops: session.loops,
+        inertial: session.inertial.clone(),
         interrupted: session.interrupted,
         keyframes: session.view.keyframe_count(),
         landmarks: session.view.landmark_count(),

@@ -3,7 +3,7 @@
 use crate::console;
 use crate::run::frames::{self, Frames};
 use crate::run::session::Session;
-use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson};
+use crate::run::summary::{DetectorJson, FeaturesJson, InertialJson, LoopsJson};
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::MOST_DETECTIONS;
@@ -21,6 +21,7 @@ pub(crate) struct Tally {
     features: FeaturesJson,
     loops: LoopsJson,
     detector: DetectorJson,
+    inertial: Option<InertialJson>,
 }
 
 impl Subscriber for Tally {
@@ -68,6 +69,7 @@ impl Tally {
     fn take_report(&mut self, report: &FrameReport) {
         self.frames += 1;
         self.features.add(&report.counts);
+        InertialJson::take(&mut self.inertial, report);
         self.detector.too_late += u64::from(report.counts.detections_too_late);
         self.detector.without_pose += u64::from(report.counts.detections_without_pose);
         tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
@@ -113,6 +115,7 @@ impl Tally {
             detector,
             features: self.features,
             loops: self.loops,
+            inertial: self.inertial,
             frames: self.frames,
             skipped: self.skipped,
             undecided: self.each.undecided(),

@@ -97,7 +97,9 @@ mod tests {
         let mut state = 1_u64;
         std::iter::repeat_with(move || {
             let mut unit = || {
-                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                state = state
+                    .wrapping_mul(6_364_136_223_846_793_005)
+                    .wrapping_add(1);
                 (state >> 11) as f64 / (1_u64 << 53) as f64
             };
             (0..12).map(|_| unit()).sum::<f64>() - 6.0

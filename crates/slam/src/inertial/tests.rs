@@ -4,7 +4,9 @@ use stillpoint_geometry::Se3;
 
 /// Noise between -1 and 1 by the number of the value.
 fn noise(k: u32, axis: u32) -> f64 {
-    let mut z = u64::from(7 * k + axis).wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    let mut z = u64::from(7 * k + axis)
+        .wrapping_add(1)
+        .wrapping_mul(0x9E37_79B9_7F4A_7C15);
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z ^= z >> 27;
     (z >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
@@ -12,7 +14,8 @@ fn noise(k: u32, axis: u32) -> f64 {
 
 /// Where a camera is that looks to and fro.
 fn camera(t: f64) -> UnitQuaternion<f64> {
-    so3::exp(&Vec3::new(0.0, 0.6 * (2.0 * t).sin(), 0.0)) * so3::exp(&Vec3::new(0.3 * (1.3 * t).sin(), 0.0, 0.0))
+    so3::exp(&Vec3::new(0.0, 0.6 * (2.0 * t).sin(), 0.0))
+        * so3::exp(&Vec3::new(0.3 * (1.3 * t).sin(), 0.0, 0.0))
 }
 
 /// What a sensor in these axes measures of it at 200 Hz, with a bias and noise of the BMI055's size.
@@ -81,7 +84,11 @@ fn turns_are_within_what_they_are_said_to_err_by() {
         let turn = inertial.turn(from, to).unwrap();
         let truth = camera(to).inverse() * camera(from);
         let off = turn.later_from_earlier.angle_to(&truth);
-        assert!(off < 3.0 * 3.0_f64.sqrt() * turn.sigma && turn.sigma < 0.01, "{off} {}", turn.sigma);
+        assert!(
+            off < 3.0 * 3.0_f64.sqrt() * turn.sigma && turn.sigma < 0.01,
+            "{off} {}",
+            turn.sigma
+        );
     }
 }
 
@@ -109,9 +116,15 @@ fn a_sensor_that_is_mounted_otherwise_is_ignored() {
     assert!(wrong.turn(3.0, 3.1).is_none() && wrong.rate(3.0).is_none());
     assert!(wrong.report().up.is_none() && state.to_string().contains("camera_from_imu"));
     // The same with a clock that is half a second off.
-    let late = ImuModel { time_offset: 0.5, ..mounted() };
+    let late = ImuModel {
+        time_offset: 0.5,
+        ..mounted()
+    };
     let late = after(late, &samples, 4.0);
-    assert_eq!(late.report().state, InertialState::Ignored(SensorFault::Contradicts));
+    assert_eq!(
+        late.report().state,
+        InertialState::Ignored(SensorFault::Contradicts)
+    );
 }
 
 #[test]
@@ -124,9 +137,15 @@ fn a_sensor_that_is_stuck_is_ignored_until_it_is_not() {
         }
     }
     let then = after(mounted(), &stuck, 2.8);
-    assert_eq!(then.report().state, InertialState::Ignored(SensorFault::Constant));
+    assert_eq!(
+        then.report().state,
+        InertialState::Ignored(SensorFault::Constant)
+    );
     assert!(then.turn(2.6, 2.7).is_none());
-    assert_eq!(after(mounted(), &stuck, 6.0).report().state, InertialState::Confirmed);
+    assert_eq!(
+        after(mounted(), &stuck, 6.0).report().state,
+        InertialState::Confirmed
+    );
 }
 
 #[test]
@@ -155,7 +174,13 @@ fn what_is_no_sample_is_left_out() {
         angular_rate: [x, 0.0, 0.0],
         ..ImuSample::default()
     };
-    inertial.receive(&[at(0.0, 1.0), at(0.005, f64::NAN), at(0.01, 1.0), at(0.004, 9.0), at(0.02, 1.0)]);
+    inertial.receive(&[
+        at(0.0, 1.0),
+        at(0.005, f64::NAN),
+        at(0.01, 1.0),
+        at(0.004, 9.0),
+        at(0.02, 1.0),
+    ]);
     let turn = inertial.turn(0.0, 0.02).unwrap();
     assert!((turn.later_from_earlier.angle() - 0.02).abs() < 1e-9);
     // After the clock was set nothing is known.

@@ -154,9 +154,7 @@ impl Tracker {
             let off = seen.angle_to(&turn.later_from_earlier);
             Some(off > gate(&turn, now - time))
         };
-        COMPARED_S
-            .into_iter()
-            .any(|age| differs(age) == Some(true))
+        COMPARED_S.into_iter().any(|age| differs(age) == Some(true))
     }
 
     /// A pose that turns as the gyroscope says, or the vote's that does: most of what is seen may be somebody who walks along.

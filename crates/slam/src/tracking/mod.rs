@@ -9,8 +9,8 @@ mod ego_motion;
 mod flow;
 mod frame;
 mod front_end;
-mod inertial;
 mod inbox;
+mod inertial;
 mod keyframe;
 mod known_map;
 mod last_frame;
@@ -264,9 +264,7 @@ impl Tracker {
     /// Extracts the features of a frame and reads their depths.
     fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
         let velocity = self.expected_velocity();
-        let data = self
-            .front_end
-            .observe(frame, velocity.as_ref());
+        let data = self.front_end.observe(frame, velocity.as_ref());
         // What is said of a frame that gives no pose: nothing against any feature.
         let kept = data
             .keypoints

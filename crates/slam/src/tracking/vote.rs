@@ -10,8 +10,8 @@ use crate::association::{Candidate, match_by_descriptor, measurement};
 use crate::inertial::Inertial;
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
-    Intrinsics, KnownTurn, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose, find_camera_motion,
-    rng,
+    Intrinsics, KnownTurn, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose,
+    find_camera_motion, rng,
 };
 use stillpoint_geometry::{Mat6, Se3, Vec6};
 use stillpoint_imaging::RgbdFrame;

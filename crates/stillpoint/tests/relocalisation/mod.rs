@@ -148,6 +148,7 @@ impl Run {
                 Outcome::Lost { reason, .. } => format!("lost: {reason}"),
                 Outcome::Relocalised { since, with } => format!("found, since {since} with {with}"),
                 Outcome::Initialised => "begins".into(),
+                Outcome::Carried { since } => format!("carried since {since}"),
                 Outcome::Tracked => format!("tracked in {:?}", r.submap),
             };
             if state != last {

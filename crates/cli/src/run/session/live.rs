@@ -251,6 +251,7 @@ mod tests {
         let driver = Driver {
             config: Config::default(),
             camera: *simulator.camera(),
+            imu: None,
             simd: Simd::detect(),
             timing,
             interrupt: &Interrupt::default(),

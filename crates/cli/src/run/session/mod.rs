@@ -18,7 +18,9 @@ use crate::run::live_report::LiveRun;
 use crate::run::session::listeners::{Listeners, ProgressLine, Stop};
 pub(crate) use crate::run::session::outputs::Outputs;
 use crate::run::session::outputs::Writers;
-use crate::run::summary::{DetectorJson, FeaturesJson, LoopsJson, LostStretch, SubmapJson};
+use crate::run::summary::{
+    DetectorJson, FeaturesJson, InertialJson, LoopsJson, LostStretch, SubmapJson,
+};
 use crate::run::tally::{End, Tally};
 use crate::things::Gathered;
 use crate::timing::Timing;
@@ -27,7 +29,7 @@ use std::time::Instant;
 use stillpoint::datasets::StampedPose;
 use stillpoint::dense::FinalPose;
 use stillpoint::detection::Detector;
-use stillpoint::geometry::Camera;
+use stillpoint::geometry::{Camera, ImuModel};
 use stillpoint::imaging::{FrameId, FrameSource, Simd};
 use stillpoint::map::{Extension, Map, MapView};
 use stillpoint::slam::{Config, MapUse, RunLog, Stages, Subscriber, System};
@@ -50,6 +52,8 @@ pub(crate) struct Session {
     pub(crate) features: FeaturesJson,
     /// Places that were recognised.
     pub(crate) loops: LoopsJson,
+    /// The inertial sensor, where there was one.
+    pub(crate) inertial: Option<InertialJson>,
     /// The user ended it early.
     pub(crate) interrupted: bool,
     /// From the first frame to the last, s.
@@ -117,6 +121,8 @@ impl Session {
 pub(crate) struct Driver<'a> {
     pub(crate) config: Config,
     pub(crate) camera: Camera,
+    /// The inertial sensor that is fixed to it, if it is to be listened to.
+    pub(crate) imu: Option<ImuModel>,
     pub(crate) simd: Simd,
     pub(crate) timing: &'static Timing,
     pub(crate) interrupt: &'a Interrupt,
@@ -185,6 +191,10 @@ impl Driver<'_> {
         let stages =
             Stages::new(self.config.clone(), self.camera, self.simd).map_err(Failure::input)?;
         let stages = stages.with_workers(config::workers(live)?);
+        let stages = match self.imu {
+            Some(imu) => stages.with_imu(imu).map_err(Failure::input)?,
+            None => stages,
+        };
         match self.map.take() {
             None => Ok(stages),
             Some((map, map_use)) => stages.with_map(map, map_use).map_err(Failure::input),
@@ -218,6 +228,7 @@ impl Driver<'_> {
             match next {
                 None => break,
                 Some(Ok(frame)) => {
+                    system.receive_inertial(source.take_inertial());
                     let events = tracing::info_span!("total").in_scope(|| system.step(frame));
                     listeners.receive_all(&events);
                     self.timing.end_frame();

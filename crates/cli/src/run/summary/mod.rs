@@ -1,12 +1,14 @@
 //! The figures of a run as they stand in `summary.json`, written by `run` and `demo`, read by `bench`.
 
 pub(crate) mod detector;
+pub(crate) mod inertial;
 
 use crate::dense::DenseJson;
 use crate::machine::Machine;
 use crate::map::file::SavedMap;
 use crate::run::live_report::LiveJson;
 pub(crate) use crate::run::summary::detector::DetectorJson;
+pub(crate) use crate::run::summary::inertial::InertialJson;
 use serde::{Deserialize, Serialize};
 use stillpoint::evaluation::timing::Stats;
 use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
@@ -43,6 +45,9 @@ pub(crate) struct Summary {
     /// Places that were recognised.
     #[serde(default)]
     pub(crate) loops: LoopsJson,
+    /// The inertial sensor, where there was one.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) inertial: Option<InertialJson>,
     /// True when the user ended the run early.
     pub(crate) interrupted: bool,
     /// Keyframes in the final map.

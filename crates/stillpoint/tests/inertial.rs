@@ -1,0 +1,143 @@
+//! The inertial sensor in whole runs, on the simulator: with controls that do without it.
+use stillpoint::geometry::{Camera, Se3, Vec3};
+use stillpoint::imaging::{FrameSource, Simd};
+use stillpoint::simulator::{SimulatedImu, Simulator, SimulatorConfig};
+use stillpoint::slam::{
+    Config, Event, FrameReport, InertialState, Outcome, Replay, RunLog, SensorFault, Stages, System,
+};
+
+fn simulator(scene: &str, frames: usize, rate: f64) -> Simulator {
+    let camera = Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]);
+    let config = SimulatorConfig {
+        scene: scene.into(),
+        frames: Some(frames),
+        rate,
+        camera,
+        ..SimulatorConfig::default()
+    };
+    Simulator::new(&config).unwrap()
+}
+
+fn stages(simulator: &Simulator, imu: Option<&SimulatedImu>) -> Stages {
+    let stages = Stages::new(Config::default(), *simulator.camera(), Simd::detect()).unwrap();
+    match imu {
+        Some(imu) => stages.with_imu(imu.model).unwrap(),
+        None => stages,
+    }
+}
+
+/// Reports of all frames, and the log of the run.
+fn run(stages: Stages, simulator: Simulator, imu: &SimulatedImu) -> (Vec<FrameReport>, RunLog) {
+    let mut system = System::from(stages).with_log();
+    let mut source = simulator.source().with_imu(imu);
+    let mut reports = Vec::new();
+    while let Some(frame) = source.next_frame() {
+        system.receive_inertial(source.take_inertial());
+        for event in system.step(frame.unwrap()) {
+            if let Event::Frame(done) = event {
+                reports.push(done.report.clone());
+            }
+        }
+    }
+    system.finish();
+    (reports, system.log().unwrap())
+}
+
+fn lost(reports: &[FrameReport]) -> usize {
+    let is_lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
+    reports.iter().filter(is_lost).count()
+}
+
+/// By how much the direction of the last frame is off, relative to the first one, deg; none where either has no pose, or they are not of one map.
+fn turn_error(reports: &[FrameReport], truth: &[(f64, Se3)]) -> Option<f64> {
+    let (first, last) = (reports.first()?, reports.last()?);
+    if first.submap != last.submap {
+        return None;
+    }
+    let found = first.world_from_camera?.inverse() * last.world_from_camera?;
+    let exact = truth.first()?.1.inverse() * truth.last()?.1;
+    Some(found.rotation.angle_to(&exact.rotation).to_degrees())
+}
+
+/// Two people fill nine tenths of the view for three seconds while the camera turns by 60 degrees.
+#[test]
+fn a_blocked_view_costs_no_frame() {
+    let scene = || simulator("blocked_turn", 140, 20.0);
+    let imu = SimulatedImu::default();
+    let truth = scene().ground_truth();
+    let (with, _) = run(stages(&scene(), Some(&imu)), scene(), &imu);
+    let off = turn_error(&with, &truth);
+    assert_eq!(lost(&with), 0);
+    assert!(off.is_some_and(|deg| deg <= 0.5), "{off:?}");
+    let state = with.last().and_then(|r| r.inertial).map(|i| i.state);
+    assert_eq!(state, Some(InertialState::Confirmed));
+    // The control.
+    let (without, _) = run(stages(&scene(), None), scene(), &imu);
+    let off = turn_error(&without, &truth);
+    assert!(
+        lost(&without) > 5 || off.is_none_or(|deg| deg > 5.0),
+        "{off:?}"
+    );
+    assert!(without.iter().all(|r| r.inertial.is_none()));
+}
+
+#[test]
+fn a_run_with_samples_replays_bit_for_bit_and_needs_them() {
+    let scene = || simulator("walking_rpy", 30, 30.0);
+    let imu = SimulatedImu::default();
+    let (_, log) = run(stages(&scene(), Some(&imu)), scene(), &imu);
+    let text = log.to_text();
+    assert!(text.contains("\ninertial ") && text.contains("\n  imu "));
+    let read = RunLog::from_bytes(text.as_bytes()).unwrap();
+    // The source of the replay has none: they are in the log.
+    let replayed = |log: RunLog| {
+        let mut replay = Replay::new(stages(&scene(), Some(&imu)), log).unwrap();
+        let mut source = scene().source();
+        while replay.step(&mut source).unwrap().is_some() {}
+        replay.trajectory().digest(&replay.view())
+    };
+    assert_eq!(replayed(read.clone()), log.trajectory);
+    let silent = RunLog {
+        entries: read
+            .entries
+            .iter()
+            .filter(|e| !is_inertial(e))
+            .cloned()
+            .collect(),
+        ..read
+    };
+    assert_ne!(replayed(silent), log.trajectory);
+    // Without a sensor samples change nothing, and are not kept.
+    let (_, plain) = run(stages(&scene(), None), scene(), &imu);
+    assert!(!plain.entries.iter().any(is_inertial));
+    assert!(Replay::new(stages(&scene(), None), log).is_err());
+}
+
+fn is_inertial(entry: &stillpoint::slam::LogEntry) -> bool {
+    matches!(entry, stillpoint::slam::LogEntry::TrackInertial { .. })
+}
+
+#[test]
+fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
+    let scene = || simulator("rpy", 120, 30.0);
+    let imu = SimulatedImu::default();
+    let right = stages(&scene(), Some(&imu));
+    let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    let model = imu.model.turned(quarter);
+    let wrong = SimulatedImu {
+        model,
+        ..imu.clone()
+    };
+    for (stages, expected) in [
+        (right, InertialState::Confirmed),
+        (
+            stages(&scene(), Some(&wrong)),
+            InertialState::Ignored(SensorFault::Contradicts),
+        ),
+    ] {
+        let (reports, _) = run(stages, scene(), &imu);
+        assert_eq!(lost(&reports), 0);
+        let state = reports.last().and_then(|r| r.inertial).map(|i| i.state);
+        assert_eq!(state, Some(expected));
+    }
+}
