@@ -41,6 +41,7 @@ fn tracked(n: u32) -> Event {
             map_version: 0,
         },
         health: Health {
+            inertial: None,
             frame,
             stamp,
             quality: Quality::default(),

@@ -12,6 +12,7 @@ mod quality;
 pub use loss::{Loss, LossCause};
 pub use quality::Quality;
 
+use crate::inertial::InertialState;
 use crate::config::Config;
 use crate::messages::Tracked;
 use crate::report::{LostReason, Outcome};
@@ -60,6 +61,8 @@ pub struct Health {
     pub undecided: bool,
     /// Why there is no pose; none when there is one.
     pub loss: Option<Loss>,
+    /// Whether the inertial sensor is believed; none where there is none.
+    pub inertial: Option<InertialState>,
 }
 
 impl Health {
@@ -124,6 +127,9 @@ impl std::fmt::Display for Health {
         }
         if let Some(age) = self.map_age {
             write!(f, " | map {age:.1} s ago")?;
+        }
+        if let Some(state @ InertialState::Ignored(_)) = self.inertial {
+            write!(f, " | inertial sensor {state}")?;
         }
         Ok(())
     }
@@ -211,6 +217,7 @@ impl HealthMonitor {
             detections_age: self.crowd.detected().map(age),
             map_age: self.mapped.map(age),
             loss: None,
+            inertial: report.inertial.map(|i| i.state),
         };
         let Outcome::Lost { reason, since } = report.outcome else {
             self.lost = None;

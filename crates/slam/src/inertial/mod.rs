@@ -160,8 +160,13 @@ impl Inertial {
         Some(self.model.camera_from_imu.rotation * rate)
     }
 
-    /// Learns from a pose at `time` that the map bears out.
-    pub(crate) fn learn(&mut self, time: f64, world_from_camera: &UnitQuaternion<f64>) {
+    /// Learns from a pose at `time` that the map bears out. Where much moves beside it, it `can_refute` nothing.
+    pub(crate) fn learn(
+        &mut self,
+        time: f64,
+        world_from_camera: &UnitQuaternion<f64>,
+        can_refute: bool,
+    ) {
         self.sum_force(time, world_from_camera);
         let seen = Seen {
             time,
@@ -179,7 +184,7 @@ impl Inertial {
         // In the axes of the sensor, as the bias is.
         let sensor = mount.inverse() * camera * mount;
         let offset = so3::log(&(sensor * rotation.later_from_earlier.inverse()));
-        if self.trust.compare(camera.angle(), &offset) {
+        if self.trust.compare(camera.angle(), &offset, can_refute) {
             let scale = SCALE * camera.angle();
             let sigma = (Trust::sigma() * Trust::sigma() + scale * scale).sqrt();
             self.bias.measure(&offset, &rotation.by_bias, sigma);

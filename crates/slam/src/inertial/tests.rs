@@ -45,7 +45,7 @@ fn after(model: ImuModel, samples: &[ImuSample], seconds: f64) -> Inertial {
         let end = end.min(samples.len());
         inertial.receive(&samples[given..end]);
         given = end;
-        inertial.learn(time, &camera(time));
+        inertial.learn(time, &camera(time), true);
     }
     inertial
 }

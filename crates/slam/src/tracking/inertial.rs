@@ -85,6 +85,11 @@ impl Tracker {
         self.inertial.is_some()
     }
 
+    /// Whether there is a gyroscope that turned as the camera did: until then its bias is not known either.
+    fn trusts_gyro(&self) -> bool {
+        self.inertial.as_ref().is_some_and(Inertial::is_confirmed)
+    }
+
     /// How the camera turned since the last frame with a pose.
     pub(super) fn turn_since_last(&self) -> Option<Turn> {
         let (inertial, last) = (self.inertial.as_ref()?, self.state.tracked()?);
@@ -93,7 +98,8 @@ impl Tracker {
 
     /// A prediction `camera_from_world` that turns as the gyroscope says, about the same place.
     pub(super) fn turned(&self, predicted: Se3) -> Se3 {
-        let (Some(turn), Some(last)) = (self.turn_since_last(), self.state.tracked()) else {
+        let turn = self.turn_since_last().filter(|_| self.trusts_gyro());
+        let (Some(turn), Some(last)) = (turn, self.state.tracked()) else {
             return predicted;
         };
         let rotation = turn.later_from_earlier * last.world_from_camera.rotation.inverse();
@@ -113,10 +119,20 @@ impl Tracker {
         })
     }
 
+    /// The rotation of `camera_from_world`, as a gyroscope that is confirmed knows it by the last pose.
+    pub(super) fn known_direction(&self) -> Option<KnownTurn> {
+        let turn = self.turn_since_last().filter(|_| self.trusts_gyro())?;
+        let last = self.state.tracked()?;
+        Some(KnownTurn {
+            b_from_a: turn.later_from_earlier * last.world_from_camera.rotation.inverse(),
+            sigma: turn.sigma,
+            gate: f64::INFINITY,
+        })
+    }
+
     /// Whether a pose may be that of the camera, as far as a gyroscope that is confirmed tells.
     pub(super) fn may_be(&self, camera_from_world: &Se3) -> bool {
-        let confirmed = self.inertial.as_ref().is_some_and(Inertial::is_confirmed);
-        let known = self.known_turn().filter(|_| confirmed);
+        let known = self.known_turn().filter(|_| self.trusts_gyro());
         let (Some(turn), Some(last)) = (known, self.state.tracked()) else {
             return true;
         };
@@ -125,7 +141,8 @@ impl Tracker {
 
     /// How fast the camera turned at the last pose and turns now, as the angular parts of twists of `camera_later_from_camera_earlier`, rad/s.
     pub(super) fn turning(&self) -> Option<[Vec3; 2]> {
-        let (inertial, last) = (self.inertial.as_ref()?, self.state.tracked()?);
+        let inertial = self.inertial.as_ref().filter(|i| i.is_confirmed())?;
+        let last = self.state.tracked()?;
         let before = inertial.rate(last.time)?;
         let now = inertial.rate(self.front_end.clock.now())?;
         // What the camera sees turns the other way.
@@ -182,8 +199,7 @@ impl Tracker {
         data: &std::sync::Arc<KeyframeData>,
         notes: &mut Notes,
     ) -> Option<Ending> {
-        let is_confirmed = self.inertial.as_ref().is_some_and(Inertial::is_confirmed);
-        let last = self.state.tracked().filter(|_| is_confirmed)?;
+        let last = self.state.tracked().filter(|_| self.trusts_gyro())?;
         let turn = self.turn_since_last()?;
         let now = self.front_end.clock.now();
         let carried = self.carried.unwrap_or(Carried {
@@ -231,8 +247,7 @@ impl Tracker {
         Some(Se3::new(rotation, -(rotation * place)))
     }
 
-    /// Learns from a pose that was taken: the gyroscope's bias, and whether both agree. Poses that hang on few landmarks, beside much that moves, do not
-    /// tell.
+    /// Learns from a pose that was taken: the gyroscope's bias, and whether both agree. Poses that hang on few landmarks do not tell.
     pub(super) fn learn_turn(&mut self, notes: &Notes, world_from_camera: &Se3, measured: bool) {
         let now = self.front_end.clock.now();
         let Some(inertial) = &mut self.inertial else {
@@ -240,11 +255,9 @@ impl Tracker {
         };
         self.past_turns.remember(now, world_from_camera);
         let counts = &notes.counts;
-        let tells = counts.inliers >= TELLING_INLIERS && counts.moving_share() < TELLING_SHARE;
-        if measured && tells {
-            inertial.learn(now, &world_from_camera.rotation);
-        } else {
-            inertial.interrupt();
+        let can_refute = counts.moving_share() < TELLING_SHARE;
+        if measured && counts.inliers >= TELLING_INLIERS {
+            inertial.learn(now, &world_from_camera.rotation, can_refute);
         }
     }
 
@@ -278,9 +291,11 @@ impl Tracker {
     }
 }
 
+/// Where fewer matches lead to a pose, its direction is measured by the gyroscope as well.
+pub(super) const FEW: usize = 80;
 /// Landmarks that bear a pose out well enough to judge a gyroscope by it ...
 const TELLING_INLIERS: u32 = 60;
-/// ... where no more than this share of the keypoints moves.
+/// ... and to refute it, where no more than this share of the keypoints moves.
 const TELLING_SHARE: f64 = 0.35;
 
 /// By how much a motion may turn otherwise than the gyroscope, rad.
@@ -308,34 +323,27 @@ pub(super) struct Choice {
 const UNCONFIRMED_SHARE: f64 = 0.5;
 
 impl Choice {
-    /// Takes the bound vote unless most of what is seen says otherwise of a sensor that nothing has confirmed yet.
+    /// Takes the bound vote unless most of what is seen says otherwise of a sensor that nothing has confirmed yet. `agrees`: whether the free one turns as the
+    /// gyroscope says.
     pub(super) fn between(
         free: Option<Vote>,
         bound: Option<Vote>,
-        turn: &KnownTurn,
+        agrees: bool,
         confirmed: bool,
-        last_from_world: &Se3,
     ) -> Self {
-        let Some(free) = free else {
-            return Self {
-                vote: bound,
-                against: false,
-            };
-        };
-        let last_from_now = *last_from_world * free.camera_from_world.inverse();
-        if turn.allows(&last_from_now) {
+        if agrees {
             // Both are about the same motion, and the bound one is the more exact.
             return Self {
-                vote: bound.or(Some(free)),
+                vote: bound.or(free),
                 against: false,
             };
         }
-        let share = bound.as_ref().map_or(0.0, |v| v.share);
-        let weak = share < UNCONFIRMED_SHARE * free.share;
+        let share = |vote: &Option<Vote>| vote.as_ref().map_or(0.0, |v| v.share);
+        let weak = share(&bound) < UNCONFIRMED_SHARE * share(&free);
         let vote = match confirmed || !weak {
             // Which of the two it is, is not for matches by descriptor to say.
             true => bound.map(|v| Vote { exact: true, ..v }),
-            false => Some(free),
+            false => free,
         };
         Self {
             vote,

@@ -328,7 +328,10 @@ impl Tracker {
     ) -> Fix {
         let matched = matches.count;
         let start = &motion.camera_from_world;
-        let (matches, pose, information) = pose::solve_with_information(data, start, matches);
+        // Few landmarks hold a direction less well than the gyroscope does.
+        let few = matched < inertial::FEW && motion.follows;
+        let turn = self.known_direction().filter(|_| few);
+        let (matches, pose, information) = pose::solve_with_information(data, start, matches, turn);
         // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);
         // Until the first view of a new submap arrives, the last frame's own points are what there is to track.

@@ -81,7 +81,8 @@ impl Tracker {
         // Much of what a wide search matches is wrong; around a pose that many agree on, the usual radius is enough.
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
         let matched = matches.count;
-        let (matches, pose, information) = pose::solve_with_information(data, &found, matches);
+        let (matches, pose, information) =
+            pose::solve_with_information(data, &found, matches, None);
         let drift = fix.camera_from_world * pose.inverse();
         let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
         let enough = matches.count >= self.setup.tracking.min_inliers;
@@ -141,8 +142,10 @@ impl Tracker {
             .flow_to_previous(&motion.rest, &mut pairs);
         let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
         let matched = matches.count;
+        // Flow drifts, and so does the direction that it leads to.
+        let turn = self.known_direction();
         let (matches, pose, information) =
-            pose::solve_with_information(data, &vote.camera_from_world, matches);
+            pose::solve_with_information(data, &vote.camera_from_world, matches, turn);
         let enough = self.setup.tracking.min_inliers;
         if matches.count < enough && vote.agreed >= enough {
             return Self::follow_vote(vote, data.len());

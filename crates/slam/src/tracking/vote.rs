@@ -39,8 +39,8 @@ const MAX_PAIRS: usize = 300;
 const MIN_WEIGHT_SHARE: f64 = 0.4;
 /// A motion that turns as the gyroscope says needs less: it is known which motions cannot be the camera's ...
 const MIN_BOUND_SHARE: f64 = 0.1;
-/// ... and where so much agrees with it, nothing else needs to be asked.
-const PLAIN_SHARE: f64 = 0.6;
+/// ... and where so much agrees on a motion that it allows, nothing else needs to be asked.
+const PLAIN_SHARE: f64 = 0.9;
 /// Side of the blocks of the image that have one say each, px.
 const BLOCK_PX: f64 = 40.0;
 /// Surfaces farther than this have no more say, m: what is farther tells the turning only.
@@ -94,11 +94,11 @@ impl Tracker {
         };
         let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
         let last_from_world = last.world_from_camera.inverse();
-        let find = |turn: Option<KnownTurn>, least: f64| {
+        let find = |votes: &[MotionPair], turn: Option<KnownTurn>, least: f64| {
             let options = MotionOptions { turn, ..options };
             let rng = rng(self.setup.seed, address, Purpose::CAMERA_MOTION);
-            let motion = find_camera_motion(&camera, &votes, Some(&prior), &options, rng)?;
-            (motion.weight_share >= least).then(|| Vote {
+            let motion = find_camera_motion(&camera, votes, Some(&prior), &options, rng)?;
+            let vote = Vote {
                 camera_from_world: motion.b_from_a.inverse() * last_from_world,
                 exact,
                 agreed: motion.count,
@@ -106,18 +106,30 @@ impl Tracker {
                 information: motion.information,
                 share: motion.weight_share,
                 is_bound: turn.is_some(),
-            })
+            };
+            (motion.weight_share >= least).then_some((vote, motion.inliers))
         };
+        let free = find(&votes, None, MIN_WEIGHT_SHARE);
         let Some(turn) = self.known_turn() else {
-            return find(None, MIN_WEIGHT_SHARE);
+            return free.map(|f| f.0);
         };
+        let allowed = |v: &Vote| turn.allows(&(last_from_world * v.camera_from_world.inverse()));
         let confirmed = self.inertial.as_ref().is_some_and(Inertial::is_confirmed);
-        let bound = find(Some(turn), MIN_BOUND_SHARE);
-        if confirmed && bound.as_ref().is_some_and(|v| v.share >= PLAIN_SHARE) {
-            return bound;
+        if let Some((vote, inliers)) = &free {
+            // Where nearly all agrees, nobody else moves.
+            if vote.share >= PLAIN_SHARE && allowed(vote) {
+                return free.map(|f| f.0);
+            }
+            // Who turns otherwise than the camera has no say in how it moves.
+            if confirmed && !allowed(vote) {
+                let riders = votes.iter_mut().zip(inliers).filter(|(_, rides)| **rides);
+                riders.for_each(|(pair, _)| pair.weight = 0.0);
+            }
         }
-        let free = find(None, MIN_WEIGHT_SHARE);
-        let choice = Choice::between(free, bound, &turn, confirmed, &last_from_world);
+        let bound = find(&votes, Some(turn), MIN_BOUND_SHARE).map(|b| b.0);
+        let free = free.map(|f| f.0);
+        let agrees = free.as_ref().is_none_or(allowed);
+        let choice = Choice::between(free, bound, agrees, confirmed);
         if choice.against
             && let Some(inertial) = &mut self.inertial
         {
