@@ -12,8 +12,8 @@ mod quality;
 pub use loss::{Loss, LossCause};
 pub use quality::Quality;
 
-use crate::inertial::InertialState;
 use crate::config::Config;
+use crate::inertial::InertialState;
 use crate::messages::Tracked;
 use crate::report::{LostReason, Outcome};
 use crate::tracking::MIN_INITIAL_POINTS;
