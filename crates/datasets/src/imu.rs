@@ -43,7 +43,7 @@ impl ImuTable {
         let quaternion = Quaternion::new(w, x, y, z);
         let norm = quaternion.norm();
         // Also refuses what is no number.
-        if !((norm - 1.0).abs() < 1e-3) {
+        if !(0.999..=1.001).contains(&norm) {
             let expected = "[imu] rotation = [x, y, z, w], a quaternion of length 1";
             return Err((expected.to_owned(), format!("one of length {norm}")));
         }
