@@ -1,6 +1,6 @@
 //! Timing and log lines: the subscriber behind the spans and events of the libraries.
 //!
-//! Every span is measured by its name, on its own thread. Durations of a name are added up until the thread ends a round (a
+//! Every span is measured by its name, on its own thread; what threads do that share the work on a frame belongs to the thread that ends the frame. Durations of a name are added up until the thread ends a round (a
 //! frame, a message), so that a row of the table says what a stage costs per round in which it ran; a span inside another of its own name counts
 //! once. A span costs two readings of the clock and one uncontended lock. With `--trace` each span is kept as it was, too.
 
@@ -8,9 +8,10 @@ use crate::console;
 use crate::trace::Trace;
 use std::cell::RefCell;
 use std::fmt::Write;
-use std::sync::{Mutex, MutexGuard};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use stillpoint::evaluation::timing::Stats;
+use stillpoint::imaging::workers;
 use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Level, Metadata, Subscriber, subscriber::Interest};
@@ -19,6 +20,8 @@ use tracing::{Event, Level, Metadata, Subscriber, subscriber::Interest};
 #[derive(Debug, Default)]
 pub(crate) struct Timing {
     table: Mutex<Stages>,
+    /// By stage, the sum of the present frame on threads that share the work on it, ns.
+    shared: Mutex<Vec<Option<u64>>>,
     /// The spans themselves, when somebody wants them.
     pub(crate) trace: Trace,
 }
@@ -62,14 +65,16 @@ thread_local! {
     static SUMS: RefCell<Vec<Option<u64>>> = const { RefCell::new(Vec::new()) };
 }
 
-/// Adds to the sum of a stage on this thread.
-fn add(stage: usize, ns: u64) {
-    SUMS.with_borrow_mut(|sums| {
-        if sums.len() <= stage {
-            sums.resize(stage + 1, None);
-        }
-        sums[stage] = Some(sums[stage].unwrap_or(0) + ns);
-    });
+/// Adds to the sum of a stage.
+fn add(sums: &mut Vec<Option<u64>>, stage: usize, ns: u64) {
+    if sums.len() <= stage {
+        sums.resize(stage + 1, None);
+    }
+    sums[stage] = Some(sums[stage].unwrap_or(0) + ns);
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Makes the timing the process's subscriber. Called once; a second call gets timing that nothing feeds.
@@ -82,10 +87,7 @@ pub(crate) fn install() -> &'static Timing {
 
 impl Timing {
     fn lock(&self) -> MutexGuard<'_, Stages> {
-        match self.table.lock() {
-            Ok(guard) => guard,
-            Err(poisoned) => poisoned.into_inner(),
-        }
+        lock(&self.table)
     }
 
     /// Takes a frame's time that somebody else measured, ms, and ends the frame.
@@ -115,6 +117,12 @@ impl Timing {
 
     fn end(&self, is_frame: bool) {
         SUMS.with_borrow_mut(|sums| {
+            if is_frame {
+                let shared = std::mem::take(&mut *lock(&self.shared));
+                for (stage, ns) in shared.into_iter().enumerate() {
+                    ns.into_iter().for_each(|ns| add(sums, stage, ns));
+                }
+            }
             if sums.iter().all(Option::is_none) {
                 return;
             }
@@ -132,6 +140,7 @@ impl Timing {
     /// Forgets what was measured, for another pass of the same process.
     pub(crate) fn restart(&self) {
         SUMS.with_borrow_mut(Vec::clear);
+        lock(&self.shared).clear();
         let mut table = self.lock();
         table.frames = 0;
         for stage in &mut table.stages {
@@ -215,7 +224,12 @@ impl Subscriber for Recorder {
         let stage = id as usize - 1;
         self.0.trace.add(stage, entered, now);
         if outermost {
-            add(stage, now.duration_since(entered).as_nanos() as u64);
+            let ns = now.duration_since(entered).as_nanos() as u64;
+            if workers::is_one() {
+                add(&mut lock(&self.0.shared), stage, ns);
+            } else {
+                SUMS.with_borrow_mut(|sums| add(sums, stage, ns));
+            }
         }
     }
 
@@ -307,6 +321,34 @@ mod tests {
         }
         let rare = timing.per_frame("rare");
         assert!(rare[0] > 0.0 && rare[1].is_nan() && rare[2].is_nan());
+    }
+
+    #[test]
+    fn what_is_shared_belongs_to_the_frame() {
+        let timing: &'static Timing = Box::leak(Box::default());
+        let dispatch = tracing::Dispatch::new(Recorder(timing));
+        let pool = workers::Workers::new(2).unwrap();
+        for _ in 0..3 {
+            tracing::dispatcher::with_default(&dispatch, || {
+                tracing::info_span!("whole").in_scope(|| {
+                    pool.run(|| {
+                        tracing::dispatcher::with_default(&dispatch, || {
+                            tracing::info_span!("piece").in_scope(|| spin(200));
+                        });
+                    });
+                });
+            });
+            // Whoever ends no frame leaves it alone.
+            std::thread::scope(|scope| scope.spawn(|| timing.end_round()).join().unwrap());
+            timing.end_frame();
+        }
+        for name in ["whole", "piece"] {
+            let times = timing.per_frame(name);
+            assert!(
+                times.len() == 3 && times.iter().all(|ms| *ms >= 0.2),
+                "{name}: {times:?}"
+            );
+        }
     }
 
     #[test]

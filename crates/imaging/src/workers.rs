@@ -38,8 +38,9 @@ impl Workers {
     }
 }
 
-/// Whether this thread works for others, who lend a hand.
-fn are_shared() -> bool {
+/// Whether this thread is one of [`Workers`]: what it does, it does for whoever waits in [`Workers::run`].
+#[must_use]
+pub fn is_one() -> bool {
     rayon_core::current_thread_index().is_some()
 }
 
@@ -48,7 +49,7 @@ pub fn both<A: Send, B: Send>(
     a: impl FnOnce() -> A + Send,
     b: impl FnOnce() -> B + Send,
 ) -> (A, B) {
-    if are_shared() {
+    if is_one() {
         rayon_core::join(a, b)
     } else {
         (a(), b())
@@ -66,7 +67,7 @@ pub fn for_each<T: Send>(things: &mut [T], work: impl Fn(usize, &mut T) + Sync) 
             rayon_core::join(|| halve(first, a, work), || halve(first + middle, b, work));
         }
     }
-    if are_shared() {
+    if is_one() {
         halve(0, things, &work);
     } else {
         things.iter_mut().enumerate().for_each(|(i, t)| work(i, t));
@@ -80,7 +81,7 @@ pub fn in_parts<R: Send>(
     least: usize,
     work: impl Fn(Range<usize>) -> R + Sync,
 ) -> Vec<R> {
-    let parts = if are_shared() {
+    let parts = if is_one() {
         (range.len() / least.max(1)).clamp(1, PARTS)
     } else {
         1
