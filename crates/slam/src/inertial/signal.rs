@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn the_noise_is_measured_whatever_the_turning() {
-        let turning = (0..400).map(|k| (0.03 * f64::from(k)).sin());
+        let turning = (0..400).map(|k| libm::sin(0.03 * f64::from(k)));
         let signal = after(turning.zip(noise()).map(|(x, n)| x + 0.01 * n));
         // The three axes have 1, 0.5 and 1 of it.
         let expected = 0.01 * (2.25_f64 / 3.0).sqrt();

@@ -14,8 +14,8 @@ fn noise(k: u32, axis: u32) -> f64 {
 
 /// Where a camera is that looks to and fro.
 fn camera(t: f64) -> UnitQuaternion<f64> {
-    so3::exp(&Vec3::new(0.0, 0.6 * (2.0 * t).sin(), 0.0))
-        * so3::exp(&Vec3::new(0.3 * (1.3 * t).sin(), 0.0, 0.0))
+    so3::exp(&Vec3::new(0.0, 0.6 * libm::sin(2.0 * t), 0.0))
+        * so3::exp(&Vec3::new(0.3 * libm::sin(1.3 * t), 0.0, 0.0))
 }
 
 /// What a sensor in these axes measures of it at 200 Hz, with a bias and noise of the BMI055's size.
