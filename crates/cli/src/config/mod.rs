@@ -93,12 +93,12 @@ pub(crate) fn simd() -> Result<Simd, Failure> {
 /// Threads that share the work on a frame, at most: more gain nothing.
 const MOST_WORKERS: usize = 4;
 
-/// Threads that share the work on a frame: as the environment says by `STILLPOINT_WORKERS`, else as many as the machine has cores to spare. In a live
-/// run detection and mapping want cores of their own, and a thread that shares a core with them is late. The results are the same to the bit; only
-/// the speed differs.
+/// Threads that share the work on a frame: as the environment says by `STILLPOINT_WORKERS`, else as many as the machine has cores to spare. One
+/// core reads images ahead; in a live run detection and mapping want cores of their own, too. A thread that shares a core with them is late, and costs
+/// more than it brings. The results are the same to the bit; only the speed differs.
 pub(crate) fn workers(live: bool) -> Result<Workers, Failure> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let spare = if live { cores / 2 } else { cores };
+    let spare = if live { cores / 2 } else { cores - 1 };
     let threads = match std::env::var_os("STILLPOINT_WORKERS") {
         Some(v) if !v.is_empty() && v != "auto" => v
             .to_str()
