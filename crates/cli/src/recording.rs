@@ -12,7 +12,7 @@ use std::fmt::Write;
 use std::ops::Range;
 use std::path::Path;
 use stillpoint::datasets::{ColourFormat, FrameOptions, ReadAhead, Recorder, StampedPose};
-use stillpoint::imaging::{FrameSource, RgbdFrame};
+use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame};
 use stillpoint::recordings::{self, Info, Input, McapRecorder};
 
 /// `recording`.
@@ -140,6 +140,8 @@ struct Written {
     last: Option<f64>,
     /// Poses of ground truth.
     poses: usize,
+    /// Samples of an inertial sensor.
+    inertial: usize,
 }
 
 impl Written {
@@ -148,8 +150,12 @@ impl Written {
             let text = serde_json::to_string(self).map_err(Failure::input)?;
             console::print(&format!("{text}\n"));
         } else {
+            let inertial = match self.inertial {
+                0 => String::new(),
+                n => format!(", {n} samples of an inertial sensor"),
+            };
             console::report(&format!(
-                "{}: {} frames, {} poses of ground truth\n",
+                "{}: {} frames, {} poses of ground truth{inertial}\n",
                 self.path, self.frames, self.poses
             ));
         }
@@ -173,6 +179,14 @@ impl Target {
             Self::Mcap(r) => Ok(r.add(frame)?),
             Self::Folder(r) => Ok(r.add(frame, None)?),
         }
+    }
+
+    fn add_inertial(&mut self, samples: &[ImuSample]) -> Result<(), Failure> {
+        match self {
+            Self::Mcap(r) => r.add_inertial(samples)?,
+            Self::Folder(r) => r.add_inertial(samples),
+        }
+        Ok(())
     }
 }
 
@@ -236,16 +250,29 @@ fn write(
         keep_colour: true,
     })?;
     let model = input.camera();
+    let imu = input.imu();
     let mut target = if is_mcap(out) {
-        Target::Mcap(Box::new(McapRecorder::create(out, &model.camera)?))
+        let mut recorder = McapRecorder::create(out, &model.camera)?;
+        if let Some(imu) = &imu {
+            let first = input.stamps().get(start).map_or(0.0, |s| s.0);
+            recorder.add_imu(imu, first)?;
+        }
+        Target::Mcap(Box::new(recorder))
     } else {
         let recorder = Recorder::create(out, &model.camera, &model.name, ColourFormat::Png)?;
+        let recorder = match imu {
+            Some(imu) => recorder.with_imu(imu),
+            None => recorder,
+        };
         Target::Folder(Box::new(recorder))
     };
     let mut frames = ReadAhead::new(frames);
-    let (mut written, mut skipped) = (0, 0);
+    let (mut written, mut skipped, mut inertial) = (0, 0, 0);
     let mut times: Option<(f64, f64)> = None;
     while let Some(frame) = frames.next_frame() {
+        let samples = frames.take_inertial();
+        target.add_inertial(&samples)?;
+        inertial += samples.len();
         match frame {
             Ok(frame) => {
                 target.add(&frame)?;
@@ -271,6 +298,7 @@ fn write(
         first: times.map(|t| t.0),
         last: times.map(|t| t.1),
         poses: truth.len(),
+        inertial,
     })
 }
 

@@ -38,13 +38,28 @@ fn writes(output: &Output, frames: usize) {
 
 /// Runs what is at a path: the trajectory, and what was said.
 fn run(path: &Path) -> (String, String) {
+    let (trajectory, _, said) = run_with(path, &[]);
+    (trajectory, said)
+}
+
+/// Runs what is at a path, with more options: the trajectory, `summary.json`, and what was said.
+fn run_with(path: &Path, more: &[&str]) -> (String, serde_json::Value, String) {
     let out = tempfile::tempdir().unwrap();
     let target = out.path().join("out");
-    let (path, target) = (text(path), text(&target));
-    let output = stillpoint(["run", path, "--detector", "none", "--out", target]);
+    let args = [
+        "run",
+        text(path),
+        "--detector",
+        "none",
+        "--out",
+        text(&target),
+    ];
+    let output = stillpoint(args.iter().chain(more));
     check(&output, 0, &[]);
-    let trajectory = std::fs::read_to_string(Path::new(target).join("trajectory.txt"));
-    (trajectory.unwrap(), stderr(&output))
+    let trajectory = std::fs::read_to_string(target.join("trajectory.txt"));
+    let summary = std::fs::read(target.join("summary.json")).unwrap();
+    let summary = serde_json::from_slice(&summary).unwrap();
+    (trajectory.unwrap(), summary, stderr(&output))
 }
 
 fn info(path: &Path) -> serde_json::Value {
@@ -59,6 +74,89 @@ fn a_converted_folder_runs_as_the_folder_does() {
     let (of_file, _) = run(&PAIR.file);
     assert!(of_folder.lines().count() >= FRAMES, "{of_folder}");
     assert_eq!(of_folder, of_file);
+}
+
+#[test]
+fn an_inertial_sensor_is_converted_and_cut_along() {
+    let out = tempfile::tempdir().unwrap();
+    let [folder, file, back, cut] =
+        ["a", "a.mcap", "b", "cut.mcap"].map(|name| out.path().join(name));
+    check(
+        &stillpoint([
+            "-q",
+            "simulate",
+            "--scene",
+            "blocked_turn",
+            "--imu",
+            "--jpeg",
+            "--frames",
+            "20",
+            "--out",
+            text(&folder),
+        ]),
+        0,
+        &[],
+    );
+    let samples = |output: &Output| -> usize {
+        let said = stdout(output);
+        let part = said
+            .split(", ")
+            .find(|p| p.contains(" samples of an inertial sensor"));
+        part.unwrap().split(' ').next().unwrap().parse().unwrap()
+    };
+    for (from, to) in [(&folder, &file), (&file, &back)] {
+        let output = stillpoint(["recording", "convert", text(from), text(to)]);
+        writes(&output, 20);
+        // 200 Hz over 19 intervals of frames, and one behind them.
+        assert!((120..150).contains(&samples(&output)));
+    }
+    let (expected, summary, _) = run_with(&folder, &[]);
+    assert!(summary["inertial"]["state"].is_string(), "{summary}");
+    for path in [&file, &back] {
+        let (trajectory, found, said) = run_with(path, &[]);
+        assert_eq!(trajectory, expected);
+        assert_eq!(
+            found["inertial"]["state"], summary["inertial"]["state"],
+            "{said}"
+        );
+        // Stamps of recordings are whole nanoseconds.
+        let bias = |v: &serde_json::Value| v["inertial"]["gyro_bias"][0].as_f64().unwrap();
+        assert!((bias(&found) - bias(&summary)).abs() < 1e-7, "{found}");
+    }
+    let named = run_with(&file, &["--imu-topic", "/camera/imu"]);
+    assert_eq!(named.0, expected);
+    for path in [&folder, &file] {
+        let (_, without, said) = run_with(path, &["--no-imu"]);
+        assert!(without["inertial"].is_null(), "{without}");
+        assert!(!said.contains("inertial sensor"), "{said}");
+    }
+    let output = stillpoint([
+        "recording",
+        "cut",
+        text(&file),
+        text(&cut),
+        "--start",
+        "5",
+        "--max-frames",
+        "10",
+    ]);
+    writes(&output, 10);
+    assert!((60..90).contains(&samples(&output)));
+    let (_, part, _) = run_with(&cut, &[]);
+    assert!(part["inertial"]["state"].is_string(), "{part}");
+    let wrong = [
+        "run",
+        text(&file),
+        "--imu-topic",
+        "/camera/color/image_raw",
+        "--out",
+        text(&back),
+    ];
+    check(
+        &stillpoint(wrong),
+        2,
+        &["--imu-topic", "/camera/imu", "name one of these"],
+    );
 }
 
 #[test]

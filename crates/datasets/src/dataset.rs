@@ -11,6 +11,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use stillpoint_imaging::ImuSample;
 
+/// How what is said of an inertial sensor begins.
+const INERTIAL: &str = "inertial sensor";
+
 /// How to open a data set; the default guesses everything.
 #[derive(Clone, Debug)]
 pub struct OpenOptions {
@@ -132,7 +135,7 @@ impl Dataset {
         model.check_lens(path)?;
         let inertial = imu::read(path, model.imu.as_ref(), &mut warnings)?;
         if !inertial.is_empty() {
-            guesses.push(format!("inertial sensor: {} samples", inertial.len()));
+            guesses.push(format!("{INERTIAL}: {} samples", inertial.len()));
         }
         Ok(Self {
             path: path.to_owned(),
@@ -180,6 +183,13 @@ impl Dataset {
     #[must_use]
     pub fn inertial(&self) -> &Arc<[ImuSample]> {
         &self.inertial
+    }
+
+    /// From now on there is no inertial sensor.
+    pub fn leave_out_inertial(&mut self) {
+        self.inertial = Arc::default();
+        self.camera.imu = None;
+        self.guesses.retain(|g| !g.starts_with(INERTIAL));
     }
 
     /// How many images are listed and how many make frames.

@@ -191,7 +191,7 @@ fn pair(probe: &Probe, colour: &Stream, depth: &Stream) -> Pair {
 }
 
 /// Names that both topics begin with.
-fn common_parts(a: &str, b: &str) -> i32 {
+pub(crate) fn common_parts(a: &str, b: &str) -> i32 {
     let parts = a.split('/').skip(1).zip(b.split('/').skip(1));
     parts.take_while(|(a, b)| a == b).count() as i32
 }

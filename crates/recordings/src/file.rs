@@ -2,6 +2,7 @@
 
 use crate::choose::{Named, Pair, choose};
 use crate::error::{RecordingError, Result};
+use crate::inertial::{self, Sensor, Wanted};
 use crate::input::OpenOptions;
 use crate::probe::{Probe, Stream};
 use crate::realsense;
@@ -24,6 +25,17 @@ pub(crate) struct Entry {
     pub(crate) depth: Slot,
 }
 
+impl Entry {
+    /// Whether it has the time at which it was received, as its driver stamps nothing.
+    fn is_by_arrival(&self) -> bool {
+        self.stamp == seconds(self.colour.logged)
+            && self
+                .colour
+                .stamp
+                .is_none_or(|own| own != self.colour.logged)
+    }
+}
+
 /// An opened recording.
 #[derive(Debug)]
 pub struct FileRecording {
@@ -32,6 +44,7 @@ pub struct FileRecording {
     pub(crate) treatment: Arc<Treatment>,
     pub(crate) strict: bool,
     pub(crate) files: Files,
+    pub(crate) inertial: Option<Sensor>,
     truth: Option<Vec<StampedPose>>,
     guesses: Vec<String>,
     warnings: Vec<String>,
@@ -69,7 +82,26 @@ impl FileRecording {
             guesses: &mut guesses,
             warnings: &mut warnings,
         };
-        let treatment = setup.treatment(&mut recording, &entries)?;
+        let mut treatment = setup.treatment(&mut recording, &entries)?;
+        let inertial = if options.no_imu {
+            None
+        } else {
+            let wanted = Wanted {
+                topic: options.imu_topic.as_deref(),
+                model: treatment.camera.imu,
+            };
+            let said = (&mut guesses, &mut warnings);
+            let by_arrival = entries.iter().all(Entry::is_by_arrival);
+            inertial::find(
+                &mut recording,
+                &probe,
+                wanted,
+                &pair.colour,
+                by_arrival,
+                said,
+            )?
+        };
+        treatment.camera.imu = inertial.as_ref().map(|s| s.model);
         let truth = match &options.truth_topic {
             Some(topic) => Some(truth::read(
                 &mut recording,
@@ -86,6 +118,7 @@ impl FileRecording {
             treatment: Arc::new(treatment),
             strict: options.strict,
             files,
+            inertial,
             truth,
             guesses,
             warnings,

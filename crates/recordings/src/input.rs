@@ -25,6 +25,10 @@ pub struct OpenOptions {
     pub depth_topic: Option<String>,
     /// A topic of poses or odometry that is ground truth; `None` for no ground truth.
     pub truth_topic: Option<String>,
+    /// The topic of the inertial sensor's angular rates; `None` takes the camera's own where it is known how it is mounted.
+    pub imu_topic: Option<String>,
+    /// No inertial sensor, of a folder neither.
+    pub no_imu: bool,
     /// Depth image values per metre; `None` for what the device says, else 1000.
     pub depth_scale: Option<f64>,
 }
@@ -39,6 +43,8 @@ impl Default for OpenOptions {
             colour_topic: None,
             depth_topic: None,
             truth_topic: None,
+            imu_topic: None,
+            no_imu: false,
             depth_scale: None,
         }
     }
@@ -96,7 +102,11 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Input> {
         max_dt: options.max_dt,
         ..stillpoint_datasets::OpenOptions::default()
     };
-    Ok(Input::Folder(Box::new(Dataset::open(path, &folder)?)))
+    let mut dataset = Dataset::open(path, &folder)?;
+    if options.no_imu {
+        dataset.leave_out_inertial();
+    }
+    Ok(Input::Folder(Box::new(dataset)))
 }
 
 impl Input {
@@ -125,7 +135,8 @@ impl Input {
     pub fn imu(&self) -> Option<ImuModel> {
         match self {
             Self::Folder(d) => d.camera().imu.filter(|_| !d.inertial().is_empty()),
-            Self::File(_) | Self::Device(_) => None,
+            Self::File(f) => f.camera().imu,
+            Self::Device(_) => None,
         }
     }
 

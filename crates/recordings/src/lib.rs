@@ -25,6 +25,7 @@ mod decode;
 mod error;
 mod file;
 mod incoming;
+mod inertial;
 mod info;
 mod input;
 mod messages;

@@ -29,7 +29,7 @@ pub(crate) fn describe(
         let Some(slot) = recording.slots_of(channel).next().copied() else {
             continue;
         };
-        if topic.contains("/image/") {
+        if topic.contains("/image/") || topic.contains("/imu/") {
             continue;
         }
         let read = one(recording, &slot, &topic, &type_name)?;
@@ -54,7 +54,8 @@ pub(crate) fn describe(
 
 /// The stream that a topic is about.
 pub(crate) fn stream_of(topic: &str) -> &str {
-    let end = ["/image/", "/tf/", "/camera_info", "/info"].iter();
+    let ends = ["/image/", "/imu/", "/tf/", "/camera_info", "/info"];
+    let end = ends.iter();
     let end = end.filter_map(|part| topic.find(part)).min();
     topic[..end.unwrap_or(topic.len())].trim_start_matches('/')
 }
@@ -62,6 +63,12 @@ pub(crate) fn stream_of(topic: &str) -> &str {
 /// The frame of a RealSense's image topic: the images themselves name none that transforms know.
 pub(crate) fn frame(topic: &str) -> Option<&str> {
     let ours = topic.starts_with(DEVICE) && topic.contains("/image/data");
+    ours.then(|| stream_of(topic))
+}
+
+/// The frame of a RealSense's topic of its gyroscope or accelerometer.
+pub(crate) fn imu_frame(topic: &str) -> Option<&str> {
+    let ours = topic.starts_with(DEVICE) && topic.contains("/imu/data");
     ours.then(|| stream_of(topic))
 }
 

@@ -12,6 +12,7 @@ use crate::rectify::Rectifier;
 use crate::register::Registration;
 use std::path::Path;
 use stillpoint_datasets::CameraModel;
+use stillpoint_geometry::ImuModel;
 use stillpoint_imaging::{DepthImage, FrameId, RgbdFrame};
 
 /// One of the two images of a frame.
@@ -120,7 +121,7 @@ impl Setup<'_> {
             camera: optics.camera(),
             depth_scale,
             nominal,
-            imu: None,
+            imu: self.mounted()?,
         };
         model.camera.check().map_err(|e| {
             self.camera_error(
@@ -150,6 +151,12 @@ impl Setup<'_> {
             found,
             advice: "name a preset or a camera file with --camera".to_owned(),
         }
+    }
+
+    /// The inertial sensor of the camera file.
+    fn mounted(&self) -> Result<Option<ImuModel>> {
+        let file = self.options.camera.as_ref().map(CameraModel::choose);
+        Ok(file.transpose()?.and_then(|model| model.imu))
     }
 
     /// The colour camera, its name, and whether it is nominal.

@@ -4,12 +4,13 @@ use crate::choose::Pair;
 use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::{Entry, FileRecording};
+use crate::inertial::Samples;
 use crate::recording::Recording;
 use crate::setup::{Side, Treatment};
 use crate::store::{Slot, seconds};
 use std::sync::Arc;
 use stillpoint_datasets::{DatasetError, FrameOptions};
-use stillpoint_imaging::{DepthImage, FrameId, FrameSource, RgbdFrame, SourceError};
+use stillpoint_imaging::{DepthImage, FrameId, FrameSource, ImuSample, RgbdFrame, SourceError};
 use stillpoint_ros_messages as ros;
 
 /// Reads the frames of a recording in order. Frame ids count from 0 at the first frame read; an unreadable frame uses up its id.
@@ -24,6 +25,9 @@ pub struct RecordingSource {
     keep_colour: bool,
     strict: bool,
     ended: bool,
+    /// What the inertial sensor measured, and the stamp of the newest frame, s.
+    inertial: Option<Samples>,
+    newest: Option<f64>,
 }
 
 impl RecordingSource {
@@ -39,7 +43,11 @@ impl RecordingSource {
         }
         let rest = all - options.start;
         let count = options.max_frames.unwrap_or(rest).min(rest);
+        let first = of.entries[options.start].stamp;
+        let sensor = of.inertial.clone();
         Ok(Self {
+            inertial: sensor.map(|s| Samples::new(s, first)),
+            newest: None,
             recording: of.files.open()?,
             entries: Arc::clone(&of.entries),
             treatment: Arc::clone(&of.treatment),
@@ -144,6 +152,7 @@ impl FrameSource for RecordingSource {
         let entry = self.entries[self.left.next()?];
         let id = self.next_id;
         self.next_id += 1;
+        self.newest = Some(entry.stamp);
         Some(self.read(&entry, id).map_err(|e| {
             self.ended = self.strict;
             SourceError {
@@ -151,6 +160,13 @@ impl FrameSource for RecordingSource {
                 recoverable: !self.strict,
             }
         }))
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        match (&mut self.inertial, self.newest) {
+            (Some(samples), Some(stamp)) => samples.take_until(&mut self.recording, stamp),
+            _ => Vec::new(),
+        }
     }
 
     fn remaining(&self) -> Option<usize> {

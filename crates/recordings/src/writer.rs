@@ -1,11 +1,11 @@
 //! Frames as an MCAP file that the tools of ROS 2 open.
 
 use crate::error::Result;
-use crate::messages::MessageFile;
+use crate::messages::{MessageFile, TopicInfo};
 use std::path::Path;
 use stillpoint_datasets::StampedPose;
-use stillpoint_geometry::Camera;
-use stillpoint_imaging::RgbdFrame;
+use stillpoint_geometry::{Camera, ImuModel};
+use stillpoint_imaging::{ImuSample, RgbdFrame};
 use stillpoint_ros_messages as ros;
 
 /// Topics of the files, named as the drivers of RealSense name theirs.
@@ -13,6 +13,8 @@ const COLOUR: &str = "/camera/color/image_raw";
 const COLOUR_INFO: &str = "/camera/color/camera_info";
 const DEPTH: &str = "/camera/aligned_depth_to_color/image_raw";
 const DEPTH_INFO: &str = "/camera/aligned_depth_to_color/camera_info";
+const IMU: &str = "/camera/imu";
+const IMU_FRAME: &str = "camera_imu_optical_frame";
 /// Ground truth, as `--truth-topic` takes it.
 pub const TRUTH_TOPIC: &str = "/ground_truth/pose";
 const FRAME: &str = "camera_color_optical_frame";
@@ -22,6 +24,8 @@ const FRAME: &str = "camera_color_optical_frame";
 pub struct McapRecorder {
     file: MessageFile,
     camera: Camera,
+    /// What is added to the stamps of inertial samples, s.
+    imu_offset: f64,
 }
 
 impl McapRecorder {
@@ -39,6 +43,7 @@ impl McapRecorder {
         Self {
             file,
             camera: *camera,
+            imu_offset: 0.0,
         }
     }
 
@@ -89,6 +94,77 @@ impl McapRecorder {
         self.file.write_value(DEPTH, time, &depth)?;
         self.file
             .write_value(DEPTH_INFO, time, &info(&self.camera, depth_time))?;
+        Ok(())
+    }
+
+    /// Writes how an inertial sensor is mounted, as a transform that stands still; its noise has no message.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn add_imu(&mut self, model: &ImuModel, stamp: f64) -> Result<()> {
+        self.imu_offset = model.time_offset;
+        let time = nanoseconds(stamp);
+        let (t, q) = (
+            model.camera_from_imu.translation,
+            model.camera_from_imu.rotation,
+        );
+        let mount = ros::TransformStamped {
+            header: header(time),
+            child_frame_id: IMU_FRAME.into(),
+            transform: ros::Transform {
+                translation: ros::Vector3 {
+                    x: t.x,
+                    y: t.y,
+                    z: t.z,
+                },
+                rotation: ros::Quaternion {
+                    x: q.i,
+                    y: q.j,
+                    z: q.k,
+                    w: q.w,
+                },
+            },
+        };
+        let message = ros::TfMessage {
+            transforms: vec![mount],
+        };
+        let topic = TopicInfo {
+            name: "/tf_static",
+            type_name: <ros::TfMessage<'_> as ros::Message>::NAME,
+            definition: || ros::definition::<ros::TfMessage<'_>>(ros::Version::Ros2),
+            is_latched: true,
+        };
+        let cdr = ros::to_bytes(&message, ros::Format::CdrLittleEndian);
+        self.file.write(topic, time, &cdr)
+    }
+
+    /// Writes samples of the inertial sensor, with stamps on the camera's clock once [`Self::add_imu`] has said how they differ.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn add_inertial(&mut self, samples: &[ImuSample]) -> Result<()> {
+        for sample in samples {
+            let time = nanoseconds(sample.stamp + self.imu_offset);
+            let vector = |[x, y, z]: [f64; 3]| ros::Vector3 { x, y, z };
+            // Begins with -1 where there is no such value: it has no orientation (`sensor_msgs/Imu`).
+            let mut none = [0.0; 9];
+            none[0] = -1.0;
+            let message = ros::Imu {
+                header: ros::Header {
+                    frame_id: IMU_FRAME.into(),
+                    ..header(time)
+                },
+                orientation: ros::Quaternion {
+                    w: 1.0,
+                    ..ros::Quaternion::default()
+                },
+                orientation_covariance: none,
+                angular_velocity: vector(sample.angular_rate),
+                linear_acceleration: vector(sample.specific_force),
+                ..ros::Imu::default()
+            };
+            self.file.write_value(IMU, time, &message)?;
+        }
         Ok(())
     }
 

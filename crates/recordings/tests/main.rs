@@ -2,6 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod files;
+mod inertial;
 mod mutations;
 mod orbbec;
 #[cfg(feature = "sqlite")]

@@ -158,6 +158,13 @@ pub(crate) struct TopicArgs {
     /// Topic of poses or odometry in a recording that is ground truth [default: no ground truth].
     #[arg(long, value_name = "TOPIC")]
     pub(crate) truth_topic: Option<String>,
+    /// Topic of the inertial sensor in a recording (angular rates; with the forces, or beside their topic)
+    /// [default: the camera's own, where it is known how it is mounted].
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) imu_topic: Option<String>,
+    /// Use no inertial sensor, of a recording or a data set folder.
+    #[arg(long, conflicts_with = "imu_topic")]
+    pub(crate) no_imu: bool,
     /// Depth values per metre of a recording [default: what the device says, else 1000].
     #[arg(long, value_name = "N", value_parser = depth_scale)]
     pub(crate) depth_scale: Option<f64>,

@@ -215,6 +215,7 @@ impl Plan<'_> {
             ("--color-topic", &topics.color_topic),
             ("--depth-topic", &topics.depth_topic),
             ("--truth-topic", &topics.truth_topic),
+            ("--imu-topic", &topics.imu_topic),
         ] {
             if let Some(topic) = topic {
                 add(option, topic.into());
@@ -223,9 +224,8 @@ impl Plan<'_> {
         if let Some(scale) = topics.depth_scale {
             add("--depth-scale", scale.to_string().into());
         }
-        if *strict {
-            all.push("--strict".into());
-        }
+        let flags = [("--no-imu", topics.no_imu), ("--strict", *strict)];
+        all.extend(flags.iter().filter(|f| f.1).map(|f| f.0.into()));
         all
     }
 }
@@ -305,6 +305,8 @@ mod tests {
                 color_topic: Some("/c".into()),
                 depth_topic: Some("/d".into()),
                 truth_topic: Some("/t".into()),
+                imu_topic: Some("/i".into()),
+                no_imu: true,
                 depth_scale: Some(5000.0),
             },
             detector: DetectorArgs {
@@ -328,7 +330,7 @@ mod tests {
         let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
                         --detector-threads 2 --config my.toml \
                         --set a.b=1 --set a.c=2 --seed 9 --color-topic /c --depth-topic /d --truth-topic /t \
-                        --depth-scale 5000 --strict";
+                        --imu-topic /i --depth-scale 5000 --no-imu --strict";
         let found: Vec<String> = plan
             .arguments(Path::new("a"))
             .iter()

@@ -27,6 +27,10 @@ pub(crate) struct About {
     pub(crate) depth_topic: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) truth_topic: Option<String>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) imu_topic: Option<String>,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) no_imu: bool,
     /// Depth values per metre, when they were named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) depth_scale: Option<f64>,
@@ -77,6 +81,8 @@ impl About {
             color_topic: input.topics.color_topic.clone(),
             depth_topic: input.topics.depth_topic.clone(),
             truth_topic: input.topics.truth_topic.clone(),
+            imu_topic: input.topics.imu_topic.clone(),
+            no_imu: input.topics.no_imu,
             depth_scale: input.topics.depth_scale,
             start: input.start,
             load_map: file(MapUse::Grow),

@@ -388,6 +388,8 @@ pub(crate) fn options(input: &InputArgs) -> OpenOptions {
         colour_topic: input.topics.color_topic.clone(),
         depth_topic: input.topics.depth_topic.clone(),
         truth_topic: input.topics.truth_topic.clone(),
+        imu_topic: input.topics.imu_topic.clone(),
+        no_imu: input.topics.no_imu,
         depth_scale: input.topics.depth_scale,
         ..OpenOptions::default()
     }

@@ -27,6 +27,8 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
             color_topic: about.color_topic,
             depth_topic: about.depth_topic,
             truth_topic: about.truth_topic,
+            imu_topic: about.imu_topic,
+            no_imu: about.no_imu,
             depth_scale: about.depth_scale,
         },
         ..InputArgs::default()

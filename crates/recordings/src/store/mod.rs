@@ -121,15 +121,16 @@ impl Contents {
     }
 }
 
-/// Messages that are kept at most: ten days of images, or half a gigabyte of places.
+/// Messages that are kept at most: half a gigabyte of places, those of ten days of images, or of four hours with an inertial sensor beside them.
 const MOST_SLOTS: usize = 1 << 23;
 
-/// Whether a type tells of cameras or poses. IMU samples, points and the rest are counted only.
+/// Whether a type tells of cameras, poses or inertial sensors. Points and the rest are counted only.
 pub(crate) fn is_looked_into(type_name: &str) -> bool {
     [
         "sensor_msgs/msg/Image",
         "sensor_msgs/msg/CompressedImage",
         "sensor_msgs/msg/CameraInfo",
+        "sensor_msgs/msg/Imu",
         "custom_msg/msg/OBStreamProfileInfo",
         "custom_msg/msg/OBDeviceInfo",
         "tf2_msgs/msg/TFMessage",
