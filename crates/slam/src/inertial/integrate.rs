@@ -17,6 +17,8 @@ pub(super) struct Rotation {
     pub(super) later_from_earlier: UnitQuaternion<f64>,
     /// How it changes with the bias that is taken off the rates: a left perturbation per rad/s.
     pub(super) by_bias: Mat3,
+    /// How it changes with what is added to the samples' stamps: a left perturbation per second.
+    pub(super) by_time: Vec3,
 }
 
 /// Integrates the rates between two moments, s, less a bias, rad/s. Between samples the rate changes linearly; each piece is integrated to the fourth
@@ -38,6 +40,7 @@ pub(super) fn integrate(
     let mut earlier_from_later = UnitQuaternion::identity();
     let mut by_bias = Mat3::zeros();
     let mut before = rate_at(samples, from)? - bias;
+    let at_first = before;
     for pair in moments.windows(2) {
         let dt = pair[1] - pair[0];
         let after = rate_at(samples, pair[1])? - bias;
@@ -47,9 +50,11 @@ pub(super) fn integrate(
         by_bias = step.inverse().to_rotation_matrix() * by_bias + Mat3::identity() * dt;
         before = after;
     }
+    let later_from_earlier = earlier_from_later.inverse();
     Some(Rotation {
-        later_from_earlier: earlier_from_later.inverse(),
+        later_from_earlier,
         by_bias,
+        by_time: before - later_from_earlier * at_first,
     })
 }
 
@@ -128,6 +133,14 @@ mod tests {
             let [with, without] = [bias, Vec3::zeros()].map(|bias| integrate(&samples, &bias, [0.05, 0.05 + span]).unwrap());
             let moved = so3::log(&(with.later_from_earlier * without.later_from_earlier.inverse()));
             prop_assert!((moved - without.by_bias * bias).norm() < 1e-3 * span * bias.norm() + 2e-4 * span);
+        }
+
+        #[test]
+        fn later_stamps_turn_as_the_derivative_says(a in vector(2.0), b in vector(2.0), offset in 1e-4..1e-3f64, from in 0.1..0.4f64, span in 0.05..0.5f64) {
+            let samples = Turning { a, b }.samples(2000.0, 0.0);
+            let [with, without] = [offset, 0.0].map(|o| integrate(&samples, &Vec3::zeros(), [from - o, from + span - o]).unwrap());
+            let moved = so3::log(&(with.later_from_earlier * without.later_from_earlier.inverse()));
+            prop_assert!((moved - without.by_time * offset).norm() < 20.0 * offset * offset + 1e-6);
         }
 
         #[test]

@@ -1,10 +1,10 @@
 //! The inertial sensor beside the camera: how the camera turned between two moments, and whether the sensor can be believed.
 //!
 //! Answers: the camera's turn by the gyroscope, with what it may be wrong by. Keeps the samples of the last seconds, estimates the gyroscope's bias from rest and
-//! from tracked rotations, and notices a sensor that is stuck, noisy or mounted otherwise. Does not know images; what the turn is used for is the tracker's business.
+//! from tracked rotations, and from these how the sensor is mounted and how its clock is off, and notices a sensor that is stuck, noisy or mounted otherwise. Does not know images; what the turn is used for is the tracker's business.
 //! (docs/algorithm.md, the inertial sensor.)
 
-mod bias;
+mod calibration;
 mod integrate;
 mod report;
 mod rest;
@@ -13,12 +13,13 @@ mod trust;
 
 pub use report::{InertialReport, InertialState, SensorFault};
 
-use bias::GyroBias;
+use calibration::{Calibration, Teaches, difference};
+use integrate::Rotation;
 use rest::Rest;
 use signal::Signal;
 use std::collections::VecDeque;
 use stillpoint_geometry::nalgebra::UnitQuaternion;
-use stillpoint_geometry::{ImuModel, Vec3, so3};
+use stillpoint_geometry::{ImuModel, Vec3};
 use stillpoint_imaging::ImuSample;
 use trust::{Seen, Trust};
 
@@ -26,7 +27,7 @@ use trust::{Seen, Trust};
 const KEPT_S: f64 = 8.0;
 /// ... and so many at most: of a sensor of 4 kHz.
 const KEPT: usize = 32_768;
-/// By how much gyroscopes err in scale, as a share of the turn: 1 % by data sheets, and a mount that is known to half a degree.
+/// By how much gyroscopes err in scale, as a share of the turn: 1 % by data sheets, and what poses err by while much turns.
 const SCALE: f64 = 0.01;
 /// Specific force is summed up over so many frames at least before it tells which way is up.
 const UP_FRAMES: f64 = 30.0;
@@ -46,7 +47,7 @@ pub(crate) struct Inertial {
     model: ImuModel,
     /// The newest ones, in order of time, with stamps on the camera's clock.
     samples: VecDeque<ImuSample>,
-    bias: GyroBias,
+    known: Calibration,
     signal: Signal,
     rest: Rest,
     trust: Trust,
@@ -58,7 +59,7 @@ impl Inertial {
     /// A sensor that was just switched on.
     pub(crate) fn new(model: ImuModel) -> Self {
         Self {
-            bias: GyroBias::new(model.gyro_bias, model.gyro_walk),
+            known: Calibration::new(&model),
             model,
             samples: VecDeque::new(),
             signal: Signal::default(),
@@ -77,7 +78,7 @@ impl Inertial {
         };
         Self {
             samples: self.samples.iter().rev().map(mirror).collect(),
-            bias: self.bias.mirrored(),
+            known: self.known.mirrored(),
             ..self.clone()
         }
     }
@@ -93,14 +94,12 @@ impl Inertial {
             if before.is_some_and(|before| sample.stamp <= before) {
                 continue;
             }
-            self.bias.wait(before.map_or(0.0, |b| sample.stamp - b));
+            self.known.wait(before.map_or(0.0, |b| sample.stamp - b));
             self.signal.take(&sample);
             self.samples.push_back(sample);
             if let Some(still) = self.rest.take(&sample, &self.model) {
                 // What a sensor at rest measures is its bias.
-                let by_bias = stillpoint_geometry::Mat3::identity();
-                let offset = still.rate - self.bias.value;
-                self.bias.measure(&offset, &by_bias, still.sigma);
+                self.known.measure_rest(&still.rate, still.sigma);
             }
             let is_old = |s: &ImuSample| sample.stamp - s.stamp > KEPT_S;
             while self.samples.len() > KEPT || self.samples.front().is_some_and(is_old) {
@@ -140,24 +139,30 @@ impl Inertial {
 
     /// The same whether it is believed or not.
     fn measured(&self, from: f64, to: f64) -> Option<Turn> {
-        let rotation = integrate::integrate(&self.samples, &self.bias.value, [from, to])?;
-        let mount = &self.model.camera_from_imu.rotation;
+        let rotation = self.rotation(from, to)?;
+        let mount = &self.known.camera_from_imu;
         let later_from_earlier = mount * rotation.later_from_earlier * mount.inverse();
         let white = self.model.gyro_noise.max(self.signal.density()) * (to - from).sqrt();
-        let bias = self.bias.sigma_of(&rotation.by_bias);
+        let known = self.known.sigma_of(&rotation);
         let scale = SCALE * later_from_earlier.angle();
-        let sigma = (white * white + bias * bias + scale * scale).sqrt();
+        let sigma = (white * white + known * known + scale * scale).sqrt();
         Some(Turn {
             later_from_earlier,
             sigma,
         })
     }
 
+    /// How the sensor turned between two moments on the frames' clock, s.
+    fn rotation(&self, from: f64, to: f64) -> Option<Rotation> {
+        let span = [from, to].map(|t| t - self.known.offset);
+        integrate::integrate(&self.samples, &self.known.bias, span)
+    }
+
     /// How fast the camera turns at a moment, in its own axes, rad/s. None where it is not known, or not believed.
     pub(crate) fn rate(&self, at: f64) -> Option<Vec3> {
         self.fault().is_none().then_some(())?;
-        let rate = integrate::rate_at(&self.samples, at)? - self.bias.value;
-        Some(self.model.camera_from_imu.rotation * rate)
+        let rate = integrate::rate_at(&self.samples, at - self.known.offset)? - self.known.bias;
+        Some(self.known.camera_from_imu * rate)
     }
 
     /// Learns from a pose at `time` that the map bears out. Where much moves beside it, it `can_refute` nothing.
@@ -175,19 +180,21 @@ impl Inertial {
         let Some(from) = self.trust.follow(seen) else {
             return;
         };
-        let span = [from.time, time];
-        let Some(rotation) = integrate::integrate(&self.samples, &self.bias.value, span) else {
+        let Some(rotation) = self.rotation(from.time, time) else {
             return;
         };
-        let mount = &self.model.camera_from_imu.rotation;
         let camera = world_from_camera.inverse() * from.world_from_camera;
-        // In the axes of the sensor, as the bias is.
-        let sensor = mount.inverse() * camera * mount;
-        let offset = so3::log(&(sensor * rotation.later_from_earlier.inverse()));
+        let seen = self.known.in_sensor(&camera);
+        let offset = difference(&rotation, &seen);
         if self.trust.compare(camera.angle(), &offset, can_refute) {
             let scale = SCALE * camera.angle();
             let sigma = (Trust::sigma() * Trust::sigma() + scale * scale).sqrt();
-            self.bias.measure(&offset, &rotation.by_bias, sigma);
+            let teaches = if can_refute {
+                Teaches::Everything
+            } else {
+                Teaches::Bias
+            };
+            self.known.measure_turn(&rotation, &seen, sigma, teaches);
         }
     }
 
@@ -203,9 +210,10 @@ impl Inertial {
 
     /// Over some seconds a hand's accelerations cancel out, and what is left of the specific force is what carries the sensor: upwards.
     fn sum_force(&mut self, time: f64, world_from_camera: &UnitQuaternion<f64>) {
+        let time = time - self.known.offset;
         let near = self.samples.partition_point(|s| s.stamp < time);
         if let Some(sample) = self.samples.get(near) {
-            let force = self.model.camera_from_imu.rotation * Vec3::from(sample.specific_force);
+            let force = self.known.camera_from_imu * Vec3::from(sample.specific_force);
             self.force.0 += world_from_camera * force;
             self.force.1 += 1.0;
         }
@@ -223,8 +231,17 @@ impl Inertial {
         let told = frames >= UP_FRAMES && norm > 0.5 * frames && state == InertialState::Confirmed;
         InertialReport {
             state,
-            gyro_bias: self.bias.value.into(),
-            gyro_bias_sigma: self.bias.sigma(),
+            gyro_bias: self.known.bias.into(),
+            gyro_bias_sigma: self.known.bias_sigma(),
+            camera_from_imu: self.known.camera_from_imu,
+            mount_error: self
+                .known
+                .camera_from_imu
+                .angle_to(&self.model.camera_from_imu.rotation),
+            mount_sigma: self.known.mount_sigma(),
+            time_offset: self.model.time_offset + self.known.offset,
+            time_offset_error: self.known.offset,
+            time_offset_sigma: self.known.offset_sigma(),
             up: told.then(|| (force / norm).into()),
         }
     }

@@ -1,5 +1,7 @@
 //! What is said of the inertial sensor.
 
+use stillpoint_geometry::nalgebra::UnitQuaternion;
+
 /// What is wrong with an inertial sensor that is not listened to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SensorFault {
@@ -53,6 +55,18 @@ pub struct InertialReport {
     pub gyro_bias: [f64; 3],
     /// ... and its standard deviation, rad/s.
     pub gyro_bias_sigma: f64,
+    /// How the sensor stands to the camera, as estimated: turns its axes to the camera's.
+    pub camera_from_imu: UnitQuaternion<f64>,
+    /// By how much that differs from what was stated, rad ...
+    pub mount_error: f64,
+    /// ... and its standard deviation about an axis, rad.
+    pub mount_sigma: f64,
+    /// What is to be added to the sensor's stamps, as estimated, s.
+    pub time_offset: f64,
+    /// By how much that differs from what was stated, s ...
+    pub time_offset_error: f64,
+    /// ... and its standard deviation, s.
+    pub time_offset_sigma: f64,
     /// The direction that points up, in the world of the map; none before the sensor has told for a second.
     pub up: Option<[f64; 3]>,
 }

@@ -1,6 +1,6 @@
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 use super::*;
-use stillpoint_geometry::Se3;
+use stillpoint_geometry::{Se3, so3};
 
 /// Noise between -1 and 1 by the number of the value.
 fn noise(k: u32, axis: u32) -> f64 {
@@ -73,6 +73,27 @@ fn tracked_rotations_tell_the_bias_and_confirm_the_sensor() {
     // Up is where the force comes from.
     let up = Vec3::from(report.up.unwrap());
     assert!((up - Vec3::new(0.0, -1.0, 0.0)).norm() < 0.01, "{up}");
+}
+
+#[test]
+fn a_mount_and_a_clock_that_are_a_little_off_are_found() {
+    let samples = samples(&mount(), Vec3::new(0.012, -0.02, 0.015), 20.0);
+    let turned = mounted().turned(Vec3::new(0.02, -0.015, 0.01));
+    // What was measured at t is said to be of 8 ms later.
+    let stated = ImuModel {
+        time_offset: 0.008,
+        ..turned
+    };
+    let found = after(stated, &samples, 20.0).report();
+    assert_eq!(found.state, InertialState::Confirmed);
+    let off = found.camera_from_imu.angle_to(&mount());
+    assert!(off < 0.004, "{off}");
+    assert!((found.mount_error - 0.027).abs() < 0.004 && found.mount_sigma < 0.005);
+    assert!(found.time_offset.abs() < 0.001, "{}", found.time_offset);
+    assert!(found.time_offset_sigma < 0.001);
+    // What is right stays so.
+    let right = after(mounted(), &samples, 20.0).report();
+    assert!(right.mount_error < 0.003 && right.time_offset.abs() < 0.0005);
 }
 
 #[test]

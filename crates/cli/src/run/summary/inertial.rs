@@ -2,7 +2,15 @@
 
 use crate::console;
 use serde::{Deserialize, Serialize};
+use std::fmt::Write;
 use stillpoint::slam::{FrameReport, InertialState, Outcome};
+
+/// Mounts that are off by more than this are worth a word, rad: a degree ...
+const TELLING_TURN: f64 = 0.0175;
+/// ... and clocks, s ...
+const TELLING_OFFSET: f64 = 2e-3;
+/// ... if they are off by so many standard deviations.
+const CERTAIN: f64 = 4.0;
 
 /// The inertial sensor, as known in the end.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -17,6 +25,18 @@ pub(crate) struct InertialJson {
     pub(crate) gyro_bias: [f64; 3],
     /// Its standard deviation, rad/s.
     pub(crate) gyro_bias_sigma: f64,
+    /// How the sensor stands to the camera, as estimated: a quaternion x y z w that turns its axes to the camera's.
+    pub(crate) rotation: [f64; 4],
+    /// By how much that differs from what was stated, rad.
+    pub(crate) rotation_error: f64,
+    /// Its standard deviation about an axis, rad.
+    pub(crate) rotation_sigma: f64,
+    /// What is to be added to the sensor's stamps, as estimated, s.
+    pub(crate) time_offset: f64,
+    /// By how much that differs from what was stated, s.
+    pub(crate) time_offset_error: f64,
+    /// Its standard deviation, s.
+    pub(crate) time_offset_sigma: f64,
     /// The direction that points up in the trajectory's world; absent where it is not known.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) up: Option<[f64; 3]>,
@@ -41,6 +61,13 @@ impl InertialJson {
         json.carried_frames += usize::from(matches!(report.outcome, Outcome::Carried { .. }));
         json.gyro_bias = said.gyro_bias;
         json.gyro_bias_sigma = said.gyro_bias_sigma;
+        let q = &said.camera_from_imu;
+        json.rotation = [q.i, q.j, q.k, q.w];
+        json.rotation_error = said.mount_error;
+        json.rotation_sigma = said.mount_sigma;
+        json.time_offset = said.time_offset;
+        json.time_offset_error = said.time_offset_error;
+        json.time_offset_sigma = said.time_offset_sigma;
         json.up = said.up;
         json.state = state;
     }
@@ -54,10 +81,32 @@ impl InertialJson {
             n => format!(", the direction of {n} frames is its own"),
         };
         format!(
-            "inertial sensor: {}; bias {x:.2}, {y:.2}, {z:.2} deg/s (+-{:.2}){carried}",
+            "inertial sensor: {}; bias {x:.2}, {y:.2}, {z:.2} deg/s (+-{:.2}){}{carried}",
             self.state,
-            self.gyro_bias_sigma.to_degrees()
+            self.gyro_bias_sigma.to_degrees(),
+            self.stated_wrongly()
         )
+    }
+
+    /// What was stated of mount and clock and is not so, with what to state instead.
+    fn stated_wrongly(&self) -> String {
+        let mut said = String::new();
+        if self.rotation_error > TELLING_TURN.max(CERTAIN * self.rotation_sigma) {
+            let [x, y, z, w] = self.rotation;
+            said = format!(
+                ", mounted {:.1} deg otherwise than stated (rotation = [{x:.4}, {y:.4}, {z:.4}, {w:.4}])",
+                self.rotation_error.to_degrees()
+            );
+        }
+        if self.time_offset_error.abs() > TELLING_OFFSET.max(CERTAIN * self.time_offset_sigma) {
+            let ms = self.time_offset_error * 1e3;
+            let _ = write!(
+                said,
+                ", its clock {ms:.1} ms off what is stated (time_offset = {:.4})",
+                self.time_offset
+            );
+        }
+        said
     }
 }
 
@@ -77,6 +126,23 @@ mod tests {
         assert_eq!(
             json.line(),
             "inertial sensor: confirmed; bias 0.57, 0.00, -1.15 deg/s (+-0.06), the direction of 8 frames is its own"
+        );
+        let off = InertialJson {
+            rotation: [0.0, 0.0, 0.017_452_4, 0.999_847_7],
+            rotation_error: 0.0349,
+            rotation_sigma: 0.004,
+            time_offset: 0.0123,
+            time_offset_error: -0.0031,
+            time_offset_sigma: 0.0004,
+            ..json
+        };
+        let line = off.line();
+        let mount =
+            "mounted 2.0 deg otherwise than stated (rotation = [0.0000, 0.0000, 0.0175, 0.9998])";
+        assert!(line.contains(mount), "{line}");
+        assert!(
+            line.contains("clock -3.1 ms off what is stated (time_offset = 0.0123)"),
+            "{line}"
         );
     }
 }
