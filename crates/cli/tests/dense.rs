@@ -279,3 +279,55 @@ fn what_cannot_be_made_is_refused_in_words() {
     ];
     check(&stillpoint(args), 2, &["--voxel: expected 0.04 m"]);
 }
+
+/// Turns every image of a folder by half a turn, as a camera that hangs upside down has them.
+fn turn_images(folder: &Path) {
+    for part in ["rgb", "depth"] {
+        for entry in std::fs::read_dir(folder.join(part)).unwrap() {
+            let path = entry.unwrap().path();
+            image::open(&path).unwrap().rotate180().save(&path).unwrap();
+        }
+    }
+}
+
+#[test]
+fn a_camera_that_hangs_upside_down_has_its_floor_by_the_inertial_sensor() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name);
+    let data = at("hanging");
+    let args = ["-q", "simulate", "--imu", "--scene", "halfsphere"];
+    let more = ["--frames", "60", "--out", text(&data)];
+    check(&stillpoint([&args[..], &more].concat()), 0, &[]);
+    turn_images(&data);
+    // The sensor hangs as it is: half a turn about the camera's axis is between both.
+    let file = data.join("camera.toml");
+    let camera = std::fs::read_to_string(&file).unwrap();
+    let (before, after) = camera.split_once("\nrotation = ").unwrap();
+    let (_, after) = after.split_once('\n').unwrap();
+    let turned = format!("{before}\nrotation = [0.0, 0.0, 1.0, 0.0]\n{after}");
+    std::fs::write(&file, turned).unwrap();
+    let run = |out: &Path, more: &[&str]| {
+        let args = [
+            "run",
+            text(&data),
+            "--no-report",
+            "--dense",
+            "--voxel",
+            "0.04",
+        ];
+        let args = [&args[..], &["--out", text(out)], more].concat();
+        check(&stillpoint(args), 0, &[]);
+        std::fs::read(out.join("grid.pgm")).unwrap_or_default()
+    };
+    let known = run(&at("with"), &[]);
+    let named = run(&at("named"), &["--no-imu", "--up", "0,1,0"]);
+    let without = run(&at("without"), &["--no-imu"]);
+    assert!(!known.is_empty() && known != without);
+    // Free ground is where it is when somebody says which way is up.
+    let free = |grid: &[u8]| grid.iter().filter(|v| **v == 254).count() as f64;
+    let (known, named) = (free(&known), free(&named));
+    assert!(
+        known > 50.0 && (known / named - 1.0).abs() < 0.1,
+        "{known} {named}"
+    );
+}

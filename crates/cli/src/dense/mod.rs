@@ -29,7 +29,7 @@ const SHOWN_SHARE: u32 = 20;
 pub(crate) struct Wish {
     /// m.
     pub(crate) voxel: Option<f64>,
-    /// Away from the floor; none for that of a camera that was held upright at first.
+    /// Away from the floor; none for what the inertial sensor knows of it, without one for that of a camera that was held upright at first.
     pub(crate) up: Option<Vec3>,
     /// What was fused before, from the map that the run begins with.
     pub(crate) known: Option<DenseMap>,
@@ -54,6 +54,8 @@ pub(crate) struct Logged {
 pub(crate) struct Fusion {
     dense: Dense,
     up: Option<Vec3>,
+    /// As the inertial sensor knew it last.
+    measured_up: Option<Vec3>,
     /// Largest amount of memory held, bytes.
     most_bytes: usize,
     /// Who shows it while the run goes on.
@@ -92,6 +94,7 @@ impl Fusion {
         Ok(Self {
             dense,
             up: wish.up,
+            measured_up: None,
             most_bytes: 0,
             page: None,
             next_shown: None,
@@ -107,7 +110,7 @@ impl Fusion {
         let mut fused = Fused::of(self.dense.finish(poses), &counts);
         fused.json.memory_bytes = self.most_bytes.max(fused.json.memory_bytes);
         fused.logged.frames = frames;
-        fused.up = self.up.unwrap_or(fused.up);
+        fused.up = self.up.or(self.measured_up).unwrap_or(fused.up);
         fused
     }
 
@@ -141,6 +144,10 @@ impl Writer for Fusion {
     fn write(&mut self, event: &Event) -> Result<(), Failure> {
         let _span = tracing::info_span!("fuse").entered();
         self.dense.receive(event);
+        if let Event::Frame(frame) = event {
+            let known = frame.report.inertial.as_ref().and_then(|i| i.up);
+            self.measured_up = known.map(Vec3::from).or(self.measured_up);
+        }
         self.note_memory();
         self.show();
         Ok(())
