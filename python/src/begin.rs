@@ -6,6 +6,7 @@ use crate::config::Config;
 use crate::driver::{Driver, Inline};
 use crate::guard::{Turn, detached};
 use crate::images::{Intake, Order};
+use crate::inertial;
 use crate::live::{Called, Live};
 use crate::result::About;
 use crate::slam::Slam;
@@ -15,6 +16,7 @@ use pyo3::types::PyBool;
 use std::path::PathBuf;
 use stillpoint::dense::{Dense as Fusing, DenseConfig, DenseMap};
 use stillpoint::detection::{Detector, DetectorInfo, NoDetector};
+use stillpoint::geometry::ImuModel;
 use stillpoint::imaging::Simd;
 use stillpoint::slam::{MapUse, Stages, System};
 use stillpoint_cli::front;
@@ -26,6 +28,7 @@ pub(crate) struct Begin {
     order: Order,
     detector: Named,
     dense: Option<DenseConfig>,
+    imu: Option<ImuModel>,
     live: bool,
     map: Option<(PathBuf, MapUse)>,
 }
@@ -45,6 +48,7 @@ pub(crate) struct Options<'a, 'py> {
     pub(crate) live: Option<&'a Bound<'py, PyAny>>,
     pub(crate) color_order: Option<&'a Bound<'py, PyAny>>,
     pub(crate) dense: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) imu: Option<&'a Bound<'py, PyAny>>,
 }
 
 impl Options<'_, '_> {
@@ -57,6 +61,7 @@ impl Options<'_, '_> {
             ));
         }
         Ok(Begin {
+            imu: inertial::model(self.imu, &camera)?,
             camera,
             config: Config::from_any(self.config)?,
             order: Order::of(self.color_order)?,
@@ -117,11 +122,13 @@ impl Begin {
                 (detector, looks, None)
             }
         };
+        let has_imu = self.imu.is_some();
         let (driver, about) = detached(py, || self.driver(detector, function.is_some()))??;
         Ok(Slam {
             driver: Turn::new(driver),
             intake: Intake::new(camera, order, keep || looks),
             function,
+            has_imu,
             about,
         })
     }
@@ -154,6 +161,10 @@ impl Begin {
             value(if is_camera { "camera" } else { "config" }, e)
         })?;
         let stages = stages.with_workers(workers);
+        let stages = match self.imu {
+            Some(model) => stages.with_imu(model).map_err(|e| value("imu", e))?,
+            None => stages,
+        };
         let mut known = None;
         let stages = match loaded {
             None => stages,

@@ -9,7 +9,7 @@ use std::time::Instant;
 use stillpoint::datasets::StampedPose;
 use stillpoint::dense::{Dense, DenseCounts, DenseMap, FinalPose};
 use stillpoint::detection::{Detection, Detector, DetectorInfo};
-use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
+use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, ImuSample, RgbdFrame};
 use stillpoint::map::{Map, MapView};
 use stillpoint::slam::{
     Event, FrameEvent, RefusedFrame, Subscriber, System, Timing, Trajectory, TrajectoryEntry,
@@ -226,6 +226,15 @@ impl Driver {
             Self::Live(live) => live.end_frame(milliseconds),
         }
         Ok(tracked)
+    }
+
+    /// Takes what the inertial sensor measured up to the next frame.
+    pub(crate) fn receive_inertial(&mut self, samples: Vec<ImuSample>) {
+        match self {
+            Self::Inline(inline) if !inline.is_over => inline.system.receive_inertial(samples),
+            Self::Inline(_) => {}
+            Self::Live(live) => live.receive_inertial(samples),
+        }
     }
 
     /// Keeps from now on what a result folder says.

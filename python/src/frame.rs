@@ -184,6 +184,15 @@ impl Frame {
         }
     }
 
+    /// What is known of the inertial sensor, by name: ``state`` (unconfirmed, confirmed or ignored), ``reason`` why it is ignored, ``gyro_bias``
+    /// (rad/s, its axes) and ``gyro_bias_sigma``, ``rotation`` (x, y, z, w: turns its axes to the camera's, as estimated) and ``rotation_sigma``
+    /// (rad), ``time_offset`` (s, to be added to its stamps, as estimated) and ``time_offset_sigma``, ``up`` in the world, or None. None without one.
+    #[getter]
+    fn inertial<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let report = self.event.report.inertial.as_ref();
+        report.map(|r| crate::inertial::report(py, r)).transpose()
+    }
+
     /// The grey image that was tracked, (height, width) uint8; a view that cannot be written to.
     #[getter]
     fn gray<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyArray2<u8>>> {

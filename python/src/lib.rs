@@ -17,6 +17,7 @@ mod events;
 mod frame;
 mod guard;
 mod images;
+mod inertial;
 mod live;
 mod map;
 mod mask;

@@ -13,7 +13,7 @@ use stillpoint::dense::{Dense, DenseCounts, DenseMap};
 use stillpoint::detection::{
     DetectError, Detection, Detections, Detector, DetectorInfo, DetectorKind,
 };
-use stillpoint::imaging::{FrameId, RgbdFrame};
+use stillpoint::imaging::{FrameId, ImuSample, RgbdFrame};
 use stillpoint::live::{Delivery, Events, LiveOptions, LiveResult, LiveSystem, Stage, ThreadState};
 use stillpoint::map::Map;
 use stillpoint::slam::{Event, FrameEvent, Stages, Subscriber, Timing};
@@ -136,6 +136,13 @@ impl Live {
                     }
                 }
             }
+        }
+    }
+
+    /// What the inertial sensor measured up to the next frame; whether tracking goes on is told with that.
+    pub(crate) fn receive_inertial(&mut self, samples: Vec<ImuSample>) {
+        if let Some(run) = &mut self.run {
+            run.tell_inertial(samples);
         }
     }
 

@@ -13,7 +13,9 @@ use pyo3::prelude::*;
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::{BoundingBox, ClassId, Detection as Seen};
-use stillpoint::simulator::{DetectionNoise, Simulator, SimulatorConfig, scene_names};
+use stillpoint::simulator::{
+    DetectionNoise, SimulatedImu, Simulator, SimulatorConfig, scene_names,
+};
 
 /// Frames of three hours at 30 Hz, at most.
 const MOST: u64 = 324_000;
@@ -27,17 +29,20 @@ const MOST: u64 = 324_000;
 ///     rate: frames per second.
 ///     noise: whether images are as a real camera's; else they are ideal.
 ///     camera: its camera; None for one of 640x480 px.
+///     imu: whether the frames come with samples of an inertial sensor, a BMI055; its noise does not depend on `noise`.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Simulation {
     simulator: Arc<Simulator>,
     config: SimulatorConfig,
     camera: Camera,
+    imu: Option<SimulatedImu>,
 }
 
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (scene=None, frames=None, *, seed=None, rate=None, noise=None, camera=None))]
+    #[pyo3(signature = (scene=None, frames=None, *, seed=None, rate=None, noise=None, camera=None, imu=None))]
+    #[allow(clippy::too_many_arguments)] // They have names in Python.
     fn new(
         py: Python<'_>,
         scene: Option<&Bound<'_, PyAny>>,
@@ -46,6 +51,7 @@ impl Simulation {
         rate: Option<&Bound<'_, PyAny>>,
         noise: Option<&Bound<'_, PyAny>>,
         camera: Option<&Bound<'_, PyAny>>,
+        imu: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let scene = scene.map_or(Ok("xyz".to_owned()), |s| words("scene", s))?;
         let frames = frames.map(|n| count("frames", n, MOST)).transpose()?;
@@ -71,6 +77,10 @@ impl Simulation {
             model = Camera::from_any(camera)?;
             config.camera = model.model.camera;
         }
+        let imu = imu
+            .map_or(Ok(false), |i| yes("imu", i))?
+            .then(SimulatedImu::default);
+        model.model.imu = imu.as_ref().map(|i| i.model);
         let simulator = detached(py, || Simulator::new(&config))?;
         let simulator = simulator.map_err(|e| {
             use stillpoint::simulator::SimulatorError::{Camera, UnknownScene};
@@ -85,6 +95,7 @@ impl Simulation {
             simulator: Arc::new(simulator),
             config,
             camera: model,
+            imu,
         })
     }
 
@@ -97,6 +108,12 @@ impl Simulation {
         scene_names().to_vec()
     }
 
+    /// Whether the frames come with samples of an inertial sensor.
+    #[getter]
+    fn has_imu(&self) -> bool {
+        self.imu.is_some()
+    }
+
     fn __len__(&self) -> usize {
         self.simulator.len()
     }
@@ -106,7 +123,11 @@ impl Simulation {
         let twin = twin.map_err(|e| value("scene", e))?;
         let exact = Arc::clone(&self.simulator);
         let truth = Box::new(move |stamp| exact.world_from_camera(stamp));
-        Ok(Images::new(twin.source().with_colour(), Some(truth)))
+        let mut source = twin.source().with_colour();
+        if let Some(imu) = &self.imu {
+            source = source.with_imu(imu);
+        }
+        Ok(Images::new(source, Some(truth)))
     }
 
     fn __getitem__(&self, py: Python<'_>, index: &Bound<'_, PyAny>) -> PyResult<Image> {
@@ -114,7 +135,7 @@ impl Simulation {
         let simulator = &self.simulator;
         let frame = detached(py, || simulator.frame_with_colour(index))?;
         let truth = simulator.world_from_camera(frame.stamp);
-        Ok(Image::new(frame, Some(truth)))
+        Ok(Image::new(frame, Some(truth), Vec::new()))
     }
 
     /// What moves in a frame, exactly, (height, width) uint8: 255 where something moves, else 0.

@@ -11,6 +11,7 @@ use crate::events::Events;
 use crate::frame::Frame;
 use crate::guard::Turn;
 use crate::images::{Handed, Intake, refused};
+use crate::inertial;
 use crate::map::Map;
 use crate::result::{About, Read};
 use crate::trajectory::Trajectory;
@@ -20,6 +21,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::path::PathBuf;
 use stillpoint::detection::Detection;
+use stillpoint::imaging::ImuSample;
 use stillpoint::slam::MapUse;
 use stillpoint_cli::front;
 
@@ -34,6 +36,8 @@ use stillpoint_cli::front;
 ///         for all of them, and the same frames give the same poses, bit for bit.
 ///     color_order: ``rgb`` or ``bgr``: in which order the bytes of a colour pixel are. OpenCV has ``bgr``.
 ///     dense: whether a surface is fused of what stands still (see :attr:`dense`); a number is its voxel, m.
+///     imu: how an inertial sensor stands to the camera, whose samples :meth:`track` gets: camera_from_imu, (4, 4) float64, m; True for what the
+///         camera's file or recording says of it; None for no sensor. Its noise is that of a BMI055, unless the camera's file says otherwise.
 ///
 /// Raises:
 ///     ValueError, TypeError: an argument that cannot be used; the message names it.
@@ -50,6 +54,8 @@ pub(crate) struct Slam {
     pub(crate) intake: Intake,
     /// The user's function, in a run in one thread.
     pub(crate) function: Option<Py<PyAny>>,
+    /// Whether samples of an inertial sensor are expected.
+    pub(crate) has_imu: bool,
     pub(crate) about: About,
 }
 
@@ -82,7 +88,7 @@ fn map_file(found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
 #[pymethods]
 impl Slam {
     #[new]
-    #[pyo3(signature = (camera, config=None, detector=None, live=None, *, color_order=None, dense=None))]
+    #[pyo3(signature = (camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None))]
     fn new(
         camera: &Bound<'_, PyAny>,
         config: Option<&Bound<'_, PyAny>>,
@@ -90,6 +96,7 @@ impl Slam {
         live: Option<&Bound<'_, PyAny>>,
         color_order: Option<&Bound<'_, PyAny>>,
         dense: Option<&Bound<'_, PyAny>>,
+        imu: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let py = camera.py();
         let options = Options {
@@ -99,6 +106,7 @@ impl Slam {
             live,
             color_order,
             dense,
+            imu,
         };
         options.check(None)?.begin(py)
     }
@@ -110,7 +118,7 @@ impl Slam {
     ///     FileNotFoundError: there is no such file.
     ///     ValueError: it is no map, or of another camera.
     #[classmethod]
-    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, dense=None))]
+    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None))]
     #[allow(clippy::too_many_arguments)] // They are those of the class, and the path.
     fn load(
         _cls: &Bound<'_, PyType>,
@@ -121,6 +129,7 @@ impl Slam {
         live: Option<&Bound<'_, PyAny>>,
         color_order: Option<&Bound<'_, PyAny>>,
         dense: Option<&Bound<'_, PyAny>>,
+        imu: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let path = map_file(path)?;
         let py = camera.py();
@@ -131,13 +140,14 @@ impl Slam {
             live,
             color_order,
             dense,
+            imu,
         };
         options.check(Some((path, MapUse::Grow)))?.begin(py)
     }
 
     /// Finds the camera in a map and leaves the map as it is. The arguments are those of :meth:`load`.
     #[classmethod]
-    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None))]
+    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, imu=None))]
     #[allow(clippy::too_many_arguments)] // As for `load`.
     fn localize(
         _cls: &Bound<'_, PyType>,
@@ -147,6 +157,7 @@ impl Slam {
         detector: Option<&Bound<'_, PyAny>>,
         live: Option<&Bound<'_, PyAny>>,
         color_order: Option<&Bound<'_, PyAny>>,
+        imu: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let path = map_file(path)?;
         let py = camera.py();
@@ -157,6 +168,7 @@ impl Slam {
             live,
             color_order,
             dense: None,
+            imu,
         };
         options.check(Some((path, MapUse::Localize)))?.begin(py)
     }
@@ -170,6 +182,8 @@ impl Slam {
     ///     detections: what a detector saw in this frame: an array of N x 6 (x0, y0, x1, y1, score, class of COCO), or a list of such rows and of
     ///         Detection. An empty one means that somebody looked and saw nothing; None that nobody looked.
     ///     depth_stamp: when the depth image was taken, as stamp; None for the same time.
+    ///     imu: what an inertial sensor measured since the frame before, and the first sample after this one where it is there: (N, 7), stamp (s),
+    ///         angular rate x, y, z (rad/s), specific force x, y, z (m/s^2). Only with ``Slam(..., imu=...)``.
     ///
     /// Returns:
     ///     What became of the frame.
@@ -177,7 +191,8 @@ impl Slam {
     /// Raises:
     ///     ValueError, TypeError: an argument that cannot be used; the message names it, and nothing has changed.
     ///     RuntimeError: the run is over.
-    #[pyo3(signature = (stamp, color, depth, detections=None, *, depth_stamp=None))]
+    #[pyo3(signature = (stamp, color, depth, detections=None, *, depth_stamp=None, imu=None))]
+    #[allow(clippy::too_many_arguments)] // They have names in Python.
     fn track(
         &self,
         py: Python<'_>,
@@ -186,7 +201,9 @@ impl Slam {
         depth: &Bound<'_, PyAny>,
         detections: Option<&Bound<'_, PyAny>>,
         depth_stamp: Option<&Bound<'_, PyAny>>,
+        imu: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Frame> {
+        let inertial = self.inertial(imu)?;
         let handed = Handed {
             stamp,
             colour: color,
@@ -198,7 +215,10 @@ impl Slam {
         if let (None, Some(function)) = (&seen, &self.function) {
             seen = self.ask(py, function, taken.colour.as_ref())?;
         }
-        let tracked = self.driver.with(py, |driver| driver.track(taken, seen))?;
+        let tracked = self.driver.with(py, |driver| {
+            driver.receive_inertial(inertial);
+            driver.track(taken, seen)
+        })?;
         tracked.map(Frame::new).map_err(trouble)
     }
 
@@ -345,6 +365,19 @@ impl Slam {
 }
 
 impl Slam {
+    /// The samples of the inertial sensor, if there is one.
+    fn inertial(&self, found: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<ImuSample>> {
+        let samples = found.map(inertial::samples).transpose()?;
+        let samples = samples.unwrap_or_default();
+        if samples.is_empty() || self.has_imu {
+            return Ok(samples);
+        }
+        Err(value(
+            "imu",
+            "expected samples only where it is known how the sensor is mounted, found some; begin with Slam(..., imu=camera_from_imu)",
+        ))
+    }
+
     /// What the user's function sees, when it is the frame's turn.
     fn ask(
         &self,

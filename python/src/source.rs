@@ -4,6 +4,7 @@ use crate::arguments::{self, count, value, yes};
 use crate::arrays;
 use crate::camera::Camera;
 use crate::guard::{Turn, detached};
+use crate::inertial;
 use crate::trajectory::Trajectory;
 use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::{PyFileNotFoundError, PyRuntimeWarning, PyStopIteration, PyValueError};
@@ -12,7 +13,7 @@ use std::ffi::CString;
 use std::sync::Arc;
 use stillpoint::datasets::{CameraChoice, FrameOptions, ReadAhead};
 use stillpoint::geometry::Se3;
-use stillpoint::imaging::{FrameSource, RgbdFrame};
+use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame};
 use stillpoint::recordings::{self, Input, OpenOptions};
 
 /// One colour image with its depth image, as it was recorded. Arrays are views without a copy and cannot be written to.
@@ -20,11 +21,16 @@ use stillpoint::recordings::{self, Input, OpenOptions};
 pub(crate) struct Image {
     frame: RgbdFrame,
     truth: Option<Se3>,
+    inertial: Vec<ImuSample>,
 }
 
 impl Image {
-    pub(crate) fn new(frame: RgbdFrame, truth: Option<Se3>) -> Self {
-        Self { frame, truth }
+    pub(crate) fn new(frame: RgbdFrame, truth: Option<Se3>, inertial: Vec<ImuSample>) -> Self {
+        Self {
+            frame,
+            truth,
+            inertial,
+        }
     }
 }
 
@@ -74,6 +80,13 @@ impl Image {
         arrays::depth(&this.get().frame.depth, this.clone().into_any())
     }
 
+    /// What the inertial sensor measured since the frame before, and the first sample after this one, as :meth:`Slam.track` takes it: (N, 7)
+    /// float64. N is 0 without a sensor.
+    #[getter]
+    fn imu<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        inertial::rows(py, &self.inertial)
+    }
+
     /// The exact pose world_from_camera of a simulated frame, (4, 4) float64, m; else None.
     #[getter]
     fn truth<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
@@ -103,6 +116,8 @@ struct Reading {
     /// The exact pose at a stamp, where it is known.
     truth: Option<Truth>,
     skipped: usize,
+    /// What the inertial sensor measured beside frames that could not be read.
+    inertial: Vec<ImuSample>,
 }
 
 /// The exact pose at a stamp, s.
@@ -116,6 +131,7 @@ impl Images {
                 frames,
                 truth,
                 skipped: 0,
+                inertial: Vec::new(),
             }),
         }
     }
@@ -133,9 +149,10 @@ impl Images {
                 let next = reading.frames.next_frame()?;
                 let is_damaged = next.as_ref().is_err_and(|e| e.recoverable);
                 reading.skipped += usize::from(is_damaged);
+                reading.inertial.extend(reading.frames.take_inertial());
                 Some(next.map(|frame| {
                     let truth = reading.truth.as_ref().map(|t| t(frame.stamp));
-                    Image::new(frame, truth)
+                    Image::new(frame, truth, std::mem::take(&mut reading.inertial))
                 }))
             })?;
             match next {
@@ -221,6 +238,12 @@ impl Recording {
     #[getter]
     fn camera(&self) -> Camera {
         Camera::of(self.input.camera())
+    }
+
+    /// Whether the frames come with samples of an inertial sensor whose mount is known: then ``Slam(recording.camera, imu=True)`` takes them.
+    #[getter]
+    fn has_imu(&self) -> bool {
+        self.input.imu().is_some()
     }
 
     /// What it is: the layout of a folder, the format of a file.

@@ -280,3 +280,58 @@ def test_the_interpreter_ends_while_threads_are_at_work(how: str) -> None:
     for child in children:
         out, said = child.communicate(timeout=60)
         assert (child.returncode, out, said) == (0, "end\n", "")
+
+
+def test_an_inertial_sensor_is_used_and_reported() -> None:
+    room = sp.simulate("rpy_60", frames=30, imu=True)
+    assert room.has_imu and not sp.simulate("rpy", frames=3).has_imu
+    with sp.Slam(room.camera, imu=True) as slam:
+        for image in room:
+            assert image.imu.shape[1] == 7 and len(image.imu) > 0
+            frame = slam.track(image.stamp, image.color, image.depth, depth_stamp=image.depth_stamp, imu=image.imu)
+    known = frame.inertial
+    assert known is not None and known["state"] in ("confirmed", "unconfirmed") and known["reason"] is None
+    assert known["gyro_bias"].shape == (3,) and known["rotation"].shape == (4,)
+    assert abs(known["time_offset"]) < 0.02
+    # A mount by its matrix is the same as the camera's own.
+    texts = [slam.trajectory().to_tum()]
+    assert sp.run(room, progress=False).trajectory.to_tum() == texts[0]
+    with sp.Slam(room.camera, imu=np.eye(4)) as slam:
+        for image in room:
+            slam.track(image.stamp, image.color, image.depth, depth_stamp=image.depth_stamp, imu=image.imu.tolist())
+    assert slam.trajectory().to_tum() == texts[0]
+    assert sp.run(room, imu=False, progress=False).slam.camera is not None
+
+
+def test_a_turned_sensor_is_ignored() -> None:
+    room = sp.simulate("rpy_60", frames=90, imu=True)
+    turned = np.array([[0.0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+    with sp.Slam(room.camera, imu=turned) as slam:
+        for image in room:
+            frame = slam.track(image.stamp, image.color, image.depth, depth_stamp=image.depth_stamp, imu=image.imu)
+    assert frame.inertial is not None and frame.inertial["state"] == "ignored" and "camera_from_imu" in frame.inertial["reason"]
+
+
+def test_samples_that_cannot_be_used_are_refused_in_words() -> None:
+    room = sp.simulate("xyz", frames=2, imu=True)
+    image = room[0]
+    with pytest.raises(ValueError, match=r"imu: expected a camera of a file with a table \[imu\]"):
+        sp.Slam(sp.Camera.preset("tum_fr1"), imu=True)
+    with pytest.raises(ValueError, match="imu: expected True, or how the sensor stands"):
+        sp.Slam(room.camera, imu=np.zeros((4, 4)))
+    with pytest.raises(TypeError, match="imu: expected True, or how the sensor stands"):
+        sp.Slam(room.camera, imu="bmi055")
+    plain = sp.Slam(room.camera)
+    good = np.array([[0.0, 0, 0, 0, 0, -9.8, 0], [0.01, 0, 0, 0, 0, -9.8, 0]])
+    with pytest.raises(ValueError, match=r"begin with Slam\(\.\.\., imu=camera_from_imu\)"):
+        plain.track(image.stamp, image.color, image.depth, imu=good)
+    slam = sp.Slam(room.camera, imu=True)
+    for bad, words in [
+        (good[:, :6], "shape"),
+        (good[::-1], "row 1"),
+        (good * np.nan, "row 0"),
+        (good[0], "shape"),
+    ]:
+        with pytest.raises(ValueError, match=f"imu: expected an array of N x 7.*{words}"):
+            slam.track(image.stamp, image.color, image.depth, imu=bad)
+    assert slam.track(image.stamp, image.color, image.depth, imu=good[:0]).is_tracked

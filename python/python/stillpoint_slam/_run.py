@@ -44,13 +44,14 @@ def simulate(
     rate: float | None = None,
     noise: bool = True,
     camera: Camera | None = None,
+    imu: bool = False,
 ) -> Simulation:
     """A simulated room with exact ground truth: an iterable of its frames. See :class:`Simulation`.
 
     >>> len(simulate("walking_xyz", frames=10))
     10
     """
-    return Simulation(scene, frames, seed=seed, rate=rate, noise=noise, camera=camera)
+    return Simulation(scene, frames, seed=seed, rate=rate, noise=noise, camera=camera, imu=imu)
 
 
 def record(
@@ -152,6 +153,7 @@ def run(
     detector: Callable[[Any], Any] | str | os.PathLike[str] | None = None,
     live: bool = False,
     dense: bool | float = False,
+    imu: bool = True,
     start: int = 0,
     max_frames: int | None = None,
     out: str | os.PathLike[str] | None = None,
@@ -164,6 +166,7 @@ def run(
         path: the folder or file, or what :func:`open` or :func:`simulate` gave.
         camera, start, max_frames: as for :func:`open`.
         config, detector, live, dense: as for :class:`Slam`.
+        imu: whether the inertial sensor is used, where there is one whose mount is known.
         out: folder for the result, see :meth:`Run.save`; None for none.
         report: whether ``report.html`` is in that folder: one page that shows where the run went wrong.
         progress: whether progress is shown, in a notebook or a terminal.
@@ -180,7 +183,8 @@ def run(
     recording = path if isinstance(path, (Recording, Simulation)) else open(path, camera, color=color, start=start, max_frames=max_frames)
     options = {"camera": camera, "config": config, "detector": detector, "live": live, "dense": dense, "start": start, "max_frames": max_frames}
     source = _Source(path, recording, options)
-    slam = Slam(recording.camera, config, detector, live, dense=dense)
+    imu = imu and recording.has_imu
+    slam = Slam(recording.camera, config, detector, live, dense=dense, imu=imu)
     slam._keep_result(pictures)
     lost: list[tuple[int, float, str]] = []
     frames, begin = 0, time.monotonic()
@@ -188,7 +192,7 @@ def run(
         images = iter(recording)
         for image in images:
             pixels = image.color if color else image.gray
-            frame = slam.track(image.stamp, pixels, image.depth, depth_stamp=image.depth_stamp)
+            frame = slam.track(image.stamp, pixels, image.depth, depth_stamp=image.depth_stamp, imu=image.imu if imu else None)
             frames += 1
             if not frame.is_tracked:
                 lost.append((frame.index, frame.stamp, frame.reason or ""))

@@ -6,10 +6,13 @@ use stillpoint_geometry::{ImuModel, Mat3, Vec3, so3};
 
 /// A measurement farther off than this is not of the same sensor: 99.9 % of chi-square with three degrees of freedom.
 const GATE: f64 = 16.27;
-/// What a mount that is stated may be off by about each axis, rad: one degree.
-const MOUNT_SIGMA: f64 = 0.0175;
-/// What a time offset that is stated may be off by, s.
-const OFFSET_SIGMA: f64 = 0.01;
+/// What a mount that is stated is off by about each axis, rad: half a degree.
+const MOUNT_SIGMA: f64 = 8.7e-3;
+/// What a time offset that is stated is off by, s.
+const OFFSET_SIGMA: f64 = 0.005;
+/// So many measurements in a row that are farther off say that mount or clock are so, by these more.
+const MISSES: u32 = 3;
+const MISSTATED: [f64; 2] = [0.035, 0.015];
 /// How a mount works loose, rad/sqrt(s): a degree in half a day of work.
 const MOUNT_WALK: f64 = 1e-4;
 /// How two clocks drift apart, s/sqrt(s): 20 millionths over a minute.
@@ -32,6 +35,8 @@ pub(super) struct Calibration {
     /// Of the bias, of a turn of the mount in the sensor's axes, and of the offset.
     covariance: Covariance,
     walk: f64,
+    /// Measurements in a row that were too far off.
+    misses: u32,
 }
 
 /// What a comparison of rotations may teach.
@@ -56,6 +61,7 @@ impl Calibration {
             offset: 0.0,
             covariance,
             walk: model.gyro_walk,
+            misses: 0,
         }
     }
 
@@ -126,8 +132,10 @@ impl Calibration {
             return;
         };
         if offset.dot(&(inverse * offset)) > GATE {
+            self.miss(teaches);
             return;
         }
+        self.misses = 0;
         let mut gain = self.covariance * by.transpose() * inverse;
         if teaches == Teaches::Bias {
             gain.fixed_rows_mut::<4>(3).fill(0.0);
@@ -137,6 +145,18 @@ impl Calibration {
         // Joseph's form stays symmetric and positive.
         self.covariance =
             left * self.covariance * left.transpose() + gain * gain.transpose() * (sigma * sigma);
+    }
+
+    /// A measurement was too far off.
+    fn miss(&mut self, teaches: Teaches) {
+        self.misses += u32::from(teaches == Teaches::Everything);
+        if self.misses >= MISSES {
+            self.misses = 0;
+            for i in 3..STATES {
+                let more = MISSTATED[i / 3 - 1];
+                self.covariance[(i, i)] += more * more;
+            }
+        }
     }
 
     fn correct(&mut self, by: &SVector<f64, STATES>) {
@@ -223,7 +243,7 @@ mod tests {
 
         /// Measurements of turns about several axes find what a sensor may have.
         #[test]
-        fn turns_find_bias_mount_and_offset(bias in vector(0.02), mount in vector(0.02), offset in -0.012..0.012f64, seed in 0u32..1000) {
+        fn turns_find_bias_mount_and_offset(bias in vector(0.02), mount in vector(0.04), offset in -0.02..0.02f64, seed in 0u32..1000) {
             let model = ImuModel::bmi055();
             let mut found = Calibration::new(&model);
             for k in 0..60_u32 {

@@ -27,8 +27,8 @@ use trust::{Seen, Trust};
 const KEPT_S: f64 = 8.0;
 /// ... and so many at most: of a sensor of 4 kHz.
 const KEPT: usize = 32_768;
-/// By how much gyroscopes err in scale, as a share of the turn: 1 % by data sheets, and what poses err by while much turns.
-const SCALE: f64 = 0.01;
+/// By how much gyroscopes err in scale, as a share of the turn: 1 % at most by data sheets.
+const SCALE: f64 = 0.005;
 /// Specific force is summed up over so many frames at least before it tells which way is up.
 const UP_FRAMES: f64 = 30.0;
 
