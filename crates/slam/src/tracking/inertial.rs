@@ -30,6 +30,8 @@ const SAME_WORLD: f64 = 0.003;
 const CARRIED_S: f64 = 5.0;
 /// While nothing tells how the camera moves, its velocity is expected to be halved in this time, s: nobody walks on blindly.
 const HALVED_S: f64 = 0.15;
+/// After the direction was carried, motions of most of the image are not taken for the camera's for so long, s.
+const BLIND_S: f64 = 1.0;
 /// Within a second without sight a camera is carried by so much that nobody measured, m: one standard deviation.
 const BLIND_M_S: f64 = 0.3;
 
@@ -227,9 +229,16 @@ impl Tracker {
         };
         notes.counts.inliers = 0;
         self.carried = Some(carried);
+        self.blind_at = Some(now);
         let world_from_camera = camera_from_world.inverse();
         self.learn_turn(notes, &world_from_camera, false);
         Some(self.accept_carried(frame, &solution, carried.since))
+    }
+
+    /// Whether so much of the view was blocked a moment ago that the direction had to be carried: what agrees then is somebody, as likely as not.
+    pub(super) fn was_blind(&self) -> bool {
+        let now = self.front_end.clock.now();
+        self.blind_at.is_some_and(|at| now - at < BLIND_S)
     }
 
     /// The reference keyframe, as the newest view of the map has it.
@@ -265,6 +274,7 @@ impl Tracker {
     pub(super) fn forget_turns(&mut self) {
         self.past_turns.forget();
         self.carried = None;
+        self.blind_at = None;
         if let Some(inertial) = &mut self.inertial {
             inertial.interrupt();
         }

@@ -104,6 +104,8 @@ pub struct Tracker {
     past_turns: PastTurns,
     /// Set while the direction is carried by it.
     carried: Option<Carried>,
+    /// When a direction was carried last, by the frames' clock, s.
+    blind_at: Option<f64>,
 }
 
 /// What is noted of a frame on its way.
@@ -169,6 +171,7 @@ impl Tracker {
             inertial: None,
             past_turns: PastTurns::default(),
             carried: None,
+            blind_at: None,
         }
     }
 
@@ -328,9 +331,9 @@ impl Tracker {
     ) -> Fix {
         let matched = matches.count;
         let start = &motion.camera_from_world;
-        // Few landmarks hold a direction less well than the gyroscope does.
-        let few = matched < inertial::FEW && motion.follows;
-        let turn = self.known_direction().filter(|_| few);
+        // Few landmarks hold a direction less well than the gyroscope does, and many that somebody wears no better.
+        let few = matched < inertial::FEW || self.was_blind();
+        let turn = self.known_direction().filter(|_| few && motion.follows);
         let (matches, pose, information) = pose::solve_with_information(data, start, matches, turn);
         // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);

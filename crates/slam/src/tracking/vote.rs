@@ -116,8 +116,9 @@ impl Tracker {
         let allowed = |v: &Vote| turn.allows(&(last_from_world * v.camera_from_world.inverse()));
         let confirmed = self.inertial.as_ref().is_some_and(Inertial::is_confirmed);
         if let Some((vote, inliers)) = &free {
-            // Where nearly all agrees, nobody else moves.
-            if vote.share >= PLAIN_SHARE && allowed(vote) {
+            // Where nearly all agrees, nobody else moves, unless it is somebody who fills the view.
+            let is_plain = vote.share >= PLAIN_SHARE && allowed(vote);
+            if is_plain && !(confirmed && (self.was_blind() || self.moving_share > CROWD)) {
                 return free.map(|f| f.0);
             }
             // Who turns otherwise than the camera has no say in how it moves.
