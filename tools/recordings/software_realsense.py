@@ -2,7 +2,8 @@
 
     python software_realsense.py FOLDER OUT.db3 FRAMES
 
-Needs PyPI `pyrealsense2`, `numpy` and `pillow`. The folder is in the TUM layout with a `camera.toml` without distortion, as `stillpoint simulate` writes it.
+Needs PyPI `pyrealsense2`, `numpy` and `pillow`. The folder is in the TUM layout with a `camera.toml` without distortion, as `stillpoint simulate` writes it; with
+`imu.csv` (`stillpoint simulate --imu`) gyroscope and accelerometer are recorded as a D435i has them, each with its own stream, mounted as `camera.toml` says.
 """
 
 import os
@@ -24,6 +25,23 @@ scale = float(camera.get("depth_scale", 5000))
 def listed(name):
     rows = [line.split() for line in open(f"{folder}/{name}.txt") if not line.startswith("#")]
     return [(float(stamp), f"{folder}/{path}") for stamp, path in rows]
+
+
+def inertial():
+    """Samples as (stamp, rates, forces), and the rotation from the sensor's axes to the camera's with the sensor's place."""
+    if not os.path.exists(f"{folder}/imu.csv"):
+        return [], None
+    rows = [[float(v) for v in line.split(",")] for line in open(f"{folder}/imu.csv") if not line.startswith("#")]
+    table = open(f"{folder}/camera.toml").read().split("[imu]")[1]
+    numbers = {k: [float(v) for v in vs.split(",")] for k, vs in re.findall(r"^(\w+)\s*=\s*\[([^\]]*)\]", table, re.M)}
+    x, y, z, w = numbers["rotation"]
+    rotation = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ]
+    # Devices count no time before they began.
+    return [(r[0], r[1:4], r[4:7]) for r in rows if r[0] >= 0], (np.array(rotation), numbers["translation"])
 
 
 def beside(depth):
@@ -69,12 +87,28 @@ sensors[0].add_read_only_option(rs.option.depth_units, 0.001)
 pose = rs.extrinsics()
 pose.rotation, pose.translation = [1, 0, 0, 0, 1, 0, 0, 0, 1], [BESIDE, 0, 0]
 depth_profile.register_extrinsics_to(colour_profile, pose)
+samples, mount = inertial()
+motion = []
+if samples:
+    module = device.add_sensor("Motion Module")
+    for number, kind in ((3, rs.stream.gyro), (4, rs.stream.accel)):
+        m = rs.motion_stream()
+        m.type, m.index, m.uid, m.fmt, m.fps = kind, 0, number, rs.format.motion_xyz32f, 200
+        motion.append(module.add_motion_stream(m))
+    stands = rs.extrinsics()
+    # Column by column.
+    stands.rotation, stands.translation = mount[0].T.ravel().tolist(), mount[1]
+    for profile in motion:
+        profile.register_extrinsics_to(colour_profile, stands)
 recorder = rs.recorder(out, device)
 recorded = recorder.query_sensors()
 queue = rs.frame_queue(50, keep_frames=True)
 for sensor, profile in zip(recorded, (depth_profile, colour_profile)):
     sensor.open(profile)
     sensor.start(queue)
+if samples:
+    recorded[2].open(motion)
+    recorded[2].start(queue)
 kept = []
 
 
@@ -89,13 +123,29 @@ def hand_over(sensor, profile, pixels, size, stamp, number):
     sensor.on_video_frame(frame)
 
 
+def measure(until):
+    """Hands over what was measured up to a time."""
+    while samples and samples[0][0] <= until:
+        stamp, rate, force = samples.pop(0)
+        for profile, values in zip(motion, (rate, force)):
+            frame = rs.software_motion_frame()
+            vector = rs.vector()
+            vector.x, vector.y, vector.z = values
+            frame.data = vector
+            frame.timestamp, frame.frame_number = stamp * 1e3, 0
+            frame.domain, frame.profile = rs.timestamp_domain.hardware_clock, profile.as_motion_stream_profile()
+            module.on_motion_frame(frame)
+
+
 for number, ((stamp, colour), (depth_stamp, depth)) in enumerate(zip(colours, depths)):
     started = time.monotonic()
     pixels = np.ascontiguousarray(np.asarray(Image.open(colour).convert("RGB")))
     moved = beside(np.asarray(Image.open(depth)))
+    measure(max(stamp, depth_stamp))
     hand_over(sensors[0], depth_profile, moved, 2, depth_stamp, number)
     hand_over(sensors[1], colour_profile, pixels, 3, stamp, number)
     time.sleep(max(0.0, 1 / 30 - (time.monotonic() - started)))
+measure(colours[-1][0] + 0.01)
 time.sleep(0.5)
 for sensor in recorded:
     sensor.stop()

@@ -8,10 +8,11 @@ use crate::realsense;
 use crate::run::{open, options};
 use std::path::Path;
 use stillpoint::datasets::FrameOptions;
-use stillpoint::doctor::{Figure, Report, Setup, examine};
-use stillpoint::imaging::{FrameSource, Simd};
+use stillpoint::doctor::{Figure, Report, Setup, examine, judge_inertial};
+use stillpoint::geometry::nalgebra::UnitQuaternion;
+use stillpoint::imaging::{FrameSource, ImuSample, Simd};
 use stillpoint::recordings::{self, Input};
-use stillpoint::slam::{Config, System};
+use stillpoint::slam::{Config, Event, System};
 
 /// Stands for the camera that is connected.
 const LIVE: &str = "live";
@@ -32,11 +33,15 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     let mut report = look(&input, start, None, args.seconds)?;
     // What is wrong with the geometry or the clocks would be learned as a readout.
     if report.findings.is_empty() {
-        match readout(&input, start, args.seconds)? {
+        let followed = follow(&input, start, args.seconds)?;
+        match followed.readout {
             Some(figure) => report.measured.push(figure),
             None => report
                 .not_judged
                 .push("the readout of a rolling shutter: the camera moves too little".into()),
+        }
+        if let Some(imu) = input.imu() {
+            judge_inertial(&followed.samples, &followed.poses, &imu, &mut report);
         }
     }
     if args.json {
@@ -79,8 +84,18 @@ const MAX_SIGMA: f64 = 0.005;
 /// the estimate was 0, 17, 0, 1 and 8 ms off, the most in fast turns.
 const SYSTEMATIC: f64 = 0.008;
 
-/// The readout of the colour images as tracking estimates it from the same frames; none where they tell nothing of it.
-fn readout(input: &Input, start: usize, seconds: f64) -> Result<Option<Figure>, Failure> {
+/// What tracking made of some seconds.
+struct Followed {
+    /// The readout of the colour images; none where the frames tell nothing of it.
+    readout: Option<Figure>,
+    /// Stamps, s, and `world_from_camera` of the frames that were tracked.
+    poses: Vec<(f64, UnitQuaternion<f64>)>,
+    /// What an inertial sensor measured meanwhile; tracking did not listen to it.
+    samples: Vec<ImuSample>,
+}
+
+/// Tracks the same frames.
+fn follow(input: &Input, start: usize, seconds: f64) -> Result<Followed, Failure> {
     let camera = input.camera().camera;
     let mut system =
         System::new(Config::default(), camera, Simd::detect()).map_err(Failure::input)?;
@@ -88,20 +103,31 @@ fn readout(input: &Input, start: usize, seconds: f64) -> Result<Option<Figure>, 
         start,
         ..FrameOptions::default()
     })?;
-    let mut first = None;
+    let (mut first, mut samples, mut poses) = (None, Vec::new(), Vec::new());
     while let Some(Ok(frame)) = frames.next_frame() {
+        samples.extend(frames.take_inertial());
         if frame.stamp - *first.get_or_insert(frame.stamp) > seconds {
             break;
         }
-        system.step(frame);
+        for event in system.step(frame) {
+            if let Event::Frame(frame) = event {
+                let report = &frame.report;
+                poses.extend(report.world_from_camera.map(|p| (report.stamp, p.rotation)));
+            }
+        }
     }
     let sigma = system.timing().readout_sigma;
-    Ok((sigma <= MAX_SIGMA).then(|| Figure {
+    let readout = (sigma <= MAX_SIGMA).then(|| Figure {
         name: "readout of a rolling shutter",
         value: 1000.0 * system.timing().readout,
         sigma: Some(1000.0 * sigma.hypot(SYSTEMATIC)),
         unit: "ms",
-    }))
+    });
+    Ok(Followed {
+        readout,
+        poses,
+        samples,
+    })
 }
 
 /// What a run of it looks at, s: enough for all that there is to find.

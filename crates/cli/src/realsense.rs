@@ -9,7 +9,8 @@ use crate::timing::Timing;
 use std::path::PathBuf;
 use std::sync::Arc;
 use stillpoint::datasets::CameraModel;
-use stillpoint::imaging::{FrameSource, RgbdFrame, SourceError};
+use stillpoint::geometry::ImuModel;
+use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
 use stillpoint::realsense::{Options, RealSense};
 use stillpoint::recordings::{self, Device, Input, McapRecorder};
 
@@ -28,6 +29,7 @@ pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<
         rate: args.rate,
         emitter: args.emitter.map(|s| s == Switch::On),
         exposure: args.exposure_ms,
+        inertial: !args.no_imu,
     };
     let camera = RealSense::open(&options).map_err(Failure::input)?;
     let mut device: Box<dyn Device> = Box::new(camera);
@@ -76,8 +78,9 @@ pub(crate) fn some_seconds(
     let device = RealSense::open(&options).map_err(Failure::input)?;
     let mut source = device.frames(true)?;
     let mut kept: Vec<RgbdFrame> = Vec::new();
-    let mut number = 0;
+    let (mut number, mut samples) = (0, Vec::new());
     while let Some(next) = source.next_frame() {
+        samples.extend(source.take_inertial());
         match next {
             Ok(_) if number < start => number += 1,
             Ok(frame) => {
@@ -95,6 +98,7 @@ pub(crate) fn some_seconds(
     let device = Kept {
         device,
         frames: kept.into(),
+        samples: samples.into(),
     };
     let input = Input::Device(Box::new(device));
     run::say(&input);
@@ -106,6 +110,7 @@ pub(crate) fn some_seconds(
 struct Kept {
     device: RealSense,
     frames: Arc<[RgbdFrame]>,
+    samples: Arc<[ImuSample]>,
 }
 
 impl Device for Kept {
@@ -123,7 +128,12 @@ impl Device for Kept {
 
     fn frames(&self, _: bool) -> recordings::Result<Box<dyn FrameSource>> {
         let frames = Arc::clone(&self.frames);
-        Ok(Box::new(Again { frames, next: 0 }))
+        Ok(Box::new(Again {
+            frames,
+            next: 0,
+            samples: Arc::clone(&self.samples),
+            taken: 0,
+        }))
     }
 }
 
@@ -131,6 +141,9 @@ impl Device for Kept {
 struct Again {
     frames: Arc<[RgbdFrame]>,
     next: usize,
+    samples: Arc<[ImuSample]>,
+    /// Samples that were given.
+    taken: usize,
 }
 
 impl FrameSource for Again {
@@ -138,6 +151,18 @@ impl FrameSource for Again {
         let frame = self.frames.get(self.next)?.clone();
         self.next += 1;
         Some(Ok(frame))
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        let newest = self.next.checked_sub(1).and_then(|i| self.frames.get(i));
+        let Some(newest) = newest.map(|f| f.stamp) else {
+            return Vec::new();
+        };
+        let after = self.samples.partition_point(|s| s.stamp < newest);
+        let end = (after + 1).min(self.samples.len()).max(self.taken);
+        let given = self.samples[self.taken..end].to_vec();
+        self.taken = end;
+        given
     }
 
     fn remaining(&self) -> Option<usize> {
@@ -167,6 +192,7 @@ impl Device for Recorded {
 
     fn frames(&self, _: bool) -> recordings::Result<Box<dyn FrameSource>> {
         Ok(Box::new(Recording {
+            mount: self.camera().imu,
             recorder: Some(self.recorder.clone()),
             // A recording has colours whoever looks at them now.
             frames: self.device.frames(true)?,
@@ -176,23 +202,42 @@ impl Device for Recorded {
 
 /// Frames that are written before anybody sees them.
 struct Recording {
+    /// How an inertial sensor is mounted, to be written before the first frame.
+    mount: Option<ImuModel>,
     frames: Box<dyn FrameSource>,
     /// None when it could not write any more.
     recorder: Option<SharedRecorder>,
 }
 
-impl FrameSource for Recording {
-    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
-        let next = self.frames.next_frame();
-        if let (Some(Ok(frame)), Some(recorder)) = (&next, &self.recorder)
-            && let Err(e) = recorder.write(|r| r.add(frame))
+impl Recording {
+    fn write(&mut self, write: impl FnOnce(&mut McapRecorder) -> recordings::Result<()>) {
+        if let Some(recorder) = &self.recorder
+            && let Err(e) = recorder.write(write)
         {
             console::warn(&format!(
                 "the camera's frames are not recorded from here on, the run goes on: {e}"
             ));
             self.recorder = None;
         }
+    }
+}
+
+impl FrameSource for Recording {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        let next = self.frames.next_frame();
+        if let Some(Ok(frame)) = &next {
+            if let Some(mount) = self.mount.take() {
+                self.write(|r| r.add_imu(&mount, frame.stamp));
+            }
+            self.write(|r| r.add(frame));
+        }
         next
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        let samples = self.frames.take_inertial();
+        self.write(|r| r.add_inertial(&samples));
+        samples
     }
 
     fn remaining(&self) -> Option<usize> {

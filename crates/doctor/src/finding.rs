@@ -21,6 +21,8 @@ pub enum Symptom {
     Synchronisation,
     /// Stamps run backwards, stand still or jump.
     Stamps,
+    /// The inertial sensor has other axes, units or stamps than stated.
+    InertialSensor,
     /// Images are too dark or too bright.
     Exposure,
     /// Images are blurred.

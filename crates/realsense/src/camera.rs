@@ -2,14 +2,17 @@
 
 use crate::error::{RealSenseError, Result};
 use crate::find::candidates;
-use crate::library::{Api, Connected, Description, Images, Intrinsics, Running, Setting, Wanted};
+use crate::library::{
+    Api, Connected, Description, Extrinsics, Images, Intrinsics, News, Running, Setting, Wanted,
+};
 use crate::source::Frames;
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 use stillpoint_datasets::CameraModel;
-use stillpoint_geometry::Se3;
 use stillpoint_geometry::nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use stillpoint_geometry::{ImuModel, Se3};
 use stillpoint_imaging::FrameSource;
 use stillpoint_recordings::{Device, Pair, RawFrames, RecordingError};
 use stillpoint_ros_messages::CameraInfo;
@@ -34,6 +37,8 @@ pub struct Options {
     pub emitter: Option<bool>,
     /// Exposure of the colour camera, ms; `None` lets the camera choose.
     pub exposure: Option<f64>,
+    /// Whether its inertial sensor runs too, where it has one (D435i, D455).
+    pub inertial: bool,
 }
 
 impl Default for Options {
@@ -45,6 +50,7 @@ impl Default for Options {
             rate: 30,
             emitter: None,
             exposure: None,
+            inertial: true,
         }
     }
 }
@@ -129,27 +135,34 @@ impl RealSense {
             advice: "connect it to USB 3, end other programs that use it, or ask for another size",
         };
         let mut started =
-            Started::start(api, wanted, settings).map_err(|e| failed("RealSense", e))?;
+            start(&api, wanted, &settings, options.inertial).map_err(|e| failed("RealSense", e))?;
         let (images, described) = first(&started.running).map_err(|e| failed(&started.name, e))?;
         started.first = Some(images);
         let pair = pair(&started.name, &described).map_err(|e| failed(&started.name, e))?;
         let raw = RawFrames::new(&pair).map_err(|e| failed(&started.name, e))?;
+        let mount = described.colour_from_gyro.as_ref().and_then(pose);
+        let raw = raw.with_imu(mount.map(|pose| ImuModel::bmi055().mounted(pose)));
         let c = &raw.camera().camera;
         let (fx, fy, cx, cy) = (c.fx, c.fy, c.cx, c.cy);
         let beside = pair
             .colour_from_depth
             .map_or(0.0, |p| p.translation.norm() * 1e3);
+        let mut guesses = vec![
+            format!(
+                "camera: {} by {library} (fx {fx:.1}, fy {fy:.1}, cx {cx:.1}, cy {cy:.1} px)",
+                started.name
+            ),
+            format!(
+                "depth: {} values per metre, registered to the colour camera, {beside:.1} mm beside",
+                raw.camera().depth_scale
+            ),
+        ];
+        guesses.extend(mount.map(|pose| {
+            let off = pose.translation.norm() * 1e3;
+            format!("inertial sensor: the camera's own, {off:.1} mm beside")
+        }));
         Ok(Self {
-            guesses: vec![
-                format!(
-                    "camera: {} by {library} (fx {fx:.1}, fy {fy:.1}, cx {cx:.1}, cy {cy:.1} px)",
-                    started.name
-                ),
-                format!(
-                    "depth: {} values per metre, registered to the colour camera, {beside:.1} mm beside",
-                    raw.camera().depth_scale
-                ),
-            ],
+            guesses,
             name: started.name.clone(),
             raw: Arc::new(raw),
             started: Mutex::new(Some(started)),
@@ -259,6 +272,7 @@ fn wanted(api: &Api, options: &Options) -> Result<Wanted> {
         file: None,
         size: [side(options.size.0), side(options.size.1)],
         rate: side(options.rate),
+        inertial: false,
     })
 }
 
@@ -296,11 +310,18 @@ fn settings(options: &Options) -> Vec<Setting> {
 
 /// What the cameras are, by the first pair of images.
 fn first(running: &Running) -> std::result::Result<(Images, Description), String> {
-    for _ in 0..10 {
-        if let Some(mut images) = running.next(FIRST_WAIT, true)?
-            && let Some(description) = images.description.take()
-        {
-            return Ok((images, description));
+    let until = Instant::now() + Duration::from_millis(FIRST_WAIT.into());
+    let mut left = 10;
+    while left > 0 && Instant::now() < until {
+        match running.next(FIRST_WAIT, true)? {
+            News::Images(mut images) => {
+                if let Some(description) = images.description.take() {
+                    return Ok((*images, description));
+                }
+                left -= 1;
+            }
+            News::Motion(_) => {}
+            News::Nothing => left -= 1,
         }
     }
     Err("images of one camera only".to_owned())
@@ -321,23 +342,52 @@ fn info((i, model): &(Intrinsics, String)) -> CameraInfo<'static> {
     }
 }
 
-fn pair(name: &str, d: &Description) -> std::result::Result<Pair<'static>, String> {
-    let matrix = Matrix3::from_column_slice(&d.colour_from_depth.rotation.map(f64::from));
+/// A pose as the library has it; none where its rotation is none.
+fn pose(found: &Extrinsics) -> Option<Se3> {
+    let matrix = Matrix3::from_column_slice(&found.rotation.map(f64::from));
     if !matrix.iter().all(|v| v.is_finite()) || (matrix.determinant() - 1.0).abs() > 0.01 {
-        return Err(format!(
-            "a rotation between its cameras that is none: {matrix}"
-        ));
+        return None;
     }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
+    let [x, y, z] = found.translation.map(f64::from);
+    Some(Se3::new(rotation, Vector3::new(x, y, z)))
+}
+
+/// Starts it with its inertial sensor, or without one where it has none.
+fn start(
+    api: &Arc<Api>,
+    wanted: Wanted,
+    settings: &[Setting],
+    inertial: bool,
+) -> std::result::Result<Started, String> {
+    if inertial {
+        let with = Wanted {
+            inertial: true,
+            ..wanted.clone()
+        };
+        let started = Started::start(Arc::clone(api), with, settings.to_vec());
+        if started.is_ok() {
+            return started;
+        }
+    }
+    Started::start(Arc::clone(api), wanted, settings.to_vec())
+}
+
+fn pair(name: &str, d: &Description) -> std::result::Result<Pair<'static>, String> {
+    let colour_from_depth = pose(&d.colour_from_depth).ok_or_else(|| {
+        format!(
+            "a rotation between its cameras that is none: {:?}",
+            d.colour_from_depth.rotation
+        )
+    })?;
     if !(d.unit.is_finite() && d.unit > 0.0) {
         return Err(format!("depth values of {} m", d.unit));
     }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
-    let [x, y, z] = d.colour_from_depth.translation.map(f64::from);
     Ok(Pair {
         name: name.to_owned(),
         colour: info(&d.colour),
         depth: info(&d.depth),
-        colour_from_depth: Some(Se3::new(rotation, Vector3::new(x, y, z))),
+        colour_from_depth: Some(colour_from_depth),
         depth_scale: Some((1.0 / d.unit * 1e3).round() / 1e3),
     })
 }

@@ -18,6 +18,7 @@
 mod camera;
 mod error;
 mod find;
+mod inertial;
 mod library;
 mod source;
 

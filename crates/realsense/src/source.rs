@@ -1,10 +1,11 @@
 //! The frames of a camera that runs, which may be unplugged and come back.
 
 use crate::camera::Started;
-use crate::library::{Image, Images};
+use crate::inertial::Joined;
+use crate::library::{Image, Images, News};
 use std::sync::Arc;
-use std::time::Duration;
-use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, SourceError};
+use std::time::{Duration, Instant};
+use stillpoint_imaging::{FrameId, FrameSource, ImuSample, RgbdFrame, SourceError};
 use stillpoint_recordings::RawFrames;
 use stillpoint_ros_messages as ros;
 
@@ -29,6 +30,7 @@ pub(crate) struct Frames {
     next_id: u32,
     /// Stamps of the last pair, microseconds.
     last: Option<(i64, i64)>,
+    inertial: Joined,
 }
 
 /// What is known of a camera that is gone.
@@ -62,6 +64,7 @@ impl Frames {
             keep_colour,
             next_id: 0,
             last: None,
+            inertial: Joined::default(),
         }
     }
 
@@ -89,6 +92,22 @@ impl Frames {
         SourceError {
             message,
             recoverable: true,
+        }
+    }
+
+    /// The next pair of images that is none of before, if one comes within `wait`, ms; samples of the inertial sensor are taken along.
+    fn images(&mut self, started: &Started, wait: u32) -> Result<Option<Box<Images>>, String> {
+        let until = Instant::now() + Duration::from_millis(wait.into());
+        loop {
+            match started.running.next(wait, false)? {
+                News::Images(images) => return Ok(Some(images).filter(|i| self.is_news(i))),
+                News::Motion(motion) => self.inertial.take(motion),
+                News::Nothing => return Ok(None),
+            }
+            // An inertial sensor alone is no camera.
+            if wait == WAIT && Instant::now() > until {
+                return Err("samples of the inertial sensor only".to_owned());
+            }
         }
     }
 
@@ -127,7 +146,7 @@ fn is_news(last: Option<(i64, i64)>, (colour, depth): (i64, i64)) -> bool {
 }
 
 /// Microseconds as seconds, rounded as recordings have them: a recording of the run has the same stamps.
-fn seconds(us: i64) -> f64 {
+pub(crate) fn seconds(us: i64) -> f64 {
     let (whole, rest) = (us.div_euclid(1_000_000), us.rem_euclid(1_000_000));
     whole as f64 + (rest * 1000) as f64 / 1e9
 }
@@ -159,31 +178,23 @@ impl FrameSource for Frames {
                 self.started = Some(started);
                 return Some(self.frame(&images));
             }
-            if started.running.has_ended() {
-                // What waits is still to be read.
-                let next = started.running.next(1, false);
-                return match next {
-                    Ok(Some(images)) if self.is_news(&images) => {
-                        self.started = Some(started);
-                        Some(self.frame(&images))
-                    }
-                    Ok(_) => {
-                        self.started = Some(started);
-                        continue;
-                    }
-                    Err(_) => None,
-                };
-            }
-            match started.running.next(WAIT, false) {
-                Ok(Some(images)) if self.is_news(&images) => {
+            let has_ended = started.running.has_ended();
+            // Of a recording at its end what waits is still to be read.
+            let wait = if has_ended { 1 } else { WAIT };
+            match self.images(&started, wait) {
+                Ok(Some(images)) => {
                     self.started = Some(started);
                     return Some(self.frame(&images));
                 }
-                Ok(_) => self.started = Some(started),
-                Err(_) if started.running.has_ended() => return None,
+                Ok(None) => self.started = Some(started),
+                Err(_) if has_ended || started.running.has_ended() => return None,
                 Err(reason) => return Some(Err(self.lose(started, &reason))),
             }
         }
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        self.inertial.joined()
     }
 
     fn is_live(&self) -> bool {

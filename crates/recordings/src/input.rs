@@ -136,7 +136,7 @@ impl Input {
         match self {
             Self::Folder(d) => d.camera().imu.filter(|_| !d.inertial().is_empty()),
             Self::File(f) => f.camera().imu,
-            Self::Device(_) => None,
+            Self::Device(d) => d.camera().imu,
         }
     }
 

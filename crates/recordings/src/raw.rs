@@ -6,7 +6,7 @@ use crate::rectify::Rectifier;
 use crate::register::Registration;
 use crate::setup::{Side, Treatment};
 use stillpoint_datasets::CameraModel;
-use stillpoint_geometry::Se3;
+use stillpoint_geometry::{ImuModel, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_ros_messages as ros;
 
@@ -66,6 +66,13 @@ impl RawFrames {
                 registration: registration.map(|pose| Registration::new(&depth, &target, pose)),
             },
         })
+    }
+
+    /// The same camera with an inertial sensor on it, or none.
+    #[must_use]
+    pub fn with_imu(mut self, imu: Option<ImuModel>) -> Self {
+        self.treatment.camera.imu = imu;
+        self
     }
 
     /// The camera of the frames.

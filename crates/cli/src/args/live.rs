@@ -56,6 +56,9 @@ pub(crate) struct LiveRealsenseArgs {
     /// Exposure of the colour camera, ms [default: the camera chooses, but never longer than a frame takes].
     #[arg(long, value_name = "MS", value_parser = exposure)]
     pub(crate) exposure_ms: Option<f64>,
+    /// Use no inertial sensor, where the camera has one (D435i, D455).
+    #[arg(long)]
+    pub(crate) no_imu: bool,
     /// End after so many frames.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=u64::from(u32::MAX)))]
     max_frames: Option<u64>,

@@ -79,6 +79,10 @@ functions! {
     pipeline_start_with_config_and_callback(Object, Object, unsafe extern "C" fn(Object, Object), Object, Fault) -> Object;
     pipeline_stop(Object, Fault);
     pipeline_profile_get_device(Object, Fault) -> Object;
+    pipeline_profile_get_streams(Object, Fault) -> Object;
+    get_stream_profiles_count(Object, Fault) -> c_int;
+    get_stream_profile(Object, c_int, Fault) -> Object;
+    delete_stream_profiles_list(Object);
     delete_pipeline_profile(Object);
     playback_device_get_current_status(Object, Fault) -> c_int;
     query_sensors(Object, Fault) -> Object;
@@ -92,6 +96,7 @@ functions! {
     get_option_range(Object, c_int, *mut c_float, *mut c_float, *mut c_float, *mut c_float, Fault);
     set_option(Object, c_int, c_float, Fault);
     distortion_to_string(c_int) -> *const c_char;
+    is_frame_extendable_to(Object, c_int, Fault) -> c_int;
     embedded_frames_count(Object, Fault) -> c_int;
     extract_frame(Object, c_int, Fault) -> Object;
     release_frame(Object);

@@ -21,16 +21,23 @@ use std::sync::Arc;
 /// `rs2_stream`, `rs2_format` and `rs2_camera_info`: what has had these numbers in all versions.
 const DEPTH: c_int = 1;
 const COLOUR: c_int = 2;
+const GYRO: c_int = 5;
+const ACCEL: c_int = 6;
 const Z16: c_int = 1;
 const RGB8: c_int = 5;
+const MOTION_XYZ32F: c_int = 16;
+/// `RS2_EXTENSION_MOTION_FRAME`.
+const MOTION_FRAME: c_int = 9;
 const NAME: c_int = 0;
 const SERIAL: c_int = 1;
 /// `RS2_PLAYBACK_STATUS_STOPPED`.
 const STOPPED: c_int = 3;
 /// Options have numbers below this.
 const MOST_OPTIONS: c_int = 512;
-/// Pairs of images that wait, a second of them.
+/// Pairs of images that wait, a second of them ...
 const WAITING: c_int = 30;
+/// ... and with an inertial sensor's samples between them, of up to 400 and 250 Hz.
+const WAITING_INERTIAL: c_int = 700;
 
 /// The library.
 pub(crate) struct Api {
@@ -89,6 +96,26 @@ pub(crate) struct Wanted {
     /// Width and height, px, and frames per second; zeros leave the choice to a recording.
     pub(crate) size: [i32; 2],
     pub(crate) rate: i32,
+    /// Whether gyroscope and accelerometer run too.
+    pub(crate) inertial: bool,
+}
+
+/// A sample of the gyroscope or the accelerometer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Motion {
+    pub(crate) is_rate: bool,
+    /// By the device's clock, microseconds.
+    pub(crate) stamp_us: i64,
+    /// rad/s or m/s^2.
+    pub(crate) value: [f32; 3],
+}
+
+/// What comes next.
+pub(crate) enum News {
+    Images(Box<Images>),
+    Motion(Motion),
+    /// Something else.
+    Nothing,
 }
 
 /// A device that is connected.
@@ -125,6 +152,8 @@ pub(crate) struct Description {
     pub(crate) colour: (Intrinsics, String),
     pub(crate) depth: (Intrinsics, String),
     pub(crate) colour_from_depth: Extrinsics,
+    /// Of the gyroscope, where there is one.
+    pub(crate) colour_from_gyro: Option<Extrinsics>,
     /// Metres per depth value.
     pub(crate) unit: f64,
 }
@@ -270,7 +299,28 @@ impl Api {
                     )
                 })?;
             }
-            let queue = self.make(f.delete_frame_queue, |e| (f.create_frame_queue)(WAITING, e))?;
+            if wanted.inertial {
+                for stream in [GYRO, ACCEL] {
+                    self.call(|e| {
+                        (f.config_enable_stream)(
+                            config.get(),
+                            stream,
+                            -1,
+                            0,
+                            0,
+                            MOTION_XYZ32F,
+                            0,
+                            e,
+                        )
+                    })?;
+                }
+            }
+            let waiting = if wanted.inertial {
+                WAITING_INERTIAL
+            } else {
+                WAITING
+            };
+            let queue = self.make(f.delete_frame_queue, |e| (f.create_frame_queue)(waiting, e))?;
             let pipeline =
                 self.make(f.delete_pipeline, |e| (f.create_pipeline)(context.get(), e))?;
             let profile = self.make(f.delete_pipeline_profile, |e| {
@@ -289,7 +339,7 @@ impl Api {
                 api: Arc::clone(self),
                 is_file: wanted.file.is_some(),
                 device: device.ok(),
-                _profile: profile,
+                profile,
                 pipeline,
                 queue,
                 _config: config,

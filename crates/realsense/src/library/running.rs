@@ -2,8 +2,8 @@
 
 use super::functions::{Extrinsics, Fault, Intrinsics, Object};
 use super::{
-    Api, COLOUR, Connected, DEPTH, Description, Handle, Image, Images, MOST_OPTIONS, NAME, STOPPED,
-    Setting, text,
+    ACCEL, Api, COLOUR, Connected, DEPTH, Description, GYRO, Handle, Image, Images, MOST_OPTIONS,
+    MOTION_FRAME, Motion, NAME, News, STOPPED, Setting, text,
 };
 use std::ffi::c_int;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ pub(crate) struct Running {
     pub(super) api: Arc<Api>,
     pub(super) is_file: bool,
     pub(super) device: Option<Handle>,
-    pub(super) _profile: Handle,
+    pub(super) profile: Handle,
     pub(super) pipeline: Handle,
     pub(super) queue: Handle,
     pub(super) _config: Handle,
@@ -112,39 +112,34 @@ impl Running {
         Ok(is_set)
     }
 
-    /// The next pair of images; `None` when one is missing.
+    /// What comes next: a pair of images, or a sample of the inertial sensor.
     ///
     /// # Errors
     /// None came in time, or what the device said.
-    pub(crate) fn next(&self, wait_ms: u32, describe: bool) -> Result<Option<Images>, String> {
+    pub(crate) fn next(&self, wait_ms: u32, describe: bool) -> Result<News, String> {
         let f = &self.api.functions;
         // SAFETY: frames are released by their handles; profiles live as long as their frames.
         unsafe {
             let all = self.api.make(f.release_frame, |e| {
                 (f.wait_for_frame)(self.queue.get(), wait_ms, e)
             })?;
+            let is_motion = self
+                .api
+                .call(|e| (f.is_frame_extendable_to)(all.get(), MOTION_FRAME, e))?;
+            if is_motion != 0 {
+                let stream = self.stream(self.profile(&all)?)?;
+                return Ok(self
+                    .motion(&all, stream)?
+                    .map_or(News::Nothing, News::Motion));
+            }
             let count = self.api.call(|e| (f.embedded_frames_count)(all.get(), e))?;
             let (mut colour, mut depth) = (None, None);
             for i in 0..count {
                 let frame = self
                     .api
                     .make(f.release_frame, |e| (f.extract_frame)(all.get(), i, e))?;
-                let profile = self
-                    .api
-                    .call(|e| (f.get_frame_stream_profile)(frame.get(), e))?;
-                let (mut stream, mut format, mut index, mut number, mut rate) = (0, 0, 0, 0, 0);
-                self.api.call(|e| {
-                    (f.get_stream_profile_data)(
-                        profile,
-                        &mut stream,
-                        &mut format,
-                        &mut index,
-                        &mut number,
-                        &mut rate,
-                        e,
-                    );
-                })?;
-                match stream {
+                let profile = self.profile(&frame)?;
+                match self.stream(profile)? {
                     COLOUR => colour = Some((frame, profile)),
                     DEPTH => depth = Some((frame, profile)),
                     _ => {}
@@ -152,16 +147,14 @@ impl Running {
             }
             let (Some((colour, colour_profile)), Some((depth, depth_profile))) = (colour, depth)
             else {
-                return Ok(None);
+                return Ok(News::Nothing);
             };
             let description = if describe {
-                let mut pose = Extrinsics::default();
-                self.api
-                    .call(|e| (f.get_extrinsics)(depth_profile, colour_profile, &mut pose, e))?;
                 Some(Description {
                     colour: self.intrinsics(colour_profile)?,
                     depth: self.intrinsics(depth_profile)?,
-                    colour_from_depth: pose,
+                    colour_from_depth: self.pose(depth_profile, colour_profile)?,
+                    colour_from_gyro: self.gyro_pose(colour_profile)?,
                     unit: f64::from(
                         self.api
                             .call(|e| (f.depth_frame_get_units)(depth.get(), e))?,
@@ -170,12 +163,94 @@ impl Running {
             } else {
                 None
             };
-            Ok(Some(Images {
+            Ok(News::Images(Box::new(Images {
                 colour: self.image(&colour)?,
                 depth: self.image(&depth)?,
                 description,
+            })))
+        }
+    }
+
+    /// The profile of a frame; it lives as long as the frame.
+    fn profile(&self, frame: &Handle) -> Result<Object, String> {
+        // SAFETY: the frame is alive.
+        self.api
+            .call(|e| unsafe { (self.api.functions.get_frame_stream_profile)(frame.get(), e) })
+    }
+
+    /// The kind of stream of a profile that is alive.
+    fn stream(&self, profile: Object) -> Result<c_int, String> {
+        let (mut stream, mut format, mut index, mut number, mut rate) = (0, 0, 0, 0, 0);
+        // SAFETY: the callers' profiles are those of frames or of a device that are alive.
+        self.api.call(|e| unsafe {
+            (self.api.functions.get_stream_profile_data)(
+                profile,
+                &mut stream,
+                &mut format,
+                &mut index,
+                &mut number,
+                &mut rate,
+                e,
+            );
+        })?;
+        Ok(stream)
+    }
+
+    fn pose(&self, of: Object, to: Object) -> Result<Extrinsics, String> {
+        let mut pose = Extrinsics::default();
+        // SAFETY: as for `stream`.
+        self.api
+            .call(|e| unsafe { (self.api.functions.get_extrinsics)(of, to, &mut pose, e) })?;
+        Ok(pose)
+    }
+
+    /// Where the gyroscope stands to the colour camera; none where there is no gyroscope, or the device does not say.
+    fn gyro_pose(&self, colour_profile: Object) -> Result<Option<Extrinsics>, String> {
+        let f = &self.api.functions;
+        // SAFETY: the pipeline's profile is alive, and with it its list and what is in that.
+        unsafe {
+            let list = self.api.make(f.delete_stream_profiles_list, |e| {
+                (f.pipeline_profile_get_streams)(self.profile.get(), e)
+            })?;
+            for i in 0..self
+                .api
+                .call(|e| (f.get_stream_profiles_count)(list.get(), e))?
+            {
+                let profile = self
+                    .api
+                    .call(|e| (f.get_stream_profile)(list.get(), i, e))?;
+                if self.stream(profile)? == GYRO {
+                    return Ok(self.pose(profile, colour_profile).ok());
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    /// A sample of the gyroscope or the accelerometer; none of anything else.
+    fn motion(&self, frame: &Handle, stream: c_int) -> Result<Option<Motion>, String> {
+        let f = &self.api.functions;
+        // SAFETY: the frame is alive, and its data has the size that it says.
+        unsafe {
+            let size = self.api.call(|e| (f.get_frame_data_size)(frame.get(), e))?;
+            let data = self.api.call(|e| (f.get_frame_data)(frame.get(), e))?;
+            if data.is_null() || size < 12 || !matches!(stream, GYRO | ACCEL) {
+                return Ok(None);
+            }
+            Ok(Some(Motion {
+                is_rate: stream == GYRO,
+                stamp_us: self.stamp_us(frame)?,
+                value: data.cast::<[f32; 3]>().read_unaligned(),
             }))
         }
+    }
+
+    fn stamp_us(&self, frame: &Handle) -> Result<i64, String> {
+        // SAFETY: the frame is alive.
+        let ms = self
+            .api
+            .call(|e| unsafe { (self.api.functions.get_frame_timestamp)(frame.get(), e) })?;
+        Ok((ms * 1e3).round() as i64)
     }
 
     fn intrinsics(&self, profile: Object) -> Result<(Intrinsics, String), String> {
@@ -210,8 +285,7 @@ impl Running {
                 height: number(f.get_frame_height)?,
                 stride: number(f.get_frame_stride_in_bytes)?,
                 data: std::slice::from_raw_parts(data, size).to_vec(),
-                stamp_us: (self.api.call(|e| (f.get_frame_timestamp)(frame.get(), e))? * 1e3)
-                    .round() as i64,
+                stamp_us: self.stamp_us(frame)?,
             })
         }
     }
