@@ -1,9 +1,10 @@
 //! The camera as topics say it: which frames of reference, which calibrations, and what is still missing before images can become frames.
 
+use crate::inertial;
 use crate::options::Options;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
-use stillpoint::geometry::Se3;
+use stillpoint::geometry::{ImuModel, Se3};
 use stillpoint::recordings::{
     ImageMessage, Incoming, IncomingTopic, OpenOptions, Transforms, says_registered,
 };
@@ -43,6 +44,8 @@ pub struct CameraState {
     constants: Vec<Vec<u8>>,
     /// Parents of frames.
     parents: BTreeMap<String, String>,
+    /// The frame of reference of the inertial sensor, once it has said something.
+    imu_frame: Option<String>,
     /// When the first pair came that could not become a frame.
     waiting: Option<Instant>,
 }
@@ -53,6 +56,10 @@ pub struct Ready {
     pub incoming: Incoming,
     /// The frame of reference of colour images.
     pub optical: String,
+    /// The inertial sensor, where there is one and it is known how it stands to the camera.
+    pub imu: Option<ImuModel>,
+    /// Why there is none although it is asked for.
+    pub without_imu: Option<String>,
 }
 
 /// Why they cannot yet.
@@ -75,6 +82,7 @@ impl CameraState {
             transforms: Transforms::default(),
             constants: Vec::new(),
             parents: BTreeMap::new(),
+            imu_frame: None,
             waiting: None,
         }
     }
@@ -195,13 +203,14 @@ impl CameraState {
         } else {
             None
         };
+        let missing = missing.map(|m| format!("what tells where depth stands to colour: {m}"));
+        let imu = options.subscribe_imu.then(|| self.imu(of_colour));
+        let without_imu = imu.as_ref().and_then(|i| i.as_ref().err()).cloned();
         let waited = self.waiting.get_or_insert_with(Instant::now).elapsed();
-        if let Some(missing) = missing
+        if let Some(missing) = missing.or_else(|| without_imu.clone())
             && waited < PATIENCE
         {
-            return Err(NotReady::Waiting(format!(
-                "what tells where depth stands to colour: {missing}"
-            )));
+            return Err(NotReady::Waiting(missing));
         }
         let topic = |topic, message, info| IncomingTopic {
             topic,
@@ -224,7 +233,26 @@ impl CameraState {
         Ok(Ready {
             incoming,
             optical: of_colour.to_owned(),
+            imu: imu.and_then(Result::ok),
+            without_imu,
         })
+    }
+
+    /// The inertial sensor has said something, in this frame of reference.
+    pub fn note_inertial(&mut self, frame: &str) {
+        if self.imu_frame.as_deref() != Some(frame) {
+            self.imu_frame = Some(frame.to_owned());
+        }
+    }
+
+    /// The inertial sensor, or what is missing for it.
+    fn imu(&self, optical: &str) -> Result<ImuModel, String> {
+        let what = "what tells where the inertial sensor stands to the camera";
+        let Some(frame) = &self.imu_frame else {
+            return Err(format!("{what}: no message of it"));
+        };
+        let model = inertial::mounted(&self.transforms, optical, frame);
+        model.ok_or_else(|| format!("{what}: no {frame} -> {optical} on /tf_static"))
     }
 
     /// `base_from_optical`, if a chain of transforms says so.
@@ -338,6 +366,57 @@ mod tests {
             .unwrap();
         let base = camera.base_from_optical("base_link", "colour").unwrap();
         assert!((base.translation.x - 0.6).abs() < 1e-12);
+    }
+
+    #[test]
+    fn it_is_waited_for_where_the_inertial_sensor_stands() {
+        let mut parameters = Parameters::default();
+        let yes = crate::value::Value::Bool(true);
+        parameters.set("subscribe_imu", &yes).unwrap();
+        let options = Options::new(&parameters).unwrap();
+        let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
+        let mut camera = CameraState::new(topics());
+        camera.take_info(false, info(5.0)).unwrap();
+        let waits_for = |camera: &mut CameraState, what: &str| {
+            let Err(NotReady::Waiting(told)) = camera.ready(&colour, &depth, &options) else {
+                panic!("{what}");
+            };
+            assert!(told.contains(what), "{told}");
+        };
+        waits_for(&mut camera, "no message of it");
+        camera.note_inertial("imu");
+        waits_for(&mut camera, "no imu -> colour on /tf_static");
+        camera
+            .take_transforms(&transform("colour", "imu", 0.01))
+            .unwrap();
+        let ready = camera.ready(&colour, &depth, &options).ok().unwrap();
+        let mount = ready.imu.unwrap().camera_from_imu;
+        assert!((mount.translation.x - 0.01).abs() < 1e-12 && ready.without_imu.is_none());
+        // Without being asked for it is not.
+        let plain = Options::new(&Parameters::default()).unwrap();
+        assert!(
+            camera
+                .ready(&colour, &depth, &plain)
+                .ok()
+                .unwrap()
+                .imu
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn after_some_patience_the_run_begins_without_the_inertial_sensor() {
+        let mut parameters = Parameters::default();
+        let yes = crate::value::Value::Bool(true);
+        parameters.set("subscribe_imu", &yes).unwrap();
+        let options = Options::new(&parameters).unwrap();
+        let mut camera = CameraState::new(topics());
+        camera.take_info(false, info(5.0)).unwrap();
+        camera.waiting = Instant::now().checked_sub(2 * PATIENCE);
+        let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
+        let ready = camera.ready(&colour, &depth, &options).ok().unwrap();
+        assert!(ready.imu.is_none());
+        assert!(ready.without_imu.unwrap().contains("inertial sensor"));
     }
 
     #[test]

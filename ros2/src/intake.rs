@@ -2,6 +2,7 @@
 
 use crate::bus::{Bus, BusError, Quality, Reader};
 use crate::camera::{CameraState, CameraTopics};
+use crate::inertial::{IMU, Measured};
 use crate::names::{NodeName, Remap, resolve};
 use crate::options::Options;
 use crate::pairing::{Pair, Pairing, Stream, Taken};
@@ -30,6 +31,7 @@ pub struct Intake {
     depth_info: Reader,
     tf_static: Reader,
     odometry: Option<(String, Reader)>,
+    inertial: Option<(String, Reader)>,
     topics: CameraTopics,
     pairing: Pairing<Vec<u8>>,
     /// Of both streams.
@@ -48,6 +50,8 @@ pub struct News {
     pub transforms: Vec<Vec<u8>>,
     /// Messages of odometry, with their topic.
     pub odometry: Vec<(String, Vec<u8>)>,
+    /// Messages of the inertial sensor, with what is in them.
+    pub inertial: Vec<(Measured, Vec<u8>)>,
     /// What did not read.
     pub broken: Vec<String>,
 }
@@ -120,6 +124,12 @@ impl Intake {
             Ok::<_, BusError>((name, reader))
         });
         let odometry = odometry.transpose()?;
+        let inertial = options.subscribe_imu.then(|| {
+            let name = resolve(IMU, &node, remaps);
+            let reader = bus.subscribe(&name, ros::Imu::NAME, Quality::INERTIAL)?;
+            Ok::<_, BusError>((name, reader))
+        });
+        let inertial = inertial.transpose()?;
         let info = ros::CameraInfo::NAME;
         Ok(Self {
             colour: bus.subscribe(&topics.colour, image(topics.colour_compressed), images)?,
@@ -132,6 +142,7 @@ impl Intake {
                 constant,
             )?,
             odometry,
+            inertial,
             topics: topics.clone(),
             pairing: Pairing::new(options.max_dt),
             seen: [StreamState::default(), StreamState::default()],
@@ -144,6 +155,12 @@ impl Intake {
     #[must_use]
     pub fn topics(&self) -> &CameraTopics {
         &self.topics
+    }
+
+    /// Name of the inertial sensor's topic, where it is used.
+    #[must_use]
+    pub fn inertial_topic(&self) -> Option<&str> {
+        self.inertial.as_ref().map(|(name, _)| name.as_str())
     }
 
     /// Publishers of colour, depth and constant transforms.
@@ -195,6 +212,17 @@ impl Intake {
         if let Some((topic, reader)) = &self.odometry {
             while let Some(message) = reader.take() {
                 news.odometry.push((topic.clone(), message.bytes));
+            }
+        }
+        if let Some((_, reader)) = &self.inertial {
+            while let Some(message) = reader.take() {
+                match Measured::read(&message.bytes) {
+                    Ok(measured) => {
+                        camera.note_inertial(&measured.frame);
+                        news.inertial.push((measured, message.bytes));
+                    }
+                    Err(e) => news.broken.push(e),
+                }
             }
         }
         news

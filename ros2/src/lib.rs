@@ -6,6 +6,7 @@ pub mod arguments;
 pub mod bus;
 pub mod camera;
 pub mod fusing;
+pub mod inertial;
 pub mod intake;
 pub mod losses;
 pub mod maps;

@@ -95,6 +95,12 @@ pub const ALL: &[Described] = &[
         "Whether wheel_odometry is recorded.",
     ),
     described(
+        "subscribe_imu",
+        "false",
+        AtStart,
+        "Whether camera/imu (angular rates and forces) is used. Where the sensor stands to the camera is read from /tf_static.",
+    ),
+    described(
         "max_dt",
         "0.02",
         NextRun,
@@ -208,6 +214,8 @@ pub struct Options {
     pub reliable: bool,
     /// Whether odometry is subscribed to.
     pub subscribe_odometry: bool,
+    /// Whether the inertial sensor is used.
+    pub subscribe_imu: bool,
     /// s.
     pub max_dt: f64,
     /// Values per metre, if named.
@@ -286,6 +294,7 @@ impl Options {
             depth_transport: one_of("depth_transport", &["raw", "compressedDepth", "compressed"])?,
             reliable: one_of("reliability", &["best_effort", "reliable"])? == "reliable",
             subscribe_odometry: is("subscribe_odometry"),
+            subscribe_imu: is("subscribe_imu"),
             max_dt: within("max_dt", 1e-6, 1.0)?,
             depth_scale: (scale > 0.0).then_some(scale),
             drop_late: one_of("frames", &["newest", "all"])? == "newest",

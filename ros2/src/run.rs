@@ -17,7 +17,7 @@ use std::sync::Arc;
 use stillpoint::datasets::AtomicFile;
 use stillpoint::detection::Detector;
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::{FrameId, RgbdFrame, Simd};
+use stillpoint::imaging::{FrameId, ImuSample, RgbdFrame, Simd};
 use stillpoint::live::{Delivery, LiveOptions, LiveResult, LiveSystem, Stage, Subscribed, Watch};
 use stillpoint::map::Map;
 use stillpoint::ros_events::{FrameNames, Publisher};
@@ -59,6 +59,8 @@ pub struct Plan<'a> {
     pub outputs: &'a Arc<Outputs>,
     /// Names of the two topics of images.
     pub topics: [&'a str; 2],
+    /// Name of the inertial sensor's topic, where it is used.
+    pub imu_topic: Option<&'a str>,
     /// How many runs there were: files of later ones have the number in their names.
     pub number: u32,
 }
@@ -69,6 +71,10 @@ struct About {
     stillpoint: &'static str,
     color_topic: String,
     depth_topic: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    imu_topic: Option<String>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    no_imu: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     depth_scale: Option<f64>,
     start: usize,
@@ -129,6 +135,10 @@ impl Run {
         let detector = options.model.as_deref().map(load_detector).transpose()?;
         let looks = detector.is_some();
         let stages = stages(&config, camera, plan.known)?;
+        let stages = match plan.ready.imu {
+            Some(model) => stages.with_imu(model).map_err(|e| e.to_string())?,
+            None => stages,
+        };
         let log = options.log.as_ref().map(|f| numbered(f, plan.number));
         let recording = options.record.as_ref().map(|f| numbered(f, plan.number));
         let recording = recording.as_deref().map(Recording::begin).transpose()?;
@@ -227,6 +237,11 @@ impl Run {
         self.keep_colour
     }
 
+    /// Hands over what the inertial sensor measured. False when tracking takes no more.
+    pub fn tell_inertial(&mut self, samples: Vec<ImuSample>) -> bool {
+        self.ready.imu.is_none() || self.live.tell_inertial(samples)
+    }
+
     /// Hands over a frame. False when tracking takes no more.
     pub fn push(&mut self, frame: RgbdFrame) -> bool {
         self.live.push(frame)
@@ -294,6 +309,11 @@ fn about(plan: &Plan<'_>, config: &Config) -> Result<String, String> {
         stillpoint: env!("CARGO_PKG_VERSION"),
         color_topic,
         depth_topic,
+        no_imu: plan.ready.imu.is_none(),
+        imu_topic: plan
+            .imu_topic
+            .filter(|_| plan.ready.imu.is_some())
+            .map(str::to_owned),
         depth_scale: plan.options.depth_scale,
         start: 0,
         load_map: file(MapUse::Grow),

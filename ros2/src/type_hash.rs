@@ -217,6 +217,7 @@ pub fn all() -> Vec<(&'static str, String)> {
         .map(|topic| (topic.type_name(), of_topic(*topic)))
         .collect();
     all.push((ros::Log::NAME, of_message::<ros::Log<'_>>()));
+    all.push((ros::Imu::NAME, of_message::<ros::Imu<'_>>()));
     all.push((
         ros::ParameterEvent::NAME,
         of_message::<ros::ParameterEvent<'_>>(),
@@ -274,6 +275,10 @@ mod tests {
             (
                 "sensor_msgs/msg/Image",
                 "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47",
+            ),
+            (
+                "sensor_msgs/msg/Imu",
+                "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b",
             ),
             (
                 "nav_msgs/msg/Odometry",

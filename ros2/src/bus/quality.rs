@@ -21,6 +21,11 @@ impl Quality {
         latched: false,
         depth: 10,
     };
+    /// Of inertial sensors: half a second at 400 Hz may wait.
+    pub const INERTIAL: Self = Self {
+        depth: 200,
+        ..Self::SENSOR
+    };
     /// What ROS 2 does unless it is told otherwise.
     pub const DEFAULT: Self = Self {
         reliable: true,

@@ -25,6 +25,17 @@ pub(super) fn image(topic: String, compressed: bool, time: u64, bytes: Vec<u8>) 
     }
 }
 
+pub(super) fn inertial(topic: String, time: u64, bytes: Vec<u8>) -> Entry {
+    Entry {
+        topic,
+        type_name: ros::Imu::NAME,
+        definition: || ros::definition::<ros::Imu<'_>>(Version::Ros2),
+        time,
+        latched: false,
+        bytes,
+    }
+}
+
 pub(super) fn constant(bytes: Vec<u8>) -> Entry {
     Entry {
         topic: "/tf_static".to_owned(),

@@ -8,6 +8,7 @@ mod status;
 use crate::arguments::Request;
 use crate::bus::{Bus, Quality, Reach, Writer};
 use crate::camera::CameraState;
+use crate::inertial::Measured;
 use crate::intake::{Intake, News, topics};
 use crate::losses::Losses;
 use crate::options::Options;
@@ -189,6 +190,7 @@ impl Node {
                 run.record(|| constant(bytes));
             }
         }
+        self.take_inertial(news.inertial);
         for (topic, bytes) in news.odometry {
             if let Some(run) = self.run.as_ref().filter(|r| r.is_recorded()) {
                 let stamp = ros::from_bytes::<ros::Odometry<'_>>(&bytes, Format::CdrLittleEndian);
@@ -205,6 +207,20 @@ impl Node {
                 });
             }
         }
+    }
+
+    fn take_inertial(&mut self, inertial: Vec<(Measured, Vec<u8>)>) {
+        let Some(run) = &mut self.run else {
+            return;
+        };
+        if let Some(topic) = self.intake.inertial_topic().filter(|_| run.is_recorded()) {
+            for (measured, bytes) in &inertial {
+                let time = nanoseconds(measured.stamp);
+                run.record(|| entries::inertial(topic.to_owned(), time, bytes.clone()));
+            }
+        }
+        // Frames tell when tracking has ended.
+        run.tell_inertial(inertial.into_iter().map(|(m, _)| m.sample).collect());
     }
 
     fn take_images(&mut self) {

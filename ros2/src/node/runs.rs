@@ -43,6 +43,10 @@ impl Node {
         for warning in incoming.warnings() {
             self.voice.warn(warning);
         }
+        if let Some(missing) = &ready.without_imu {
+            self.voice
+                .warn(&format!("the inertial sensor is not used: {missing}"));
+        }
         self.number += 1;
         let topics = self.intake.topics();
         let plan = Plan {
@@ -53,6 +57,7 @@ impl Node {
             publisher: self.publisher.take(),
             outputs: &self.outputs,
             topics: [&topics.colour, &topics.depth],
+            imu_topic: self.intake.inertial_topic(),
             number: self.number,
         };
         match Run::begin(plan) {
