@@ -19,12 +19,19 @@ fn main() {
     divan::main();
 }
 
+/// What kernels run on where they do not run on portable code.
+const VECTORS: Simd = if cfg!(target_arch = "aarch64") {
+    Simd::Neon
+} else {
+    Simd::Avx2
+};
+
 /// What the kernels run on.
 const CASES: [(Source, Simd); 4] = [
     (Source::Texture, Simd::Scalar),
-    (Source::Texture, Simd::Avx2),
+    (Source::Texture, VECTORS),
     (Source::Real, Simd::Scalar),
-    (Source::Real, Simd::Avx2),
+    (Source::Real, VECTORS),
 ];
 
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +106,7 @@ fn whole_extraction(bencher: Bencher, (source, simd): (Source, Simd)) {
 }
 
 /// Another real frame each time, as in use: repeating one image flatters the branch predictor.
-#[divan::bench(args = [Simd::Scalar, Simd::Avx2], sample_count = 150)]
+#[divan::bench(args = [Simd::Scalar, VECTORS], sample_count = 150)]
 fn whole_extraction_changing(bencher: Bencher, simd: Simd) {
     let files = real_files().unwrap_or_default();
     let mut frames: Vec<_> = files.iter().step_by(6).filter_map(load).collect();
@@ -246,9 +253,9 @@ enum Start {
 /// A thousand points from a real frame to the next, and back. The texture is tracked to itself where there is no real frame.
 #[divan::bench(args = [
     (Start::Point, Simd::Scalar),
-    (Start::Point, Simd::Avx2),
+    (Start::Point, VECTORS),
     (Start::Guess, Simd::Scalar),
-    (Start::Guess, Simd::Avx2),
+    (Start::Guess, VECTORS),
 ])]
 fn flow(bencher: Bencher, (start, simd): (Start, Simd)) {
     let files = real_files().unwrap_or_default();

@@ -7,6 +7,13 @@ fn main() {
     divan::main();
 }
 
+/// What kernels run on where they do not run on portable code.
+const VECTORS: Simd = if cfg!(target_arch = "aarch64") {
+    Simd::Neon
+} else {
+    Simd::Avx2
+};
+
 fn noise() -> GrayImage {
     let mut image = GrayImage::new(640, 480);
     let mut state = 1_u32;
@@ -17,14 +24,14 @@ fn noise() -> GrayImage {
     image
 }
 
-#[divan::bench(args = [Simd::Scalar, Simd::Avx2])]
+#[divan::bench(args = [Simd::Scalar, VECTORS])]
 fn build(bencher: Bencher, simd: Simd) {
     let image = noise();
     let mut pyramid = Pyramid::new(8, 1.2, simd);
     bencher.bench_local(|| pyramid.build(&image));
 }
 
-#[divan::bench(args = [Simd::Scalar, Simd::Avx2])]
+#[divan::bench(args = [Simd::Scalar, VECTORS])]
 fn smooth(bencher: Bencher, simd: Simd) {
     let mut pyramid = Pyramid::new(8, 1.2, simd);
     pyramid.build(&noise());

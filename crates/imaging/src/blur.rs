@@ -63,6 +63,10 @@ fn smooth_row(source: &[u8], out: &mut [u16], simd: Simd) {
     if simd.has_avx2() {
         return crate::avx2::smooth_row(source, out);
     }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::smooth_row(source, out);
+    }
     let _ = simd;
     smooth_row_span(source, 0..source.len(), out);
 }
@@ -104,6 +108,10 @@ fn smooth_columns(rows: &[&[u16]; 7], out: &mut [u8], simd: Simd) {
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
         return crate::avx2::smooth_columns(rows, out);
+    }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::smooth_columns(rows, out);
     }
     let _ = simd;
     smooth_columns_scalar(rows, out);

@@ -186,6 +186,10 @@ fn luma(rgb: &[u8], out: &mut [u8]) {
     if crate::Simd::Avx2.has_avx2() {
         return crate::avx2::luma(rgb, out);
     }
+    #[cfg(target_arch = "aarch64")]
+    if crate::Simd::Neon.has_neon() {
+        return crate::neon::luma(rgb, out);
+    }
     luma_scalar(rgb, out);
 }
 

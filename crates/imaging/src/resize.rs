@@ -13,13 +13,19 @@ pub(crate) struct Axis {
     /// Fraction towards the next pixel in 1/128, 1..=127. Both weights then fit a signed byte; the error is at most 1/128 px.
     pub(crate) fraction: Vec<u8>,
     /// Eight targets each, together all of them (the last group overlaps the one before); empty when some group cannot be built.
-    #[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+    #[cfg_attr(
+        not(any(target_arch = "x86_64", target_arch = "aarch64")),
+        allow(dead_code)
+    )]
     pub(crate) groups: Vec<Group>,
 }
 
 /// How to make eight adjacent targets from 16 adjacent source bytes.
 // Only the vector kernels read this.
-#[cfg_attr(not(target_arch = "x86_64"), allow(dead_code))]
+#[cfg_attr(
+    not(any(target_arch = "x86_64", target_arch = "aarch64")),
+    allow(dead_code)
+)]
 #[derive(Clone, Debug)]
 pub(crate) struct Group {
     /// First target.
@@ -152,6 +158,10 @@ fn resample_row(source: &[u8], columns: &Axis, out: &mut [i16], simd: Simd) {
     if simd.has_avx2() {
         return crate::avx2::resample_row(source, columns, out);
     }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::resample_row(source, columns, out);
+    }
     let _ = simd;
     resample_scalar(source, columns, out);
 }
@@ -172,6 +182,10 @@ fn blend_rows(top: &[i16], bottom: &[i16], fraction: i16, out: &mut [u8], simd: 
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
         return crate::avx2::blend_rows(top, bottom, fraction, out);
+    }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::blend_rows(top, bottom, fraction, out);
     }
     let _ = simd;
     blend_scalar(top, bottom, fraction, out);

@@ -13,6 +13,8 @@ pub enum Simd {
     Scalar,
     /// 256-bit integer and float vectors of x86-64.
     Avx2,
+    /// 128-bit integer and float vectors of 64-bit Arm.
+    Neon,
 }
 
 impl Simd {
@@ -21,6 +23,8 @@ impl Simd {
     pub fn detect() -> Self {
         if Simd::Avx2.has_avx2() {
             Simd::Avx2
+        } else if Simd::Neon.has_neon() {
+            Simd::Neon
         } else {
             Simd::Scalar
         }
@@ -39,6 +43,40 @@ impl Simd {
         #[cfg(not(target_arch = "x86_64"))]
         {
             false
+        }
+    }
+
+    /// Whether NEON kernels were asked for *and* can run here: all 64-bit Arm processors that run an operating system have them.
+    #[must_use]
+    #[inline]
+    pub fn has_neon(self) -> bool {
+        #[cfg(target_arch = "aarch64")]
+        {
+            self == Simd::Neon && std::arch::is_aarch64_feature_detected!("neon")
+        }
+        #[cfg(not(target_arch = "aarch64"))]
+        {
+            false
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Tests compare scalar code with what is detected: where nothing were, they would compare it with itself.
+    #[test]
+    fn only_what_the_machine_has_is_found() {
+        let arm = cfg!(target_arch = "aarch64");
+        assert_eq!(Simd::detect() == Simd::Neon, arm);
+        assert_eq!(Simd::Neon.has_neon(), arm);
+        assert!(!arm || !Simd::Avx2.has_avx2());
+        for other in [Simd::Scalar, Simd::Avx2] {
+            assert!(!other.has_neon());
+        }
+        for other in [Simd::Scalar, Simd::Neon] {
+            assert!(!other.has_avx2());
         }
     }
 }
