@@ -45,6 +45,10 @@ impl Brief {
         if self.simd.has_avx2() {
             return crate::avx2::describe(xs, ys, direction, width as i32, (window, centre));
         }
+        #[cfg(target_arch = "aarch64")]
+        if self.simd.has_neon() {
+            return crate::neon::describe(xs, ys, direction, width as i32, (window, centre));
+        }
         let _ = self.simd;
         let mut offsets = [0; 512];
         rotate_scalar(xs, ys, direction, width as i32, &mut offsets);

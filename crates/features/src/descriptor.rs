@@ -9,6 +9,16 @@ impl Descriptor {
     #[must_use]
     #[inline(always)]
     pub fn distance(&self, other: &Self) -> u32 {
+        #[cfg(target_arch = "aarch64")]
+        if stillpoint_imaging::Simd::Neon.has_neon() {
+            return crate::neon::distance(&self.0, &other.0);
+        }
+        self.distance_portable(other)
+    }
+
+    /// [`Descriptor::distance`] for the instruction set of its caller, into which it is inlined.
+    #[inline(always)]
+    pub(crate) fn distance_portable(&self, other: &Self) -> u32 {
         let bits = |i: usize| (self.0[i] ^ other.0[i]).count_ones();
         bits(0) + bits(1) + bits(2) + bits(3)
     }
@@ -34,5 +44,23 @@ impl Descriptor {
             }
         }
         best.map(|(_, descriptor)| descriptor)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn the_distance_is_the_portable_one(a in any::<[u64; 4]>(), b in any::<[u64; 4]>()) {
+            let none = Descriptor([0; 4]);
+            let all = Descriptor([u64::MAX; 4]);
+            for (a, b) in [(Descriptor(a), Descriptor(b)), (none, Descriptor(a)), (none, all)] {
+                prop_assert_eq!(a.distance(&b), a.distance_portable(&b));
+            }
+            prop_assert_eq!(none.distance(&all), 256);
+        }
     }
 }

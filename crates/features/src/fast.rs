@@ -181,6 +181,10 @@ fn score_image(image: &GrayImage, options: &FastOptions, scores: &mut [u8], simd
     if simd.has_avx2() {
         return crate::avx2::score_rows(image, rows, columns, options.low, scores);
     }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::score_rows(image, rows, columns, options.low, scores);
+    }
     let _ = simd;
     for y in rows {
         let out = &mut scores[y * width..(y + 1) * width];
@@ -279,6 +283,10 @@ fn find_row_maxima(
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
         return crate::avx2::find_row_maxima(scores, y, columns, thresholds, corners);
+    }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::find_row_maxima(scores, y, columns, thresholds, corners);
     }
     let _ = simd;
     maxima_span(scores, y, columns, thresholds, corners);

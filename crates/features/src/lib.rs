@@ -15,6 +15,8 @@ mod grid;
 #[doc(hidden)]
 pub mod kernels;
 mod matching;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod orientation;
 mod pattern;
 mod spread;

@@ -15,6 +15,10 @@ pub(crate) fn moments(image: &GrayImage, x: usize, y: usize, simd: Simd) -> (i32
     if simd.has_avx2() {
         return crate::avx2::moments(image, x, y);
     }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::moments(image, x, y);
+    }
     let _ = simd;
     moments_scalar(image, x, y)
 }

@@ -80,7 +80,7 @@ impl WindowPlace {
     }
 
     /// Whether rows of 16 pixels (and 2 more on the right) around a window at this place are inside the data, for kernels that load that much.
-    #[cfg(target_arch = "x86_64")]
+    #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
     fn has_whole_rows(&self, image: &GrayImage, side: usize) -> bool {
         self.index + (side + 1) * image.width() + LANES + 2 <= image.data().len()
     }
@@ -112,6 +112,10 @@ impl Template {
         if simd.has_avx2() && place.has_whole_rows(image, self.side) {
             return crate::avx2::sample_window(self, image, place);
         }
+        #[cfg(target_arch = "aarch64")]
+        if simd.has_neon() && place.has_whole_rows(image, self.side) {
+            return crate::neon::sample_window(self, image, place);
+        }
         let _ = simd;
         self.sample_scalar(image, place)
     }
@@ -127,6 +131,10 @@ impl Template {
         #[cfg(target_arch = "x86_64")]
         if simd.has_avx2() && place.has_whole_rows(image, self.side) {
             return crate::avx2::compare_window(self, image, place, offset);
+        }
+        #[cfg(target_arch = "aarch64")]
+        if simd.has_neon() && place.has_whole_rows(image, self.side) {
+            return crate::neon::compare_window(self, image, place, offset);
         }
         let _ = simd;
         self.compare_scalar(image, place, offset)
