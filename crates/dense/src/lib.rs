@@ -19,6 +19,8 @@ mod fuser;
 mod kept;
 mod mesh;
 mod moving;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod observation;
 mod octomap;
 mod pixels;

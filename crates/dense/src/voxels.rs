@@ -78,6 +78,10 @@ pub(crate) fn update(sight: &Sight<'_>, placed: &Placed, block: &mut Block, simd
     if simd.has_avx2() {
         return crate::avx2::update(sight, placed, block);
     }
+    #[cfg(target_arch = "aarch64")]
+    if simd.has_neon() {
+        return crate::neon::update(sight, placed, block);
+    }
     let _ = simd;
     update_scalar(sight, placed, block)
 }

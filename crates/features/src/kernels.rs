@@ -10,6 +10,19 @@ use crate::{
     spread::Spread,
 };
 
+/// The sum of the distances of all pairs, each by [`Descriptor::distance`] or by its portable twin.
+#[must_use]
+pub fn distances(descriptors: &[Descriptor], simd: Simd) -> u32 {
+    let sum = |distance: fn(&Descriptor, &Descriptor) -> u32| {
+        let of = |a: &Descriptor| descriptors.iter().map(|b| distance(a, b)).sum::<u32>();
+        descriptors.iter().map(of).sum()
+    };
+    match simd {
+        Simd::Scalar => sum(Descriptor::distance_portable),
+        _ => sum(Descriptor::distance),
+    }
+}
+
 /// The stages on one image, at its own scale.
 #[derive(Clone, Debug)]
 pub struct Stages {

@@ -175,21 +175,18 @@ impl ColourImage {
     #[must_use]
     pub fn to_gray(&self) -> GrayImage {
         let mut gray = GrayImage::new(self.width, self.height);
-        luma(&self.data, &mut gray.data);
+        luma(&self.data, &mut gray.data, crate::Simd::detect());
         gray
     }
 }
 
-/// The luma of interleaved pixels, by the fastest instructions that there are: the same bits by any.
-fn luma(rgb: &[u8], out: &mut [u8]) {
+/// The luma of interleaved pixels: the same bits by any instructions.
+pub(crate) fn luma(rgb: &[u8], out: &mut [u8], simd: crate::Simd) {
     #[cfg(target_arch = "x86_64")]
-    if crate::Simd::Avx2.has_avx2() {
+    if simd.has_avx2() {
         return crate::avx2::luma(rgb, out);
     }
-    #[cfg(target_arch = "aarch64")]
-    if crate::Simd::Neon.has_neon() {
-        return crate::neon::luma(rgb, out);
-    }
+    let _ = simd;
     luma_scalar(rgb, out);
 }
 
@@ -266,7 +263,7 @@ mod tests {
                 .map(|i| (i * i * 37 + i / 3) as u8)
                 .collect();
             let (mut fast, mut scalar) = (vec![0; pixels], vec![0; pixels]);
-            luma(&rgb, &mut fast);
+            luma(&rgb, &mut fast, crate::Simd::detect());
             luma_scalar(&rgb, &mut scalar);
             assert_eq!(fast, scalar, "{pixels} pixels");
         }
@@ -275,7 +272,7 @@ mod tests {
             .collect();
         let extremes: Vec<u8> = extremes.iter().map(|v| 255 * v).collect();
         let (mut fast, mut scalar) = (vec![0; 64], vec![0; 64]);
-        luma(&extremes, &mut fast);
+        luma(&extremes, &mut fast, crate::Simd::detect());
         luma_scalar(&extremes, &mut scalar);
         assert_eq!(fast, scalar);
         assert_eq!((fast[0], fast[7]), (0, 255));

@@ -9,6 +9,8 @@ mod coarse_depth;
 mod frame;
 mod image;
 mod inertial;
+#[doc(hidden)]
+pub mod kernels;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 mod pyramid;

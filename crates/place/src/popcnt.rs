@@ -1,5 +1,5 @@
 //! Kernels compiled with the machine's instruction to count bits, each the twin of a portable function with the same result: they are integers. The only
-//! unsafe code of the crate.
+//! unsafe code of the crate. 64-bit Arm always has such an instruction, and there portable code is compiled with it.
 #![allow(unsafe_code)]
 
 use crate::{PlaceVector, Vocabulary, vector::Tally};

@@ -149,9 +149,12 @@ fn rotate(
 unsafe fn compare(window: &[u8], indices: &[i32; 512]) -> Descriptor {
     // Collecting the samples first leaves nothing but loads and stores in the hot loop; the comparisons are then 64 at a time.
     let mut samples = [0_u8; 512];
-    for (sample, &index) in samples.iter_mut().zip(indices) {
-        // SAFETY: the caller promises that the index is inside.
-        *sample = unsafe { *window.get_unchecked(index as usize) };
+    // Eight at a time, which spares most of the steps from one to the next.
+    for (samples, indices) in samples.chunks_exact_mut(8).zip(indices.chunks_exact(8)) {
+        for (sample, &index) in samples.iter_mut().zip(indices) {
+            // SAFETY: the caller promises that the index is inside.
+            *sample = unsafe { *window.get_unchecked(index as usize) };
+        }
     }
     // The bit of each byte in the byte that eight of them become.
     let bits = vreinterpretq_u8_u64(vdupq_n_u64(0x8040_2010_0804_0201));
