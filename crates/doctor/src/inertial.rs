@@ -44,6 +44,26 @@ pub fn judge_inertial(
     let factor = best.factor;
     let figure = Figure::new("gyroscope: its turns against the camera's", factor, "");
     report.measure(figure.clone());
+    let left = Figure::new(
+        "inertial sensor: turns that no mount explains, as a share",
+        best.left,
+        "",
+    );
+    report.measure(left.clone());
+    if best.is_mirrored || best.left > ALIKE {
+        find(
+            report,
+            "the inertial sensor turns otherwise than the camera, however it is mounted".to_owned(),
+            if best.is_mirrored {
+                "one of its axes is mirrored: exchange two axes, or change the sign of one"
+            } else {
+                "check that it is on the same body as the camera, and that both have stamps of one clock"
+            }
+            .to_owned(),
+            vec![left],
+        );
+        return;
+    }
     let units = if (factor.to_radians().ln()).abs() < FACTOR.ln() {
         Some((
             "angular rates are in degrees per second",
@@ -59,26 +79,6 @@ pub fn judge_inertial(
     };
     if let Some((what, remedy)) = units {
         find(report, what.to_owned(), remedy.to_owned(), vec![figure]);
-        return;
-    }
-    let left = Figure::new(
-        "inertial sensor: turns that no mount explains, as a share",
-        best.left,
-        "",
-    );
-    report.measure(left.clone());
-    if best.left > ALIKE {
-        find(
-            report,
-            "the inertial sensor turns otherwise than the camera, however it is mounted".to_owned(),
-            if best.is_mirrored {
-                "one of its axes is mirrored: exchange two axes, or change the sign of one"
-            } else {
-                "check that it is on the same body as the camera, and that both have stamps of one clock"
-            }
-            .to_owned(),
-            vec![left],
-        );
         return;
     }
     judge_mount(&best, stated, report);
@@ -364,7 +364,7 @@ mod tests {
         let right = stated(mount());
         let mirror = Mat3::from_diagonal(&Vec3::new(1.0, -1.0, 1.0));
         let q = mount().coords;
-        let rotation = format!("rotation = [{:.2}", q.x);
+        let rotation = format!("rotation = [{:.4}, {:.4}", q.x, q.y);
         for (samples, stated, parts) in [
             (
                 samples(&to_sensor(), 1.0, 9.8, 0.0),
@@ -407,7 +407,7 @@ mod tests {
         let stamps: Vec<f64> = other.iter().rev().map(|s| s.stamp).collect();
         other.iter_mut().zip(stamps).for_each(|(s, t)| {
             s.stamp = t;
-            s.angular_rate[1] *= -0.3;
+            s.angular_rate[1] *= -1.0;
         });
         let report = judged(&other, &stated(mount()));
         assert!(
