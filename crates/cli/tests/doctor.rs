@@ -74,3 +74,44 @@ fn what_cannot_be_looked_at_is_refused() {
         .unwrap();
     check(&output, 2, &["expected 0.5 to 30 s"]);
 }
+
+/// Three seconds of a camera that turns fast, with an inertial sensor.
+#[test]
+fn an_inertial_sensor_that_is_mounted_otherwise_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let args = ["-q", "simulate", "--imu", "--jpeg", "--scene", "rpy_60"];
+    let output = program()
+        .args(args)
+        .args(["--frames", "75", "--out"])
+        .arg(&data)
+        .output()
+        .unwrap();
+    check(&output, 0, &[]);
+    let right = data.join("camera.toml");
+    let well = stdout(&with_camera("doctor", &data, &right, &["--json"]));
+    let well: Value = serde_json::from_str(&well).unwrap();
+    assert_eq!(well["findings"].as_array().unwrap().len(), 0, "{well}");
+    let measured = well["measured"].to_string();
+    assert!(
+        measured.contains("mounted otherwise than stated by"),
+        "{measured}"
+    );
+
+    let text = std::fs::read_to_string(&right).unwrap();
+    let (before, after) = text.split_once("\nrotation = ").unwrap();
+    let (_, after) = after.split_once('\n').unwrap();
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    // A quarter of a turn about the camera's axis.
+    let turned = format!("{before}\nrotation = [0.0, 0.0, {half}, {half}]\n{after}");
+    let wrong = dir.path().join("wrong.toml");
+    std::fs::write(&wrong, turned).unwrap();
+    let named = with_camera("doctor", &data, &wrong, &[]);
+    check(&named, 1, &[]);
+    let said = stdout(&named);
+    assert!(
+        said.contains("mounted 90 degrees otherwise than stated"),
+        "{said}"
+    );
+    assert!(said.contains("-> state rotation = ["), "{said}");
+}
