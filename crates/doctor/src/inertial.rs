@@ -19,8 +19,8 @@ const FARTHEST_S: f64 = 0.2;
 const STEP_S: f64 = 0.005;
 /// A mount is off from here on, rad: 5 degrees. Less is found and corrected in every run.
 const OFF: f64 = 0.087;
-/// So is a clock, s.
-const LATE_S: f64 = 0.015;
+/// So is a clock, s: poses are of the middle of a readout, which is not known here.
+const LATE_S: f64 = 0.025;
 /// What is left of the turns, as a share, where the sensor turns as the camera does, however it is mounted.
 const ALIKE: f64 = 0.5;
 /// Rates and forces are off by a factor beyond this and its inverse.

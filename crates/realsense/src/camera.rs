@@ -140,8 +140,17 @@ impl RealSense {
         started.first = Some(images);
         let pair = pair(&started.name, &described).map_err(|e| failed(&started.name, e))?;
         let raw = RawFrames::new(&pair).map_err(|e| failed(&started.name, e))?;
-        let mount = described.colour_from_gyro.as_ref().and_then(pose);
-        let raw = raw.with_imu(mount.map(|pose| ImuModel::bmi055().mounted(pose)));
+        let mount = described.colour_from_gyro.as_ref();
+        let mount = mount.map(|found| {
+            let found = found.as_ref().map_err(Clone::clone)?;
+            pose(found).ok_or_else(|| format!("a rotation that is none: {:?}", found.rotation))
+        });
+        let raw = raw.with_imu(
+            mount
+                .as_ref()
+                .and_then(|m| m.as_ref().ok())
+                .map(|pose| ImuModel::bmi055().mounted(*pose)),
+        );
         let c = &raw.camera().camera;
         let (fx, fy, cx, cy) = (c.fx, c.fy, c.cx, c.cy);
         let beside = pair
@@ -157,9 +166,14 @@ impl RealSense {
                 raw.camera().depth_scale
             ),
         ];
-        guesses.extend(mount.map(|pose| {
-            let off = pose.translation.norm() * 1e3;
-            format!("inertial sensor: the camera's own, {off:.1} mm beside")
+        guesses.extend(mount.map(|mount| match mount {
+            Ok(pose) => format!(
+                "inertial sensor: the camera's own, {:.1} mm beside",
+                pose.translation.norm() * 1e3
+            ),
+            Err(found) => format!(
+                "inertial sensor: not used, as the camera does not say how it is mounted ({found})"
+            ),
         }));
         Ok(Self {
             guesses,

@@ -2,7 +2,7 @@
 //! where libpython was loaded before (`LD_PRELOAD`).
 
 use std::path::PathBuf;
-use stillpoint_imaging::{FrameSource, RgbdFrame};
+use stillpoint_imaging::{FrameSource, ImuSample, RgbdFrame};
 use stillpoint_realsense::{Options, RealSense, VARIABLE};
 use stillpoint_recordings::{Device, FrameOptions, OpenOptions, open};
 
@@ -32,6 +32,51 @@ impl FrameSource for Boxed {
     fn next_frame(&mut self) -> Option<Result<RgbdFrame, stillpoint_imaging::SourceError>> {
         self.0.next_frame()
     }
+}
+
+/// With `STILLPOINT_REALSENSE_INERTIAL`, a recording that `tools/recordings/software_realsense.py` made of `stillpoint simulate --imu`.
+#[test]
+fn gyroscope_and_accelerometer_come_between_the_frames() {
+    let Some(path) = std::env::var_os("STILLPOINT_REALSENSE_INERTIAL") else {
+        stillpoint_testdata::skipped(
+            "STILLPOINT_REALSENSE_INERTIAL names no recording with an inertial sensor",
+        );
+        return;
+    };
+    let Some((camera, _)) = played(path.into()) else {
+        return;
+    };
+    let said = camera.guesses().join("; ");
+    assert!(said.contains("inertial sensor: "), "{said}");
+    let mut frames = camera.frames(false).unwrap();
+    let (mut count, mut samples) = (0, Vec::new());
+    while let Some(frame) = frames.next_frame() {
+        let stamp = frame.unwrap().stamp;
+        count += 1;
+        samples.extend(frames.take_inertial());
+        let newest = samples.last().map_or(0.0, |s: &ImuSample| s.stamp);
+        assert!((stamp - newest).abs() < 0.1, "{stamp} {newest}");
+    }
+    assert!(
+        count > 10 && samples.len() > 5 * (count - 1),
+        "{count} {}",
+        samples.len()
+    );
+    assert!(samples.is_sorted_by(|a, b| a.stamp < b.stamp));
+    for s in &samples {
+        let force = s.specific_force.iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert!((7.0..13.0).contains(&force), "{s:?}");
+    }
+    assert!(samples.iter().any(|s| s.angular_rate[1].abs() > 0.1));
+    // Played as without it.
+    let plain = Options {
+        playback: std::env::var_os("STILLPOINT_REALSENSE_INERTIAL").map(PathBuf::from),
+        inertial: false,
+        ..Options::default()
+    };
+    let plain = RealSense::open(&plain).unwrap();
+    assert!(!plain.guesses().join("; ").contains("inertial"));
+    assert!(plain.frames(false).unwrap().take_inertial().is_empty());
 }
 
 #[test]

@@ -152,8 +152,8 @@ pub(crate) struct Description {
     pub(crate) colour: (Intrinsics, String),
     pub(crate) depth: (Intrinsics, String),
     pub(crate) colour_from_depth: Extrinsics,
-    /// Of the gyroscope, where there is one.
-    pub(crate) colour_from_gyro: Option<Extrinsics>,
+    /// Of the gyroscope, where one runs; why it is not known else.
+    pub(crate) colour_from_gyro: Option<Result<Extrinsics, String>>,
     /// Metres per depth value.
     pub(crate) unit: f64,
 }

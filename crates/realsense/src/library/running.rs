@@ -204,8 +204,11 @@ impl Running {
         Ok(pose)
     }
 
-    /// Where the gyroscope stands to the colour camera; none where there is no gyroscope, or the device does not say.
-    fn gyro_pose(&self, colour_profile: Object) -> Result<Option<Extrinsics>, String> {
+    /// Where the gyroscope stands to the colour camera, or why that is not known; none where there is no gyroscope.
+    fn gyro_pose(
+        &self,
+        colour_profile: Object,
+    ) -> Result<Option<Result<Extrinsics, String>>, String> {
         let f = &self.api.functions;
         // SAFETY: the pipeline's profile is alive, and with it its list and what is in that.
         unsafe {
@@ -220,7 +223,7 @@ impl Running {
                     .api
                     .call(|e| (f.get_stream_profile)(list.get(), i, e))?;
                 if self.stream(profile)? == GYRO {
-                    return Ok(self.pose(profile, colour_profile).ok());
+                    return Ok(Some(self.pose(profile, colour_profile)));
                 }
             }
         }
