@@ -259,12 +259,13 @@ impl Tracker {
     /// Learns from a pose that was taken: the gyroscope's bias, and whether both agree. Poses that hang on few landmarks do not tell.
     pub(super) fn learn_turn(&mut self, notes: &Notes, world_from_camera: &Se3, measured: bool) {
         let now = self.front_end.clock.now();
+        let blind = self.was_blind();
         let Some(inertial) = &mut self.inertial else {
             return;
         };
         self.past_turns.remember(now, world_from_camera);
         let counts = &notes.counts;
-        let can_refute = counts.moving_share() < TELLING_SHARE;
+        let can_refute = counts.moving_share() < TELLING_SHARE && !blind;
         if measured && counts.inliers >= TELLING_INLIERS {
             inertial.learn(now, &world_from_camera.rotation, can_refute);
         }

@@ -218,7 +218,8 @@ impl Tracker {
         pose: &AnchoredPose,
     ) -> Option<NewKeyframe> {
         let _span = tracing::info_span!("keyframe").entered();
-        if !self.map.grows {
+        // A map of whoever filled the view a moment ago would be none of the room.
+        if !self.map.grows || self.was_blind() {
             return None;
         }
         let since = |id: FrameId| frame.id.0.saturating_sub(id.0);
