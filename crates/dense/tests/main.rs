@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 mod bytes;
+mod corrected_things;
 mod following;
 mod people;
 mod room;

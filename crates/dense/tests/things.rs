@@ -36,7 +36,7 @@ fn object(seen: &MoverBox, class: &str, depths: [f64; 2]) -> Object {
 }
 
 /// A run in which all things are tracked exactly. `edit` changes what a frame's event says.
-fn told(edit: &dyn Fn(usize, &mut FrameEvent)) -> Vec<Event> {
+pub(crate) fn told(edit: &dyn Fn(usize, &mut FrameEvent)) -> Vec<Event> {
     let change = |event: &Event| match event {
         Event::Frame(frame) => {
             let i = frame.report.frame.0 as usize;
@@ -62,12 +62,12 @@ fn told(edit: &dyn Fn(usize, &mut FrameEvent)) -> Vec<Event> {
     desk().events.iter().map(change).collect()
 }
 
-fn desk() -> &'static Run {
+pub(crate) fn desk() -> &'static Run {
     static RUN: OnceLock<Run> = OnceLock::new();
     RUN.get_or_init(|| run("xyz", FRAMES))
 }
 
-fn view() -> Arc<MapView> {
+pub(crate) fn view() -> Arc<MapView> {
     let mut views = desk().events.iter().filter_map(Event::view);
     Arc::clone(views.next_back().unwrap())
 }
@@ -89,7 +89,7 @@ fn place(thing: &Thing) -> Vec3 {
     room_from_map.transform(&thing.bounds.centre)
 }
 
-fn listed<'a>(list: &'a [Thing], class: &str) -> Vec<&'a Thing> {
+pub(crate) fn listed<'a>(list: &'a [Thing], class: &str) -> Vec<&'a Thing> {
     let class = ClassId::from_name(class).unwrap();
     list.iter().filter(|t| t.class == class).collect()
 }
@@ -203,6 +203,32 @@ fn what_is_carried_away_is_gone() {
     let known = gathered(&taken(FRAMES), None);
     let gone = gathered(&taken(0), Some(known)).list(&view());
     assert!(listed(&gone, "tv").is_empty(), "{gone:?}");
+}
+
+/// Of the keyboards only the left third has depth, as at the border of an image: the rest of their boxes says nothing of where they are.
+#[test]
+fn what_has_depth_in_part_is_found() {
+    let keyboard = ClassId::from_name("keyboard").unwrap();
+    let events = told(&|_, frame| {
+        let seen = frame.frame.as_ref().unwrap();
+        let mut depth = seen.depth.data().to_vec();
+        let width = seen.depth.width();
+        for b in frame.report.objects.iter().filter(|o| o.class == keyboard) {
+            let b = b.bounds;
+            for (k, z) in depth.iter_mut().enumerate() {
+                let (x, y) = ((k % width) as f64, (k / width) as f64);
+                let within = x <= b.x1 && y >= b.y0 && y <= b.y1;
+                if within && x > b.x0 + 0.35 * b.width() {
+                    *z = 0.0;
+                }
+            }
+        }
+        let mut image = (**seen).clone();
+        image.depth = DepthImage::from_vec(width, seen.depth.height(), depth).unwrap();
+        frame.frame = Some(Arc::new(image));
+    });
+    let list = gathered(&events, None).list(&view());
+    assert!(!listed(&list, "keyboard").is_empty(), "{list:?}");
 }
 
 #[test]

@@ -11,6 +11,7 @@ use crate::disparity::DepthModel;
 use crate::error::SimulatorError;
 use crate::lens::Lens;
 use crate::path::Path;
+use crate::pixels::Pixels;
 use crate::raster::{NOTHING, View};
 use crate::scene::Scene;
 use crate::sensor::Sensor;
@@ -232,6 +233,26 @@ impl Simulator {
     /// A frame's depth image alone, m.
     #[must_use]
     pub fn depth(&self, index: usize) -> DepthImage {
+        self.measured(index).1
+    }
+
+    /// By thing of [`Self::things`] that stands still: its pixels in a frame's depth image, and how many of them have depth. Depth cameras measure none on what is dark and far.
+    #[must_use]
+    pub fn depth_px(&self, index: usize) -> Vec<[usize; 2]> {
+        let (view, depth) = self.measured(index);
+        let mut counts = vec![[0; 2]; self.scene.things().len()];
+        for (k, z) in depth.data().iter().enumerate() {
+            let thing = view.face(k).map_or(0, |f| usize::from(f.thing));
+            if let Some(count) = thing.checked_sub(1).and_then(|n| counts.get_mut(n)) {
+                count[0] += 1;
+                count[1] += usize::from(*z > 0.0);
+            }
+        }
+        counts
+    }
+
+    /// What the pixels of a frame's depth image see, and what it says of it.
+    fn measured(&self, index: usize) -> (Pixels, DepthImage) {
         let stamp = self.depth_stamp(index);
         let mut view = self.sight().pixels(stamp, self.shutter.depth_readout);
         view.scale(self.scale);
@@ -241,7 +262,8 @@ impl Simulator {
             DepthModel::Independent => self.sensor.record_depth(&view, focal, number),
             DepthModel::StructuredLight => self.sensor.match_pattern(&view, focal, number),
         };
-        DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default()
+        let depth = DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default();
+        (view, depth)
     }
 
     /// The surfaces of all that stands still, as convex planar polygons in the world, m; corners counter-clockwise as seen from outside.

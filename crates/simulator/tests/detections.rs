@@ -284,3 +284,19 @@ fn the_chair_is_carried_away() {
             .all(|r| r.class == "person")
     );
 }
+
+/// Cameras that send light see nothing of what is black and far.
+#[test]
+fn pixels_of_things_have_depth_or_not() {
+    let sim = simulator("walking_xyz", |_| ());
+    let exact = simulator("walking_xyz", |c| c.noise = false);
+    let (measured, all) = (sim.depth_px(60), exact.depth_px(60));
+    let sum = |counts: &[[usize; 2]], k: usize| counts.iter().map(|c| c[k]).sum::<usize>();
+    assert!(sum(&all, 0) > 5000 && sum(&all, 0) == sum(&all, 1));
+    // The same pixels are in sight, and some of them have no depth.
+    assert_eq!(sum(&measured, 0), sum(&all, 0));
+    let with = sum(&measured, 1);
+    assert!(with > sum(&all, 0) / 3 && with < sum(&all, 0), "{with}");
+    let depth = sim.depth(60);
+    assert!(with < depth.data().iter().filter(|z| **z > 0.0).count());
+}

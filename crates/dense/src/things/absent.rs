@@ -3,6 +3,7 @@
 use super::carve::evenly;
 use super::look::{Placed, Shown};
 use super::merge::Part;
+use std::collections::BTreeSet;
 use stillpoint_geometry::Vec3;
 
 /// Points whose places are looked at.
@@ -14,7 +15,7 @@ const EMPTY: f64 = 0.7;
 /// Share of the points that have a surface from which the thing is there.
 const THERE: f64 = 0.5;
 /// Looks in a row that have to see through: people and poses err for a moment.
-const LEAST_LOOKS: usize = 3;
+const LEAST_LOOKS: usize = 6;
 /// Things are found a little farther away than they were so far.
 const FARTHER: f64 = 1.05;
 
@@ -27,10 +28,25 @@ pub(crate) struct Presence {
     pub(crate) gone: bool,
 }
 
+/// The looks that show a thing where it is.
+pub(crate) fn shown(part: &Part, looks: &[Placed<'_>]) -> BTreeSet<usize> {
+    let points = probes(part);
+    let shows = |l: &usize| {
+        let placed = &looks[*l];
+        placed.submap == part.submap && verdict(&points, placed) == Some(true)
+    };
+    (0..looks.len()).filter(shows).collect()
+}
+
+/// The points whose places are looked at.
+fn probes(part: &Part) -> Vec<Vec3> {
+    let all: Vec<Vec3> = part.points.iter().map(|p| p.1).collect();
+    evenly(&all, POINTS).into_iter().map(|i| all[i]).collect()
+}
+
 /// Goes through the looks in the order of time.
 pub(crate) fn presence(part: &Part, looks: &[Placed<'_>]) -> Presence {
-    let all: Vec<Vec3> = part.points.iter().map(|p| p.1).collect();
-    let points: Vec<Vec3> = evenly(&all, POINTS).into_iter().map(|i| all[i]).collect();
+    let points = probes(part);
     let mut presence = Presence::default();
     let mut through = 0;
     for (number, placed) in looks.iter().enumerate() {

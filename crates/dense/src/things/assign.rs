@@ -3,10 +3,12 @@
 //! Trackers take one book for the next. So their tracks are a beginning only: each is carved into a surface, every sighting goes to the surface of its class
 //! that explains its box best, and what is left is carved again.
 
-use super::carve::{Carved, around, carve, evenly, overlap};
-use super::look::{Placed, Shown};
+use super::carve::{Carved, Task, around, carve, evenly, overlap};
+use super::claims::{Claimant, Claims};
+use super::look::Placed;
 use super::own::Seen;
-use super::part::World;
+use super::part::{World, stands};
+use crate::floor::Floor;
 use std::collections::BTreeMap;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
@@ -36,6 +38,8 @@ const TRUST: f64 = 0.2;
 pub(crate) struct Sights<'a> {
     pub(crate) looks: &'a [Placed<'a>],
     pub(crate) owners: &'a [Vec<u16>],
+    /// Of every sighting the part of its box in which there is depth.
+    pub(crate) measured: &'a [Vec<Option<[f32; 4]>>],
 }
 
 /// Carves groups of sightings and assigns these anew.
@@ -46,24 +50,28 @@ pub(crate) fn assign(
 ) -> Vec<Group> {
     let mut carved: Vec<Group> = groups
         .into_iter()
-        .filter_map(|(submap, seen)| group(submap, seen, sights, world))
+        .filter_map(|(submap, seen)| group(submap, seen, &|_| false, sights, world))
         .collect();
     for _ in 0..ROUNDS {
         // Stable: of equals the one that was seen first.
         carved.sort_by_key(|g| std::cmp::Reverse(g.seen.len()));
-        let parts = again(&carved, sights);
+        let parts = again(&carved, sights, world);
+        let claims = Claims::new(&carved);
         carved = parts
             .into_iter()
-            .filter_map(|(submap, seen)| group(submap, seen, sights, world))
+            .filter_map(|(by, seen)| {
+                group(by.submap, seen, &|p| claims.taken(p, &by), sights, world)
+            })
             .collect();
     }
     carved
 }
 
-/// A group with its surface; none of too few sightings.
+/// A group with its surface, without the points that are taken; none of no sightings.
 fn group(
     submap: SubmapId,
     seen: Vec<Seen>,
+    taken: &dyn Fn(&Vec3) -> bool,
     sights: &Sights<'_>,
     world: &World<'_>,
 ) -> Option<Group> {
@@ -73,12 +81,13 @@ fn group(
         *votes.entry(sighting.class).or_default() += f64::from(sighting.score);
     }
     let class = *votes.iter().max_by(|a, b| a.1.total_cmp(b.1))?.0;
-    let carved = carve(
-        &seen,
-        sights.looks,
-        sights.owners,
-        world.levels.get(&submap),
-    );
+    let task = Task {
+        class,
+        seen: &seen,
+        floor: world.levels.get(&submap),
+        taken,
+    };
+    let carved = carve(&task, sights);
     Some(Group {
         submap,
         class,
@@ -87,8 +96,8 @@ fn group(
     })
 }
 
-/// The sightings of each surface, and those of each group that none explains.
-fn again(groups: &[Group], sights: &Sights<'_>) -> Vec<(SubmapId, Vec<Seen>)> {
+/// The sightings of each surface, and those of each group that none explains; with what they were taken for so far.
+fn again(groups: &[Group], sights: &Sights<'_>, world: &World<'_>) -> Vec<(Claimant, Vec<Seen>)> {
     let surfaces: Vec<Vec<Vec3>> = groups
         .iter()
         .map(|g| {
@@ -99,15 +108,21 @@ fn again(groups: &[Group], sights: &Sights<'_>) -> Vec<(SubmapId, Vec<Seen>)> {
     let mut explained: Vec<BTreeMap<usize, (f64, usize)>> = vec![BTreeMap::new(); groups.len()];
     let mut left: Vec<Vec<Seen>> = vec![Vec::new(); groups.len()];
     for (own, group) in groups.iter().enumerate() {
+        let floor = world.levels.get(&group.submap);
         for (l, s) in &group.seen {
             let placed = &sights.looks[*l];
             let class = placed.look.sightings[*s].class;
+            let Some(bounds) = sights.measured[*l][*s] else {
+                left[own].push((*l, *s));
+                continue;
+            };
+            let floor = floor.filter(|_| stands(class));
             let mut best: Option<(f64, usize)> = None;
             for (k, g) in groups.iter().enumerate() {
                 if g.class != class || g.submap != group.submap || g.carved.fit < LEAST_FIT {
                     continue;
                 }
-                let met = meets(&surfaces[k], placed, &placed.look.sightings[*s].bounds);
+                let met = meets(&surfaces[k], placed, &bounds, floor);
                 let worth = met + TRUST * g.carved.fit;
                 if met >= LEAST_OVERLAP && best.is_none_or(|b| worth > b.0) {
                     best = Some((worth, k));
@@ -131,21 +146,23 @@ fn again(groups: &[Group], sights: &Sights<'_>) -> Vec<(SubmapId, Vec<Seen>)> {
     for (k, group) in groups.iter().enumerate() {
         let seen = explained[k].iter().map(|(l, (_, s))| (*l, *s)).collect();
         left[k].sort_unstable();
-        for seen in [seen, std::mem::take(&mut left[k])] {
+        let claimant = Claimant::of(group);
+        let unexplained = Claimant {
+            fit: 0.0,
+            ..claimant
+        };
+        let left = std::mem::take(&mut left[k]);
+        for (claimant, seen) in [(claimant, seen), (unexplained, left)] {
             if !seen.is_empty() {
-                parts.push((group.submap, seen));
+                parts.push((claimant, seen));
             }
         }
     }
     parts
 }
 
-/// How well what is in sight of a surface meets a box.
-fn meets(surface: &[Vec3], placed: &Placed<'_>, bounds: &[f32; 4]) -> f64 {
-    let pixels = surface
-        .iter()
-        .filter(|p| placed.shows(p) == Shown::Point)
-        .filter_map(|p| placed.project(p))
-        .map(|(px, _)| [px.x as f32, px.y as f32]);
-    overlap(around(pixels), bounds)
+/// How well what is in sight of a surface meets a box; with its feet where it stands on a floor.
+fn meets(surface: &[Vec3], placed: &Placed<'_>, bounds: &[f32; 4], floor: Option<&Floor>) -> f64 {
+    let extents = surface.iter().filter_map(|p| placed.extent(p, floor));
+    overlap(around(extents), bounds)
 }

@@ -1,14 +1,14 @@
 //! From what was gathered to the things of a map.
 
 use super::ThingMap;
-use super::absent::presence;
+use super::absent::{presence, shown};
 use super::assign::{Group, Sights, assign};
 use super::gather::Things;
 use super::ground::ground;
 use super::level;
 use super::look::Placed;
 use super::merge::{Part, merge};
-use super::own::{Seen, by_place, owners};
+use super::own::{Seen, by_place, measured, owners};
 use super::part::{Point, Record, World};
 use crate::floor::Floor;
 use std::collections::{BTreeMap, BTreeSet};
@@ -37,6 +37,9 @@ pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
     };
     let mut parts = known(&things.known, 0, &world);
     parts.extend(tracks(&looks, &world));
+    for part in &mut parts {
+        part.shown = shown(part, &looks);
+    }
     let merged = merge(parts, &world);
     let mut records: Vec<Record> = untouched(&things.known, &world);
     for part in merged {
@@ -124,6 +127,7 @@ fn known(map: &ThingMap, file: u8, world: &World<'_>) -> Vec<Part> {
         Some(Part {
             votes: BTreeMap::from([(record.class, f64::from(record.found))]),
             looks: BTreeSet::new(),
+            shown: BTreeSet::new(),
             known: vec![record.clone()],
             files: BTreeSet::from([file]),
             submap,
@@ -163,9 +167,12 @@ fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> Vec<Part> {
         let places = by_place(&seen, looks, &owners);
         places.into_iter().map(move |seen| (submap, seen))
     });
+    let measured_in = |l: &Placed<'_>| l.look.sightings.iter().map(|s| measured(l, s)).collect();
+    let measured: Vec<Vec<Option<[f32; 4]>>> = looks.iter().map(measured_in).collect();
     let sights = Sights {
         looks,
         owners: &owners,
+        measured: &measured,
     };
     let groups = assign(parted.collect(), &sights, world);
     groups
@@ -197,6 +204,7 @@ fn part(group: Group, looks: &[Placed<'_>], world: &World<'_>) -> Option<Part> {
     Some(Part {
         votes,
         looks: seen.iter().map(|s| s.0).collect(),
+        shown: BTreeSet::new(),
         known: Vec::new(),
         files: BTreeSet::new(),
         submap,

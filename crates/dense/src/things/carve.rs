@@ -3,11 +3,14 @@
 //! A box says little of depth: what stands before a thing and what is behind it are in it as well. But a point of the thing is in nearly all boxes that see
 //! it, and the points of the thing reach to the borders of all of them; the others leave a box when the camera moves, and fill it in part.
 
+use super::assign::Sights;
 use super::look::{Placed, Shown};
 use super::own::{Seen, inside};
-use super::part::Point;
+use super::part::{Point, stands};
+use super::scope::Scope;
 use crate::floor::Floor;
 use std::collections::BTreeMap;
+use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 
 /// Sides of the cells in which points are one, as a share of a thing's size, and their bounds, m.
@@ -36,17 +39,20 @@ const GAIN: f64 = 0.02;
 /// ... and be nearer than this share of the size of what was chosen.
 const GAP: f64 = 0.4;
 
+/// What is at the depth that the tracker took for its object is taken, where it meets the borders no worse than by this.
+const TRACKED: f64 = 0.05;
+
 /// A surface point with what the compared boxes say of it.
-struct Cell {
+pub(crate) struct Cell {
     point: Point,
-    at: Vec3,
+    pub(crate) at: Vec3,
     depth: f64,
     /// Direction from the camera to it, world.
     ray: Vec3,
     /// Whether it was at the depth that the tracker takes for its object.
     tracked: bool,
-    /// By compared sighting, its pixel where it is in sight.
-    pixels: Vec<Option<[f32; 2]>>,
+    /// By compared sighting, its pixels where it is in sight: see [`Placed::extent`].
+    pixels: Vec<Option<[f32; 4]>>,
 }
 
 /// The surface of what some sightings show.
@@ -57,53 +63,98 @@ pub(crate) struct Carved {
     pub(crate) fit: f64,
 }
 
+/// Whose surface is looked for.
+pub(crate) struct Task<'a> {
+    pub(crate) class: ClassId,
+    pub(crate) seen: &'a [Seen],
+    pub(crate) floor: Option<&'a Floor>,
+    /// Whether a point is of something else.
+    pub(crate) taken: &'a dyn Fn(&Vec3) -> bool,
+}
+
+/// The sightings that points are compared with.
+pub(crate) struct Frames<'a> {
+    compared: Vec<Seen>,
+    /// The part of their boxes in which there is depth.
+    boxes: Vec<Option<[f32; 4]>>,
+    sights: &'a Sights<'a>,
+}
+
+impl<'a> Frames<'a> {
+    fn new(seen: &[Seen], sights: &'a Sights<'a>) -> Self {
+        let every = seen.len().div_ceil(MOST_COMPARED).max(1);
+        let compared: Vec<Seen> = seen.iter().step_by(every).copied().collect();
+        let measured = compared.iter().map(|(l, s)| sights.measured[*l][*s]);
+        Self {
+            boxes: measured.collect(),
+            compared,
+            sights,
+        }
+    }
+
+    pub(crate) fn boxes(&self) -> &[Option<[f32; 4]>] {
+        &self.boxes
+    }
+
+    /// By sighting, how large its box is at the depth of some place, m: its longer side.
+    pub(crate) fn sides(&self, at: &Vec3) -> Vec<f64> {
+        let side = |(l, s): &Seen| {
+            let placed = &self.sights.looks[*l];
+            longer(&placed.look.sightings[*s].bounds) / placed.grid.camera.fx * placed.depth(at)
+        };
+        self.compared.iter().map(side).collect()
+    }
+}
+
+/// The longer side of a box, px.
+fn longer(bounds: &[f32; 4]) -> f64 {
+    f64::from((bounds[2] - bounds[0]).max(bounds[3] - bounds[1]))
+}
+
 /// The points of the surface of what some sightings show.
-pub(crate) fn carve(
-    seen: &[Seen],
-    looks: &[Placed<'_>],
-    owners: &[Vec<u16>],
-    floor: Option<&Floor>,
-) -> Carved {
-    let side = cell(seen, looks);
-    let every = seen.len().div_ceil(MOST_COMPARED).max(1);
-    let compared: Vec<Seen> = seen.iter().step_by(every).copied().collect();
-    let mut cells = gather(seen, looks, owners, side, floor);
-    cells.retain_mut(|c| is_own(c, &compared, looks, owners));
-    let grid = looks[seen[0].0].grid;
+pub(crate) fn carve(task: &Task<'_>, sights: &Sights<'_>) -> Carved {
+    let frames = Frames::new(task.seen, sights);
+    let side = cell(task.seen, sights.looks);
+    let mut cells = gather(task, sights, side);
+    let floor = task.floor.filter(|_| stands(task.class));
+    cells.retain_mut(|c| is_own(c, &frames, floor));
+    let grid = sights.looks[task.seen[0].0].grid;
     let apart = grid.step as f64 / grid.camera.fx;
-    let pieces = pieces(&cells, side, apart);
-    let boxes: Vec<[f32; 4]> = compared
-        .iter()
-        .map(|(l, s)| looks[*l].look.sightings[*s].bounds)
-        .collect();
-    let chosen = choose(&cells, &pieces, &boxes);
-    let quality = fit(&cells, &chosen, &boxes);
-    let tracked: Vec<usize> = (0..cells.len()).filter(|i| cells[*i].tracked).collect();
-    let (mut own, quality) = match fit(&cells, &tracked, &boxes) {
-        f if f + 0.05 > quality => (tracked, f),
-        _ => (chosen, quality),
+    let scope = Scope {
+        class: task.class,
+        up: task.floor.map(|f| f.up),
+        frames: &frames,
+    };
+    let best = |some: &[usize]| {
+        let pieces = pieces(&cells, some, side, apart);
+        let pieces: Vec<Vec<usize>> = pieces.into_iter().map(|p| scope.cut(&cells, p)).collect();
+        let own = choose(&cells, &pieces, &scope);
+        let fit = fit(&cells, &own, frames.boxes());
+        (own, fit)
+    };
+    let all: Vec<usize> = (0..cells.len()).collect();
+    let tracked: Vec<usize> = all.iter().copied().filter(|i| cells[*i].tracked).collect();
+    let (all, tracked) = (best(&all), best(&tracked));
+    let (mut own, fit) = if tracked.1 + TRACKED > all.1 {
+        tracked
+    } else {
+        all
     };
     own.sort_unstable();
     let points = own.into_iter().map(|i| (cells[i].point, cells[i].at));
     Carved {
         points: points.collect(),
-        fit: quality,
+        fit,
     }
 }
 
 /// All that is in the boxes and belongs to no smaller one.
-fn gather(
-    seen: &[Seen],
-    looks: &[Placed<'_>],
-    owners: &[Vec<u16>],
-    side: f64,
-    floor: Option<&Floor>,
-) -> Vec<Cell> {
+fn gather(task: &Task<'_>, sights: &Sights<'_>, side: f64) -> Vec<Cell> {
     let mut cells: BTreeMap<[i32; 3], Cell> = BTreeMap::new();
-    for (l, s) in seen {
-        let placed = &looks[*l];
+    for (l, s) in task.seen {
+        let placed = &sights.looks[*l];
         for i in inside(placed, &placed.look.sightings[*s]) {
-            let owner = usize::from(owners[*l][i]);
+            let owner = usize::from(sights.owners[*l][i]);
             if owner != 0 && owner != s + 1 {
                 continue;
             }
@@ -113,7 +164,7 @@ fn gather(
             let Some((point, at)) = placed.keep(&p) else {
                 continue;
             };
-            if floor.is_some_and(|f| f.height(&at).abs() < SOLE) {
+            if task.floor.is_some_and(|f| f.height(&at).abs() < SOLE) || (task.taken)(&at) {
                 continue;
             }
             let cell = || Cell {
@@ -132,15 +183,15 @@ fn gather(
 }
 
 /// Whether a point is in nearly all boxes from which it is in sight.
-fn is_own(cell: &mut Cell, compared: &[Seen], looks: &[Placed<'_>], owners: &[Vec<u16>]) -> bool {
+fn is_own(cell: &mut Cell, frames: &Frames<'_>, floor: Option<&Floor>) -> bool {
     let (mut within, mut outside) = (0_u32, 0_u32);
     cell.pixels.clear();
-    for (l, s) in compared {
-        let placed = &looks[*l];
+    for (l, s) in &frames.compared {
+        let placed = &frames.sights.looks[*l];
         let sight = placed.project(&cell.at);
         let shown = placed.shows(&cell.at);
         let pixel = sight.map(|(px, _)| [px.x as f32, px.y as f32]);
-        cell.pixels.push(pixel.filter(|_| shown == Shown::Point));
+        cell.pixels.push(placed.extent(&cell.at, floor));
         let (Some(at), false) = (pixel, shown == Shown::Nearer) else {
             continue;
         };
@@ -148,7 +199,7 @@ fn is_own(cell: &mut Cell, compared: &[Seen], looks: &[Placed<'_>], owners: &[Ve
         let margin = [x1 - x0, y1 - y0].map(|side| MARGIN + MARGIN_SHARE * side);
         let owner = sight
             .and_then(|(px, _)| placed.grid.nearest(px))
-            .map_or(0, |i| usize::from(owners[*l][i]));
+            .map_or(0, |i| usize::from(frames.sights.owners[*l][i]));
         let along = at[0] >= x0 - margin[0] && at[0] <= x1 + margin[0];
         let inside = along && at[1] >= y0 - margin[1] && at[1] <= y1 + margin[1];
         if inside && (owner == 0 || owner == s + 1) {
@@ -157,21 +208,23 @@ fn is_own(cell: &mut Cell, compared: &[Seen], looks: &[Placed<'_>], owners: &[Ve
             outside += 1;
         }
     }
-    let often = f64::from(within) >= LEAST_WITHIN * compared.len() as f64;
+    let often = f64::from(within) >= LEAST_WITHIN * frames.compared.len() as f64;
     often && f64::from(outside) <= MOST_OUTSIDE * f64::from(within + outside)
 }
 
-/// Parts cells into pieces whose points are near each other.
-fn pieces(cells: &[Cell], side: f64, apart: f64) -> Vec<Vec<usize>> {
+/// Parts some of the cells into pieces whose points are near each other.
+fn pieces(cells: &[Cell], some: &[usize], side: f64, apart: f64) -> Vec<Vec<usize>> {
     let mut buckets: BTreeMap<[i32; 3], Vec<usize>> = BTreeMap::new();
     let reach = |c: &Cell, k: usize| (LINK_CELLS * side).max(LINK_POINTS[k] * apart * c.depth);
-    let widest = cells.iter().map(|c| reach(c, 1)).fold(side, f64::max);
-    for (i, c) in cells.iter().enumerate() {
-        buckets.entry(key(&c.at, widest)).or_default().push(i);
+    let reaches = some.iter().map(|i| reach(&cells[*i], 1));
+    let widest = reaches.fold(side, f64::max);
+    for i in some.iter().copied() {
+        let bucket = key(&cells[i].at, widest);
+        buckets.entry(bucket).or_default().push(i);
     }
     let mut piece = vec![usize::MAX; cells.len()];
     let mut pieces: Vec<Vec<usize>> = Vec::new();
-    for first in 0..cells.len() {
+    for first in some.iter().copied() {
         if piece[first] != usize::MAX {
             continue;
         }
@@ -202,8 +255,9 @@ fn pieces(cells: &[Cell], side: f64, apart: f64) -> Vec<Vec<usize>> {
     pieces
 }
 
-/// The piece that fills the boxes best, with all others that make the borders better.
-fn choose(cells: &[Cell], pieces: &[Vec<usize>], boxes: &[[f32; 4]]) -> Vec<usize> {
+/// The piece that fills the boxes best, with all others that make the borders better and do not make it larger than it can be.
+fn choose(cells: &[Cell], pieces: &[Vec<usize>], scope: &Scope<'_>) -> Vec<usize> {
+    let boxes = scope.frames.boxes();
     let worth = |p: &Vec<usize>| fit(cells, p, boxes) + FILL * fill(cells, p, boxes);
     let mut order: Vec<(f64, usize)> = pieces.iter().map(worth).zip(0..).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -218,6 +272,9 @@ fn choose(cells: &[Cell], pieces: &[Vec<usize>], boxes: &[[f32; 4]]) -> Vec<usiz
             continue;
         }
         let more: Vec<usize> = chosen.iter().chain(&pieces[k]).copied().collect();
+        if !scope.holds(cells, &more) {
+            continue;
+        }
         let with = fit(cells, &more, boxes);
         if with > best + GAIN {
             (chosen, best) = (more, with);
@@ -240,24 +297,28 @@ fn is_near(cells: &[Cell], first: &[usize], second: &[usize]) -> bool {
 }
 
 /// How well points meet the borders of the boxes: the mean of intersection over union of each box with the one around those that are in sight.
-fn fit(cells: &[Cell], members: &[usize], boxes: &[[f32; 4]]) -> f64 {
-    let mut sum = 0.0;
+pub(crate) fn fit(cells: &[Cell], members: &[usize], boxes: &[Option<[f32; 4]>]) -> f64 {
+    let (mut sum, mut count) = (0.0, 0_u32);
     for (k, b) in boxes.iter().enumerate() {
+        let Some(b) = b else {
+            continue;
+        };
         let pixels = members.iter().filter_map(|i| cells[*i].pixels[k]);
         sum += overlap(around(pixels), b);
+        count += 1;
     }
-    sum / boxes.len().max(1) as f64
+    sum / f64::from(count.max(1))
 }
 
-/// The box around pixels; an inside-out one around none.
-pub(crate) fn around(pixels: impl Iterator<Item = [f32; 2]>) -> [f32; 4] {
+/// The box around some boxes; an inside-out one around none.
+pub(crate) fn around(pixels: impl Iterator<Item = [f32; 4]>) -> [f32; 4] {
     let far = f32::INFINITY;
     pixels.fold([far, far, -far, -far], |a, p| {
         [
             a[0].min(p[0]),
             a[1].min(p[1]),
-            a[2].max(p[0]),
-            a[3].max(p[1]),
+            a[2].max(p[2]),
+            a[3].max(p[3]),
         ]
     })
 }
@@ -287,7 +348,7 @@ pub(crate) fn overlap(around: [f32; 4], b: &[f32; 4]) -> f64 {
 }
 
 /// Which share of what is in sight in the boxes some points are.
-fn fill(cells: &[Cell], members: &[usize], boxes: &[[f32; 4]]) -> f64 {
+fn fill(cells: &[Cell], members: &[usize], boxes: &[Option<[f32; 4]>]) -> f64 {
     let count = |i: usize| cells[i].pixels.iter().flatten().count();
     let own: usize = members.iter().map(|i| count(*i)).sum();
     let all: usize = (0..cells.len()).map(count).sum();
@@ -299,9 +360,8 @@ fn fill(cells: &[Cell], members: &[usize], boxes: &[[f32; 4]]) -> f64 {
 fn cell(seen: &[Seen], looks: &[Placed<'_>]) -> f64 {
     let size = |(l, s): &Seen| {
         let sighting = &looks[*l].look.sightings[*s];
-        let [x0, y0, x1, y1] = sighting.bounds.map(f64::from);
         let z = 0.5 * f64::from(sighting.depths[0] + sighting.depths[1]);
-        (x1 - x0).max(y1 - y0) / looks[*l].grid.camera.fx * z
+        longer(&sighting.bounds) / looks[*l].grid.camera.fx * z
     };
     let largest = seen.iter().map(size).fold(0.0, f64::max);
     (CELL * largest).clamp(CELLS[0], CELLS[1])

@@ -1,6 +1,7 @@
 //! What is kept of a frame: a small depth image, and the boxes of the objects in it.
 
 use super::part::Point;
+use crate::floor::Floor;
 use crate::kept::Anchor;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
@@ -228,6 +229,24 @@ impl<'a> Placed<'a> {
         } else {
             Shown::Point
         }
+    }
+
+    /// The depth of a point of the world, which may be outside of the image, m.
+    pub(crate) fn depth(&self, p: &Vec3) -> f64 {
+        self.camera_from_world.transform(p).z
+    }
+
+    /// The pixels of a point of the world that is in sight and, where it stands on a floor and nothing hides that, of its foot: left, top, right, bottom.
+    /// Legs are too thin for small images.
+    pub(crate) fn extent(&self, p: &Vec3, floor: Option<&Floor>) -> Option<[f32; 4]> {
+        let pixel = |p: &Vec3| {
+            let (px, _) = self.project(p)?;
+            (self.shows(p) == Shown::Point).then_some([px.x as f32, px.y as f32])
+        };
+        let [x, y] = pixel(p)?;
+        let foot = floor.and_then(|f| pixel(&(p - f.height(p) * f.up)));
+        let [u, v] = foot.unwrap_or([x, y]);
+        Some([x.min(u), y.min(v), x.max(u), y.max(v)])
     }
 
     /// A point of the small image in the camera; none without depth.

@@ -1,6 +1,7 @@
 //! Which tracks are one thing.
 
 use super::part::{Point, Record, World};
+use super::rest::is_rest;
 use super::upright::UprightBox;
 use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_detection::ClassId;
@@ -14,6 +15,8 @@ pub(crate) struct Part {
     pub(crate) votes: BTreeMap<ClassId, f64>,
     /// Numbers of the looks in which it was found.
     pub(crate) looks: BTreeSet<usize>,
+    /// Numbers of those that show it, whether or not it was found.
+    pub(crate) shown: BTreeSet<usize>,
     /// What an earlier run knew, as it stands in the map file.
     pub(crate) known: Vec<Record>,
     /// The map files that it was in: what one file tells apart stays apart.
@@ -37,6 +40,9 @@ const SHARE_BY_OTHER_NAME: f64 = 0.75;
 const TOGETHER: usize = 3;
 /// Of small things, middles this near are one, as a share of their longest side: what is seen again after a walk is off by what the poses are.
 const NEAR: f64 = 0.5;
+
+/// How surely another piece of a thing is of it.
+const REST: f64 = 0.5;
 
 impl Part {
     /// Votes of the class that it is of.
@@ -81,6 +87,7 @@ impl Part {
         match (same, near) {
             (true, _) if share >= SHARE => 1.0 + share,
             (true, true) => 1.0,
+            (true, false) if is_rest(self, other) => REST,
             // A cup is in the box of the table and is no table: both have to be in each other.
             (false, _) if both >= SHARE_BY_OTHER_NAME => both,
             _ => 0.0,
@@ -92,6 +99,7 @@ impl Part {
             *self.votes.entry(class).or_default() += vote;
         }
         self.looks.extend(other.looks);
+        self.shown.extend(other.shown);
         self.known.extend(other.known);
         self.files.extend(other.files);
         self.points.extend(other.points);

@@ -2,14 +2,15 @@
 //!
 //! Answers: what stands where, how sure that is, and when it was seen last. A subscriber ([`Things`]) keeps small depth images with the boxes of
 //! tracked objects, tied to keyframes; [`ThingMap`] is what comes of them at the poses of a map, and what a map file keeps. One module each for what is
-//! gathered (`gather`, `look`), which points are a thing's own (`own`), its box (`upright`), what is level (`level`), which tracks are one thing
-//! (`merge`), and what has been carried away (`absent`). People are never in it.
+//! gathered (`gather`, `look`), which points are a thing's own (`own`, `carve`, `claims`), how far it can reach (`scope`), its box (`upright`), what is
+//! level (`level`), which tracks are one thing (`merge`, `rest`), and what has been carried away (`absent`). People are never in it.
 
 mod absent;
 mod assign;
 mod build;
 mod bytes;
 mod carve;
+mod claims;
 mod gather;
 mod ground;
 mod level;
@@ -17,6 +18,8 @@ mod look;
 mod merge;
 mod own;
 mod part;
+mod rest;
+mod scope;
 mod upright;
 
 pub use bytes::ThingBytesError;
@@ -40,7 +43,7 @@ pub struct Thing {
     pub bounds: UprightBox,
     /// Share of the looks at its place in which it was found, 0 to 1; it comes nearer to that share with every look.
     pub confidence: f64,
-    /// Looks in which it was found; there are five in a second.
+    /// Looks in which it was found; there are ten in a second, and five where memory was short.
     pub found: u32,
     /// The submap whose frame of reference its box is in.
     pub submap: SubmapId,

@@ -44,6 +44,28 @@ pub(crate) fn inside(
     ys.flat_map(move |y| xs.clone().map(move |x| y * columns + x))
 }
 
+/// The part of a sighting's box in which there is depth: cameras measure none along some borders of the image, and people who walk by are left out. None
+/// where that is next to nothing.
+pub(crate) fn measured(placed: &Placed<'_>, sighting: &Sighting) -> Option<[f32; 4]> {
+    let (grid, step) = (placed.grid, placed.grid.step as f32);
+    let far = f32::INFINITY;
+    let (mut around, mut count) = ([far, far, -far, -far], 0);
+    for i in inside(placed, sighting).filter(|i| placed.look.depth(*i) > 0.0) {
+        let px = grid.pixel(i);
+        let (x, y) = (px.x as f32, px.y as f32);
+        around = [
+            around[0].min(x - step),
+            around[1].min(y - step),
+            around[2].max(x + step),
+            around[3].max(y + step),
+        ];
+        count += 1;
+    }
+    let [x0, y0, x1, y1] = sighting.bounds;
+    let [a, b, c, d] = around;
+    (count >= LEAST_POINTS).then(|| [x0.max(a), y0.max(b), x1.min(c), y1.min(d)])
+}
+
 /// A track in a look: the number of the look and of the sighting in it.
 pub(crate) type Seen = (usize, usize);
 

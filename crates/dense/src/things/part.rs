@@ -122,6 +122,11 @@ const ON_FLOOR: [&str; 9] = [
     "refrigerator",
     "suitcase",
 ];
+/// Whether things of a class stand on the floor.
+pub(crate) fn stands(class: ClassId) -> bool {
+    ON_FLOOR.contains(&class.name())
+}
+
 /// They are seen from this height on, at most, m.
 const HIGHEST_FOOT: f64 = 0.9;
 
@@ -159,9 +164,8 @@ impl World<'_> {
         let below = |p: &&Vec3| top.is_none_or(|z| (level * *p).z <= z);
         let points: Vec<Vec3> = points.iter().filter(below).copied().collect();
         let bounds = UprightBox::around(&points, &level)?;
-        let stands = ON_FLOOR.contains(&class.name());
         Some(match floor {
-            Some(floor) if stands => bounds.on_floor(floor, HIGHEST_FOOT),
+            Some(floor) if stands(class) => bounds.on_floor(floor, HIGHEST_FOOT),
             _ => bounds,
         })
     }

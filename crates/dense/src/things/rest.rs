@@ -1,0 +1,102 @@
+//! Parts of one thing that do not touch: of a desk behind screens several pieces are seen.
+//!
+//! A detector says one box for them all. So it finds one part while the other is in sight, again and again; of two things it would find both now and then.
+
+use super::merge::Part;
+use super::scope::largest;
+use stillpoint_geometry::Vec3;
+
+/// The gap between two parts of one thing, as a share of the diagonal of both together.
+const GAP: f64 = 0.3;
+/// Looks that show both parts and in which only one was found, at least. Of two things that are missed every third time, both would be missed together with
+/// these odds: one in fifty.
+const LEAST_LOOKS: usize = 4;
+
+/// Whether two parts of a class are of one thing, by where they are and what was found of them.
+pub(crate) fn is_rest(a: &Part, b: &Part) -> bool {
+    let Some(most) = largest(a.class()) else {
+        return false;
+    };
+    let ([low, high], [other_low, other_high]) = (range(a), range(b));
+    let gap = (low - other_high).sup(&(other_low - high));
+    let whole = (high.sup(&other_high) - low.inf(&other_low)).norm();
+    if whole > most || gap.sup(&Vec3::zeros()).norm() > GAP * whole {
+        return false;
+    }
+    let alone = |a: &Part, b: &Part| {
+        let only = |l: &&usize| b.shown.contains(l) && !b.looks.contains(l);
+        a.looks.iter().filter(only).count()
+    };
+    let together = a.looks.intersection(&b.looks).next().is_some();
+    !together && alone(a, b) + alone(b, a) >= LEAST_LOOKS
+}
+
+fn range(part: &Part) -> [Vec3; 2] {
+    let far = Vec3::repeat(f64::INFINITY);
+    let points = part.points.iter();
+    points.fold([far, -far], |[low, high], p| {
+        [low.inf(&p.1), high.sup(&p.1)]
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::things::part::Point;
+    use crate::things::upright::UprightBox;
+    use std::collections::{BTreeMap, BTreeSet};
+    use stillpoint_detection::ClassId;
+    use stillpoint_geometry::Mat3;
+    use stillpoint_map::{KeyframeId, SubmapId};
+
+    /// Half a metre of a surface at x, found in some of the looks 0 to 19, all of which show it.
+    fn piece(class: &str, x: f64, looks: impl Iterator<Item = usize>) -> Part {
+        let at = |k: u32| Vec3::new(x + 0.05 * f64::from(k), 0.0, 0.7);
+        let point = Point::new(KeyframeId(0), &Vec3::zeros()).unwrap();
+        Part {
+            votes: BTreeMap::from([(ClassId::from_name(class).unwrap(), 1.0)]),
+            looks: looks.collect(),
+            shown: (0..20).collect(),
+            known: Vec::new(),
+            files: BTreeSet::new(),
+            submap: SubmapId(0),
+            points: (0..=10).map(|k| (point, at(k))).collect(),
+            bounds: UprightBox {
+                centre: at(5),
+                size: Vec3::new(0.5, 0.0, 0.0),
+                world_from_box: Mat3::identity(),
+            },
+            seen: [0.0, 1.0],
+            farthest: 2.0,
+        }
+    }
+
+    #[test]
+    fn a_table_is_found_by_one_part_at_a_time() {
+        let left = piece("dining table", 0.0, 0..8);
+        assert!(is_rest(
+            &left,
+            &piece("dining table", 0.8, [9, 12].into_iter())
+        ));
+        // Two tables are found together at times.
+        assert!(!is_rest(&left, &piece("dining table", 0.8, 7..16)));
+        // What is far away, or as large together as no table is, is another one.
+        assert!(!is_rest(&left, &piece("dining table", 1.2, 9..16)));
+        assert!(!is_rest(&left, &piece("dining table", 6.0, 9..16)));
+        // Of things whose size is not known nothing is said, and chairs are smaller.
+        assert!(!is_rest(
+            &piece("book", 0.0, 0..8),
+            &piece("book", 0.6, 9..16)
+        ));
+        assert!(!is_rest(
+            &piece("chair", 0.0, 0..8),
+            &piece("chair", 0.6, 9..16)
+        ));
+        // Looks that do not show the other part say nothing.
+        let mut right = piece("dining table", 0.8, std::iter::once(9));
+        right.shown = BTreeSet::from([9]);
+        let mut left = left;
+        left.shown = (0..8).collect();
+        assert!(!is_rest(&left, &right));
+    }
+}

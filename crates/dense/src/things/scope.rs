@@ -1,0 +1,118 @@
+//! How far things reach: what hangs together with a thing but is farther from its middle than it can reach is something else.
+
+use super::carve::{Cell, Frames, evenly, fit};
+
+use stillpoint_detection::ClassId;
+use stillpoint_geometry::Vec3;
+
+/// Longest sides across the floor, m: of the largest ones that are sold for homes and offices. Of others their boxes tell enough.
+const LONGEST: [(&str, f64); 9] = [
+    ("chair", 0.8),
+    ("toilet", 0.8),
+    ("oven", 1.0),
+    ("microwave", 0.7),
+    ("refrigerator", 1.0),
+    ("bench", 2.0),
+    ("couch", 3.0),
+    ("bed", 2.3),
+    ("dining table", 3.0),
+];
+/// What is seen along its length at times.
+const LONG: [&str; 4] = ["bench", "couch", "bed", "dining table"];
+/// How many times farther back than its box is wide or high a thing reaches, ...
+const DEEP: f64 = 1.5;
+/// ... and where it is seen along its length.
+const DEEP_IF_LONG: f64 = 3.0;
+/// From the longest side to the diagonal.
+const DIAGONAL: f64 = 1.2;
+/// Places that are tried for the middle of a thing in a piece that is too large.
+const MIDDLES: usize = 40;
+/// Diameters that are tried, as shares of the largest one; of equals the first.
+const SHARES: [f64; 4] = [1.0, 0.85, 0.7, 0.55];
+
+/// The diameter across the floor of the largest things of a class; none where it says little of the size.
+pub(crate) fn largest(class: ClassId) -> Option<f64> {
+    let longest = LONGEST.iter().find(|l| l.0 == class.name())?;
+    Some(DIAGONAL * longest.1)
+}
+
+/// What is known of the size of a thing before its points are.
+pub(crate) struct Scope<'a> {
+    pub(crate) class: ClassId,
+    /// Up, where the floor is known; without it distances count in all directions.
+    pub(crate) up: Option<Vec3>,
+    pub(crate) frames: &'a Frames<'a>,
+}
+
+impl Scope<'_> {
+    /// The diameter that it has across the floor if it is at some place, at most, m.
+    fn diameter(&self, at: &Vec3) -> f64 {
+        let mut sides = self.frames.sides(at);
+        sides.sort_by(f64::total_cmp);
+        let side = sides.get(sides.len() / 2).copied().unwrap_or(0.0);
+        let long = LONG.contains(&self.class.name());
+        let deep = if long { DEEP_IF_LONG } else { DEEP };
+        largest(self.class)
+            .unwrap_or(f64::INFINITY)
+            .min(deep * side)
+    }
+
+    fn apart(&self, a: &Vec3, b: &Vec3) -> f64 {
+        let gap = a - b;
+        let up = |up: Vec3| gap - gap.dot(&up) * up;
+        self.up.map_or(gap, up).norm()
+    }
+
+    /// Whether some points are of no more than one thing.
+    pub(crate) fn holds(&self, cells: &[Cell], members: &[usize]) -> bool {
+        let middle = middle(cells, members);
+        let radius = 0.5 * self.diameter(&middle);
+        let near = |i: &usize| self.apart(&cells[*i].at, &middle) <= radius;
+        members.iter().all(near)
+    }
+
+    /// Of a piece that is too large the part that meets the borders of the boxes best; else the piece.
+    pub(crate) fn cut(&self, cells: &[Cell], piece: Vec<usize>) -> Vec<usize> {
+        if self.holds(cells, &piece) {
+            return piece;
+        }
+        let places: Vec<Vec3> = piece.iter().map(|i| cells[*i].at).collect();
+        let mut best: Option<(f64, Vec<usize>)> = None;
+        for k in evenly(&places, MIDDLES) {
+            self.try_around(&places[k], cells, &piece, &mut best);
+        }
+        if let Some((_, part)) = &best {
+            let middle = middle(cells, part);
+            self.try_around(&middle, cells, &piece, &mut best);
+        }
+        best.map_or(piece, |b| b.1)
+    }
+
+    /// Takes what is around a middle for the best where it is.
+    fn try_around(
+        &self,
+        middle: &Vec3,
+        cells: &[Cell],
+        piece: &[usize],
+        best: &mut Option<(f64, Vec<usize>)>,
+    ) {
+        let most = 0.5 * self.diameter(middle);
+        for share in SHARES {
+            let near = |i: &usize| self.apart(&cells[*i].at, middle) <= share * most;
+            let part: Vec<usize> = piece.iter().copied().filter(near).collect();
+            let fit = fit(cells, &part, self.frames.boxes());
+            if !part.is_empty() && best.as_ref().is_none_or(|b| fit > b.0) {
+                *best = Some((fit, part));
+            }
+        }
+    }
+}
+
+/// The middle of the space that some points take.
+fn middle(cells: &[Cell], members: &[usize]) -> Vec3 {
+    let far = Vec3::repeat(f64::INFINITY);
+    let (low, high) = members.iter().fold((far, -far), |(low, high), i| {
+        (low.inf(&cells[*i].at), high.sup(&cells[*i].at))
+    });
+    0.5 * (low + high)
+}
