@@ -4,7 +4,8 @@
 //! it, and the points of the thing reach to the borders of all of them; the others leave a box when the camera moves, and fill it in part.
 
 use super::assign::Sights;
-use super::look::{Placed, Shown};
+use super::frames::{CELLS, Frames, MOST_COMPARED, cell};
+use super::look::Shown;
 use super::own::{Seen, inside};
 use super::part::{Point, stands};
 use super::scope::Scope;
@@ -13,11 +14,6 @@ use std::collections::BTreeMap;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 
-/// Sides of the cells in which points are one, as a share of a thing's size, and their bounds, m.
-const CELL: f64 = 1.0 / 24.0;
-const CELLS: [f64; 2] = [0.005, 0.03];
-/// Sightings that points are compared with: more say the same again.
-const MOST_COMPARED: usize = 24;
 /// A point is outside of a box when it is this far outside, px, ...
 const MARGIN: f32 = 4.0;
 /// ... and this share of the box's size: detected boxes jitter.
@@ -51,8 +47,27 @@ pub(crate) struct Cell {
     ray: Vec3,
     /// Whether it was at the depth that the tracker takes for its object.
     tracked: bool,
-    /// By compared sighting, its pixels where it is in sight: see [`Placed::extent`].
+    /// By compared sighting, its pixels where it is in sight: see [`super::look::Placed::extent`].
     pixels: Vec<Option<[f32; 4]>>,
+}
+
+#[cfg(test)]
+impl Cell {
+    /// A point with its pixels in one look.
+    pub(crate) fn in_one_look(at: Vec3, pixel: [f32; 2]) -> Self {
+        let [x, y] = pixel;
+        Self {
+            point: Point {
+                keyframe: stillpoint_map::KeyframeId(0),
+                at: [0; 3],
+            },
+            at,
+            depth: at.z,
+            ray: Vec3::z(),
+            tracked: false,
+            pixels: vec![Some([x, y, x, y])],
+        }
+    }
 }
 
 /// The surface of what some sightings show.
@@ -72,45 +87,6 @@ pub(crate) struct Task<'a> {
     pub(crate) taken: &'a dyn Fn(&Vec3) -> bool,
 }
 
-/// The sightings that points are compared with.
-pub(crate) struct Frames<'a> {
-    compared: Vec<Seen>,
-    /// The part of their boxes in which there is depth.
-    boxes: Vec<Option<[f32; 4]>>,
-    sights: &'a Sights<'a>,
-}
-
-impl<'a> Frames<'a> {
-    fn new(seen: &[Seen], sights: &'a Sights<'a>) -> Self {
-        let every = seen.len().div_ceil(MOST_COMPARED).max(1);
-        let compared: Vec<Seen> = seen.iter().step_by(every).copied().collect();
-        let measured = compared.iter().map(|(l, s)| sights.measured[*l][*s]);
-        Self {
-            boxes: measured.collect(),
-            compared,
-            sights,
-        }
-    }
-
-    pub(crate) fn boxes(&self) -> &[Option<[f32; 4]>] {
-        &self.boxes
-    }
-
-    /// By sighting, how large its box is at the depth of some place, m: its longer side.
-    pub(crate) fn sides(&self, at: &Vec3) -> Vec<f64> {
-        let side = |(l, s): &Seen| {
-            let placed = &self.sights.looks[*l];
-            longer(&placed.look.sightings[*s].bounds) / placed.grid.camera.fx * placed.depth(at)
-        };
-        self.compared.iter().map(side).collect()
-    }
-}
-
-/// The longer side of a box, px.
-fn longer(bounds: &[f32; 4]) -> f64 {
-    f64::from((bounds[2] - bounds[0]).max(bounds[3] - bounds[1]))
-}
-
 /// The points of the surface of what some sightings show.
 pub(crate) fn carve(task: &Task<'_>, sights: &Sights<'_>) -> Carved {
     let frames = Frames::new(task.seen, sights);
@@ -123,13 +99,14 @@ pub(crate) fn carve(task: &Task<'_>, sights: &Sights<'_>) -> Carved {
     let scope = Scope {
         class: task.class,
         up: task.floor.map(|f| f.up),
-        frames: &frames,
+        boxes: &frames.boxes,
+        sides: &|at| frames.sides(at),
     };
     let best = |some: &[usize]| {
         let pieces = pieces(&cells, some, side, apart);
         let pieces: Vec<Vec<usize>> = pieces.into_iter().map(|p| scope.cut(&cells, p)).collect();
         let own = choose(&cells, &pieces, &scope);
-        let fit = fit(&cells, &own, frames.boxes());
+        let fit = fit(&cells, &own, &frames.boxes);
         (own, fit)
     };
     let all: Vec<usize> = (0..cells.len()).collect();
@@ -257,7 +234,7 @@ fn pieces(cells: &[Cell], some: &[usize], side: f64, apart: f64) -> Vec<Vec<usiz
 
 /// The piece that fills the boxes best, with all others that make the borders better and do not make it larger than it can be.
 fn choose(cells: &[Cell], pieces: &[Vec<usize>], scope: &Scope<'_>) -> Vec<usize> {
-    let boxes = scope.frames.boxes();
+    let boxes = scope.boxes;
     let worth = |p: &Vec<usize>| fit(cells, p, boxes) + FILL * fill(cells, p, boxes);
     let mut order: Vec<(f64, usize)> = pieces.iter().map(worth).zip(0..).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -354,17 +331,6 @@ fn fill(cells: &[Cell], members: &[usize], boxes: &[Option<[f32; 4]>]) -> f64 {
     let all: usize = (0..cells.len()).map(count).sum();
     debug_assert!(boxes.len() <= MOST_COMPARED);
     own as f64 / all.max(1) as f64
-}
-
-/// The side of cells for a thing of the size that its boxes have, m.
-fn cell(seen: &[Seen], looks: &[Placed<'_>]) -> f64 {
-    let size = |(l, s): &Seen| {
-        let sighting = &looks[*l].look.sightings[*s];
-        let z = 0.5 * f64::from(sighting.depths[0] + sighting.depths[1]);
-        longer(&sighting.bounds) / looks[*l].grid.camera.fx * z
-    };
-    let largest = seen.iter().map(size).fold(0.0, f64::max);
-    (CELL * largest).clamp(CELLS[0], CELLS[1])
 }
 
 fn key(p: &Vec3, cell: f64) -> [i32; 3] {

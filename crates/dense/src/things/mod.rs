@@ -11,6 +11,7 @@ mod build;
 mod bytes;
 mod carve;
 mod claims;
+mod frames;
 mod gather;
 mod ground;
 mod level;

@@ -1,6 +1,6 @@
 //! How far things reach: what hangs together with a thing but is farther from its middle than it can reach is something else.
 
-use super::carve::{Cell, Frames, evenly, fit};
+use super::carve::{Cell, evenly, fit};
 
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
@@ -41,13 +41,16 @@ pub(crate) struct Scope<'a> {
     pub(crate) class: ClassId,
     /// Up, where the floor is known; without it distances count in all directions.
     pub(crate) up: Option<Vec3>,
-    pub(crate) frames: &'a Frames<'a>,
+    /// The compared boxes.
+    pub(crate) boxes: &'a [Option<[f32; 4]>],
+    /// By compared box, how large it is at the depth of some place, m.
+    pub(crate) sides: &'a dyn Fn(&Vec3) -> Vec<f64>,
 }
 
 impl Scope<'_> {
     /// The diameter that it has across the floor if it is at some place, at most, m.
     fn diameter(&self, at: &Vec3) -> f64 {
-        let mut sides = self.frames.sides(at);
+        let mut sides = (self.sides)(at);
         sides.sort_by(f64::total_cmp);
         let side = sides.get(sides.len() / 2).copied().unwrap_or(0.0);
         let long = LONG.contains(&self.class.name());
@@ -100,7 +103,7 @@ impl Scope<'_> {
         for share in SHARES {
             let near = |i: &usize| self.apart(&cells[*i].at, middle) <= share * most;
             let part: Vec<usize> = piece.iter().copied().filter(near).collect();
-            let fit = fit(cells, &part, self.frames.boxes());
+            let fit = fit(cells, &part, self.boxes);
             if !part.is_empty() && best.as_ref().is_none_or(|b| fit > b.0) {
                 *best = Some((fit, part));
             }
@@ -115,4 +118,49 @@ fn middle(cells: &[Cell], members: &[usize]) -> Vec3 {
         (low.inf(&cells[*i].at), high.sup(&cells[*i].at))
     });
     0.5 * (low + high)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A chair half a metre wide and deep at x = 0, from which a row of points leads to something two metres behind it.
+    #[test]
+    fn what_a_chair_hangs_together_with_is_cut_off() {
+        let at = |x: f64, z: f64| Vec3::new(x, 0.0, z);
+        let mut places: Vec<Vec3> = Vec::new();
+        for i in 0..=10 {
+            let x = 0.05 * f64::from(i) - 0.25;
+            places.extend((0..=10).map(|k| at(x, 2.0 + 0.05 * f64::from(k))));
+            places.push(at(0.25, 2.5 + 0.15 * f64::from(i)));
+        }
+        let pixel = |p: &Vec3| [(500.0 * p.x / p.z) as f32, 0.0];
+        let cells: Vec<Cell> = places
+            .iter()
+            .map(|p| Cell::in_one_look(*p, pixel(p)))
+            .collect();
+        let all: Vec<usize> = (0..cells.len()).collect();
+        let reach = |members: &[usize]| {
+            let depths = members.iter().map(|i| places[*i].z);
+            depths.fold(0.0, f64::max)
+        };
+        let cut = |class: &str| {
+            let scope = Scope {
+                class: ClassId::from_name(class).unwrap(),
+                up: Some(Vec3::y()),
+                boxes: &[Some([-62.0, -8.0, 62.0, 8.0])],
+                sides: &|at| vec![124.0 / 500.0 * at.z],
+            };
+            assert_eq!(scope.holds(&cells, &all), class == "dining table");
+            scope.cut(&cells, all.clone())
+        };
+        let chair = cut("chair");
+        let sides = chair.iter().map(|i| places[*i].x);
+        let (left, right) = sides.fold((0.0, 0.0), |(a, b): (f64, f64), x| (a.min(x), b.max(x)));
+        assert!(left < -0.2 && right > 0.2, "{left} {right}");
+        assert!(reach(&chair) < 3.2, "{}", reach(&chair));
+        // The control: a table may be as long as that.
+        assert_eq!(cut("dining table").len(), all.len());
+        assert!(reach(&all) > 3.9);
+    }
 }
