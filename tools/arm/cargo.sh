@@ -8,6 +8,7 @@ export ARM_ROOT
 here=$(cd "$(dirname "$0")" && pwd)
 export RUSTC=$here/rustc.sh CARGO_INCREMENTAL=0
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=$here/linker.sh
+export CC_aarch64_unknown_linux_gnu=$here/linker.sh AR_aarch64_unknown_linux_gnu=$here/ar.sh
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="$ARM_ROOT/usr/bin/qemu-aarch64-static -L $ARM_ROOT/usr/aarch64-linux-gnu"
 export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$here/../../target/arm}
 command=$1
