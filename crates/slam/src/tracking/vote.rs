@@ -128,7 +128,10 @@ impl Tracker {
             }
         }
         let bound = find(&votes, Some(turn), MIN_BOUND_SHARE).map(|b| b.0);
-        let free = free.map(|f| f.0);
+        // What fills the view and turns nearly as the camera does is within the gate too.
+        let free = free
+            .map(|f| f.0)
+            .filter(|_| !(confirmed && self.was_blind()));
         let agrees = free.as_ref().is_none_or(allowed);
         let choice = Choice::between(free, bound, agrees, confirmed);
         if choice.against
