@@ -76,6 +76,19 @@ fn a_converted_folder_runs_as_the_folder_does() {
     assert_eq!(of_folder, of_file);
 }
 
+/// Asserts that two trajectories differ by what stamps of whole nanoseconds make of samples between them.
+#[track_caller]
+fn is_near(a: &str, b: &str) {
+    assert_eq!(a.lines().count(), b.lines().count());
+    let numbers = |text: &str| -> Vec<f64> {
+        let words = text.split_whitespace().filter_map(|w| w.parse().ok());
+        words.collect()
+    };
+    let (a, b) = (numbers(a), numbers(b));
+    assert!(a.len() == b.len() && a.len() > 8);
+    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-5));
+}
+
 #[test]
 fn an_inertial_sensor_is_converted_and_cut_along() {
     let out = tempfile::tempdir().unwrap();
@@ -114,7 +127,7 @@ fn an_inertial_sensor_is_converted_and_cut_along() {
     assert!(summary["inertial"]["state"].is_string(), "{summary}");
     for path in [&file, &back] {
         let (trajectory, found, said) = run_with(path, &[]);
-        assert_eq!(trajectory, expected);
+        is_near(&trajectory, &expected);
         assert_eq!(
             found["inertial"]["state"], summary["inertial"]["state"],
             "{said}"
@@ -124,7 +137,7 @@ fn an_inertial_sensor_is_converted_and_cut_along() {
         assert!((bias(&found) - bias(&summary)).abs() < 1e-7, "{found}");
     }
     let named = run_with(&file, &["--imu-topic", "/camera/imu"]);
-    assert_eq!(named.0, expected);
+    assert_eq!(named.0, run_with(&file, &[]).0);
     for path in [&folder, &file] {
         let (_, without, said) = run_with(path, &["--no-imu"]);
         assert!(without["inertial"].is_null(), "{without}");
