@@ -16,6 +16,7 @@
 //! ```
 
 mod camera;
+mod description;
 mod error;
 mod find;
 mod inertial;

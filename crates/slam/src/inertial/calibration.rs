@@ -111,8 +111,8 @@ impl Calibration {
         self.update(&(rate - self.bias), &by, sigma, Teaches::Bias);
     }
 
-    /// The sensor turned by `rotation` while the camera was seen to turn by `seen`, in the axes of the sensor, give or take `sigma`, rad. Returns by which rotation
-    /// vector both differ; where that cannot be, nothing is learnt.
+    /// The sensor turned by `rotation` while the camera was seen to turn by `seen`, in the axes of the sensor, give or take `sigma`, rad. Of what cannot be,
+    /// nothing is learnt.
     pub(super) fn measure_turn(
         &mut self,
         rotation: &Rotation,
