@@ -86,7 +86,7 @@ fn is_near(a: &str, b: &str) {
     };
     let (a, b) = (numbers(a), numbers(b));
     assert!(a.len() == b.len() && a.len() > 8);
-    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-5));
+    assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() < 1e-6));
 }
 
 #[test]
