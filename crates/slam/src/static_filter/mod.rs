@@ -17,6 +17,7 @@ mod paper;
 mod rigid;
 mod segments;
 mod semantic;
+mod standing;
 mod surfaces;
 mod surroundings;
 mod verdict;
@@ -42,8 +43,6 @@ use surfaces::{MOVES, Now, Surfaces};
 
 /// Features that are judged together, at least.
 const JUDGED_TOGETHER: usize = 150;
-/// Surfaces of an object that were seen to stand still have at most these log odds from free space.
-const STANDS_STILL: f32 = -1.5;
 
 /// What the filter is given of a frame.
 pub(crate) struct FrameInput<'a> {
@@ -376,15 +375,7 @@ impl StaticFilter {
     /// Tells the objects which part of their surface stands still.
     fn measure_rigidity(&mut self, stamp: f64, grid: &CoarseDepth, movers: &[Mover]) {
         for m in movers {
-            let (mut agreeing, mut tested) = (0, 0);
-            for (i, [u, v]) in m.cells(grid) {
-                let z = grid.data()[i];
-                let evidence = self.surfaces.evidence[i];
-                if z > 0.0 && m.holds(u, v, z) && (evidence > 0.0 || evidence <= STANDS_STILL) {
-                    tested += 1;
-                    agreeing += u32::from(evidence < 0.0);
-                }
-            }
+            let [agreeing, tested] = standing::counts(m, movers, grid, &self.surfaces.evidence);
             if tested > 0 {
                 self.objects.observe_rigidity(m.id, stamp, agreeing, tested);
             }

@@ -1,0 +1,92 @@
+//! Which part of an object's surface stands still.
+
+use super::semantic::{MOVER, Mover};
+use stillpoint_imaging::CoarseDepth;
+
+/// Surfaces of an object that were seen to stand still have at most these log odds from free space.
+const STANDS_STILL: f32 = -1.5;
+
+/// How many of the cells that an object holds stand still, and of how many something is known. `evidence`: per cell, log odds of "moving" from free space.
+///
+/// What a person holds who passes before a thing says nothing of the thing, unless half of it or more is his: then he may carry it, and all counts.
+pub(super) fn counts(
+    object: &Mover,
+    movers: &[Mover],
+    grid: &CoarseDepth,
+    evidence: &[f32],
+) -> [u32; 2] {
+    let passes = |m: &&Mover| {
+        object.weight < MOVER && m.weight >= MOVER && m.strength > 0.0 && m.id != object.id
+    };
+    let people: Vec<&Mover> = movers.iter().filter(passes).collect();
+    let (mut own, mut shared) = ([0, 0], [0, 0]);
+    for (i, [u, v]) in object.cells(grid) {
+        let (z, evidence) = (grid.data()[i], evidence[i]);
+        if z > 0.0 && object.holds(u, v, z) && (evidence > 0.0 || evidence <= STANDS_STILL) {
+            let of = if people.iter().any(|p| p.holds(u, v, z)) {
+                &mut shared
+            } else {
+                &mut own
+            };
+            *of = [of[0] + u32::from(evidence < 0.0), of[1] + 1];
+        }
+    }
+    if own[1] > shared[1] {
+        own
+    } else {
+        [own[0] + shared[0], own[1] + shared[1]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_detection::{BoundingBox, ObjectId};
+    use stillpoint_imaging::DepthImage;
+
+    const CELL: usize = 10;
+
+    fn mover(id: u32, weight: f64, [x0, x1]: [f64; 2]) -> Mover {
+        Mover {
+            id: ObjectId(id),
+            bounds: BoundingBox {
+                x0,
+                y0: 0.0,
+                x1,
+                y1: 99.0,
+            },
+            range: Some([0.5, 2.0]),
+            weight,
+            strength: if weight >= MOVER { 2.5 } else { 0.0 },
+        }
+    }
+
+    /// Counts of a thing over all ten columns of cells, with a person over some of them who moves wherever he is.
+    fn beside(person: [f64; 2], weight: f64) -> [u32; 2] {
+        let depth = DepthImage::from_vec(100, 100, vec![1.0; 100 * 100]).unwrap();
+        let grid = CoarseDepth::new(&depth, CELL);
+        let all = [mover(0, weight, [0.0, 99.0]), mover(1, 5.0, person)];
+        let mut evidence = vec![-2.0; 100];
+        for (i, [u, v]) in all[1].cells(&grid) {
+            if all[1].holds(u, v, 1.0) {
+                evidence[i] = 2.0;
+            }
+        }
+        counts(&all[0], &all, &grid, &evidence)
+    }
+
+    #[test]
+    fn who_passes_before_a_thing_says_nothing_of_it() {
+        assert_eq!(beside([0.0, 40.0], 2.0), [60, 60]);
+    }
+
+    #[test]
+    fn who_holds_most_of_a_thing_carries_it() {
+        assert_eq!(beside([0.0, 70.0], 2.0), [30, 100]);
+    }
+
+    #[test]
+    fn people_answer_for_each_other() {
+        assert_eq!(beside([0.0, 40.0], 5.0), [60, 100]);
+    }
+}
