@@ -168,7 +168,12 @@ impl OnnxDetector {
     /// The size of the input for an image.
     fn size_for(&mut self, width: usize, height: usize) -> Size {
         // Nothing in the output of a network that decodes its boxes itself says whether they are right for another size.
-        let baked = self.card.head == Head::EndToEnd && self.network.own.is_some();
+        let baked = match self.card.head {
+            Head::EndToEnd => self.network.own.is_some(),
+            // Positions of its queries may be part of the graph, and squares are what it is trained on.
+            Head::Detr => true,
+            _ => false,
+        };
         match self.options.input {
             InputSize::Fixed { width, height } => Size { width, height },
             InputSize::Fit if !baked => {
@@ -216,7 +221,7 @@ impl OnnxDetector {
             }
             None => false,
         });
-        let boxes = if self.card.head == Head::EndToEnd {
+        let boxes = if matches!(self.card.head, Head::EndToEnd | Head::Detr) {
             heads::sorted(&boxes)
         } else {
             heads::suppress(&boxes, self.options.iou_threshold)

@@ -169,7 +169,10 @@ impl Dimension {
 }
 
 /// The message at the end of a path of field numbers.
-fn inner<'a>(mut message: &'a [u8], path: &[u64]) -> Result<Option<&'a [u8]>, WireError> {
+pub(super) fn inner<'a>(
+    mut message: &'a [u8],
+    path: &[u64],
+) -> Result<Option<&'a [u8]>, WireError> {
     for &number in path {
         let mut next = None;
         for field in fields(message) {

@@ -1,6 +1,6 @@
 //! The cards that are built in, and which of them a model's inputs and outputs ask for.
 
-use super::card::{CardInput, CardOutput, Classes, Column, Head, ModelCard};
+use super::card::{CardInput, CardOutput, Classes, Column, Head, IMAGENET, ModelCard};
 use super::heads::{Reading, boxes_lie_in_their_cells};
 use super::interface::{Dimension, Interface, Port};
 use super::runtime::Tensor;
@@ -164,15 +164,39 @@ fn cards() -> Vec<ModelCard> {
         with(Head::EndToEnd, &|_, output| {
             output.columns = vec![X0, Y0, X1, Y1, Score, Class];
         }),
+        // RT-DETR, D-FINE and DEIM; then RF-DETR, which has COCO's own numbers.
+        of(Head::Detr),
+        ModelCard {
+            classes: Classes::Coco91,
+            ..with(Head::Detr, &|input, _| (input.mean, input.std) = IMAGENET)
+        },
     ]
 }
 
-/// The size of the image input, if the model has no other input and says one.
+/// What D-FINE and its kin call the input that takes the width and height in px to which boxes are brought.
+const TARGET_SIZE: &str = "orig_target_sizes";
+
+/// The size of the image input, if the model has no input that is unknown and says one.
 fn image_size(interface: &Interface) -> Option<Size> {
-    let [input] = &interface.inputs[..] else {
-        return None;
-    };
-    image_of(input)?
+    let (image, _) = image_input(interface)?;
+    image_of(image)?
+}
+
+/// The input that takes images, and the one that takes the size to which boxes are brought if there is one. `None` for other inputs.
+pub(super) fn image_input(interface: &Interface) -> Option<(&Port, Option<&Port>)> {
+    match &interface.inputs[..] {
+        [image] => Some((image, None)),
+        [image, target] | [target, image] if is_target_size(target) => Some((image, Some(target))),
+        _ => None,
+    }
+}
+
+/// Whether a port takes a width and a height for each image.
+fn is_target_size(port: &Port) -> bool {
+    let two = Dimension::Fixed(2);
+    let rows = |d: &Dimension| matches!(d, Dimension::Free(_) | Dimension::Fixed(1));
+    let fits = matches!(port.shape.as_deref(), Some([first, last]) if rows(first) && *last == two);
+    port.name == TARGET_SIZE && fits
 }
 
 /// Whether a port takes images, and of which size if it says one.
@@ -209,6 +233,7 @@ fn blank(port: &Port) -> Option<Tensor> {
         .iter()
         .try_fold(1_usize, |n, &size| n.checked_mul(size))?;
     Some(Tensor {
+        name: port.name.clone(),
         data: vec![0.0; numbers],
         shape,
     })
@@ -282,6 +307,7 @@ mod tests {
                 vec![&[1, 1], &[1, 100, 4], &[1, 100], &[1, 100]],
                 (Head::EndToEnd, 0),
             ),
+            (square, vec![&[1, 300, 80], &[1, 300, 4]], (Head::Detr, 0)),
         ] {
             assert_eq!(
                 known(&input, &outputs),

@@ -3,7 +3,9 @@
 
 use super::card::{Head, ModelCard, fits};
 use super::error::ModelError;
-use super::heads::{Candidate, Mismatch, Reading, boxes_lie_in_their_cells, boxes_not_in_pixels};
+use super::heads::{
+    Candidate, Mismatch, Reading, boxes_lie_in_their_cells, boxes_not_in_pixels, misplaced,
+};
 use super::known::{adapted, are_raw_maps, recognise};
 use super::network::Network;
 use super::runtime::{Runtime, Tensor};
@@ -85,7 +87,7 @@ pub(super) fn load(
         Err(reason) => return Err(not_running(name, size, reason)),
     };
     numbers(&outputs).map_err(|Mismatch { found, .. }| not_running(name, size, found))?;
-    in_pixels(name, &known, size, &outputs)?;
+    in_place(name, &known, size, &outputs)?;
     if size != own && known.head == Head::YoloGrid {
         in_cells(&known, size, &outputs).map_err(|e| wrong_size(e.to_string()))?;
     }
@@ -161,7 +163,7 @@ fn first_size(
         InputSize::Fixed { width, height } => Size { width, height },
         InputSize::Model | InputSize::Fit => own,
     };
-    let baked = card.head == Head::EndToEnd && in_graph;
+    let baked = matches!(card.head, Head::EndToEnd | Head::Detr) && in_graph;
     if size == own && (baked || whole(own)) {
         return Ok(size);
     }
@@ -309,8 +311,8 @@ fn unknown(name: &str, network: &Network, size: Size, outputs: &[Tensor]) -> Mod
     ModelError::interface(name, &interface, are_raw_maps(size, outputs))
 }
 
-/// Refuses rows whose boxes are in shares of the input or in cells: nothing would be found in them.
-fn in_pixels(
+/// Refuses boxes that are not in px or shares of the input, as their head expects: nothing would be found in them.
+fn in_place(
     name: &str,
     card: &ModelCard,
     size: Size,
@@ -321,6 +323,16 @@ fn in_pixels(
         size,
         threshold: 1.0,
     };
+    if card.head == Head::Detr {
+        return match misplaced(&reading, outputs) {
+            None => Ok(()),
+            Some((boxes, found)) => {
+                let expected = format!("{} with {boxes}", card.head);
+                let advice = "export the model with boxes in that unit";
+                Err(refused(name, "head", &expected, found, advice))
+            }
+        };
+    }
     let Some([x, y]) = boxes_not_in_pixels(&reading, outputs) else {
         return Ok(());
     };

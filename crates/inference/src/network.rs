@@ -3,7 +3,7 @@
 use super::card::CardInput;
 use super::error::ModelError;
 use super::interface::Interface;
-use super::known::{declared_numbers, image_of};
+use super::known::{declared_numbers, image_input, image_of};
 use super::letterbox::plain;
 use super::runtime::{self, Runtime, Session, Tensor};
 use super::size::Size;
@@ -18,6 +18,8 @@ pub(super) struct Network {
     interface: Interface,
     /// Name of the input that takes the image.
     input: String,
+    /// Name of the input that takes the size to which the network brings its boxes, if it has one.
+    target: Option<String>,
     /// Of the input, if the file says it.
     pub(super) own: Option<Size>,
     runtime: Runtime,
@@ -44,11 +46,11 @@ impl Network {
         container::check(&model).map_err(unreadable)?;
         limits::check(&model).map_err(unreadable)?;
         let interface = Interface::read(&model).map_err(|e| unreadable(e.to_string()))?;
-        let image = match &interface.inputs[..] {
-            [input] => image_of(input).map(|size| (input.name.clone(), size)),
-            _ => None,
-        };
-        let Some((input, own)) = image else {
+        let image = image_input(&interface).and_then(|(image, target)| {
+            let names = [Some(image), target].map(|p| p.map(|p| p.name.clone()));
+            Some((names, image_of(image)?))
+        });
+        let Some(([Some(input), target], own)) = image else {
             return Err(ModelError::interface(name, &interface, false));
         };
         if declared_numbers(&interface).is_none() {
@@ -59,6 +61,7 @@ impl Network {
             model,
             interface,
             input,
+            target,
             own,
             runtime: runtime.clone(),
             threads,
@@ -75,8 +78,9 @@ impl Network {
             self.sessions[..=place].rotate_right(1);
             return Ok(());
         }
-        let model =
-            graph::resized(&self.model, &self.input, self.own, size).map_err(|e| e.to_string())?;
+        let target = self.target.as_deref();
+        let model = graph::resized(&self.model, &self.input, target, self.own, size)
+            .map_err(|e| e.to_string())?;
         let session = runtime::load(model, &self.input, self.threads, &self.runtime)?;
         self.sessions.insert(0, (size, session));
         self.sessions.truncate(KEPT);
@@ -94,10 +98,14 @@ impl Network {
     /// What the runtime said, on one line.
     pub(super) fn run(&mut self, planes: &[f32], size: Size) -> Result<Vec<Tensor>, String> {
         self.prepare(size)?;
-        match self.sessions.first_mut() {
-            Some((_, session)) => session.run(planes, size.width, size.height),
-            None => Err("no session".to_owned()),
+        let Some((_, session)) = self.sessions.first_mut() else {
+            return Err("no session".to_owned());
+        };
+        let mut outputs = session.run(planes, size.width, size.height)?;
+        for (output, port) in outputs.iter_mut().zip(&self.interface.outputs) {
+            output.name.clone_from(&port.name);
         }
+        Ok(outputs)
     }
 
     /// Runs it on an image without anything in it.

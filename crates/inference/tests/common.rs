@@ -91,6 +91,18 @@ impl Graph {
         self
     }
 
+    /// With an input of integers of 64 bits, in rows.
+    pub(crate) fn integer_input(mut self, name: &str, shape: &[usize]) -> Self {
+        self.fields = self.fields.message(11, &typed(name, Some(shape), 7));
+        self
+    }
+
+    /// With an output of integers of 64 bits, in rows.
+    pub(crate) fn integer_output(mut self, name: &str, shape: &[usize]) -> Self {
+        self.fields = self.fields.message(12, &typed(name, Some(shape), 7));
+        self
+    }
+
     /// The file.
     pub(crate) fn model(self) -> Vec<u8> {
         Message::new()
@@ -138,7 +150,12 @@ fn tensor(name: &str, shape: &[usize], element: u64, bytes: &[u8]) -> Message {
 }
 
 fn port(name: &str, shape: Option<&[usize]>) -> Message {
-    let mut kind = Message::new().integer(1, 1);
+    typed(name, shape, 1)
+}
+
+/// An input or output of this type of numbers.
+fn typed(name: &str, shape: Option<&[usize]>, element: u64) -> Message {
+    let mut kind = Message::new().integer(1, element);
     if let Some(shape) = shape {
         let shape = shape.iter().fold(Message::new(), |m, &s| {
             m.message(

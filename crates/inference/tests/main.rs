@@ -7,6 +7,7 @@ mod cache;
 mod cards;
 mod common;
 mod detector;
+mod detr;
 mod golden;
 mod graphs;
 mod install;

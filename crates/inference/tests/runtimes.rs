@@ -9,7 +9,7 @@ use stillpoint_inference::{
 };
 
 /// The library to test with, if there is one.
-fn library() -> Option<PathBuf> {
+pub(crate) fn library() -> Option<PathBuf> {
     let named = std::env::var_os("ORT_DYLIB_PATH").map(PathBuf::from);
     if named.is_none() {
         stillpoint_testdata::skipped("ORT_DYLIB_PATH names no library of ONNX Runtime");

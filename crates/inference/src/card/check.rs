@@ -34,10 +34,16 @@ type Expect<'a> = dyn FnMut(bool, &str, &str, String) + 'a;
 
 fn input(input: &CardInput, alignment: usize, expect: &mut Expect<'_>) {
     if let Some(size) = input.size {
+        let expected = match alignment {
+            1 => format!("a width and a height from 1 to {LARGEST} px"),
+            _ => {
+                format!("a width and a height that are multiples of {alignment} up to {LARGEST} px")
+            }
+        };
         expect(
             size.iter().all(|&s| fits(s, alignment)),
             "input.size",
-            &format!("a width and a height that are multiples of {alignment} up to {LARGEST} px"),
+            &expected,
             format!("{size:?}"),
         );
     }
@@ -64,7 +70,7 @@ fn input(input: &CardInput, alignment: usize, expect: &mut Expect<'_>) {
 fn output(head: Head, output: &CardOutput, expect: &mut Expect<'_>) {
     let strides = &output.strides;
     let found = format!("{strides:?}");
-    if head == Head::EndToEnd {
+    if matches!(head, Head::EndToEnd | Head::Detr) {
         expect(
             strides.is_empty(),
             "output.strides",

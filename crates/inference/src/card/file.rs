@@ -38,9 +38,12 @@ struct OutputFile {
     columns: Option<Vec<Column>>,
 }
 
-/// `"coco"` or a list of names.
+/// `"coco"`, `"coco-91"` or a list of names.
 #[derive(Serialize, Deserialize)]
-#[serde(untagged, expecting = "expected \"coco\" or a list of names")]
+#[serde(
+    untagged,
+    expecting = "expected \"coco\", \"coco-91\" or a list of names"
+)]
 enum Names {
     Set(String),
     List(Vec<String>),
@@ -99,8 +102,13 @@ fn classes(names: Option<Names>) -> (Classes, Vec<String>) {
         Some(Names::Set(set)) if set.eq_ignore_ascii_case("coco") => {
             return (Classes::Coco, Vec::new());
         }
+        Some(Names::Set(set)) if set.eq_ignore_ascii_case("coco-91") => {
+            return (Classes::Coco91, Vec::new());
+        }
         Some(Names::Set(set)) => {
-            let problem = format!("classes: expected \"coco\" or a list of names, found \"{set}\"");
+            let problem = format!(
+                "classes: expected \"coco\", \"coco-91\" or a list of names, found \"{set}\""
+            );
             return (Classes::Coco, vec![problem]);
         }
         Some(Names::List(list)) => list,
@@ -127,6 +135,7 @@ impl Serialize for Classes {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         match self {
             Self::Coco => Names::Set("coco".to_owned()),
+            Self::Coco91 => Names::Set("coco-91".to_owned()),
             Self::Listed(list) => {
                 let name = |class: &Option<ClassId>| class.map_or("-", ClassId::name).to_owned();
                 Names::List(list.iter().map(name).collect())

@@ -1,8 +1,8 @@
 //! The model card: what a network's numbers mean. A few lines of TOML beside the model; the known models need none.
 //!
 //! ```toml
-//! head = "yolo-anchors"        # yolox, yolo-anchors, yolo-grid, distribution or end-to-end
-//! classes = "coco"             # or a list of COCO's names, "-" for one to leave out
+//! head = "yolo-anchors"        # yolox, yolo-anchors, yolo-grid, distribution, end-to-end or detr
+//! classes = "coco"             # or "coco-91", or a list of COCO's names, "-" for one to leave out
 //!
 //! [input]
 //! size = [640, 640]            # width, height in px; needed only where the model leaves them free
@@ -27,6 +27,7 @@
 //! ```
 
 mod check;
+mod coco91;
 mod file;
 
 pub(super) use check::{LARGEST, fits};
@@ -64,6 +65,8 @@ pub enum Head {
     Distribution,
     /// Suppression of overlaps inside: the boxes themselves.
     EndToEnd,
+    /// RT-DETR, D-FINE, DEIM and RF-DETR: queries with a box and a score per class each, or the best of those.
+    Detr,
 }
 
 /// What a network is given.
@@ -109,7 +112,7 @@ pub enum Resize {
 /// What a network gives.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct CardOutput {
-    /// Cells of the output maps, px of the input, from fine to coarse. None for `end-to-end`.
+    /// Cells of the output maps, px of the input, from fine to coarse. None for `end-to-end` and `detr`.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub strides: Vec<usize>,
     /// For `yolo-anchors`: per stride the anchors' widths and heights in turn, px of the input.
@@ -152,6 +155,8 @@ pub enum Column {
 pub enum Classes {
     /// The 80 of COCO in their usual order.
     Coco,
+    /// COCO by the numbers of its annotations, 0 to 90, of which eleven stand for nothing.
+    Coco91,
     /// A class of COCO per number; `None` for one that is left out.
     Listed(Vec<Option<ClassId>>),
 }
@@ -225,6 +230,7 @@ impl ModelCard {
     pub fn class_count(&self) -> usize {
         match &self.classes {
             Classes::Coco => ClassId::COUNT,
+            Classes::Coco91 => coco91::COUNT,
             Classes::Listed(list) => list.len(),
         }
     }
@@ -234,6 +240,7 @@ impl ModelCard {
     pub fn class(&self, number: usize) -> Option<ClassId> {
         match &self.classes {
             Classes::Coco => (number < ClassId::COUNT).then_some(ClassId(number as u8)),
+            Classes::Coco91 => coco91::class(number),
             Classes::Listed(list) => list.get(number).copied().flatten(),
         }
     }
@@ -244,10 +251,16 @@ impl ModelCard {
         let coarsest = self.output.strides.iter().copied().max().unwrap_or(32);
         match self.head {
             Head::Distribution => coarsest.min(32),
+            // What a transformer's patches go into is said by its graph.
+            Head::Detr => 1,
             _ => coarsest,
         }
     }
 }
+
+/// Mean and standard deviation of ImageNet's images, red, green and blue, 0 to 255: what many networks are trained with.
+pub(super) const IMAGENET: ([f32; 3], [f32; 3]) =
+    ([123.675, 116.28, 103.53], [58.395, 57.12, 57.375]);
 
 impl CardInput {
     /// What is usual for a head.
@@ -263,6 +276,10 @@ impl CardInput {
         };
         match head {
             Head::YoloAnchors | Head::YoloGrid | Head::EndToEnd => yolo,
+            Head::Detr => Self {
+                resize: Resize::Stretch,
+                ..yolo
+            },
             Head::Yolox => Self {
                 colour: ColourOrder::Bgr,
                 std: [1.0; 3],
@@ -313,18 +330,24 @@ impl CardOutput {
                 columns: vec![Batch, X0, Y0, X1, Y1, Class, Score],
                 ..plain
             },
+            Head::Detr => Self {
+                strides: Vec::new(),
+                sigmoid: false,
+                ..plain
+            },
         }
     }
 }
 
 impl Head {
     /// All of them.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Yolox,
         Self::YoloAnchors,
         Self::YoloGrid,
         Self::Distribution,
         Self::EndToEnd,
+        Self::Detr,
     ];
 
     /// As cards name it.
@@ -336,6 +359,7 @@ impl Head {
             Self::YoloGrid => "yolo-grid",
             Self::Distribution => "distribution",
             Self::EndToEnd => "end-to-end",
+            Self::Detr => "detr",
         }
     }
 }

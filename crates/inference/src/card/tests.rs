@@ -122,7 +122,7 @@ fn words_and_keys_that_are_unknown_are_refused_with_their_line() {
         ("head = \"yolox\"\n[input]\nsize = [1]", "line 3: "),
         (
             "head = \"yolox\"\nclasses = 80",
-            "line 2: expected \"coco\" or a list of names",
+            "line 2: expected \"coco\", \"coco-91\" or a list of names",
         ),
         ("head = ", "line 1: "),
     ] {

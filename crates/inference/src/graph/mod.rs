@@ -5,6 +5,7 @@
 //! or gives outputs of other shapes than its head expects.
 
 use super::size::Size;
+use crate::interface::inner;
 use crate::wire::{Message, Value, WireError, fields, text, varints};
 use std::collections::BTreeSet;
 
@@ -20,13 +21,15 @@ const VALUE_INFO: u64 = 13;
 
 /// The model with its image input of this size. Weights that the file lists among its inputs, as old exporters did, are taken
 /// off that list, since a runtime cannot prepare for a weight that might change. Nodes that have the name of a value lose it,
-/// since `rten` takes the one for the other; the format allows it, and PicoDet's exporter does it.
+/// since `rten` takes the one for the other; the format allows it, and PicoDet's exporter does it. An input `target`, which takes the
+/// width and height in px to which a network brings its boxes, becomes a constant: the size of the image input.
 ///
 /// # Errors
 /// Damaged fields on the way.
 pub(super) fn resized(
     model: &[u8],
     input: &str,
+    target: Option<&str>,
     own: Option<Size>,
     size: Size,
 ) -> Result<Vec<u8>, WireError> {
@@ -44,6 +47,7 @@ pub(super) fn resized(
             (GRAPH, Some(graph)) => {
                 let patch = Patch {
                     input,
+                    target,
                     own: own.filter(|own| *own != size),
                     size,
                     // Before version 4 weights had to be inputs.
@@ -66,6 +70,8 @@ pub(super) fn resized(
 /// What is changed in a graph.
 struct Patch<'a> {
     input: &'a str,
+    /// Name of the input that takes a width and a height, if there is one.
+    target: Option<&'a str>,
     /// The size that is in the graph, if it is another one.
     own: Option<Size>,
     size: Size,
@@ -90,6 +96,9 @@ impl Patch<'_> {
                 INPUT => match text(bytes, 1)? {
                     Some(name) if name == self.input => copy.message(INPUT, &self.image(bytes)?),
                     Some(name) if self.weights.contains(name) => copy,
+                    Some(name) if self.target == Some(name) => {
+                        copy.message(WEIGHT, &self.constant_of(bytes, name)?)
+                    }
                     _ => copy.raw(&field),
                 },
                 OUTPUT if !same => copy.message(OUTPUT, &without_shape(bytes)?),
@@ -115,6 +124,37 @@ impl Patch<'_> {
             shape.message(1, &Message::new().integer(1, side as u64))
         });
         with_type(port, |tensor| Ok(without(tensor, 2)?.message(2, &shape)))
+    }
+
+    /// The input of a width and a height as a constant of the type that it has.
+    fn constant_of(&self, port: &[u8], name: &str) -> Result<Message, WireError> {
+        let mut element = INT64;
+        if let Some(tensor) = inner(port, &[2, 1])? {
+            for field in fields(tensor) {
+                let field = field?;
+                if let (1, Some(kind)) = (field.number, field.value.integer()) {
+                    element = kind;
+                }
+            }
+        }
+        let sides = [self.size.width, self.size.height];
+        let data: Vec<u8> = match element {
+            FLOAT => sides
+                .iter()
+                .flat_map(|&s| (s as f32).to_le_bytes())
+                .collect(),
+            INT32 => sides
+                .iter()
+                .flat_map(|&s| (s as i32).to_le_bytes())
+                .collect(),
+            // Another type is none that a size has, and the runtime refuses it.
+            _ => sides
+                .iter()
+                .flat_map(|&s| (s as i64).to_le_bytes())
+                .collect(),
+        };
+        let shape = Message::new().integer(1, 1).integer(1, 2);
+        Ok(shape.integer(2, element).field(8, name).field(9, data))
     }
 
     /// A node that changes: a `Constant` that holds a shape, or one that has the name of a value.
@@ -178,7 +218,9 @@ impl Patch<'_> {
     }
 }
 
-/// Element type of a tensor of 64-bit integers.
+/// Element types of tensors.
+const FLOAT: u64 = 1;
+const INT32: u64 = 6;
 const INT64: u64 = 7;
 
 /// A shape whose last two sizes are a map's of the old input, with those of the new one. `None` if they are none, or if it is not

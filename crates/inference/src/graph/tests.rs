@@ -95,7 +95,7 @@ fn graph_of(model: &[u8]) -> Vec<u8> {
 
 #[test]
 fn a_file_gets_its_new_size_and_keeps_the_rest() {
-    let new = resized(&model(7), "images", Some(SQUARE), FLAT).unwrap();
+    let new = resized(&model(7), "images", None, Some(SQUARE), FLAT).unwrap();
     let interface = Interface::read(&new).unwrap();
     let fixed = |sides: [u64; 4]| Some(sides.map(Dimension::Fixed).to_vec());
     assert_eq!(interface.inputs.len(), 1);
@@ -147,13 +147,13 @@ fn a_file_gets_its_new_size_and_keeps_the_rest() {
 #[test]
 fn at_its_own_size_only_the_list_of_inputs_changes() {
     let old = model(7);
-    let new = resized(&old, "images", Some(SQUARE), SQUARE).unwrap();
+    let new = resized(&old, "images", None, Some(SQUARE), SQUARE).unwrap();
     let interface = Interface::read(&new).unwrap();
     assert_eq!(interface, Interface::read(&old).unwrap());
     assert!(new.len() < old.len());
     // Files of old versions must list their weights.
     assert_eq!(
-        resized(&model(3), "images", Some(SQUARE), SQUARE),
+        resized(&model(3), "images", None, Some(SQUARE), SQUARE),
         Ok(model(3))
     );
 }
@@ -164,5 +164,5 @@ fn a_cut_graph_is_reported() {
     let mut graph = graph_of(&whole);
     graph.truncate(graph.len() - 1);
     let cut = Message::new().integer(1, 7).field(7, graph).into_bytes();
-    assert!(resized(&cut, "images", Some(SQUARE), FLAT).is_err());
+    assert!(resized(&cut, "images", None, Some(SQUARE), FLAT).is_err());
 }

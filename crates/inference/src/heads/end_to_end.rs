@@ -90,6 +90,7 @@ mod tests {
 
     fn table(rows: &[[f32; 7]]) -> Tensor {
         Tensor {
+            name: String::new(),
             shape: vec![rows.len(), 7],
             data: rows.concat(),
         }

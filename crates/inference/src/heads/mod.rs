@@ -1,6 +1,7 @@
 //! Heads: what a network's outputs mean. Each tells whether outputs are its own, and reads boxes from them.
 
 mod anchors;
+mod detr;
 mod distribution;
 mod end_to_end;
 mod gate;
@@ -10,6 +11,7 @@ mod suppress;
 use super::card::{Head, ModelCard};
 use super::runtime::Tensor;
 use super::size::Size;
+pub(super) use detr::misplaced;
 pub(super) use rows::{boxes_lie_in_their_cells, boxes_not_in_pixels};
 use stillpoint_detection::BoundingBox;
 pub(super) use suppress::{sorted, suppress};
@@ -77,11 +79,12 @@ impl Reading<'_> {
             Head::YoloAnchors => anchors::decode(self, outputs),
             Head::Distribution => distribution::decode(self, outputs),
             Head::EndToEnd => end_to_end::decode(self, outputs),
+            Head::Detr => detr::decode(self, outputs),
         }
     }
 
     /// Lowest and highest of all the values that the card says are scores; `None` where there are none, as in a head that
-    /// suppresses by itself. The outputs have been decoded before.
+    /// gives its best boxes alone. The outputs have been decoded before.
     pub(super) fn score_range(&self, outputs: &[Tensor]) -> Option<(f32, f32)> {
         let classes = self.card.class_count();
         let mut range = (f32::INFINITY, f32::NEG_INFINITY);
@@ -90,6 +93,7 @@ impl Reading<'_> {
             Head::Yolox | Head::YoloGrid => rows::scores(classes, outputs).for_each(&mut take),
             Head::YoloAnchors => anchors::each_score(self, outputs, &mut take),
             Head::Distribution => distribution::each_score(self, outputs, &mut take),
+            Head::Detr => detr::each_score(self, outputs, &mut take),
             Head::EndToEnd => return None,
         }
         (range.0 <= range.1).then_some(range)
@@ -144,6 +148,9 @@ pub(super) fn expectation(head: Head) -> &'static str {
         Head::EndToEnd => {
             "one output [boxes, 7] or [1, boxes, 6], whose columns the card names, or four: count, boxes, scores, classes"
         }
+        Head::Detr => {
+            "scores [1, queries, classes] and boxes [1, queries, 4] in shares, or labels, boxes and scores (D-FINE)"
+        }
     }
 }
 
@@ -170,6 +177,7 @@ mod tests {
     /// Zeros of this shape.
     pub(super) fn tensor(shape: &[usize]) -> Tensor {
         Tensor {
+            name: String::new(),
             data: vec![0.0; shape.iter().product()],
             shape: shape.to_vec(),
         }
@@ -202,7 +210,7 @@ mod tests {
     /// Whatever comes out of a network, reading it ends with boxes that are numbers.
     #[test]
     fn malicious_values_give_sane_boxes_or_none() {
-        let shapes: [(Head, Vec<Vec<usize>>); 5] = [
+        let shapes: [(Head, Vec<Vec<usize>>); 7] = [
             (Head::Yolox, vec![vec![1, 21, 85]]),
             (Head::YoloGrid, vec![vec![1, 63, 85]]),
             (
@@ -211,6 +219,8 @@ mod tests {
             ),
             (Head::Distribution, vec![vec![1, 22, 112]]),
             (Head::EndToEnd, vec![vec![9, 7]]),
+            (Head::Detr, vec![vec![1, 9, 80], vec![1, 9, 4]]),
+            (Head::Detr, vec![vec![1, 9], vec![1, 9, 4], vec![1, 9]]),
         ];
         let malicious = [
             f32::NAN,

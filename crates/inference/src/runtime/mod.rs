@@ -27,6 +27,8 @@ pub enum Runtime {
 /// Numbers in rows, planes and so on: `shape`'s last dimension runs fastest.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Tensor {
+    /// Of the output in the graph; empty until the network names it.
+    pub(super) name: String,
     pub(super) shape: Vec<usize>,
     pub(super) data: Vec<f32>,
 }

@@ -103,7 +103,11 @@ fn tensor(value: Value) -> Result<Tensor, String> {
         Value::Int32Tensor(t) => t.into_data().into_iter().map(|v| v as f32).collect(),
         _ => return Err("an output that holds no numbers".to_owned()),
     };
-    Ok(Tensor { shape, data })
+    Ok(Tensor {
+        name: String::new(),
+        shape,
+        data,
+    })
 }
 
 #[cfg(test)]

@@ -94,6 +94,7 @@ fn tensor(value: &ValueRef<'_>) -> Result<Tensor, String> {
     };
     let size = |&size: &i64| usize::try_from(size).unwrap_or(0);
     Ok(Tensor {
+        name: String::new(),
         shape: shape.iter().map(size).collect(),
         data,
     })
