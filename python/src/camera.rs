@@ -135,6 +135,7 @@ impl Camera {
                 depth_scale: depth_scale.transpose()?.unwrap_or(1000.0),
                 nominal: false,
                 imu: None,
+                odometry: None,
             },
         })
     }

@@ -72,6 +72,7 @@ impl Simulation {
             depth_scale: 5000.0,
             nominal: false,
             imu: None,
+            odometry: None,
         });
         if let Some(camera) = camera {
             model = Camera::from_any(camera)?;

@@ -27,6 +27,9 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     if let Some(i) = &s.inertial {
         text += &format!("{}\n", i.line());
     }
+    if let Some(o) = &s.odometry {
+        text += &format!("{}\n", o.line());
+    }
     if let Some(d) = &s.dense {
         text += &d.text();
     }

@@ -9,7 +9,8 @@ use stillpoint::datasets::{ColourFormat, MoverRow, ReadAhead, Recorder};
 use stillpoint::detection::{BoundingBox, ClassId, Detection, ScriptRow, format_script};
 use stillpoint::imaging::{FrameSource, GrayImage};
 use stillpoint::simulator::{
-    DepthModel, DetectionNoise, MoverBox, Shutter, SimulatedImu, Simulator, SimulatorConfig,
+    DepthModel, DetectionNoise, MoverBox, Shutter, SimulatedImu, SimulatedOdometry, Simulator,
+    SimulatorConfig, WheelSlip,
 };
 
 /// `simulate`.
@@ -28,6 +29,7 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
         noise: !args.ideal,
         ..SimulatedImu::default()
     });
+    let wheels = args.odometry.then(|| wheels(args));
     // The other one goes to the thread that reads ahead.
     let twin = Simulator::new(&config).map_err(Failure::input)?;
     let mut movers = Movers::new(args);
@@ -38,11 +40,16 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
         recorder = recorder.with_imu(imu.model);
         source = source.with_imu(imu);
     }
+    if let Some(wheels) = &wheels {
+        recorder = recorder.with_odometry(wheels.model);
+        source = source.with_odometry(wheels);
+    }
     let mut frames = ReadAhead::new(source);
     let mut written = 0;
     while let Some(frame) = frames.next_frame() {
         let frame = frame.map_err(Failure::input)?;
         recorder.add_inertial(&frames.take_inertial());
+        recorder.add_odometry(&frames.take_odometry());
         recorder.add(&frame, poses.get(written).map(|(_, p)| p))?;
         movers.record(&twin, written, &mut recorder)?;
         written += 1;
@@ -66,6 +73,24 @@ pub(crate) fn simulate(args: &SimulateArgs) -> Result<Status, Failure> {
     }
     console::report(&format!("{written} frames in {}\n", args.out.display()));
     Ok(Status::Ok)
+}
+
+/// How long wheels spin that slip, s, and how fast, m/s.
+const SLIP_S: f64 = 0.5;
+const SLIP_SPEED: f64 = 0.5;
+
+/// The odometry that the arguments ask for.
+fn wheels(args: &SimulateArgs) -> SimulatedOdometry {
+    let slip = |from: &f64| WheelSlip {
+        from: *from,
+        to: from + SLIP_S,
+        speed: SLIP_SPEED,
+    };
+    SimulatedOdometry {
+        noise: !args.ideal,
+        slips: args.slip.iter().map(slip).collect(),
+        ..SimulatedOdometry::default()
+    }
 }
 
 /// What to simulate; what the arguments do not say of the camera is the scene's own.

@@ -5,9 +5,10 @@
 use crate::error::{DatasetError, Result, quote};
 use crate::imu::{self, ImuTable};
 use crate::lists::{data_lines, parse_numbers, read_text};
+use crate::odometry::{self, OdometryTable};
 use crate::presets::{preset_names, preset_text};
 use std::path::{Path, PathBuf};
-use stillpoint_geometry::{BrownConrady, Camera, ImuModel};
+use stillpoint_geometry::{BrownConrady, Camera, ImuModel, OdometryModel};
 
 /// A camera with what its depth images mean.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,6 +23,8 @@ pub struct CameraModel {
     pub nominal: bool,
     /// The inertial sensor that is fixed to it, if it is known.
     pub imu: Option<ImuModel>,
+    /// The odometry of the base that carries it, if it is known how it stands on that.
+    pub odometry: Option<OdometryModel>,
 }
 
 /// What the user asked for: the name of a preset, or a camera file.
@@ -64,6 +67,7 @@ struct CameraFile {
     #[serde(default)]
     nominal: bool,
     imu: Option<ImuTable>,
+    odometry: Option<OdometryTable>,
 }
 
 impl CameraModel {
@@ -124,19 +128,24 @@ impl CameraModel {
             }
         })?;
         let [k1, k2, p1, p2, k3] = coefficients(file.distortion.as_deref(), text, path)?;
+        let malformed = |table: &str, (expected, found): (String, String)| {
+            let is_table = |l: &str| l.trim_start().starts_with(table);
+            DatasetError::Malformed {
+                path: path.to_owned(),
+                line: text.lines().position(is_table).map_or(1, |i| i + 1),
+                expected,
+                found,
+                advice: "correct the camera file".into(),
+            }
+        };
         let imu = file.imu.as_ref().map(ImuTable::model).transpose();
-        let imu = imu.map_err(|(expected, found)| DatasetError::Malformed {
-            path: path.to_owned(),
-            line: text
-                .lines()
-                .position(|l| l.trim_start().starts_with("[imu]"))
-                .map_or(1, |i| i + 1),
-            expected,
-            found,
-            advice: "correct the camera file".into(),
-        })?;
+        let imu = imu.map_err(|e| malformed("[imu]", e))?;
+        let odometry = file.odometry.as_ref().map(OdometryTable::model);
+        let odometry = odometry.transpose();
+        let odometry = odometry.map_err(|e| malformed("[odometry]", e))?;
         let model = Self {
             imu,
+            odometry,
             name: file.name.unwrap_or_else(|| path.display().to_string()),
             camera: Camera {
                 distortion: BrownConrady { k1, k2, p1, p2, k3 },
@@ -183,6 +192,7 @@ impl CameraModel {
             depth_scale,
             nominal: false,
             imu: None,
+            odometry: None,
         };
         model.check(path, line.number)?;
         Ok(model)
@@ -202,7 +212,7 @@ impl CameraModel {
             .replace('\\', "\\\\")
             .replace('"', "\\\"");
         format!(
-            "name = \"{name}\"\nwidth = {}\nheight = {}\nfx = {:?}\nfy = {:?}\ncx = {:?}\ncy = {:?}\ndistortion = [{:?}, {:?}, {:?}, {:?}, {:?}] # k1 k2 p1 p2 k3\ndepth_scale = {:?} # depth image values per metre\n{}{}",
+            "name = \"{name}\"\nwidth = {}\nheight = {}\nfx = {:?}\nfy = {:?}\ncx = {:?}\ncy = {:?}\ndistortion = [{:?}, {:?}, {:?}, {:?}, {:?}] # k1 k2 p1 p2 k3\ndepth_scale = {:?} # depth image values per metre\n{}{}{}",
             c.width,
             c.height,
             c.fx,
@@ -221,6 +231,10 @@ impl CameraModel {
                 ""
             },
             self.imu.as_ref().map(imu::to_toml).unwrap_or_default(),
+            self.odometry
+                .as_ref()
+                .map(odometry::to_toml)
+                .unwrap_or_default(),
         )
     }
 
@@ -418,6 +432,7 @@ mod tests {
                 depth_scale: s,
                 nominal: s > 5e4,
                 imu: None,
+                odometry: None,
             };
             let back = CameraModel::parse_toml(&m.to_toml(), Path::new("c.toml")).unwrap();
             prop_assert_eq!(back.camera, m.camera);

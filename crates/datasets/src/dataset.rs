@@ -6,13 +6,15 @@ use crate::error::{DatasetError, Result};
 use crate::layout::{self, Layout};
 use crate::source::{DatasetSource, FrameOptions};
 use crate::trajectory::StampedPose;
-use crate::{ground_truth, imu, presets, probe};
+use crate::{ground_truth, imu, odometry, presets, probe};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use stillpoint_imaging::ImuSample;
+use stillpoint_imaging::{ImuSample, OdometrySample};
 
 /// How what is said of an inertial sensor begins.
 const INERTIAL: &str = "inertial sensor";
+/// ... and of odometry.
+const ODOMETRY: &str = "odometry";
 
 /// How to open a data set; the default guesses everything.
 #[derive(Clone, Debug)]
@@ -92,6 +94,8 @@ pub struct Dataset {
     warnings: Vec<String>,
     /// What the inertial sensor measured.
     inertial: Arc<[ImuSample]>,
+    /// What the wheels did.
+    odometry: Arc<[OdometrySample]>,
 }
 
 impl Dataset {
@@ -137,6 +141,10 @@ impl Dataset {
         if !inertial.is_empty() {
             guesses.push(format!("{INERTIAL}: {} samples", inertial.len()));
         }
+        let odometry = odometry::read(path, model.odometry.as_ref(), &mut warnings)?;
+        if !odometry.is_empty() {
+            guesses.push(format!("{ODOMETRY}: {} samples", odometry.len()));
+        }
         Ok(Self {
             path: path.to_owned(),
             layout,
@@ -147,6 +155,7 @@ impl Dataset {
             guesses,
             warnings,
             inertial,
+            odometry,
         })
     }
 
@@ -190,6 +199,19 @@ impl Dataset {
         self.inertial = Arc::default();
         self.camera.imu = None;
         self.guesses.retain(|g| !g.starts_with(INERTIAL));
+    }
+
+    /// What the wheels did, in order of time; nothing where there is no odometry, or where the camera file does not say how the camera stands on the base.
+    #[must_use]
+    pub fn odometry(&self) -> &Arc<[OdometrySample]> {
+        &self.odometry
+    }
+
+    /// From now on there is no odometry.
+    pub fn leave_out_odometry(&mut self) {
+        self.odometry = Arc::default();
+        self.camera.odometry = None;
+        self.guesses.retain(|g| !g.starts_with(ODOMETRY));
     }
 
     /// How many images are listed and how many make frames.

@@ -2,13 +2,13 @@
 //!
 //! The crate's documentation describes both. The TUM data sets' own `accelerometer.txt` is not read: it holds no angular rates.
 
-use crate::error::{DatasetError, Result};
-use crate::lists::{data_lines, parse_numbers, read_text};
+use crate::error::Result;
+use crate::lists::{Line, parse_numbers};
+use crate::samples::{self, TableError};
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
-use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
-use stillpoint_geometry::{ImuModel, Se3, Vec3};
+use stillpoint_geometry::ImuModel;
 use stillpoint_imaging::ImuSample;
 
 /// The file of samples in a data set folder.
@@ -37,19 +37,12 @@ pub(crate) struct ImuTable {
 
 impl ImuTable {
     /// The sensor; else what was expected and what was found.
-    pub(crate) fn model(&self) -> std::result::Result<ImuModel, (String, String)> {
+    pub(crate) fn model(&self) -> std::result::Result<ImuModel, TableError> {
         let usual = ImuModel::bmi055();
-        let [x, y, z, w] = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-        let quaternion = Quaternion::new(w, x, y, z);
-        let norm = quaternion.norm();
-        // Also refuses what is no number.
-        if !(0.999..=1.001).contains(&norm) {
-            let expected = "[imu] rotation = [x, y, z, w], a quaternion of length 1";
-            return Err((expected.to_owned(), format!("one of length {norm}")));
-        }
-        let place = Vec3::from(self.translation.unwrap_or_default());
+        let rotation = self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        let place = self.translation.unwrap_or_default();
         let model = ImuModel {
-            camera_from_imu: Se3::new(UnitQuaternion::new_normalize(quaternion), place),
+            camera_from_imu: samples::mount("imu", rotation, place)?,
             time_offset: self.time_offset.unwrap_or(usual.time_offset),
             gyro_noise: self.gyro_noise.unwrap_or(usual.gyro_noise),
             gyro_bias: self.gyro_bias.unwrap_or(usual.gyro_bias),
@@ -58,10 +51,7 @@ impl ImuTable {
             accel_bias: self.accel_bias.unwrap_or(usual.accel_bias),
             accel_walk: self.accel_walk.unwrap_or(usual.accel_walk),
         };
-        model.check().map_err(|e| {
-            let expected = format!("[imu] with {} {}", e.field, e.expected);
-            (expected, e.found.to_string())
-        })?;
+        model.check().map_err(|e| samples::figure("imu", &e))?;
         Ok(model)
     }
 }
@@ -95,39 +85,18 @@ pub(crate) fn read(
     model: Option<&ImuModel>,
     warnings: &mut Vec<String>,
 ) -> Result<Arc<[ImuSample]>> {
-    let path = folder.join(FILE);
-    if !path.is_file() {
-        return Ok(Arc::default());
-    }
-    if model.is_none() {
-        warnings.push(format!(
-            "{} is not used: the camera file says nothing of the sensor; add a table [imu] with rotation = [x, y, z, w] to it",
-            path.display()
-        ));
-        return Ok(Arc::default());
-    }
-    parse(&read_text(&path)?, &path)
+    let unknown = "the camera file says nothing of the sensor; add a table [imu] with rotation = [x, y, z, w] to it";
+    let unknown = model.is_none().then_some(unknown);
+    samples::read(&folder.join(FILE), unknown, warnings, sample)
 }
 
-fn parse(text: &str, path: &Path) -> Result<Arc<[ImuSample]>> {
-    let mut samples: Vec<ImuSample> = Vec::new();
-    for line in data_lines(text) {
-        let [stamp, x, y, z, u, v, w] = parse_numbers::<7>(&line, path, EXPECTED)?;
-        if let Some(before) = samples.last().filter(|s| stamp <= s.stamp) {
-            return Err(DatasetError::StampOrder {
-                path: path.to_owned(),
-                line: line.number,
-                previous: before.stamp,
-                found: stamp,
-            });
-        }
-        samples.push(ImuSample {
-            stamp,
-            angular_rate: [x, y, z],
-            specific_force: [u, v, w],
-        });
-    }
-    Ok(samples.into())
+fn sample(line: &Line<'_>, path: &Path) -> Result<ImuSample> {
+    let [stamp, x, y, z, u, v, w] = parse_numbers::<7>(line, path, EXPECTED)?;
+    Ok(ImuSample {
+        stamp,
+        angular_rate: [x, y, z],
+        specific_force: [u, v, w],
+    })
 }
 
 /// The text of the file.
@@ -150,8 +119,13 @@ mod tests {
     use super::*;
     use crate::camera::CameraModel;
     use proptest::prelude::*;
+    use stillpoint_geometry::Vec3;
 
     const LENS: &str = "fx = 500.0\nfy = 500.0\ncx = 320.0\ncy = 240.0\ndepth_scale = 5000.0\n";
+
+    fn parse(text: &str, path: &Path) -> Result<Arc<[ImuSample]>> {
+        samples::parse(text, path, sample)
+    }
 
     fn camera(table: &str) -> Result<CameraModel> {
         CameraModel::parse_toml(&format!("{LENS}{table}"), Path::new("camera.toml"))

@@ -20,7 +20,7 @@ impl<'a> Line<'a> {
             .filter(|s| !s.is_empty())
     }
 
-    fn malformed(&self, path: &Path, expected: &str, found: String) -> DatasetError {
+    pub(crate) fn malformed(&self, path: &Path, expected: &str, found: String) -> DatasetError {
         DatasetError::Malformed {
             path: path.to_owned(),
             line: self.number,

@@ -2,11 +2,17 @@
 
 use std::sync::mpsc::{Receiver, sync_channel};
 use std::thread::JoinHandle;
-use stillpoint_imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
+use stillpoint_imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError};
 
 type Item = Result<RgbdFrame, SourceError>;
-/// A frame and what the inertial sensor measured until then.
-type Read = (Item, Vec<ImuSample>);
+/// What sensors beside the camera measured.
+#[derive(Debug, Default)]
+struct Samples {
+    inertial: Vec<ImuSample>,
+    odometry: Vec<OdometrySample>,
+}
+/// A frame and what was measured until then.
+type Read = (Item, Samples);
 
 /// Runs a source on its own thread, at most a fixed number of frames ahead. The frames and their order are those of the
 /// source. A panic of the source becomes a [`SourceError`] that ends the stream. Dropping it early stops and
@@ -19,7 +25,7 @@ pub struct ReadAhead {
     remaining: Option<usize>,
     is_live: bool,
     /// Samples that came with the frames given so far.
-    samples: Vec<ImuSample>,
+    samples: Samples,
 }
 
 impl ReadAhead {
@@ -45,7 +51,10 @@ impl ReadAhead {
                     while let Some(item) = source.next_frame() {
                         let last = matches!(&item, Err(e) if !e.recoverable);
                         // Sending fails when nobody listens any more.
-                        let samples = source.take_inertial();
+                        let samples = Samples {
+                            inertial: source.take_inertial(),
+                            odometry: source.take_odometry(),
+                        };
                         if sender.send((item, samples)).is_err() || last {
                             break;
                         }
@@ -62,7 +71,7 @@ impl ReadAhead {
                     ),
                     recoverable: false,
                 });
-                let _ = sender.try_send((failed, Vec::new()));
+                let _ = sender.try_send((failed, Samples::default()));
                 None
             }
         };
@@ -71,7 +80,7 @@ impl ReadAhead {
             thread,
             remaining,
             is_live,
-            samples: Vec::new(),
+            samples: Samples::default(),
         }
     }
 
@@ -96,7 +105,8 @@ impl FrameSource for ReadAhead {
     fn next_frame(&mut self) -> Option<Item> {
         match self.frames.as_ref()?.recv() {
             Ok((item, samples)) => {
-                self.samples.extend(samples);
+                self.samples.inertial.extend(samples.inertial);
+                self.samples.odometry.extend(samples.odometry);
                 self.remaining = self.remaining.map(|n| n.saturating_sub(1));
                 if matches!(&item, Err(e) if !e.recoverable) {
                     self.finish();
@@ -108,7 +118,11 @@ impl FrameSource for ReadAhead {
     }
 
     fn take_inertial(&mut self) -> Vec<ImuSample> {
-        std::mem::take(&mut self.samples)
+        std::mem::take(&mut self.samples.inertial)
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        std::mem::take(&mut self.samples.odometry)
     }
 
     fn remaining(&self) -> Option<usize> {

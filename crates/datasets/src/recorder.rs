@@ -2,16 +2,16 @@
 
 use crate::camera::CameraModel;
 use crate::error::{DatasetError, Result};
-use crate::imu;
 use crate::trajectory::{self, StampedPose};
 use crate::write::write_atomic;
+use crate::{imu, odometry};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use stillpoint_geometry::{Camera, ImuModel, Se3};
-use stillpoint_imaging::{GrayImage, ImuSample, RgbdFrame};
+use stillpoint_geometry::{Camera, ImuModel, OdometryModel, Se3};
+use stillpoint_imaging::{GrayImage, ImuSample, OdometrySample, RgbdFrame};
 
 /// How colour images are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,7 +57,7 @@ const BOXES_HEADER: &str = "timestamp,mover,x0,y0,x1,y1,visible_px,px,py,pz,vx,v
 
 /// Records frames and poses into a folder: `rgb/*.png` (or `.jpg`), `depth/*.png` (16 bit, 5000 per metre), `rgb.txt`,
 /// `depth.txt`, `groundtruth.txt` (when there are poses) and `camera.toml`; of what moves, where it is known, `mask/*.png` and
-/// `boxes.csv`; of an inertial sensor `imu.csv`. The lists are written last, by [`Recorder::finish`]: a folder without them is unfinished.
+/// `boxes.csv`; of an inertial sensor `imu.csv`, of odometry `odometry.csv`. The lists are written last, by [`Recorder::finish`]: a folder without them is unfinished.
 #[derive(Debug)]
 pub struct Recorder {
     folder: PathBuf,
@@ -71,6 +71,8 @@ pub struct Recorder {
     boxes: Option<String>,
     /// Rows of `imu.csv`.
     samples: Vec<ImuSample>,
+    /// Rows of `odometry.csv`.
+    stands: Vec<OdometrySample>,
 }
 
 impl Recorder {
@@ -112,6 +114,7 @@ impl Recorder {
                 depth_scale: DEPTH_SCALE,
                 nominal: false,
                 imu: None,
+                odometry: None,
             },
             format,
             rgb_list: "# color images\n# timestamp filename\n".to_owned(),
@@ -120,6 +123,7 @@ impl Recorder {
             last_stamps: None,
             boxes: None,
             samples: Vec::new(),
+            stands: Vec::new(),
         })
     }
 
@@ -219,6 +223,9 @@ impl Recorder {
         if self.camera.imu.is_some() {
             write(imu::FILE, &imu::to_text(&self.samples))?;
         }
+        if self.camera.odometry.is_some() {
+            write(odometry::FILE, &odometry::to_text(&self.stands))?;
+        }
         write("camera.toml", &self.camera.to_toml())?;
         write("depth.txt", &self.depth_list)?;
         write("rgb.txt", &self.rgb_list)
@@ -234,6 +241,18 @@ impl Recorder {
     /// Adds samples of the inertial sensor, in order of time; without [`Recorder::with_imu`] they are left out.
     pub fn add_inertial(&mut self, samples: &[ImuSample]) {
         self.samples.extend_from_slice(samples);
+    }
+
+    /// Says how the camera stands on a base with odometry: then its samples are written as well.
+    #[must_use]
+    pub fn with_odometry(mut self, model: OdometryModel) -> Self {
+        self.camera.odometry = Some(model);
+        self
+    }
+
+    /// Adds samples of the odometry, in order of time; without [`Recorder::with_odometry`] they are left out.
+    pub fn add_odometry(&mut self, samples: &[OdometrySample]) {
+        self.stands.extend_from_slice(samples);
     }
 
     fn check_stamps(&self, frame: &RgbdFrame) -> Result<()> {

@@ -6,7 +6,10 @@ use crate::decode::{read_colour, read_depth, read_gray};
 use crate::error::{DatasetError, Result};
 use crate::probe::check_size;
 use std::sync::Arc;
-use stillpoint_imaging::{FrameId, FrameSource, ImuSample, ImuTrack, RgbdFrame, SourceError};
+use stillpoint_imaging::{
+    FrameId, FrameSource, ImuSample, ImuTrack, OdometrySample, OdometryTrack, RgbdFrame,
+    SourceError,
+};
 
 /// Which frames to read and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,12 +35,15 @@ pub struct DatasetSource {
     strict: bool,
     ended: bool,
     imu: ImuTrack,
+    odometry: OdometryTrack,
     /// Stamp of the newest frame that was read, s.
     newest: Option<f64>,
 }
 
 /// Samples from so long before the first frame on are given, s.
 const BEFORE: f64 = 0.1;
+/// The same of odometry, which comes ten times a second and more.
+const BEFORE_ODOMETRY: f64 = 0.4;
 
 impl DatasetSource {
     pub(crate) fn new(dataset: &Dataset, options: &FrameOptions) -> Result<Self> {
@@ -54,8 +60,11 @@ impl DatasetSource {
         let count = options.max_frames.unwrap_or(rest).min(rest);
         let mut imu = ImuTrack::new(Arc::clone(dataset.inertial()));
         imu.skip_before(all[options.start].stamp - BEFORE);
+        let mut odometry = OdometryTrack::new(Arc::clone(dataset.odometry()));
+        odometry.skip_before(all[options.start].stamp - BEFORE_ODOMETRY);
         Ok(Self {
             imu,
+            odometry,
             newest: None,
             left: options.start..options.start + count,
             entries: dataset.shared_entries(),
@@ -120,6 +129,12 @@ impl FrameSource for DatasetSource {
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         let imu = &mut self.imu;
         self.newest.map_or_else(Vec::new, |t| imu.take_until(t))
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        let odometry = &mut self.odometry;
+        self.newest
+            .map_or_else(Vec::new, |t| odometry.take_until(t))
     }
 
     fn remaining(&self) -> Option<usize> {

@@ -69,7 +69,7 @@ pub struct MotionOptions {
     pub prior_strength: f64,
     /// Least number of inliers with a weight.
     pub min_inliers: usize,
-    /// The rotation of the motion where it is known: others have no votes.
+    /// The rotation of the motion, and its translation, where they are known: others have no votes.
     pub turn: Option<KnownTurn>,
 }
 

@@ -55,5 +55,5 @@ pub use pose_graph::{
 pub use rigid::{RigidEstimate, RigidOptions, RigidOutcome, RigidPair, find_rigid};
 pub use sampling::{Purpose, Rng, address, ransac_iterations, rng};
 pub use triangulate::{Triangulation, triangulate_midpoint};
-pub use turn::KnownTurn;
+pub use turn::{KnownShift, KnownTurn};
 pub use two_view::{PixelPair, TwoViewOptions};

@@ -24,7 +24,7 @@ pub struct PoseOptions {
     pub iterations: usize,
     /// Factor on the squared chi-square gates (95 %); 1 for measurements whose noise is known.
     pub gate_scale: f64,
-    /// The rotation where it is known from elsewhere: a measurement more. Its gate is not asked.
+    /// The rotation, and the translation, where they are known from elsewhere: a measurement more. Their gates are not asked.
     pub turn: Option<KnownTurn>,
 }
 
@@ -236,7 +236,7 @@ impl Sums {
         }
     }
 
-    /// Adds that the rotation is known.
+    /// Adds that the rotation is known, and where it is the translation.
     fn add_turn(&mut self, turn: &KnownTurn, pose: &Se3) {
         let weight = 1.0 / (turn.sigma * turn.sigma);
         let offset = turn.offset(pose);
@@ -245,6 +245,15 @@ impl Sums {
             self.b[3 + axis] += weight * offset[axis];
         }
         self.cost += weight * offset.norm_squared();
+        if let Some(shift) = &turn.shift {
+            let weight = 1.0 / (shift.sigma * shift.sigma);
+            let offset = turn.shift_offset(shift, pose);
+            for axis in 0..3 {
+                self.h[axis][axis] += weight;
+                self.b[axis] += weight * offset[axis];
+            }
+            self.cost += weight * offset.norm_squared();
+        }
     }
 
     fn finish(self) -> Normal {

@@ -1,4 +1,4 @@
-//! A rotation that is known from elsewhere, as by a gyroscope.
+//! A motion that is known from elsewhere: its rotation, as by a gyroscope, or all of it, as by odometry.
 
 use crate::{Intrinsics, MotionPair};
 use stillpoint_geometry::nalgebra::UnitQuaternion;
@@ -13,6 +13,19 @@ pub struct KnownTurn {
     pub sigma: f64,
     /// A motion that turns otherwise by more is not that of the camera, rad.
     pub gate: f64,
+    /// The translation, where that is known as well.
+    pub shift: Option<KnownShift>,
+}
+
+/// The translation of a motion `b_from_a`, and by how much it may be wrong.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownShift {
+    /// The translation, m.
+    pub b_from_a: Vec3,
+    /// Standard deviation along each axis, m.
+    pub sigma: f64,
+    /// A motion that moves otherwise by more is not that of the camera, m.
+    pub gate: f64,
 }
 
 impl KnownTurn {
@@ -25,7 +38,14 @@ impl KnownTurn {
     /// Whether a motion may be the camera's.
     #[must_use]
     pub fn allows(&self, b_from_a: &Se3) -> bool {
-        self.offset(b_from_a).norm() <= self.gate
+        let shifts = |s: &KnownShift| self.shift_offset(s, b_from_a).norm() <= s.gate;
+        self.offset(b_from_a).norm() <= self.gate && self.shift.as_ref().is_none_or(shifts)
+    }
+
+    /// What is to be added from the left to bring a motion to this one once it turns so, m: where the two see the origin of `b`.
+    pub(crate) fn shift_offset(&self, shift: &KnownShift, b_from_a: &Se3) -> Vec3 {
+        let turn = self.b_from_a * b_from_a.rotation.inverse();
+        shift.b_from_a - turn * b_from_a.translation
     }
 
     /// The motion that turns so and brings three points to where they were seen; in the mean, as their depths are noisy.

@@ -26,9 +26,9 @@ pub struct ImuModel {
     pub accel_walk: f64,
 }
 
-/// A figure that no inertial sensor has.
+/// A figure that no such sensor has.
 #[derive(Clone, Debug, PartialEq)]
-pub struct ImuError {
+pub struct FigureError {
     /// The field.
     pub field: &'static str,
     /// What it should hold.
@@ -37,7 +37,7 @@ pub struct ImuError {
     pub found: f64,
 }
 
-impl std::fmt::Display for ImuError {
+impl std::fmt::Display for FigureError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self {
             field,
@@ -48,7 +48,7 @@ impl std::fmt::Display for ImuError {
     }
 }
 
-impl std::error::Error for ImuError {}
+impl std::error::Error for FigureError {}
 
 /// Standard gravity, m/s^2.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -91,8 +91,8 @@ impl ImuModel {
     /// Whether all figures can be computed with.
     ///
     /// # Errors
-    /// [`ImuError`] for the first that cannot.
-    pub fn check(&self) -> Result<(), ImuError> {
+    /// [`FigureError`] for the first that cannot.
+    pub fn check(&self) -> Result<(), FigureError> {
         let lever = self.camera_from_imu.translation;
         let ranges = [
             ("gyro_noise", self.gyro_noise, 1e-9, 1.0),
@@ -115,7 +115,7 @@ impl ImuModel {
                     "gyro_noise" | "accel_noise" => "above 0, in SI units",
                     _ => "of 0 or more, in SI units",
                 };
-                return Err(ImuError {
+                return Err(FigureError {
                     field,
                     expected,
                     found,

@@ -8,6 +8,7 @@ mod alignment;
 mod camera;
 mod camera_check;
 mod imu;
+mod odometry;
 pub mod robust;
 mod se3;
 pub mod so3;
@@ -15,7 +16,8 @@ pub mod so3;
 pub use alignment::{Alignment, AlignmentError, align_umeyama};
 pub use camera::{BrownConrady, Camera};
 pub use camera_check::CameraError;
-pub use imu::{ImuError, ImuModel, STANDARD_GRAVITY};
+pub use imu::{FigureError, ImuModel, STANDARD_GRAVITY};
+pub use odometry::OdometryModel;
 pub use se3::Se3;
 
 pub use nalgebra;

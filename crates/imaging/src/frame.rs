@@ -1,6 +1,6 @@
 //! RGB-D frames and where they come from.
 
-use crate::{ColourImage, DepthImage, GrayImage, ImuSample};
+use crate::{ColourImage, DepthImage, GrayImage, ImuSample, OdometrySample};
 use std::sync::Arc;
 
 /// Number of a frame in its stream: 0, 1, 2, ... Also the id of the keyframe made from it.
@@ -56,6 +56,11 @@ pub trait FrameSource: Send {
     /// What an inertial sensor measured since the last call, in order of time: up to the newest frame that was given, and where there is one the
     /// first sample after it. To be asked after each frame; whoever passes frames on passes this on.
     fn take_inertial(&mut self) -> Vec<ImuSample> {
+        Vec::new()
+    }
+
+    /// The same of odometry.
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
         Vec::new()
     }
 

@@ -13,8 +13,10 @@ mod inertial;
 pub mod kernels;
 #[cfg(target_arch = "aarch64")]
 mod neon;
+mod odometry;
 mod pyramid;
 mod resize;
+mod samples;
 mod simd;
 pub mod workers;
 
@@ -23,6 +25,8 @@ pub use coarse_depth::CoarseDepth;
 pub use frame::{FrameId, FrameSource, RgbdFrame, SourceError};
 pub use image::{ColourImage, DepthImage, GrayImage, SizeError};
 pub use inertial::{ImuSample, ImuTrack};
+pub use odometry::{OdometrySample, OdometryTrack};
 pub use pyramid::Pyramid;
+pub use samples::{SampleTrack, Stamped};
 pub use simd::Simd;
 pub use workers::Workers;

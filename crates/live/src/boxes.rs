@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicU64;
 use std::sync::mpsc::{RecvTimeoutError, SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 use stillpoint_detection::{DetectError, Detections};
-use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame};
+use stillpoint_imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint_map::{Correction, KeyframeId, Map, MapView};
 use stillpoint_place::PlaceIndex;
 use stillpoint_slam::{LoopCloserMsg, Loops, MapperMsg, Trajectory, TrajectoryEntry};
@@ -169,6 +169,8 @@ pub(crate) struct TrackingBox {
     pub(crate) said: VecDeque<Said>,
     /// What the inertial sensor measured.
     pub(crate) inertial: Vec<ImuSample>,
+    /// What the wheels did.
+    pub(crate) odometry: Vec<OdometrySample>,
 }
 
 /// All that tracking takes with a frame.

@@ -79,7 +79,9 @@ impl LiveSystem {
                     if !wait(due, stop) {
                         return Played::Stopped;
                     }
-                    if !(self.tell_inertial(source.take_inertial()) && self.push(frame)) {
+                    let told = self.tell_inertial(source.take_inertial())
+                        && self.tell_odometry(source.take_odometry());
+                    if !(told && self.push(frame)) {
                         return Played::TrackingEnded;
                     }
                 }

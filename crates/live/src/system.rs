@@ -12,7 +12,7 @@ use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use stillpoint_detection::{Detections, Detector};
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame};
+use stillpoint_imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint_map::{Map, MapView};
 use stillpoint_slam::{
     Event, FrameGate, LoopReport, RefusedFrame, RunLog, Stages, Subscriber, Timing, Trajectory,
@@ -227,6 +227,19 @@ impl LiveSystem {
             b.inertial.extend(samples);
             let excess = b.inertial.len().saturating_sub(SAMPLES);
             b.inertial.drain(..excess);
+        });
+        put.is_some()
+    }
+
+    /// The same of odometry: see [`Stages::with_odometry`].
+    pub fn tell_odometry(&mut self, samples: Vec<OdometrySample>) -> bool {
+        if samples.is_empty() {
+            return true;
+        }
+        let put = self.boxes.tracking.put(|b| {
+            b.odometry.extend(samples);
+            let excess = b.odometry.len().saturating_sub(SAMPLES);
+            b.odometry.drain(..excess);
         });
         put.is_some()
     }

@@ -209,6 +209,11 @@ impl TrackingWorker {
             let samples = news.inertial;
             self.desk.recorder.took(LogEntry::TrackInertial { samples });
         }
+        if !news.odometry.is_empty() && self.tracker.has_odometry() {
+            self.tracker.receive_odometry(&news.odometry);
+            let samples = news.odometry;
+            self.desk.recorder.took(LogEntry::TrackOdometry { samples });
+        }
         for said in news.said {
             self.desk.recorder.took(LogEntry::TrackDetections {
                 next: next.id,

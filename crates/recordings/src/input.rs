@@ -7,8 +7,8 @@ use std::path::Path;
 use stillpoint_datasets::{
     CameraChoice, CameraModel, Dataset, DatasetSource, FrameOptions, StampedPose,
 };
-use stillpoint_geometry::ImuModel;
-use stillpoint_imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
+use stillpoint_geometry::{ImuModel, OdometryModel};
+use stillpoint_imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError};
 
 /// How to open a data set or recording; the default guesses everything.
 #[derive(Clone, Debug)]
@@ -29,6 +29,8 @@ pub struct OpenOptions {
     pub imu_topic: Option<String>,
     /// No inertial sensor, of a folder neither.
     pub no_imu: bool,
+    /// No odometry, of a folder neither.
+    pub no_odometry: bool,
     /// Depth image values per metre; `None` for what the device says, else 1000.
     pub depth_scale: Option<f64>,
 }
@@ -45,6 +47,7 @@ impl Default for OpenOptions {
             truth_topic: None,
             imu_topic: None,
             no_imu: false,
+            no_odometry: false,
             depth_scale: None,
         }
     }
@@ -106,6 +109,9 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Input> {
     if options.no_imu {
         dataset.leave_out_inertial();
     }
+    if options.no_odometry {
+        dataset.leave_out_odometry();
+    }
     Ok(Input::Folder(Box::new(dataset)))
 }
 
@@ -127,6 +133,16 @@ impl Input {
             Self::Folder(d) => d.camera(),
             Self::File(f) => f.camera(),
             Self::Device(d) => d.camera(),
+        }
+    }
+
+    /// The odometry of the base that carries the camera, where there are samples of it.
+    #[must_use]
+    pub fn odometry(&self) -> Option<OdometryModel> {
+        match self {
+            Self::Folder(d) => d.camera().odometry.filter(|_| !d.odometry().is_empty()),
+            Self::File(f) => f.camera().odometry,
+            Self::Device(d) => d.camera().odometry,
         }
     }
 
@@ -233,6 +249,10 @@ impl FrameSource for Taken {
         self.frames.take_inertial()
     }
 
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        self.frames.take_odometry()
+    }
+
     fn is_live(&self) -> bool {
         self.frames.is_live()
     }
@@ -263,6 +283,14 @@ impl FrameSource for Source {
             Self::Folder(s) => s.take_inertial(),
             Self::File(s) => s.take_inertial(),
             Self::Device(s) => s.take_inertial(),
+        }
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        match self {
+            Self::Folder(s) => s.take_odometry(),
+            Self::File(s) => s.take_odometry(),
+            Self::Device(s) => s.take_odometry(),
         }
     }
 

@@ -48,6 +48,7 @@ impl RawFrames {
             depth_scale: pair.depth_scale.unwrap_or(MILLIMETRES),
             nominal: false,
             imu: None,
+            odometry: None,
         };
         model.camera.check().map_err(|e| {
             format!(

@@ -117,6 +117,7 @@ impl Setup<'_> {
         }
         let depth_scale = self.depth_scale();
         let model = CameraModel {
+            odometry: None,
             name,
             camera: optics.camera(),
             depth_scale,

@@ -213,6 +213,7 @@ mod tests {
     fn frame(number: u32, pose: Option<Se3>, version: u64) -> FrameReport {
         FrameReport {
             inertial: None,
+            odometry: None,
             frame: FrameId(number),
             stamp: f64::from(number) / 10.0,
             outcome: Outcome::Tracked,

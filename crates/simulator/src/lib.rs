@@ -29,5 +29,7 @@ pub use catalogue::scene_names;
 pub use disparity::DepthModel;
 pub use error::SimulatorError;
 pub use shutter::Shutter;
-pub use simulator::{SimulatedImu, Simulator, SimulatorConfig, SimulatorSource};
+pub use simulator::{
+    SimulatedImu, SimulatedOdometry, Simulator, SimulatorConfig, SimulatorSource, WheelSlip,
+};
 pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection, ThingBox};

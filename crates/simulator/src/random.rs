@@ -18,6 +18,8 @@ pub(crate) enum Purpose {
     Matching = 10,
     Distortion = 11,
     Inertial = 12,
+    /// What is wrong with wheels.
+    Odometry = 13,
 }
 
 /// The finaliser of SplitMix64 (Steele, Lea and Flood, OOPSLA 2014): a bijection of 64 bits that mixes them well.

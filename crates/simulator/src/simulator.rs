@@ -1,9 +1,11 @@
 //! The simulator: a scene, a path and a sensor put together.
 
 mod inertial;
+mod odometry;
 mod source;
 
 pub use inertial::SimulatedImu;
+pub use odometry::{SimulatedOdometry, WheelSlip};
 pub use source::SimulatorSource;
 
 use crate::catalogue::{self, build, nearest_name};

@@ -51,7 +51,7 @@ impl std::error::Error for NotSent {}
 /// | tracker: a frame | a keyframe | mapper |
 /// | | what is taken back of the beginning of the map | mapper |
 /// | tracker: detections | what moves in an earlier keyframe | mapper |
-/// | tracker: samples of an inertial sensor | nothing | |
+/// | tracker: samples of an inertial sensor, or of odometry | nothing | |
 /// | mapper: any message | a view of the map | tracker |
 /// | | what it did | loop closer |
 /// | loop closer: any message | the known places | tracker |
@@ -170,6 +170,10 @@ impl Exchange {
             }
             LogEntry::TrackInertial { samples } => {
                 self.stages.tracker.receive_inertial(samples);
+                None
+            }
+            LogEntry::TrackOdometry { samples } => {
+                self.stages.tracker.receive_odometry(samples);
                 None
             }
             LogEntry::TrackEffort { features } => {

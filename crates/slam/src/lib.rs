@@ -21,6 +21,7 @@ mod loops;
 mod map_shift;
 mod mapping;
 mod messages;
+mod odometry;
 mod pace;
 mod replay;
 mod report;
@@ -35,6 +36,7 @@ mod system;
 mod timing;
 mod tracking;
 mod trajectory;
+mod trust;
 mod validation;
 
 pub use anchored_pose::AnchoredPose;
@@ -56,6 +58,7 @@ pub use messages::{
     LandmarkStatistic, LoopCloserMsg, LoopCloserOut, MapperMsg, MapperOut, MapperReport,
     NewKeyframe, Tracked,
 };
+pub use odometry::{OdometryFault, OdometryReport, OdometryState};
 pub use replay::{Replay, ReplayError};
 pub use report::{
     BundleCounts, CorrectionReport, FrameCounts, FrameReport, LoopOutcome, LoopReport, LostReason,
@@ -74,4 +77,5 @@ pub use system::System;
 pub use timing::Timing;
 pub use tracking::{KeyframeConfig, Tracker, TrackerSetup, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};
+pub use trust::SensorState;
 pub use validation::{ConfigError, ConfigProblem};

@@ -2,6 +2,7 @@
 
 use crate::inertial::InertialReport;
 use crate::map_shift::MapShift;
+use crate::odometry::OdometryReport;
 use crate::static_filter::{FeatureVerdict, Segments};
 use std::sync::Arc;
 use stillpoint_detection::Object;
@@ -23,7 +24,8 @@ pub enum Outcome {
         /// The keyframe that was recognised.
         with: KeyframeId,
     },
-    /// Too little was seen to measure a pose: the camera's direction is carried by the gyroscope, its place by what little was seen or by its velocity.
+    /// Too little was seen to measure a pose: the camera is carried by odometry, or its direction by the gyroscope and its place by what little was seen or by its
+    /// velocity.
     Carried {
         /// The first frame of this stretch.
         since: FrameId,
@@ -50,6 +52,8 @@ pub enum LostReason {
     FewInliers,
     /// What was seen turns otherwise than the gyroscope, and the gyroscope could not carry the camera any longer.
     AgainstGyro,
+    /// What was seen moves otherwise than the wheels, and these could not carry the camera any longer.
+    AgainstOdometry,
 }
 
 impl std::fmt::Display for LostReason {
@@ -60,6 +64,7 @@ impl std::fmt::Display for LostReason {
             Self::FewMatches => "too few keypoints match the map",
             Self::FewInliers => "too few matches agree on a pose",
             Self::AgainstGyro => "what is seen turns otherwise than the gyroscope",
+            Self::AgainstOdometry => "what is seen moves otherwise than the wheels",
         })
     }
 }
@@ -97,6 +102,8 @@ pub struct FrameReport {
     pub map_version: u64,
     /// What is known of the inertial sensor; none where there is none.
     pub inertial: Option<InertialReport>,
+    /// What is known of the odometry; none where there is none.
+    pub odometry: Option<OdometryReport>,
 }
 
 /// So many landmarks that agree hold a pose, whatever moves beside them.

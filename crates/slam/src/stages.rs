@@ -15,7 +15,7 @@ use crate::retrace::Retracer;
 use crate::tracking::Tracker;
 use crate::validation::{ConfigError, check_camera};
 use std::sync::Arc;
-use stillpoint_geometry::{Camera, ImuError, ImuModel};
+use stillpoint_geometry::{Camera, FigureError, ImuModel, OdometryModel};
 use stillpoint_imaging::{Simd, Workers};
 use stillpoint_map::Map;
 
@@ -148,11 +148,22 @@ impl Stages {
     /// The stages with an inertial sensor on the camera, whose samples the tracker is given.
     ///
     /// # Errors
-    /// [`ImuError`] for figures that no such sensor has.
-    pub fn with_imu(mut self, model: ImuModel) -> Result<Self, ImuError> {
+    /// [`FigureError`] for figures that no such sensor has.
+    pub fn with_imu(mut self, model: ImuModel) -> Result<Self, FigureError> {
         model.check()?;
         self.fingerprint.text(&format!("{model:?}"));
         self.tracker = self.tracker.with_imu(model);
+        Ok(self)
+    }
+
+    /// The stages with odometry of the base that carries the camera, whose samples the tracker is given.
+    ///
+    /// # Errors
+    /// [`FigureError`] for figures that no odometry has.
+    pub fn with_odometry(mut self, model: OdometryModel) -> Result<Self, FigureError> {
+        model.check()?;
+        self.fingerprint.text(&format!("{model:?}"));
+        self.tracker = self.tracker.with_odometry(model);
         Ok(self)
     }
 

@@ -13,7 +13,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_detection::{Detection, Detections, Detector};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame, Simd, Workers};
+use stillpoint_imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame, Simd, Workers};
 use stillpoint_map::{Map, MapView};
 
 /// RGB-D SLAM, driven frame by frame. The same frames, configuration and seed give the same result, bit for bit.
@@ -161,6 +161,15 @@ impl System {
             return;
         }
         let entry = LogEntry::TrackInertial { samples };
+        self.carry_out(entry, None, &mut Vec::new());
+    }
+
+    /// The same of odometry: without any ([`Stages::with_odometry`]) its samples are left out.
+    pub fn receive_odometry(&mut self, samples: Vec<OdometrySample>) {
+        if samples.is_empty() || !self.exchange.stages().tracker.has_odometry() {
+            return;
+        }
+        let entry = LogEntry::TrackOdometry { samples };
         self.carry_out(entry, None, &mut Vec::new());
     }
 

@@ -165,6 +165,9 @@ pub(crate) struct TopicArgs {
     /// Use no inertial sensor, of a recording or a data set folder.
     #[arg(long, conflicts_with = "imu_topic")]
     pub(crate) no_imu: bool,
+    /// Use no wheel odometry, of a recording or a data set folder.
+    #[arg(long)]
+    pub(crate) no_odometry: bool,
     /// Depth values per metre of a recording [default: what the device says, else 1000].
     #[arg(long, value_name = "N", value_parser = depth_scale)]
     pub(crate) depth_scale: Option<f64>,

@@ -68,6 +68,7 @@ pub(crate) struct DemoArgs {
   stillpoint run walking --detector scripted:walking/detections.csv
   stillpoint simulate --scene xyz --furniture --out desk
   stillpoint simulate --scene blocked_turn --imu --out blocked
+  stillpoint simulate --scene blocked_turn --odometry --slip 4 --out wheels
   stillpoint simulate --scene rpy_150 --readout 0 --exposure 0 --out sharp"
 )]
 pub(crate) struct SimulateArgs {
@@ -93,6 +94,13 @@ pub(crate) struct SimulateArgs {
     /// camera.toml.
     #[arg(long)]
     pub(crate) imu: bool,
+    /// With wheel odometry of a base that carries the camera, at 50 Hz: odometry.csv, and how the camera stands on it in
+    /// camera.toml.
+    #[arg(long, verbatim_doc_comment)]
+    pub(crate) odometry: bool,
+    /// When its wheels spin for half a second, at 0.5 m/s and without moving the base, s; may be given several times.
+    #[arg(long, value_name = "S", requires = "odometry")]
+    pub(crate) slip: Vec<f64>,
     /// Colour images as JPEG instead of PNG: a third of the size.
     #[arg(long)]
     pub(crate) jpeg: bool,

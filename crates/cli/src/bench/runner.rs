@@ -224,7 +224,11 @@ impl Plan<'_> {
         if let Some(scale) = topics.depth_scale {
             add("--depth-scale", scale.to_string().into());
         }
-        let flags = [("--no-imu", topics.no_imu), ("--strict", *strict)];
+        let flags = [
+            ("--no-imu", topics.no_imu),
+            ("--no-odometry", topics.no_odometry),
+            ("--strict", *strict),
+        ];
         all.extend(flags.iter().filter(|f| f.1).map(|f| f.0.into()));
         all
     }
@@ -307,6 +311,7 @@ mod tests {
                 truth_topic: Some("/t".into()),
                 imu_topic: Some("/i".into()),
                 no_imu: true,
+                no_odometry: true,
                 depth_scale: Some(5000.0),
             },
             detector: DetectorArgs {
@@ -330,7 +335,7 @@ mod tests {
         let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
                         --detector-threads 2 --config my.toml \
                         --set a.b=1 --set a.c=2 --seed 9 --color-topic /c --depth-topic /d --truth-topic /t \
-                        --imu-topic /i --depth-scale 5000 --no-imu --strict";
+                        --imu-topic /i --depth-scale 5000 --no-imu --no-odometry --strict";
         let found: Vec<String> = plan
             .arguments(Path::new("a"))
             .iter()

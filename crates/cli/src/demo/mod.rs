@@ -126,6 +126,7 @@ impl DemoStage<'_> {
             config: config.clone(),
             camera: *simulator.camera(),
             imu: None,
+            odometry: None,
             simd: self.simd,
             timing: self.timing,
             interrupt: self.interrupt,

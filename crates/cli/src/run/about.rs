@@ -31,6 +31,8 @@ pub(crate) struct About {
     pub(crate) imu_topic: Option<String>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) no_imu: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) no_odometry: bool,
     /// Depth values per metre, when they were named.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) depth_scale: Option<f64>,
@@ -83,6 +85,7 @@ impl About {
             truth_topic: input.topics.truth_topic.clone(),
             imu_topic: input.topics.imu_topic.clone(),
             no_imu: input.topics.no_imu,
+            no_odometry: input.topics.no_odometry,
             depth_scale: input.topics.depth_scale,
             start: input.start,
             load_map: file(MapUse::Grow),

@@ -301,6 +301,7 @@ mod tests {
             is_keyframe: frame == 0,
             undecided: None,
             inertial: None,
+            odometry: None,
             submap: submap.map(SubmapId),
             map_version: 0,
         }

@@ -3,7 +3,7 @@
 use crate::run::session::listeners::Stop;
 use crate::timing::Timing;
 use std::time::Instant;
-use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
+use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError};
 
 type Item = Result<RgbdFrame, SourceError>;
 
@@ -28,6 +28,10 @@ impl<S: FrameSource> FrameSource for Reading<S> {
 
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         self.source.take_inertial()
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        self.source.take_odometry()
     }
 
     fn remaining(&self) -> Option<usize> {
@@ -112,6 +116,10 @@ impl FrameSource for Watched<'_> {
 
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         self.source.take_inertial()
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        self.source.take_odometry()
     }
 
     fn remaining(&self) -> Option<usize> {

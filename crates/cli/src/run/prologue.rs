@@ -248,6 +248,7 @@ impl Begun<'_> {
             config: self.task.config.clone(),
             camera: self.dataset.camera().camera,
             imu: self.dataset.imu(),
+            odometry: self.dataset.odometry(),
             simd: self.simd,
             timing: self.task.timing,
             interrupt,

@@ -267,6 +267,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
         features: session.features,
         loops: session.loops,
         inertial: session.inertial.clone(),
+        odometry: session.odometry.clone(),
         interrupted: session.interrupted,
         keyframes: session.view.keyframe_count(),
         landmarks: session.view.landmark_count(),

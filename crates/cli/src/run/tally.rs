@@ -3,7 +3,7 @@
 use crate::console;
 use crate::run::frames::{self, Frames};
 use crate::run::session::Session;
-use crate::run::summary::{DetectorJson, FeaturesJson, InertialJson, LoopsJson};
+use crate::run::summary::{DetectorJson, FeaturesJson, InertialJson, LoopsJson, OdometryJson};
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::MOST_DETECTIONS;
@@ -22,6 +22,7 @@ pub(crate) struct Tally {
     loops: LoopsJson,
     detector: DetectorJson,
     inertial: Option<InertialJson>,
+    odometry: Option<OdometryJson>,
 }
 
 impl Subscriber for Tally {
@@ -70,6 +71,7 @@ impl Tally {
         self.frames += 1;
         self.features.add(&report.counts);
         InertialJson::take(&mut self.inertial, report);
+        OdometryJson::take(&mut self.odometry, report);
         self.detector.too_late += u64::from(report.counts.detections_too_late);
         self.detector.without_pose += u64::from(report.counts.detections_without_pose);
         tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
@@ -116,6 +118,7 @@ impl Tally {
             features: self.features,
             loops: self.loops,
             inertial: self.inertial,
+            odometry: self.odometry,
             frames: self.frames,
             skipped: self.skipped,
             undecided: self.each.undecided(),
@@ -215,6 +218,7 @@ mod tests {
             },
             is_keyframe: true,
             inertial: None,
+            odometry: None,
             submap: None,
             map_version: 0,
         };

@@ -27,6 +27,7 @@ fn tracked(n: u32) -> Event {
         })),
         report: FrameReport {
             inertial: None,
+            odometry: None,
             frame,
             stamp,
             outcome: Outcome::Tracked,
@@ -42,6 +43,7 @@ fn tracked(n: u32) -> Event {
         },
         health: Health {
             inertial: None,
+            odometry: None,
             frame,
             stamp,
             quality: Quality::default(),

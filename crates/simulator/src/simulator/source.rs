@@ -2,7 +2,10 @@
 
 use super::Simulator;
 use super::inertial::{BEFORE, SimulatedImu};
-use stillpoint_imaging::{FrameSource, ImuSample, ImuTrack, RgbdFrame, SourceError};
+use super::odometry::{self, SimulatedOdometry};
+use stillpoint_imaging::{
+    FrameSource, ImuSample, ImuTrack, OdometrySample, OdometryTrack, RgbdFrame, SourceError,
+};
 
 /// The frames of a [`Simulator`], one after the other.
 pub struct SimulatorSource {
@@ -11,6 +14,7 @@ pub struct SimulatorSource {
     end: usize,
     colour: bool,
     imu: ImuTrack,
+    odometry: OdometryTrack,
     /// Stamp of the newest frame that was given, s.
     newest: Option<f64>,
 }
@@ -23,6 +27,7 @@ impl SimulatorSource {
             next: 0,
             colour: false,
             imu: ImuTrack::default(),
+            odometry: OdometryTrack::default(),
             newest: None,
         }
     }
@@ -42,17 +47,28 @@ impl SimulatorSource {
     pub fn between(mut self, start: usize, end: Option<usize>) -> Self {
         self.end = end.map_or(self.simulator.len(), |e| e.min(self.simulator.len()));
         self.next = start.min(self.end);
-        self.imu
-            .skip_before(self.simulator.stamp(self.next) - BEFORE);
-        self
+        self.leave_out_earlier()
     }
 
     /// The same stream with what an inertial sensor measures.
     #[must_use]
     pub fn with_imu(mut self, imu: &SimulatedImu) -> Self {
         self.imu = ImuTrack::new(self.simulator.inertial(imu).into());
-        self.imu
-            .skip_before(self.simulator.stamp(self.next) - BEFORE);
+        self.leave_out_earlier()
+    }
+
+    /// The same stream with what the wheels of a base say that carries the camera.
+    #[must_use]
+    pub fn with_odometry(mut self, wheels: &SimulatedOdometry) -> Self {
+        self.odometry = OdometryTrack::new(self.simulator.odometry(wheels).into());
+        self.leave_out_earlier()
+    }
+
+    /// Samples from before the next frame are those of frames that are not given.
+    fn leave_out_earlier(mut self) -> Self {
+        let next = self.simulator.stamp(self.next);
+        self.imu.skip_before(next - BEFORE);
+        self.odometry.skip_before(next - odometry::BEFORE);
         self
     }
 
@@ -81,6 +97,12 @@ impl FrameSource for SimulatorSource {
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         let imu = &mut self.imu;
         self.newest.map_or_else(Vec::new, |t| imu.take_until(t))
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        let odometry = &mut self.odometry;
+        self.newest
+            .map_or_else(Vec::new, |t| odometry.take_until(t))
     }
 
     fn remaining(&self) -> Option<usize> {

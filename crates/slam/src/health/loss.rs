@@ -260,11 +260,13 @@ pub(super) fn cause(clues: &Clues<'_>) -> LossCause {
             matches: counts.frame_matches,
             needed,
         },
-        LostReason::FewInliers | LostReason::AgainstGyro => LossCause::Contradiction {
-            agreed: counts.inliers,
-            matches: counts.map_matches,
-            needed,
-        },
+        LostReason::FewInliers | LostReason::AgainstGyro | LostReason::AgainstOdometry => {
+            LossCause::Contradiction {
+                agreed: counts.inliers,
+                matches: counts.map_matches,
+                needed,
+            }
+        }
     }
 }
 

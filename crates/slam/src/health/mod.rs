@@ -15,6 +15,7 @@ pub use quality::Quality;
 use crate::config::Config;
 use crate::inertial::InertialState;
 use crate::messages::Tracked;
+use crate::odometry::OdometryState;
 use crate::report::{LostReason, Outcome};
 use crate::tracking::MIN_INITIAL_POINTS;
 use crowd::Crowd;
@@ -63,6 +64,8 @@ pub struct Health {
     pub loss: Option<Loss>,
     /// Whether the inertial sensor is believed; none where there is none.
     pub inertial: Option<InertialState>,
+    /// Whether the odometry is believed; none where there is none.
+    pub odometry: Option<OdometryState>,
 }
 
 impl Health {
@@ -130,6 +133,9 @@ impl std::fmt::Display for Health {
         }
         if let Some(state @ InertialState::Ignored(_)) = self.inertial {
             write!(f, " | inertial sensor {state}")?;
+        }
+        if let Some(state @ OdometryState::Ignored(_)) = self.odometry {
+            write!(f, " | odometry {state}")?;
         }
         Ok(())
     }
@@ -218,6 +224,7 @@ impl HealthMonitor {
             map_age: self.mapped.map(age),
             loss: None,
             inertial: report.inertial.map(|i| i.state),
+            odometry: report.odometry.map(|o| o.state),
         };
         let Outcome::Lost { reason, since } = report.outcome else {
             self.lost = None;

@@ -21,6 +21,7 @@ fn frame(id: u32, stamp: f64, gray: u8, depth: f32) -> RgbdFrame {
 fn report(frame: &RgbdFrame, outcome: Outcome, map_version: u64) -> FrameReport {
     FrameReport {
         inertial: None,
+        odometry: None,
         frame: frame.id,
         stamp: frame.stamp,
         outcome,

@@ -9,10 +9,10 @@ mod integrate;
 mod report;
 mod rest;
 mod signal;
-mod trust;
 
 pub use report::{InertialReport, InertialState, SensorFault};
 
+use crate::trust::{Comparison, POSES_SIGMA, Seen, Trust};
 use calibration::{Calibration, Teaches, difference};
 use integrate::Rotation;
 use rest::Rest;
@@ -21,7 +21,6 @@ use std::collections::VecDeque;
 use stillpoint_geometry::nalgebra::UnitQuaternion;
 use stillpoint_geometry::{ImuModel, Vec3};
 use stillpoint_imaging::ImuSample;
-use trust::{Seen, Trust};
 
 /// Samples are kept for so long, s: the first frames of a map are tracked again after three.
 const KEPT_S: f64 = 8.0;
@@ -50,7 +49,7 @@ pub(crate) struct Inertial {
     known: Calibration,
     signal: Signal,
     rest: Rest,
-    trust: Trust,
+    trust: Trust<UnitQuaternion<f64>>,
     /// Sum of specific forces in the world, and of how many frames.
     force: (Vec3, f64),
 }
@@ -186,9 +185,10 @@ impl Inertial {
         let camera = world_from_camera.inverse() * from.world_from_camera;
         let seen = self.known.in_sensor(&camera);
         let offset = difference(&rotation, &seen);
-        if self.trust.compare(camera.angle(), &offset, can_refute) {
+        let compared = Comparison::of_turn(camera.angle(), &offset);
+        if self.trust.compare(compared, can_refute) {
             let scale = SCALE * camera.angle();
-            let sigma = (Trust::sigma() * Trust::sigma() + scale * scale).sqrt();
+            let sigma = (POSES_SIGMA * POSES_SIGMA + scale * scale).sqrt();
             let teaches = if can_refute {
                 Teaches::Everything
             } else {

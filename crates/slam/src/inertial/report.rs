@@ -1,5 +1,6 @@
 //! What is said of the inertial sensor.
 
+use crate::trust::SensorState;
 use stillpoint_geometry::nalgebra::UnitQuaternion;
 
 /// What is wrong with an inertial sensor that is not listened to.
@@ -26,25 +27,7 @@ impl std::fmt::Display for SensorFault {
 }
 
 /// How far the inertial sensor is believed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum InertialState {
-    /// It is listened to, and the camera has not turned enough yet to tell whether both agree.
-    Unconfirmed,
-    /// It is listened to, and turned as the camera did.
-    Confirmed,
-    /// It is not listened to.
-    Ignored(SensorFault),
-}
-
-impl std::fmt::Display for InertialState {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Unconfirmed => f.write_str("not confirmed yet"),
-            Self::Confirmed => f.write_str("confirmed"),
-            Self::Ignored(fault) => write!(f, "ignored: {fault}"),
-        }
-    }
-}
+pub type InertialState = SensorState<SensorFault>;
 
 /// What is known of the inertial sensor at a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,8 +1,8 @@
 //! The lines of a log.
 
-use super::inertial;
 use super::word::{escaped, unescaped};
 use super::{LogEntry, LogError};
+use super::{inertial, odometry};
 use crate::mapping::MappingEffort;
 use std::fmt::Write;
 use std::str::{FromStr, Lines, SplitAsciiWhitespace};
@@ -188,6 +188,10 @@ pub(super) fn write(text: &mut String, entry: &LogEntry) {
             inertial::write(text, samples);
             Ok(())
         }
+        LogEntry::TrackOdometry { samples } => {
+            odometry::write(text, samples);
+            Ok(())
+        }
         LogEntry::TrackEffort { features } => writeln!(text, "track-effort {features}"),
         LogEntry::MapEffort { effort } => {
             writeln!(text, "map-effort {} {}", effort.neighbours, effort.window)
@@ -287,6 +291,9 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
         },
         "inertial" => LogEntry::TrackInertial {
             samples: inertial::read(&mut words, rest)?,
+        },
+        "odometry" => LogEntry::TrackOdometry {
+            samples: odometry::read(&mut words, rest)?,
         },
         "track-effort" => LogEntry::TrackEffort {
             features: words.number("a number of keypoints")?,

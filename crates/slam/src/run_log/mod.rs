@@ -10,6 +10,7 @@
 
 mod inertial;
 mod line;
+mod odometry;
 mod word;
 
 use crate::fingerprint::Fingerprint;
@@ -17,7 +18,7 @@ use crate::mapping::MappingEffort;
 use crate::messages::{LoopCloserMsg, MapperMsg};
 use line::Line;
 use stillpoint_detection::{DetectError, Detections};
-use stillpoint_imaging::{FrameId, ImuSample, RgbdFrame};
+use stillpoint_imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint_map::{Correction, KeyframeId};
 
 /// First line of every log; the number is the version of the format.
@@ -54,6 +55,11 @@ pub enum LogEntry {
     TrackInertial {
         /// The samples.
         samples: Vec<ImuSample>,
+    },
+    /// The tracker received samples of odometry; kept here, in the order of time.
+    TrackOdometry {
+        /// The samples.
+        samples: Vec<OdometrySample>,
     },
     /// The tracker was set how many keypoints are wanted per image from now on.
     TrackEffort {

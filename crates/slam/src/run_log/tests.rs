@@ -55,6 +55,20 @@ fn sample() -> impl Strategy<Value = ImuSample> {
     })
 }
 
+fn stand() -> impl Strategy<Value = OdometrySample> {
+    let vector = || proptest::array::uniform3(-1e3..1e3_f64);
+    let turn = proptest::array::uniform4(-1.0..1.0_f64);
+    let sigmas = proptest::option::of(proptest::array::uniform2(0.0..10.0_f64));
+    (-1e10..1e10_f64, vector(), turn, sigmas).prop_map(|(stamp, position, orientation, sigmas)| {
+        OdometrySample {
+            stamp,
+            position,
+            orientation,
+            sigmas,
+        }
+    })
+}
+
 fn entry() -> impl Strategy<Value = LogEntry> {
     let keyframe = || any::<u32>().prop_map(KeyframeId);
     prop_oneof![
@@ -70,6 +84,8 @@ fn entry() -> impl Strategy<Value = LogEntry> {
         }),
         proptest::collection::vec(sample(), 0..4)
             .prop_map(|samples| LogEntry::TrackInertial { samples }),
+        proptest::collection::vec(stand(), 0..4)
+            .prop_map(|samples| LogEntry::TrackOdometry { samples }),
         any::<u32>().prop_map(|features| LogEntry::TrackEffort { features }),
         (any::<u32>(), any::<u32>()).prop_map(|(neighbours, window)| LogEntry::MapEffort {
             effort: MappingEffort { neighbours, window }

@@ -97,9 +97,12 @@ impl Tracker {
             self.filter.forget_times();
             self.state.set_clock(stamp - before);
             self.begun += stamp - before;
-            self.forget_turns();
+            self.forget_motions();
             if let Some(inertial) = &mut self.inertial {
                 inertial.forget_times();
+            }
+            if let Some(odometry) = &mut self.odometry {
+                odometry.forget_times();
             }
         }
     }

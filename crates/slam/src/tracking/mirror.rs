@@ -98,6 +98,7 @@ impl Tracker {
         // Much of what the first frames show was seen by no frame after: whom it belongs to is asked as at every beginning.
         mirrored.begun = point.stamp;
         mirrored.inertial = self.inertial.as_ref().map(|i| i.mirrored(point.stamp));
+        mirrored.odometry = self.odometry.as_ref().map(|o| o.mirrored(point.stamp));
         mirrored.submap = point.submap.map(Submap::known);
         mirrored.previous = Some(Arc::clone(image));
         Some(mirrored)

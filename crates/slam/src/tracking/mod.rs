@@ -2,6 +2,8 @@
 //!
 //! Owns the motion model and the last frame; sees the map only as a view. Does not change the map.
 
+mod carry;
+mod choice;
 mod clock;
 mod config;
 mod demand;
@@ -12,12 +14,14 @@ mod front_end;
 mod inbox;
 mod inertial;
 mod keyframe;
+mod known;
 mod known_map;
 mod last_frame;
 mod local_map;
 mod look;
 mod mirror;
 mod motion;
+mod odometry;
 mod outcome;
 mod pose;
 mod relocalise;
@@ -38,14 +42,16 @@ use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};
 use crate::inertial::Inertial;
 use crate::messages::Tracked;
+use crate::odometry::Odometry;
 use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
 use crate::sensor::SensorConfig;
 use crate::static_filter::{FeatureVerdict, FilterSetup, FrameInput, Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
+use carry::Carried;
 use ego_motion::EgoMotion;
 use front_end::FrontEnd;
-use inertial::{Carried, PastTurns};
+use known::PastPoses;
 use known_map::{KnownMap, Submap};
 use outcome::SinceKeyframe;
 use self_calibration::RowPair;
@@ -100,11 +106,13 @@ pub struct Tracker {
     keyframe_wanted: bool,
     /// The inertial sensor, where there is one.
     inertial: Option<Inertial>,
-    /// Directions that were taken, to compare with its turns.
-    past_turns: PastTurns,
-    /// Set while the direction is carried by it.
+    /// Odometry of the base that carries the camera, where there is any.
+    odometry: Option<Odometry>,
+    /// Poses that were taken, to compare with what these say.
+    past_poses: PastPoses,
+    /// Set while the camera is carried by them.
     carried: Option<Carried>,
-    /// When a direction was carried last, by the frames' clock, s.
+    /// When it was carried last, by the frames' clock, s.
     blind_at: Option<f64>,
 }
 
@@ -116,7 +124,7 @@ struct Notes {
     /// The static filter as of this frame, once it was asked: it takes the place of the one before when the frame ends.
     filter: Option<StaticFilter>,
     evidence: Evidence,
-    /// The vote of motions that turn as the gyroscope says.
+    /// The vote of motions that sensors allow.
     bound: Option<Vote>,
 }
 
@@ -169,7 +177,8 @@ impl Tracker {
             workers: Workers::default(),
             keyframe_wanted: false,
             inertial: None,
-            past_turns: PastTurns::default(),
+            odometry: None,
+            past_poses: PastPoses::default(),
             carried: None,
             blind_at: None,
         }
@@ -232,10 +241,10 @@ impl Tracker {
         notes: &mut Notes,
     ) -> Result<Solution, LostReason> {
         let now = self.front_end.clock.now();
-        let before = self.state.last().map(|l| l.world_from_camera.rotation);
+        let before = self.state.last().map(|l| l.world_from_camera);
         let (reference, predicted) = self.state.predict(&self.map.view, now);
         self.note_correction(before);
-        let predicted = self.turned(predicted);
+        let predicted = self.moved(predicted);
         let motion = self.estimate_motion(frame, data, reference, &predicted, notes)?;
         self.settle(frame, data, reference, &motion, notes)
     }
@@ -331,9 +340,9 @@ impl Tracker {
     ) -> Fix {
         let matched = matches.count;
         let start = &motion.camera_from_world;
-        // Few landmarks hold a direction less well than the gyroscope does, and many that somebody wears no better.
-        let few = matched < inertial::FEW || self.was_blind();
-        let turn = self.known_direction().filter(|_| few && motion.follows);
+        // Few landmarks hold a pose less well than sensors do, and many that somebody wears no better.
+        let few = matched < known::FEW || self.was_blind();
+        let turn = self.known_pose().filter(|_| few && motion.follows);
         let (matches, pose, information) = pose::solve_with_information(data, start, matches, turn);
         // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);

@@ -10,6 +10,7 @@ use crate::anchored_pose::AnchoredPose;
 use crate::evidence::Cells;
 use crate::inertial::Inertial;
 use crate::messages::{NewKeyframe, Tracked};
+use crate::odometry::Odometry;
 use crate::report::{FrameReport, LostReason, Outcome};
 use crate::static_filter::CapturePose;
 use crate::trajectory::TrajectoryEntry;
@@ -133,11 +134,11 @@ impl Tracker {
             _ => CameraMotion::default(),
         };
         if outcome != Outcome::Tracked {
-            self.forget_turns();
+            self.forget_motions();
         }
         self.carried = None;
         let measured = !solution.sightings.is_empty();
-        self.learn_turn(notes, &camera_from_world.inverse(), measured);
+        self.learn_motion(notes, &camera_from_world.inverse(), measured);
         self.learn_readout(&mut solution);
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
         let worth = self.pace.worth();
@@ -177,7 +178,7 @@ impl Tracker {
         }
     }
 
-    /// Takes a pose whose direction was carried since a frame: it is followed from there, and makes no keyframe.
+    /// Takes a pose that was carried since a frame: it is followed from there, and makes no keyframe.
     pub(super) fn accept_carried(
         &mut self,
         frame: &RgbdFrame,
@@ -251,7 +252,7 @@ impl Tracker {
         })
     }
 
-    /// Appends the frame to the trajectory; without inliers where its direction was carried.
+    /// Appends the frame to the trajectory; without inliers where it was carried.
     fn write_down(&mut self, frame: &RgbdFrame, place: &CapturePose, inliers: Option<u32>) {
         self.trajectory.push(TrajectoryEntry {
             frame: frame.id,
@@ -324,6 +325,7 @@ impl Tracker {
             submap: submap.map(|s| s.id),
             map_version: self.map.view.version(),
             inertial: self.inertial.as_ref().map(Inertial::report),
+            odometry: self.odometry.as_ref().map(Odometry::report),
         };
         Tracked {
             report,

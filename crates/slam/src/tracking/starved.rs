@@ -142,8 +142,8 @@ impl Tracker {
             .flow_to_previous(&motion.rest, &mut pairs);
         let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
         let matched = matches.count;
-        // Flow drifts, and so does the direction that it leads to.
-        let turn = self.known_direction();
+        // Flow drifts, and so does the pose that it leads to.
+        let turn = self.known_pose();
         let (matches, pose, information) =
             pose::solve_with_information(data, &vote.camera_from_world, matches, turn);
         let enough = self.setup.tracking.min_inliers;

@@ -5,9 +5,9 @@
 //! frames, within a few pixels of some motion that lies between the desk's and his own.
 
 use super::Tracker;
-use super::inertial::Choice;
+use super::choice::Choice;
+use super::known::Known;
 use crate::association::{Candidate, match_by_descriptor, measurement};
-use crate::inertial::Inertial;
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
     Intrinsics, KnownTurn, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose,
@@ -33,11 +33,14 @@ const CROWD: f64 = 0.35;
 /// A constant velocity is wrong by about this much after a frame.
 const PRIOR_SIGMA_M: f64 = 0.02;
 const PRIOR_SIGMA_RAD: f64 = 0.02;
+/// Wheels are wrong by so much at least, with what votes err by.
+const WHEELED_SIGMA_M: f64 = 0.005;
+const WHEELED_SIGMA_RAD: f64 = 0.004;
 /// Pairs that vote on the camera's motion, at most: enough for a pose to a millimetre.
 const MAX_PAIRS: usize = 300;
 /// The motion is believed when pairs with this share of the weight agree on it.
 const MIN_WEIGHT_SHARE: f64 = 0.4;
-/// A motion that turns as the gyroscope says needs less: it is known which motions cannot be the camera's ...
+/// A motion that sensors allow needs less: it is known which motions cannot be the camera's ...
 const MIN_BOUND_SHARE: f64 = 0.1;
 /// ... and where so much agrees on a motion that it allows, nothing else needs to be asked.
 const PLAIN_SHARE: f64 = 0.9;
@@ -61,7 +64,7 @@ pub(super) struct Vote {
     pub(super) information: Mat6,
     /// Share of the weight that agrees.
     pub(super) share: f64,
-    /// Whether it turns as the gyroscope says.
+    /// Whether it moves as sensors say.
     pub(super) is_bound: bool,
 }
 
@@ -76,11 +79,8 @@ impl Tracker {
     ) -> Option<Vote> {
         let _span = tracing::info_span!("motion").entered();
         let last = self.state.last().filter(|_| !pairs.is_empty())?;
-        let prior = MotionPrior {
-            b_from_a: last.world_from_camera.inverse() * predicted.inverse(),
-            sigma_m: PRIOR_SIGMA_M,
-            sigma_rad: PRIOR_SIGMA_RAD,
-        };
+        let known = self.known_since_last();
+        let prior = self.prior(&last.world_from_camera, predicted, known.as_ref());
         // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
         let exact = frame.stamp - self.begun < UNDECIDED || self.moving_share > CROWD;
         let velocity = self.motion_to(predicted).at_before();
@@ -110,36 +110,51 @@ impl Tracker {
             (motion.weight_share >= least).then_some((vote, motion.inliers))
         };
         let free = find(&votes, None, MIN_WEIGHT_SHARE);
-        let Some(turn) = self.known_turn() else {
+        let Some((known, turn)) = known.and_then(|k| Some((k, self.known_motion(&k)?))) else {
             return free.map(|f| f.0);
         };
         let allowed = |v: &Vote| turn.allows(&(last_from_world * v.camera_from_world.inverse()));
-        let confirmed = self.inertial.as_ref().is_some_and(Inertial::is_confirmed);
+        let rules = self.rules(&known);
         if let Some((vote, inliers)) = &free {
-            // Where nearly all agrees, nobody else moves, unless it is somebody who fills the view.
-            let is_plain = vote.share >= PLAIN_SHARE && allowed(vote);
-            if is_plain && !(confirmed && (self.was_blind() || self.moving_share > CROWD)) {
+            // Where nearly all agrees, nobody else moves, unless it is somebody who fills the view; wheels that say otherwise slip.
+            let is_plain = vote.share >= PLAIN_SHARE && (allowed(vote) || !known.by_gyro);
+            if is_plain && !(rules && (self.was_blind() || self.moving_share > CROWD)) {
                 return free.map(|f| f.0);
             }
-            // Who turns otherwise than the camera has no say in how it moves.
-            if confirmed && !allowed(vote) {
+            // Who moves otherwise than the camera has no say in how it moves.
+            if rules && !allowed(vote) {
                 let riders = votes.iter_mut().zip(inliers).filter(|(_, rides)| **rides);
                 riders.for_each(|(pair, _)| pair.weight = 0.0);
             }
         }
         let bound = find(&votes, Some(turn), MIN_BOUND_SHARE).map(|b| b.0);
-        // What fills the view and turns nearly as the camera does is within the gate too.
-        let free = free
-            .map(|f| f.0)
-            .filter(|_| !(confirmed && self.was_blind()));
+        // What fills the view and moves nearly as the camera does is within the gate too.
+        let free = free.map(|f| f.0).filter(|_| !(rules && self.was_blind()));
         let agrees = free.as_ref().is_none_or(allowed);
-        let choice = Choice::between(free, bound, agrees, confirmed);
-        if choice.against
-            && let Some(inertial) = &mut self.inertial
-        {
-            inertial.stand_against();
+        let choice = Choice::between(free, bound, agrees, rules);
+        if choice.against {
+            self.stand_against(&known);
         }
         choice.vote
+    }
+
+    /// What is expected of the motion: a constant velocity, or what wheels say.
+    fn prior(&self, world_from_last: &Se3, predicted: &Se3, known: Option<&Known>) -> MotionPrior {
+        let wheels = known
+            .filter(|k| k.confirmed)
+            .and_then(|k| Some((k, k.shift?)));
+        let (sigma_m, sigma_rad) = match wheels {
+            Some((known, shift)) => (
+                shift.sigma.max(WHEELED_SIGMA_M),
+                known.turn.sigma.max(WHEELED_SIGMA_RAD),
+            ),
+            None => (PRIOR_SIGMA_M, PRIOR_SIGMA_RAD),
+        };
+        MotionPrior {
+            b_from_a: world_from_last.inverse() * predicted.inverse(),
+            sigma_m,
+            sigma_rad,
+        }
     }
 
     /// The pairs that vote, spread over the features, with the camera moving by `velocity` in the frame before.

@@ -252,6 +252,7 @@ mod tests {
             config: Config::default(),
             camera: *simulator.camera(),
             imu: None,
+            odometry: None,
             simd: Simd::detect(),
             timing,
             interrupt: &Interrupt::default(),

@@ -19,7 +19,7 @@ use crate::run::session::listeners::{Listeners, ProgressLine, Stop};
 pub(crate) use crate::run::session::outputs::Outputs;
 use crate::run::session::outputs::Writers;
 use crate::run::summary::{
-    DetectorJson, FeaturesJson, InertialJson, LoopsJson, LostStretch, SubmapJson,
+    DetectorJson, FeaturesJson, InertialJson, LoopsJson, LostStretch, OdometryJson, SubmapJson,
 };
 use crate::run::tally::{End, Tally};
 use crate::things::Gathered;
@@ -29,7 +29,7 @@ use std::time::Instant;
 use stillpoint::datasets::StampedPose;
 use stillpoint::dense::FinalPose;
 use stillpoint::detection::Detector;
-use stillpoint::geometry::{Camera, ImuModel};
+use stillpoint::geometry::{Camera, ImuModel, OdometryModel};
 use stillpoint::imaging::{FrameId, FrameSource, Simd};
 use stillpoint::map::{Extension, Map, MapView};
 use stillpoint::slam::{Config, MapUse, RunLog, Stages, Subscriber, System};
@@ -54,6 +54,8 @@ pub(crate) struct Session {
     pub(crate) loops: LoopsJson,
     /// The inertial sensor, where there was one.
     pub(crate) inertial: Option<InertialJson>,
+    /// The odometry, where there was any.
+    pub(crate) odometry: Option<OdometryJson>,
     /// The user ended it early.
     pub(crate) interrupted: bool,
     /// From the first frame to the last, s.
@@ -123,6 +125,8 @@ pub(crate) struct Driver<'a> {
     pub(crate) camera: Camera,
     /// The inertial sensor that is fixed to it, if it is to be listened to.
     pub(crate) imu: Option<ImuModel>,
+    /// The odometry of the base that carries it, if it is to be listened to.
+    pub(crate) odometry: Option<OdometryModel>,
     pub(crate) simd: Simd,
     pub(crate) timing: &'static Timing,
     pub(crate) interrupt: &'a Interrupt,
@@ -195,6 +199,10 @@ impl Driver<'_> {
             Some(imu) => stages.with_imu(imu).map_err(Failure::input)?,
             None => stages,
         };
+        let stages = match self.odometry {
+            Some(wheels) => stages.with_odometry(wheels).map_err(Failure::input)?,
+            None => stages,
+        };
         match self.map.take() {
             None => Ok(stages),
             Some((map, map_use)) => stages.with_map(map, map_use).map_err(Failure::input),
@@ -229,6 +237,7 @@ impl Driver<'_> {
                 None => break,
                 Some(Ok(frame)) => {
                     system.receive_inertial(source.take_inertial());
+                    system.receive_odometry(source.take_odometry());
                     let events = tracing::info_span!("total").in_scope(|| system.step(frame));
                     listeners.receive_all(&events);
                     self.timing.end_frame();

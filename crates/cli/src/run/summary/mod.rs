@@ -2,6 +2,7 @@
 
 pub(crate) mod detector;
 pub(crate) mod inertial;
+pub(crate) mod odometry;
 
 use crate::dense::DenseJson;
 use crate::machine::Machine;
@@ -9,6 +10,7 @@ use crate::map::file::SavedMap;
 use crate::run::live_report::LiveJson;
 pub(crate) use crate::run::summary::detector::DetectorJson;
 pub(crate) use crate::run::summary::inertial::InertialJson;
+pub(crate) use crate::run::summary::odometry::OdometryJson;
 use serde::{Deserialize, Serialize};
 use stillpoint::evaluation::timing::Stats;
 use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
@@ -48,6 +50,9 @@ pub(crate) struct Summary {
     /// The inertial sensor, where there was one.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) inertial: Option<InertialJson>,
+    /// The odometry, where there was any.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) odometry: Option<OdometryJson>,
     /// True when the user ended the run early.
     pub(crate) interrupted: bool,
     /// Keyframes in the final map.

@@ -1,0 +1,75 @@
+//! What the files of sensors beside the camera have in common: one sample a line in order of time, and a mount.
+
+use crate::error::{DatasetError, Result};
+use crate::lists::{Line, data_lines, read_text};
+use std::path::Path;
+use std::sync::Arc;
+use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
+use stillpoint_geometry::{FigureError, Se3, Vec3};
+use stillpoint_imaging::Stamped;
+
+/// The samples of a file in a folder; none where there is no such file. Where nothing tells how the sensor is mounted (`unknown` says what to add) they are left out, which is said.
+pub(crate) fn read<T: Stamped>(
+    path: &Path,
+    unknown: Option<&str>,
+    warnings: &mut Vec<String>,
+    sample: impl Fn(&Line<'_>, &Path) -> Result<T>,
+) -> Result<Arc<[T]>> {
+    if !path.is_file() {
+        return Ok(Arc::default());
+    }
+    if let Some(advice) = unknown {
+        warnings.push(format!("{} is not used: {advice}", path.display()));
+        return Ok(Arc::default());
+    }
+    parse(&read_text(path)?, path, sample)
+}
+
+/// The samples of a text, which must be in order of time.
+pub(crate) fn parse<T: Stamped>(
+    text: &str,
+    path: &Path,
+    sample: impl Fn(&Line<'_>, &Path) -> Result<T>,
+) -> Result<Arc<[T]>> {
+    let mut samples: Vec<T> = Vec::new();
+    for line in data_lines(text) {
+        let next = sample(&line, path)?;
+        let found = next.stamp();
+        if let Some(before) = samples.last().filter(|s| found <= s.stamp()) {
+            return Err(DatasetError::StampOrder {
+                path: path.to_owned(),
+                line: line.number,
+                previous: before.stamp(),
+                found,
+            });
+        }
+        samples.push(next);
+    }
+    Ok(samples.into())
+}
+
+/// What was expected of a camera file's table, and what was found.
+pub(crate) type TableError = (String, String);
+
+/// The mount that a table states: a quaternion `[x, y, z, w]` and a place, m.
+pub(crate) fn mount(
+    table: &str,
+    [x, y, z, w]: [f64; 4],
+    place: [f64; 3],
+) -> std::result::Result<Se3, TableError> {
+    let quaternion = Quaternion::new(w, x, y, z);
+    let norm = quaternion.norm();
+    // Also refuses what is no number.
+    if !(0.999..=1.001).contains(&norm) {
+        let expected = format!("[{table}] rotation = [x, y, z, w], a quaternion of length 1");
+        return Err((expected, format!("one of length {norm}")));
+    }
+    let rotation = UnitQuaternion::new_normalize(quaternion);
+    Ok(Se3::new(rotation, Vec3::from(place)))
+}
+
+/// What a table says that no such sensor has.
+pub(crate) fn figure(table: &str, e: &FigureError) -> TableError {
+    let expected = format!("[{table}] with {} {}", e.field, e.expected);
+    (expected, e.found.to_string())
+}

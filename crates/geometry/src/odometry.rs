@@ -1,0 +1,118 @@
+//! Wheel odometry: how the camera stands on the base that it measures, and by how much it errs.
+//!
+//! Answers: what a motion of the base means for the camera, and how far it can be believed. Holds no samples.
+
+use crate::{FigureError, Se3, Vec3, so3};
+
+/// Odometry of the base that carries the camera. Its errors grow with the way and with the turn, as in the odometry motion model of Thrun, Burgard, Fox
+/// (Probabilistic Robotics, 2005, section 5.4): each figure is a standard deviation per metre or per radian.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OdometryModel {
+    /// Where the camera is on the base: maps its coordinates to those of the base.
+    pub base_from_camera: Se3,
+    /// What is to be added to a sample's stamp to have the time on the camera's clock, s.
+    pub time_offset: f64,
+    /// By how much a way errs, m/m: slip, and wheels that are not as large as stated.
+    pub slip_per_metre: f64,
+    /// By how much a turn errs, rad/rad.
+    pub slip_per_radian: f64,
+    /// By how much the base turns unnoticed on its way, rad/m.
+    pub turn_per_metre: f64,
+}
+
+impl OdometryModel {
+    /// Odometry of an indoor robot with two driven wheels, of a base on which the camera is mounted so: 2 % of the way, 3 % of a turn, and a degree per metre.
+    #[must_use]
+    pub fn mounted(base_from_camera: Se3) -> Self {
+        Self {
+            base_from_camera,
+            time_offset: 0.0,
+            slip_per_metre: 0.02,
+            slip_per_radian: 0.03,
+            turn_per_metre: 1.0_f64.to_radians(),
+        }
+    }
+
+    /// The same odometry with the camera turned on its mount by a rotation vector in the axes of the base, rad.
+    #[must_use]
+    pub fn turned(self, turn: Vec3) -> Self {
+        let turn = Se3::new(so3::exp(&turn), Vec3::zeros());
+        Self {
+            base_from_camera: turn * self.base_from_camera,
+            ..self
+        }
+    }
+
+    /// The motion of the camera while the base moved so, each from its later coordinates to its earlier ones.
+    #[must_use]
+    pub fn camera_motion(&self, earlier_from_later: &Se3) -> Se3 {
+        self.base_from_camera.inverse() * *earlier_from_later * self.base_from_camera
+    }
+
+    /// Whether all figures can be computed with.
+    ///
+    /// # Errors
+    /// [`FigureError`] for the first that cannot.
+    pub fn check(&self) -> Result<(), FigureError> {
+        let lever = self.base_from_camera.translation;
+        let ranges = [
+            ("slip_per_metre", self.slip_per_metre, 1e-6, 1.0),
+            ("slip_per_radian", self.slip_per_radian, 1e-6, 1.0),
+            ("turn_per_metre", self.turn_per_metre, 1e-6, 1.0),
+            ("time_offset", self.time_offset, -1.0, 1.0),
+            ("translation x", lever.x, -10.0, 10.0),
+            ("translation y", lever.y, -10.0, 10.0),
+            ("translation z", lever.z, -10.0, 10.0),
+        ];
+        for (field, found, low, high) in ranges {
+            // Also refuses what is no number.
+            if !(low..=high).contains(&found) {
+                let expected = match field {
+                    "time_offset" => "within 1 s",
+                    "translation x" | "translation y" | "translation z" => "within 10 m",
+                    _ => "above 0, 1 at most",
+                };
+                return Err(FigureError {
+                    field,
+                    expected,
+                    found,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_that_no_odometry_has_are_named() {
+        let good = OdometryModel::mounted(Se3::identity());
+        assert_eq!(good.check(), Ok(()));
+        let wrong = |change: fn(&mut OdometryModel)| {
+            let mut model = good;
+            change(&mut model);
+            model.check().unwrap_err().to_string()
+        };
+        assert!(wrong(|m| m.slip_per_metre = 0.0).contains("slip_per_metre above 0"));
+        assert!(wrong(|m| m.turn_per_metre = f64::NAN).contains("found NaN"));
+        assert!(wrong(|m| m.time_offset = 5.0).contains("within 1 s, found 5"));
+        assert!(wrong(|m| m.base_from_camera.translation.z = 1e3).contains("translation z"));
+    }
+
+    #[test]
+    fn a_camera_before_the_axle_is_swung_aside() {
+        // Half a metre before the axle, looking ahead: camera x is the base's -y, camera z its x.
+        let axes = so3::exp(&Vec3::new(0.0, 0.0, -std::f64::consts::FRAC_PI_2))
+            * so3::exp(&Vec3::new(-std::f64::consts::FRAC_PI_2, 0.0, 0.0));
+        let model = OdometryModel::mounted(Se3::new(axes, Vec3::new(0.5, 0.0, 0.0)));
+        let ahead = model.camera_motion(&Se3::new(so3::exp(&Vec3::zeros()), Vec3::x()));
+        assert!((ahead.translation - Vec3::z()).norm() < 1e-12);
+        let left = so3::exp(&Vec3::new(0.0, 0.0, 0.1));
+        let swung = model.camera_motion(&Se3::new(left, Vec3::zeros()));
+        assert!((swung.translation.x + 0.5 * 0.1_f64.sin()).abs() < 1e-12);
+        assert!((so3::log(&swung.rotation) - Vec3::new(0.0, -0.1, 0.0)).norm() < 1e-12);
+    }
+}

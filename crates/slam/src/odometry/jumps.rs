@@ -1,0 +1,91 @@
+//! Whether samples are those of a base: heavy things do not jump to and fro.
+
+use super::path::Stand;
+use stillpoint_geometry::{Se3, Vec3, so3};
+
+/// A mean is taken over so many samples ...
+const WINDOW: f64 = 50.0;
+/// ... and says nothing before there are so many.
+const LEAST: f64 = 20.0;
+/// One that was set to another place has jumped once, which counts for so much at most.
+const MOST: f64 = 8.0;
+/// From step to step a base changes its velocity by so much at most, m/s^2 and rad/s^2 ...
+const ACCELERATION: f64 = 10.0;
+const TURNING: f64 = 30.0;
+/// ... and encoders add so much, m and rad.
+const STEP_M: f64 = 0.01;
+const STEP_RAD: f64 = 0.01;
+
+/// How the velocity changes from step to step, as a share of what a base can do.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Jumps {
+    last: Option<Stand>,
+    /// Velocity of the step before: m/s and rad/s in the axes of the odometry and of the base.
+    velocity: Option<[Vec3; 2]>,
+    mean: f64,
+    count: f64,
+}
+
+impl Jumps {
+    pub(super) fn take(&mut self, sample: &Stand) {
+        let last = self.last.replace(*sample);
+        let Some(last) = last else {
+            return;
+        };
+        let dt = sample.stamp - last.stamp;
+        let velocity = velocity(&last.odom_from_base, &sample.odom_from_base, dt);
+        if let Some(before) = self.velocity.replace(velocity) {
+            let change = |k: usize| (velocity[k] - before[k]).norm() * dt;
+            let moved = change(0) / (STEP_M + ACCELERATION * dt * dt);
+            let turned = change(1) / (STEP_RAD + TURNING * dt * dt);
+            self.mean += (moved.max(turned).min(MOST) - self.mean) / (self.count + 1.0);
+            self.count = (self.count + 1.0).min(WINDOW);
+        }
+    }
+
+    /// Whether it does so all the time.
+    pub(super) fn are_wild(&self) -> bool {
+        self.count >= LEAST && self.mean > 1.0
+    }
+}
+
+fn velocity(from: &Se3, to: &Se3, dt: f64) -> [Vec3; 2] {
+    let turn = so3::log(&(from.rotation.inverse() * to.rotation));
+    [(to.translation - from.translation) / dt, turn / dt]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn after(rate: f64, pose: impl Fn(f64) -> Se3) -> Jumps {
+        let mut jumps = Jumps::default();
+        for k in 0..60 {
+            let stamp = f64::from(k) / rate;
+            let odom_from_base = pose(stamp);
+            jumps.take(&Stand {
+                stamp,
+                odom_from_base,
+                sigmas: None,
+            });
+        }
+        jumps
+    }
+
+    fn at(x: f64) -> Se3 {
+        Se3::new(so3::exp(&Vec3::zeros()), Vec3::x() * x)
+    }
+
+    #[test]
+    fn what_a_base_does_is_no_jump() {
+        for rate in [10.0, 30.0, 200.0] {
+            assert!(!after(rate, |t| at(0.5 * libm::sin(3.0 * t))).are_wild());
+            // Centimetres are as much as some encoders tell.
+            assert!(!after(rate, |t| at(0.005 * libm::round(100.0 * t))).are_wild());
+            // It was set to another place.
+            assert!(!after(rate, |t| at(if t > 1.0 { 20.0 } else { t })).are_wild());
+            let to_and_fro = |t: f64| at(0.5 * libm::round(t * rate % 2.0));
+            assert!(after(rate, to_and_fro).are_wild());
+        }
+    }
+}

@@ -1,0 +1,111 @@
+//! Frames that give no pose: the camera is carried over them by what sensors beside it say.
+
+use super::known::{GATE_POSE, Known};
+use super::outcome::Ending;
+use super::statistics::Sightings;
+use super::{Notes, Solution, Tracker};
+use stillpoint_geometry::{Mat6, Se3};
+use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_map::{KeyframeData, KeyframeId};
+
+/// The direction is carried for so long at most, s: a bias that is known to 0.1 deg/s makes half a degree of it.
+const CARRIED_S: f64 = 5.0;
+/// Wheels carry place and direction for so long, s: some metres, that are known to a few per cent.
+const WHEELED_S: f64 = 30.0;
+/// While nothing tells how the camera moves, its velocity is expected to be halved in this time, s: nobody walks on blindly.
+const HALVED_S: f64 = 0.15;
+/// After the camera was carried, motions of most of the image are not taken for the camera's for so long, s.
+const BLIND_S: f64 = 1.0;
+/// Within a second without sight a camera is carried by so much that nobody measured, m: one standard deviation.
+const BLIND_M_S: f64 = 0.3;
+/// What is not known of a place from which wheels carry, m.
+const PLACE_M: f64 = 0.02;
+
+/// The frames since the last one in which a pose was measured.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Carried {
+    pub(super) since: FrameId,
+    /// By the frames' clock, s.
+    began: f64,
+}
+
+impl Tracker {
+    /// Carries the camera over a frame that gives no pose: by odometry, else its direction by the gyroscope, and its place as far as the few points tell that
+    /// stand still, else by what is left of its velocity. None where neither is confirmed, or it has been too long.
+    pub(super) fn carry(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &std::sync::Arc<KeyframeData>,
+        notes: &mut Notes,
+    ) -> Option<Ending> {
+        let last = self.state.tracked()?;
+        let known = self.trusted_since_last()?;
+        let now = self.front_end.clock.now();
+        let carried = self.carried.unwrap_or(Carried {
+            since: frame.id,
+            began: last.time,
+        });
+        let blind = now - carried.began;
+        let by_wheels = known.pose_after(&last.world_from_camera.inverse());
+        if blind > by_wheels.map_or(CARRIED_S, |_| WHEELED_S) {
+            return None;
+        }
+        let reference = self.reference_of(last.pose.reference);
+        // Few points may be somebody's, and wheels are not.
+        let camera_from_world = match (by_wheels, notes.bound.take()) {
+            (Some(pose), _) => pose,
+            (None, Some(vote)) => vote.camera_from_world,
+            (None, None) => self.slowed(&known, now - last.time)?,
+        };
+        let all = self.known(carried.began, now);
+        notes.evidence.information = Some(blind_information(&known, all.as_ref(), blind));
+        let solution = Solution {
+            data: std::sync::Arc::clone(data),
+            camera_from_world,
+            reference,
+            matches: vec![None; data.len()],
+            sightings: Sightings::default(),
+            followed: Vec::new(),
+            recognised: None,
+        };
+        notes.counts.inliers = 0;
+        self.carried = Some(carried);
+        self.blind_at = Some(now);
+        let world_from_camera = camera_from_world.inverse();
+        self.learn_motion(notes, &world_from_camera, false);
+        Some(self.accept_carried(frame, &solution, carried.since))
+    }
+
+    /// Whether so much of the view was blocked a moment ago that the camera had to be carried: what agrees then is somebody, as likely as not.
+    pub(super) fn was_blind(&self) -> bool {
+        let now = self.front_end.clock.now();
+        self.blind_at.is_some_and(|at| now - at < BLIND_S)
+    }
+
+    /// The reference keyframe, as the newest view of the map has it.
+    fn reference_of(&self, id: KeyframeId) -> KeyframeId {
+        self.map.view.resolve_keyframe(id).unwrap_or(id)
+    }
+
+    /// Where the camera is `dt` seconds after the last pose if it turned so and slowed down.
+    fn slowed(&self, known: &Known, dt: f64) -> Option<Se3> {
+        let last = self.state.tracked()?;
+        let turn = known.turn.later_from_earlier;
+        let rotation = turn * last.world_from_camera.rotation.inverse();
+        let from = last.world_from_camera.translation;
+        let straight = self.state.continued(dt)?.inverse().translation - from;
+        let place = from + straight * libm::exp2(-dt / HALVED_S);
+        Some(Se3::new(rotation, -(rotation * place)))
+    }
+}
+
+/// What is known of a pose that was carried for so long, s: by what sensors know since the last frame, and since it began.
+fn blind_information(known: &Known, all: Option<&Known>, blind: f64) -> Mat6 {
+    let wheels = all.and_then(|k| k.shift.map(|s| (s.sigma, k.turn.sigma)));
+    let (place, direction) = match wheels {
+        Some((place, direction)) => (PLACE_M + place, GATE_POSE + direction),
+        None => (PLACE_M + BLIND_M_S * blind, GATE_POSE + known.turn.sigma),
+    };
+    let of = |i: usize| if i < 3 { place } else { direction };
+    Mat6::from_fn(|r, c| if r == c { 1.0 / (of(r) * of(r)) } else { 0.0 })
+}

@@ -1,0 +1,259 @@
+//! Whether a sensor beside the camera moves as the camera does: motions of both are compared while the camera is tracked well.
+
+use stillpoint_geometry::Vec3;
+
+/// Motions are compared over so long, s: what poses err by is small beside what a bias makes of it, and nothing else changed meanwhile.
+const SPAN_S: f64 = 0.5;
+/// Poses that are farther apart are not compared, s: a bias that is not known makes too much of it.
+const LONGEST_S: f64 = 2.0;
+/// What two poses err by, one standard deviation about each axis, rad: 0.15 degrees with a rolling shutter.
+pub(crate) const POSES_SIGMA: f64 = 0.0026;
+/// A turn by so much tells whether the axes are right, rad ...
+const TELLING: f64 = 0.05;
+/// ... and a way, m.
+const TELLING_M: f64 = 0.05;
+/// Both may differ by this share of the turn, or of the way: of scale, time and mount.
+const SHARE: f64 = 0.1;
+/// ... and by this, rad: a bias of 2 deg/s that is not known yet.
+const SLACK: f64 = 0.02;
+/// ... or m: what two poses err by, and how the base rolls and springs.
+const SLACK_M: f64 = 0.02;
+/// A turn swings a camera that is mounted some centimetres otherwise, m/rad.
+const SWING: f64 = 0.1;
+/// So many comparisons in a row that fail say that the sensor is wrong ...
+const FAILURES: u32 = 3;
+/// ... and so many that succeed that it is right after all.
+const SUCCESSES: u32 = 5;
+/// Where the camera may have ridden on somebody, so many failures in a row refute a sensor that has never agreed.
+const DOUBTS: u32 = 5;
+/// Frames in which a sensor that is not confirmed stands against all that is seen, until it is not believed.
+const AGAINST: u32 = 10;
+
+/// How far a sensor is believed that has a fault of its kind where it is not.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SensorState<F> {
+    /// It is listened to, and the camera has not moved enough yet to tell whether both agree.
+    Unconfirmed,
+    /// It is listened to, and moved as the camera did.
+    Confirmed,
+    /// It is not listened to.
+    Ignored(F),
+}
+
+impl<F: std::fmt::Display> std::fmt::Display for SensorState<F> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unconfirmed => f.write_str("not confirmed yet"),
+            Self::Confirmed => f.write_str("confirmed"),
+            Self::Ignored(fault) => write!(f, "ignored: {fault}"),
+        }
+    }
+}
+
+/// What came of a comparison.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Comparison {
+    /// Sensor and camera moved alike.
+    pub(crate) agrees: bool,
+    /// They moved by enough to tell.
+    tells: bool,
+}
+
+impl Comparison {
+    /// By how much the camera turned, rad, and by which rotation vector the sensor differs.
+    pub(crate) fn of_turn(turned: f64, offset: &Vec3) -> Self {
+        Self {
+            agrees: offset.norm() <= SLACK + SHARE * turned,
+            tells: turned >= TELLING,
+        }
+    }
+
+    /// The same of a motion: also how far the camera moved and by how much the sensor differs, m.
+    pub(crate) fn of_motion(turned: f64, offset: &Vec3, moved: f64, shift: f64) -> Self {
+        let turn = Self::of_turn(turned, offset);
+        Self {
+            agrees: turn.agrees && shift <= SLACK_M + SHARE * moved + SWING * turned,
+            tells: turn.tells || moved >= TELLING_M,
+        }
+    }
+}
+
+/// A pose that was tracked well, or its rotation.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen<P> {
+    /// By the frames' clock, s.
+    pub(crate) time: f64,
+    pub(crate) world_from_camera: P,
+}
+
+/// How often both agreed.
+#[derive(Clone, Debug)]
+pub(crate) struct Trust<P> {
+    /// From where the present comparison began.
+    anchor: Option<Seen<P>>,
+    confirmed: bool,
+    contradicts: bool,
+    failures: u32,
+    /// Failures of a sensor that never agreed, where the camera may have ridden on somebody.
+    doubts: u32,
+    successes: u32,
+    against: u32,
+}
+
+impl<P> Default for Trust<P> {
+    fn default() -> Self {
+        Self {
+            anchor: None,
+            confirmed: false,
+            contradicts: false,
+            failures: 0,
+            doubts: 0,
+            successes: 0,
+            against: 0,
+        }
+    }
+}
+
+impl<P: Copy> Trust<P> {
+    pub(crate) fn is_confirmed(&self) -> bool {
+        self.confirmed && !self.contradicts
+    }
+
+    pub(crate) fn contradicts(&self) -> bool {
+        self.contradicts
+    }
+
+    /// The camera was not tracked well: what comes next is compared from anew.
+    pub(crate) fn interrupt(&mut self) {
+        self.anchor = None;
+    }
+
+    /// Takes a pose. Returns the one to compare it with, once it is old enough, and begins anew with this one.
+    pub(crate) fn follow(&mut self, seen: Seen<P>) -> Option<Seen<P>> {
+        let anchor = *self.anchor.get_or_insert(seen);
+        let age = seen.time - anchor.time;
+        if !(0.0..SPAN_S).contains(&age) {
+            self.anchor = Some(seen);
+        }
+        (SPAN_S..=LONGEST_S).contains(&age).then_some(anchor)
+    }
+
+    /// Takes a comparison. Where the camera may have ridden on somebody, that `can_refute` nothing. True when both agree.
+    pub(crate) fn compare(&mut self, seen: Comparison, can_refute: bool) -> bool {
+        let agrees = seen.agrees;
+        if !agrees && !can_refute {
+            self.doubts += u32::from(!self.confirmed);
+        } else if !agrees {
+            (self.failures, self.successes) = (self.failures + 1, 0);
+        } else if seen.tells {
+            (self.failures, self.doubts) = (0, 0);
+            self.successes += 1;
+            self.confirmed |= !self.contradicts;
+            self.against = 0;
+        }
+        if self.failures >= FAILURES || self.failures + self.doubts >= DOUBTS {
+            (self.contradicts, self.confirmed) = (true, false);
+        } else if self.contradicts && self.successes >= SUCCESSES {
+            (self.contradicts, self.confirmed) = (false, true);
+        }
+        agrees
+    }
+
+    /// Hardly anything in the image turns as the sensor does, and most of it agrees on another turn: a large group that moves, unless nothing
+    /// has confirmed the sensor yet.
+    pub(crate) fn stand_against(&mut self) {
+        self.against += 1;
+        if !self.confirmed && self.against >= AGAINST {
+            self.contradicts = true;
+            self.successes = 0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(time: f64) -> Seen<()> {
+        Seen {
+            time,
+            world_from_camera: (),
+        }
+    }
+
+    fn turn(turned: f64, off: f64) -> Comparison {
+        Comparison::of_turn(turned, &Vec3::new(off, 0.0, 0.0))
+    }
+
+    #[test]
+    fn poses_are_compared_over_half_a_second_without_a_break() {
+        let mut trust = Trust::<()>::default();
+        let mut compared = Vec::new();
+        for k in 0..60 {
+            let time = f64::from(k) / 30.0;
+            if k == 20 {
+                trust.interrupt();
+            }
+            if let Some(from) = trust.follow(seen(time)) {
+                compared.push((k, (from.time * 30.0).round() as i32));
+            }
+        }
+        assert_eq!(compared, [(15, 0), (35, 20), (50, 35)]);
+        // Too far apart.
+        assert!(trust.follow(seen(9.0)).is_none() && trust.follow(seen(9.6)).is_some());
+    }
+
+    #[test]
+    fn a_turn_confirms_rest_does_not_and_three_failures_refute() {
+        let mut trust = Trust::<()>::default();
+        assert!(trust.compare(turn(0.0, 0.001), true) && !trust.is_confirmed());
+        assert!(trust.compare(turn(0.3, 0.03), true) && trust.is_confirmed());
+        // Where much moves, that says nothing against a sensor that agreed before, and little against one that never did.
+        (0..9).for_each(|_| assert!(!trust.compare(turn(0.3, 0.4), false)));
+        for _ in 0..2 {
+            assert!(!trust.compare(turn(0.3, 0.4), true));
+        }
+        assert!(trust.is_confirmed());
+        trust.compare(turn(0.3, 0.4), true);
+        assert!(!trust.is_confirmed() && trust.contradicts());
+        // It was turned back.
+        for _ in 0..5 {
+            assert!(trust.contradicts());
+            trust.compare(turn(0.3, 0.01), true);
+        }
+        assert!(trust.is_confirmed());
+    }
+
+    #[test]
+    fn a_sensor_that_never_agrees_is_refuted_also_where_much_moves() {
+        let mut trust = Trust::<()>::default();
+        for k in 0..5 {
+            assert!(!trust.contradicts(), "{k}");
+            trust.compare(turn(0.3, 0.4), false);
+        }
+        assert!(trust.contradicts());
+    }
+
+    #[test]
+    fn who_was_confirmed_may_stand_against_all_that_is_seen() {
+        let mut trust = Trust::<()>::default();
+        trust.compare(turn(0.3, 0.0), true);
+        (0..100).for_each(|_| trust.stand_against());
+        assert!(trust.is_confirmed());
+        let mut unknown = Trust::<()>::default();
+        (0..9).for_each(|_| unknown.stand_against());
+        assert!(!unknown.contradicts());
+        unknown.stand_against();
+        assert!(unknown.contradicts());
+    }
+
+    #[test]
+    fn a_way_confirms_and_another_one_refutes_as_turns_do() {
+        let motion = |moved, shift| Comparison::of_motion(0.0, &Vec3::zeros(), moved, shift);
+        assert!(motion(0.3, 0.04).agrees && motion(0.3, 0.04).tells);
+        assert!(!motion(0.3, 0.06).agrees && !motion(0.03, 0.01).tells);
+        // A camera that turns on the spot may be mounted some centimetres otherwise.
+        assert!(Comparison::of_motion(0.5, &Vec3::zeros(), 0.0, 0.06).agrees);
+        assert!(!Comparison::of_motion(0.5, &Vec3::new(0.0, 0.1, 0.0), 0.0, 0.0).agrees);
+    }
+}
