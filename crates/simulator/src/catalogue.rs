@@ -6,7 +6,7 @@ use crate::people::Cast;
 use crate::scene::Scene;
 use crate::shutter::Shutter;
 
-const NAMES: [&str; 28] = [
+const NAMES: [&str; 29] = [
     "xyz",
     "rpy",
     "halfsphere",
@@ -35,6 +35,7 @@ const NAMES: [&str; 28] = [
     "crowd_rpy_60",
     "crowd_rpy_150",
     "blocked_turn",
+    "blocked_walk",
 ];
 
 /// Factors on the pace of `rpy` with which it turns by up to 60, 100 and 150 deg/s.
@@ -95,7 +96,10 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
         ),
         "crowd_rpy_60" => (people(Cast::Crowd), fast(0).farther(0.9)),
         "crowd_rpy_150" => (people(Cast::Crowd), fast(2).farther(0.9)),
-        "blocked_turn" => (people(Cast::Blocking), Path::blocked(seed)),
+        "blocked_turn" | "blocked_walk" => {
+            let walks = name == "blocked_walk";
+            (people(Cast::Blocking { walks }), Path::blocked(seed, walks))
+        }
         _ => return None,
     })
 }

@@ -28,7 +28,7 @@ enum Kind {
     /// Held still.
     Static,
     /// Held at one place, turned by 60 degrees to the left.
-    Blocked,
+    Blocked { walks: bool },
     /// A walk along a closed curve.
     Loop(Walk),
     /// From a pose with a constant twist per second in camera coordinates.
@@ -45,12 +45,16 @@ fn smooth(share: f64) -> f64 {
     share * share * share * (share * (6.0 * share - 15.0) + 10.0)
 }
 
-/// Where the camera is whose view is blocked, m.
-pub(crate) const BLOCKED_EYE: [f64; 2] = [0.0, -2.0];
+/// Where the camera is whose view is blocked, m: it stands, or walks aside by 0.8 m within three seconds.
+pub(crate) fn blocked_eye(t: f64, walks: bool) -> [f64; 2] {
+    let aside = if walks { 0.8 } else { 0.0 };
+    [(smooth((t - 3.0) / 3.0) - 0.5) * aside, -2.0]
+}
 
-/// By how much that camera is turned to the left of the desk, rad: by 60 degrees within three seconds.
-pub(crate) fn blocked_turn(t: f64) -> f64 {
-    (smooth((t - 3.0) / 3.0) - 0.5) * 60.0_f64.to_radians()
+/// By how much that camera is turned to the left of the desk, rad: one that stands by 60 degrees within three seconds.
+pub(crate) fn blocked_turn(t: f64, walks: bool) -> f64 {
+    let turn = if walks { 0.0_f64 } else { 60.0 };
+    (smooth((t - 3.0) / 3.0) - 0.5) * turn.to_radians()
 }
 
 fn wave(t: f64, hertz: f64, phase: f64) -> f64 {
@@ -104,10 +108,10 @@ impl Path {
         }
     }
 
-    /// A turn of a camera whose view is blocked meanwhile.
-    pub(crate) fn blocked(seed: u64) -> Self {
+    /// A turn, or a walk, of a camera whose view is blocked meanwhile.
+    pub(crate) fn blocked(seed: u64, walks: bool) -> Self {
         Self {
-            kind: Kind::Blocked,
+            kind: Kind::Blocked { walks },
             tremor: Tremor::new(seed, 1.5),
             back: 0.0,
             ahead: 0.0,
@@ -165,7 +169,7 @@ impl Path {
     pub(crate) fn duration(&self) -> f64 {
         match &self.kind {
             Kind::Loop(walk) => walk.duration(),
-            Kind::Blocked => 9.0,
+            Kind::Blocked { .. } => 9.0,
             _ => 10.0,
         }
     }
@@ -211,11 +215,12 @@ impl Path {
                 look_at(centre + out, centre)
             }
             Kind::Static => look_at(centre + Vec3::new(-0.1, -1.1 - self.back, 0.55), centre),
-            Kind::Blocked => {
-                let eye = Vec3::new(BLOCKED_EYE[0], BLOCKED_EYE[1], 1.35);
+            Kind::Blocked { walks } => {
+                let [x, y] = blocked_eye(t, *walks);
+                let eye = Vec3::new(x, y, 1.35);
                 // Before, it looks to both sides a little, as every hand does.
                 let glance = 0.14 * wave(t, 0.5, 0.0) * (1.0 - smooth(t - 1.5));
-                let angle = FRAC_PI_2 + blocked_turn(t) + glance;
+                let angle = FRAC_PI_2 + blocked_turn(t, *walks) + glance;
                 let ahead = Vec3::new(libm::cos(angle), libm::sin(angle), -0.3);
                 look_at(eye, eye + ahead)
             }

@@ -14,7 +14,7 @@ use stillpoint::slam::{Config, Event, Outcome, Stages, System};
 type Failure = Box<dyn std::error::Error>;
 
 /// Starts in crowds, then scenes in which nobody is, then a view that is blocked.
-const SCENES: [&str; 8] = [
+const SCENES: [&str; 9] = [
     "crowd_xyz",
     "crowd_static",
     "crowd_halfsphere",
@@ -23,6 +23,7 @@ const SCENES: [&str; 8] = [
     "walking_xyz",
     "walking_halfsphere",
     "blocked_turn",
+    "blocked_walk",
 ];
 
 /// What is run over each scene.

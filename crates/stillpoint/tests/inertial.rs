@@ -6,7 +6,7 @@ use stillpoint::slam::{
     Config, Event, FrameReport, InertialState, Outcome, Replay, RunLog, SensorFault, Stages, System,
 };
 
-fn simulator(scene: &str, frames: usize, rate: f64) -> Simulator {
+pub(crate) fn simulator(scene: &str, frames: usize, rate: f64) -> Simulator {
     let camera = Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]);
     let config = SimulatorConfig {
         scene: scene.into(),
@@ -43,7 +43,7 @@ fn run(stages: Stages, simulator: Simulator, imu: &SimulatedImu) -> (Vec<FrameRe
     (reports, system.log().unwrap())
 }
 
-fn lost(reports: &[FrameReport]) -> usize {
+pub(crate) fn lost(reports: &[FrameReport]) -> usize {
     let is_lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
     reports.iter().filter(is_lost).count()
 }

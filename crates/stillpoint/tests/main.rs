@@ -11,6 +11,7 @@ mod inertial;
 mod layout;
 mod looping;
 mod modules;
+mod odometry;
 mod packaging;
 mod relocalisation;
 mod static_filter;

@@ -123,7 +123,7 @@ pub(crate) struct SimulateArgs {
 /// The help of `--scene`: all scenes that there are, in lines of at most a hundred characters.
 fn scenes_in_words() -> String {
     let mut lines = vec![
-        "Scene; people are in walking_*, crowd_*, sitting_*, *_carried and blocked_turn. One of"
+        "Scene; people are in walking_*, crowd_*, sitting_*, *_carried and blocked_*. One of"
             .to_owned(),
     ];
     let names = stillpoint::simulator::scene_names();

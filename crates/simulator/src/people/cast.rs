@@ -4,7 +4,7 @@ use super::gait::{Gait, Load, SIT_BACK, Standing};
 use super::mesh::{Cover, Mesh};
 use super::route::{Leg, Route};
 use super::{Body, Dress, Person};
-use crate::path::{BLOCKED_EYE, blocked_turn};
+use crate::path::{blocked_eye, blocked_turn};
 use crate::random::{Purpose, Stream};
 use crate::scene::{Builder, Place};
 use crate::texture::Pattern;
@@ -21,7 +21,7 @@ pub(crate) enum Cast {
     /// Two people walk to and fro between the camera and the desk, from the first frame on.
     Crowd,
     /// Two people step before the camera and walk round it as it turns, face to face with it.
-    Blocking,
+    Blocking { walks: bool },
     /// One person comes, lifts a chair that stands before the desk and carries it out of the picture.
     Fetching,
 }
@@ -68,7 +68,7 @@ impl Cast {
         match self {
             Self::Walking => [SEAT, [0.9, 1.65, 0.8]],
             Self::Sitting => SEATS,
-            Self::Carrying | Self::Crowd | Self::Blocking | Self::Fetching => {
+            Self::Carrying | Self::Crowd | Self::Blocking { .. } | Self::Fetching => {
                 [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]]
             }
         }
@@ -93,9 +93,9 @@ impl Cast {
                 .collect(),
             Self::Carrying => vec![(PLAID, [1.01, 1.05], carrier(), Some(LOAD))],
             Self::Fetching => vec![(PLAID, [1.01, 1.05], fetcher(), Some(CHAIR))],
-            Self::Blocking => vec![
-                (PLAID, [1.01, 1.05], blocker(-BLOCKERS_APART), None),
-                (PRINT, [0.97, 1.0], blocker(BLOCKERS_APART), None),
+            Self::Blocking { walks } => vec![
+                (PLAID, [1.01, 1.05], blocker(-BLOCKERS_APART, walks), None),
+                (PRINT, [0.97, 1.0], blocker(BLOCKERS_APART, walks), None),
             ],
             Self::Crowd => vec![
                 (PLAID, [1.01, 1.05], near_one(), None),
@@ -276,11 +276,11 @@ const BLOCKERS_LEAVE: f64 = 6.2;
 const BLOCKERS_STEP: f64 = 0.2;
 
 /// Comes from the side, stays before the camera while it turns, a little to one side of the picture's middle, and goes away to the same side.
-fn blocker(apart: f64) -> Script {
-    let [x, y] = BLOCKED_EYE;
+fn blocker(apart: f64, walks: bool) -> Script {
     let at = |t: f64| {
+        let [x, y] = blocked_eye(t, walks);
         // To the right of the picture is clockwise.
-        let angle = -TO_CAMERA + blocked_turn(t) - apart;
+        let angle = -TO_CAMERA + blocked_turn(t, walks) - apart;
         [
             x + BLOCKERS_AT * libm::cos(angle),
             y + BLOCKERS_AT * libm::sin(angle),
@@ -288,6 +288,7 @@ fn blocker(apart: f64) -> Script {
         ]
     };
     let side = 1.9 * apart.signum();
+    let [x, y] = blocked_eye(0.0, walks);
     let outside = [x + side, y + 0.9];
     let [first_x, first_y, _] = at(0.0);
     let way = libm::hypot(first_x - outside[0], first_y - outside[1]);
@@ -310,6 +311,7 @@ fn blocker(apart: f64) -> Script {
             false => [to_x, to_y],
         };
     }
+    let [x, y] = blocked_eye(BLOCKERS_LEAVE, walks);
     stages.push(Leg::To(x + side, y + 1.2, 1.3));
     stages.push(Leg::Stand(60.0, 0.0));
     ([outside[0], outside[1], at(0.0)[2]], stages)

@@ -41,6 +41,14 @@ pub(crate) struct Motion {
     pub(crate) sigma_m: f64,
 }
 
+impl Motion {
+    /// Whether the wheels stand still: so do those that are stuck.
+    pub(crate) fn is_idle(&self) -> bool {
+        let moved = self.later_from_earlier;
+        moved.translation.norm() < 1e-4 && moved.rotation.angle() < 1e-4
+    }
+}
+
 /// The odometry and what is known of it.
 #[derive(Clone, Debug)]
 pub(crate) struct Odometry {
@@ -207,11 +215,6 @@ impl Odometry {
     /// Nothing is known of the camera's pose, or the map does not bear it out.
     pub(crate) fn interrupt(&mut self) {
         self.trust.interrupt();
-    }
-
-    /// Most of what is seen moves otherwise.
-    pub(crate) fn stand_against(&mut self) {
-        self.trust.stand_against();
     }
 
     /// What is to be said of it.

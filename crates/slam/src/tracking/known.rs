@@ -157,6 +157,8 @@ impl Tracker {
             (Some((turn, confirmed)), None) => Known::by_gyro(turn, confirmed),
             (Some((turn, true)), Some((_, false))) => Known::by_gyro(turn, true),
             (None | Some((_, false)), Some((motion, true))) => Known::by_wheels(&motion, true),
+            // Stuck wheels say so too, and a room that stands still needs no advocate.
+            (None, Some((motion, false))) if motion.is_idle() => return None,
             (None, Some((motion, false))) => Known::by_wheels(&motion, false),
             (Some((turn, confirmed)), Some((motion, _))) => {
                 Known::by_both(turn, &motion, confirmed, to - from)
@@ -349,14 +351,10 @@ impl Tracker {
         }
     }
 
-    /// Hardly anything of what is seen moves as a sensor says that nothing has confirmed yet.
+    /// Hardly anything of what is seen moves as a sensor says that nothing has confirmed yet. Wheels are judged by the map alone: one group more that walks against them says little.
     pub(super) fn stand_against(&mut self, known: &Known) {
-        let gyro = self.inertial.as_mut().filter(|_| known.by_gyro);
-        if let Some(inertial) = gyro {
+        if let Some(inertial) = self.inertial.as_mut().filter(|_| known.by_gyro) {
             inertial.stand_against();
-        }
-        if let Some(odometry) = self.odometry.as_mut().filter(|_| known.shift.is_some()) {
-            odometry.stand_against();
         }
     }
 }

@@ -1,0 +1,152 @@
+//! Wheel odometry in whole runs, on the simulator: with controls that do without it.
+use crate::inertial::{lost, simulator};
+use stillpoint::geometry::{Se3, Vec3};
+use stillpoint::imaging::{FrameSource, Simd};
+use stillpoint::simulator::{SimulatedOdometry, Simulator, WheelSlip};
+use stillpoint::slam::{
+    Config, Event, FrameReport, LogEntry, OdometryFault, OdometryState, Outcome, Replay, RunLog,
+    Stages, System,
+};
+
+fn stages(simulator: &Simulator, wheels: Option<&SimulatedOdometry>) -> Stages {
+    let stages = Stages::new(Config::default(), *simulator.camera(), Simd::detect()).unwrap();
+    match wheels {
+        Some(wheels) => stages.with_odometry(wheels.model).unwrap(),
+        None => stages,
+    }
+}
+
+/// Reports of all frames, and the log of the run.
+fn run(
+    stages: Stages,
+    simulator: Simulator,
+    wheels: &SimulatedOdometry,
+) -> (Vec<FrameReport>, RunLog) {
+    let mut system = System::from(stages).with_log();
+    let mut source = simulator.source().with_odometry(wheels);
+    let mut reports = Vec::new();
+    while let Some(frame) = source.next_frame() {
+        system.receive_odometry(source.take_odometry());
+        for event in system.step(frame.unwrap()) {
+            if let Event::Frame(done) = event {
+                reports.push(done.report.clone());
+            }
+        }
+    }
+    system.finish();
+    (reports, system.log().unwrap())
+}
+
+/// By how much the pose of a frame is off, relative to the first one, m and deg; none where either has no pose, or they are not of one map.
+fn off(reports: &[FrameReport], truth: &[(f64, Se3)], frame: usize) -> Option<[f64; 2]> {
+    let (first, last) = (reports.first()?, reports.get(frame)?);
+    if first.submap != last.submap {
+        return None;
+    }
+    let found = first.world_from_camera?.inverse() * last.world_from_camera?;
+    let exact = truth.first()?.1.inverse() * truth.get(frame)?.1;
+    let off = found.inverse() * exact;
+    Some([off.translation.norm(), off.rotation.angle().to_degrees()])
+}
+
+fn state(reports: &[FrameReport]) -> Option<OdometryState> {
+    reports.last().and_then(|r| r.odometry).map(|o| o.state)
+}
+
+/// Two people fill nine tenths of the view for three seconds while the camera walks aside by 0.8 m, or turns by 60 degrees.
+#[test]
+fn a_blocked_view_costs_neither_frame_nor_place() {
+    for scene in ["blocked_walk", "blocked_turn"] {
+        let scene = || simulator(scene, 140, 20.0);
+        let wheels = SimulatedOdometry::default();
+        let truth = scene().ground_truth();
+        let (with, _) = run(stages(&scene(), Some(&wheels)), scene(), &wheels);
+        assert_eq!(lost(&with), 0);
+        let is_carried = |r: &FrameReport| matches!(r.outcome, Outcome::Carried { .. });
+        assert!(with.iter().any(is_carried));
+        // All the time, those frames included: wheels are known to 3 % of a turn.
+        for frame in (0..140).step_by(5) {
+            let off = off(&with, &truth, frame);
+            let near = off.is_some_and(|[m, deg]| m <= 0.06 && deg <= 2.5);
+            assert!(near, "{frame} {off:?}");
+        }
+        assert_eq!(state(&with), Some(OdometryState::Confirmed));
+        // The control.
+        let (without, _) = run(stages(&scene(), None), scene(), &wheels);
+        let off = off(&without, &truth, 139);
+        let far = off.is_none_or(|[m, deg]| m > 0.2 || deg > 5.0);
+        assert!(lost(&without) > 5 || far, "{off:?}");
+        assert!(without.iter().all(|r| r.odometry.is_none()));
+    }
+}
+
+#[test]
+fn a_run_with_odometry_replays_bit_for_bit_and_needs_it() {
+    let scene = || simulator("walking_rpy", 30, 30.0);
+    let wheels = SimulatedOdometry::default();
+    let (_, log) = run(stages(&scene(), Some(&wheels)), scene(), &wheels);
+    let text = log.to_text();
+    assert!(text.contains("\nodometry ") && text.contains("\n  base "));
+    let read = RunLog::from_bytes(text.as_bytes()).unwrap();
+    // The source of the replay has none: it is in the log.
+    let replayed = |log: RunLog| {
+        let mut replay = Replay::new(stages(&scene(), Some(&wheels)), log).unwrap();
+        let mut source = scene().source();
+        while replay.step(&mut source).unwrap().is_some() {}
+        replay.trajectory().digest(&replay.view())
+    };
+    assert_eq!(replayed(read.clone()), log.trajectory);
+    let is_odometry = |e: &LogEntry| matches!(e, LogEntry::TrackOdometry { .. });
+    let entries = read.entries.iter().filter(|e| !is_odometry(e)).cloned();
+    let silent = RunLog {
+        entries: entries.collect(),
+        ..read.clone()
+    };
+    assert_ne!(replayed(silent), log.trajectory);
+    // Where nothing is known of a base samples change nothing, and are not kept.
+    let (_, plain) = run(stages(&scene(), None), scene(), &wheels);
+    assert!(!plain.entries.iter().any(is_odometry));
+    assert!(Replay::new(stages(&scene(), None), log).is_err());
+}
+
+/// Wheels that are stuck, or of a camera that stands otherwise, cost no frame and no accuracy; those that slip for half a second are believed again.
+#[test]
+fn wrong_odometry_is_noticed_and_ignored_and_slipping_wheels_are_survived() {
+    let scene = || simulator("xyz", 120, 30.0);
+    let truth = scene().ground_truth();
+    let right = SimulatedOdometry::default();
+    let stuck = SimulatedOdometry {
+        stuck: true,
+        ..right.clone()
+    };
+    let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    let turned = SimulatedOdometry {
+        model: right.model.turned(quarter),
+        ..right.clone()
+    };
+    let slip = WheelSlip {
+        from: 2.0,
+        to: 2.5,
+        speed: 0.5,
+    };
+    let slipping = SimulatedOdometry {
+        slips: vec![slip],
+        ..right.clone()
+    };
+    let ignored = OdometryState::Ignored;
+    for (stated, moved, expected) in [
+        (&right, &slipping, OdometryState::Confirmed),
+        (&right, &stuck, ignored(OdometryFault::Stuck)),
+        (&turned, &right, ignored(OdometryFault::Contradicts)),
+    ] {
+        let (reports, _) = run(stages(&scene(), Some(stated)), scene(), moved);
+        assert_eq!(lost(&reports), 0);
+        assert_eq!(state(&reports), Some(expected));
+        let off = off(&reports, &truth, 119).unwrap();
+        assert!(off[0] < 0.005 && off[1] < 0.3, "{off:?}");
+        let slips = reports.last().and_then(|r| r.odometry).map(|o| o.slips);
+        if expected == OdometryState::Confirmed {
+            assert!(slips.is_some_and(|n| (1..=2).contains(&n)), "{slips:?}");
+        }
+    }
+}
