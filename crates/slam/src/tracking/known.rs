@@ -276,7 +276,10 @@ impl Tracker {
             return Ok(fix);
         };
         let wheels = reason == LostReason::AgainstOdometry;
-        let borne_out = fix.matches.landmarks() >= TELLING_INLIERS as usize && !self.was_blind();
+        // At the beginning of a map, people are what most landmarks are of: there is a way back only where it is not known who moves.
+        let may_ride = self.goes_back && self.moving_share > TELLING_SHARE;
+        let many = fix.matches.landmarks() >= TELLING_INLIERS as usize;
+        let borne_out = many && !may_ride && !self.was_blind();
         if wheels && borne_out {
             return Ok(fix);
         }

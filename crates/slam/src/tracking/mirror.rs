@@ -101,6 +101,7 @@ impl Tracker {
         mirrored.odometry = self.odometry.as_ref().map(|o| o.mirrored(point.stamp));
         mirrored.submap = point.submap.map(Submap::known);
         mirrored.previous = Some(Arc::clone(image));
+        mirrored.goes_back = true;
         Some(mirrored)
     }
 

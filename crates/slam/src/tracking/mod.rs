@@ -114,6 +114,8 @@ pub struct Tracker {
     carried: Option<Carried>,
     /// When it was carried last, by the frames' clock, s.
     blind_at: Option<f64>,
+    /// Whether it follows the beginning of a map backwards.
+    goes_back: bool,
 }
 
 /// What is noted of a frame on its way.
@@ -181,6 +183,7 @@ impl Tracker {
             past_poses: PastPoses::default(),
             carried: None,
             blind_at: None,
+            goes_back: false,
         }
     }
 
