@@ -12,7 +12,7 @@ use std::fmt::Write;
 use std::ops::Range;
 use std::path::Path;
 use stillpoint::datasets::{ColourFormat, FrameOptions, ReadAhead, Recorder, StampedPose};
-use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame};
+use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint::recordings::{self, Info, Input, McapRecorder};
 
 /// `recording`.
@@ -142,6 +142,8 @@ struct Written {
     poses: usize,
     /// Samples of an inertial sensor.
     inertial: usize,
+    /// Samples of odometry.
+    odometry: usize,
 }
 
 impl Written {
@@ -150,13 +152,17 @@ impl Written {
             let text = serde_json::to_string(self).map_err(Failure::input)?;
             console::print(&format!("{text}\n"));
         } else {
-            let inertial = match self.inertial {
+            let samples = |n: usize, of: &str| match n {
                 0 => String::new(),
-                n => format!(", {n} samples of an inertial sensor"),
+                n => format!(", {n} samples of {of}"),
             };
             console::report(&format!(
-                "{}: {} frames, {} poses of ground truth{inertial}\n",
-                self.path, self.frames, self.poses
+                "{}: {} frames, {} poses of ground truth{}{}\n",
+                self.path,
+                self.frames,
+                self.poses,
+                samples(self.inertial, "an inertial sensor"),
+                samples(self.odometry, "odometry"),
             ));
         }
         Ok(if self.left_out > 0 {
@@ -187,6 +193,17 @@ impl Target {
             Self::Folder(r) => r.add_inertial(samples),
         }
         Ok(())
+    }
+
+    /// Says how many were written.
+    fn add_odometry(&mut self, samples: &[OdometrySample]) -> Result<usize, Failure> {
+        match self {
+            Self::Mcap(r) => Ok(r.add_odometry(samples)?),
+            Self::Folder(r) => {
+                r.add_odometry(samples);
+                Ok(samples.len())
+            }
+        }
     }
 }
 
@@ -236,6 +253,30 @@ fn part(stamps: &[f64], start: Option<f64>, end: Option<f64>) -> Range<usize> {
     start.map_or(0, before)..end.map_or(stamps.len(), before)
 }
 
+/// Begins what is written of an input from a frame on, with how the sensors beside the camera are mounted.
+fn target(input: &Input, out: &Path, start: usize) -> Result<Target, Failure> {
+    let (model, imu, wheels) = (input.camera(), input.imu(), input.odometry());
+    if is_mcap(out) {
+        let mut recorder = McapRecorder::create(out, &model.camera)?;
+        let first = input.stamps().get(start).map_or(0.0, |s| s.0);
+        if let Some(imu) = &imu {
+            recorder.add_imu(imu, first)?;
+        }
+        if let Some(wheels) = &wheels {
+            recorder.add_base(wheels, first)?;
+        }
+        return Ok(Target::Mcap(Box::new(recorder)));
+    }
+    let mut recorder = Recorder::create(out, &model.camera, &model.name, ColourFormat::Png)?;
+    if let Some(imu) = imu {
+        recorder = recorder.with_imu(imu);
+    }
+    if let Some(wheels) = wheels {
+        recorder = recorder.with_odometry(wheels);
+    }
+    Ok(Target::Folder(Box::new(recorder)))
+}
+
 /// Writes frames of an input, and the ground truth of their time.
 fn write(
     input: &Input,
@@ -249,30 +290,15 @@ fn write(
         max_frames: max_frames.map(|n| n as usize),
         keep_colour: true,
     })?;
-    let model = input.camera();
-    let imu = input.imu();
-    let mut target = if is_mcap(out) {
-        let mut recorder = McapRecorder::create(out, &model.camera)?;
-        if let Some(imu) = &imu {
-            let first = input.stamps().get(start).map_or(0.0, |s| s.0);
-            recorder.add_imu(imu, first)?;
-        }
-        Target::Mcap(Box::new(recorder))
-    } else {
-        let recorder = Recorder::create(out, &model.camera, &model.name, ColourFormat::Png)?;
-        let recorder = match imu {
-            Some(imu) => recorder.with_imu(imu),
-            None => recorder,
-        };
-        Target::Folder(Box::new(recorder))
-    };
+    let mut target = target(input, out, start)?;
     let mut frames = ReadAhead::new(frames);
-    let (mut written, mut skipped, mut inertial) = (0, 0, 0);
+    let (mut written, mut skipped, mut inertial, mut odometry) = (0, 0, 0, 0);
     let mut times: Option<(f64, f64)> = None;
     while let Some(frame) = frames.next_frame() {
         let samples = frames.take_inertial();
         target.add_inertial(&samples)?;
         inertial += samples.len();
+        odometry += target.add_odometry(&frames.take_odometry())?;
         match frame {
             Ok(frame) => {
                 target.add(&frame)?;
@@ -299,6 +325,7 @@ fn write(
         last: times.map(|t| t.1),
         poses: truth.len(),
         inertial,
+        odometry,
     })
 }
 

@@ -173,6 +173,58 @@ fn an_inertial_sensor_is_converted_and_cut_along() {
 }
 
 #[test]
+fn odometry_is_converted_and_cut_along() {
+    let out = tempfile::tempdir().unwrap();
+    let [folder, file, back, cut] =
+        ["a", "a.mcap", "b", "cut.mcap"].map(|name| out.path().join(name));
+    let simulated = "-q simulate --scene blocked_walk --odometry --jpeg --frames 20 --out";
+    let args = simulated.split(' ').chain([text(&folder)]);
+    check(&stillpoint(args), 0, &[]);
+    let samples = |output: &Output| -> usize {
+        let said = stdout(output);
+        let part = said
+            .split(", ")
+            .find(|p| p.contains(" samples of odometry"));
+        part.unwrap().split(' ').next().unwrap().parse().unwrap()
+    };
+    for (from, to) in [(&folder, &file), (&file, &back)] {
+        let output = stillpoint(["recording", "convert", text(from), text(to)]);
+        writes(&output, 20);
+        // 50 Hz over 19 intervals of frames, and one behind the last; a file has no times before 0.
+        assert_eq!(samples(&output), 33);
+    }
+    let (expected, summary, _) = run_with(&folder, &[]);
+    assert!(summary["odometry"]["state"].is_string(), "{summary}");
+    let (without, _, said) = run_with(&folder, &["--no-odometry"]);
+    assert!(without != expected && !said.contains("odometry"), "{said}");
+    for path in [&file, &back] {
+        let (trajectory, found, said) = run_with(path, &[]);
+        assert_eq!(trajectory, expected, "{said}");
+        for what in ["state", "slips", "carried_frames"] {
+            assert_eq!(found["odometry"][what], summary["odometry"][what]);
+        }
+        assert_eq!(run_with(path, &["--no-odometry"]).0, without);
+    }
+    let (named, _, _) = run_with(&file, &["--odometry-topic", "/odom"]);
+    assert_eq!(named, expected);
+    let (_, found, _) = run_with(&file, &["--truth-topic", "/odom"]);
+    assert!(found["odometry"].is_null(), "{found}");
+    let guesses = info(&file)["guesses"].to_string();
+    assert!(
+        guesses.contains("odometry: /odom of base_link"),
+        "{guesses}"
+    );
+    let part = ["--start", "5", "--max-frames", "10"];
+    let output = stillpoint([&["recording", "cut", text(&file), text(&cut)][..], &part].concat());
+    writes(&output, 10);
+    let (_, part, _) = run_with(&cut, &[]);
+    assert!(part["odometry"]["state"].is_string(), "{part}");
+    let wrong = ["run", text(&file), "--odometry-topic", "/camera/imu"];
+    let told = ["--odometry-topic", "/odom", "name one of these"];
+    check(&stillpoint(wrong), 2, &told);
+}
+
+#[test]
 fn folders_and_recordings_stand_for_their_ground_truth() {
     let out = tempfile::tempdir().unwrap();
     let (estimate, _) = run(&PAIR.folder);

@@ -2,8 +2,9 @@
 
 use crate::choose::{Named, Pair, choose};
 use crate::error::{RecordingError, Result};
-use crate::inertial::{self, Sensor, Wanted};
+use crate::inertial::{self, Sensor};
 use crate::input::OpenOptions;
+use crate::odometry::{self, Wheels};
 use crate::probe::{Probe, Stream};
 use crate::realsense;
 use crate::recording::{Files, Recording};
@@ -36,6 +37,55 @@ impl Entry {
     }
 }
 
+/// What decides on the sensors beside the camera.
+struct Beside<'a> {
+    options: &'a OpenOptions,
+    probe: &'a Probe,
+    colour: &'a Stream,
+    /// The frames have the times at which they were received.
+    by_arrival: bool,
+}
+
+impl Beside<'_> {
+    /// The sensors; the camera says from now on how those that there are are mounted.
+    fn find(
+        &self,
+        recording: &mut Recording,
+        mut treatment: Treatment,
+        said: (&mut Vec<String>, &mut Vec<String>),
+    ) -> Result<(Treatment, Option<Sensor>, Option<Wheels>)> {
+        let (guesses, warnings) = said;
+        let Self {
+            options,
+            probe,
+            colour,
+            by_arrival,
+        } = *self;
+        let mut inertial = None;
+        if !options.no_imu {
+            let wanted = inertial::Wanted {
+                topic: options.imu_topic.as_deref(),
+                model: treatment.camera.imu,
+            };
+            let said = (&mut *guesses, &mut *warnings);
+            inertial = inertial::find(recording, probe, wanted, colour, by_arrival, said)?;
+        }
+        treatment.camera.imu = inertial.as_ref().map(|s| s.model);
+        let mut wheels = None;
+        if !options.no_odometry {
+            let wanted = odometry::Wanted {
+                topic: options.odometry_topic.as_deref(),
+                truth: options.truth_topic.as_deref(),
+                model: treatment.camera.odometry,
+            };
+            let said = (&mut *guesses, &mut *warnings);
+            wheels = odometry::find(recording, probe, wanted, colour, by_arrival, said)?;
+        }
+        treatment.camera.odometry = wheels.as_ref().map(|w| w.model);
+        Ok((treatment, inertial, wheels))
+    }
+}
+
 /// An opened recording.
 #[derive(Debug)]
 pub struct FileRecording {
@@ -45,6 +95,7 @@ pub struct FileRecording {
     pub(crate) strict: bool,
     pub(crate) files: Files,
     pub(crate) inertial: Option<Sensor>,
+    pub(crate) wheels: Option<Wheels>,
     truth: Option<Vec<StampedPose>>,
     guesses: Vec<String>,
     warnings: Vec<String>,
@@ -82,26 +133,15 @@ impl FileRecording {
             guesses: &mut guesses,
             warnings: &mut warnings,
         };
-        let mut treatment = setup.treatment(&mut recording, &entries)?;
-        let inertial = if options.no_imu {
-            None
-        } else {
-            let wanted = Wanted {
-                topic: options.imu_topic.as_deref(),
-                model: treatment.camera.imu,
-            };
-            let said = (&mut guesses, &mut warnings);
-            let by_arrival = entries.iter().all(Entry::is_by_arrival);
-            inertial::find(
-                &mut recording,
-                &probe,
-                wanted,
-                &pair.colour,
-                by_arrival,
-                said,
-            )?
+        let treatment = setup.treatment(&mut recording, &entries)?;
+        let beside = Beside {
+            options,
+            probe: &probe,
+            colour: &pair.colour,
+            by_arrival: entries.iter().all(Entry::is_by_arrival),
         };
-        treatment.camera.imu = inertial.as_ref().map(|s| s.model);
+        let said = (&mut guesses, &mut warnings);
+        let (treatment, inertial, wheels) = beside.find(&mut recording, treatment, said)?;
         let truth = match &options.truth_topic {
             Some(topic) => Some(truth::read(
                 &mut recording,
@@ -119,6 +159,7 @@ impl FileRecording {
             strict: options.strict,
             files,
             inertial,
+            wheels,
             truth,
             guesses,
             warnings,

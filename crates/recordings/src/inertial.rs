@@ -29,7 +29,7 @@ pub(crate) struct Wanted<'a> {
 }
 
 /// Messages of a topic by their stamps, s, ascending.
-type Stamped = Arc<[(f64, Slot)]>;
+pub(crate) type Stamped = Arc<[(f64, Slot)]>;
 
 /// A sensor, and where its messages are.
 #[derive(Clone, Debug)]
@@ -225,7 +225,8 @@ fn partner<'t>(topics: &'t [Topic], rates: &Topic) -> Option<&'t Topic> {
         .max_by_key(|t| common_parts(&t.name, &rates.name))
 }
 
-fn stamped(recording: &Recording, channel: u32, by_arrival: bool) -> Stamped {
+/// The messages of a topic by their stamps; `by_arrival`: by the times at which they were received.
+pub(crate) fn stamped(recording: &Recording, channel: u32, by_arrival: bool) -> Stamped {
     let time = |s: &Slot| {
         let own = s.stamp.filter(|ns| *ns != 0 && !by_arrival);
         (seconds(own.unwrap_or(s.logged)), *s)

@@ -29,6 +29,8 @@ pub struct OpenOptions {
     pub imu_topic: Option<String>,
     /// No inertial sensor, of a folder neither.
     pub no_imu: bool,
+    /// The topic of the wheels' odometry; `None` takes the only one that can be of wheels, where it is known how the camera stands on the base.
+    pub odometry_topic: Option<String>,
     /// No odometry, of a folder neither.
     pub no_odometry: bool,
     /// Depth image values per metre; `None` for what the device says, else 1000.
@@ -47,6 +49,7 @@ impl Default for OpenOptions {
             truth_topic: None,
             imu_topic: None,
             no_imu: false,
+            odometry_topic: None,
             no_odometry: false,
             depth_scale: None,
         }

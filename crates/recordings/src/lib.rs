@@ -29,6 +29,7 @@ mod inertial;
 mod info;
 mod input;
 mod messages;
+mod odometry;
 mod optics;
 mod orbbec;
 mod probe;
@@ -52,6 +53,7 @@ pub use incoming::{ImageMessage, Incoming, IncomingTopic, camera_info_topic, sta
 pub use info::{Info, Topic, info};
 pub use input::{Device, Input, OpenOptions, Source, Taken, is_recording, open};
 pub use messages::{MessageFile, TopicInfo};
+pub use odometry::odometry_sample;
 pub use raw::{Pair, RawFrames};
 pub use source::RecordingSource;
 pub use stillpoint_datasets::FrameOptions;

@@ -12,7 +12,6 @@ use crate::rectify::Rectifier;
 use crate::register::Registration;
 use std::path::Path;
 use stillpoint_datasets::CameraModel;
-use stillpoint_geometry::ImuModel;
 use stillpoint_imaging::{DepthImage, FrameId, RgbdFrame};
 
 /// One of the two images of a frame.
@@ -116,13 +115,14 @@ impl Setup<'_> {
             return Err(self.camera_error(expected, format!("{} x {} px", sizes.0.0, sizes.0.1)));
         }
         let depth_scale = self.depth_scale();
+        let named = self.named()?;
         let model = CameraModel {
-            odometry: None,
             name,
             camera: optics.camera(),
             depth_scale,
             nominal,
-            imu: self.mounted()?,
+            imu: named.as_ref().and_then(|m| m.imu),
+            odometry: named.and_then(|m| m.odometry),
         };
         model.camera.check().map_err(|e| {
             self.camera_error(
@@ -154,10 +154,10 @@ impl Setup<'_> {
         }
     }
 
-    /// The inertial sensor of the camera file.
-    fn mounted(&self) -> Result<Option<ImuModel>> {
+    /// The camera that the user named: its file says how sensors are mounted.
+    fn named(&self) -> Result<Option<CameraModel>> {
         let file = self.options.camera.as_ref().map(CameraModel::choose);
-        Ok(file.transpose()?.and_then(|model| model.imu))
+        Ok(file.transpose()?)
     }
 
     /// The colour camera, its name, and whether it is nominal.

@@ -5,12 +5,15 @@ use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::{Entry, FileRecording};
 use crate::inertial::Samples;
+use crate::odometry::Stands;
 use crate::recording::Recording;
 use crate::setup::{Side, Treatment};
 use crate::store::{Slot, seconds};
 use std::sync::Arc;
 use stillpoint_datasets::{DatasetError, FrameOptions};
-use stillpoint_imaging::{DepthImage, FrameId, FrameSource, ImuSample, RgbdFrame, SourceError};
+use stillpoint_imaging::{
+    DepthImage, FrameId, FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError,
+};
 use stillpoint_ros_messages as ros;
 
 /// Reads the frames of a recording in order. Frame ids count from 0 at the first frame read; an unreadable frame uses up its id.
@@ -25,8 +28,9 @@ pub struct RecordingSource {
     keep_colour: bool,
     strict: bool,
     ended: bool,
-    /// What the inertial sensor measured, and the stamp of the newest frame, s.
+    /// What the inertial sensor measured and the wheels did, and the stamp of the newest frame, s.
     inertial: Option<Samples>,
+    wheels: Option<Stands>,
     newest: Option<f64>,
 }
 
@@ -47,6 +51,7 @@ impl RecordingSource {
         let sensor = of.inertial.clone();
         Ok(Self {
             inertial: sensor.map(|s| Samples::new(s, first)),
+            wheels: of.wheels.as_ref().map(|w| Stands::new(w, first)),
             newest: None,
             recording: of.files.open()?,
             entries: Arc::clone(&of.entries),
@@ -165,6 +170,13 @@ impl FrameSource for RecordingSource {
     fn take_inertial(&mut self) -> Vec<ImuSample> {
         match (&mut self.inertial, self.newest) {
             (Some(samples), Some(stamp)) => samples.take_until(&mut self.recording, stamp),
+            _ => Vec::new(),
+        }
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        match (&mut self.wheels, self.newest) {
+            (Some(stands), Some(stamp)) => stands.take_until(&mut self.recording, stamp),
             _ => Vec::new(),
         }
     }

@@ -1,5 +1,6 @@
 //! Where frames stand to each other, as `tf` messages say.
 
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 use stillpoint_geometry::{Se3, Vec3};
@@ -10,7 +11,12 @@ use stillpoint_ros_messages as ros;
 pub struct Transforms {
     /// `parent_from_child`, by child and parent, both ways.
     edges: BTreeMap<String, BTreeMap<String, Se3>>,
+    /// Pairs, child and parent, of which another transform was said later.
+    moving: BTreeSet<(String, String)>,
 }
+
+/// Transforms of one pair that differ by more than this (m, rad) are of frames that move.
+const STILL: f64 = 1e-4;
 
 /// A pose; `None` where numbers are not finite or the rotation is none.
 pub(crate) fn pose(t: [f64; 3], q: &ros::Quaternion) -> Option<Se3> {
@@ -37,12 +43,18 @@ impl Transforms {
         let child = frame_name(&transform.child_frame_id).to_owned();
         let known = self.edges.entry(child.clone()).or_default();
         // The first counts: later ones of frames that move are of other times.
-        if let std::collections::btree_map::Entry::Vacant(new) = known.entry(parent.clone()) {
-            new.insert(pose);
-            self.edges
-                .entry(parent)
-                .or_default()
-                .insert(child, pose.inverse());
+        match known.entry(parent.clone()) {
+            Entry::Vacant(new) => {
+                new.insert(pose);
+                let back = pose.inverse();
+                self.edges.entry(parent).or_default().insert(child, back);
+            }
+            Entry::Occupied(first) => {
+                let off = first.get().inverse() * pose;
+                if off.translation.norm() > STILL || off.rotation.angle() > STILL {
+                    self.moving.insert((child, parent));
+                }
+            }
         }
     }
 
@@ -55,6 +67,22 @@ impl Transforms {
     /// `to_from_from`, along the shortest chain.
     #[must_use]
     pub fn find(&self, to: &str, from: &str) -> Option<Se3> {
+        self.chain(to, from, &|_, _| true)
+    }
+
+    /// The same along frames that do not move, and not through one frame: what is said of it moves.
+    #[must_use]
+    pub fn find_fixed(&self, to: &str, from: &str, but_for: &str) -> Option<Se3> {
+        let but_for = frame_name(but_for);
+        self.chain(to, from, &|a, b| {
+            let pair = |a: &str, b: &str| (a.to_owned(), b.to_owned());
+            let moves = self.moving.contains(&pair(a, b)) || self.moving.contains(&pair(b, a));
+            !moves && b != but_for
+        })
+    }
+
+    /// Along steps that are allowed.
+    fn chain(&self, to: &str, from: &str, allowed: &dyn Fn(&str, &str) -> bool) -> Option<Se3> {
         let (to, from) = (frame_name(to), frame_name(from));
         let mut seen = BTreeSet::from([from]);
         let mut open = vec![(from, Se3::identity())];
@@ -65,7 +93,7 @@ impl Transforms {
                     return Some(pose);
                 }
                 for (other, other_from_name) in self.edges.get(name).into_iter().flatten() {
-                    if seen.insert(other) {
+                    if allowed(name, other) && seen.insert(other) {
                         next.push((other.as_str(), *other_from_name * pose));
                     }
                 }
@@ -112,5 +140,30 @@ mod tests {
         broken.transform.rotation.w = 0.0;
         tree.add(&broken);
         assert!(tree.find("camera", "b").is_none());
+    }
+    #[test]
+    fn what_moves_joins_nothing_that_is_fixed() {
+        let mut tree = Transforms::default();
+        for (parent, child, x) in [
+            ("odom", "base", 0.0),
+            ("odom", "base", 1.0),
+            ("base", "mast", 0.5),
+            ("base", "mast", 0.5),
+            ("mast", "camera", 0.25),
+            ("map", "odom", 0.0),
+            ("map", "tag", 2.0),
+        ] {
+            tree.add(&edge(parent, child, x));
+        }
+        let fixed = |to: &str, from: &str, but_for: &str| {
+            let pose = tree.find_fixed(to, from, but_for);
+            pose.map(|p| p.translation.x)
+        };
+        assert_eq!(fixed("base", "camera", "odom"), Some(0.75));
+        assert_eq!(fixed("/base", "/camera", "mast"), None);
+        assert_eq!(fixed("odom", "camera", ""), None);
+        assert_eq!(fixed("tag", "odom", "base"), Some(-2.0));
+        assert_eq!(fixed("tag", "odom", "map"), None);
+        assert!(tree.find("odom", "camera").is_some());
     }
 }

@@ -4,8 +4,8 @@ use crate::error::Result;
 use crate::messages::{MessageFile, TopicInfo};
 use std::path::Path;
 use stillpoint_datasets::StampedPose;
-use stillpoint_geometry::{Camera, ImuModel};
-use stillpoint_imaging::{ImuSample, RgbdFrame};
+use stillpoint_geometry::{Camera, ImuModel, OdometryModel, Se3};
+use stillpoint_imaging::{ImuSample, OdometrySample, RgbdFrame};
 use stillpoint_ros_messages as ros;
 
 /// Topics of the files, named as the drivers of RealSense name theirs.
@@ -15,6 +15,10 @@ const DEPTH: &str = "/camera/aligned_depth_to_color/image_raw";
 const DEPTH_INFO: &str = "/camera/aligned_depth_to_color/camera_info";
 const IMU: &str = "/camera/imu";
 const IMU_FRAME: &str = "camera_imu_optical_frame";
+/// Odometry, and its frames, named as those of most robots are.
+const ODOMETRY: &str = "/odom";
+const ODOM_FRAME: &str = "odom";
+const BASE_FRAME: &str = "base_link";
 /// Ground truth, as `--truth-topic` takes it.
 pub const TRUTH_TOPIC: &str = "/ground_truth/pose";
 const FRAME: &str = "camera_color_optical_frame";
@@ -24,8 +28,9 @@ const FRAME: &str = "camera_color_optical_frame";
 pub struct McapRecorder {
     file: MessageFile,
     camera: Camera,
-    /// What is added to the stamps of inertial samples, s.
+    /// What is added to the stamps of inertial samples and of those of odometry, s.
     imu_offset: f64,
+    odometry_offset: f64,
 }
 
 impl McapRecorder {
@@ -44,6 +49,7 @@ impl McapRecorder {
             file,
             camera: *camera,
             imu_offset: 0.0,
+            odometry_offset: 0.0,
         }
     }
 
@@ -103,26 +109,43 @@ impl McapRecorder {
     /// The system's reason.
     pub fn add_imu(&mut self, model: &ImuModel, stamp: f64) -> Result<()> {
         self.imu_offset = model.time_offset;
+        self.add_mount([FRAME, IMU_FRAME], &model.camera_from_imu, stamp)
+    }
+
+    /// Writes how the camera stands on a base with odometry, as a transform that stands still; by how much wheels err has no message.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn add_base(&mut self, model: &OdometryModel, stamp: f64) -> Result<()> {
+        self.odometry_offset = model.time_offset;
+        self.add_mount([BASE_FRAME, FRAME], &model.base_from_camera, stamp)
+    }
+
+    fn add_mount(
+        &mut self,
+        [parent, child]: [&'static str; 2],
+        parent_from_child: &Se3,
+        stamp: f64,
+    ) -> Result<()> {
         let time = nanoseconds(stamp);
-        let (t, q) = (
-            model.camera_from_imu.translation,
-            model.camera_from_imu.rotation,
-        );
+        let ros::Pose {
+            position: p,
+            orientation: rotation,
+        } = pose(parent_from_child);
+        let translation = ros::Vector3 {
+            x: p.x,
+            y: p.y,
+            z: p.z,
+        };
         let mount = ros::TransformStamped {
-            header: header(time),
-            child_frame_id: IMU_FRAME.into(),
+            header: ros::Header {
+                frame_id: parent.into(),
+                ..header(time)
+            },
+            child_frame_id: child.into(),
             transform: ros::Transform {
-                translation: ros::Vector3 {
-                    x: t.x,
-                    y: t.y,
-                    z: t.z,
-                },
-                rotation: ros::Quaternion {
-                    x: q.i,
-                    y: q.j,
-                    z: q.k,
-                    w: q.w,
-                },
+                translation,
+                rotation,
             },
         };
         let message = ros::TfMessage {
@@ -138,13 +161,59 @@ impl McapRecorder {
         self.file.write(topic, time, &cdr)
     }
 
+    /// Writes samples of odometry, with stamps on the camera's clock once [`Self::add_base`] has said how they differ. Says how many: a file has no times before 0.
+    ///
+    /// # Errors
+    /// The system's reason.
+    pub fn add_odometry(&mut self, samples: &[OdometrySample]) -> Result<usize> {
+        let mut written = 0;
+        for sample in samples {
+            let Some(time) = time_in_file(sample.stamp + self.odometry_offset) else {
+                continue;
+            };
+            let ([x, y, z], [i, j, k, w]) = (sample.position, sample.orientation);
+            // Zeros state nothing.
+            let [place, turn] = sample.sigmas.unwrap_or_default().map(|s| s * s);
+            let mut covariance = [0.0; 36];
+            for (axis, variance) in [place, place, place, turn, turn, turn].iter().enumerate() {
+                covariance[7 * axis] = *variance;
+            }
+            let pose = ros::PoseWithCovariance {
+                pose: ros::Pose {
+                    position: ros::Point { x, y, z },
+                    orientation: ros::Quaternion {
+                        x: i,
+                        y: j,
+                        z: k,
+                        w,
+                    },
+                },
+                covariance: ros::Covariance6(covariance),
+            };
+            let message = ros::Odometry {
+                header: ros::Header {
+                    frame_id: ODOM_FRAME.into(),
+                    ..header(time)
+                },
+                child_frame_id: BASE_FRAME.into(),
+                pose,
+                ..ros::Odometry::default()
+            };
+            self.file.write_value(ODOMETRY, time, &message)?;
+            written += 1;
+        }
+        Ok(written)
+    }
+
     /// Writes samples of the inertial sensor, with stamps on the camera's clock once [`Self::add_imu`] has said how they differ.
     ///
     /// # Errors
     /// The system's reason.
     pub fn add_inertial(&mut self, samples: &[ImuSample]) -> Result<()> {
         for sample in samples {
-            let time = nanoseconds(sample.stamp + self.imu_offset);
+            let Some(time) = time_in_file(sample.stamp + self.imu_offset) else {
+                continue;
+            };
             let vector = |[x, y, z]: [f64; 3]| ros::Vector3 { x, y, z };
             // Begins with -1 where there is no such value: it has no orientation (`sensor_msgs/Imu`).
             let mut none = [0.0; 9];
@@ -174,28 +243,12 @@ impl McapRecorder {
     /// The system's reason.
     pub fn add_truth(&mut self, pose: &StampedPose) -> Result<()> {
         let time = nanoseconds(pose.stamp);
-        let (t, q) = (
-            pose.world_from_camera.translation,
-            pose.world_from_camera.rotation,
-        );
         let message = ros::PoseStamped {
             header: ros::Header {
                 frame_id: "world".into(),
                 ..header(time)
             },
-            pose: ros::Pose {
-                position: ros::Point {
-                    x: t.x,
-                    y: t.y,
-                    z: t.z,
-                },
-                orientation: ros::Quaternion {
-                    x: q.i,
-                    y: q.j,
-                    z: q.k,
-                    w: q.w,
-                },
-            },
+            pose: self::pose(&pose.world_from_camera),
         };
         self.file.write_value(TRUTH_TOPIC, time, &message)
     }
@@ -216,6 +269,28 @@ fn nanoseconds(stamp: f64) -> u64 {
         (micro as u64).saturating_mul(1000)
     } else {
         0
+    }
+}
+
+/// None before 0.
+fn time_in_file(stamp: f64) -> Option<u64> {
+    (stamp >= 0.0).then(|| nanoseconds(stamp))
+}
+
+fn pose(pose: &Se3) -> ros::Pose {
+    let (t, q) = (pose.translation, pose.rotation);
+    ros::Pose {
+        position: ros::Point {
+            x: t.x,
+            y: t.y,
+            z: t.z,
+        },
+        orientation: ros::Quaternion {
+            x: q.i,
+            y: q.j,
+            z: q.k,
+            w: q.w,
+        },
     }
 }
 

@@ -4,6 +4,7 @@
 mod files;
 mod inertial;
 mod mutations;
+mod odometry;
 mod orbbec;
 #[cfg(feature = "sqlite")]
 mod sqlite;

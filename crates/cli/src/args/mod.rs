@@ -165,8 +165,12 @@ pub(crate) struct TopicArgs {
     /// Use no inertial sensor, of a recording or a data set folder.
     #[arg(long, conflicts_with = "imu_topic")]
     pub(crate) no_imu: bool,
+    /// Topic of the wheels' odometry in a recording
+    /// [default: the only one that can be of wheels, where it is known how the camera stands on the base].
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) odometry_topic: Option<String>,
     /// Use no wheel odometry, of a recording or a data set folder.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "odometry_topic")]
     pub(crate) no_odometry: bool,
     /// Depth values per metre of a recording [default: what the device says, else 1000].
     #[arg(long, value_name = "N", value_parser = depth_scale)]

@@ -216,6 +216,7 @@ impl Plan<'_> {
             ("--depth-topic", &topics.depth_topic),
             ("--truth-topic", &topics.truth_topic),
             ("--imu-topic", &topics.imu_topic),
+            ("--odometry-topic", &topics.odometry_topic),
         ] {
             if let Some(topic) = topic {
                 add(option, topic.into());
@@ -311,6 +312,7 @@ mod tests {
                 truth_topic: Some("/t".into()),
                 imu_topic: Some("/i".into()),
                 no_imu: true,
+                odometry_topic: Some("/o".into()),
                 no_odometry: true,
                 depth_scale: Some(5000.0),
             },
@@ -335,7 +337,7 @@ mod tests {
         let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
                         --detector-threads 2 --config my.toml \
                         --set a.b=1 --set a.c=2 --seed 9 --color-topic /c --depth-topic /d --truth-topic /t \
-                        --imu-topic /i --depth-scale 5000 --no-imu --no-odometry --strict";
+                        --imu-topic /i --odometry-topic /o --depth-scale 5000 --no-imu --no-odometry --strict";
         let found: Vec<String> = plan
             .arguments(Path::new("a"))
             .iter()

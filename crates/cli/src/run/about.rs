@@ -31,6 +31,8 @@ pub(crate) struct About {
     pub(crate) imu_topic: Option<String>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) no_imu: bool,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) odometry_topic: Option<String>,
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub(crate) no_odometry: bool,
     /// Depth values per metre, when they were named.
@@ -85,6 +87,7 @@ impl About {
             truth_topic: input.topics.truth_topic.clone(),
             imu_topic: input.topics.imu_topic.clone(),
             no_imu: input.topics.no_imu,
+            odometry_topic: input.topics.odometry_topic.clone(),
             no_odometry: input.topics.no_odometry,
             depth_scale: input.topics.depth_scale,
             start: input.start,

@@ -390,6 +390,7 @@ pub(crate) fn options(input: &InputArgs) -> OpenOptions {
         truth_topic: input.topics.truth_topic.clone(),
         imu_topic: input.topics.imu_topic.clone(),
         no_imu: input.topics.no_imu,
+        odometry_topic: input.topics.odometry_topic.clone(),
         no_odometry: input.topics.no_odometry,
         depth_scale: input.topics.depth_scale,
         ..OpenOptions::default()

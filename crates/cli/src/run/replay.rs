@@ -29,6 +29,7 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
             truth_topic: about.truth_topic,
             imu_topic: about.imu_topic,
             no_imu: about.no_imu,
+            odometry_topic: about.odometry_topic,
             no_odometry: about.no_odometry,
             depth_scale: about.depth_scale,
         },

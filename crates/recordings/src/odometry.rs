@@ -1,0 +1,358 @@
+//! Wheel odometry of a recording: which topic is of wheels, how the camera stands on their base, and its samples.
+//!
+//! Answers: what the wheels said up to a frame. Messages do not say what moved them: a topic is taken by itself only where nothing speaks against wheels, and that it was taken is said.
+
+use crate::error::{RecordingError, Result};
+use crate::inertial::{Stamped, stamped};
+use crate::probe::{Probe, Stream};
+use crate::recording::Recording;
+use crate::store::Slot;
+use crate::transforms::frame_name;
+use std::sync::Arc;
+use stillpoint_geometry::{OdometryModel, Se3};
+use stillpoint_imaging::OdometrySample;
+use stillpoint_ros_messages as ros;
+
+const TYPE: &str = "nav_msgs/msg/Odometry";
+/// Samples from so long before the first frame are of use, s.
+const BEFORE: f64 = 0.4;
+/// Variances above are those of what is not measured: m^2, and rad^2.
+const OPEN: [f64; 2] = [1e4, 10.0];
+/// What is a part of the names of this program's own topics.
+const OWN: &str = "stillpoint";
+/// Words in names of topics and bases that are not of wheels: of cameras and lasers, of what fuses them, and of ground truth.
+const NOT_WHEELS: [&str; 36] = [
+    "camera",
+    "cam",
+    "optical",
+    "visual",
+    "vision",
+    "vo",
+    "vio",
+    "stereo",
+    "rgbd",
+    "orb",
+    "slam",
+    "rtabmap",
+    "vins",
+    "openvins",
+    "okvis",
+    "kimera",
+    "basalt",
+    "zed",
+    "t265",
+    "realsense",
+    "imu",
+    "lidar",
+    "laser",
+    "icp",
+    "loam",
+    "lio",
+    "gps",
+    "gnss",
+    "uwb",
+    "truth",
+    "groundtruth",
+    "gt",
+    "mocap",
+    "vicon",
+    "optitrack",
+    "qualisys",
+];
+
+/// What the user said of the odometry.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wanted<'a> {
+    /// Its topic.
+    pub(crate) topic: Option<&'a str>,
+    /// The topic of ground truth.
+    pub(crate) truth: Option<&'a str>,
+    /// How the camera stands on the base, by the camera file.
+    pub(crate) model: Option<OdometryModel>,
+}
+
+/// Odometry, and where its messages are.
+#[derive(Clone, Debug)]
+pub(crate) struct Wheels {
+    pub(crate) model: OdometryModel,
+    stands: Stamped,
+}
+
+/// A topic of odometry.
+#[derive(Clone, Debug)]
+struct Topic {
+    channel: u32,
+    name: String,
+    /// The frame in which the base is.
+    odom: String,
+    base: String,
+}
+
+impl Topic {
+    /// Whether this program wrote it.
+    fn is_own(&self) -> bool {
+        self.name.split('/').any(|part| part == OWN)
+    }
+
+    /// The word by which it is not of wheels.
+    fn doubt(&self) -> Option<&'static str> {
+        let text = format!("{} {}", self.name, self.base).to_lowercase();
+        let mut words = text.split(|c: char| !c.is_ascii_alphanumeric());
+        words.find_map(|word| NOT_WHEELS.iter().copied().find(|n| *n == word))
+    }
+
+    /// Where the camera stands on the base by transforms that do not change, and not through the frame in which the base moves.
+    fn mount(&self, probe: &Probe, camera: &str) -> Option<Se3> {
+        let known = !self.base.is_empty();
+        known.then(|| probe.transforms.find_fixed(&self.base, camera, &self.odom))?
+    }
+}
+
+/// Finds the wheels' odometry; none where there is none, where none or several topics can be of wheels, or where nothing tells how the camera stands on the base, which is said. `by_arrival`:
+/// the frames have the times at which they were received.
+///
+/// # Errors
+/// [`RecordingError::Topics`]: the topic that was named is not one of odometry, or is this program's own or the ground truth.
+pub(crate) fn find(
+    recording: &mut Recording,
+    probe: &Probe,
+    wanted: Wanted<'_>,
+    colour: &Stream,
+    by_arrival: bool,
+    said: (&mut Vec<String>, &mut Vec<String>),
+) -> Result<Option<Wheels>> {
+    let (guesses, warnings) = said;
+    let topics = topics(recording)?;
+    let is_free = |t: &&Topic| !t.is_own() && Some(t.name.as_str()) != wanted.truth;
+    let free: Vec<&Topic> = topics.iter().filter(is_free).collect();
+    let chosen = match wanted.topic {
+        Some(named) => Some(named_one(recording, &free, named)?),
+        None => only(&free, warnings),
+    };
+    let Some(chosen) = chosen else {
+        return Ok(None);
+    };
+    let by_transforms = || {
+        chosen
+            .mount(probe, &colour.frame)
+            .map(OdometryModel::mounted)
+    };
+    let model = wanted.model.or_else(by_transforms);
+    let Some(model) = model.filter(|m| m.check().is_ok()) else {
+        warnings.push(unmounted(chosen, &colour.frame));
+        return Ok(None);
+    };
+    let stands = stamped(recording, chosen.channel, by_arrival);
+    guesses.push(format!(
+        "odometry: {} of {}, {} samples, mounted as the {}{}",
+        chosen.name,
+        base_name(chosen),
+        stands.len(),
+        match wanted.model {
+            Some(_) => "camera file says",
+            None => "transforms say",
+        },
+        match wanted.topic {
+            Some(_) => "",
+            None => "; taken to be of wheels (--no-odometry leaves it out)",
+        }
+    ));
+    Ok(Some(Wheels { model, stands }))
+}
+
+/// The topics of odometry. What does not read is as if it were not there.
+fn topics(recording: &mut Recording) -> Result<Vec<Topic>> {
+    let mut found = Vec::new();
+    for channel in recording.channels_of(TYPE) {
+        let Some(slot) = recording.slots_of(channel).next().copied() else {
+            continue;
+        };
+        let bytes = recording.read(&slot)?;
+        let Ok(message) = recording.parse::<ros::Odometry<'_>>(&slot, &bytes) else {
+            continue;
+        };
+        found.push(Topic {
+            channel,
+            name: recording.topic(channel).to_owned(),
+            odom: frame_name(&message.header.frame_id).to_owned(),
+            base: frame_name(&message.child_frame_id).to_owned(),
+        });
+    }
+    Ok(found)
+}
+
+fn named_one<'t>(recording: &Recording, free: &[&'t Topic], named: &str) -> Result<&'t Topic> {
+    let found = free.iter().find(|t| t.name == named).copied();
+    found.ok_or_else(|| {
+        RecordingError::topics(
+            &recording.path,
+            "--odometry-topic to name a topic of odometry that is neither this program's own nor the ground truth",
+            format!("{named}, and of such topics {}", listed(free)),
+            "name one of these",
+        )
+    })
+}
+
+/// The only topic that can be of wheels. Of others, and of rivals, it is said that they are not used.
+fn only<'t>(free: &[&'t Topic], warnings: &mut Vec<String>) -> Option<&'t Topic> {
+    let wheels: Vec<&Topic> = free
+        .iter()
+        .copied()
+        .filter(|t| t.doubt().is_none())
+        .collect();
+    match (wheels.as_slice(), free) {
+        ([one], _) => return Some(one),
+        ([], []) => {}
+        ([], [other, ..]) => warnings.push(format!(
+            "topic {} is not used as odometry: \"{}\" in its name or base says that it is not of wheels; if it does not come from this camera it can be named with --odometry-topic, or left out with --no-odometry",
+            other.name,
+            other.doubt().unwrap_or_default()
+        )),
+        (rivals, _) => warnings.push(format!(
+            "no odometry is used, as there are {} topics: {}; name that of the wheels with --odometry-topic, or none with --no-odometry",
+            rivals.len(),
+            listed(rivals)
+        )),
+    }
+    None
+}
+
+fn unmounted(topic: &Topic, camera: &str) -> String {
+    format!(
+        "odometry of {} is not used: nothing says where the camera ({}) stands on {}; record /tf_static with a chain that does not move between them, or give a camera file with a table [odometry] by --camera",
+        topic.name,
+        if camera.is_empty() {
+            "without a frame"
+        } else {
+            camera
+        },
+        base_name(topic)
+    )
+}
+
+fn base_name(topic: &Topic) -> &str {
+    match topic.base.as_str() {
+        "" => "a base without a name",
+        base => base,
+    }
+}
+
+fn listed(topics: &[&Topic]) -> String {
+    if topics.is_empty() {
+        return "none".to_owned();
+    }
+    let names: Vec<&str> = topics.iter().map(|t| t.name.as_str()).collect();
+    names.join(", ")
+}
+
+/// The samples of odometry, in order of time.
+#[derive(Debug)]
+pub(crate) struct Stands {
+    all: Stamped,
+    next: usize,
+}
+
+impl Stands {
+    /// From shortly before `first` on, the stamp of the first frame, s.
+    pub(crate) fn new(wheels: &Wheels, first: f64) -> Self {
+        Self {
+            next: wheels.stands.partition_point(|s| s.0 < first - BEFORE),
+            all: Arc::clone(&wheels.stands),
+        }
+    }
+
+    /// What was not taken yet up to `stamp`, s, and one sample after it. What does not read is left out.
+    pub(crate) fn take_until(
+        &mut self,
+        recording: &mut Recording,
+        stamp: f64,
+    ) -> Vec<OdometrySample> {
+        let after = self.all.partition_point(|s| s.0 < stamp);
+        let end = (after + 1).min(self.all.len());
+        let due = self.all.get(self.next..end).unwrap_or_default();
+        let taken = due.iter().filter_map(|(t, slot)| read(recording, slot, *t));
+        let taken = taken.collect();
+        self.next = self.next.max(end);
+        taken
+    }
+}
+
+fn read(recording: &mut Recording, slot: &Slot, stamp: f64) -> Option<OdometrySample> {
+    let bytes = recording.read(slot).ok()?;
+    let message: ros::Odometry<'_> = recording.parse(slot, &bytes).ok()?;
+    odometry_sample(&message, stamp)
+}
+
+/// The sample that a message of odometry is, with a stamp, s; none where it holds no pose. Covariances without a value in them, or with values that no measurement has, state nothing.
+#[must_use]
+pub fn odometry_sample(message: &ros::Odometry<'_>, stamp: f64) -> Option<OdometrySample> {
+    let (p, q) = (&message.pose.pose.position, &message.pose.pose.orientation);
+    let sample = OdometrySample {
+        stamp,
+        position: [p.x, p.y, p.z],
+        orientation: [q.x, q.y, q.z, q.w],
+        sigmas: sigmas(&message.pose.covariance.0),
+    };
+    sample.is_pose().then_some(sample)
+}
+
+/// Standard deviations of place, m, along the ground, and of direction, rad, about what stands on it.
+fn sigmas(covariance: &[f64; 36]) -> Option<[f64; 2]> {
+    // The six variances are those of x, y, z and of the turns about them.
+    let [x, y, yaw] = [0, 7, 35].map(|i| covariance[i]);
+    let place = if x < y { y } else { x };
+    let is_stated = |v: f64, open: f64| (0.0..=open).contains(&v);
+    let stated = is_stated(x, OPEN[0]) && is_stated(y, OPEN[0]) && is_stated(yaw, OPEN[1]);
+    (stated && (place > 0.0 || yaw > 0.0)).then(|| [place.sqrt(), yaw.sqrt()])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn covariances_that_state_nothing_are_left_out() {
+        let of = |x: f64, y: f64, yaw: f64| {
+            let mut all = [0.0; 36];
+            (all[0], all[7], all[35]) = (x, y, yaw);
+            sigmas(&all)
+        };
+        assert_eq!(of(0.0, 0.0, 0.0), None);
+        assert_eq!(of(0.04, 0.01, 0.25), Some([0.2, 0.5]));
+        assert_eq!(of(0.01, 0.04, 0.0), Some([0.2, 0.0]));
+        for bad in [-1.0, 1e6, f64::NAN, f64::INFINITY] {
+            assert_eq!(of(bad, 0.01, 0.01), None, "{bad}");
+            assert_eq!(of(0.01, bad, 0.01), None, "{bad}");
+            assert_eq!(of(0.01, 0.01, bad), None, "{bad}");
+        }
+    }
+
+    #[test]
+    fn names_tell_what_is_not_of_wheels() {
+        let topic = |name: &str, base: &str| Topic {
+            channel: 0,
+            name: name.into(),
+            odom: "odom".into(),
+            base: base.into(),
+        };
+        for (name, base) in [
+            ("/odom", "base_link"),
+            ("/robot/wheel_odometry", "base_footprint"),
+            ("/odometry/filtered", "base_link"),
+            ("/diff_drive_controller/odom", "robot/base"),
+        ] {
+            assert_eq!(topic(name, base).doubt(), None, "{name}");
+        }
+        for (name, base, word) in [
+            ("/visual_odometry", "base_link", "visual"),
+            ("/odom", "camera_link", "camera"),
+            ("/rtabmap/odom", "base_link", "rtabmap"),
+            ("/odom/GT", "base_link", "gt"),
+        ] {
+            assert_eq!(topic(name, base).doubt(), Some(word), "{name}");
+        }
+        assert!(topic("/stillpoint/odometry", "base_link").is_own());
+        assert!(topic("/robot/stillpoint/odometry", "base_link").is_own());
+        assert!(!topic("/odom", "stillpoint").is_own());
+    }
+}
