@@ -27,6 +27,9 @@ pub(crate) const CIRCLE: [(i32, i32); 16] = [
     (-1, 3),
 ];
 
+/// Rows that are scored and searched in turn.
+const ROWS: usize = 8;
+
 /// Side of a cell that is searched with the low threshold when the other finds nothing, px.
 const CELL: usize = 32;
 
@@ -77,9 +80,23 @@ impl FastDetector {
         if width <= 2 * options.margin || height <= 2 * options.margin {
             return &self.corners;
         }
-        score_image(image, options, self.scores.data_mut(), self.simd);
         self.cells.lay_out((width, height), options);
-        self.find_maxima(options);
+        // Rows of scores are looked at while they are in the nearest cache. One row more on each side: suppression looks at all neighbours of a corner.
+        let (first, end) = (options.margin, height - options.margin);
+        let mut scored = first - 1;
+        for start in (first..end).step_by(ROWS) {
+            let rows = start..(start + ROWS).min(end);
+            let until = rows.end + 1;
+            score_rows(
+                image,
+                scored..until,
+                options,
+                self.scores.data_mut(),
+                self.simd,
+            );
+            scored = until;
+            self.find_maxima(rows, options);
+        }
         // Weak corners found before the first strong one of their cell.
         let cells = &self.cells;
         self.corners
@@ -97,10 +114,11 @@ impl FastDetector {
         &self.scores
     }
 
-    fn find_maxima(&mut self, options: &FastOptions) {
+    /// Corners of some rows, those above them having been looked at.
+    fn find_maxima(&mut self, rows: Range<usize>, options: &FastOptions) {
         let margin = options.margin;
         let columns = margin..self.scores.width() - margin;
-        for y in margin..self.scores.height() - margin {
+        for y in rows {
             if (y - margin).is_multiple_of(self.cells.height) {
                 self.cells.thresholds.fill(options.low);
             }
@@ -172,11 +190,16 @@ impl Cells {
     }
 }
 
-fn score_image(image: &GrayImage, options: &FastOptions, scores: &mut [u8], simd: Simd) {
-    let (width, height) = (image.width(), image.height());
-    // One pixel more on each side: suppression looks at all neighbours of a corner.
+/// Scores of some rows, from one column within the margin to the other.
+fn score_rows(
+    image: &GrayImage,
+    rows: Range<usize>,
+    options: &FastOptions,
+    scores: &mut [u8],
+    simd: Simd,
+) {
+    let width = image.width();
     let columns = options.margin - 1..width - options.margin + 1;
-    let rows = options.margin - 1..height - options.margin + 1;
     #[cfg(target_arch = "x86_64")]
     if simd.has_avx2() {
         return crate::avx2::score_rows(image, rows, columns, options.low, scores);
