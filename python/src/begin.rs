@@ -6,17 +6,17 @@ use crate::config::Config;
 use crate::driver::{Driver, Inline};
 use crate::guard::{Turn, detached};
 use crate::images::{Intake, Order};
-use crate::inertial;
 use crate::live::{Called, Live};
 use crate::result::About;
+use crate::sensors::{Models, Sensors};
 use crate::slam::Slam;
+use crate::{inertial, odometry};
 use pyo3::exceptions::{PyOSError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
 use std::path::PathBuf;
 use stillpoint::dense::{Dense as Fusing, DenseConfig, DenseMap};
 use stillpoint::detection::{Detector, DetectorInfo, NoDetector};
-use stillpoint::geometry::ImuModel;
 use stillpoint::imaging::Simd;
 use stillpoint::slam::{MapUse, Stages, System};
 use stillpoint_cli::front;
@@ -28,7 +28,7 @@ pub(crate) struct Begin {
     order: Order,
     detector: Named,
     dense: Option<DenseConfig>,
-    imu: Option<ImuModel>,
+    models: Models,
     live: bool,
     map: Option<(PathBuf, MapUse)>,
 }
@@ -49,6 +49,8 @@ pub(crate) struct Options<'a, 'py> {
     pub(crate) color_order: Option<&'a Bound<'py, PyAny>>,
     pub(crate) dense: Option<&'a Bound<'py, PyAny>>,
     pub(crate) imu: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) odometry: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) prior: Option<&'a Bound<'py, PyAny>>,
 }
 
 impl Options<'_, '_> {
@@ -61,7 +63,7 @@ impl Options<'_, '_> {
             ));
         }
         Ok(Begin {
-            imu: inertial::model(self.imu, &camera)?,
+            models: self.models(&camera)?,
             camera,
             config: Config::from_any(self.config)?,
             order: Order::of(self.color_order)?,
@@ -69,6 +71,22 @@ impl Options<'_, '_> {
             dense: voxel(self.dense)?,
             live: self.live.map_or(Ok(false), |l| yes("live", l))?,
             map,
+        })
+    }
+
+    fn models(&self, camera: &Camera) -> PyResult<Models> {
+        let base = odometry::model(self.odometry, camera)?;
+        let prior = odometry::prior(self.prior)?;
+        if base.is_some() && prior.is_some() {
+            return Err(value(
+                "prior",
+                "expected odometry of a base or poses of the camera, found both; begin with one of them",
+            ));
+        }
+        Ok(Models {
+            imu: inertial::model(self.imu, camera)?,
+            odometry: base.or(prior),
+            has_prior: prior.is_some(),
         })
     }
 }
@@ -122,13 +140,13 @@ impl Begin {
                 (detector, looks, None)
             }
         };
-        let has_imu = self.imu.is_some();
+        let sensors = Sensors::new(self.models);
         let (driver, about) = detached(py, || self.driver(detector, function.is_some()))??;
         Ok(Slam {
             driver: Turn::new(driver),
             intake: Intake::new(camera, order, keep || looks),
             function,
-            has_imu,
+            sensors,
             about,
         })
     }
@@ -161,8 +179,14 @@ impl Begin {
             value(if is_camera { "camera" } else { "config" }, e)
         })?;
         let stages = stages.with_workers(workers);
-        let stages = match self.imu {
+        let stages = match self.models.imu {
             Some(model) => stages.with_imu(model).map_err(|e| value("imu", e))?,
+            None => stages,
+        };
+        let stages = match self.models.odometry {
+            Some(model) => stages
+                .with_odometry(model)
+                .map_err(|e| value("odometry", e))?,
             None => stages,
         };
         let mut known = None;

@@ -9,7 +9,9 @@ use std::time::Instant;
 use stillpoint::datasets::StampedPose;
 use stillpoint::dense::{Dense, DenseCounts, DenseMap, FinalPose};
 use stillpoint::detection::{Detection, Detector, DetectorInfo};
-use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, ImuSample, RgbdFrame};
+use stillpoint::imaging::{
+    ColourImage, DepthImage, FrameId, GrayImage, ImuSample, OdometrySample, RgbdFrame,
+};
 use stillpoint::map::{Map, MapView};
 use stillpoint::slam::{
     Event, FrameEvent, RefusedFrame, Subscriber, System, Timing, Trajectory, TrajectoryEntry,
@@ -234,6 +236,15 @@ impl Driver {
             Self::Inline(inline) if !inline.is_over => inline.system.receive_inertial(samples),
             Self::Inline(_) => {}
             Self::Live(live) => live.receive_inertial(samples),
+        }
+    }
+
+    /// Takes what the wheels did up to the next frame.
+    pub(crate) fn receive_odometry(&mut self, samples: Vec<OdometrySample>) {
+        match self {
+            Self::Inline(inline) if !inline.is_over => inline.system.receive_odometry(samples),
+            Self::Inline(_) => {}
+            Self::Live(live) => live.receive_odometry(samples),
         }
     }
 

@@ -51,7 +51,7 @@ impl Frame {
         self.event.report.stamp
     }
 
-    /// initialised (a map begins here), tracked, relocalised, carried (by a gyroscope) or lost.
+    /// initialised (a map begins here), tracked, relocalised, carried (by a gyroscope or wheels) or lost.
     #[getter]
     fn state(&self) -> &'static str {
         match self.event.report.outcome {
@@ -191,6 +191,14 @@ impl Frame {
     fn inertial<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let report = self.event.report.inertial.as_ref();
         report.map(|r| crate::inertial::report(py, r)).transpose()
+    }
+
+    /// What is known of the odometry, or of the poses that were handed over beforehand, by name: ``state`` (unconfirmed, confirmed or ignored), ``reason`` why it is ignored,
+    /// or None, ``samples`` that were used so far, ``slips``: how often it went otherwise than the map bears out. None without any.
+    #[getter]
+    fn odometry<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
+        let report = self.event.report.odometry.as_ref();
+        report.map(|r| crate::odometry::report(py, r)).transpose()
     }
 
     /// The grey image that was tracked, (height, width) uint8; a view that cannot be written to.

@@ -3,8 +3,9 @@
 use crate::arguments::{Depths, Pixels, colour, depth, stamp, value, words};
 use crate::camera::Camera;
 use crate::detections::detections;
-use crate::driver::Taken;
+use crate::driver::{Taken, Trouble};
 use crate::guard::detached;
+use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -91,6 +92,22 @@ pub(crate) fn refused(refused: RefusedFrame) -> PyErr {
     match refused.reason {
         RefusalReason::Stamp { .. } => value("stamp", refused),
         _ => value("frame", refused),
+    }
+}
+
+/// Why there is no answer to a frame, as an exception.
+pub(crate) fn trouble(trouble: Trouble) -> PyErr {
+    match trouble {
+        Trouble::Refused(frame) => refused(frame),
+        Trouble::Over => PyRuntimeError::new_err(
+            "expected a run that goes on, found one that finish() ended; begin a new Slam",
+        ),
+        Trouble::Full => {
+            PyRuntimeError::new_err("as many frames as there are numbers for: begin a new Slam")
+        }
+        Trouble::Broken(why) => PyRuntimeError::new_err(format!(
+            "expected the run's threads to be there, found that one ended: {why}; begin a new Slam, and please report this"
+        )),
     }
 }
 

@@ -13,7 +13,7 @@ use stillpoint::dense::{Dense, DenseCounts, DenseMap};
 use stillpoint::detection::{
     DetectError, Detection, Detections, Detector, DetectorInfo, DetectorKind,
 };
-use stillpoint::imaging::{FrameId, ImuSample, RgbdFrame};
+use stillpoint::imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint::live::{Delivery, Events, LiveOptions, LiveResult, LiveSystem, Stage, ThreadState};
 use stillpoint::map::Map;
 use stillpoint::slam::{Event, FrameEvent, Stages, Subscriber, Timing};
@@ -143,6 +143,13 @@ impl Live {
     pub(crate) fn receive_inertial(&mut self, samples: Vec<ImuSample>) {
         if let Some(run) = &mut self.run {
             run.tell_inertial(samples);
+        }
+    }
+
+    /// The same of what the wheels did.
+    pub(crate) fn receive_odometry(&mut self, samples: Vec<OdometrySample>) {
+        if let Some(run) = &mut self.run {
+            run.tell_odometry(samples);
         }
     }
 

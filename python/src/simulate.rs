@@ -14,7 +14,7 @@ use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::{BoundingBox, ClassId, Detection as Seen};
 use stillpoint::simulator::{
-    DetectionNoise, SimulatedImu, Simulator, SimulatorConfig, scene_names,
+    DetectionNoise, SimulatedImu, SimulatedOdometry, Simulator, SimulatorConfig, scene_names,
 };
 
 /// Frames of three hours at 30 Hz, at most.
@@ -30,18 +30,20 @@ const MOST: u64 = 324_000;
 ///     noise: whether images are as a real camera's; else they are ideal.
 ///     camera: its camera; None for one of 640x480 px.
 ///     imu: whether the frames come with samples of an inertial sensor, a BMI055; its noise does not depend on `noise`.
+///     odometry: whether they come with wheel odometry of a base under the camera, whose errors do not depend on `noise` either.
 #[pyclass(frozen, module = "stillpoint_slam")]
 pub(crate) struct Simulation {
     simulator: Arc<Simulator>,
     config: SimulatorConfig,
     camera: Camera,
     imu: Option<SimulatedImu>,
+    wheels: Option<SimulatedOdometry>,
 }
 
 #[pymethods]
 impl Simulation {
     #[new]
-    #[pyo3(signature = (scene=None, frames=None, *, seed=None, rate=None, noise=None, camera=None, imu=None))]
+    #[pyo3(signature = (scene=None, frames=None, *, seed=None, rate=None, noise=None, camera=None, imu=None, odometry=None))]
     #[allow(clippy::too_many_arguments)] // They have names in Python.
     fn new(
         py: Python<'_>,
@@ -52,6 +54,7 @@ impl Simulation {
         noise: Option<&Bound<'_, PyAny>>,
         camera: Option<&Bound<'_, PyAny>>,
         imu: Option<&Bound<'_, PyAny>>,
+        odometry: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let scene = scene.map_or(Ok("xyz".to_owned()), |s| words("scene", s))?;
         let frames = frames.map(|n| count("frames", n, MOST)).transpose()?;
@@ -82,6 +85,10 @@ impl Simulation {
             .map_or(Ok(false), |i| yes("imu", i))?
             .then(SimulatedImu::default);
         model.model.imu = imu.as_ref().map(|i| i.model);
+        let wheels = odometry
+            .map_or(Ok(false), |o| yes("odometry", o))?
+            .then(SimulatedOdometry::default);
+        model.model.odometry = wheels.as_ref().map(|w| w.model);
         let simulator = detached(py, || Simulator::new(&config))?;
         let simulator = simulator.map_err(|e| {
             use stillpoint::simulator::SimulatorError::{Camera, UnknownScene};
@@ -97,6 +104,7 @@ impl Simulation {
             config,
             camera: model,
             imu,
+            wheels,
         })
     }
 
@@ -115,6 +123,12 @@ impl Simulation {
         self.imu.is_some()
     }
 
+    /// Whether they come with wheel odometry.
+    #[getter]
+    fn has_odometry(&self) -> bool {
+        self.wheels.is_some()
+    }
+
     fn __len__(&self) -> usize {
         self.simulator.len()
     }
@@ -128,6 +142,9 @@ impl Simulation {
         if let Some(imu) = &self.imu {
             source = source.with_imu(imu);
         }
+        if let Some(wheels) = &self.wheels {
+            source = source.with_odometry(wheels);
+        }
         Ok(Images::new(source, Some(truth)))
     }
 
@@ -136,7 +153,7 @@ impl Simulation {
         let simulator = &self.simulator;
         let frame = detached(py, || simulator.frame_with_colour(index))?;
         let truth = simulator.world_from_camera(frame.stamp);
-        Ok(Image::new(frame, Some(truth), Vec::new()))
+        Ok(Image::new(frame, Some(truth)))
     }
 
     /// What moves in a frame, exactly, (height, width) uint8: 255 where something moves, else 0.

@@ -6,14 +6,14 @@ use crate::begin::Options;
 use crate::camera::Camera;
 use crate::dense::Dense;
 use crate::detections::answer;
-use crate::driver::{Driver, Trouble};
+use crate::driver::Driver;
 use crate::events::Events;
 use crate::frame::Frame;
 use crate::guard::Turn;
-use crate::images::{Handed, Intake, refused};
-use crate::inertial;
+use crate::images::{Handed, Intake, trouble};
 use crate::map::Map;
 use crate::result::{About, Read};
+use crate::sensors::{Beside, Sensors};
 use crate::trajectory::Trajectory;
 use pyo3::exceptions::{PyFileNotFoundError, PyOSError, PyRuntimeError};
 use pyo3::gc::{PyTraverseError, PyVisit};
@@ -21,7 +21,6 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 use std::path::PathBuf;
 use stillpoint::detection::Detection;
-use stillpoint::imaging::ImuSample;
 use stillpoint::slam::MapUse;
 use stillpoint_cli::front;
 
@@ -38,6 +37,11 @@ use stillpoint_cli::front;
 ///     dense: whether a surface is fused of what stands still (see :attr:`dense`); a number is its voxel, m.
 ///     imu: how an inertial sensor stands to the camera, whose samples :meth:`track` gets: camera_from_imu, (4, 4) float64, m; True for what the
 ///         camera's file or recording says of it; None for no sensor. Its noise is that of a BMI055, unless the camera's file says otherwise.
+///     odometry: how the camera stands on a base whose wheel odometry :meth:`track` gets: base_from_camera, (4, 4) float64, m (the base's axes are x
+///         forward, y left, z up); a dict with that and ``time_offset``, ``slip_per_metre``, ``slip_per_radian``, ``turn_per_metre``; True for what the
+///         camera's file or recording says; None for none.
+///     prior: whether :meth:`track` gets poses of the camera that are known beforehand, from odometry of your own: True, or a dict with the figures
+///         above but the first, by which they err at least. Not beside odometry.
 ///
 /// Raises:
 ///     ValueError, TypeError: an argument that cannot be used; the message names it.
@@ -54,24 +58,9 @@ pub(crate) struct Slam {
     pub(crate) intake: Intake,
     /// The user's function, in a run in one thread.
     pub(crate) function: Option<Py<PyAny>>,
-    /// Whether samples of an inertial sensor are expected.
-    pub(crate) has_imu: bool,
+    /// What is expected beside the images.
+    pub(crate) sensors: Sensors,
     pub(crate) about: About,
-}
-
-fn trouble(trouble: Trouble) -> PyErr {
-    match trouble {
-        Trouble::Refused(frame) => refused(frame),
-        Trouble::Over => PyRuntimeError::new_err(
-            "expected a run that goes on, found one that finish() ended; begin a new Slam",
-        ),
-        Trouble::Full => {
-            PyRuntimeError::new_err("as many frames as there are numbers for: begin a new Slam")
-        }
-        Trouble::Broken(why) => PyRuntimeError::new_err(format!(
-            "expected the run's threads to be there, found that one ended: {why}; begin a new Slam, and please report this"
-        )),
-    }
 }
 
 fn map_file(found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
@@ -88,7 +77,8 @@ fn map_file(found: &Bound<'_, PyAny>) -> PyResult<PathBuf> {
 #[pymethods]
 impl Slam {
     #[new]
-    #[pyo3(signature = (camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None))]
+    #[pyo3(signature = (camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None, odometry=None, prior=None))]
+    #[allow(clippy::too_many_arguments)] // They have names in Python.
     fn new(
         camera: &Bound<'_, PyAny>,
         config: Option<&Bound<'_, PyAny>>,
@@ -97,6 +87,8 @@ impl Slam {
         color_order: Option<&Bound<'_, PyAny>>,
         dense: Option<&Bound<'_, PyAny>>,
         imu: Option<&Bound<'_, PyAny>>,
+        odometry: Option<&Bound<'_, PyAny>>,
+        prior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let py = camera.py();
         let options = Options {
@@ -107,6 +99,8 @@ impl Slam {
             color_order,
             dense,
             imu,
+            odometry,
+            prior,
         };
         options.check(None)?.begin(py)
     }
@@ -118,7 +112,7 @@ impl Slam {
     ///     FileNotFoundError: there is no such file.
     ///     ValueError: it is no map, or of another camera.
     #[classmethod]
-    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None))]
+    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, dense=None, imu=None, odometry=None, prior=None))]
     #[allow(clippy::too_many_arguments)] // They are those of the class, and the path.
     fn load(
         _cls: &Bound<'_, PyType>,
@@ -130,6 +124,8 @@ impl Slam {
         color_order: Option<&Bound<'_, PyAny>>,
         dense: Option<&Bound<'_, PyAny>>,
         imu: Option<&Bound<'_, PyAny>>,
+        odometry: Option<&Bound<'_, PyAny>>,
+        prior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let path = map_file(path)?;
         let py = camera.py();
@@ -141,13 +137,15 @@ impl Slam {
             color_order,
             dense,
             imu,
+            odometry,
+            prior,
         };
         options.check(Some((path, MapUse::Grow)))?.begin(py)
     }
 
     /// Finds the camera in a map and leaves the map as it is. The arguments are those of :meth:`load`.
     #[classmethod]
-    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, imu=None))]
+    #[pyo3(signature = (path, camera, config=None, detector=None, live=None, *, color_order=None, imu=None, odometry=None, prior=None))]
     #[allow(clippy::too_many_arguments)] // As for `load`.
     fn localize(
         _cls: &Bound<'_, PyType>,
@@ -158,6 +156,8 @@ impl Slam {
         live: Option<&Bound<'_, PyAny>>,
         color_order: Option<&Bound<'_, PyAny>>,
         imu: Option<&Bound<'_, PyAny>>,
+        odometry: Option<&Bound<'_, PyAny>>,
+        prior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let path = map_file(path)?;
         let py = camera.py();
@@ -169,6 +169,8 @@ impl Slam {
             color_order,
             dense: None,
             imu,
+            odometry,
+            prior,
         };
         options.check(Some((path, MapUse::Localize)))?.begin(py)
     }
@@ -184,6 +186,12 @@ impl Slam {
     ///     depth_stamp: when the depth image was taken, as stamp; None for the same time.
     ///     imu: what an inertial sensor measured since the frame before, and the first sample after this one where it is there: (N, 7), stamp (s),
     ///         angular rate x, y, z (rad/s), specific force x, y, z (m/s^2). Only with ``Slam(..., imu=...)``.
+    ///     odometry: where the base was since the frame before, and the first sample after this one where it is there: (N, 8), stamp (s), place x, y, z
+    ///         (m), orientation x, y, z, w; or (N, 10), with standard deviations of place (m) and direction (rad) since it began. Only motions between
+    ///         samples count. Only with ``Slam(..., odometry=...)``.
+    ///     prior: where the camera is at this frame in a frame of reference of your own, (4, 4) float64, m: it turns and moves the camera's axes (x right,
+    ///         y down, z forward); or a pair of that and the covariance of the motion since the prior before, (6, 6), [translation; rotation] in the
+    ///         camera's axes, m and rad, of which the largest variances count. Only motions between priors count. Only with ``Slam(..., prior=...)``.
     ///
     /// Returns:
     ///     What became of the frame.
@@ -191,7 +199,7 @@ impl Slam {
     /// Raises:
     ///     ValueError, TypeError: an argument that cannot be used; the message names it, and nothing has changed.
     ///     RuntimeError: the run is over.
-    #[pyo3(signature = (stamp, color, depth, detections=None, *, depth_stamp=None, imu=None))]
+    #[pyo3(signature = (stamp, color, depth, detections=None, *, depth_stamp=None, imu=None, odometry=None, prior=None))]
     #[allow(clippy::too_many_arguments)] // They have names in Python.
     fn track(
         &self,
@@ -202,8 +210,14 @@ impl Slam {
         detections: Option<&Bound<'_, PyAny>>,
         depth_stamp: Option<&Bound<'_, PyAny>>,
         imu: Option<&Bound<'_, PyAny>>,
+        odometry: Option<&Bound<'_, PyAny>>,
+        prior: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Frame> {
-        let inertial = self.inertial(imu)?;
+        let mut samples = self.sensors.check(&Beside {
+            imu,
+            odometry,
+            prior,
+        })?;
         let handed = Handed {
             stamp,
             colour: color,
@@ -216,7 +230,8 @@ impl Slam {
             seen = self.ask(py, function, taken.colour.as_ref())?;
         }
         let tracked = self.driver.with(py, |driver| {
-            driver.receive_inertial(inertial);
+            driver.receive_odometry(self.sensors.odometry(&mut samples, taken.stamp));
+            driver.receive_inertial(samples.inertial);
             driver.track(taken, seen)
         })?;
         tracked.map(Frame::new).map_err(trouble)
@@ -365,19 +380,6 @@ impl Slam {
 }
 
 impl Slam {
-    /// The samples of the inertial sensor, if there is one.
-    fn inertial(&self, found: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<ImuSample>> {
-        let samples = found.map(inertial::samples).transpose()?;
-        let samples = samples.unwrap_or_default();
-        if samples.is_empty() || self.has_imu {
-            return Ok(samples);
-        }
-        Err(value(
-            "imu",
-            "expected samples only where it is known how the sensor is mounted, found some; begin with Slam(..., imu=camera_from_imu)",
-        ))
-    }
-
     /// What the user's function sees, when it is the frame's turn.
     fn ask(
         &self,

@@ -4,8 +4,8 @@ use crate::arguments::{self, count, value, yes};
 use crate::arrays;
 use crate::camera::Camera;
 use crate::guard::{Turn, detached};
-use crate::inertial;
 use crate::trajectory::Trajectory;
+use crate::{inertial, odometry};
 use numpy::{PyArray2, PyArray3};
 use pyo3::exceptions::{PyFileNotFoundError, PyRuntimeWarning, PyStopIteration, PyValueError};
 use pyo3::prelude::*;
@@ -13,7 +13,7 @@ use std::ffi::CString;
 use std::sync::Arc;
 use stillpoint::datasets::{CameraChoice, FrameOptions, ReadAhead};
 use stillpoint::geometry::Se3;
-use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame};
+use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame};
 use stillpoint::recordings::{self, Input, OpenOptions};
 
 /// One colour image with its depth image, as it was recorded. Arrays are views without a copy and cannot be written to.
@@ -22,14 +22,16 @@ pub(crate) struct Image {
     frame: RgbdFrame,
     truth: Option<Se3>,
     inertial: Vec<ImuSample>,
+    odometry: Vec<OdometrySample>,
 }
 
 impl Image {
-    pub(crate) fn new(frame: RgbdFrame, truth: Option<Se3>, inertial: Vec<ImuSample>) -> Self {
+    pub(crate) fn new(frame: RgbdFrame, truth: Option<Se3>) -> Self {
         Self {
             frame,
             truth,
-            inertial,
+            inertial: Vec::new(),
+            odometry: Vec::new(),
         }
     }
 }
@@ -87,6 +89,13 @@ impl Image {
         inertial::rows(py, &self.inertial)
     }
 
+    /// Where the wheels say that the base was since the frame before, and the first sample after this one, as :meth:`Slam.track` takes it: (N, 10)
+    /// float64, NaN where no deviations are known. N is 0 without odometry.
+    #[getter]
+    fn odometry<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        odometry::rows(py, &self.odometry)
+    }
+
     /// The exact pose world_from_camera of a simulated frame, (4, 4) float64, m; else None.
     #[getter]
     fn truth<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
@@ -116,8 +125,9 @@ struct Reading {
     /// The exact pose at a stamp, where it is known.
     truth: Option<Truth>,
     skipped: usize,
-    /// What the inertial sensor measured beside frames that could not be read.
+    /// What the inertial sensor measured and the wheels did beside frames that could not be read.
     inertial: Vec<ImuSample>,
+    odometry: Vec<OdometrySample>,
 }
 
 /// The exact pose at a stamp, s.
@@ -132,6 +142,7 @@ impl Images {
                 truth,
                 skipped: 0,
                 inertial: Vec::new(),
+                odometry: Vec::new(),
             }),
         }
     }
@@ -150,9 +161,14 @@ impl Images {
                 let is_damaged = next.as_ref().is_err_and(|e| e.recoverable);
                 reading.skipped += usize::from(is_damaged);
                 reading.inertial.extend(reading.frames.take_inertial());
+                reading.odometry.extend(reading.frames.take_odometry());
                 Some(next.map(|frame| {
                     let truth = reading.truth.as_ref().map(|t| t(frame.stamp));
-                    Image::new(frame, truth, std::mem::take(&mut reading.inertial))
+                    Image {
+                        inertial: std::mem::take(&mut reading.inertial),
+                        odometry: std::mem::take(&mut reading.odometry),
+                        ..Image::new(frame, truth)
+                    }
                 }))
             })?;
             match next {
@@ -244,6 +260,12 @@ impl Recording {
     #[getter]
     fn has_imu(&self) -> bool {
         self.input.imu().is_some()
+    }
+
+    /// Whether they come with odometry of a base on which it is known how the camera stands: then ``Slam(recording.camera, odometry=True)`` takes it.
+    #[getter]
+    fn has_odometry(&self) -> bool {
+        self.input.odometry().is_some()
     }
 
     /// What it is: the layout of a folder, the format of a file.

@@ -115,6 +115,8 @@ class Slam:
         color_order: _Order = "rgb",
         dense: bool | float | None = None,
         imu: bool | ArrayLike | None = None,
+        odometry: bool | ArrayLike | Mapping[str, Any] | None = None,
+        prior: bool | Mapping[str, float] | None = None,
     ) -> Self: ...
     @classmethod
     def load(
@@ -128,6 +130,8 @@ class Slam:
         color_order: _Order = "rgb",
         dense: bool | float | None = None,
         imu: bool | ArrayLike | None = None,
+        odometry: bool | ArrayLike | Mapping[str, Any] | None = None,
+        prior: bool | Mapping[str, float] | None = None,
     ) -> Self: ...
     @classmethod
     def localize(
@@ -140,6 +144,8 @@ class Slam:
         *,
         color_order: _Order = "rgb",
         imu: bool | ArrayLike | None = None,
+        odometry: bool | ArrayLike | Mapping[str, Any] | None = None,
+        prior: bool | Mapping[str, float] | None = None,
     ) -> Self: ...
     def track(
         self,
@@ -150,6 +156,8 @@ class Slam:
         *,
         depth_stamp: _Stamp | None = None,
         imu: ArrayLike | None = None,
+        odometry: ArrayLike | None = None,
+        prior: ArrayLike | tuple[ArrayLike, ArrayLike | None] | None = None,
     ) -> Frame: ...
     def trajectory(self) -> Trajectory: ...
     @property
@@ -219,6 +227,8 @@ class Frame:
     def health(self) -> Health: ...
     @property
     def inertial(self) -> dict[str, Any] | None: ...
+    @property
+    def odometry(self) -> dict[str, Any] | None: ...
     @property
     def gray(self) -> NDArray[np.uint8]: ...
     @property
@@ -454,6 +464,8 @@ class RgbdFrame:
     @property
     def imu(self) -> NDArray[np.float64]: ...
     @property
+    def odometry(self) -> NDArray[np.float64]: ...
+    @property
     def truth(self) -> NDArray[np.float64] | None: ...
 
 class RgbdFrames:
@@ -479,6 +491,8 @@ class Recording:
     @property
     def has_imu(self) -> bool: ...
     @property
+    def has_odometry(self) -> bool: ...
+    @property
     def kind(self) -> str: ...
     @property
     def notes(self) -> list[str]: ...
@@ -496,9 +510,12 @@ class Simulation:
         noise: bool = True,
         camera: _Camera | None = None,
         imu: bool = False,
+        odometry: bool = False,
     ) -> Self: ...
     @property
     def has_imu(self) -> bool: ...
+    @property
+    def has_odometry(self) -> bool: ...
     @staticmethod
     def scenes() -> list[str]: ...
     def __iter__(self) -> RgbdFrames: ...

@@ -45,13 +45,14 @@ def simulate(
     noise: bool = True,
     camera: Camera | None = None,
     imu: bool = False,
+    odometry: bool = False,
 ) -> Simulation:
     """A simulated room with exact ground truth: an iterable of its frames. See :class:`Simulation`.
 
     >>> len(simulate("walking_xyz", frames=10))
     10
     """
-    return Simulation(scene, frames, seed=seed, rate=rate, noise=noise, camera=camera, imu=imu)
+    return Simulation(scene, frames, seed=seed, rate=rate, noise=noise, camera=camera, imu=imu, odometry=odometry)
 
 
 def record(
@@ -154,6 +155,7 @@ def run(
     live: bool = False,
     dense: bool | float = False,
     imu: bool = True,
+    odometry: bool = True,
     start: int = 0,
     max_frames: int | None = None,
     out: str | os.PathLike[str] | None = None,
@@ -167,6 +169,7 @@ def run(
         camera, start, max_frames: as for :func:`open`.
         config, detector, live, dense: as for :class:`Slam`.
         imu: whether the inertial sensor is used, where there is one whose mount is known.
+        odometry: the same of wheel odometry.
         out: folder for the result, see :meth:`Run.save`; None for none.
         report: whether ``report.html`` is in that folder: one page that shows where the run went wrong.
         progress: whether progress is shown, in a notebook or a terminal.
@@ -184,7 +187,8 @@ def run(
     options = {"camera": camera, "config": config, "detector": detector, "live": live, "dense": dense, "start": start, "max_frames": max_frames}
     source = _Source(path, recording, options)
     imu = imu and recording.has_imu
-    slam = Slam(recording.camera, config, detector, live, dense=dense, imu=imu)
+    odometry = odometry and recording.has_odometry
+    slam = Slam(recording.camera, config, detector, live, dense=dense, imu=imu, odometry=odometry)
     slam._keep_result(pictures)
     lost: list[tuple[int, float, str]] = []
     frames, begin = 0, time.monotonic()
@@ -192,7 +196,8 @@ def run(
         images = iter(recording)
         for image in images:
             pixels = image.color if color else image.gray
-            frame = slam.track(image.stamp, pixels, image.depth, depth_stamp=image.depth_stamp, imu=image.imu if imu else None)
+            beside = {"imu": image.imu if imu else None, "odometry": image.odometry if odometry else None}
+            frame = slam.track(image.stamp, pixels, image.depth, depth_stamp=image.depth_stamp, **beside)
             frames += 1
             if not frame.is_tracked:
                 lost.append((frame.index, frame.stamp, frame.reason or ""))
