@@ -1,10 +1,10 @@
 //! The camera as topics say it: which frames of reference, which calibrations, and what is still missing before images can become frames.
 
-use crate::inertial;
 use crate::options::Options;
+use crate::{inertial, odometry};
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
-use stillpoint::geometry::{ImuModel, Se3};
+use stillpoint::geometry::{ImuModel, OdometryModel, Se3};
 use stillpoint::recordings::{
     ImageMessage, Incoming, IncomingTopic, OpenOptions, Transforms, says_registered,
 };
@@ -46,6 +46,8 @@ pub struct CameraState {
     parents: BTreeMap<String, String>,
     /// The frame of reference of the inertial sensor, once it has said something.
     imu_frame: Option<String>,
+    /// The frames of reference of the odometry and of its base, once it has said something.
+    odometry_frames: Option<[String; 2]>,
     /// When the first pair came that could not become a frame.
     waiting: Option<Instant>,
 }
@@ -60,6 +62,10 @@ pub struct Ready {
     pub imu: Option<ImuModel>,
     /// Why there is none although it is asked for.
     pub without_imu: Option<String>,
+    /// The same of the odometry of the base that carries the camera.
+    pub wheels: Option<OdometryModel>,
+    /// Why there is none although it is asked for.
+    pub without_wheels: Option<String>,
 }
 
 /// Why they cannot yet.
@@ -83,6 +89,7 @@ impl CameraState {
             constants: Vec::new(),
             parents: BTreeMap::new(),
             imu_frame: None,
+            odometry_frames: None,
             waiting: None,
         }
     }
@@ -206,8 +213,11 @@ impl CameraState {
         let missing = missing.map(|m| format!("what tells where depth stands to colour: {m}"));
         let imu = options.subscribe_imu.then(|| self.imu(of_colour));
         let without_imu = imu.as_ref().and_then(|i| i.as_ref().err()).cloned();
+        let wheels = options.subscribe_odometry.then(|| self.wheels(of_colour));
+        let without_wheels = wheels.as_ref().and_then(|w| w.as_ref().err()).cloned();
         let waited = self.waiting.get_or_insert_with(Instant::now).elapsed();
-        if let Some(missing) = missing.or_else(|| without_imu.clone())
+        let beside = || without_imu.clone().or_else(|| without_wheels.clone());
+        if let Some(missing) = missing.or_else(beside)
             && waited < PATIENCE
         {
             return Err(NotReady::Waiting(missing));
@@ -235,6 +245,8 @@ impl CameraState {
             optical: of_colour.to_owned(),
             imu: imu.and_then(Result::ok),
             without_imu,
+            wheels: wheels.and_then(Result::ok),
+            without_wheels,
         })
     }
 
@@ -253,6 +265,23 @@ impl CameraState {
         };
         let model = inertial::mounted(&self.transforms, optical, frame);
         model.ok_or_else(|| format!("{what}: no {frame} -> {optical} on /tf_static"))
+    }
+
+    /// The odometry has said something, of a base in this frame and of this one.
+    pub fn note_odometry(&mut self, frames: &[String; 2]) {
+        if self.odometry_frames.as_ref() != Some(frames) {
+            self.odometry_frames = Some(frames.clone());
+        }
+    }
+
+    /// The odometry, or what is missing for it.
+    fn wheels(&self, optical: &str) -> Result<OdometryModel, String> {
+        let what = "what tells where the camera stands on the base of the odometry";
+        let Some(frames) = &self.odometry_frames else {
+            return Err(format!("{what}: no message of it"));
+        };
+        let model = odometry::mounted(&self.transforms, optical, frames);
+        model.ok_or_else(|| format!("{what}: no {optical} -> {} on /tf_static", frames[1]))
     }
 
     /// `base_from_optical`, if a chain of transforms says so.

@@ -4,6 +4,7 @@ use crate::bus::{Bus, BusError, Quality, Reader};
 use crate::camera::{CameraState, CameraTopics};
 use crate::inertial::{IMU, Measured};
 use crate::names::{NodeName, Remap, resolve};
+use crate::odometry::{ODOMETRY, Rolled};
 use crate::options::Options;
 use crate::pairing::{Pair, Pairing, Stream, Taken};
 use crate::waiting::{Seen, StreamState};
@@ -17,8 +18,6 @@ use stillpoint::ros_messages::Message;
 pub const COLOUR: &str = "camera/color/image_raw";
 /// Depth in the colour camera, as the drivers of RealSense name it.
 pub const DEPTH: &str = "camera/aligned_depth_to_color/image_raw";
-/// Odometry that is recorded.
-pub const ODOMETRY: &str = "wheel_odometry";
 
 /// Images of each stream of which is known when they came: as many as may wait for a calibration, and some.
 const WHOLE: usize = 32;
@@ -48,8 +47,8 @@ pub struct News {
     pub other_camera: bool,
     /// Messages of `/tf_static`.
     pub transforms: Vec<Vec<u8>>,
-    /// Messages of odometry, with their topic.
-    pub odometry: Vec<(String, Vec<u8>)>,
+    /// Messages of odometry, with what is in them.
+    pub odometry: Vec<(Rolled, Vec<u8>)>,
     /// Messages of the inertial sensor, with what is in them.
     pub inertial: Vec<(Measured, Vec<u8>)>,
     /// What did not read.
@@ -120,7 +119,7 @@ impl Intake {
         };
         let odometry = options.subscribe_odometry.then(|| {
             let name = resolve(ODOMETRY, &node, remaps);
-            let reader = bus.subscribe(&name, ros::Odometry::NAME, Quality::SENSOR)?;
+            let reader = bus.subscribe(&name, ros::Odometry::NAME, Quality::INERTIAL)?;
             Ok::<_, BusError>((name, reader))
         });
         let odometry = odometry.transpose()?;
@@ -161,6 +160,12 @@ impl Intake {
     #[must_use]
     pub fn inertial_topic(&self) -> Option<&str> {
         self.inertial.as_ref().map(|(name, _)| name.as_str())
+    }
+
+    /// Name of the odometry's topic, where it is used.
+    #[must_use]
+    pub fn odometry_topic(&self) -> Option<&str> {
+        self.odometry.as_ref().map(|(name, _)| name.as_str())
     }
 
     /// Publishers of colour, depth and constant transforms.
@@ -209,9 +214,15 @@ impl Intake {
                 Err(e) => news.broken.push(e),
             }
         }
-        if let Some((topic, reader)) = &self.odometry {
+        if let Some((_, reader)) = &self.odometry {
             while let Some(message) = reader.take() {
-                news.odometry.push((topic.clone(), message.bytes));
+                match Rolled::read(&message.bytes) {
+                    Ok(rolled) => {
+                        camera.note_odometry(&rolled.frames);
+                        news.odometry.push((rolled, message.bytes));
+                    }
+                    Err(e) => news.broken.push(e),
+                }
             }
         }
         if let Some((_, reader)) = &self.inertial {

@@ -13,6 +13,7 @@ pub mod maps;
 pub mod mounting;
 pub mod names;
 pub mod node;
+pub mod odometry;
 pub mod options;
 pub mod outlet;
 pub mod outputs;

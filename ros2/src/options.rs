@@ -92,7 +92,7 @@ pub const ALL: &[Described] = &[
         "subscribe_odometry",
         "false",
         AtStart,
-        "Whether wheel_odometry is recorded.",
+        "Whether wheel_odometry (of the robot's wheels, never what this node publishes) is used. Where the camera stands on its base is read from /tf_static.",
     ),
     described(
         "subscribe_imu",
@@ -212,7 +212,7 @@ pub struct Options {
     pub depth_transport: String,
     /// Whether lost images are asked for again.
     pub reliable: bool,
-    /// Whether odometry is subscribed to.
+    /// Whether wheel odometry is used.
     pub subscribe_odometry: bool,
     /// Whether the inertial sensor is used.
     pub subscribe_imu: bool,

@@ -17,7 +17,7 @@ use std::sync::Arc;
 use stillpoint::datasets::AtomicFile;
 use stillpoint::detection::Detector;
 use stillpoint::geometry::Camera;
-use stillpoint::imaging::{FrameId, ImuSample, RgbdFrame, Simd};
+use stillpoint::imaging::{FrameId, ImuSample, OdometrySample, RgbdFrame, Simd};
 use stillpoint::live::{Delivery, LiveOptions, LiveResult, LiveSystem, Stage, Subscribed, Watch};
 use stillpoint::map::Map;
 use stillpoint::ros_events::{FrameNames, Publisher};
@@ -61,6 +61,8 @@ pub struct Plan<'a> {
     pub topics: [&'a str; 2],
     /// Name of the inertial sensor's topic, where it is used.
     pub imu_topic: Option<&'a str>,
+    /// Name of the odometry's topic, where it is used.
+    pub odometry_topic: Option<&'a str>,
     /// How many runs there were: files of later ones have the number in their names.
     pub number: u32,
 }
@@ -75,6 +77,10 @@ struct About {
     imu_topic: Option<String>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     no_imu: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    odometry_topic: Option<String>,
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    no_odometry: bool,
     #[serde(skip_serializing_if = "Option::is_none")]
     depth_scale: Option<f64>,
     start: usize,
@@ -137,6 +143,10 @@ impl Run {
         let stages = stages(&config, camera, plan.known)?;
         let stages = match plan.ready.imu {
             Some(model) => stages.with_imu(model).map_err(|e| e.to_string())?,
+            None => stages,
+        };
+        let stages = match plan.ready.wheels {
+            Some(model) => stages.with_odometry(model).map_err(|e| e.to_string())?,
             None => stages,
         };
         let log = options.log.as_ref().map(|f| numbered(f, plan.number));
@@ -242,6 +252,11 @@ impl Run {
         self.ready.imu.is_none() || self.live.tell_inertial(samples)
     }
 
+    /// Hands over what the wheels did. False when tracking takes no more.
+    pub fn tell_odometry(&mut self, samples: Vec<OdometrySample>) -> bool {
+        self.ready.wheels.is_none() || self.live.tell_odometry(samples)
+    }
+
     /// Hands over a frame. False when tracking takes no more.
     pub fn push(&mut self, frame: RgbdFrame) -> bool {
         self.live.push(frame)
@@ -305,15 +320,15 @@ fn about(plan: &Plan<'_>, config: &Config) -> Result<String, String> {
         let path = known.path.as_deref()?;
         Some(path.canonicalize().unwrap_or_else(|_| path.to_owned()))
     };
+    let used = |topic: Option<&str>, is_used: bool| topic.filter(|_| is_used).map(str::to_owned);
     let about = About {
         stillpoint: env!("CARGO_PKG_VERSION"),
         color_topic,
         depth_topic,
         no_imu: plan.ready.imu.is_none(),
-        imu_topic: plan
-            .imu_topic
-            .filter(|_| plan.ready.imu.is_some())
-            .map(str::to_owned),
+        imu_topic: used(plan.imu_topic, plan.ready.imu.is_some()),
+        no_odometry: plan.ready.wheels.is_none(),
+        odometry_topic: used(plan.odometry_topic, plan.ready.wheels.is_some()),
         depth_scale: plan.options.depth_scale,
         start: 0,
         load_map: file(MapUse::Grow),

@@ -10,8 +10,9 @@ use stillpoint::recordings::{
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::{Format, Message, Version, to_bytes};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint_ros2::odometry::{Rolled, mounted};
 use stillpoint_ros2::pairing::{Pairing, Stream};
-use stillpoint_ros2::record::{Entry, Recording};
+use stillpoint_ros2::record::{Entry, Recorder, Recording};
 
 const COLOUR: &str = "/front/rgb/image_raw";
 const DEPTH: &str = "/front/depth_registered/image_raw";
@@ -85,6 +86,14 @@ fn entry(topic: &str, type_name: &'static str, time: f64, bytes: Vec<u8>) -> Ent
 
 /// Pairs and records the images of a walk as they come; gives the frames that were made of them.
 fn record(path: &Path) -> Vec<RgbdFrame> {
+    let (recording, recorder) = Recording::begin(path).unwrap();
+    let frames = record_into(&recorder);
+    drop(recorder);
+    recording.finish().unwrap();
+    frames
+}
+
+fn record_into(recorder: &Recorder) -> Vec<RgbdFrame> {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "xyz".to_owned(),
         frames: Some(FRAMES),
@@ -93,7 +102,6 @@ fn record(path: &Path) -> Vec<RgbdFrame> {
     })
     .unwrap();
     let info_bytes = info(simulator.camera());
-    let (recording, recorder) = Recording::begin(path).unwrap();
     for topic in [COLOUR, DEPTH] {
         let topic = camera_info_topic(topic);
         let name = ros::CameraInfo::NAME;
@@ -123,8 +131,6 @@ fn record(path: &Path) -> Vec<RgbdFrame> {
             frames.push(frame.unwrap());
         }
     }
-    drop(recorder);
-    recording.finish().unwrap();
     frames
 }
 
@@ -166,6 +172,64 @@ fn a_recording_gives_the_frames_that_were_tracked() {
     // The camera is the one of the messages.
     let camera = input.camera().camera;
     assert_eq!((camera.fx, camera.distortion.k1), (67.0, 0.1));
+}
+
+#[test]
+fn a_recording_gives_the_odometry_that_was_told() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("walk.mcap");
+    let (recording, recorder) = Recording::begin(&path).unwrap();
+    record_into(&recorder);
+    let mut mount = ros::TransformStamped::default();
+    mount.header.frame_id = "base_link".into();
+    mount.child_frame_id = "eye".into();
+    mount.transform.translation.x = 0.1;
+    mount.transform.rotation.w = 1.0;
+    let message = ros::TfMessage {
+        transforms: vec![mount],
+    };
+    let mut transforms = Transforms::default();
+    transforms.add(&message.transforms[0]);
+    let latched = Entry {
+        latched: true,
+        ..entry("/tf_static", ros::TfMessage::NAME, 100.0, cdr(&message))
+    };
+    recorder.write(latched);
+    let (mut told, mut frames) = (Vec::new(), None);
+    for k in 0..12 {
+        let at = 99.950_000_3 + 0.02 * f64::from(k);
+        let mut m = ros::Odometry {
+            header: header(at),
+            child_frame_id: "/base_link".into(),
+            ..ros::Odometry::default()
+        };
+        m.header.frame_id = "odom".into();
+        m.pose.pose.position.x = 0.1 * f64::from(k);
+        m.pose.pose.orientation.w = 1.0;
+        m.pose.covariance.0[0] = 0.001 * f64::from(k);
+        let bytes = cdr(&m);
+        let rolled = Rolled::read(&bytes).unwrap();
+        let name = ros::Odometry::NAME;
+        recorder.write(entry("/odom", name, at, bytes));
+        told.push(rolled.sample);
+        frames = Some(rolled.frames);
+    }
+    drop(recorder);
+    recording.finish().unwrap();
+    let options = OpenOptions {
+        odometry_topic: Some("/odom".into()),
+        ..OpenOptions::default()
+    };
+    let input = open(&path, &options).unwrap();
+    let model = mounted(&transforms, "eye", &frames.unwrap());
+    assert!(model.is_some() && input.odometry() == model);
+    let mut source = input.frames(&FrameOptions::default()).unwrap();
+    let mut found = Vec::new();
+    while source.next_frame().is_some() {
+        found.extend(source.take_odometry());
+    }
+    assert!(found.len() > 6);
+    assert_eq!(found, told[..found.len()]);
 }
 
 #[test]

@@ -18,8 +18,8 @@ const TYPE: &str = "nav_msgs/msg/Odometry";
 const BEFORE: f64 = 0.4;
 /// Variances above are those of what is not measured: m^2, and rad^2.
 const OPEN: [f64; 2] = [1e4, 10.0];
-/// What is a part of the names of this program's own topics.
-const OWN: &str = "stillpoint";
+/// How the topics end on which this program publishes.
+const OWN: &str = "/stillpoint/odometry";
 /// Words in names of topics and bases that are not of wheels: of cameras and lasers, of what fuses them, and of ground truth.
 const NOT_WHEELS: [&str; 36] = [
     "camera",
@@ -91,7 +91,7 @@ struct Topic {
 impl Topic {
     /// Whether this program wrote it.
     fn is_own(&self) -> bool {
-        self.name.split('/').any(|part| part == OWN)
+        self.name.ends_with(OWN)
     }
 
     /// The word by which it is not of wheels.
@@ -353,6 +353,6 @@ mod tests {
         }
         assert!(topic("/stillpoint/odometry", "base_link").is_own());
         assert!(topic("/robot/stillpoint/odometry", "base_link").is_own());
-        assert!(!topic("/odom", "stillpoint").is_own());
+        assert!(!topic("/stillpoint/wheel_odometry", "base_link").is_own());
     }
 }

@@ -21,7 +21,7 @@ impl Quality {
         latched: false,
         depth: 10,
     };
-    /// Of inertial sensors: half a second at 400 Hz may wait.
+    /// Of inertial sensors and odometry: half a second at 400 Hz may wait.
     pub const INERTIAL: Self = Self {
         depth: 200,
         ..Self::SENSOR

@@ -131,6 +131,44 @@ fn it_is_waited_for_where_the_inertial_sensor_stands() {
 }
 
 #[test]
+fn it_is_waited_for_where_the_camera_stands_on_the_wheels() {
+    let mut parameters = Parameters::default();
+    let yes = crate::value::Value::Bool(true);
+    parameters.set("subscribe_odometry", &yes).unwrap();
+    let options = Options::new(&parameters).unwrap();
+    let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
+    let mut camera = CameraState::new(topics());
+    camera.take_info(false, info(5.0)).unwrap();
+    let waits_for = |camera: &mut CameraState, what: &str| {
+        let Err(NotReady::Waiting(told)) = camera.ready(&colour, &depth, &options) else {
+            panic!("{what}");
+        };
+        assert!(told.contains(what), "{told}");
+    };
+    waits_for(&mut camera, "no message of it");
+    camera.note_odometry(&["odom".into(), "base".into()]);
+    waits_for(&mut camera, "no colour -> base on /tf_static");
+    // Through what the wheels measure there is no mount.
+    for pair in [["odom", "base"], ["odom", "colour"]] {
+        let bytes = transform(pair[0], pair[1], 0.5);
+        camera.take_transforms(&bytes).unwrap();
+    }
+    waits_for(&mut camera, "no colour -> base on /tf_static");
+    camera.waiting = Instant::now().checked_sub(2 * PATIENCE);
+    let ready = camera.ready(&colour, &depth, &options).ok().unwrap();
+    assert!(ready.wheels.is_none() && ready.without_wheels.is_some());
+    let bytes = transform("base", "colour", 0.01);
+    camera.take_transforms(&bytes).unwrap();
+    let ready = camera.ready(&colour, &depth, &options).ok().unwrap();
+    let mount = ready.wheels.unwrap().base_from_camera;
+    assert!((mount.translation.x - 0.01).abs() < 1e-12 && ready.without_wheels.is_none());
+    // Without being asked for it is not.
+    let plain = Options::new(&Parameters::default()).unwrap();
+    let ready = camera.ready(&colour, &depth, &plain).ok().unwrap();
+    assert!(ready.wheels.is_none() && ready.without_wheels.is_none());
+}
+
+#[test]
 fn after_some_patience_the_run_begins_without_the_inertial_sensor() {
     let mut parameters = Parameters::default();
     let yes = crate::value::Value::Bool(true);

@@ -36,6 +36,17 @@ pub(super) fn inertial(topic: String, time: u64, bytes: Vec<u8>) -> Entry {
     }
 }
 
+pub(super) fn odometry(topic: String, time: u64, bytes: Vec<u8>) -> Entry {
+    Entry {
+        topic,
+        type_name: ros::Odometry::NAME,
+        definition: || ros::definition::<ros::Odometry<'_>>(Version::Ros2),
+        time,
+        latched: false,
+        bytes,
+    }
+}
+
 pub(super) fn constant(bytes: Vec<u8>) -> Entry {
     Entry {
         topic: "/tf_static".to_owned(),

@@ -11,11 +11,11 @@ use crate::camera::CameraState;
 use crate::inertial::Measured;
 use crate::intake::{Intake, News, topics};
 use crate::losses::Losses;
+use crate::odometry::{self, Rolled};
 use crate::options::Options;
 use crate::outputs::Outputs;
 use crate::pairing::Pair;
 use crate::parameters::Parameters;
-use crate::record::Entry;
 use crate::run::{Known, Run};
 use crate::say::Voice;
 use crate::services::Services;
@@ -29,7 +29,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use stillpoint::recordings::ImageMessage;
 use stillpoint::ros_events::Publisher;
 use stillpoint::ros_messages as ros;
-use stillpoint::ros_messages::{Format, Message, Version};
+use stillpoint::ros_messages::Message;
 
 /// Longest time between two looks at what is asked.
 const LOOK: Duration = Duration::from_millis(50);
@@ -87,6 +87,9 @@ impl Node {
         let node = &request.node;
         let voice = Voice::new(&node.full(), request.log_level);
         let remaps = &request.remaps;
+        if options.subscribe_odometry {
+            odometry::topic(node, remaps)?;
+        }
         let told = |e: crate::bus::BusError| e.to_string();
         let mut bus = Bus::join(node, reach, type_hash::of_topics()).map_err(told)?;
         let of_node = |bus: &mut Bus, name: &str, type_name: &str| {
@@ -191,22 +194,7 @@ impl Node {
             }
         }
         self.take_inertial(news.inertial);
-        for (topic, bytes) in news.odometry {
-            if let Some(run) = self.run.as_ref().filter(|r| r.is_recorded()) {
-                let stamp = ros::from_bytes::<ros::Odometry<'_>>(&bytes, Format::CdrLittleEndian);
-                let Ok(stamp) = stamp.map(|m| m.header.stamp) else {
-                    continue;
-                };
-                run.record(|| Entry {
-                    topic,
-                    type_name: ros::Odometry::NAME,
-                    definition: || ros::definition::<ros::Odometry<'_>>(Version::Ros2),
-                    time: nanoseconds(stamp),
-                    latched: false,
-                    bytes,
-                });
-            }
-        }
+        self.take_odometry(news.odometry);
     }
 
     fn take_inertial(&mut self, inertial: Vec<(Measured, Vec<u8>)>) {
@@ -221,6 +209,19 @@ impl Node {
         }
         // Frames tell when tracking has ended.
         run.tell_inertial(inertial.into_iter().map(|(m, _)| m.sample).collect());
+    }
+
+    fn take_odometry(&mut self, odometry: Vec<(Rolled, Vec<u8>)>) {
+        let Some(run) = &mut self.run else {
+            return;
+        };
+        if let Some(topic) = self.intake.odometry_topic().filter(|_| run.is_recorded()) {
+            for (rolled, bytes) in &odometry {
+                let time = nanoseconds(rolled.stamp);
+                run.record(|| entries::odometry(topic.to_owned(), time, bytes.clone()));
+            }
+        }
+        run.tell_odometry(odometry.into_iter().map(|(r, _)| r.sample).collect());
     }
 
     fn take_images(&mut self) {

@@ -47,6 +47,9 @@ impl Node {
             self.voice
                 .warn(&format!("the inertial sensor is not used: {missing}"));
         }
+        if let Some(missing) = &ready.without_wheels {
+            self.voice.warn(&format!("odometry is not used: {missing}"));
+        }
         self.number += 1;
         let topics = self.intake.topics();
         let plan = Plan {
@@ -58,6 +61,7 @@ impl Node {
             outputs: &self.outputs,
             topics: [&topics.colour, &topics.depth],
             imu_topic: self.intake.inertial_topic(),
+            odometry_topic: self.intake.odometry_topic(),
             number: self.number,
         };
         match Run::begin(plan) {
