@@ -15,6 +15,7 @@ mod gradients;
 mod homography;
 mod linear;
 mod linearise;
+mod motion_search;
 mod observation;
 mod ordering;
 mod p3p;
@@ -45,9 +46,10 @@ pub use fundamental::{
 };
 pub use homography::{Homography, find_homography, four_point};
 pub use linearise::{Linearised, linearise};
+pub use motion_search::MotionFinder;
 pub use observation::{Intrinsics, Measurement};
 pub use p3p::p3p;
-pub use pose::{PoseEstimate, PoseObservation, PoseOptions, optimise_pose};
+pub use pose::{PoseEstimate, PoseObservation, PoseOptions, optimise_pose, optimise_pose_in};
 pub use pose_graph::{
     EdgeFit, EdgeKernel, PoseGraph, PoseGraphEdge, PoseGraphOptions, PoseGraphOutcome,
     PoseGraphRefusal, PoseGraphReport, optimise_pose_graph,

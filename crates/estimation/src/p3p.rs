@@ -13,8 +13,14 @@ use stillpoint_geometry::{Mat3, Se3, Vec3};
 #[must_use]
 pub fn p3p(points: [Vec3; 3], bearings: [Vec3; 3]) -> Vec<Se3> {
     let mut poses = Vec::with_capacity(4);
+    p3p_into(points, bearings, &mut poses);
+    poses
+}
+
+/// Adds the poses of [`p3p`] to `poses`, which are none yet.
+pub(crate) fn p3p_into(points: [Vec3; 3], bearings: [Vec3; 3], poses: &mut Vec<Se3>) {
     let Some(problem) = Problem::new(&points, &bearings) else {
-        return poses;
+        return;
     };
     for plane in problem.planes().into_iter().flatten() {
         for depths in problem.cut(&plane).into_iter().flatten() {
@@ -30,7 +36,6 @@ pub fn p3p(points: [Vec3; 3], bearings: [Vec3; 3]) -> Vec<Se3> {
             }
         }
     }
-    poses
 }
 
 /// Equal but for rounding: a double root appears twice.

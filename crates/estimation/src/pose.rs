@@ -66,10 +66,25 @@ pub fn optimise_pose(
     observations: &[PoseObservation],
     options: &PoseOptions,
 ) -> PoseEstimate {
+    optimise_pose_in(Vec::new(), camera, initial, observations, options)
+}
+
+/// As [`optimise_pose`], with `memory` for [`PoseEstimate::inliers`]; what it holds does not matter.
+#[must_use]
+pub fn optimise_pose_in(
+    memory: Vec<bool>,
+    camera: &Intrinsics,
+    initial: &Se3,
+    observations: &[PoseObservation],
+    options: &PoseOptions,
+) -> PoseEstimate {
+    let mut active = memory;
+    active.clear();
+    active.resize(observations.len(), true);
     let mut problem = Problem {
         camera,
         observations,
-        active: vec![true; observations.len()],
+        active,
         gate_scale: options.gate_scale,
         turn: options.turn,
     };

@@ -12,7 +12,7 @@ const BLOCKS_PER_LOOK: usize = 8;
 
 /// [`LANES`] pairs: points (m), pixels relative to the principal point (px), inverse depths (1/m), and weights of the squared
 /// residuals divided by the gate.
-#[derive(Clone, Copy, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Block {
     x: [f64; LANES],
     y: [f64; LANES],
@@ -26,6 +26,7 @@ struct Block {
 }
 
 /// The pairs in the order and layout in which they vote.
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Votes {
     blocks: Vec<Block>,
     /// Votes that are still to come before each look.
@@ -35,37 +36,41 @@ pub(crate) struct Votes {
 }
 
 impl Votes {
-    pub(crate) fn new(camera: &Intrinsics, pairs: &[MotionPair], options: &MotionOptions) -> Self {
-        let voters: Vec<&MotionPair> = pairs.iter().filter(|p| believed(p) > 0.0).collect();
-        let blocks: Vec<Block> = voters
-            .chunks(LANES)
-            .map(|chunk| {
-                let mut b = Block::default();
-                for (i, p) in chunk.iter().enumerate() {
-                    let m = &p.measurement;
-                    let gate = 1.0 / (m.gate() * options.gate_scale);
-                    [b.x[i], b.y[i], b.z[i]] = [p.point.x, p.point.y, p.point.z];
-                    [b.u[i], b.v[i]] = [m.pixel.x - camera.cx, m.pixel.y - camera.cy];
-                    b.d[i] = m.inverse_depth;
-                    b.pixel[i] = m.pixel_weight * gate;
-                    b.depth[i] = m.inverse_depth_weight * gate;
-                    b.vote[i] = p.weight;
-                }
-                b
-            })
-            .collect();
+    /// Takes in the pairs that have a say, in place of all before.
+    pub(crate) fn rebuild(
+        &mut self,
+        camera: &Intrinsics,
+        pairs: &[MotionPair],
+        options: &MotionOptions,
+    ) {
+        self.focal = [camera.fx, camera.fy];
+        self.peak = options.peak;
+        self.blocks.clear();
+        let voters = pairs.iter().filter(|p| believed(p) > 0.0);
+        for (n, p) in voters.enumerate() {
+            let i = n % LANES;
+            if i == 0 {
+                self.blocks.push(Block::default());
+            }
+            let Some(b) = self.blocks.last_mut() else {
+                continue;
+            };
+            let m = &p.measurement;
+            let gate = 1.0 / (m.gate() * options.gate_scale);
+            [b.x[i], b.y[i], b.z[i]] = [p.point.x, p.point.y, p.point.z];
+            [b.u[i], b.v[i]] = [m.pixel.x - camera.cx, m.pixel.y - camera.cy];
+            b.d[i] = m.inverse_depth;
+            b.pixel[i] = m.pixel_weight * gate;
+            b.depth[i] = m.inverse_depth_weight * gate;
+            b.vote[i] = p.weight;
+        }
         let mut rest = 0.0;
-        let groups = blocks.chunks(BLOCKS_PER_LOOK);
-        let mut remaining = vec![0.0; groups.len()];
-        for (after, group) in remaining.iter_mut().zip(groups).rev() {
+        let groups = self.blocks.chunks(BLOCKS_PER_LOOK);
+        self.remaining.clear();
+        self.remaining.resize(groups.len(), 0.0);
+        for (after, group) in self.remaining.iter_mut().zip(groups).rev() {
             *after = rest;
             rest += group.iter().flat_map(|b| b.vote).sum::<f64>();
-        }
-        Self {
-            blocks,
-            remaining,
-            focal: [camera.fx, camera.fy],
-            peak: options.peak,
         }
     }
 
@@ -180,7 +185,8 @@ mod tests {
                 weight += if ratio <= 1.0 { p.weight } else { 0.0 };
             }
             let options = MotionOptions { gate_scale: scale, peak, ..MotionOptions::default() };
-            let votes = Votes::new(&CAMERA, &pairs, &options);
+            let mut votes = Votes::default();
+            votes.rebuild(&CAMERA, &pairs, &options);
             let all = votes.count(&pose, -1.0);
             prop_assert!((all - vote).abs() < 1e-9 * (1.0 + vote), "{all} {vote}");
             prop_assert!((votes.inlier_weight(&pose) - weight).abs() < 1e-9);

@@ -18,7 +18,7 @@ const MARGIN: usize = 19;
 const DESCRIBED_TOGETHER: usize = 150;
 
 /// A corner with its scale and orientation.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Keypoint {
     /// Column in the image given to the extractor (level 0), px; pixel centres are at integers.
     pub x: f32,
@@ -75,6 +75,8 @@ pub struct OrbExtractor {
     chosen: Vec<Vec<Corner>>,
     /// The same with their levels.
     all: Vec<(usize, Corner)>,
+    /// What they give.
+    described: Vec<(Keypoint, Descriptor)>,
     quotas: Vec<usize>,
     brief: Brief,
 }
@@ -95,6 +97,7 @@ impl OrbExtractor {
             spread: Spread::default(),
             chosen: vec![Vec::new(); config.levels],
             all: Vec::new(),
+            described: Vec::new(),
             quotas: vec![0; config.levels],
             brief: Brief::new(simd),
             config,
@@ -210,15 +213,15 @@ impl OrbExtractor {
         let all = levels.flat_map(|(level, chosen)| chosen.iter().map(move |c| (level, *c)));
         self.all.clear();
         self.all.extend(all);
-        let described = workers::in_parts(0..self.all.len(), DESCRIBED_TOGETHER, |part| {
-            let corners = self.all[part].iter();
-            let described = corners.map(|(level, corner)| self.describe_one(*level, corner));
-            described.collect::<Vec<_>>()
+        let mut described = std::mem::take(&mut self.described);
+        described.resize(self.all.len(), Default::default());
+        workers::fill(&mut described, DESCRIBED_TOGETHER, |i| {
+            let (level, corner) = &self.all[i];
+            self.describe_one(*level, corner)
         });
-        for (keypoint, descriptor) in described.into_iter().flatten() {
-            out.keypoints.push(keypoint);
-            out.descriptors.push(descriptor);
-        }
+        out.keypoints.extend(described.iter().map(|d| d.0));
+        out.descriptors.extend(described.iter().map(|d| d.1));
+        self.described = described;
     }
 
     fn describe_one(&self, level: usize, corner: &Corner) -> (Keypoint, Descriptor) {

@@ -2,7 +2,6 @@
 
 use crate::{DepthImage, workers};
 use std::array::from_fn;
-use std::ops::Range;
 
 /// Samples that differ by at most this share of their depth are of one surface.
 const ONE_SURFACE: f32 = 0.03;
@@ -23,17 +22,21 @@ impl CoarseDepth {
     /// Reduces a depth image to cells of `cell` x `cell` px (at least 4); a remainder at the right and bottom is left out.
     #[must_use]
     pub fn new(depth: &DepthImage, cell: usize) -> Self {
+        let mut coarse = Self::default();
+        coarse.rebuild(depth, cell);
+        coarse
+    }
+
+    /// As [`CoarseDepth::new`], reusing the memory.
+    pub fn rebuild(&mut self, depth: &DepthImage, cell: usize) {
         // A larger cell than any image has none either.
         let cell = cell.clamp(4, 1 << 24);
         let (width, height) = (depth.width() / cell, depth.height() / cell);
-        let reduce = |rows: Range<usize>| reduce_rows(depth, cell, rows);
-        let parts = workers::in_parts(0..height, ROWS_TOGETHER, reduce);
-        Self {
-            cell,
-            width,
-            height,
-            data: parts.concat(),
-        }
+        (self.cell, self.width, self.height) = (cell, width, height);
+        self.data.resize(width * height, 0.0);
+        workers::in_rows(&mut self.data, width, ROWS_TOGETHER, |first, data| {
+            reduce_rows(depth, cell, first, data);
+        });
     }
 
     /// Side of a cell, px.
@@ -82,12 +85,11 @@ impl CoarseDepth {
 /// Rows of cells that one worker reduces, at least.
 const ROWS_TOGETHER: usize = 15;
 
-/// The depths of some rows of cells of `cell` x `cell` px.
-fn reduce_rows(depth: &DepthImage, cell: usize, rows: Range<usize>) -> Vec<f32> {
+/// The depths of some rows of cells of `cell` x `cell` px, from row `first` on.
+fn reduce_rows(depth: &DepthImage, cell: usize, first: usize, data: &mut [f32]) {
     let width = depth.width() / cell;
-    let mut data = Vec::with_capacity(width * rows.len());
     let offsets = [0, 1, 2, 3].map(|i| (2 * i + 1) * cell / 8);
-    for y in rows {
+    for (y, data) in (first..).zip(data.chunks_mut(width.max(1))) {
         let rows = offsets.map(|o| {
             let start = (y * cell + o) * depth.width();
             &depth.data()[start..start + width * cell]
@@ -98,15 +100,14 @@ fn reduce_rows(depth: &DepthImage, cell: usize, rows: Range<usize>) -> Vec<f32> 
             let block = |row: &&[f32]| row.as_chunks().0[x * LANES..].first_chunk().copied();
             let [a, b, c, d] = rows.each_ref().map(block);
             if let (Some(a), Some(b), Some(c), Some(d)) = (a, b, c, d) {
-                data.extend_from_slice(&Samples::of_block([&a, &b, &c, &d]).reduce());
+                let reduced = Samples::of_block([&a, &b, &c, &d]).reduce();
+                data[x * LANES..][..LANES].copy_from_slice(&reduced);
             }
         }
-        for x in blocks * LANES..width {
-            let [z] = Samples::of_cell(&rows, x * cell, offsets).reduce();
-            data.push(z);
+        for (x, z) in data.iter_mut().enumerate().skip(blocks * LANES) {
+            [*z] = Samples::of_cell(&rows, x * cell, offsets).reduce();
         }
     }
-    data
 }
 
 /// Cells that are reduced together ...

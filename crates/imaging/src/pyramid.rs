@@ -76,16 +76,8 @@ impl Pyramid {
         beside: &mut [T],
         work: impl Fn(&GrayImage, &mut T) + Sync,
     ) {
-        let own = self
-            .levels
-            .iter()
-            .zip(&mut self.smooth)
-            .zip(&mut self.blurs);
-        let mut levels: Vec<_> = own.zip(beside).collect();
-        workers::for_each(&mut levels, |_, (((level, smooth), blur), beside)| {
-            blur.run(level, smooth);
-            work(level, beside);
-        });
+        let own = (&self.levels[..], &mut self.smooth[..], &mut self.blurs[..]);
+        smooth_shared(own, beside, &work);
     }
 
     fn size_of(&self, base: (usize, usize), level: usize) -> (usize, usize) {
@@ -126,6 +118,36 @@ impl Pyramid {
     pub fn to_base(&self, level: usize, x: f32, y: f32) -> (f32, f32) {
         let scale = self.scales[level];
         ((x + 0.5) * scale - 0.5, (y + 0.5) * scale - 0.5)
+    }
+}
+
+/// Levels with their smoothed images and what smooths them.
+type Smoothed<'a> = (&'a [GrayImage], &'a mut [GrayImage], &'a mut [Blur]);
+
+/// Smooths levels, and beside that works on them; the finest level costs as much as most others together.
+fn smooth_shared<T: Send>(
+    (levels, smooth, blurs): Smoothed<'_>,
+    beside: &mut [T],
+    work: &(impl Fn(&GrayImage, &mut T) + Sync),
+) {
+    let count = levels.len().min(beside.len());
+    if count > 1 {
+        let middle = count / 2;
+        let (levels, smooth, blurs) = (
+            levels.split_at(middle),
+            smooth.split_at_mut(middle),
+            blurs.split_at_mut(middle),
+        );
+        let beside = beside.split_at_mut(middle);
+        workers::both(
+            || smooth_shared((levels.0, smooth.0, blurs.0), beside.0, work),
+            || smooth_shared((levels.1, smooth.1, blurs.1), beside.1, work),
+        );
+    } else if let ([level, ..], [smooth, ..], [blur, ..], [beside, ..]) =
+        (levels, smooth, blurs, beside)
+    {
+        blur.run(level, smooth);
+        work(level, beside);
     }
 }
 

@@ -5,7 +5,6 @@
 //! else. What runs outside [`Workers::run`] runs alone.
 
 use rayon_core::{ThreadPool, ThreadPoolBuilder};
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Threads that wait for work; none by default. Copies share them.
@@ -29,7 +28,7 @@ impl Workers {
         Ok(Self(Some(Arc::new(pool))))
     }
 
-    /// Does a piece of work on these threads, so that [`both`], [`for_each`] and [`in_parts`] within it are shared among them; waits for it.
+    /// Does a piece of work on these threads, so that [`both`], [`for_each`], [`fill`] and [`in_rows`] within it are shared among them; waits for it.
     pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.0 {
             Some(pool) => pool.install(work),
@@ -74,27 +73,49 @@ pub fn for_each<T: Send>(things: &mut [T], work: impl Fn(usize, &mut T) + Sync) 
     }
 }
 
-/// Does a piece of work for each part of a range, of at least `least` (at least 1) each, and gives the results in order. Where nobody lends a hand
-/// the range is one part: `work` must do the same for a whole as for its parts.
-pub fn in_parts<R: Send>(
-    range: Range<usize>,
+/// Works out each of some values, of which at least `least` (at least 1) are one piece of work; `work` is given their numbers.
+pub fn fill<T: Send>(values: &mut [T], least: usize, work: impl Fn(usize) -> T + Sync) {
+    in_rows(values, 1, least, |first, values| {
+        for (i, value) in values.iter_mut().enumerate() {
+            *value = work(first + i);
+        }
+    });
+}
+
+/// Does a piece of work for parts of the rows of `width` values each, of at least `least` (at least 1) rows; `work` is given the number of the
+/// first row with them. Where nobody lends a hand all rows are one part: `work` must do the same for a whole as for its parts.
+pub fn in_rows<T: Send>(
+    values: &mut [T],
+    width: usize,
     least: usize,
-    work: impl Fn(Range<usize>) -> R + Sync,
-) -> Vec<R> {
+    work: impl Fn(usize, &mut [T]) + Sync,
+) {
+    fn divide<T: Send>(
+        (first, parts): (usize, usize),
+        (values, width): (&mut [T], usize),
+        work: &(impl Fn(usize, &mut [T]) + Sync),
+    ) {
+        if parts < 2 {
+            return work(first, values);
+        }
+        let (half, rows) = (parts / 2, values.len() / width);
+        let middle = rows * half / parts;
+        let (a, b) = values.split_at_mut(middle * width);
+        rayon_core::join(
+            || divide((first, half), (a, width), work),
+            || divide((first + middle, parts - half), (b, width), work),
+        );
+    }
+    let width = width.max(1);
     let parts = if is_one() {
-        (range.len() / least.max(1)).clamp(1, PARTS)
+        (values.len() / width / least.max(1)).clamp(1, PARTS)
     } else {
         1
     };
-    let bound = |i: usize| range.start + range.len() * i / parts;
-    let mut results: Vec<Option<R>> = (0..parts).map(|_| None).collect();
-    for_each(&mut results, |i, result| {
-        *result = Some(work(bound(i)..bound(i + 1)));
-    });
-    results.into_iter().flatten().collect()
+    divide((0, parts), (values, width), &work);
 }
 
-/// Parts of a range, at most: more than there are threads, since some take longer, and some threads are late.
+/// Parts of a piece of work, at most: more than there are threads, since some take longer, and some threads are late.
 const PARTS: usize = 4;
 
 #[cfg(test)]
@@ -105,11 +126,18 @@ mod tests {
     fn everything_is_done_once_and_in_order_with_and_without_help() {
         for workers in [Workers::default(), Workers::new(3).unwrap()] {
             for count in [0, 1, 2, 7, 1000] {
-                let (parts, mut things) = (
-                    workers.run(|| in_parts(5..5 + count, 2, |r| r.collect::<Vec<_>>())),
-                    vec![0; count],
-                );
-                assert_eq!(parts.concat(), (5..5 + count).collect::<Vec<_>>());
+                let (mut values, mut rows) = (vec![0; count], vec![0; 3 * count]);
+                workers.run(|| fill(&mut values, 2, |i| i + 5));
+                assert_eq!(values, (5..5 + count).collect::<Vec<_>>());
+                workers.run(|| {
+                    in_rows(&mut rows, 3, 2, |first, rows| {
+                        rows.iter_mut()
+                            .enumerate()
+                            .for_each(|(i, r)| *r += 3 * first + i);
+                    });
+                });
+                assert_eq!(rows, (0..3 * count).collect::<Vec<_>>());
+                let mut things = vec![0; count];
                 workers.run(|| for_each(&mut things, |i, t| *t += i + 1));
                 assert_eq!(things, (1..=count).collect::<Vec<_>>());
             }

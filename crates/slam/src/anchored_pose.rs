@@ -4,7 +4,7 @@ use stillpoint_geometry::Se3;
 use stillpoint_map::{KeyframeId, MapView};
 
 /// Where a frame was taken from, in terms of the map: it follows every correction of the keyframes that it hangs on.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AnchoredPose {
     /// The keyframe that the frame itself became, if it did. Once the map holds it, its own pose, which bundle adjustment keeps
     /// improving, is better than anything that was measured before.

@@ -23,6 +23,7 @@ mod mapping;
 mod messages;
 mod odometry;
 mod pace;
+mod recycle;
 mod replay;
 mod report;
 mod retrace;

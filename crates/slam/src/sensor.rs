@@ -2,7 +2,7 @@
 
 mod reader;
 
-pub(crate) use reader::{DepthReader, DepthReading};
+pub(crate) use reader::{DepthPoint, DepthReader, LANES};
 
 use crate::timing::Timing;
 use crate::validation::Checker;

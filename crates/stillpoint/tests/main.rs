@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used)] // Helpers of tests are not recognised as tests.
 
 mod accuracy;
+mod allocations;
 mod breakage;
+mod counting;
 mod dependencies;
 mod documents;
 mod front_ends;

@@ -126,17 +126,18 @@ impl Flow {
         out: &mut Vec<Option<FlowMatch>>,
         track: impl Fn(&mut Seeker<'_>, usize) -> Outcome<FlowMatch> + Sync,
     ) {
-        let found = workers::in_parts(0..count, TRACKED_TOGETHER, |part| {
+        out.resize(count, None);
+        workers::in_rows(out, 1, TRACKED_TOGETHER, |first, out| {
             let mut seeker = Seeker {
                 flow: self,
                 previous: pair.0,
                 current: pair.1,
                 aligner: self.aligner.clone(),
             };
-            part.map(|i| track(&mut seeker, i).found())
-                .collect::<Vec<_>>()
+            for (i, found) in out.iter_mut().enumerate() {
+                *found = track(&mut seeker, first + i).found();
+            }
         });
-        out.extend(found.into_iter().flatten());
     }
 
     /// How many scales are needed for a start that is wrong by up to `error` px: a step reaches about half a radius.

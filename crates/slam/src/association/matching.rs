@@ -1,6 +1,7 @@
 //! Which feature of the frame sees which point. Searches, thresholds on descriptors and the check of rotations follow ORB-SLAM2
 //! (Mur-Artal, Tardos 2017).
 
+use crate::recycle::Lists;
 use stillpoint_features::{Descriptor, RotationHistogram, Window, best_two};
 use stillpoint_geometry::{Mat3, Se3, Vec3};
 use stillpoint_imaging::workers;
@@ -30,7 +31,7 @@ pub(crate) struct Target {
 }
 
 /// Per feature of the present frame, what it sees.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Matches {
     pub(crate) targets: Vec<Option<Target>>,
     pub(crate) count: usize,
@@ -71,10 +72,15 @@ impl Matches {
         self.assign(feature, target);
     }
 
-    /// The matches of the features that are `kept`, which are numbered again from 0.
-    pub(crate) fn select(&self, kept: impl Iterator<Item = bool>) -> Self {
-        let targets = self.targets.iter().zip(kept);
-        let targets: Vec<_> = targets.filter(|(_, k)| *k).map(|(t, _)| *t).collect();
+    /// The matches of the features that are `kept`, which are numbered again from 0, in an empty list.
+    pub(crate) fn select(
+        &self,
+        kept: impl Iterator<Item = bool>,
+        mut targets: Vec<Option<Target>>,
+    ) -> Self {
+        let chosen = self.targets.iter().zip(kept).filter(|(_, k)| *k);
+        targets.reserve(self.targets.len());
+        targets.extend(chosen.map(|(t, _)| *t));
         Self {
             count: targets.iter().flatten().count(),
             targets,
@@ -114,18 +120,29 @@ pub(crate) fn candidates_of(view: &MapView, keyframe: &Keyframe) -> Vec<Candidat
     matches.filter_map(candidate).collect()
 }
 
-/// Searches each candidate of `earlier` around its projection with the predicted pose.
+/// Memory that matching takes, used again from frame to frame.
+#[derive(Default)]
+pub(crate) struct MatchMemory {
+    /// Per candidate, the feature and the distance.
+    found: Vec<Option<(u32, u32)>>,
+    histogram: RotationHistogram<Found>,
+    /// For [`Matches`].
+    pub(crate) targets: Lists<Option<Target>>,
+}
+
+/// A candidate's number, the feature that it matches, and the distance.
+type Found = (u32, u32, u32);
+
+/// Searches each candidate of `earlier` around its projection with the predicted pose, within a radius (px) and bounds of undistorted pixels.
 pub(crate) fn match_by_projection(
     data: &KeyframeData,
     predicted: &Se3,
-    earlier: &KeyframeData,
-    candidates: &[Candidate],
-    bounds: [f32; 4],
-    radius_px: f32,
+    (earlier, candidates): (&KeyframeData, &[Candidate]),
+    (bounds, radius_px): ([f32; 4], f32),
+    memory: &mut MatchMemory,
 ) -> Matches {
     let (r, t): (Mat3, Vec3) = (predicted.rotation_matrix(), predicted.translation);
-    let search = |c| {
-        let c: &Candidate = c;
+    let search = |c: &Candidate| {
         let p = r * c.position + t;
         if p.z <= 0.0 {
             return None;
@@ -148,13 +165,22 @@ pub(crate) fn match_by_projection(
         let best = best_two(&data.grid, &window, descriptor, &data.descriptors, |_| true)?;
         let holds = best.distance <= MAX_DISTANCE
             && is_distinct(best.distance, best.second_distance, RATIO);
-        holds.then_some((c, best.index, best.distance))
+        holds.then_some((best.index, best.distance))
     };
-    let found = workers::in_parts(0..candidates.len(), SEARCHED_TOGETHER, |part| {
-        let found = candidates[part].iter().filter_map(search);
-        found.collect::<Vec<_>>()
+    memory.found.clear();
+    memory.found.resize(candidates.len(), None);
+    workers::fill(&mut memory.found, SEARCHED_TOGETHER, |i| {
+        search(&candidates[i])
     });
-    keep_consistent_rotations(data, earlier, &found.concat())
+    let found = (0..).zip(&memory.found);
+    let found = found.filter_map(|(i, f)| f.map(|(feature, distance)| (i, feature, distance)));
+    let targets = memory.targets.take();
+    keep_consistent_rotations(
+        (data, targets),
+        (earlier, candidates),
+        found,
+        &mut memory.histogram,
+    )
 }
 
 /// Searches each candidate of `earlier` among all features, by descriptor alone.
@@ -169,30 +195,34 @@ pub(crate) fn match_by_descriptor(
         .collect();
     let matches =
         stillpoint_features::match_brute_force(&query, &data.descriptors, STRICT_DISTANCE, 0.8);
-    let found: Vec<_> = candidates
-        .iter()
-        .zip(&query)
-        .zip(&matches)
-        .filter_map(|((c, q), m)| m.map(|m| (c, m, q.distance(&data.descriptors[m as usize]))))
-        .collect();
-    keep_consistent_rotations(data, earlier, &found)
+    let found = (0..).zip(query.iter().zip(&matches));
+    let found = found
+        .filter_map(|(i, (q, m))| m.map(|m| (i, m, q.distance(&data.descriptors[m as usize]))));
+    keep_consistent_rotations(
+        (data, Vec::new()),
+        (earlier, candidates),
+        found,
+        &mut RotationHistogram::new(),
+    )
 }
 
-/// The image turns as one between two frames: matches whose keypoints turned otherwise are wrong.
+/// The image turns as one between two frames: matches whose keypoints turned otherwise are wrong. The rest are put into an empty list.
 fn keep_consistent_rotations(
-    data: &KeyframeData,
-    earlier: &KeyframeData,
-    found: &[(&Candidate, u32, u32)],
+    (data, mut targets): (&KeyframeData, Vec<Option<Target>>),
+    (earlier, candidates): (&KeyframeData, &[Candidate]),
+    found: impl Iterator<Item = Found>,
+    histogram: &mut RotationHistogram<Found>,
 ) -> Matches {
-    let mut histogram = RotationHistogram::new();
-    for (i, (c, feature, _)) in found.iter().enumerate() {
-        let before = earlier.keypoints[c.feature as usize].angle;
-        let now = data.keypoints[*feature as usize].angle;
-        histogram.push(now - before, i as u32);
+    histogram.clear();
+    for (i, feature, distance) in found {
+        let before = earlier.keypoints[candidates[i as usize].feature as usize].angle;
+        let now = data.keypoints[feature as usize].angle;
+        histogram.push(now - before, (i, feature, distance));
     }
-    let mut matches = Matches::new(data.len());
-    for i in histogram.kept() {
-        let (c, feature, distance) = found[i as usize];
+    targets.resize(data.len(), None);
+    let mut matches = Matches { targets, count: 0 };
+    for (i, feature, distance) in histogram.kept() {
+        let c = &candidates[i as usize];
         matches.assign(
             feature,
             Target {

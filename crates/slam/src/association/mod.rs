@@ -9,7 +9,7 @@ mod measure;
 mod predict;
 
 pub(crate) use matching::{
-    Candidate, Expected, Matches, STRICT_DISTANCE, Target, candidates_of, in_bounds,
+    Candidate, Expected, MatchMemory, Matches, STRICT_DISTANCE, Target, candidates_of, in_bounds,
     match_by_descriptor, match_by_projection, match_expected,
 };
 pub(crate) use measure::{measurement, measurement_in};

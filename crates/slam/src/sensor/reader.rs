@@ -61,32 +61,30 @@ impl<'a> DepthReader<'a> {
     }
 
     /// Robust depths around raw pixels, m; 0 where there is none.
-    pub(crate) fn depths_at(&self, raw: impl Iterator<Item = Vec2>) -> Vec<f32> {
-        let pixels: Vec<Option<Pixel>> = raw.map(|raw| self.pixel(raw)).collect();
-        self.medians_of(&pixels)
+    pub(crate) fn depths_at(&self, raw: impl Fn(usize) -> Vec2, depths: &mut [f32]) {
+        for (chunk, depths) in depths.chunks_mut(LANES).enumerate() {
+            let pixel = |l: usize| self.pixel(raw(chunk * LANES + l));
+            let lanes = std::array::from_fn(|l| (l < depths.len()).then(|| pixel(l)).flatten());
+            let medians: [f32; LANES] = self.medians(lanes);
+            depths.copy_from_slice(&medians[..depths.len()]);
+        }
     }
 
-    /// The depths at keypoints, in one go: `raw` in the image as recorded, `undistorted` the same points without distortion, `here` what
-    /// [`Self::depths_at`] tells of the raw ones.
+    /// The depths at some keypoints, in one go.
     pub(crate) fn read_all(
         &self,
-        raw: &[Vec2],
-        undistorted: &[Vec2],
-        here: &[f32],
-    ) -> Vec<Option<DepthReading>> {
-        let place = |((raw, undistorted), here): ((&Vec2, &Vec2), &f32)| {
-            self.place(self.pixel(*raw), *undistorted, *here)
+        points: &[Option<DepthPoint>; LANES],
+    ) -> [Option<DepthReading>; LANES] {
+        let place = |p: &DepthPoint| self.place(self.pixel(p.raw), p.undistorted, p.here);
+        let places = points.each_ref().map(|p| p.as_ref().and_then(place));
+        let there: [f32; LANES] = if self.depth_from_colour.is_none() {
+            points
+                .each_ref()
+                .map(|p| p.as_ref().map_or(0.0, |p| p.here))
+        } else {
+            self.medians(places.each_ref().map(|p| p.as_ref()?.pixel))
         };
-        let points = raw.iter().zip(undistorted).zip(here);
-        let places: Vec<Option<Place>> = points.map(place).collect();
-        if self.depth_from_colour.is_none() {
-            let same = places.iter().zip(here);
-            return same.map(|(p, z)| self.reading(p.as_ref()?, *z)).collect();
-        }
-        let pixel = |p: &Option<Place>| p.as_ref().and_then(|p| p.pixel);
-        let pixels: Vec<Option<Pixel>> = places.iter().map(pixel).collect();
-        let there = places.iter().zip(self.medians_of(&pixels));
-        there.map(|(p, z)| self.reading(p.as_ref()?, z)).collect()
+        std::array::from_fn(|l| self.reading(places[l].as_ref()?, there[l]))
     }
 
     /// Where in the depth image the point at a pixel is looked for, when its depth there is `here`.
@@ -131,16 +129,6 @@ impl<'a> DepthReader<'a> {
         let (w, h) = (self.image.width() as f64, self.image.height() as f64);
         let inside = x >= 1.0 && y >= 1.0 && x < w - 1.0 && y < h - 1.0;
         inside.then_some([x as usize, y as usize])
-    }
-
-    fn medians_of(&self, pixels: &[Option<Pixel>]) -> Vec<f32> {
-        let mut found = Vec::with_capacity(pixels.len());
-        for pixels in pixels.chunks(LANES) {
-            let lanes = std::array::from_fn(|l| pixels.get(l).copied().flatten());
-            let medians: [f32; LANES] = self.medians(lanes);
-            found.extend_from_slice(&medians[..pixels.len()]);
-        }
-        found
     }
 
     /// A robust depth around each pixel: the median of the valid depths in 3x3, when they are of one surface; else 0.
@@ -188,7 +176,18 @@ impl<'a> DepthReader<'a> {
 type Pixel = [usize; 2];
 
 /// Pixels whose depths are read together.
-const LANES: usize = 4;
+pub(crate) const LANES: usize = 4;
+
+/// A keypoint whose depth is read.
+#[derive(Clone, Copy)]
+pub(crate) struct DepthPoint {
+    /// In the image as recorded, px.
+    pub(crate) raw: Vec2,
+    /// The same point without distortion.
+    pub(crate) undistorted: Vec2,
+    /// What [`DepthReader::depths_at`] tells of the raw one, m.
+    pub(crate) here: f32,
+}
 
 /// Where in the depth image a point is looked for.
 struct Place {
@@ -345,8 +344,17 @@ mod tests {
             .collect();
         for dt in [0.0, 0.012] {
             let reader = DepthReader::new(&config, &camera, &image, Some(&velocity), dt);
-            let here = reader.depths_at(points.iter().copied());
-            let all = reader.read_all(&points, &points, &here);
+            let mut here = vec![0.0; points.len()];
+            reader.depths_at(|i| points[i], &mut here);
+            let point = |i: usize| DepthPoint {
+                raw: points[i],
+                undistorted: points[i],
+                here: here[i],
+            };
+            let known = |i: usize| (i < points.len()).then(|| point(i));
+            let all = (0..points.len()).step_by(LANES);
+            let all = all.flat_map(|i| reader.read_all(&std::array::from_fn(|l| known(i + l))));
+            let all: Vec<_> = all.take(points.len()).collect();
             let one = |p: &Vec2| reader.read(*p, *p);
             assert_eq!(all, points.iter().map(one).collect::<Vec<_>>());
             let count = all.iter().flatten().count();

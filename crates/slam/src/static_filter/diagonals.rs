@@ -7,13 +7,14 @@
 use std::ops::Range;
 
 /// Where the cells are: a slot each, those of a diagonal next to each other, with one free slot around the image.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Diagonals {
     width: usize,
     height: usize,
 }
 
 /// Per slot the weight of each neighbour, 1 or 0, and the share of their sum that a cell takes over.
+#[derive(Default)]
 pub(super) struct Weights {
     pub(super) right: Vec<f32>,
     pub(super) below: Vec<f32>,
@@ -23,14 +24,17 @@ pub(super) struct Weights {
 }
 
 impl Weights {
-    pub(super) fn new(layout: &Diagonals) -> Self {
-        let zero = || vec![0.0; layout.slots()];
-        Self {
-            right: zero(),
-            below: zero(),
-            left: zero(),
-            above: zero(),
-            share: zero(),
+    /// All zero.
+    pub(super) fn reset(&mut self, layout: &Diagonals) {
+        for slots in [
+            &mut self.right,
+            &mut self.below,
+            &mut self.left,
+            &mut self.above,
+            &mut self.share,
+        ] {
+            slots.clear();
+            slots.resize(layout.slots(), 0.0);
         }
     }
 }

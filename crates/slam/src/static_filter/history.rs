@@ -1,17 +1,20 @@
 //! What the filter remembers of earlier frames: their coarse depth and where they were taken from.
 
+use super::cells::CELL_PX;
 use super::surroundings::Surroundings;
 use crate::anchored_pose::AnchoredPose;
+use crate::recycle::refill;
 use std::collections::VecDeque;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::{CoarseDepth, FrameId};
+use stillpoint_imaging::{CoarseDepth, DepthImage, FrameId};
 use stillpoint_map::MapView;
 
 /// Frames are kept for comparison this long, s.
 const SPAN: f64 = 3.2;
 
 /// A frame kept for later comparison.
+#[derive(Default)]
 pub(super) struct Snapshot {
     pub(super) frame: FrameId,
     pub(super) stamp: f64,
@@ -35,12 +38,41 @@ impl Snapshot {
 }
 
 /// Where a frame was taken from, as tracking found it.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct CapturePose {
     /// The camera's pose at the colour stamp, which follows every correction of the map.
     pub(crate) anchored: AnchoredPose,
     /// The camera's motion between the exposures of the depth and the colour image.
     pub(crate) camera_from_depth: Se3,
+}
+
+/// Frames that are not kept any more, whose memory new ones take.
+#[derive(Default)]
+pub(super) struct Spent {
+    snapshots: Vec<Arc<Snapshot>>,
+    grids: Vec<Arc<CoarseDepth>>,
+}
+
+/// Frames whose memory is held, at most: frames do not come evenly, so at times some leave before the next comes.
+const MOST_SPENT: usize = 8;
+
+impl Spent {
+    /// The coarse depth of a frame.
+    pub(super) fn coarse(&mut self, depth: &DepthImage) -> Arc<CoarseDepth> {
+        refill(self.grids.pop(), |grid| grid.rebuild(depth, CELL_PX))
+    }
+
+    fn take(&mut self, snapshot: Arc<Snapshot>) {
+        if self.snapshots.len() < MOST_SPENT {
+            self.snapshots.push(snapshot);
+        }
+    }
+
+    fn take_grid(&mut self, grid: Arc<CoarseDepth>) {
+        if self.grids.len() < MOST_SPENT {
+            self.grids.push(grid);
+        }
+    }
 }
 
 /// The frames of the last seconds, oldest first. A copy costs a pointer per frame.
@@ -57,23 +89,35 @@ impl History {
         frame: FrameId,
         stamp: f64,
         grid: Arc<CoarseDepth>,
-        moving: Vec<bool>,
-        place: &CapturePose,
+        (moving, place): (impl Iterator<Item = bool>, &CapturePose),
+        spent: &mut Spent,
     ) {
         // A clock that jumps back makes everything remembered worthless for comparison by age.
         let jumped = self.last().is_some_and(|s| s.stamp >= stamp);
         let kept = |s: &Snapshot| !jumped && stamp - s.stamp <= SPAN;
-        while self.frames.front().is_some_and(|s| !kept(s)) {
-            self.forgotten = self.frames.pop_front().map(|s| s.frame);
+        while let Some(old) = self.frames.pop_front_if(|s| !kept(s)) {
+            self.forgotten = Some(old.frame);
+            spent.take(old);
         }
-        self.frames.push_back(Arc::new(Snapshot {
-            frame,
-            stamp,
-            around: Surroundings::new(grid.width(), grid.data(), &moving),
-            grid,
-            moving,
-            place: *place,
-        }));
+        self.frames
+            .push_back(refill(spent.snapshots.pop(), |s: &mut Snapshot| {
+                (s.frame, s.stamp, s.place) = (frame, stamp, *place);
+                s.moving.clear();
+                s.moving.extend(moving);
+                s.around.rebuild(grid.width(), grid.data(), &s.moving);
+                spent.take_grid(std::mem::replace(&mut s.grid, grid));
+            }));
+    }
+
+    /// Lets go of all frames.
+    pub(super) fn clear(&mut self) {
+        self.frames.clear();
+    }
+
+    /// Becomes a copy of another one, in its own memory.
+    pub(super) fn become_like(&mut self, other: &Self) {
+        self.frames.clone_from(&other.frames);
+        self.forgotten = other.forgotten;
     }
 
     /// What is known of the last frame alone, as of one that was taken at `stamp` from `anchored`.
@@ -114,17 +158,17 @@ impl History {
     }
 
     /// The newest frames that are at least as old as each age (s, ascending) before `stamp`, without repetition.
-    pub(super) fn at_ages(&self, stamp: f64, ages: &[f64]) -> Vec<&Snapshot> {
-        let mut indices: Vec<usize> = ages
-            .iter()
-            .filter_map(|age| {
-                self.frames
-                    .partition_point(|s| s.stamp <= stamp - age)
-                    .checked_sub(1)
-            })
-            .collect();
-        indices.dedup();
-        indices.into_iter().map(|i| &*self.frames[i]).collect()
+    pub(super) fn at_ages<'a>(
+        &'a self,
+        stamp: f64,
+        ages: &'a [f64],
+    ) -> impl Iterator<Item = &'a Snapshot> {
+        let mut last = None;
+        ages.iter().filter_map(move |age| {
+            let old_enough = |s: &Arc<Snapshot>| s.stamp <= stamp - age;
+            let index = self.frames.partition_point(old_enough).checked_sub(1)?;
+            (last.replace(index) != Some(index)).then(|| &*self.frames[index])
+        })
     }
 }
 
@@ -151,7 +195,14 @@ mod tests {
             camera_from_depth: shift(0.01),
         };
         let grid = Arc::new(CoarseDepth::default());
-        history.push(FrameId(frame), stamp, grid, Vec::new(), &place);
+        let nothing = std::iter::empty();
+        history.push(
+            FrameId(frame),
+            stamp,
+            grid,
+            (nothing, &place),
+            &mut Spent::default(),
+        );
     }
 
     /// Frames at 30 Hz from 0 s on.
@@ -165,7 +216,7 @@ mod tests {
 
     fn stamps(history: &History, now: f64, ages: &[f64]) -> Vec<f64> {
         let found = history.at_ages(now, ages);
-        found.iter().map(|s| s.stamp).collect()
+        found.map(|s| s.stamp).collect()
     }
 
     #[test]

@@ -12,6 +12,7 @@ mod epipolar;
 mod flow_pair;
 mod history;
 mod mask;
+mod memory;
 mod mirrored;
 mod paper;
 mod rigid;
@@ -26,14 +27,15 @@ mod visibility;
 pub use config::{FilterParts, FilterSetup, Preset, StaticFilterConfig};
 pub(crate) use flow_pair::FlowPair;
 pub(crate) use history::CapturePose;
+pub(crate) use memory::Memory;
 pub use semantic::MOVER;
 pub use verdict::{FeatureVerdict, Reasons};
 
+use crate::recycle::refill;
 use cells::Cells;
 use history::{History, Snapshot};
 use rigid::Votes;
 use semantic::Mover;
-use std::ops::Range;
 use std::sync::Arc;
 use stillpoint_detection::{Detections, MotionWeights, Object, ObjectTracker};
 use stillpoint_geometry::{Camera, Se3};
@@ -195,14 +197,14 @@ impl StaticFilter {
     }
 
     /// Judges the features of a frame. Returns what is said of them, and the filter of the frame after.
-    pub(crate) fn judge(&self, input: &FrameInput<'_>) -> (Judgement, Self) {
+    pub(crate) fn judge(&self, input: &FrameInput<'_>, memory: &mut Memory) -> (Judgement, Self) {
         let _span = tracing::info_span!("filter").entered();
-        let mut next = self.clone();
-        let judgement = next.take_in(input);
+        let mut next = memory.copy(self);
+        let judgement = next.take_in(input, memory);
         (judgement, next)
     }
 
-    fn take_in(&mut self, input: &FrameInput<'_>) -> Judgement {
+    fn take_in(&mut self, input: &FrameInput<'_>, memory: &mut Memory) -> Judgement {
         if self.rules.config.preset == Preset::Off {
             let kept = input.features.iter().map(|f| FeatureVerdict::kept(*f));
             return Judgement {
@@ -210,7 +212,7 @@ impl StaticFilter {
                 ..Judgement::default()
             };
         }
-        let grid = Arc::new(cells::coarse(&input.frame.depth));
+        let grid = memory.spent.coarse(&input.frame.depth);
         let stamp = input.frame.stamp;
         if let Some(detections) = self.waiting.take_if(|d| d.frame == input.frame.id) {
             self.objects
@@ -218,25 +220,36 @@ impl StaticFilter {
         }
         let objects = self.objects.predict(stamp, &input.world_from_camera);
         let movers = self.movers(&objects, stamp);
-        let mut verdicts = match self.rules.config.preset {
-            Preset::Paper | Preset::Adapted => paper::judge(
-                &self.rules.config,
-                input,
-                &self.rules.camera,
-                &movers,
-                self.rules.seed,
-            ),
-            Preset::Default | Preset::Off => self.judge_surfaces(input, &grid, &movers),
-        };
+        let mut verdicts = std::mem::take(&mut memory.verdicts);
+        match self.rules.config.preset {
+            Preset::Paper | Preset::Adapted => {
+                verdicts = paper::judge(
+                    &self.rules.config,
+                    input,
+                    &self.rules.camera,
+                    &movers,
+                    self.rules.seed,
+                );
+            }
+            Preset::Default | Preset::Off => {
+                self.judge_surfaces(input, &grid, &movers, (&mut verdicts, memory));
+            }
+        }
         let released =
             verdict::release_when_starving(&mut verdicts, self.rules.config.min_features);
         self.present = Some((input.frame.id, stamp, grid));
-        Judgement {
-            verdicts: verdicts.into(),
-            objects: objects.into(),
+        let judgement = Judgement {
+            verdicts: verdicts.as_slice().into(),
+            objects: if objects.is_empty() {
+                Arc::default()
+            } else {
+                objects.into()
+            },
             segments: self.segments(),
             released,
-        }
+        };
+        memory.verdicts = verdicts;
+        judgement
     }
 
     /// The objects that may move. Without D all that is in their boxes is theirs, whatever its depth.
@@ -266,27 +279,28 @@ impl StaticFilter {
         input: &FrameInput<'_>,
         grid: &CoarseDepth,
         movers: &[Mover],
-    ) -> Vec<FeatureVerdict> {
+        (verdicts, memory): (&mut Vec<FeatureVerdict>, &mut Memory),
+    ) {
         let stamp = input.frame.stamp;
         let now = Now {
             stamp,
             grid,
             world_from_depth: input.world_from_camera * input.camera_from_depth,
             view: input.view,
+            history: &self.history,
         };
-        let votes = self.rigid_votes(input);
-        let cells = &self.rules.cells;
-        let surfaces = self
-            .surfaces
-            .next(cells, &self.history, &now, movers, &votes);
-        self.surfaces = Arc::new(surfaces);
+        self.count_rigid(input, &mut memory.votes);
+        let (cells, votes) = (&self.rules.cells, &memory.votes);
+        self.surfaces = refill(memory.surfaces.take(), |next| {
+            self.surfaces
+                .next(cells, &now, movers, votes, (next, &mut memory.judging));
+        });
         self.measure_rigidity(stamp, grid, movers);
-        let judge =
-            |pixel: &[f32; 2]| self.judge_feature(*pixel, &input.frame.depth, grid.data(), movers);
-        let some = |part: Range<usize>| -> Vec<FeatureVerdict> {
-            input.features[part].iter().map(judge).collect()
-        };
-        workers::in_parts(0..input.features.len(), JUDGED_TOGETHER, some).concat()
+        verdicts.clear();
+        verdicts.resize(input.features.len(), FeatureVerdict::kept([0.0; 2]));
+        workers::fill(verdicts, JUDGED_TOGETHER, |i| {
+            self.judge_feature(input.features[i], &input.frame.depth, grid.data(), movers)
+        });
     }
 
     /// What is said of any raw pixels of the frame that was judged last, in which these objects were.
@@ -313,10 +327,12 @@ impl StaticFilter {
     }
 
     /// Keeps the frame just judged for later comparison, once its pose is known.
-    pub(crate) fn remember(&mut self, place: &CapturePose) {
+    pub(crate) fn remember(&mut self, place: &CapturePose, memory: &mut Memory) {
         if let Some((frame, stamp, grid)) = self.present.take() {
-            let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
-            self.history.push(frame, stamp, grid, moving, place);
+            let moving = self.surfaces.motion.iter().map(|o| *o > MOVES);
+            let known = (moving, place);
+            self.history
+                .push(frame, stamp, grid, known, &mut memory.spent);
         }
     }
 
@@ -357,19 +373,18 @@ impl StaticFilter {
         (0..data.len() as u32).filter(on_mover).collect()
     }
 
-    /// What the flow of each feature says of the surface it lies on.
-    fn rigid_votes(&self, input: &FrameInput<'_>) -> Votes {
+    /// Counts what the flow of each feature says of the surface it lies on.
+    fn count_rigid(&self, input: &FrameInput<'_>, votes: &mut Votes) {
         if !self.rules.config.parts.geometry {
-            return Votes::default();
+            return votes.clear();
         }
-        let distance = |(pair, z): (&Option<FlowPair>, &f32)| {
-            rigid::distance_px(&self.rules.camera, pair.as_ref()?, *z, &input.last_from_now)
+        let distance = |pair: &Option<FlowPair>, z: f32| {
+            rigid::distance_px(&self.rules.camera, pair.as_ref()?, z, &input.last_from_now)
         };
-        let distances: Vec<Option<f64>> =
-            input.pairs.iter().zip(input.depths).map(distance).collect();
         let sigma = |p: &Option<FlowPair>| p.as_ref().map_or(0.0, FlowPair::sigma);
-        let sigmas: Vec<f64> = input.pairs.iter().map(sigma).collect();
-        rigid::votes(&self.rules.cells, input.features, &distances, &sigmas)
+        let features = input.features.iter().zip(input.pairs).zip(input.depths);
+        let features = features.map(|((f, pair), z)| (f, distance(pair, *z), sigma(pair)));
+        votes.count(&self.rules.cells, features);
     }
 
     /// Tells the objects which part of their surface stands still.

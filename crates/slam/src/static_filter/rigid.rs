@@ -53,42 +53,50 @@ pub(super) struct Votes {
     pub(super) votes: Vec<Vote>,
     /// How far the camera's own motion is known well enough to tell, 0 to 1.
     pub(super) certainty: f32,
+    /// Distances that are known, in any order.
+    known: Vec<f64>,
 }
 
-/// The votes of all features that are clear, none when the camera's own motion is in doubt. `distances` and their standard deviations
-/// `sigmas` (px) belong to `pixels` (raw px).
-pub(super) fn votes(
-    cells: &Cells,
-    pixels: &[[f32; 2]],
-    distances: &[Option<f64>],
-    sigmas: &[f64],
-) -> Votes {
-    let typical = typical(distances);
-    if typical > MAX_TYPICAL_PX {
-        return Votes::default();
+impl Votes {
+    /// Nothing.
+    pub(super) fn clear(&mut self) {
+        self.votes.clear();
+        self.certainty = 0.0;
     }
-    let scale = EXCESS * typical;
-    let (moving, still) = (MOVING_PX.max(scale), STATIC_PX.max(0.5 * scale));
-    let vote = |((p, d), sigma): ((&[f32; 2], &Option<f64>), &f64)| {
-        let d = (*d)?;
-        let moving = moving.max(MOVING_SIGMAS * sigma);
-        let still = still.max(STATIC_SIGMAS * sigma);
-        (!(still..=moving).contains(&d)).then(|| Vote {
-            cell: cells.at(p[0], p[1]),
-            moving: d > moving,
-        })
-    };
-    let features = pixels.iter().zip(distances).zip(sigmas);
-    let doubt = typical / HALF_CERTAIN_PX;
-    Votes {
-        votes: features.filter_map(vote).collect(),
-        certainty: (1.0 / (1.0 + doubt * doubt)) as f32,
+
+    /// Counts the votes of all features that are clear, none when the camera's own motion is in doubt. Each has a raw pixel, and with flow and
+    /// depth a distance and its standard deviation (px).
+    pub(super) fn count<'a>(
+        &mut self,
+        cells: &Cells,
+        features: impl Iterator<Item = (&'a [f32; 2], Option<f64>, f64)> + Clone,
+    ) {
+        self.clear();
+        self.known.clear();
+        self.known.extend(features.clone().filter_map(|f| f.1));
+        let typical = typical(&mut self.known);
+        if typical > MAX_TYPICAL_PX {
+            return;
+        }
+        let scale = EXCESS * typical;
+        let (moving, still) = (MOVING_PX.max(scale), STATIC_PX.max(0.5 * scale));
+        let vote = |(p, d, sigma): (&[f32; 2], Option<f64>, f64)| {
+            let d = d?;
+            let moving = moving.max(MOVING_SIGMAS * sigma);
+            let still = still.max(STATIC_SIGMAS * sigma);
+            (!(still..=moving).contains(&d)).then(|| Vote {
+                cell: cells.at(p[0], p[1]),
+                moving: d > moving,
+            })
+        };
+        self.votes.extend(features.filter_map(vote));
+        let doubt = typical / HALF_CERTAIN_PX;
+        self.certainty = (1.0 / (1.0 + doubt * doubt)) as f32;
     }
 }
 
-/// The distance that three in ten features stay within, px: that of static ones, even when people are half of the image.
-fn typical(distances: &[Option<f64>]) -> f64 {
-    let mut known: Vec<f64> = distances.iter().flatten().copied().collect();
+/// The distance that three in ten features stay within, px: that of static ones, even when people are half of the image. Orders them.
+fn typical(known: &mut [f64]) -> f64 {
     if known.is_empty() {
         return 0.0;
     }
@@ -124,12 +132,14 @@ mod tests {
         let pixels: Vec<[f32; 2]> = (0..distances.len())
             .map(|i| [(i % 640) as f32, 100.0])
             .collect();
-        votes(
-            &Cells::new(&camera(), DepthNoise::default()),
-            &pixels,
-            distances,
-            &vec![sigma; distances.len()],
-        )
+        votes_of(&pixels, distances, sigma)
+    }
+
+    fn votes_of(pixels: &[[f32; 2]], distances: &[Option<f64>], sigma: f64) -> Votes {
+        let mut votes = Votes::default();
+        let features = pixels.iter().zip(distances).map(|(p, d)| (p, *d, sigma));
+        votes.count(&Cells::new(&camera(), DepthNoise::default()), features);
+        votes
     }
 
     /// `count` features at each distance.
@@ -204,7 +214,7 @@ mod tests {
         let cells = Cells::new(&camera(), DepthNoise::default());
         let pixels = [[4.0, 4.0], [100.0, 50.0], [630.0, 470.0], [300.0, 10.0]];
         let distances = [Some(0.1), Some(0.1), Some(8.0), None];
-        let votes = votes(&cells, &pixels, &distances, &[0.1; 4]).votes;
+        let votes = votes_of(&pixels, &distances, 0.1).votes;
         let expected = pixels.map(|[u, v]| cells.at(u, v));
         assert_eq!(votes.len(), 3);
         for (vote, cell) in votes.iter().zip(expected) {

@@ -20,6 +20,7 @@ const SHARES: [f32; 5] = [
 ];
 
 /// Which neighbours each cell is joined to.
+#[derive(Default)]
 pub(super) struct Links {
     /// By cell: bit 0 right, 1 below, 2 left, 3 above.
     bits: Vec<u8>,
@@ -27,12 +28,29 @@ pub(super) struct Links {
     weights: Weights,
 }
 
+/// What spreading takes in memory: the cells' own values and those that spread, by slots.
+#[derive(Default)]
+pub(super) struct Slots {
+    own: Vec<f32>,
+    values: Vec<f32>,
+}
+
 impl Links {
     /// Joins neighbours whose depths differ by less than a step.
+    #[cfg(test)]
     pub(super) fn new(cells: &Cells, depth: &[f32]) -> Self {
+        let mut links = Self::default();
+        links.rebuild(cells, depth);
+        links
+    }
+
+    /// The same, reusing the memory.
+    pub(super) fn rebuild(&mut self, cells: &Cells, depth: &[f32]) {
         let joined = |a: f32, b: f32| a > 0.0 && b > 0.0 && (a - b).abs() < 0.02 + 0.025 * a.min(b);
         let (w, h) = (cells.width, cells.height);
-        let mut bits = vec![0; w * h];
+        let bits = &mut self.bits;
+        bits.clear();
+        bits.resize(w * h, 0);
         for y in 0..h {
             for x in 0..w {
                 let i = y * w + x;
@@ -47,43 +65,52 @@ impl Links {
             }
         }
         let layout = Diagonals::new(w, h);
-        let mut weights = Weights::new(&layout);
+        let weights = &mut self.weights;
+        weights.reset(&layout);
         let weight = |bits: u8, bit: u8| f32::from(bits >> bit & 1);
-        for (&bits, slot) in bits.iter().zip(layout.of_rows()) {
+        for (&bits, slot) in self.bits.iter().zip(layout.of_rows()) {
             weights.right[slot] = weight(bits, 0);
             weights.below[slot] = weight(bits, 1);
             weights.left[slot] = weight(bits, 2);
             weights.above[slot] = weight(bits, 3);
             weights.share[slot] = SHARES[bits.count_ones() as usize];
         }
-        Self {
-            bits,
-            layout,
-            weights,
-        }
+        self.layout = layout;
     }
 
     /// Spreads each cell's own value over the region it belongs to: solves
     /// `x_i = clamp(own_i + COUPLING * mean of joined neighbours x_j)` by symmetric Gauss-Seidel sweeps.
-    pub(super) fn spread(&self, own: &[f32]) -> Vec<f32> {
-        let mut own_slots = vec![0.0; self.layout.slots()];
-        let mut slots = own_slots.clone();
+    pub(super) fn spread(&self, own: &[f32], slots: &mut Slots, out: &mut Vec<f32>) {
+        for slots in [&mut slots.own, &mut slots.values] {
+            slots.clear();
+            slots.resize(self.layout.slots(), 0.0);
+        }
         for (own, slot) in own.iter().zip(self.layout.of_rows()) {
-            own_slots[slot] = *own;
-            slots[slot] = own.clamp(-LIMIT, LIMIT);
+            slots.own[slot] = *own;
+            slots.values[slot] = own.clamp(-LIMIT, LIMIT);
         }
         for _ in 0..SWEEPS {
             self.layout
-                .sweep(&self.weights, &own_slots, &mut slots, LIMIT);
+                .sweep(&self.weights, &slots.own, &mut slots.values, LIMIT);
         }
-        self.layout.of_rows().map(|slot| slots[slot]).collect()
+        out.clear();
+        out.reserve(own.len());
+        out.extend(self.layout.of_rows().map(|slot| slots.values[slot]));
     }
 
     /// Numbers the connected regions of chosen cells from 1, in the order of their first cells; 0 for all others.
-    pub(super) fn regions(&self, cells: &Cells, chosen: impl Fn(usize) -> bool) -> Vec<u16> {
+    pub(super) fn regions(
+        &self,
+        cells: &Cells,
+        chosen: impl Fn(usize) -> bool,
+        open: &mut Vec<usize>,
+        labels: &mut Vec<u16>,
+    ) {
         let w = cells.width;
-        let mut labels = vec![0; self.bits.len()];
-        let (mut next, mut open) = (0_u16, Vec::new());
+        labels.clear();
+        labels.resize(self.bits.len(), 0);
+        open.clear();
+        let mut next = 0_u16;
         for start in 0..labels.len() {
             if labels[start] != 0 || !chosen(start) {
                 continue;
@@ -107,7 +134,6 @@ impl Links {
                 }
             }
         }
-        labels
     }
 }
 
@@ -133,8 +159,19 @@ mod tests {
     }
 
     fn spread(depth: &[f32], own: &[f32]) -> Vec<f32> {
-        let cells = cells();
-        Links::new(&cells, depth).spread(own)
+        spread_by(&Links::new(&cells(), depth), own)
+    }
+
+    fn spread_by(links: &Links, own: &[f32]) -> Vec<f32> {
+        let mut values = Vec::new();
+        links.spread(own, &mut Slots::default(), &mut values);
+        values
+    }
+
+    fn regions(links: &Links, chosen: impl Fn(usize) -> bool) -> Vec<u16> {
+        let mut labels = Vec::new();
+        links.regions(&cells(), chosen, &mut Vec::new(), &mut labels);
+        labels
     }
 
     /// Numbers from -1 to 1, the same in every run.
@@ -161,13 +198,13 @@ mod tests {
         let links = Links::new(&cells, &depth);
         let near = depth.iter().copied().fold(f32::INFINITY, f32::min);
         let of_person = |i: usize| depth[i] < near + 0.1;
-        let labels = links.regions(&cells, of_person);
+        let labels = regions(&links, of_person);
         for (i, label) in labels.iter().enumerate() {
             assert_eq!(*label != 0, of_person(i));
         }
-        assert!(links.regions(&cells, |_| false).iter().all(|l| *l == 0));
+        assert!(regions(&links, |_| false).iter().all(|l| *l == 0));
         // Everything chosen: a step in depth still separates.
-        let all = links.regions(&cells, |_| true);
+        let all = regions(&links, |_| true);
         let first = (0..all.len()).find(|i| of_person(*i)).unwrap();
         let wall = (0..all.len()).find(|i| !of_person(*i)).unwrap();
         assert_ne!(all[first], all[wall]);
@@ -197,7 +234,7 @@ mod tests {
                 let share = SHARES[links.bits[i].count_ones() as usize];
                 expected[i] = (own[i] + share * sum).clamp(-LIMIT, LIMIT);
             }
-            let found = links.spread(&own);
+            let found = spread_by(&links, &own);
             assert!(
                 found
                     .iter()

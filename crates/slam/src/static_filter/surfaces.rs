@@ -4,11 +4,10 @@
 use super::cells::Cells;
 use super::history::History;
 use super::rigid::Votes;
-use super::segments::Links;
+use super::segments::{Links, Slots};
 use super::semantic::Mover;
 use super::visibility::{self, Earlier};
 use crate::pace::worth;
-use std::ops::Range;
 use stillpoint_geometry::Se3;
 use stillpoint_imaging::{CoarseDepth, workers};
 use stillpoint_map::MapView;
@@ -38,7 +37,7 @@ const MEMORY: f64 = 6.0;
 const SUSPECT: f32 = 1.5;
 
 /// Log odds of "moving" per cell.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Surfaces {
     /// After spreading: the answer.
     pub(super) odds: Vec<f32>,
@@ -59,6 +58,26 @@ pub(super) struct Now<'a> {
     pub(super) grid: &'a CoarseDepth,
     pub(super) world_from_depth: Se3,
     pub(super) view: &'a MapView,
+    pub(super) history: &'a History,
+}
+
+/// Memory that judging surfaces takes, used again from frame to frame.
+#[derive(Default)]
+pub(super) struct Memory {
+    links: Links,
+    past: Vec<f32>,
+    fresh: Vec<f32>,
+    strongest: Vec<f32>,
+    open: Vec<usize>,
+    slots: [Slots; 2],
+    flow: FlowMemory,
+}
+
+/// Of the flow: per cell votes for moving and all votes, and both spread.
+#[derive(Default)]
+struct FlowMemory {
+    votes: [Vec<f32>; 2],
+    near: [Vec<f32>; 2],
 }
 
 impl Surfaces {
@@ -82,45 +101,57 @@ impl Surfaces {
         }
     }
 
-    /// The surfaces of the next frame, given these of the frame before, the objects and what the flow of its features says.
+    /// Makes `next` the surfaces of the next frame, given these of the frame before, the objects and what the flow of its features says.
     pub(super) fn next(
         &self,
         cells: &Cells,
-        history: &History,
         now: &Now<'_>,
         movers: &[Mover],
         flow: &Votes,
-    ) -> Self {
-        let ((links, (mut past, mut moved_at)), mut evidence) = workers::both(
-            || {
-                let links = Links::new(cells, now.grid.data());
-                (links, self.propagate(cells, history, now))
-            },
-            || weigh_free_space(cells, history, now),
-        );
-        // Who has just stopped counts as moving for a while, though everything measured says that he stands still.
-        for (past, at) in past.iter_mut().zip(&moved_at) {
-            *past += at.map_or(0.0, |at| suspicion(now.stamp - at));
-        }
-        weigh_flow(cells, &links, flow, &mut evidence, &mut past);
-        let mut own = past;
-        for (own, evidence) in own.iter_mut().zip(&evidence) {
-            *own += evidence;
-        }
-        // Spread before the objects are added: what a box lends is not remembered, or it would confirm itself from frame to frame.
-        // This frame's evidence alone: whether a thing moves now, not whether it did.
-        let (mut motion, fresh) = workers::both(|| links.spread(&own), || links.spread(&evidence));
-        remember_motion(now.stamp, &fresh, &mut motion, &mut moved_at);
-        add_movers(now.grid, movers, &mut own);
-        let odds = links.spread(&own);
-        let regions = links.regions(cells, |i| odds[i] > MOVES);
-        Self {
+        (next, memory): (&mut Self, &mut Memory),
+    ) {
+        let Self {
             odds,
             motion,
             evidence,
             regions,
             moved_at,
+        } = next;
+        let Memory {
+            links, past, fresh, ..
+        } = memory;
+        workers::both(
+            || {
+                links.rebuild(cells, now.grid.data());
+                self.propagate(cells, now, past, moved_at);
+            },
+            || weigh_free_space(cells, now, evidence),
+        );
+        // Who has just stopped counts as moving for a while, though everything measured says that he stands still.
+        for (past, at) in past.iter_mut().zip(&*moved_at) {
+            *past += at.map_or(0.0, |at| suspicion(now.stamp - at));
         }
+        weigh_flow(
+            flow,
+            evidence,
+            past,
+            (links, &mut memory.flow, &mut memory.slots),
+        );
+        let own = past;
+        for (own, evidence) in own.iter_mut().zip(&*evidence) {
+            *own += evidence;
+        }
+        // Spread before the objects are added: what a box lends is not remembered, or it would confirm itself from frame to frame.
+        // This frame's evidence alone: whether a thing moves now, not whether it did.
+        let [a, b] = &mut memory.slots;
+        workers::both(
+            || links.spread(own, a, motion),
+            || links.spread(evidence, b, fresh),
+        );
+        remember_motion(now.stamp, fresh, motion, moved_at);
+        add_movers(now.grid, movers, own, &mut memory.strongest);
+        links.spread(own, a, odds);
+        links.regions(cells, |i| odds[i] > MOVES, &mut memory.open, regions);
     }
 
     /// The log odds of the last frame, propagated to this one's cells along the surfaces they belong to, and when each was last seen to
@@ -128,13 +159,16 @@ impl Surfaces {
     fn propagate(
         &self,
         cells: &Cells,
-        history: &History,
         now: &Now<'_>,
-    ) -> (Vec<f32>, Vec<Option<f64>>) {
-        let mut past = vec![0.0; cells.count()];
-        let mut moved_at = vec![None; cells.count()];
-        let Some(last) = history.last() else {
-            return (past, moved_at);
+        past: &mut Vec<f32>,
+        moved_at: &mut Vec<Option<f64>>,
+    ) {
+        past.clear();
+        past.resize(cells.count(), 0.0);
+        moved_at.clear();
+        moved_at.resize(cells.count(), None);
+        let Some(last) = now.history.last() else {
+            return;
         };
         let pose = last.world_from_depth(now.view).inverse() * now.world_from_depth;
         let motion = visibility::CellMotion::new(&pose);
@@ -160,16 +194,15 @@ impl Surfaces {
                 past[cell] = keep * sum / count;
             }
         });
-        (past, moved_at)
     }
 }
 
 /// What earlier frames say of the places where the surfaces are now, in log odds of "moving" per cell.
-fn weigh_free_space(cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32> {
-    let snapshots = history.at_ages(now.stamp, &AGES);
-    let weigh = |part: Range<usize>| {
-        let mut evidence = vec![0.0; part.len()];
-        for s in &snapshots {
+fn weigh_free_space(cells: &Cells, now: &Now<'_>, evidence: &mut Vec<f32>) {
+    evidence.clear();
+    evidence.resize(cells.count(), 0.0);
+    workers::in_rows(evidence, 1, CELLS_TOGETHER, |first, evidence| {
+        for s in now.history.at_ages(now.stamp, &AGES) {
             let earlier = Earlier {
                 grid: &s.grid,
                 moving: &s.moving,
@@ -178,31 +211,41 @@ fn weigh_free_space(cells: &Cells, history: &History, now: &Now<'_>) -> Vec<f32>
                 earlier_from_now: s.world_from_depth(now.view).inverse() * now.world_from_depth,
                 age: now.stamp - s.stamp,
             };
-            visibility::add_evidence(cells, now.grid, &earlier, (part.start, &mut evidence));
+            visibility::add_evidence(cells, now.grid, &earlier, (first, evidence));
         }
-        evidence
-    };
-    workers::in_parts(0..cells.count(), CELLS_TOGETHER, weigh).concat()
+    });
 }
 
 /// Adds what the flow says. A smooth surface that slides along itself looks unmoved to the depth camera: where the flow
 /// says that it moves, agreement of depths counts for nothing, now (`evidence`) and in the past (`past`).
-fn weigh_flow(cells: &Cells, links: &Links, flow: &Votes, evidence: &mut [f32], past: &mut [f32]) {
-    let Votes { votes, certainty } = flow;
+fn weigh_flow(
+    flow: &Votes,
+    evidence: &mut [f32],
+    past: &mut [f32],
+    (links, memory, slots): (&Links, &mut FlowMemory, &mut [Slots; 2]),
+) {
+    let (votes, certainty) = (&flow.votes, flow.certainty);
     if votes.is_empty() {
         return;
     }
-    // Per cell: votes for moving, and all votes.
-    let (mut moving, mut all) = (vec![0.0; cells.count()], vec![0.0; cells.count()]);
+    let [moving, all] = &mut memory.votes;
+    for votes in [&mut *moving, &mut *all] {
+        votes.clear();
+        votes.resize(evidence.len(), 0.0);
+    }
     for v in votes {
         moving[v.cell] += f32::from(u8::from(v.moving));
         all[v.cell] += 1.0;
     }
     // A surface has corners in few of its cells, and they speak for all of it. Both counts are spread alike, so that their ratio
     // stays a share.
-    let (near_moving, near_all) = workers::both(|| links.spread(&moving), || links.spread(&all));
+    let ([near_moving, near_all], [a, b]) = (&mut memory.near, slots);
+    workers::both(
+        || links.spread(moving, a, near_moving),
+        || links.spread(all, b, near_all),
+    );
     let so_far = evidence.iter_mut().zip(past);
-    for ((e, past), (m, n)) in so_far.zip(near_moving.iter().zip(&near_all)) {
+    for ((e, past), (m, n)) in so_far.zip(near_moving.iter().zip(&*near_all)) {
         if *n <= 0.0 {
             continue;
         }
@@ -250,9 +293,10 @@ fn later(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 }
 
 /// Adds to each cell the log odds of the strongest object that holds it.
-fn add_movers(grid: &CoarseDepth, movers: &[Mover], own: &mut [f32]) {
+fn add_movers(grid: &CoarseDepth, movers: &[Mover], own: &mut [f32], strongest: &mut Vec<f32>) {
     // Not their sum: two boxes of one person are no two opinions.
-    let mut strongest = vec![0.0_f32; own.len()];
+    strongest.clear();
+    strongest.resize(own.len(), 0.0);
     for m in movers.iter().filter(|m| m.strength > 0.0) {
         for (i, [u, v]) in m.cells(grid) {
             let z = grid.data()[i];
@@ -262,7 +306,7 @@ fn add_movers(grid: &CoarseDepth, movers: &[Mover], own: &mut [f32]) {
             }
         }
     }
-    for (own, odds) in own.iter_mut().zip(&strongest) {
+    for (own, odds) in own.iter_mut().zip(&*strongest) {
         *own += odds;
     }
 }

@@ -13,38 +13,62 @@ pub(super) struct Surroundings {
 
 impl Surroundings {
     /// Of a frame with these depths, in rows of `width` cells, and what was found to move.
+    #[cfg(test)]
     pub(super) fn new(width: usize, depth: &[f32], moving: &[bool]) -> Self {
-        let near: Vec<f32> = depth
-            .iter()
-            .map(|z| if *z > 0.0 { *z } else { f32::INFINITY })
-            .collect();
-        let still = depth.iter().zip(moving);
-        let still: Vec<f32> = still.map(|(z, m)| if *m { 0.0 } else { *z }).collect();
-        let valid: Vec<u8> = depth.iter().map(|z| u8::from(*z > 0.0)).collect();
-        Self {
-            nearest: over_three_by_three(width, &near, |a, b| if b < a { b } else { a }),
-            farthest_still: over_three_by_three(width, &still, |a, b| if b > a { b } else { a }),
-            valid: over_three_by_three(width, &valid, |a, b| a + b),
-        }
+        let mut around = Self::default();
+        around.rebuild(width, depth, moving);
+        around
+    }
+
+    /// The same, reusing the memory.
+    pub(super) fn rebuild(&mut self, width: usize, depth: &[f32], moving: &[bool]) {
+        let near = |i: usize| match depth[i] {
+            z if z > 0.0 => z,
+            _ => f32::INFINITY,
+        };
+        let still = |i: usize| if moving[i] { 0.0 } else { depth[i] };
+        let valid = |i: usize| u8::from(depth[i] > 0.0);
+        let size = [width, depth.len()];
+        over_three_by_three(
+            size,
+            near,
+            |a, b| if b < a { b } else { a },
+            &mut self.nearest,
+        );
+        over_three_by_three(
+            size,
+            still,
+            |a, b| if b > a { b } else { a },
+            &mut self.farthest_still,
+        );
+        over_three_by_three(size, valid, |a, b| a + b, &mut self.valid);
     }
 }
 
 /// Folds the 3x3 values around each inner one; those at the border stay as they are.
-fn over_three_by_three<T: Copy>(width: usize, values: &[T], fold: impl Fn(T, T) -> T) -> Vec<T> {
-    let mut out = values.to_vec();
-    let height = values.len().checked_div(width).unwrap_or(0);
+fn over_three_by_three<T: Copy>(
+    [width, count]: [usize; 2],
+    value: impl Fn(usize) -> T,
+    fold: impl Fn(T, T) -> T,
+    out: &mut Vec<T>,
+) {
+    out.clear();
+    out.extend((0..count).map(&value));
+    let height = count.checked_div(width).unwrap_or(0);
     if width < 3 || height < 3 {
-        return out;
+        return;
     }
     for y in 1..height - 1 {
-        let row = |y: usize| &values[y * width..(y + 1) * width];
-        let (above, here, below) = (row(y - 1), row(y), row(y + 1));
-        let three = above.iter().zip(here).zip(below);
-        let columns: Vec<T> = three.map(|((a, b), c)| fold(fold(*a, *b), *c)).collect();
-        let inner = &mut out[y * width + 1..(y + 1) * width - 1];
-        for (out, three) in inner.iter_mut().zip(columns.windows(3)) {
-            *out = fold(fold(three[0], three[1]), three[2]);
+        let row = y * width;
+        let column = |x: usize| {
+            let i = row + x;
+            fold(fold(value(i - width), value(i)), value(i + width))
+        };
+        let (mut left, mut here) = (column(0), column(1));
+        for (x, out) in out[row + 1..row + width - 1].iter_mut().enumerate() {
+            let right = column(x + 2);
+            *out = fold(fold(left, here), right);
+            (left, here) = (here, right);
         }
     }
-    out
 }

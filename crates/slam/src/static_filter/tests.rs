@@ -52,16 +52,19 @@ fn frame(id: u32) -> RgbdFrame {
 }
 
 fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
-    let (judgement, next) = filter.judge(&FrameInput {
-        frame: &frame(id),
-        view: &MapView::default(),
-        world_from_camera: Se3::identity(),
-        camera_from_depth: Se3::identity(),
-        features: &CORNERS,
-        depths: &[1.5, 3.0, 3.0],
-        pairs: &[],
-        last_from_now: Se3::identity(),
-    });
+    let (judgement, next) = filter.judge(
+        &FrameInput {
+            frame: &frame(id),
+            view: &MapView::default(),
+            world_from_camera: Se3::identity(),
+            camera_from_depth: Se3::identity(),
+            features: &CORNERS,
+            depths: &[1.5, 3.0, 3.0],
+            pairs: &[],
+            last_from_now: Se3::identity(),
+        },
+        &mut Memory::default(),
+    );
     *filter = next;
     judgement
 }
@@ -69,15 +72,18 @@ fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
 /// Judges a frame and finds its pose.
 fn follow(filter: &mut StaticFilter, id: u32) -> Unused {
     judge(filter, id);
-    filter.remember(&CapturePose {
-        anchored: AnchoredPose {
-            keyframe: None,
-            reference: KeyframeId(0),
-            reference_from_camera: Se3::identity(),
-            online_world_from_camera: Se3::identity(),
+    filter.remember(
+        &CapturePose {
+            anchored: AnchoredPose {
+                keyframe: None,
+                reference: KeyframeId(0),
+                reference_from_camera: Se3::identity(),
+                online_world_from_camera: Se3::identity(),
+            },
+            camera_from_depth: Se3::identity(),
         },
-        camera_from_depth: Se3::identity(),
-    });
+        &mut Memory::default(),
+    );
     filter.end_frame()
 }
 
@@ -186,11 +192,15 @@ fn a_judgement_that_is_refused_leaves_nothing_behind() {
         pairs: &[],
         last_from_now: Se3::identity(),
     };
-    let (expected, _) = filter.clone().judge(&input(Se3::identity()));
-    let (tried, refused) = filter.judge(&input(far));
+    let (expected, _) = filter
+        .clone()
+        .judge(&input(Se3::identity()), &mut Memory::default());
+    let memory = &mut Memory::default();
+    let (tried, refused) = filter.judge(&input(far), memory);
     assert_ne!(tried.verdicts, expected.verdicts);
     assert_ne!(refused.surfaces, filter.surfaces);
-    let (found, next) = filter.judge(&input(Se3::identity()));
+    memory.give(refused);
+    let (found, next) = filter.judge(&input(Se3::identity()), memory);
     assert_eq!(found.verdicts, expected.verdicts);
     assert_eq!(found.objects.len(), 1);
     // The detections wait until a judgement that used them is kept.

@@ -73,7 +73,7 @@ impl Tracker {
         self.blind_at = Some(now);
         let world_from_camera = camera_from_world.inverse();
         self.learn_motion(notes, &world_from_camera, false);
-        Some(self.accept_carried(frame, &solution, carried.since))
+        Some(self.accept_carried(frame, solution, carried.since))
     }
 
     /// Whether so much of the view was blocked a moment ago that the camera had to be carried: what agrees then is somebody, as likely as not.

@@ -85,6 +85,8 @@ struct SensorClock {
     stamps: VecDeque<(f64, f64)>,
     /// The line that was known before the first of them.
     known: Option<Line>,
+    /// Memory that is used again.
+    gaps: Vec<f64>,
 }
 
 /// `start + period n` for frame n, s, and what the stamps are off it by, rms.
@@ -144,15 +146,17 @@ impl SensorClock {
     }
 
     /// The number of the frame with this stamp; 0 where a line begins.
-    fn number(&self, stamp: f64) -> f64 {
-        let Some((last, before)) = self.stamps.back() else {
+    fn number(&mut self, stamp: f64) -> f64 {
+        let Some(&(last, before)) = self.stamps.back() else {
             return 0.0;
         };
         let gap = stamp - before;
         let gaps = self.stamps.iter().zip(self.stamps.iter().skip(1));
-        let mut gaps: Vec<f64> = gaps.map(|(a, b)| (b.1 - a.1) / (b.0 - a.0)).collect();
-        gaps.push(gap);
-        gaps.sort_by(f64::total_cmp);
+        let gaps = gaps.map(|(a, b)| (b.1 - a.1) / (b.0 - a.0));
+        self.gaps.clear();
+        self.gaps.extend(gaps.chain([gap]));
+        let gaps = &mut self.gaps;
+        gaps.sort_unstable_by(f64::total_cmp);
         let frames = libm::round(gap / gaps[gaps.len() / 2]);
         if !(gap > 0.0 && frames <= GAP) {
             return 0.0;
@@ -200,6 +204,7 @@ impl SensorClock {
         Self {
             stamps: VecDeque::new(),
             known: self.known.or_else(|| self.line()).map(mirror),
+            gaps: Vec::new(),
         }
     }
 }

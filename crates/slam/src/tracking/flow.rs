@@ -11,7 +11,7 @@ use crate::sensor::DepthReader;
 use crate::static_filter::{FeatureVerdict, FlowPair};
 use std::collections::BTreeMap;
 use stillpoint_features::FlowMatch;
-use stillpoint_geometry::{Se3, Vec2, Vec6};
+use stillpoint_geometry::{Camera, Se3, Vec2, Vec6};
 use stillpoint_imaging::RgbdFrame;
 use stillpoint_map::{KeyframeData, LandmarkId};
 
@@ -60,13 +60,21 @@ impl Tracker {
             (i, [raw.x as f32, raw.y as f32])
         };
         let all = !self.filter.measures_flow_by_depth();
-        let (wanted, rest): (Vec<Guess>, Vec<Guess>) = (0..data.len())
-            .map(guess)
-            .partition(|(i, _)| all || data.depth(*i).is_some());
-        let mut pairs = vec![None; data.len()];
+        let [mut wanted, mut rest] = std::array::from_fn(|_| self.memory.guesses.take());
+        for (i, at) in (0..data.len()).map(guess) {
+            let which = if all || data.depth(i).is_some() {
+                &mut wanted
+            } else {
+                &mut rest
+            };
+            which.push((i, at));
+        }
+        let mut pairs = self.memory.pairs.take();
+        pairs.resize(data.len(), None);
         self.front_end
             .observer
             .flow_to_previous(&wanted, &mut pairs);
+        self.memory.guesses.give(wanted);
         self.bring_to_stamps(data, &mut pairs, &motion);
         (pairs, rest)
     }
@@ -122,7 +130,8 @@ impl Tracker {
         let motion = self.motion_to(camera_from_world);
         let before = motion.at_before();
         let shutter = self.front_end.shutter();
-        let mut again = Vec::new();
+        let mut again = std::mem::take(&mut self.memory.again);
+        again.clear();
         for (i, pair) in pairs.iter().enumerate() {
             let Some((pair, z)) = pair.as_ref().zip(data.depth(i)) else {
                 continue;
@@ -135,27 +144,21 @@ impl Tracker {
                 again.push((i, shutter.exposed(&p, before.as_ref())));
             }
         }
-        let near = |at: &[f32; 2], expected: &Vec2| {
-            (Vec2::from(at.map(f64::from)) - expected).norm() < RECHECK_PX
-        };
-        let found = self.front_end.observer.flow_again(&again);
-        for ((i, expected), found) in again.iter().zip(found) {
-            if let Some(found) = found.filter(|f| near(&f.before_raw, expected)) {
-                pairs[*i] = Some(found);
-            }
-        }
+        self.front_end.observer.flow_again(&again, pairs);
+        self.memory.again = again;
         self.bring_to_stamps(data, pairs, &motion);
     }
 }
 
 impl Tracker {
-    /// What stands still in the frame before and in this one, whose features are `data`, as exposed.
+    /// Adds to `rows` what stands still in the frame before and in this one, whose features are `data`, as exposed.
     pub(super) fn followed(
         &self,
         motion: &EgoMotion,
         verdicts: &[FeatureVerdict],
         data: &KeyframeData,
-    ) -> Vec<RowPair> {
+        rows: &mut Vec<RowPair>,
+    ) {
         let observer = &self.front_end.observer;
         let pair = |(i, pair): (usize, &Option<FlowPair>)| {
             let pair = pair.as_ref().filter(|_| !verdicts[i].dynamic)?;
@@ -166,7 +169,8 @@ impl Tracker {
                 sigma: libm::hypot(SIGMA_PX, pair.flow_sigma),
             })
         };
-        motion.pairs.iter().enumerate().filter_map(pair).collect()
+        rows.reserve(motion.pairs.len());
+        rows.extend(motion.pairs.iter().enumerate().filter_map(pair));
     }
 
     /// Learns the readout, now that it is known how the camera moved to this frame.
@@ -181,7 +185,9 @@ impl Tracker {
                 std::mem::take(&mut solution.followed)
             },
         });
-        self.front_end.learn(newest);
+        if let Some(rows) = self.front_end.learn(newest) {
+            self.memory.rows.give(rows);
+        }
     }
 }
 
@@ -222,45 +228,73 @@ impl Observer {
     pub(super) fn flow_to_previous(&mut self, guesses: &[Guess], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
         let keypoints = &self.features.keypoints;
-        let point = |(i, _): &Guess| [keypoints[*i].x, keypoints[*i].y];
-        let points: Vec<[f32; 2]> = guesses.iter().map(point).collect();
-        let expected: Vec<[f32; 2]> = guesses.iter().map(|(_, at)| *at).collect();
-        let mut found = Vec::with_capacity(points.len());
+        let FlowMemory {
+            points,
+            expected,
+            found,
+        } = &mut self.flow_memory;
+        points.clear();
+        points.extend(
+            guesses
+                .iter()
+                .map(|(i, _)| [keypoints[*i].x, keypoints[*i].y]),
+        );
+        expected.clear();
+        expected.extend(guesses.iter().map(|(_, at)| *at));
         let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
-        self.flow
-            .track(now, before, &points, Some(&expected), &mut found);
-        for ((i, _), found) in guesses.iter().zip(found) {
-            pairs[*i] = found.map(|f| self.pair(&f, &self.undistorted[*i]));
+        self.flow.track(now, before, points, Some(expected), found);
+        for ((i, _), found) in guesses.iter().zip(&*found) {
+            pairs[*i] = found.map(|f| pair(&self.camera, &f, &self.undistorted[*i]));
         }
     }
 
-    /// The same for some features, from a raw pixel each.
-    fn flow_again(&mut self, features: &[(usize, Vec2)]) -> Vec<Option<FlowPair>> {
-        let raw = |f: &(usize, Vec2)| {
-            let k = &self.features.keypoints[f.0];
-            ([k.x, k.y], [f.1.x as f32, f.1.y as f32])
-        };
-        let (points, guesses): (Vec<_>, Vec<_>) = features.iter().map(raw).unzip();
+    /// Looks for some features again, around a raw pixel each, and takes what is found near it.
+    fn flow_again(&mut self, features: &[(usize, Vec2)], pairs: &mut [Option<FlowPair>]) {
         let _span = tracing::info_span!("flow").entered();
-        let mut found = Vec::with_capacity(points.len());
+        let keypoints = &self.features.keypoints;
+        let FlowMemory {
+            points,
+            expected,
+            found,
+        } = &mut self.flow_memory;
+        points.clear();
+        points.extend(
+            features
+                .iter()
+                .map(|(i, _)| [keypoints[*i].x, keypoints[*i].y]),
+        );
+        expected.clear();
+        expected.extend(features.iter().map(|(_, at)| [at.x as f32, at.y as f32]));
         let (now, before) = (self.extractor.pyramid(), self.extractor.previous_pyramid());
-        self.flow.look(now, before, &points, &guesses, &mut found);
-        let pair = |(found, f): (Option<FlowMatch>, &(usize, Vec2))| {
-            Some(self.pair(&found?, &self.undistorted[f.0]))
+        self.flow.look(now, before, points, expected, found);
+        let near = |at: &[f32; 2], expected: &Vec2| {
+            (Vec2::from(at.map(f64::from)) - expected).norm() < RECHECK_PX
         };
-        found.into_iter().zip(features).map(pair).collect()
-    }
-
-    /// Both ends as exposed.
-    fn pair(&self, found: &FlowMatch, now: &Vec2) -> FlowPair {
-        let before = self.camera.undistort(found.position.map(f64::from).into());
-        FlowPair {
-            before_raw: found.position,
-            before_exposed: before,
-            before,
-            now: *now,
-            flow_sigma: flow_sigma(f64::from(found.forward_backward)),
-            shutter_sigma: 0.0,
+        for ((i, expected), found) in features.iter().zip(&*found) {
+            if let Some(found) = found.filter(|f| near(&f.position, expected)) {
+                pairs[*i] = Some(pair(&self.camera, &found, &self.undistorted[*i]));
+            }
         }
+    }
+}
+
+/// Memory that flow takes, used again from frame to frame.
+#[derive(Default)]
+pub(super) struct FlowMemory {
+    points: Vec<[f32; 2]>,
+    expected: Vec<[f32; 2]>,
+    found: Vec<Option<FlowMatch>>,
+}
+
+/// Both ends as exposed.
+fn pair(camera: &Camera, found: &FlowMatch, now: &Vec2) -> FlowPair {
+    let before = camera.undistort(found.position.map(f64::from).into());
+    FlowPair {
+        before_raw: found.position,
+        before_exposed: before,
+        before,
+        now: *now,
+        flow_sigma: flow_sigma(f64::from(found.forward_backward)),
+        shutter_sigma: 0.0,
     }
 }

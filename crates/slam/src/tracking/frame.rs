@@ -1,7 +1,9 @@
 //! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
 
+use super::flow::FlowMemory;
 use super::shutter::{Shutter, TYPICAL_DEPTH};
-use crate::sensor::{DepthReader, DepthReading, SensorConfig};
+use crate::recycle::refill_or;
+use crate::sensor::{DepthPoint, DepthReader, LANES, SensorConfig};
 use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
 use std::sync::Arc;
@@ -29,7 +31,17 @@ pub(super) struct Observer {
     /// Standard deviation of a keypoint on each level, px.
     level_sigmas: Vec<f32>,
     bounds: [f32; 4],
+    /// Features that are measured, and what was seen of them.
+    kept: Vec<usize>,
+    levels: Vec<u8>,
+    seen: Vec<Seen>,
+    pub(super) flow_memory: FlowMemory,
+    /// What was handed over lately: its memory is used again when nobody holds it any more.
+    handed_over: Vec<Arc<KeyframeData>>,
 }
+
+/// Frames whose memory may be used again, at most: more are in use at once in no frame.
+const MOST_HANDED_OVER: usize = 6;
 
 impl Observer {
     pub(super) fn new(camera: Camera, sensor: SensorConfig, orb: &OrbConfig, simd: Simd) -> Self {
@@ -49,6 +61,11 @@ impl Observer {
             depths: Vec::new(),
             level_sigmas,
             bounds: camera.undistorted_bounds().map(|b| b as f32),
+            kept: Vec::new(),
+            levels: Vec::new(),
+            seen: Vec::new(),
+            flow_memory: FlowMemory::default(),
+            handed_over: Vec::new(),
         }
     }
 
@@ -68,34 +85,32 @@ impl Observer {
         self.extractor.extract(&frame.gray, &mut self.features);
         let keypoints = &self.features.keypoints;
         let reader = DepthReader::new(&self.sensor, &self.camera, &frame.depth, None, 0.0);
-        let parts = workers::in_parts(0..keypoints.len(), MEASURED_TOGETHER, |part| {
-            let raw = || keypoints[part.clone()].iter().map(raw_pixel);
-            let undistorted = raw().map(|raw| self.camera.undistort(raw));
-            (undistorted.collect::<Vec<_>>(), reader.depths_at(raw()))
+        let raw = |i: usize| raw_pixel(&keypoints[i]);
+        self.undistorted.resize(keypoints.len(), Vec2::zeros());
+        workers::fill(&mut self.undistorted, MEASURED_TOGETHER, |i| {
+            self.camera.undistort(raw(i))
         });
-        self.undistorted.clear();
-        self.depths.clear();
-        for (undistorted, depths) in parts {
-            self.undistorted.extend(undistorted);
-            self.depths.extend(depths);
-        }
+        self.depths.resize(keypoints.len(), 0.0);
+        workers::in_rows(&mut self.depths, 1, MEASURED_TOGETHER, |first, depths| {
+            reader.depths_at(|i| raw(first + i), depths);
+        });
     }
 
-    /// What the frame saw, whose depth image was taken `depth_lag` s after its colour image, brought to the time of its stamp by the camera's
+    /// What the frame saw, whose depth image was taken so many s after its colour image, brought to the time of its stamp by the camera's
     /// velocity (twist per second): all of it, or without the features whose verdict is dynamic.
     pub(super) fn measure(
-        &self,
+        &mut self,
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
-        timing: &Timing,
-        depth_lag: f64,
+        (timing, depth_lag): (&Timing, f64),
         verdicts: Option<&[FeatureVerdict]>,
     ) -> Arc<KeyframeData> {
         let _span = tracing::info_span!("depth").entered();
-        let all = self.features.keypoints.len();
+        self.kept.clear();
+        let all = 0..self.features.keypoints.len();
         let is_kept = |i: &usize| verdicts.is_none_or(|v| !v[*i].dynamic);
-        let kept: Vec<usize> = (0..all).filter(is_kept).collect();
-        let n = kept.len();
+        self.kept.reserve(all.len());
+        self.kept.extend(all.filter(is_kept));
         let reader = DepthReader::new(
             &self.sensor,
             &self.camera,
@@ -104,77 +119,112 @@ impl Observer {
             depth_lag,
         );
         let shutter = Shutter::new(&self.camera, timing);
-        let parts = workers::in_parts(0..kept.len(), MEASURED_TOGETHER, |part| {
-            self.measure_some(&kept[part], &reader, &shutter, velocity)
+        let mut seen = std::mem::take(&mut self.seen);
+        seen.resize(self.kept.len(), Seen::default());
+        workers::in_rows(&mut seen, LANES, MEASURED_TOGETHER / LANES, |row, seen| {
+            let features = &self.kept[row * LANES..][..seen.len()];
+            for (features, seen) in features.chunks(LANES).zip(seen.chunks_mut(LANES)) {
+                self.measure_some(features, (&reader, &shutter, velocity), seen);
+            }
         });
-        let mut positions = Vec::with_capacity(n);
-        let (mut depths, mut depth_sigmas) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for seen in parts.into_iter().flatten() {
-            positions.push(seen.position);
-            depths.push(seen.depth);
-            depth_sigmas.push(seen.depth_sigma);
+        self.seen = seen;
+        let level = |i: &usize| self.features.keypoints[*i].level;
+        self.levels.clear();
+        self.levels.extend(self.kept.iter().map(level));
+        let free = |data: &Arc<KeyframeData>| Arc::strong_count(data) == 1;
+        let spent = self.handed_over.iter().position(free);
+        let spent = spent.map(|i| self.handed_over.remove(i));
+        let data = refill_or(
+            spent,
+            || self.nothing(),
+            |data| self.write(frame, verdicts, data),
+        );
+        if self.handed_over.len() >= MOST_HANDED_OVER {
+            self.handed_over.remove(0);
         }
-        let features = &self.features;
-        let keypoints: Vec<Keypoint> = kept.iter().map(|i| features.keypoints[*i]).collect();
-        let levels: Vec<u8> = keypoints.iter().map(|k| k.level).collect();
-        let sigma = |level: &u8| self.level_sigmas[usize::from(*level)];
-        let sigma_px = levels.iter().map(sigma).collect();
-        let descriptors = kept.iter().map(|i| features.descriptors[*i]).collect();
-        let may_map = |i: &usize| verdicts.is_none_or(|v| v[*i].may_map());
-        let mappable = kept.iter().map(may_map).collect();
-        let grid = FeatureGrid::build(&positions, &levels, self.bounds);
-        Arc::new(KeyframeData {
-            stamp: frame.stamp,
-            camera: self.camera,
-            keypoints,
-            positions,
-            sigma_px,
-            depths,
-            depth_sigmas,
-            descriptors,
-            mappable,
-            grid,
-        })
+        self.handed_over.push(Arc::clone(&data));
+        data
     }
-}
 
-impl Observer {
-    /// What was seen of some of the features.
+    /// What a frame sees that sees nothing.
+    fn nothing(&self) -> KeyframeData {
+        KeyframeData {
+            stamp: 0.0,
+            camera: self.camera,
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: Vec::new(),
+            depth_sigmas: Vec::new(),
+            descriptors: Vec::new(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::default(),
+        }
+    }
+
+    /// Writes down what was seen of the features that are kept.
+    fn write(
+        &self,
+        frame: &RgbdFrame,
+        verdicts: Option<&[FeatureVerdict]>,
+        data: &mut KeyframeData,
+    ) {
+        fn write<T>(values: impl Iterator<Item = T>, out: &mut Vec<T>) {
+            out.clear();
+            out.extend(values);
+        }
+        let (kept, seen, features) = (&self.kept, &self.seen, &self.features);
+        data.stamp = frame.stamp;
+        write(seen.iter().map(|s| s.position), &mut data.positions);
+        write(seen.iter().map(|s| s.depth), &mut data.depths);
+        write(seen.iter().map(|s| s.depth_sigma), &mut data.depth_sigmas);
+        let keypoints = kept.iter().map(|i| features.keypoints[*i]);
+        write(keypoints, &mut data.keypoints);
+        let sigma = |k: &Keypoint| self.level_sigmas[usize::from(k.level)];
+        write(data.keypoints.iter().map(sigma), &mut data.sigma_px);
+        let descriptors = kept.iter().map(|i| features.descriptors[*i]);
+        write(descriptors, &mut data.descriptors);
+        let may_map = |i: &usize| verdicts.is_none_or(|v| v[*i].may_map());
+        write(kept.iter().map(may_map), &mut data.mappable);
+        data.grid
+            .rebuild(&data.positions, &self.levels, self.bounds);
+    }
+
+    /// What was seen of up to [`LANES`] features, whose depths are read together.
     fn measure_some(
         &self,
         features: &[usize],
-        reader: &DepthReader<'_>,
-        shutter: &Shutter<'_>,
-        velocity: Option<&Vec6>,
-    ) -> Vec<Seen> {
-        let raw_pixel = |i: &usize| raw_pixel(&self.features.keypoints[*i]);
-        let raw: Vec<Vec2> = features.iter().map(raw_pixel).collect();
-        let undistorted: Vec<Vec2> = features.iter().map(|i| self.undistorted[*i]).collect();
-        let here: Vec<f32> = features.iter().map(|i| self.depths[*i]).collect();
-        let readings = reader.read_all(&raw, &undistorted, &here);
-        let seen = |((raw, undistorted), reading): ((&Vec2, &Vec2), Option<DepthReading>)| {
-            let (mut position, mut z) = (*undistorted, reading.map_or(0.0, |r| r.z));
+        (reader, shutter, velocity): (&DepthReader<'_>, &Shutter<'_>, Option<&Vec6>),
+        seen: &mut [Seen],
+    ) {
+        let of = |l: usize| features.get(l).copied();
+        let points = std::array::from_fn(|l| {
+            of(l).map(|i| DepthPoint {
+                raw: raw_pixel(&self.features.keypoints[i]),
+                undistorted: self.undistorted[i],
+                here: self.depths[i],
+            })
+        });
+        let readings = reader.read_all(&points);
+        for ((point, reading), seen) in points.iter().flatten().zip(readings).zip(seen) {
+            let (mut position, mut z) = (point.undistorted, reading.map_or(0.0, |r| r.z));
             if shutter.rolls() {
                 let depth = reading.map_or(TYPICAL_DEPTH, |r| r.z);
-                let there = shutter.at_stamp(position, raw.y, depth, velocity);
+                let there = shutter.at_stamp(position, point.raw.y, depth, velocity);
                 position = self.camera.project(&there);
                 z = reading.map_or(0.0, |_| there.z);
             }
-            Seen {
+            *seen = Seen {
                 position: [position.x as f32, position.y as f32],
                 depth: z as f32,
                 depth_sigma: reading.map_or(0.0, |r| r.sigma as f32),
-            }
-        };
-        raw.iter()
-            .zip(&undistorted)
-            .zip(readings)
-            .map(seen)
-            .collect()
+            };
+        }
     }
 }
 
 /// What was seen of a feature, brought to the stamp of its frame.
+#[derive(Clone, Default)]
 struct Seen {
     /// Undistorted px.
     position: [f32; 2],

@@ -4,7 +4,7 @@ use super::TrackerSetup;
 use super::clock::FrameClock;
 use super::demand::Demand;
 use super::frame::Observer;
-use super::self_calibration::{Between, SelfCalibration};
+use super::self_calibration::{Between, RowPair, SelfCalibration};
 use super::shutter::Shutter;
 use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
@@ -62,21 +62,22 @@ impl FrontEnd {
     /// The features of the frame that was observed last, brought to its stamp by the camera's velocity: all of them, or without those
     /// whose verdict is dynamic.
     pub(super) fn measure(
-        &self,
+        &mut self,
         frame: &RgbdFrame,
         velocity: Option<&Vec6>,
         verdicts: Option<&[FeatureVerdict]>,
     ) -> Arc<KeyframeData> {
-        let timing = self.calibration.timing();
+        let (timing, lag) = (self.calibration.timing(), self.depth_lag(frame));
         self.observer
-            .measure(frame, velocity, timing, self.depth_lag(frame), verdicts)
+            .measure(frame, velocity, (timing, lag), verdicts)
     }
 
-    /// Learns the readout: takes the two newest frames; none where the frame before has no pose.
-    pub(super) fn learn(&mut self, newest: Option<Between>) {
+    /// Learns the readout: takes the two newest frames; none where the frame before has no pose. Gives back a list that it is done with.
+    pub(super) fn learn(&mut self, newest: Option<Between>) -> Option<Vec<RowPair>> {
         if self.learns {
-            let camera = &self.observer.camera;
-            self.calibration.learn(camera, newest);
+            self.calibration.learn(&self.observer.camera, newest)
+        } else {
+            newest.map(|n| n.pairs)
         }
     }
 

@@ -1,11 +1,12 @@
 //! Matches to the last frame, or where that fails to the reference keyframe.
 
+use super::Tracker;
 use super::state::LastFrame;
-use super::{Tracker, pose};
 use crate::association::{
     Candidate, Matches, candidates_of, match_by_descriptor, match_by_projection, measurement,
 };
 use crate::report::LostReason;
+use std::sync::Arc;
 use stillpoint_estimation::{
     Intrinsics, MotionOptions, MotionPair, Purpose, address, find_camera_motion, rng,
 };
@@ -23,7 +24,7 @@ const NEWEST: usize = 4;
 impl Tracker {
     /// Matches to the last frame around the prediction, else wider, else to the reference keyframe by descriptor alone.
     pub(super) fn match_last_frame(
-        &self,
+        &mut self,
         frame: FrameId,
         data: &KeyframeData,
         reference: KeyframeId,
@@ -34,21 +35,31 @@ impl Tracker {
         };
         let min_inliers = self.setup.tracking.min_inliers.min(20);
         let bounds = self.front_end.observer.bounds();
-        let candidates = {
+        let mut candidates = std::mem::take(&mut self.memory.candidates);
+        {
             let _span = tracing::info_span!("match").entered();
-            self.last_frame_points(last)
-        };
+            self.last_frame_points(last, &mut candidates);
+        }
+        let earlier = (&*Arc::clone(&last.data), &candidates[..]);
+        let memory = &mut self.memory;
+        let mut found = None;
         for radius in [MOTION_RADIUS_PX, 3.0 * MOTION_RADIUS_PX] {
             let matches = {
                 let _span = tracing::info_span!("match").entered();
-                match_by_projection(data, predicted, &last.data, &candidates, bounds, radius)
+                let area = (bounds, radius);
+                match_by_projection(data, predicted, earlier, area, &mut memory.matching)
             };
             if matches.count >= min_inliers {
-                let (matches, pose) = pose::solve(data, predicted, matches);
+                let (matches, pose) = memory.solver.solve(data, predicted, matches);
                 if matches.count >= min_inliers {
-                    return Ok((matches, pose));
+                    found = Some((matches, pose));
+                    break;
                 }
             }
+        }
+        memory.candidates = candidates;
+        if let Some(found) = found {
+            return Ok(found);
         }
         self.match_keyframes(frame, data, reference)
             .ok_or(LostReason::FewMatches)
@@ -57,7 +68,7 @@ impl Tracker {
     /// Matches to the keyframes where the camera may be, by descriptor alone: the reference keyframe, those that share most
     /// with it, and the newest. The first that gives a pose is taken.
     fn match_keyframes(
-        &self,
+        &mut self,
         frame: FrameId,
         data: &KeyframeData,
         reference: KeyframeId,
@@ -80,9 +91,8 @@ impl Tracker {
                 continue;
             }
             tried.push(id);
-            let found = self
-                .map
-                .view
+            let view = Arc::clone(&self.map.view);
+            let found = view
                 .keyframe(id)
                 .and_then(|k| self.match_keyframe(frame, data, k));
             if found.is_some() {
@@ -94,7 +104,7 @@ impl Tracker {
 
     /// Matches to one keyframe by descriptor, finds the pose by RANSAC, and refines it.
     fn match_keyframe(
-        &self,
+        &mut self,
         frame: FrameId,
         data: &KeyframeData,
         keyframe: &Keyframe,
@@ -134,13 +144,13 @@ impl Tracker {
             ),
         )?;
         let start = motion.b_from_a * keyframe.world_from_camera.inverse();
-        let (matches, pose) = pose::solve(data, &start, matches);
+        let (matches, pose) = self.memory.solver.solve(data, &start, matches);
         (matches.count >= min_inliers).then_some((matches, pose))
     }
 
     /// The points that the last frame saw: landmarks, and where there is none the point behind its depth. The latter
     /// are there at once, so a map view that comes late costs nothing.
-    fn last_frame_points(&self, last: &LastFrame) -> Vec<Candidate> {
+    fn last_frame_points(&self, last: &LastFrame, points: &mut Vec<Candidate>) {
         let close = self.setup.sensor.close_depth;
         let point = |i: usize| {
             let landmark = last.matches[i].and_then(|id| self.map.view.resolve_landmark(id));
@@ -158,6 +168,8 @@ impl Tracker {
                 feature: i as u32,
             })
         };
-        (0..last.data.len()).filter_map(point).collect()
+        points.clear();
+        points.reserve(last.data.len());
+        points.extend((0..last.data.len()).filter_map(point));
     }
 }

@@ -44,6 +44,19 @@ pub(super) struct LocalMap {
     /// Per landmark id, the last round in which it was taken into `entries` or matched.
     marks: Vec<u32>,
     round: u32,
+    memory: Memory,
+}
+
+/// Memory that is used again from frame to frame.
+#[derive(Default)]
+struct Memory {
+    candidates: Vec<KeyframeId>,
+    shared: Vec<(u32, KeyframeId)>,
+    keyframes: Vec<KeyframeId>,
+    /// Per entry.
+    visible: Vec<Option<Visible>>,
+    missed: Vec<(LandmarkId, Vec3)>,
+    sights: Vec<Sight>,
 }
 
 /// Where to search.
@@ -91,7 +104,7 @@ impl Tracker {
         let use_sight = self.setup.filter.filter.preset != Preset::Off;
         let look = |p: &Vec3| if use_sight { sight.of(p) } else { Sight::Open };
         let pose = &motion.camera_from_world;
-        let mut sightings = Sightings::default();
+        let mut sightings = Sightings::new(&mut self.memory.sightings);
         let search = self
             .map
             .local
@@ -114,7 +127,14 @@ impl LocalMap {
         matches: &Matches,
     ) -> KeyframeId {
         self.marks.resize(view.landmark_bound(), 0);
-        let mut candidates: Vec<KeyframeId> = vec![reference];
+        let Memory {
+            candidates,
+            shared,
+            keyframes,
+            ..
+        } = &mut self.memory;
+        candidates.clear();
+        candidates.push(reference);
         if let Some(k) = view.keyframe(reference) {
             candidates.extend(k.covisible.iter().map(|c| c.0));
         }
@@ -131,23 +151,18 @@ impl LocalMap {
         }
         candidates.sort_unstable();
         candidates.dedup();
-        let mut shared: Vec<(u32, KeyframeId)> = candidates
-            .iter()
-            .filter_map(|id| {
-                let k = view.keyframe(*id)?;
-                let n = k.matches.iter().flatten();
-                let n = n.filter(|l| self.marks[l.index()] == self.round).count();
-                Some((n as u32, *id))
-            })
-            .collect();
+        shared.clear();
+        shared.extend(candidates.iter().filter_map(|id| {
+            let k = view.keyframe(*id)?;
+            let n = k.matches.iter().flatten();
+            let n = n.filter(|l| self.marks[l.index()] == self.round).count();
+            Some((n as u32, *id))
+        }));
         shared.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(b.1.cmp(&a.1)));
         let best = shared.first().map_or(reference, |s| s.1);
-        let mut keyframes: Vec<KeyframeId> = shared
-            .iter()
-            .filter(|s| s.0 > 0)
-            .take(MAX_KEYFRAMES)
-            .map(|s| s.1)
-            .collect();
+        keyframes.clear();
+        let sharing = shared.iter().filter(|s| s.0 > 0);
+        keyframes.extend(sharing.take(MAX_KEYFRAMES).map(|s| s.1));
         for i in 0..keyframes.len().min(10) {
             let neighbours = view.keyframe(keyframes[i]).map(|k| &k.covisible[..]);
             for (id, _) in neighbours.unwrap_or_default().iter().take(5) {
@@ -160,8 +175,9 @@ impl LocalMap {
             keyframes.push(best);
         }
         keyframes.sort_unstable();
-        if self.version != view.version() || self.keyframes != keyframes {
-            self.gather(view, keyframes);
+        if self.version != view.version() || self.keyframes != *keyframes {
+            std::mem::swap(&mut self.keyframes, keyframes);
+            self.gather(view);
         }
         best
     }
@@ -192,14 +208,15 @@ impl LocalMap {
         keyframes.sort_unstable();
         self.marks.resize(view.landmark_bound(), 0);
         if self.version != view.version() || self.keyframes != keyframes {
-            self.gather(view, keyframes);
+            self.keyframes = keyframes;
+            self.gather(view);
         }
     }
 
-    fn gather(&mut self, view: &MapView, keyframes: Vec<KeyframeId>) {
+    fn gather(&mut self, view: &MapView) {
         self.round += 1;
         self.entries.clear();
-        for id in &keyframes {
+        for id in &self.keyframes {
             let Some(k) = view.keyframe(*id) else {
                 continue;
             };
@@ -224,7 +241,6 @@ impl LocalMap {
             }
         }
         self.version = view.version();
-        self.keyframes = keyframes;
     }
 
     /// Searches the local landmarks that have no match yet around their projections; notes what is seen of all that are in
@@ -254,15 +270,22 @@ impl LocalMap {
         let scale = f64::from(level_sigmas.get(1).copied().unwrap_or(1.2));
         let log_scale = libm::log(scale.max(1.01));
         let top_level = level_sigmas.len().saturating_sub(1) as f64;
-        let visible = workers::in_parts(0..self.entries.len(), SEARCHED_TOGETHER, |part| {
-            let look = |e| viewpoint.see(e).map(|visible| (e, visible));
-            let visible = self.entries[part].iter().filter_map(look);
-            visible.collect::<Vec<_>>()
+        let Memory {
+            visible,
+            missed,
+            sights,
+            ..
+        } = &mut self.memory;
+        visible.clear();
+        visible.resize(self.entries.len(), None);
+        workers::fill(visible, SEARCHED_TOGETHER, |i| {
+            viewpoint.see(&self.entries[i])
         });
         let mut result = LocalSearch::default();
         // Who took which feature decides what is left for the next: one after the other.
-        let mut missed = Vec::new();
-        for (e, visible) in visible.iter().flatten() {
+        missed.clear();
+        for (e, visible) in self.entries.iter().zip(visible) {
+            let Some(visible) = visible else { continue };
             result.visible += 1;
             if self.marks[e.id.index()] == self.round {
                 continue;
@@ -284,12 +307,11 @@ impl LocalMap {
                 missed.push((e.id, visible.point));
             }
         }
-        let sights = workers::in_parts(0..missed.len(), SEARCHED_TOGETHER, |part| {
-            let look = |(id, point): &(LandmarkId, Vec3)| (*id, sight(point));
-            missed[part].iter().map(look).collect::<Vec<_>>()
-        });
-        for (id, sight) in sights.into_iter().flatten() {
-            seen(id, sight);
+        sights.clear();
+        sights.resize(missed.len(), Sight::Open);
+        workers::fill(sights, SEARCHED_TOGETHER, |i| sight(&missed[i].1));
+        for ((id, _), sight) in missed.iter().zip(sights) {
+            seen(*id, *sight);
         }
         result
     }
@@ -305,6 +327,7 @@ struct Viewpoint<'a> {
 }
 
 /// A landmark in the field of view.
+#[derive(Clone, Copy)]
 struct Visible {
     /// In camera coordinates, m.
     point: Vec3,

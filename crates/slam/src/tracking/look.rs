@@ -3,7 +3,7 @@
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::state::{LastFrame, State};
-use super::{Notes, Tracker, pose};
+use super::{Notes, Tracker};
 use crate::anchored_pose::AnchoredPose;
 use crate::association::Matches;
 use crate::static_filter::{CapturePose, FeatureVerdict, Judgement};
@@ -45,18 +45,21 @@ impl Tracker {
         };
         self.previous = Some(Arc::clone(frame));
         if let Some(filter) = notes.filter {
-            self.filter = filter;
+            let before = std::mem::replace(&mut self.filter, filter);
+            self.memory.filter.give(before);
         }
         if let State::Tracking { last, motion } = &self.state
             && world_from_camera.is_some()
         {
-            self.filter.remember(&CapturePose {
+            let place = CapturePose {
                 anchored: last.pose,
                 camera_from_depth: self
                     .front_end
                     .camera_from_depth(frame, motion.at_last().as_ref()),
-            });
+            };
+            self.filter.remember(&place, &mut self.memory.filter);
         }
+        self.keep_all_unless_judged(&mut notes.judgement);
         self.filter.end_frame();
         Look {
             world_from_camera,
@@ -134,7 +137,10 @@ impl Tracker {
         let world_from_camera = match given {
             Some(pose) => *pose,
             None if matches.count >= enough => {
-                let (matches, pose) = pose::solve(&data, &motion.camera_from_world, matches);
+                let (matches, pose) =
+                    self.memory
+                        .solver
+                        .solve(&data, &motion.camera_from_world, matches);
                 let fits = matches.count >= enough;
                 let pose = if fits { pose } else { motion.camera_from_world };
                 pose.inverse()

@@ -13,12 +13,14 @@ mod frame;
 mod front_end;
 mod inbox;
 mod inertial;
+mod judging;
 mod keyframe;
 mod known;
 mod known_map;
 mod last_frame;
 mod local_map;
 mod look;
+mod memory;
 mod mirror;
 mod motion;
 mod odometry;
@@ -46,13 +48,14 @@ use crate::odometry::Odometry;
 use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
 use crate::sensor::SensorConfig;
-use crate::static_filter::{FeatureVerdict, FilterSetup, FrameInput, Judgement, StaticFilter};
+use crate::static_filter::{FilterSetup, Judgement, StaticFilter};
 use crate::trajectory::Trajectory;
 use carry::Carried;
 use ego_motion::EgoMotion;
 use front_end::FrontEnd;
 use known::PastPoses;
 use known_map::{KnownMap, Submap};
+use memory::Memory;
 use outcome::SinceKeyframe;
 use self_calibration::RowPair;
 use state::State;
@@ -116,6 +119,7 @@ pub struct Tracker {
     blind_at: Option<f64>,
     /// Whether it follows the beginning of a map backwards.
     goes_back: bool,
+    memory: Memory,
 }
 
 /// What is noted of a frame on its way.
@@ -184,6 +188,7 @@ impl Tracker {
             carried: None,
             blind_at: None,
             goes_back: false,
+            memory: Memory::default(),
         }
     }
 
@@ -249,7 +254,9 @@ impl Tracker {
         self.note_correction(before);
         let predicted = self.moved(predicted);
         let motion = self.estimate_motion(frame, data, reference, &predicted, notes)?;
-        self.settle(frame, data, reference, &motion, notes)
+        let solution = self.settle(frame, data, reference, &motion, notes);
+        self.memory.give(motion);
+        solution
     }
 
     /// From a first pose to the pose: filters, matches the local map, optimises.
@@ -272,64 +279,10 @@ impl Tracker {
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
         let fix = self.refuse_riding(motion, fix, data.len())?;
         let mut solution = self.confirm(data, reference, fix, notes)?;
-        solution.followed = self.followed(motion, &notes.judgement.verdicts, full);
+        solution.followed = self.memory.rows.take();
+        let rows = &mut solution.followed;
+        self.followed(motion, &notes.judgement.verdicts, full, rows);
         Ok(solution)
-    }
-
-    /// Extracts the features of a frame and reads their depths.
-    fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
-        let velocity = self.expected_velocity();
-        let data = self.front_end.observe(frame, velocity.as_ref());
-        // What is said of a frame that gives no pose: nothing against any feature.
-        let kept = data
-            .keypoints
-            .iter()
-            .map(|k| FeatureVerdict::kept([k.x, k.y]));
-        notes.judgement.verdicts = kept.collect();
-        notes.counts.keypoints = data.len() as u32;
-        notes.counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
-        data
-    }
-
-    /// Asks the static filter about the features `data` of a frame.
-    fn judge(&self, frame: &RgbdFrame, data: &KeyframeData, motion: &EgoMotion, notes: &mut Notes) {
-        let features: Vec<[f32; 2]> = data.keypoints.iter().map(|k| [k.x, k.y]).collect();
-        let last = self.state.last().map(|l| l.world_from_camera);
-        let world_from_camera = motion.camera_from_world.inverse();
-        // The frame may have been judged before, from a pose that was refused: what that left is the newest state.
-        let filter = notes.filter.as_ref().unwrap_or(&self.filter);
-        let (judgement, next) = filter.judge(&FrameInput {
-            frame,
-            view: &self.map.view,
-            world_from_camera,
-            camera_from_depth: self
-                .front_end
-                .camera_from_depth(frame, motion.velocity.as_ref()),
-            features: &features,
-            depths: &data.depths,
-            pairs: &motion.pairs,
-            last_from_now: last.unwrap_or_default().inverse() * world_from_camera,
-        });
-        (notes.judgement, notes.filter) = (judgement, Some(next));
-        let verdicts = &notes.judgement.verdicts;
-        notes.counts.dynamic = verdicts.iter().filter(|v| v.dynamic).count() as u32;
-        notes.counts.released = notes.judgement.released;
-        notes.evidence.judged = true;
-    }
-
-    /// The features that the static filter left, brought to the frame's stamp by its own motion, and their matches.
-    fn keep_static(
-        &self,
-        frame: &RgbdFrame,
-        motion: &EgoMotion,
-        notes: &Notes,
-    ) -> (Arc<KeyframeData>, Matches) {
-        let verdicts = &notes.judgement.verdicts;
-        let velocity = motion.velocity.as_ref();
-        // Measured again: the first time only the velocity of the frame before was known, which the shutter's correction depends on.
-        let data = self.front_end.measure(frame, velocity, Some(verdicts));
-        let kept = verdicts.iter().map(|v| !v.dynamic);
-        (data, motion.matches.select(kept))
     }
 
     /// Optimises the pose with all matches, and learns from it.
@@ -346,7 +299,10 @@ impl Tracker {
         // Few landmarks hold a pose less well than sensors do, and many that somebody wears no better.
         let few = matched < known::FEW || self.was_blind();
         let turn = self.known_pose().filter(|_| few && motion.follows);
-        let (matches, pose, information) = pose::solve_with_information(data, start, matches, turn);
+        let (matches, pose, information) = self
+            .memory
+            .solver
+            .solve_with_information(data, start, matches, turn);
         // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);
         // Until the first view of a new submap arrives, the last frame's own points are what there is to track.
@@ -367,7 +323,7 @@ impl Tracker {
 
     /// Takes the pose if enough speaks for it.
     fn confirm(
-        &self,
+        &mut self,
         data: Arc<KeyframeData>,
         reference: KeyframeId,
         fix: Fix,
@@ -385,11 +341,14 @@ impl Tracker {
         if fix.inliers < self.setup.tracking.min_inliers {
             return Err(LostReason::FewInliers);
         }
+        let mut matches = self.memory.landmarks.take();
+        matches.extend(targets.iter().map(|t| t.and_then(|t| t.landmark)));
+        self.memory.matching.targets.give(fix.matches.targets);
         Ok(Solution {
             data,
             camera_from_world: fix.camera_from_world,
             reference,
-            matches: targets.iter().map(|t| t.and_then(|t| t.landmark)).collect(),
+            matches,
             sightings: fix.sightings,
             followed: Vec::new(),
             recognised: None,

@@ -97,10 +97,10 @@ impl Tracker {
         self.since_keyframe.frame = Some(frame.id);
         self.write_down(frame, &place, Some(inliers));
         let motion = CameraMotion::default();
-        self.follow_from(frame, &data, &matches, &place, motion);
+        self.follow_from(frame, &data, matches.clone(), &place, motion);
         let keyframe = NewKeyframe {
             id,
-            data,
+            data: Arc::new(KeyframeData::clone(&data)),
             reference: None,
             reference_from_camera: place.anchored.reference_from_camera,
             matches,
@@ -142,9 +142,9 @@ impl Tracker {
         self.learn_readout(&mut solution);
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
         let worth = self.pace.worth();
-        self.since_keyframe
-            .statistics
-            .count(solution.sightings, worth);
+        let statistics = &mut self.since_keyframe.statistics;
+        let list = statistics.count(solution.sightings, worth);
+        self.memory.sightings.give(list);
         let (view, reference) = (&self.map.view, solution.reference);
         // A recognised place may lie in another submap than the frames before.
         if let Some(id) = view.submap_of(reference)
@@ -170,7 +170,7 @@ impl Tracker {
                 .camera_from_depth(frame, motion.at_last().as_ref()),
         };
         self.write_down(frame, &place, Some(notes.counts.inliers));
-        self.follow_from(frame, &solution.data, &solution.matches, &place, motion);
+        self.follow_from(frame, &solution.data, solution.matches, &place, motion);
         Ending {
             outcome,
             place: Some(place),
@@ -182,7 +182,7 @@ impl Tracker {
     pub(super) fn accept_carried(
         &mut self,
         frame: &RgbdFrame,
-        solution: &Solution,
+        solution: Solution,
         since: FrameId,
     ) -> Ending {
         let motion = self.motion_to(&solution.camera_from_world);
@@ -202,7 +202,7 @@ impl Tracker {
                 .camera_from_depth(frame, motion.at_last().as_ref()),
         };
         self.write_down(frame, &place, None);
-        self.follow_from(frame, &solution.data, &solution.matches, &place, motion);
+        self.follow_from(frame, &solution.data, solution.matches, &place, motion);
         Ending {
             outcome: Outcome::Carried { since },
             place: Some(place),
@@ -244,7 +244,8 @@ impl Tracker {
         self.since_keyframe.frame = Some(frame.id);
         Some(NewKeyframe {
             id: self.map.keyframe_id(frame.id),
-            data: Arc::clone(data),
+            // A copy takes no more memory than it needs, and that of the frame is free again when it is over.
+            data: Arc::new(KeyframeData::clone(data)),
             reference: Some(pose.reference),
             reference_from_camera: pose.reference_from_camera,
             matches: matches.to_vec(),
@@ -268,7 +269,7 @@ impl Tracker {
         &mut self,
         frame: &RgbdFrame,
         data: &Arc<KeyframeData>,
-        matches: &[Option<LandmarkId>],
+        matches: Vec<Option<LandmarkId>>,
         place: &CapturePose,
         motion: CameraMotion,
     ) {
@@ -276,11 +277,14 @@ impl Tracker {
             stamp: frame.stamp,
             time: self.front_end.clock.times(frame).colour,
             data: Arc::clone(data),
-            matches: matches.to_vec(),
+            matches,
             pose: place.anchored,
             world_from_camera: place.anchored.online_world_from_camera,
         };
-        self.state = State::Tracking { last, motion };
+        let before = std::mem::replace(&mut self.state, State::Tracking { last, motion });
+        if let State::Tracking { last, .. } = before {
+            self.memory.landmarks.give(last.matches);
+        }
     }
 
     /// Ends the frame, whatever became of it, and says what did.
@@ -299,12 +303,14 @@ impl Tracker {
         self.front_end.note_inliers(agreed);
         self.moving_share = notes.counts.moving_share();
         // What the filter saw counts also where no pose came of it: detections that it used are used up.
-        if let Some(filter) = notes.filter {
-            self.filter = filter;
+        if let Some(filter) = notes.filter.take() {
+            let before = std::mem::replace(&mut self.filter, filter);
+            self.memory.filter.give(before);
         }
         if let Some(place) = &ending.place {
-            self.filter.remember(place);
+            self.filter.remember(place, &mut self.memory.filter);
         }
+        self.keep_all_unless_judged(&mut notes.judgement);
         let unused = self.filter.end_frame();
         notes.counts.detections_too_late = unused.too_late;
         notes.counts.detections_without_pose = unused.without_pose;

@@ -3,8 +3,9 @@
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::outcome::Ending;
+use super::pose::PoseSolver;
 use super::state::LastFrame;
-use super::{Notes, Solution, Tracker, pose};
+use super::{Notes, Solution, Tracker};
 use crate::association::{Target, candidates_of, match_by_descriptor, measurement};
 use crate::report::LostReason;
 use std::sync::Arc;
@@ -141,7 +142,8 @@ impl Tracker {
             rng(self.setup.seed, address, Purpose::RELOCALISATION),
         );
         let found = outcome.found()?;
-        let (matches, camera_from_world) = pose::solve(data, &found.camera_from_world, matches);
+        let mut solver = PoseSolver::default();
+        let (matches, camera_from_world) = solver.solve(data, &found.camera_from_world, matches);
         Some(EgoMotion {
             camera_from_world,
             matches,

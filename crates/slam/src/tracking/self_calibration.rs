@@ -68,6 +68,8 @@ pub(super) struct SelfCalibration {
     timing: Timing,
     /// The newest frames without a gap, oldest first.
     run: VecDeque<Between>,
+    /// Memory that is used again.
+    rows: Vec<Row>,
 }
 
 impl SelfCalibration {
@@ -79,6 +81,7 @@ impl SelfCalibration {
             vector: information * start.readout,
             timing: start,
             run: VecDeque::new(),
+            rows: Vec::new(),
         }
     }
 
@@ -102,14 +105,19 @@ impl SelfCalibration {
     }
 
     /// Takes the two newest frames, and learns from two that lie in the midst of those before; none where the frame before has no pose.
-    pub(super) fn learn(&mut self, camera: &Camera, newest: Option<Between>) {
+    /// Gives back the points of two that it has learned from.
+    pub(super) fn learn(
+        &mut self,
+        camera: &Camera,
+        newest: Option<Between>,
+    ) -> Option<Vec<RowPair>> {
         let Some(newest) = newest.filter(|b| b.seconds > 1e-6 && b.seconds < LONGEST) else {
             self.run.clear();
-            return;
+            return None;
         };
         self.run.push_back(newest);
         if self.run.len() < RUN {
-            return;
+            return None;
         }
         let mut motions = [(Vec6::zeros(), 0.0); RUN];
         for (motion, between) in motions.iter_mut().zip(&self.run) {
@@ -133,6 +141,7 @@ impl SelfCalibration {
             let trust = 1.0 / (1.0 + share * share);
             self.learn_from(camera, &middle, [&before, &now], trust);
         }
+        Some(middle.pairs)
     }
 
     /// Learns from two frames with the camera's velocity at the older and at the newer one, which are to be trusted by so much, 0 to 1.
@@ -149,13 +158,12 @@ impl SelfCalibration {
         }
         let readout = self.timing.readout;
         let step = between.pairs.len().div_ceil(MAX_PAIRS);
-        let rows: Vec<Row> = between
-            .pairs
-            .iter()
-            .step_by(step)
-            .filter_map(|p| Row::new(camera, p, &between.before_from_now, velocities, readout))
-            .collect();
-        let Some((reduced, step)) = reduce(&rows) else {
+        let pairs = between.pairs.iter().step_by(step);
+        let row = |p| Row::new(camera, p, &between.before_from_now, velocities, readout);
+        self.rows.clear();
+        self.rows.reserve(MAX_PAIRS);
+        self.rows.extend(pairs.filter_map(row));
+        let Some((reduced, step)) = reduce(&self.rows) else {
             return;
         };
         let trust = trust / CORRELATION;
@@ -206,6 +214,7 @@ fn velocity_between<const N: usize>(intervals: &[(Vec6, f64)]) -> Option<Vec6> {
 
 /// A pair, linearised: its residual with a readout longer by `dt` and another motion is `residual + by_readout dt - by_motion dx`, in standard
 /// deviations.
+#[derive(Clone, Debug)]
 struct Row {
     residual: [f64; 2],
     by_readout: [f64; 2],

@@ -6,7 +6,7 @@ use super::local_map::{LOCAL_RADIUS, SearchArea};
 use super::sight::Sight;
 use super::statistics::Sightings;
 use super::vote::Vote;
-use super::{Fix, Tracker, pose};
+use super::{Fix, Tracker};
 use crate::association::{Matches, measurement};
 use crate::static_filter::{FeatureVerdict, FlowPair};
 use stillpoint_estimation::{
@@ -81,8 +81,10 @@ impl Tracker {
         // Much of what a wide search matches is wrong; around a pose that many agree on, the usual radius is enough.
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
         let matched = matches.count;
-        let (matches, pose, information) =
-            pose::solve_with_information(data, &found, matches, None);
+        let (matches, pose, information) = self
+            .memory
+            .solver
+            .solve_with_information(data, &found, matches, None);
         let drift = fix.camera_from_world * pose.inverse();
         let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
         let enough = matches.count >= self.setup.tracking.min_inliers;
@@ -145,7 +147,9 @@ impl Tracker {
         // Flow drifts, and so does the pose that it leads to.
         let turn = self.known_pose();
         let (matches, pose, information) =
-            pose::solve_with_information(data, &vote.camera_from_world, matches, turn);
+            self.memory
+                .solver
+                .solve_with_information(data, &vote.camera_from_world, matches, turn);
         let enough = self.setup.tracking.min_inliers;
         if matches.count < enough && vote.agreed >= enough {
             return Self::follow_vote(vote, data.len());

@@ -3,27 +3,37 @@
 use super::sight::Sight;
 use crate::association::Matches;
 use crate::messages::LandmarkStatistic;
-use std::collections::BTreeMap;
+use crate::recycle::Lists;
 use stillpoint_map::LandmarkId;
 
 /// Counts per landmark that was expected at least once.
 #[derive(Debug, Default)]
 pub(super) struct Statistics {
-    counts: BTreeMap<LandmarkId, LandmarkStatistic>,
+    counts: Vec<LandmarkStatistic>,
+    /// Per landmark, the number of its place in `counts`, from 1; 0 for none.
+    places: Vec<u32>,
 }
 
 /// What was seen of landmarks in one frame, from a pose that may still be refused.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Sightings(Vec<(LandmarkId, Seen)>);
+pub(super) struct Sightings(Vec<Sighting>);
+
+/// What was seen of one landmark.
+pub(super) type Sighting = (LandmarkId, Seen);
 
 /// What was seen of a landmark.
 #[derive(Clone, Copy, Debug)]
-enum Seen {
+pub(super) enum Seen {
     Expected(Sight),
     Found,
 }
 
 impl Sightings {
+    /// None yet, in the memory of a list.
+    pub(super) fn new(memory: &mut Lists<Sighting>) -> Self {
+        Self(memory.take())
+    }
+
     /// Whether nothing was seen of any landmark: the map does not bear the pose out.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
@@ -42,9 +52,9 @@ impl Sightings {
 }
 
 impl Statistics {
-    /// Counts what was seen from a pose that is taken, in a frame of this [`worth`].
-    pub(super) fn count(&mut self, sightings: Sightings, worth: f32) {
-        for (id, seen) in sightings.0 {
+    /// Counts what was seen from a pose that is taken, in a frame of this [`worth`]. Gives back the memory of the list.
+    pub(super) fn count(&mut self, sightings: Sightings, worth: f32) -> Vec<Sighting> {
+        for &(id, seen) in &sightings.0 {
             let s = self.of(id);
             match seen {
                 // Of the landmarks that look hidden most are wrong, at the edge of something near: they must prove themselves
@@ -60,22 +70,37 @@ impl Statistics {
                 }
             }
         }
+        sightings.0
     }
 
     /// Hands over all counts, by id, and starts over.
     pub(super) fn take(&mut self) -> Vec<LandmarkStatistic> {
-        std::mem::take(&mut self.counts).into_values().collect()
+        for s in &self.counts {
+            self.places[s.id.index()] = 0;
+        }
+        let mut counts = self.counts.clone();
+        self.counts.clear();
+        counts.sort_unstable_by_key(|s| s.id);
+        counts
     }
 
     fn of(&mut self, id: LandmarkId) -> &mut LandmarkStatistic {
-        self.counts.entry(id).or_insert(LandmarkStatistic {
-            id,
-            visible: 0,
-            found: 0,
-            gone: 0,
-            found_worth: 0.0,
-            gone_worth: 0.0,
-        })
+        if self.places.len() <= id.index() {
+            self.places.resize(id.index() + 1, 0);
+        }
+        let place = &mut self.places[id.index()];
+        if *place == 0 {
+            self.counts.push(LandmarkStatistic {
+                id,
+                visible: 0,
+                found: 0,
+                gone: 0,
+                found_worth: 0.0,
+                gone_worth: 0.0,
+            });
+            *place = self.counts.len() as u32;
+        }
+        &mut self.counts[*place as usize - 1]
     }
 }
 

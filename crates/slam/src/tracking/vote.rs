@@ -10,7 +10,7 @@ use super::known::Known;
 use crate::association::{Candidate, match_by_descriptor, measurement};
 use crate::static_filter::FlowPair;
 use stillpoint_estimation::{
-    Intrinsics, KnownTurn, Measurement, MotionOptions, MotionPair, MotionPrior, Purpose,
+    Intrinsics, Measurement, MotionFinder, MotionOptions, MotionPair, MotionPrior, Purpose,
     find_camera_motion, rng,
 };
 use stillpoint_geometry::{Mat6, Se3, Vec6};
@@ -68,10 +68,34 @@ pub(super) struct Vote {
     pub(super) is_bound: bool,
 }
 
+/// Memory that votes take, used again from frame to frame.
+#[derive(Default)]
+pub(super) struct VoteMemory {
+    voters: Vec<MotionPair>,
+    /// Blocks of the image, a say each.
+    blocks: Vec<[i64; 2]>,
+    finder: MotionFinder,
+    inliers: Vec<bool>,
+}
+
 impl Tracker {
     /// The camera's motion since the last frame by a vote of the flow. Features on surfaces that moved before have next to no say.
     pub(super) fn vote(
         &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        pairs: &[Option<FlowPair>],
+        predicted: &Se3,
+    ) -> Option<Vote> {
+        let mut memory = std::mem::take(&mut self.memory.vote);
+        let vote = self.vote_in(&mut memory, frame, data, pairs, predicted);
+        self.memory.vote = memory;
+        vote
+    }
+
+    fn vote_in(
+        &mut self,
+        memory: &mut VoteMemory,
         frame: &RgbdFrame,
         data: &KeyframeData,
         pairs: &[Option<FlowPair>],
@@ -84,9 +108,15 @@ impl Tracker {
         // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
         let exact = frame.stamp - self.begun < UNDECIDED || self.moving_share > CROWD;
         let velocity = self.motion_to(predicted).at_before();
-        let mut votes = self.voters(data, pairs, velocity.as_ref())?;
+        let VoteMemory {
+            voters: votes,
+            blocks,
+            finder,
+            inliers,
+        } = memory;
+        self.voters(data, pairs, velocity.as_ref(), votes)?;
         if exact {
-            give_say_by_area(&mut votes);
+            give_say_by_area(votes, blocks);
         }
         let options = MotionOptions {
             peak: if exact { PEAK } else { 0.0 },
@@ -94,10 +124,11 @@ impl Tracker {
         };
         let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
         let last_from_world = last.world_from_camera.inverse();
-        let find = |votes: &[MotionPair], turn: Option<KnownTurn>, least: f64| {
+        let mut find = |votes: &[MotionPair], turn, least, inliers: &mut Vec<bool>| {
             let options = MotionOptions { turn, ..options };
             let rng = rng(self.setup.seed, address, Purpose::CAMERA_MOTION);
-            let motion = find_camera_motion(&camera, votes, Some(&prior), &options, rng)?;
+            let motion = finder.find(&camera, votes, Some(&prior), &options, rng)?;
+            finder.reuse(std::mem::replace(inliers, motion.inliers));
             let vote = Vote {
                 camera_from_world: motion.b_from_a.inverse() * last_from_world,
                 exact,
@@ -107,29 +138,29 @@ impl Tracker {
                 share: motion.weight_share,
                 is_bound: turn.is_some(),
             };
-            (motion.weight_share >= least).then_some((vote, motion.inliers))
+            (motion.weight_share >= least).then_some(vote)
         };
-        let free = find(&votes, None, MIN_WEIGHT_SHARE);
+        let free = find(votes, None, MIN_WEIGHT_SHARE, inliers);
         let Some((known, turn)) = known.and_then(|k| Some((k, self.known_motion(&k)?))) else {
-            return free.map(|f| f.0);
+            return free;
         };
         let allowed = |v: &Vote| turn.allows(&(last_from_world * v.camera_from_world.inverse()));
         let rules = self.rules(&known);
-        if let Some((vote, inliers)) = &free {
+        if let Some(vote) = &free {
             // Where nearly all agrees, nobody else moves, unless it is somebody who fills the view; wheels that say otherwise slip.
             let is_plain = vote.share >= PLAIN_SHARE && (allowed(vote) || !known.by_gyro);
             if is_plain && !(rules && (self.was_blind() || self.moving_share > CROWD)) {
-                return free.map(|f| f.0);
+                return free;
             }
             // Who moves otherwise than the camera has no say in how it moves.
             if rules && !allowed(vote) {
-                let riders = votes.iter_mut().zip(inliers).filter(|(_, rides)| **rides);
+                let riders = votes.iter_mut().zip(&*inliers).filter(|(_, rides)| **rides);
                 riders.for_each(|(pair, _)| pair.weight = 0.0);
             }
         }
-        let bound = find(&votes, Some(turn), MIN_BOUND_SHARE).map(|b| b.0);
+        let bound = find(votes, Some(turn), MIN_BOUND_SHARE, inliers);
         // What fills the view and moves nearly as the camera does is within the gate too.
-        let free = free.map(|f| f.0).filter(|_| !(rules && self.was_blind()));
+        let free = free.filter(|_| !(rules && self.was_blind()));
         let agrees = free.as_ref().is_none_or(allowed);
         let choice = Choice::between(free, bound, agrees, rules);
         if choice.against {
@@ -157,19 +188,19 @@ impl Tracker {
         }
     }
 
-    /// The pairs that vote, spread over the features, with the camera moving by `velocity` in the frame before.
+    /// Gathers the pairs that vote, spread over the features, with the camera moving by `velocity` in the frame before.
     fn voters(
         &self,
         data: &KeyframeData,
         pairs: &[Option<FlowPair>],
         velocity: Option<&Vec6>,
-    ) -> Option<Vec<MotionPair>> {
+        voters: &mut Vec<MotionPair>,
+    ) -> Option<()> {
         let previous = self.previous.as_ref()?;
         let reader = self.depth_reader(previous, velocity);
-        let with_depth: Vec<usize> = (0..pairs.len())
-            .filter(|i| pairs[*i].is_some() && data.depth(*i).is_some())
-            .collect();
-        let step = with_depth.len().div_ceil(MAX_PAIRS).max(1);
+        let with_depth =
+            || (0..pairs.len()).filter(|i| pairs[*i].is_some() && data.depth(*i).is_some());
+        let step = with_depth().count().div_ceil(MAX_PAIRS).max(1);
         let voter = |i: usize| {
             let pair = pairs[i]?;
             let reading = reader.read(pair.before_raw.map(f64::from).into(), pair.before)?;
@@ -184,8 +215,9 @@ impl Tracker {
                 weight: self.filter.static_probability(pair.before_raw),
             })
         };
-        let chosen = with_depth.iter().step_by(step);
-        Some(chosen.filter_map(|i| voter(*i)).collect())
+        voters.clear();
+        voters.extend(with_depth().step_by(step).filter_map(voter));
+        Some(())
     }
 
     /// The camera's motion since the last frame with a pose by a vote of matches by descriptor, wherever in the image they are: while no
@@ -216,7 +248,7 @@ impl Tracker {
                 })
             })
             .collect();
-        give_say_by_area(&mut votes);
+        give_say_by_area(&mut votes, &mut Vec::new());
         let address = u64::from(frame.id.0);
         let motion = find_camera_motion(
             &Intrinsics::from(&data.camera),
@@ -242,12 +274,13 @@ impl Tracker {
 
 /// Gives each block of the image one say, shared by its pairs, and more to what is far: a surface of one size shows as many corners
 /// near as far, and covers less of the image.
-fn give_say_by_area(votes: &mut [MotionPair]) {
+fn give_say_by_area(votes: &mut [MotionPair], blocks: &mut Vec<[i64; 2]>) {
     let block = |p: &MotionPair| {
         let pixel = p.measurement.pixel / BLOCK_PX;
         [pixel.x.floor() as i64, pixel.y.floor() as i64]
     };
-    let mut blocks: Vec<[i64; 2]> = votes.iter().map(block).collect();
+    blocks.clear();
+    blocks.extend(votes.iter().map(block));
     blocks.sort_unstable();
     for vote in votes {
         let own = block(vote);

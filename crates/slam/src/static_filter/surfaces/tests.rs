@@ -1,6 +1,6 @@
 //! A wall and a person of cells, frame by frame.
 
-use super::super::history::CapturePose;
+use super::super::history::{CapturePose, Spent};
 use super::super::rigid::Vote;
 use super::*;
 use crate::anchored_pose::AnchoredPose;
@@ -16,6 +16,9 @@ struct World {
     cells: Cells,
     history: History,
     surfaces: Surfaces,
+    next: Surfaces,
+    memory: Memory,
+    spent: Spent,
     frame: u32,
 }
 
@@ -33,6 +36,9 @@ impl World {
             surfaces: Surfaces::new(&cells),
             cells,
             history: History::default(),
+            next: Surfaces::default(),
+            memory: Memory::default(),
+            spent: Spent::default(),
             frame: 0,
         }
     }
@@ -63,15 +69,15 @@ impl World {
             grid: &grid,
             world_from_depth: Se3::identity(),
             view: &MapView::default(),
+            history: &self.history,
         };
-        let flow = Votes {
-            votes: votes.to_vec(),
-            certainty,
-        };
-        self.surfaces = self
-            .surfaces
-            .next(&self.cells, &self.history, &now, movers, &flow);
-        let moving = self.surfaces.motion.iter().map(|o| *o > MOVES).collect();
+        let mut flow = Votes::default();
+        (flow.votes, flow.certainty) = (votes.to_vec(), certainty);
+        let (next, memory) = (&mut self.next, &mut self.memory);
+        self.surfaces
+            .next(&self.cells, &now, movers, &flow, (next, memory));
+        std::mem::swap(&mut self.surfaces, &mut self.next);
+        let moving = self.surfaces.motion.iter().map(|o| *o > MOVES);
         let place = CapturePose {
             anchored: AnchoredPose {
                 keyframe: None,
@@ -82,8 +88,13 @@ impl World {
             camera_from_depth: Se3::identity(),
         };
         let frame = FrameId(self.frame);
-        self.history
-            .push(frame, stamp, Arc::clone(&grid), moving, &place);
+        self.history.push(
+            frame,
+            stamp,
+            Arc::clone(&grid),
+            (moving, &place),
+            &mut self.spent,
+        );
         self.frame += 1;
     }
 

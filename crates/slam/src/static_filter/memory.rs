@@ -1,0 +1,43 @@
+//! Memory that judging a frame takes, used again from frame to frame: it holds nothing that is known.
+
+use super::history::{History, Spent};
+use super::rigid::Votes;
+use super::surfaces::{self, Surfaces};
+use super::{FeatureVerdict, StaticFilter};
+use std::sync::Arc;
+
+/// Memory for [`StaticFilter::judge`].
+#[derive(Default)]
+pub(crate) struct Memory {
+    history: History,
+    pub(super) surfaces: Option<Arc<Surfaces>>,
+    pub(super) judging: surfaces::Memory,
+    pub(super) spent: Spent,
+    pub(super) votes: Votes,
+    pub(super) verdicts: Vec<FeatureVerdict>,
+}
+
+impl Memory {
+    /// A copy of a filter.
+    pub(super) fn copy(&mut self, filter: &StaticFilter) -> StaticFilter {
+        let mut history = std::mem::take(&mut self.history);
+        history.become_like(&filter.history);
+        StaticFilter {
+            rules: Arc::clone(&filter.rules),
+            objects: filter.objects.clone(),
+            waiting: filter.waiting.clone(),
+            unused: filter.unused,
+            history,
+            surfaces: Arc::clone(&filter.surfaces),
+            present: filter.present.clone(),
+        }
+    }
+
+    /// Takes a filter that nobody needs any more.
+    pub(crate) fn give(&mut self, filter: StaticFilter) {
+        self.surfaces = Some(filter.surfaces);
+        self.history = filter.history;
+        // What it shares with the history in its place has to be let go of.
+        self.history.clear();
+    }
+}

@@ -1,0 +1,80 @@
+//! What is seen of a frame, and what of it stands still.
+
+use super::ego_motion::EgoMotion;
+use super::{Notes, Tracker};
+use crate::association::Matches;
+use crate::static_filter::{FeatureVerdict, FrameInput, Judgement};
+use std::sync::Arc;
+use stillpoint_imaging::RgbdFrame;
+use stillpoint_map::KeyframeData;
+
+impl Tracker {
+    /// Extracts the features of a frame and reads their depths.
+    pub(super) fn observe(&mut self, frame: &RgbdFrame, notes: &mut Notes) -> Arc<KeyframeData> {
+        let velocity = self.expected_velocity();
+        let data = self.front_end.observe(frame, velocity.as_ref());
+        notes.counts.keypoints = data.len() as u32;
+        notes.counts.with_depth = data.depths.iter().filter(|z| **z > 0.0).count() as u32;
+        data
+    }
+
+    /// Where the filter was not asked, nothing is said against any feature of the frame.
+    pub(super) fn keep_all_unless_judged(&self, judgement: &mut Judgement) {
+        if judgement.verdicts.is_empty() {
+            let keypoints = &self.front_end.observer.features.keypoints;
+            let kept = keypoints.iter().map(|k| FeatureVerdict::kept([k.x, k.y]));
+            judgement.verdicts = kept.collect();
+        }
+    }
+
+    /// Asks the static filter about the features `data` of a frame.
+    pub(super) fn judge(
+        &mut self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        motion: &EgoMotion,
+        notes: &mut Notes,
+    ) {
+        let features = &mut self.memory.pixels;
+        features.clear();
+        features.extend(data.keypoints.iter().map(|k| [k.x, k.y]));
+        let last = self.state.last().map(|l| l.world_from_camera);
+        let world_from_camera = motion.camera_from_world.inverse();
+        // The frame may have been judged before, from a pose that was refused: what that left is the newest state.
+        let filter = notes.filter.as_ref().unwrap_or(&self.filter);
+        let input = FrameInput {
+            frame,
+            view: &self.map.view,
+            world_from_camera,
+            camera_from_depth: self
+                .front_end
+                .camera_from_depth(frame, motion.velocity.as_ref()),
+            features,
+            depths: &data.depths,
+            pairs: &motion.pairs,
+            last_from_now: last.unwrap_or_default().inverse() * world_from_camera,
+        };
+        let (judgement, next) = filter.judge(&input, &mut self.memory.filter);
+        (notes.judgement, notes.filter) = (judgement, Some(next));
+        let verdicts = &notes.judgement.verdicts;
+        notes.counts.dynamic = verdicts.iter().filter(|v| v.dynamic).count() as u32;
+        notes.counts.released = notes.judgement.released;
+        notes.evidence.judged = true;
+    }
+
+    /// The features that the static filter left, brought to the frame's stamp by its own motion, and their matches.
+    pub(super) fn keep_static(
+        &mut self,
+        frame: &RgbdFrame,
+        motion: &EgoMotion,
+        notes: &Notes,
+    ) -> (Arc<KeyframeData>, Matches) {
+        let verdicts = &notes.judgement.verdicts;
+        let velocity = motion.velocity.as_ref();
+        // Measured again: the first time only the velocity of the frame before was known, which the shutter's correction depends on.
+        let data = self.front_end.measure(frame, velocity, Some(verdicts));
+        let kept = verdicts.iter().map(|v| !v.dynamic);
+        let targets = self.memory.matching.targets.take();
+        (data, motion.matches.select(kept, targets))
+    }
+}

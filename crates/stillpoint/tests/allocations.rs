@@ -1,0 +1,80 @@
+//! Tracking asks the allocator for nothing once it runs steadily, but for what leaves it with the report of a frame.
+
+use crate::counting::{self, Asked, Spans};
+use stillpoint::imaging::{RgbdFrame, Simd};
+use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::slam::{Config, Event, System};
+
+/// What every report holds: a verdict per feature, and the labels of the regions that move.
+const HANDED_OVER: u64 = 2;
+/// The history of depths is full after so many frames, 3.2 s; from then on its memory goes round.
+const STEADY: usize = 110;
+
+/// What tracking asks for, by frames that become no keyframe, after `STEADY` ones. Few frames are rendered, and shown back and forth.
+fn steady_frames(config: Config) -> Vec<u64> {
+    let simulator = Simulator::new(&SimulatorConfig {
+        scene: "walking_xyz".to_owned(),
+        ..SimulatorConfig::default()
+    })
+    .unwrap();
+    let rendered: Vec<RgbdFrame> = (0..20).map(|i| simulator.frame(i)).collect();
+    let way = (0..20).chain((1..19).rev()).cycle();
+    let mut system = System::new(config, *simulator.camera(), Simd::detect()).unwrap();
+    let mut counts = Vec::new();
+    for (i, shown) in way.take(STEADY + 60).enumerate() {
+        let mut frame = rendered[shown].clone();
+        frame.id.0 = i as u32;
+        (frame.stamp, frame.depth_stamp) = (i as f64 / 30.0, i as f64 / 30.0);
+        counting::take();
+        let events = tracing::subscriber::with_default(Spans, || system.step(frame));
+        let calls = counting::take().values().map(|a: &Asked| a.calls).sum();
+        let mapped = events.iter().any(|e| matches!(e, Event::Mapped { .. }));
+        let tracked = |e: &Event| match e {
+            Event::Frame(f) => f.report.world_from_camera.is_some(),
+            _ => false,
+        };
+        assert!(events.iter().any(tracked), "frame {i}");
+        if i >= STEADY && !mapped {
+            counts.push(calls);
+        }
+    }
+    counts
+}
+
+#[test]
+fn a_frame_that_becomes_no_keyframe_asks_for_nothing_but_its_report() {
+    let counts = steady_frames(Config::default());
+    assert!(counts.len() > 40, "{counts:?}");
+    let mut sorted = counts.clone();
+    sorted.sort_unstable();
+    assert_eq!(sorted[0], HANDED_OVER, "{counts:?}");
+    assert_eq!(sorted[counts.len() / 2], HANDED_OVER, "{counts:?}");
+    // Lists grow where a frame holds more than any before: at times, and by doubling.
+    let grown: u64 = counts.iter().map(|c| c - HANDED_OVER).sum();
+    assert!(grown <= counts.len() as u64, "{counts:?}");
+}
+
+/// The control: what is asked for within a frame's span is counted, and what is asked for outside or by others is not.
+#[test]
+fn what_is_asked_for_is_counted() {
+    let count = |work: &dyn Fn()| {
+        counting::take();
+        tracing::subscriber::with_default(Spans, || {
+            let _outside = Vec::<u8>::with_capacity(10);
+            let _frame = tracing::info_span!("frame").entered();
+            let _part = tracing::info_span!("part").entered();
+            work();
+        });
+        counting::take()
+    };
+    let three = count(&|| drop([vec![1_u8; 10], vec![2; 20], vec![3; 30]]));
+    let (calls, bytes) = (3, 60);
+    assert_eq!(three["part"], Asked { calls, bytes });
+    assert_eq!(three["frame"], Asked::default());
+    let large = 1 << 20;
+    let by_others = count(&|| {
+        let other = std::thread::spawn(move || vec![1_u8; large].len());
+        assert_eq!(other.join().unwrap(), large);
+    });
+    assert!(by_others["part"].bytes < large as u64);
+}
