@@ -8,9 +8,9 @@ use crate::realsense;
 use crate::run::{open, options};
 use std::path::Path;
 use stillpoint::datasets::FrameOptions;
-use stillpoint::doctor::{Figure, Report, Setup, examine, judge_inertial};
-use stillpoint::geometry::nalgebra::UnitQuaternion;
-use stillpoint::imaging::{FrameSource, ImuSample, Simd};
+use stillpoint::doctor::{Figure, Report, Setup, examine, judge_inertial, judge_odometry};
+use stillpoint::geometry::Se3;
+use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, Simd};
 use stillpoint::recordings::{self, Input};
 use stillpoint::slam::{Config, Event, System};
 
@@ -41,7 +41,12 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
                 .push("the readout of a rolling shutter: the camera moves too little".into()),
         }
         if let Some(imu) = input.imu() {
-            judge_inertial(&followed.samples, &followed.poses, &imu, &mut report);
+            let turn = |p: &(f64, Se3)| (p.0, p.1.rotation);
+            let turns: Vec<_> = followed.poses.iter().map(turn).collect();
+            judge_inertial(&followed.samples, &turns, &imu, &mut report);
+        }
+        if let Some(wheels) = input.odometry() {
+            judge_odometry(&followed.wheels, &followed.poses, &wheels, &mut report);
         }
     }
     if args.json {
@@ -89,9 +94,10 @@ struct Followed {
     /// The readout of the colour images; none where the frames tell nothing of it.
     readout: Option<Figure>,
     /// Stamps, s, and `world_from_camera` of the frames that were tracked.
-    poses: Vec<(f64, UnitQuaternion<f64>)>,
-    /// What an inertial sensor measured meanwhile; tracking did not listen to it.
+    poses: Vec<(f64, Se3)>,
+    /// What an inertial sensor measured and the wheels did meanwhile; tracking did not listen to them.
     samples: Vec<ImuSample>,
+    wheels: Vec<OdometrySample>,
 }
 
 /// Tracks the same frames.
@@ -103,16 +109,18 @@ fn follow(input: &Input, start: usize, seconds: f64) -> Result<Followed, Failure
         start,
         ..FrameOptions::default()
     })?;
-    let (mut first, mut samples, mut poses) = (None, Vec::new(), Vec::new());
+    let (mut first, mut samples, mut wheels, mut poses) =
+        (None, Vec::new(), Vec::new(), Vec::new());
     while let Some(Ok(frame)) = frames.next_frame() {
         samples.extend(frames.take_inertial());
+        wheels.extend(frames.take_odometry());
         if frame.stamp - *first.get_or_insert(frame.stamp) > seconds {
             break;
         }
         for event in system.step(frame) {
             if let Event::Frame(frame) = event {
                 let report = &frame.report;
-                poses.extend(report.world_from_camera.map(|p| (report.stamp, p.rotation)));
+                poses.extend(report.world_from_camera.map(|p| (report.stamp, p)));
             }
         }
     }
@@ -127,6 +135,7 @@ fn follow(input: &Input, start: usize, seconds: f64) -> Result<Followed, Failure
         readout,
         poses,
         samples,
+        wheels,
     })
 }
 

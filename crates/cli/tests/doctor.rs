@@ -115,3 +115,53 @@ fn an_inertial_sensor_that_is_mounted_otherwise_is_named() {
     );
     assert!(said.contains("-> state rotation = ["), "{said}");
 }
+
+/// Three seconds of a camera on a base with wheels.
+#[test]
+fn odometry_that_is_not_of_the_camera_s_base_is_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    let line = "-q simulate --odometry --jpeg --scene halfsphere --frames 80 --out";
+    let output = program().args(line.split(' ')).arg(&data).output().unwrap();
+    check(&output, 0, &[]);
+    let right = data.join("camera.toml");
+    let well = stdout(&with_camera("doctor", &data, &right, &["--json"]));
+    let well: Value = serde_json::from_str(&well).unwrap();
+    assert_eq!(well["findings"].as_array().unwrap().len(), 0, "{well}");
+    let measured = well["measured"].to_string();
+    assert!(measured.contains("odometry: its clock"), "{measured}");
+
+    let text = std::fs::read_to_string(&right).unwrap();
+    let named = |camera: &Path, parts: &[&str]| {
+        let output = with_camera("doctor", &data, camera, &[]);
+        check(&output, 1, &[]);
+        let said = stdout(&output);
+        assert!(parts.iter().all(|p| said.contains(p)), "{parts:?}: {said}");
+    };
+    // The camera looks to the base's left, and the clock is late.
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let other = |key: &str, value: &str| {
+        let (before, after) = text.split_once(&format!("\n{key} = ")).unwrap();
+        let (_, after) = after.split_once('\n').unwrap();
+        let file = dir.path().join(format!("{key}.toml"));
+        std::fs::write(&file, format!("{before}\n{key} = {value}\n{after}")).unwrap();
+        file
+    };
+    let turned = other("rotation", &format!("[-{half}, 0.0, 0.0, {half}]"));
+    named(
+        &turned,
+        &["degrees otherwise on the base", "-> state rotation = ["],
+    );
+    let late = other("time_offset", "0.1");
+    named(&late, &["ms off the camera's", "-> state time_offset = "]);
+
+    // Wheels that stand still.
+    let file = data.join("odometry.csv");
+    let moving = std::fs::read_to_string(&file).unwrap();
+    let still = |line: &str| match line.split_once(',') {
+        Some((stamp, _)) if !line.starts_with('#') => format!("{stamp},0,0,0,0,0,0,1\n"),
+        _ => format!("{line}\n"),
+    };
+    std::fs::write(&file, moving.lines().map(still).collect::<String>()).unwrap();
+    named(&right, &["odometry stands still while the camera moves"]);
+}

@@ -23,6 +23,8 @@ pub enum Symptom {
     Stamps,
     /// The inertial sensor has other axes, units or stamps than stated.
     InertialSensor,
+    /// Odometry of the base that carries the camera stands still, jumps, or has another mount or other stamps than stated.
+    Odometry,
     /// Images are too dark or too bright.
     Exposure,
     /// Images are blurred.

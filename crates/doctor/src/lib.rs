@@ -1,7 +1,7 @@
 //! What is wrong with an RGB-D stream, from a few seconds of it.
 //!
 //! Answers: which of the usual mistakes (depth scale, registration, mirrored images, focal length, synchronisation, lens model, stamps,
-//! exposure, blur, holes, channel order; axes, units and clock of an inertial sensor) a stream shows, how sure that is, and what to do about it. Takes frames from anywhere and knows no files:
+//! exposure, blur, holes, channel order; axes, units and clock of an inertial sensor; mount and clock of odometry) a stream shows, how sure that is, and what to do about it. Takes frames from anywhere and knows no files:
 //! [`Doctor::look`] at each frame, then [`Doctor::report`]. One module per kind of symptom; each says what it measured and, where that
 //! is not as it should be, gives a [`Finding`].
 //!
@@ -18,6 +18,7 @@ mod images;
 mod inertial;
 mod lens;
 mod median;
+mod odometry;
 mod registration;
 mod stamps;
 mod sync;
@@ -26,3 +27,4 @@ mod tracks;
 pub use doctor::{Doctor, Setup, examine};
 pub use finding::{Figure, Finding, Report, Symptom};
 pub use inertial::judge_inertial;
+pub use odometry::judge_odometry;
