@@ -2,7 +2,7 @@
 
 use crate::pose::transform;
 use crate::reduced::Plan;
-use crate::schur::{self, Step};
+use crate::schur::{self, Step, System};
 use crate::{Intrinsics, Measurement};
 use stillpoint_geometry::{Se3, Vec3, robust};
 
@@ -134,12 +134,13 @@ pub fn adjust_bundle(problem: &mut BundleProblem, options: &BundleOptions) -> Bu
     }
 }
 
-/// What was spent so far.
+/// What was spent so far, and the memory of the last system.
 #[derive(Default)]
 struct Effort {
     iterations: usize,
     work: u64,
     blocks: usize,
+    system: System,
 }
 
 impl Effort {
@@ -175,7 +176,7 @@ fn minimise(
             break;
         }
         effort.iterations += 1;
-        let system = schur::build(problem, active);
+        schur::build(problem, active, &mut effort.system);
         let mut accepted = false;
         // A step that does not pay is tried again with more damping; the system itself stays.
         for trial in 0..6 {
@@ -183,7 +184,7 @@ fn minimise(
                 stop = BundleStop::WorkLimit;
                 break 'iterations;
             }
-            let Some(step) = system.solve(&plan, lambda) else {
+            let Some(step) = effort.system.solve(&plan, lambda) else {
                 lambda = f64::max(lambda * 10.0, 1e-4);
                 continue;
             };

@@ -2,7 +2,7 @@
 
 use crate::BundleProblem;
 use crate::gradients;
-use crate::schur::{System, subtract_product, times};
+use crate::schur::{System, across, subtract_product, times};
 use crate::sparse::{Block, Pattern};
 use stillpoint_geometry::{Mat3, Vec6};
 
@@ -169,14 +169,15 @@ fn reduce(
                 continue;
             };
             let p = &system.points[*point as usize];
-            let w = times(&system.cross[*cross as usize].1, inverse);
+            let w = times(&system.cross[*cross as usize], inverse);
             for (r, row) in w.iter().enumerate() {
                 rhs[pose][r] -= row[0] * p.b.x + row[1] * p.b.y + row[2] * p.b.z;
             }
-            for (other, c) in &system.cross[p.cross.clone()] {
-                let row = pattern.position[*other as usize] as usize;
+            let w = across(&w);
+            for c in p.cross.clone() {
+                let row = pattern.position[system.pose_of[c] as usize] as usize;
                 if row >= k {
-                    subtract_product(&mut column[slot[row] as usize], c, &w);
+                    subtract_product(&mut column[slot[row] as usize], &system.cross[c], &w);
                 }
             }
         }
@@ -193,7 +194,7 @@ struct ByPose {
 impl ByPose {
     fn new(system: &System, free: usize) -> Self {
         let mut start = vec![0; free + 1];
-        for (pose, _) in &system.cross {
+        for pose in &system.pose_of {
             start[*pose as usize + 1] += 1;
         }
         for k in 0..free {
@@ -203,7 +204,7 @@ impl ByPose {
         let mut entries = vec![(0, 0); system.cross.len()];
         for (point, p) in system.points.iter().enumerate() {
             for c in p.cross.clone() {
-                let place = &mut next[system.cross[c].0 as usize];
+                let place = &mut next[system.pose_of[c] as usize];
                 entries[*place] = (c as u32, point as u32);
                 *place += 1;
             }

@@ -1,7 +1,7 @@
 //! The normal equations of bundle adjustment with points eliminated.
 
 use crate::BundleProblem;
-use crate::linearise::{by_world_point, linearise};
+use crate::linearise::{Linearised, by_world_point, linearise};
 use crate::pose::transform;
 use crate::reduced::{Method, Plan, solve_by_factor, solve_by_gradients};
 use nalgebra::{DMatrix, DVector};
@@ -21,12 +21,14 @@ pub(crate) struct PointBlock {
 }
 
 /// The undamped normal equations at one linearisation point.
+#[derive(Default)]
 pub(crate) struct System {
     pub(crate) pose_h: Vec<[[f64; 6]; 6]>,
     pub(crate) pose_b: Vec<[f64; 6]>,
     pub(crate) points: Vec<PointBlock>,
-    /// Pose and cross block, point by point.
-    pub(crate) cross: Vec<(u32, Cross)>,
+    /// Cross blocks, point by point, and the pose of each. Apart, as most passes skip by the pose.
+    pub(crate) cross: Vec<Cross>,
+    pub(crate) pose_of: Vec<u32>,
 }
 
 /// A step of poses (left perturbations `[translation; rotation]`) and points (m).
@@ -35,20 +37,18 @@ pub(crate) struct Step {
     pub(crate) points: Vec<Vec3>,
 }
 
-/// Linearises all active observations, with the Huber weights of the present residuals.
-pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
+/// Linearises all active observations, with the Huber weights of the present residuals; in the memory of an earlier system, as new
+/// pages for the cross blocks of a large map take as long as the blocks.
+pub(crate) fn build(problem: &BundleProblem, active: &[bool], system: &mut System) {
     let free = problem.free_poses;
     let frames: Vec<(Mat3, Vec3)> = problem
         .poses
         .iter()
         .map(|p| (p.rotation_matrix(), p.translation))
         .collect();
-    let mut system = System {
-        pose_h: vec![[[0.0; 6]; 6]; free],
-        pose_b: vec![[0.0; 6]; free],
-        points: Vec::with_capacity(problem.points.len()),
-        cross: Vec::with_capacity(problem.observations.len()),
-    };
+    system.clear(free);
+    // Of the present size at once: what grows is copied.
+    system.cross.reserve(problem.observations.len());
     let mut at = 0;
     for (index, point) in problem.points.iter().enumerate() {
         let mut h = [[0.0; 3]; 3];
@@ -90,13 +90,10 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
             }
             // Fixed poses enter only through what they say of the points.
             if pose < free {
-                let mut cross = [[0.0; 3]; 6];
-                for k in 0..rows {
-                    add_outer(&mut system.pose_h[pose], &l.by_pose[k], &l.by_pose[k], w[k]);
-                    add_scaled(&mut system.pose_b[pose], &l.by_pose[k], w[k] * e[k]);
-                    add_outer(&mut cross, &l.by_pose[k], &jp[k], w[k]);
-                }
-                system.cross.push((o.pose, cross));
+                let (pose_h, pose_b) = (&mut system.pose_h[pose], &mut system.pose_b[pose]);
+                let cross = add_to_pose(pose_h, pose_b, &l, &jp, (rows, w));
+                system.cross.push(cross);
+                system.pose_of.push(o.pose);
             }
         }
         system.points.push(PointBlock {
@@ -105,7 +102,26 @@ pub(crate) fn build(problem: &BundleProblem, active: &[bool]) -> System {
             cross: first..system.cross.len(),
         });
     }
-    system
+}
+
+/// Adds an observation to its pose's share, its first `rows` rows with their weights; returns its cross block.
+// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+#[inline(never)]
+fn add_to_pose(
+    h: &mut [[f64; 6]; 6],
+    b: &mut [f64; 6],
+    l: &Linearised,
+    by_point: &[[f64; 3]; 3],
+    (rows, weights): (usize, [f64; 3]),
+) -> Cross {
+    let mut cross = [[0.0; 3]; 6];
+    for k in 0..rows {
+        let w = weights[k];
+        add_outer(h, &l.by_pose[k], &l.by_pose[k], w);
+        add_scaled(b, &l.by_pose[k], w * l.residual[k]);
+        add_outer(&mut cross, &l.by_pose[k], &by_point[k], w);
+    }
+    cross
 }
 
 #[inline]
@@ -137,6 +153,22 @@ pub(crate) fn times(a: &Cross, m: &Mat3) -> Cross {
 }
 
 impl System {
+    fn clear(&mut self, free: usize) {
+        self.pose_h.clear();
+        self.pose_h.resize(free, [[0.0; 6]; 6]);
+        self.pose_b.clear();
+        self.pose_b.resize(free, [0.0; 6]);
+        self.points.clear();
+        self.cross.clear();
+        self.pose_of.clear();
+    }
+
+    /// The cross blocks of a point, each with its pose.
+    fn crosses(&self, p: &PointBlock) -> impl Iterator<Item = (usize, &Cross)> + Clone {
+        let poses = self.pose_of[p.cross.clone()].iter();
+        poses.map(|i| *i as usize).zip(&self.cross[p.cross.clone()])
+    }
+
     /// Solves the damped equations; `None` when the reduced system is not positive definite.
     pub(crate) fn solve(&self, plan: &Plan, lambda: f64) -> Option<Step> {
         let inverses: Vec<Option<Mat3>> = self
@@ -164,8 +196,8 @@ impl System {
                     return Vec3::zeros();
                 };
                 let mut b = p.b;
-                for (pose, c) in &self.cross[p.cross.clone()] {
-                    let s = &poses[*pose as usize];
+                for (pose, c) in self.crosses(p) {
+                    let s = &poses[pose];
                     for (row, si) in c.iter().zip(s.iter()) {
                         b.x -= row[0] * si;
                         b.y -= row[1] * si;
@@ -190,17 +222,18 @@ impl System {
                 d[k][k] += lambda * h[k][k] + 1e-9;
             }
         }
+        let mut crossed = Vec::new();
         for (p, inverse) in self.points.iter().zip(inverses) {
             let Some(inverse) = inverse else { continue };
-            let cross = &self.cross[p.cross.clone()];
-            for (i, a) in cross {
-                let i = *i as usize;
+            crossed.clear();
+            crossed.extend(self.crosses(p).map(|(j, b)| (j, across(b))));
+            for (i, a) in self.crosses(p) {
                 let w = times(a, inverse);
                 for (r, row) in w.iter().enumerate() {
                     rhs[i][r] -= row[0] * p.b.x + row[1] * p.b.y + row[2] * p.b.z;
                 }
-                for (j, b) in cross.iter().filter(|(j, _)| *j as usize <= i) {
-                    subtract_product(&mut blocks[i * (i + 1) / 2 + *j as usize], &w, b);
+                for (j, b) in crossed.iter().filter(|(j, _)| *j <= i) {
+                    subtract_product(&mut blocks[i * (i + 1) / 2 + j], &w, b);
                 }
             }
         }
@@ -233,12 +266,21 @@ impl System {
     }
 }
 
-/// `s -= w * b^T` for 6x3 blocks.
+/// A cross block as it is multiplied from the right, 3x6.
+pub(crate) type Across = [[f64; 6]; 3];
+
 #[inline]
-pub(crate) fn subtract_product(s: &mut [[f64; 6]; 6], w: &Cross, b: &Cross) {
+pub(crate) fn across(b: &Cross) -> Across {
+    std::array::from_fn(|k| std::array::from_fn(|c| b[c][k]))
+}
+
+/// `s -= w * b^T` for 6x3 blocks, the second one given across, so that whole rows are updated.
+// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+#[inline(never)]
+pub(crate) fn subtract_product(s: &mut [[f64; 6]; 6], w: &Cross, b: &Across) {
     for (row, wr) in s.iter_mut().zip(w) {
-        for (v, bc) in row.iter_mut().zip(b) {
-            *v -= wr[0] * bc[0] + wr[1] * bc[1] + wr[2] * bc[2];
+        for c in 0..6 {
+            row[c] -= wr[0] * b[0][c] + wr[1] * b[1][c] + wr[2] * b[2][c];
         }
     }
 }

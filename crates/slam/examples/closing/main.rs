@@ -7,17 +7,12 @@
 // The library reads no clock and no file; what measures it has to.
 #![allow(clippy::disallowed_types, clippy::disallowed_methods)]
 
+mod stages;
 mod world;
 
+use stages::{Stages, computed};
 use stillpoint_slam::{Config, LoopCloser, LoopCloserMsg, LoopOutcome};
 use world::{STEP_M, Walk, World};
-
-/// Seconds that this process has computed.
-fn computed() -> f64 {
-    let text = std::fs::read_to_string("/proc/self/schedstat").unwrap_or_default();
-    let ns = text.split_whitespace().next().and_then(|w| w.parse().ok());
-    1e-9 * ns.unwrap_or(f64::NAN)
-}
 
 /// A figure of this process in MB, where the system tells.
 fn memory(which: &str) -> f64 {
@@ -29,6 +24,8 @@ fn memory(which: &str) -> f64 {
 
 fn main() {
     let count: u32 = std::env::args().nth(1).map_or(2000, |a| a.parse().unwrap());
+    // A second subscriber would be the caller's mistake, and there is none.
+    let _ = tracing::subscriber::set_global_default(Stages);
     // The last thirty keyframes see the beginning again.
     let mut walk = Walk::new(World::new(STEP_M * f64::from(count - 30)));
     let mut loop_closer = LoopCloser::new(&Config::default());
@@ -39,11 +36,15 @@ fn main() {
         let start = computed();
         let out = loop_closer.step(LoopCloserMsg::Keyframe { id, view });
         let seconds = computed() - start;
+        let parts = stages::take();
         let Some(report) = out.report.filter(|r| r.outcome == LoopOutcome::Closed) else {
             slowest = slowest.max(seconds);
             continue;
         };
         println!("{report:?}");
+        for (stage, seconds) in parts {
+            println!("{stage:>12} {seconds:6.3} s");
+        }
         println!(
             "closed at keyframe {k} in {seconds:.2} s; steps that close nothing take {:.1} ms at most; memory {before:.0} MB before, {:.0} MB at most",
             slowest * 1e3,

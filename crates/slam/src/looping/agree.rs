@@ -1,7 +1,6 @@
 //! Whether several keyframes tell the same of a place: one motion alone may be a coincidence, also one that fits the map by chance.
 
 use super::drift::{Drift, distance, loop_covariance, moved};
-use super::nodes::Nodes;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{KeyframeId, LoopEdge, MapView};
 
@@ -13,11 +12,11 @@ pub(super) const GATE: f64 = 22.457_744_484_825_35;
 /// How many keyframes told the same as `edge`, each counted once, the one of the edge among them.
 pub(super) fn agreeing(
     view: &MapView,
-    nodes: &Nodes<'_>,
     drift: &Drift<'_>,
     edge: &LoopEdge,
     sightings: &[LoopEdge],
 ) -> usize {
+    let nodes = &drift.nodes;
     let Some((a, b, measured)) = nodes.loop_between(view, edge) else {
         return 0;
     };
@@ -61,6 +60,7 @@ fn combined(
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+    use super::super::nodes::Nodes;
     use super::super::tests::map;
     use super::*;
     use stillpoint_geometry::{Vec3, Vec6};
@@ -82,10 +82,9 @@ mod tests {
         let map = map(12);
         let view = map.view();
         let nodes = Nodes::new(view, SubmapId(0), SubmapId(0));
-        let drift = Drift::new(view, &nodes, &[]);
-        let count = |sightings: &[LoopEdge]| {
-            agreeing(view, &nodes, &drift, &sighting(1, 10, 0.5), sightings)
-        };
+        let drift = Drift::new(view, nodes, &[]);
+        let count =
+            |sightings: &[LoopEdge]| agreeing(view, &drift, &sighting(1, 10, 0.5), sightings);
         assert_eq!(count(&[]), 1);
         // Its own keyframe is no other witness.
         assert_eq!(count(&[sighting(1, 10, 0.5)]), 1);
@@ -99,8 +98,8 @@ mod tests {
     #[test]
     fn what_a_path_may_have_drifted_grows_with_its_ties() {
         let map = map(12);
-        let nodes = Nodes::new(map.view(), SubmapId(0), SubmapId(0));
-        let drift = Drift::new(map.view(), &nodes, &[]);
+        let nodes = || Nodes::new(map.view(), SubmapId(0), SubmapId(0));
+        let drift = Drift::new(map.view(), nodes(), &[]);
         let one = drift.between(3, 4).unwrap();
         // Nothing is shared: as after frames that were bridged.
         assert!((one[(0, 0)].sqrt() - 0.05).abs() < 1e-9, "{one}");
@@ -109,7 +108,7 @@ mod tests {
         assert_eq!(drift.between(8, 2).unwrap(), six);
         assert_eq!(drift.between(5, 5), Some(Mat6::zeros()));
         // A loop is a short way.
-        let closed = Drift::new(map.view(), &nodes, &[sighting(2, 8, 0.0)]);
+        let closed = Drift::new(map.view(), nodes(), &[sighting(2, 8, 0.0)]);
         assert!(closed.between(2, 8).unwrap()[(0, 0)] < 1e-4);
     }
 }

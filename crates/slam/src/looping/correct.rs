@@ -32,8 +32,6 @@ pub(super) struct Proposal<'a> {
     /// The older one that shows the same place.
     pub(super) with: &'a Keyframe,
     pub(super) verified: &'a Verified,
-    /// Loops closed before.
-    pub(super) earlier: &'a [LoopEdge],
     /// What the keyframes of late told of older ones, this one's own motion among them.
     pub(super) sightings: &'a [LoopEdge],
     /// Landmarks that hold a keyframe in bundle adjustment, at least.
@@ -47,22 +45,19 @@ impl Proposal<'_> {
     /// Merges what is seen twice, and moves keyframes and landmarks to where they fit best.
     pub(super) fn correct(
         &self,
+        drift: &Drift<'_>,
         report: &mut LoopReport,
     ) -> Result<(LoopEdge, Correction), LoopOutcome> {
         let _span = tracing::info_span!("correct").entered();
         let join = self.join();
-        let nodes = Nodes::new(self.view, self.with.submap, self.keyframe.submap);
         let edge = self
             .verified
             .edge(self.with.id, self.keyframe.id, report.inliers);
-        let drift = Drift::new(self.view, &nodes, self.earlier);
-        report.agreeing = agreeing(self.view, &nodes, &drift, &edge, self.sightings) as u32;
+        report.agreeing = agreeing(self.view, drift, &edge, self.sightings) as u32;
         report.cost = match join {
             // Nothing ties two submaps yet that could contradict.
             Some(_) => 0.0,
-            None => self
-                .cost(&nodes, &drift, &edge)
-                .ok_or(LoopOutcome::Contradicted)?,
+            None => self.cost(drift, &edge).ok_or(LoopOutcome::Contradicted)?,
         };
         if report.cost > MAX_COST {
             return Err(LoopOutcome::Contradicted);
@@ -72,9 +67,9 @@ impl Proposal<'_> {
             return Err(LoopOutcome::Unconfirmed);
         }
         let poses = match join {
-            Some(join) => Self::put_together(&nodes, join),
+            Some(join) => Self::put_together(&drift.nodes, join),
             None => self
-                .straighten(&nodes, &drift, &edge)
+                .straighten(drift, &edge)
                 .ok_or(LoopOutcome::Contradicted)?,
         };
         let merges = self.merges();
@@ -82,7 +77,7 @@ impl Proposal<'_> {
         let correction = Correction {
             join,
             measured: Some(Box::new(edge)),
-            ..self.refine(&nodes, poses, merges, report)
+            ..self.refine(&drift.nodes, poses, merges, report)
         };
         Ok((edge, correction))
     }
@@ -131,6 +126,7 @@ impl Proposal<'_> {
     /// The landmarks of the new place that are landmarks of the older one: (new, older), searched in the new keyframe and its
     /// neighbours from where the loop puts them.
     fn merges(&self) -> BTreeMap<LandmarkId, LandmarkId> {
+        let _span = tracing::info_span!("merge").entered();
         let mut merges = BTreeMap::new();
         let old = self.with.world_from_camera;
         let shift =
@@ -167,19 +163,17 @@ impl Proposal<'_> {
     }
 
     /// Squared Mahalanobis distance between the loop's motion and the map's, by what the path between both keyframes may have drifted.
-    fn cost(&self, nodes: &Nodes<'_>, drift: &Drift<'_>, edge: &LoopEdge) -> Option<f64> {
+    fn cost(&self, drift: &Drift<'_>, edge: &LoopEdge) -> Option<f64> {
+        let nodes = &drift.nodes;
         let (a, b, measured) = nodes.loop_between(self.view, edge)?;
         let covariance = drift.between(a, b)? + loop_covariance(&edge.information, &measured);
         Some(distance(&measured, &nodes.motion(a, b), &covariance))
     }
 
     /// The poses of all keyframes after the pose graph. The new edge is believed; loops closed before may turn out to have been wrong.
-    fn straighten(
-        &self,
-        nodes: &Nodes<'_>,
-        drift: &Drift<'_>,
-        edge: &LoopEdge,
-    ) -> Option<Vec<Se3>> {
+    fn straighten(&self, drift: &Drift<'_>, edge: &LoopEdge) -> Option<Vec<Se3>> {
+        let nodes = &drift.nodes;
+        let _span = tracing::info_span!("straighten").entered();
         let mut edges = Vec::with_capacity(drift.ties.len() + 1);
         for tie in &drift.ties {
             edges.push(PoseGraphEdge {
@@ -229,6 +223,7 @@ impl Proposal<'_> {
         merges: BTreeMap<LandmarkId, LandmarkId>,
         report: &mut LoopReport,
     ) -> Correction {
+        let _span = tracing::info_span!("adjust").entered();
         let points = Points::gather(
             self.view,
             &self.keyframe.data.camera,

@@ -4,12 +4,12 @@
 //! itself: errors that all features have in common (calibration, shutter, delay of depth) do not average out.
 
 use super::nodes::Nodes;
-use crate::association::measurement_in;
+use super::shared;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
-use stillpoint_estimation::{EdgeKernel, Intrinsics, linearise, pose_covariance};
+use stillpoint_estimation::{EdgeKernel, pose_covariance};
 use stillpoint_geometry::{Mat6, Se3, Vec3, Vec6};
-use stillpoint_map::{Keyframe, LandmarkId, LoopEdge, MapView};
+use stillpoint_map::{LoopEdge, MapView};
 
 /// What the motion of a tie is wrong by beside the noise of its landmarks, per axis: m, and rad (a twentieth of a degree).
 const TIE_M: f64 = 0.002;
@@ -17,9 +17,7 @@ const TIE_RAD: f64 = 0.0009;
 /// And in relation to the motion itself, in length and in angle: the form of odometry's noise (Thrun, Burgard, Fox,
 /// "Probabilistic Robotics", 2005, section 5.4).
 const TIE_SHARE: f64 = 0.01;
-/// Fewer shared landmarks measure no motion: the frames between were bridged by flow, and are off by 5 to 10 cm after a second of it
-/// (decision 18).
-const MIN_MEASURED: usize = 15;
+/// The same of frames that were bridged by flow: they are off by 5 to 10 cm after a second of it (decision 18).
 const BRIDGED_M: f64 = 0.05;
 /// Two degrees.
 const BRIDGED_RAD: f64 = 0.035;
@@ -38,7 +36,7 @@ pub(super) struct Tie {
 
 /// The ties of a map.
 pub(super) struct Drift<'a> {
-    nodes: &'a Nodes<'a>,
+    pub(super) nodes: Nodes<'a>,
     pub(super) ties: Vec<Tie>,
     /// Per node: the numbers of its ties.
     of_node: Vec<Vec<u32>>,
@@ -68,22 +66,18 @@ impl Eq for Reached {}
 
 impl<'a> Drift<'a> {
     /// The ties between neighbours, and those of loops that were closed before.
-    pub(super) fn new(view: &MapView, nodes: &'a Nodes<'a>, earlier: &[LoopEdge]) -> Self {
-        let mut ties: Vec<Tie> = nodes
-            .essential_pairs()
-            .into_iter()
-            .map(|(a, b)| {
-                let a_from_b = nodes.motion(a, b);
-                let [old, new] = [a, b].map(|i| nodes.keyframes[i as usize]);
-                Tie {
-                    a,
-                    b,
-                    a_from_b,
-                    covariance: neighbours(view, old, new, &a_from_b),
-                    kernel: EdgeKernel::Square,
-                }
-            })
-            .collect();
+    pub(super) fn new(view: &'a MapView, nodes: Nodes<'a>, earlier: &[LoopEdge]) -> Self {
+        let _span = tracing::info_span!("drift").entered();
+        let pairs = nodes.essential_pairs();
+        let covariances = shared::covariances(view, &nodes, &pairs);
+        let tie = |((a, b), covariance): (&(u32, u32), Mat6)| Tie {
+            a: *a,
+            b: *b,
+            a_from_b: nodes.motion(*a, *b),
+            covariance,
+            kernel: EdgeKernel::Square,
+        };
+        let mut ties: Vec<Tie> = pairs.iter().zip(covariances).map(tie).collect();
         for edge in earlier {
             let Some((a, b, a_from_b)) = nodes.loop_between(view, edge) else {
                 continue;
@@ -107,10 +101,10 @@ impl<'a> Drift<'a> {
         let middle = centres().sum::<Vec3>() / count;
         let spread = centres().map(|c| (c - middle).norm_squared()).sum::<f64>() / count;
         Self {
-            nodes,
             ties,
             of_node,
             lever: spread.sqrt(),
+            nodes,
         }
     }
 
@@ -196,79 +190,12 @@ fn common(motion: &Se3, metres: f64, radians: f64, share: f64) -> Mat6 {
     Mat6::from_diagonal(&Vec6::new(t, t, t, r, r, r))
 }
 
-/// Covariance of the motion between two keyframes from the landmarks that both see.
-fn neighbours(view: &MapView, a: &Keyframe, b: &Keyframe, a_from_b: &Se3) -> Mat6 {
-    let mut seen: Vec<LandmarkId> = a.matches.iter().flatten().copied().collect();
-    seen.sort_unstable();
-    let is_shared = |l: LandmarkId| seen.binary_search(&l).is_ok();
-    let of_b = known(view, b, is_shared);
-    let mut shared: Vec<LandmarkId> = b.matches.iter().flatten().copied().collect();
-    shared.sort_unstable();
-    let of_a = known(view, a, |l| shared.binary_search(&l).is_ok());
-    let measured = (of_a.count.min(of_b.count) >= MIN_MEASURED)
-        .then(|| Some((of_a.covariance()?, of_b.covariance()?)))
-        .flatten();
-    match measured {
-        Some((of_a, of_b)) => {
-            of_a + moved(&of_b, a_from_b) + common(a_from_b, TIE_M, TIE_RAD, TIE_SHARE)
-        }
-        None => common(a_from_b, BRIDGED_M, BRIDGED_RAD, BRIDGED_SHARE),
-    }
+/// What is known of the motion between two keyframes by landmarks that both see: from what these tell of each one's pose.
+pub(super) fn between_neighbours(of_a: &Mat6, of_b: &Mat6, a_from_b: &Se3) -> Mat6 {
+    of_a + moved(of_b, a_from_b) + common(a_from_b, TIE_M, TIE_RAD, TIE_SHARE)
 }
 
-/// What some landmarks say of a keyframe's pose.
-pub(super) struct Known {
-    pub(super) count: usize,
-    information: Mat6,
-    /// Sum of their squared residuals.
-    chi2: f64,
-    /// Measured values.
-    values: f64,
-}
-
-impl Known {
-    /// For a left perturbation of `camera_from_world`; larger where the landmarks fit badly.
-    pub(super) fn covariance(&self) -> Option<Mat6> {
-        let fit = (self.chi2 / self.values.max(1.0)).max(1.0);
-        pose_covariance(&self.information).map(|c| c * fit)
-    }
-
-    /// From points in camera coordinates and their measurements. What is far off counts as one at three times its gate.
-    pub(super) fn gather(
-        camera: &Intrinsics,
-        seen: impl Iterator<Item = (Vec3, stillpoint_estimation::Measurement)>,
-    ) -> Self {
-        let mut known = Self {
-            count: 0,
-            information: Mat6::zeros(),
-            chi2: 0.0,
-            values: 0.0,
-        };
-        for (p, m) in seen {
-            let chi2 = m.chi2(camera, &p);
-            known.chi2 += chi2.min(9.0 * m.gate());
-            known.values += if m.has_depth() { 3.0 } else { 2.0 };
-            // An outlier holds nothing.
-            if chi2 > m.gate() {
-                continue;
-            }
-            known.count += 1;
-            let weights = [m.pixel_weight, m.pixel_weight, m.inverse_depth_weight];
-            for (row, w) in linearise(camera, &m, &p).by_pose.iter().zip(weights) {
-                let row = Vec6::from_row_slice(row);
-                known.information += row * row.transpose() * w;
-            }
-        }
-        known
-    }
-}
-
-fn known(view: &MapView, k: &Keyframe, is_asked: impl Fn(LandmarkId) -> bool) -> Known {
-    let camera_from_world = k.world_from_camera.inverse();
-    let seen = k.matches.iter().enumerate().filter_map(|(feature, l)| {
-        let id = l.filter(|l| is_asked(*l))?;
-        let p = camera_from_world.transform(&view.landmark_position(id)?);
-        Some((p, measurement_in(&k.data, feature, &k.data.camera)))
-    });
-    Known::gather(&Intrinsics::from(&k.data.camera), seen)
+/// The same where too few landmarks tell: the frames between were bridged by flow.
+pub(super) fn bridged(a_from_b: &Se3) -> Mat6 {
+    common(a_from_b, BRIDGED_M, BRIDGED_RAD, BRIDGED_SHARE)
 }

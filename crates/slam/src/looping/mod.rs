@@ -10,6 +10,7 @@ mod nodes;
 mod points;
 mod recognise;
 mod revisit;
+mod shared;
 mod support;
 mod verify;
 
@@ -18,10 +19,12 @@ pub use config::{LoopCloserSetup, LoopingConfig};
 use crate::messages::{LoopCloserMsg, LoopCloserOut};
 use crate::report::{LoopOutcome, LoopReport};
 use correct::Proposal;
-use nodes::group_of;
+use drift::Drift;
+use nodes::{Nodes, group_of};
 use recognise::{By, CANDIDATES, Candidate, Streak};
+use std::collections::BTreeMap;
 use std::sync::Arc;
-use stillpoint_map::{Correction, Keyframe, KeyframeId, LoopEdge, MapView};
+use stillpoint_map::{Correction, Keyframe, KeyframeId, LoopEdge, MapView, SubmapId};
 use stillpoint_place::{PlaceIndex, PlaceMatch, PlaceVector, Vocabulary};
 
 /// The newest keyframes, so many, are no candidates, and so many pass between two closed loops: what was seen just now needs no loop.
@@ -155,6 +158,11 @@ impl LoopCloser {
             return (None, None);
         }
         let too_soon = self.is_too_soon(view, keyframe.id);
+        let mut look = Look {
+            view,
+            keyframe,
+            drifts: BTreeMap::new(),
+        };
         for candidate in candidates {
             let Some(with) = view.keyframe(candidate.with) else {
                 continue;
@@ -164,7 +172,7 @@ impl LoopCloser {
                 continue;
             }
             let mut report = begun(keyframe.id, candidate);
-            let closed = self.examine(view, keyframe, with, candidate.by, &mut report);
+            let closed = self.examine(&mut look, with, candidate.by, &mut report);
             match closed {
                 Ok((edge, correction)) => {
                     // Submaps that were joined are tied by their tree.
@@ -192,14 +200,14 @@ impl LoopCloser {
     }
 
     /// Verifies a candidate, and corrects the map by it.
-    fn examine(
+    fn examine<'a>(
         &mut self,
-        view: &MapView,
-        keyframe: &Keyframe,
+        look: &mut Look<'a>,
         with: &Keyframe,
         by: By,
         report: &mut LoopReport,
     ) -> Result<(LoopEdge, Correction), LoopOutcome> {
+        let (view, keyframe) = (look.view, look.keyframe);
         let verified = self.verify(view, keyframe, with, by, report)?;
         self.remember(verified.edge(with.id, keyframe.id, report.inliers));
         if !self.is_enough(keyframe, with, by, report) {
@@ -210,7 +218,6 @@ impl LoopCloser {
             keyframe,
             with,
             verified: &verified,
-            earlier: &self.edges,
             sightings: &self.sightings,
             min_held: self.min_held,
             scale_factor: self.scale_factor,
@@ -219,7 +226,11 @@ impl LoopCloser {
                 By::Pose => revisit::AGREEING,
             },
         };
-        proposal.correct(report)
+        let drift = look.drifts.entry(with.submap).or_insert_with(|| {
+            let nodes = Nodes::new(view, with.submap, keyframe.submap);
+            Drift::new(view, nodes, &self.edges)
+        });
+        proposal.correct(drift, report)
     }
 
     /// Keeps what a keyframe told of an older one, and forgets the oldest.
@@ -243,6 +254,15 @@ impl LoopCloser {
             between.count() < MIN_GAP
         })
     }
+}
+
+/// A keyframe whose candidates are examined.
+struct Look<'a> {
+    view: &'a MapView,
+    keyframe: &'a Keyframe,
+    /// By the candidate's submap, what the paths to it may have drifted: worked out for the first candidate that needs it, as that takes longer
+    /// than all else.
+    drifts: BTreeMap<SubmapId, Drift<'a>>,
 }
 
 /// The report on a candidate of which nothing is known yet.

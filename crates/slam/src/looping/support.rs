@@ -1,8 +1,8 @@
 //! Which keyframes bundle adjustment can hold, and where the others go.
 
-use super::drift::Known;
 use super::nodes::Nodes;
 use super::points::Points;
+use super::shared::Known;
 use stillpoint_estimation::Intrinsics;
 use stillpoint_geometry::Se3;
 

@@ -1,0 +1,167 @@
+//! What the landmarks that two keyframes share tell of the motion between them.
+//!
+//! What a landmark tells of a keyframe's pose does not depend on who else sees it: it is worked out once per keyframe, and added up for each of
+//! its neighbours.
+
+use super::drift::{between_neighbours, bridged};
+use super::nodes::Nodes;
+use crate::association::measurement_in;
+use stillpoint_estimation::{Intrinsics, Measurement, linearise, pose_covariance};
+use stillpoint_geometry::{Mat6, Vec3};
+use stillpoint_map::{Keyframe, LandmarkId, MapView};
+
+/// Fewer shared landmarks measure no motion: the frames between were bridged by flow.
+const MIN_MEASURED: usize = 15;
+
+/// The lower triangle of a symmetric 6x6 matrix, row by row.
+type Triangle = [f64; 21];
+
+/// What some landmarks say of a keyframe's pose.
+#[derive(Clone)]
+pub(super) struct Known {
+    pub(super) count: usize,
+    information: Triangle,
+    /// Sum of their squared residuals.
+    chi2: f64,
+    /// Measured values.
+    values: f64,
+}
+
+/// What one landmark says of it.
+struct Term {
+    /// Squared residual, at most three times its gate: what is far off counts no more.
+    chi2: f64,
+    values: f64,
+    /// The information of each measured value; none of an outlier, which holds nothing.
+    information: Option<[Triangle; 3]>,
+}
+
+impl Term {
+    /// From a point in camera coordinates and its measurement.
+    fn new(camera: &Intrinsics, p: &Vec3, m: &Measurement) -> Self {
+        let chi2 = m.chi2(camera, p);
+        let information = (chi2 <= m.gate()).then(|| {
+            let weights = [m.pixel_weight, m.pixel_weight, m.inverse_depth_weight];
+            let rows = linearise(camera, m, p).by_pose;
+            std::array::from_fn(|k| weighted(&rows[k], weights[k]))
+        });
+        Self {
+            chi2: chi2.min(9.0 * m.gate()),
+            values: if m.has_depth() { 3.0 } else { 2.0 },
+            information,
+        }
+    }
+}
+
+/// `w * row^T row`.
+fn weighted(row: &[f64; 6], w: f64) -> Triangle {
+    let mut out = [0.0; 21];
+    let mut at = 0;
+    for (r, a) in row.iter().enumerate() {
+        for b in &row[..=r] {
+            out[at] = a * b * w;
+            at += 1;
+        }
+    }
+    out
+}
+
+impl Known {
+    const NOTHING: Self = Self {
+        count: 0,
+        information: [0.0; 21],
+        chi2: 0.0,
+        values: 0.0,
+    };
+
+    /// For a left perturbation of `camera_from_world`; larger where the landmarks fit badly.
+    pub(super) fn covariance(&self) -> Option<Mat6> {
+        let fit = (self.chi2 / self.values.max(1.0)).max(1.0);
+        let at = |r: usize, c: usize| self.information[r * (r + 1) / 2 + c];
+        let information = Mat6::from_fn(|r, c| at(r.max(c), r.min(c)));
+        pose_covariance(&information).map(|c| c * fit)
+    }
+
+    /// From points in camera coordinates and their measurements.
+    pub(super) fn gather(
+        camera: &Intrinsics,
+        seen: impl Iterator<Item = (Vec3, Measurement)>,
+    ) -> Self {
+        let mut known = Self::NOTHING;
+        for (p, m) in seen {
+            known.add(&Term::new(camera, &p, &m));
+        }
+        known
+    }
+
+    fn add(&mut self, term: &Term) {
+        self.chi2 += term.chi2;
+        self.values += term.values;
+        let Some(information) = &term.information else {
+            return;
+        };
+        self.count += 1;
+        add(&mut self.information, information);
+    }
+}
+
+// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+#[inline(never)]
+fn add(sum: &mut Triangle, terms: &[Triangle; 3]) {
+    for term in terms {
+        for (s, t) in sum.iter_mut().zip(term) {
+            *s += t;
+        }
+    }
+}
+
+/// Covariances of the motions `a_from_b` between nodes (a, b), for left perturbations, by the landmarks that both see.
+pub(super) fn covariances(view: &MapView, nodes: &Nodes<'_>, pairs: &[(u32, u32)]) -> Vec<Mat6> {
+    let mut of_node: Vec<Vec<(u32, usize)>> = vec![Vec::new(); nodes.keyframes.len()];
+    for (i, (a, b)) in pairs.iter().enumerate() {
+        of_node[*a as usize].push((i as u32, 0));
+        of_node[*b as usize].push((i as u32, 1));
+    }
+    let mut known = vec![[Known::NOTHING; 2]; pairs.len()];
+    // Per landmark: for which of all looks it was marked last. Looks are numbered from 1.
+    let mut marked = vec![0_u32; view.landmark_bound()];
+    let mut look = 0;
+    for (k, pairs_of_it) in nodes.keyframes.iter().zip(&of_node) {
+        let terms = terms(view, k);
+        for (pair, end) in pairs_of_it {
+            let (a, b) = pairs[*pair as usize];
+            let other = nodes.keyframes[if *end == 0 { b } else { a } as usize];
+            look += 1;
+            for id in other.matches.iter().flatten() {
+                marked[id.index()] = look;
+            }
+            let sum = &mut known[*pair as usize][*end];
+            let shared = terms.iter().filter(|(id, _)| marked[id.index()] == look);
+            shared.for_each(|(_, term)| sum.add(term));
+        }
+    }
+    let covariance = |((a, b), [of_a, of_b]): (&(u32, u32), &[Known; 2])| {
+        let a_from_b = nodes.motion(*a, *b);
+        let measured = (of_a.count.min(of_b.count) >= MIN_MEASURED)
+            .then(|| Some((of_a.covariance()?, of_b.covariance()?)))
+            .flatten();
+        match measured {
+            Some((of_a, of_b)) => between_neighbours(&of_a, &of_b, &a_from_b),
+            None => bridged(&a_from_b),
+        }
+    };
+    pairs.iter().zip(&known).map(covariance).collect()
+}
+
+/// What each landmark that a keyframe sees tells of its pose, in the order of features.
+fn terms(view: &MapView, k: &Keyframe) -> Vec<(LandmarkId, Term)> {
+    let camera_from_world = k.world_from_camera.inverse();
+    let camera = Intrinsics::from(&k.data.camera);
+    let term = |(feature, landmark): (usize, &Option<LandmarkId>)| {
+        let id = (*landmark)?;
+        let p = camera_from_world.transform(&view.landmark_position(id)?);
+        let m = measurement_in(&k.data, feature, &k.data.camera);
+        Some((id, Term::new(&camera, &p, &m)))
+    };
+    k.matches.iter().enumerate().filter_map(term).collect()
+}
