@@ -3,6 +3,9 @@
 //! The score of a pixel is the largest threshold `t` at which nine adjacent pixels of the circle of 16 around it are all brighter than the centre by
 //! at least `t`, or all darker: it is a corner at threshold `t` exactly when its score is above `t` (Rosten and Drummond, ECCV 2006).
 
+mod cells;
+
+use cells::Cells;
 use std::ops::Range;
 
 use stillpoint_imaging::{GrayImage, Simd};
@@ -29,9 +32,6 @@ pub(crate) const CIRCLE: [(i32, i32); 16] = [
 
 /// Rows that are scored and searched in turn.
 const ROWS: usize = 8;
-
-/// Side of a cell that is searched with the low threshold when the other finds nothing, px.
-const CELL: usize = 32;
 
 /// A corner of one level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -137,55 +137,6 @@ impl FastDetector {
                     self.cells.mark_strong(corner, options.high);
                 }
             }
-        }
-    }
-}
-
-/// Cells of equal size, as near to [`CELL`] as the image allows, over the searched rectangle.
-#[derive(Clone, Debug, Default)]
-struct Cells {
-    margin: usize,
-    across: usize,
-    width: usize,
-    height: usize,
-    strong: Vec<bool>,
-    /// For each column of the image the score that corners must exceed in the present row of cells: once a cell has a strong corner, weak ones are
-    /// of no use.
-    thresholds: Vec<u8>,
-}
-
-impl Cells {
-    fn lay_out(&mut self, image: (usize, usize), options: &FastOptions) {
-        let inner = (image.0 - 2 * options.margin, image.1 - 2 * options.margin);
-        let count = |length: usize| ((length + CELL / 2) / CELL).max(1);
-        let down = count(inner.1);
-        self.margin = options.margin;
-        self.across = count(inner.0);
-        self.width = inner.0.div_ceil(self.across);
-        self.height = inner.1.div_ceil(down);
-        self.strong.clear();
-        self.strong.resize(self.across * down, false);
-        self.thresholds.clear();
-        self.thresholds.resize(image.0, options.low);
-    }
-
-    fn index(&self, corner: &Corner) -> usize {
-        let column = (usize::from(corner.x) - self.margin) / self.width;
-        let row = (usize::from(corner.y) - self.margin) / self.height;
-        row * self.across + column
-    }
-
-    fn is_strong(&self, corner: &Corner) -> bool {
-        self.strong[self.index(corner)]
-    }
-
-    fn mark_strong(&mut self, corner: &Corner, high: u8) {
-        let index = self.index(corner);
-        if !self.strong[index] {
-            self.strong[index] = true;
-            let begin = self.margin + index % self.across * self.width;
-            let end = (begin + self.width).min(self.thresholds.len());
-            self.thresholds[begin..end].fill(high);
         }
     }
 }
