@@ -38,8 +38,30 @@ struct Stages {
 #[derive(Debug)]
 struct TimedStage {
     name: &'static str,
-    /// One per round in which it ran: number of the frame, ms.
-    samples: Vec<(usize, f64)>,
+    /// One per round in which it ran. A run of hours has millions.
+    samples: Vec<Sample>,
+}
+
+/// How long a stage took in a round.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    frame: u32,
+    /// In tenths of a microsecond; what takes longer than seven minutes counts as seven.
+    duration: u32,
+}
+
+impl Sample {
+    fn new(frame: usize, ms: f64) -> Self {
+        Self {
+            frame: frame as u32,
+            // The cast saturates.
+            duration: (ms * 1e4).round() as u32,
+        }
+    }
+
+    fn ms(self) -> f64 {
+        f64::from(self.duration) / 1e4
+    }
 }
 
 impl Stages {
@@ -94,7 +116,7 @@ impl Timing {
     pub(crate) fn take_frame(&self, name: &'static str, milliseconds: f64) {
         let mut table = self.lock();
         let frame = table.frames;
-        let sample = (frame, milliseconds);
+        let sample = Sample::new(frame, milliseconds);
         match table.stages.iter_mut().find(|s| s.name == name) {
             Some(stage) => stage.samples.push(sample),
             None => table.stages.push(TimedStage {
@@ -130,7 +152,7 @@ impl Timing {
             let frame = table.frames;
             for (stage, sum) in table.stages.iter_mut().zip(sums) {
                 if let Some(ns) = sum.take() {
-                    stage.samples.push((frame, ns as f64 * 1e-6));
+                    stage.samples.push(Sample::new(frame, ns as f64 * 1e-6));
                 }
             }
             table.frames += usize::from(is_frame);
@@ -159,7 +181,7 @@ impl Timing {
         let stages = table.stages.iter().filter(|s| !s.samples.is_empty());
         stages
             .map(|s| {
-                let ms: Vec<f64> = s.samples.iter().map(|(_, ms)| *ms).collect();
+                let ms: Vec<f64> = s.samples.iter().map(|sample| sample.ms()).collect();
                 (s.name, Stats::of(&ms))
             })
             .collect()
@@ -170,9 +192,9 @@ impl Timing {
         let table = self.lock();
         let mut all = vec![f64::NAN; table.frames];
         for stage in table.stages.iter().filter(|s| s.name == name) {
-            for (frame, ms) in &stage.samples {
-                if let Some(of_frame) = all.get_mut(*frame) {
-                    *of_frame = *ms;
+            for sample in &stage.samples {
+                if let Some(of_frame) = all.get_mut(sample.frame as usize) {
+                    *of_frame = sample.ms();
                 }
             }
         }
