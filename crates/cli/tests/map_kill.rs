@@ -49,7 +49,8 @@ fn map(version: u64) -> Vec<u8> {
             depth_sigmas: vec![0.01; 1000],
             descriptors: (0..1000)
                 .map(|_| Descriptor(std::array::from_fn(|_| random(&mut state))))
-                .collect(),
+                .collect::<Vec<_>>()
+                .into(),
             mappable: vec![true; 1000],
             grid: FeatureGrid::build(&positions, &[0; 1000], KeyframeData::grid_bounds(&camera)),
             positions,

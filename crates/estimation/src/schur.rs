@@ -149,7 +149,13 @@ fn add_scaled<const N: usize>(v: &mut [f64; N], a: &[f64; N], s: f64) {
 /// `a * m` for a cross block and a symmetric 3x3 matrix.
 #[inline]
 pub(crate) fn times(a: &Cross, m: &Mat3) -> Cross {
-    a.map(|r| std::array::from_fn(|c| r[0] * m[(0, c)] + r[1] * m[(1, c)] + r[2] * m[(2, c)]))
+    let mut out = [[0.0; 3]; 6];
+    for (o, r) in out.iter_mut().zip(a) {
+        for (c, v) in o.iter_mut().enumerate() {
+            *v = r[0] * m[(0, c)] + r[1] * m[(1, c)] + r[2] * m[(2, c)];
+        }
+    }
+    out
 }
 
 impl System {
@@ -271,7 +277,13 @@ pub(crate) type Across = [[f64; 6]; 3];
 
 #[inline]
 pub(crate) fn across(b: &Cross) -> Across {
-    std::array::from_fn(|k| std::array::from_fn(|c| b[c][k]))
+    let mut out = [[0.0; 6]; 3];
+    for (c, row) in b.iter().enumerate() {
+        for (k, v) in row.iter().enumerate() {
+            out[k][c] = *v;
+        }
+    }
+    out
 }
 
 /// `s -= w * b^T` for 6x3 blocks, the second one given across, so that whole rows are updated.

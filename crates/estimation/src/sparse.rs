@@ -237,7 +237,8 @@ pub(crate) fn transposed(a: &Block) -> Block {
 }
 
 /// `target -= a * b_transposed`, with the second factor given as it is multiplied, so that whole rows are updated.
-#[inline]
+// Not inlined: only of arguments the compiler knows that they do not overlap, and works on pairs of numbers.
+#[inline(never)]
 fn subtract_product(target: &mut Block, a: &Block, across: &Block) {
     for (row, l) in target.iter_mut().zip(a) {
         let mut sum = *row;

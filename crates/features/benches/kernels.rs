@@ -6,8 +6,8 @@ use std::path::PathBuf;
 
 use divan::{AllocProfiler, Bencher, black_box};
 use stillpoint_features::{
-    Descriptor, FeatureGrid, Features, Flow, FlowConfig, OrbConfig, OrbExtractor, Window, best_two,
-    kernels::Stages, match_brute_force,
+    Descriptor, FeatureGrid, Features, Flow, FlowConfig, OrbConfig, OrbExtractor, Searched, Window,
+    best_two, kernels::Stages, match_brute_force,
 };
 use stillpoint_imaging::{ColourImage, GrayImage, Pyramid, Simd};
 
@@ -225,6 +225,11 @@ fn windows(bencher: Bencher) {
     let mut grid = FeatureGrid::default();
     bencher.bench_local(|| {
         grid.rebuild(&positions, &levels, [0.0, 0.0, 640.0, 480.0]);
+        let searched = Searched {
+            grid: &grid,
+            positions: &positions,
+            descriptors: &features.descriptors,
+        };
         let mut sum = 0;
         for (keypoint, descriptor) in features.keypoints.iter().zip(&features.descriptors) {
             let window = Window {
@@ -234,7 +239,7 @@ fn windows(bencher: Bencher) {
                 min_level: keypoint.level.saturating_sub(1),
                 max_level: keypoint.level + 1,
             };
-            let best = best_two(&grid, &window, descriptor, &features.descriptors, |_| true);
+            let best = best_two(&searched, &window, descriptor, |_| true);
             sum += best.map_or(0, |best| best.distance);
         }
         sum

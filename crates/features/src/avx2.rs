@@ -9,7 +9,7 @@ use std::arch::x86_64::*;
 
 use stillpoint_imaging::Simd;
 
-use crate::{BestTwo, Descriptor, FeatureGrid, Window, matching};
+use crate::{BestTwo, Descriptor, Searched, Window, matching};
 
 pub(crate) use describe::{describe, moments};
 pub(crate) use fast::{find_row_maxima, score_rows};
@@ -35,26 +35,24 @@ unsafe fn load(slice: &[u8], index: usize) -> __m256i {
 
 /// [`matching::best_two_portable`] with the machine's instruction to count bits.
 pub(crate) fn best_two(
-    grid: &FeatureGrid,
+    searched: &Searched<'_>,
     window: &Window,
     descriptor: &Descriptor,
-    descriptors: &[Descriptor],
     accept: impl FnMut(u32) -> bool,
 ) -> Option<BestTwo> {
     /// The same, compiled for the instruction.
     #[target_feature(enable = "popcnt")]
     fn kernel(
-        grid: &FeatureGrid,
+        searched: &Searched<'_>,
         window: &Window,
         descriptor: &Descriptor,
-        descriptors: &[Descriptor],
         accept: impl FnMut(u32) -> bool,
     ) -> Option<BestTwo> {
-        matching::best_two_portable(grid, window, descriptor, descriptors, accept)
+        matching::best_two_portable(searched, window, descriptor, accept)
     }
     check();
     // SAFETY: `check` has seen the instruction.
-    unsafe { kernel(grid, window, descriptor, descriptors, accept) }
+    unsafe { kernel(searched, window, descriptor, accept) }
 }
 
 /// [`matching::match_brute_force_portable`] with the machine's instruction to count bits.

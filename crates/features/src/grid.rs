@@ -9,29 +9,27 @@ const CELL: f32 = 16.0;
 /// Cells per side at most, so that odd bounds do not ask for absurd memory.
 const MAX_CELLS: usize = 512;
 
+/// Positions that a grid can hold.
+const MAX_POSITIONS: usize = u16::MAX as usize;
+
 /// Keypoint indices in square cells. Positions outside the bounds are held by the nearest cell at the border and are found all the same.
+///
+/// It does not hold the positions themselves, which are its caller's: a map keeps thousands of grids.
 #[derive(Clone, Debug, Default)]
 pub struct FeatureGrid {
     bounds: [f32; 4],
     cells_per_px: [f32; 2],
     columns: usize,
     rows: usize,
-    /// `starts[c]..starts[c + 1]` is the part of `entries` in cell `c`.
-    starts: Vec<u32>,
-    entries: Vec<Entry>,
-}
-
-#[derive(Clone, Copy, Debug, Default)]
-struct Entry {
-    x: f32,
-    y: f32,
-    index: u32,
-    level: u8,
+    /// `starts[c]..starts[c + 1]` is the part of `indices` and `levels` in cell `c`.
+    starts: Vec<u16>,
+    indices: Vec<u16>,
+    levels: Vec<u8>,
 }
 
 impl FeatureGrid {
-    /// A grid of `positions` (px) with their `levels`; `bounds` are min x, min y, max x, max y. Positions that are not finite are left out, and of
-    /// lists of different length the common part is taken.
+    /// A grid of `positions` (px) with their `levels`; `bounds` are min x, min y, max x, max y. Positions that are not finite are left out, those from
+    /// number 65535 on too, and of lists of different length the common part is taken.
     #[must_use]
     pub fn build(positions: &[[f32; 2]], levels: &[u8], bounds: [f32; 4]) -> Self {
         let mut grid = Self::default();
@@ -52,7 +50,7 @@ impl FeatureGrid {
         self.starts.clear();
         self.starts.resize(self.columns * self.rows + 1, 0);
         let known = || {
-            let all = positions.iter().zip(levels).enumerate();
+            let all = positions.iter().zip(levels).take(MAX_POSITIONS).enumerate();
             all.filter(|(_, (position, _))| position[0].is_finite() && position[1].is_finite())
         };
         for (_, (position, _)) in known() {
@@ -63,18 +61,16 @@ impl FeatureGrid {
         for cell in 1..self.starts.len() {
             self.starts[cell] += self.starts[cell - 1];
         }
-        let total = *self.starts.last().unwrap_or(&0) as usize;
-        self.entries.clear();
-        self.entries.resize(total, Entry::default());
+        let total = usize::from(*self.starts.last().unwrap_or(&0));
+        self.indices.clear();
+        self.indices.resize(total, 0);
+        self.levels.clear();
+        self.levels.resize(total, 0);
         for (index, (position, &level)) in known() {
             let cell = self.cell_of(position[0], position[1]);
             let slot = &mut self.starts[cell];
-            self.entries[*slot as usize] = Entry {
-                x: position[0],
-                y: position[1],
-                index: index as u32,
-                level,
-            };
+            self.indices[usize::from(*slot)] = index as u16;
+            self.levels[usize::from(*slot)] = level;
             *slot += 1;
         }
         // Every start now is its cell's end, i.e. the start of the next.
@@ -91,19 +87,26 @@ impl FeatureGrid {
     /// Number of positions held.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.entries.len()
+        self.indices.len()
     }
 
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
+        self.indices.is_empty()
+    }
+
+    /// Bytes that it takes.
+    #[must_use]
+    pub fn bytes(&self) -> usize {
+        size_of::<Self>() + 2 * (self.starts.len() + self.indices.len()) + self.levels.len()
     }
 
     /// Calls `f` with the index of each position at most `radius` px from (x, y) in Euclidean distance whose level is in `levels`, cell by cell and
-    /// within a cell by index.
+    /// within a cell by index. `positions` are those that it was built of.
     pub fn for_each_in(
         &self,
+        positions: &[[f32; 2]],
         x: f32,
         y: f32,
         radius: f32,
@@ -117,14 +120,20 @@ impl FeatureGrid {
             min_level: *levels.start(),
             max_level: *levels.end(),
         };
-        self.for_each_with_level(&window, |index, _| f(index));
+        self.for_each_with_level(positions, &window, |index, _| f(index));
     }
 
     /// As [`FeatureGrid::for_each_in`], passing the level along.
-    pub(crate) fn for_each_with_level(&self, window: &Window, mut f: impl FnMut(u32, u8)) {
+    #[inline]
+    pub(crate) fn for_each_with_level(
+        &self,
+        positions: &[[f32; 2]],
+        window: &Window,
+        mut f: impl FnMut(u32, u8),
+    ) {
         let Window { x, y, radius, .. } = *window;
         let levels = window.min_level..=window.max_level;
-        if self.entries.is_empty() || !(x.is_finite() && y.is_finite() && radius >= 0.0) {
+        if self.indices.is_empty() || !(x.is_finite() && y.is_finite() && radius >= 0.0) {
             return;
         }
         let (left, right) = (self.column_of(x - radius), self.column_of(x + radius));
@@ -132,12 +141,18 @@ impl FeatureGrid {
         let limit = radius * radius;
         for row in top..=bottom {
             // Cells of a row are adjacent in memory.
-            let begin = self.starts[row * self.columns + left] as usize;
-            let end = self.starts[row * self.columns + right + 1] as usize;
-            for entry in &self.entries[begin..end] {
-                let (dx, dy) = (entry.x - x, entry.y - y);
-                if dx * dx + dy * dy <= limit && levels.contains(&entry.level) {
-                    f(entry.index, entry.level);
+            let begin = usize::from(self.starts[row * self.columns + left]);
+            let end = usize::from(self.starts[row * self.columns + right + 1]);
+            for (index, level) in self.indices[begin..end]
+                .iter()
+                .zip(&self.levels[begin..end])
+            {
+                let Some([px, py]) = positions.get(usize::from(*index)) else {
+                    continue;
+                };
+                let (dx, dy) = (px - x, py - y);
+                if dx * dx + dy * dy <= limit && levels.contains(level) {
+                    f(u32::from(*index), *level);
                 }
             }
         }

@@ -27,4 +27,4 @@ pub use descriptor::Descriptor;
 pub use extract::{Features, Keypoint, OrbExtractor};
 pub use flow::{Flow, FlowConfig, FlowMatch};
 pub use grid::FeatureGrid;
-pub use matching::{BestTwo, RotationHistogram, Window, best_two, match_brute_force};
+pub use matching::{BestTwo, RotationHistogram, Searched, Window, best_two, match_brute_force};

@@ -36,66 +36,78 @@ pub struct BestTwo {
     pub second_level: u8,
 }
 
-/// The best two of the accepted `descriptors` in `window`; the first visited wins a tie. `None` when there is no candidate.
+/// Keypoints to be searched.
+#[derive(Clone, Copy, Debug)]
+pub struct Searched<'a> {
+    /// Where they are.
+    pub grid: &'a FeatureGrid,
+    /// Of what `grid` was built.
+    pub positions: &'a [[f32; 2]],
+    /// What each looks like.
+    pub descriptors: &'a [Descriptor],
+}
+
+/// The best two of the accepted keypoints in `window`; the first visited wins a tie. `None` when there is no candidate.
 pub fn best_two(
-    grid: &FeatureGrid,
+    searched: &Searched<'_>,
     window: &Window,
     descriptor: &Descriptor,
-    descriptors: &[Descriptor],
     accept: impl FnMut(u32) -> bool,
 ) -> Option<BestTwo> {
     #[cfg(target_arch = "x86_64")]
     if Simd::Avx2.has_avx2() {
-        return crate::avx2::best_two(grid, window, descriptor, descriptors, accept);
+        return crate::avx2::best_two(searched, window, descriptor, accept);
     }
-    best_two_portable(grid, window, descriptor, descriptors, accept)
+    best_two_portable(searched, window, descriptor, accept)
 }
 
 /// [`best_two`] for the instruction set of its caller, into which it is inlined.
 #[inline(always)]
 pub(crate) fn best_two_portable(
-    grid: &FeatureGrid,
+    searched: &Searched<'_>,
     window: &Window,
     descriptor: &Descriptor,
-    descriptors: &[Descriptor],
     mut accept: impl FnMut(u32) -> bool,
 ) -> Option<BestTwo> {
     let mut best: Option<(BestTwo, u8)> = None;
-    grid.for_each_with_level(window, |index, level| {
-        let Some(candidate) = descriptors.get(index as usize) else {
-            return;
-        };
-        if !accept(index) {
-            return;
-        }
-        let distance = descriptor.distance(candidate);
-        match &mut best {
-            Some((found, best_level)) if distance < found.distance => {
-                let second = (found.distance, *best_level);
-                *found = BestTwo {
-                    index,
-                    distance,
-                    second_distance: second.0,
-                    second_level: second.1,
-                };
-                *best_level = level;
+    let (positions, descriptors) = (searched.positions, searched.descriptors);
+    searched
+        .grid
+        .for_each_with_level(positions, window, |index, level| {
+            let Some(candidate) = descriptors.get(index as usize) else {
+                return;
+            };
+            if !accept(index) {
+                return;
             }
-            Some((found, _)) if distance < found.second_distance => {
-                found.second_distance = distance;
-                found.second_level = level;
+            let distance = descriptor.distance(candidate);
+            match &mut best {
+                Some((found, best_level)) if distance < found.distance => {
+                    let second = (found.distance, *best_level);
+                    *found = BestTwo {
+                        index,
+                        distance,
+                        second_distance: second.0,
+                        second_level: second.1,
+                    };
+                    *best_level = level;
+                }
+                Some((found, _)) if distance < found.second_distance => {
+                    found.second_distance = distance;
+                    found.second_level = level;
+                }
+                Some(_) => {}
+                None => {
+                    let found = BestTwo {
+                        index,
+                        distance,
+                        second_distance: u32::MAX,
+                        second_level: 0,
+                    };
+                    best = Some((found, level));
+                }
             }
-            Some(_) => {}
-            None => {
-                let found = BestTwo {
-                    index,
-                    distance,
-                    second_distance: u32::MAX,
-                    second_level: 0,
-                };
-                best = Some((found, level));
-            }
-        }
-    });
+        });
     best.map(|(found, _)| found)
 }
 

@@ -2,7 +2,8 @@
 
 use proptest::prelude::*;
 use stillpoint_features::{
-    BestTwo, Descriptor, FeatureGrid, RotationHistogram, Window, best_two, match_brute_force,
+    BestTwo, Descriptor, FeatureGrid, RotationHistogram, Searched, Window, best_two,
+    match_brute_force,
 };
 
 const BOUNDS: [f32; 4] = [-10.0, -5.0, 630.0, 470.0];
@@ -44,6 +45,18 @@ fn windows() -> impl Strategy<Value = Window> {
         })
 }
 
+fn searched<'a>(
+    grid: &'a FeatureGrid,
+    positions: &'a [[f32; 2]],
+    descriptors: &'a [Descriptor],
+) -> Searched<'a> {
+    Searched {
+        grid,
+        positions,
+        descriptors,
+    }
+}
+
 fn inside(window: &Window, position: [f32; 2], level: u8) -> bool {
     let (dx, dy) = (position[0] - window.x, position[1] - window.y);
     dx * dx + dy * dy <= window.radius * window.radius
@@ -59,7 +72,7 @@ proptest! {
         prop_assert_eq!(grid.len(), positions.len());
         let mut found = Vec::new();
         let range = window.min_level..=window.max_level;
-        grid.for_each_in(window.x, window.y, window.radius, range, |index| found.push(index));
+        grid.for_each_in(&positions, window.x, window.y, window.radius, range, |index| found.push(index));
         found.sort_unstable();
         let expected: Vec<u32> = (0..positions.len())
             .filter(|&i| inside(&window, positions[i], levels[i]))
@@ -75,7 +88,7 @@ proptest! {
         let grid = FeatureGrid::build(&positions, &levels, BOUNDS);
         let query = Descriptor([0x0f, 0, 0x33 << 50, 0]);
         let accept = |index: u32| !odd_only || index % 2 == 1;
-        let found = best_two(&grid, &window, &query, &descriptors, accept);
+        let found = best_two(&searched(&grid, &positions, &descriptors), &window, &query, accept);
         let mut distances: Vec<u32> = (0..positions.len())
             .filter(|&i| inside(&window, positions[i], levels[i]) && accept(i as u32))
             .map(|i| query.distance(&descriptors[i]))
@@ -98,7 +111,7 @@ proptest! {
         let fresh = FeatureGrid::build(&positions, &levels, BOUNDS);
         let list = |grid: &FeatureGrid| {
             let mut all = Vec::new();
-            grid.for_each_in(300.0, 200.0, 1e4, 0..=255, |index| all.push(index));
+            grid.for_each_in(&positions, 300.0, 200.0, 1e4, 0..=255, |index| all.push(index));
             all
         };
         prop_assert_eq!(list(&grid), list(&fresh));
@@ -147,7 +160,12 @@ fn the_second_best_comes_with_its_level() {
         min_level: 0,
         max_level: 7,
     };
-    let best = best_two(&grid, &window, &Descriptor::default(), &all, |_| true);
+    let best = best_two(
+        &searched(&grid, &positions, &all),
+        &window,
+        &Descriptor::default(),
+        |_| true,
+    );
     let expected = BestTwo {
         index: 1,
         distance: 1,
@@ -175,9 +193,9 @@ fn positions_that_are_not_numbers_are_left_out() {
     let positions = [[f32::NAN, 1.0], [5.0, 5.0], [f32::INFINITY, 0.0]];
     let grid = FeatureGrid::build(&positions, &[0; 3], BOUNDS);
     let mut found = Vec::new();
-    grid.for_each_in(5.0, 5.0, 1e9, 0..=7, |index| found.push(index));
+    grid.for_each_in(&positions, 5.0, 5.0, 1e9, 0..=7, |index| found.push(index));
     assert_eq!(found, [1]);
-    grid.for_each_in(f32::NAN, 5.0, 10.0, 0..=7, |_| {
+    grid.for_each_in(&positions, f32::NAN, 5.0, 10.0, 0..=7, |_| {
         panic!("nothing is near nowhere")
     });
 }

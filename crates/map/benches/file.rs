@@ -98,7 +98,8 @@ fn data(random: &mut Random, camera: &Camera, stamp: f64) -> Arc<KeyframeData> {
         depths,
         descriptors: (0..FEATURES)
             .map(|_| Descriptor(std::array::from_fn(|_| random.bits())))
-            .collect(),
+            .collect::<Vec<_>>()
+            .into(),
         mappable: (0..FEATURES).map(|i| i % 20 > 0).collect(),
         grid: FeatureGrid::build(&positions, &levels, KeyframeData::grid_bounds(camera)),
         keypoints,
@@ -127,7 +128,7 @@ fn map() -> Map {
         for (feature, back) in (300..800).enumerate() {
             let landmark = first.checked_sub(3 * feature as u32 + 1);
             if let Some(landmark) = landmark {
-                map.add_observation(LandmarkId(landmark), id, back);
+                map.add_observation(LandmarkId::new(landmark), id, back);
             }
         }
         for feature in 0..300 {

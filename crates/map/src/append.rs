@@ -54,7 +54,7 @@ impl Map {
         let keyframes = first_free(self.view.keyframes.len(), other.view.keyframes.len())?;
         let landmarks = first_free(self.view.landmarks.len(), other.view.landmarks.len())?;
         let keyframe = |id: KeyframeId| KeyframeId(id.0 + keyframes);
-        let landmark = |id: LandmarkId| LandmarkId(id.0 + landmarks);
+        let landmark = |id: LandmarkId| LandmarkId::new(id.number() + landmarks);
         for slot in other.view.keyframes.iter() {
             self.view.keyframes.push(match slot {
                 KeyframeSlot::Empty => KeyframeSlot::Empty,

@@ -40,7 +40,7 @@ impl Map {
         }
         let mut live = 0;
         for (i, slot) in self.view.landmarks.iter().enumerate() {
-            let id = LandmarkId(i as u32);
+            let id = LandmarkId::new(i as u32);
             let list = &self.observations[i];
             let LandmarkSlot::Live(l) = slot else {
                 ensure(list.is_empty(), || {

@@ -1,12 +1,15 @@
 //! Identifiers. They are never reused.
 
+use std::num::NonZeroU32;
+
 /// A keyframe: the number of the frame it was made from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct KeyframeId(pub u32);
 
-/// A landmark: counted up from 0 in the order of creation.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct LandmarkId(pub u32);
+/// A landmark: counted up from 0 in the order of creation. Kept as one more than its number, so that an `Option` of one, which keyframes have for
+/// every feature, takes four bytes and not eight.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct LandmarkId(NonZeroU32);
 
 /// A submap: the id of the keyframe that began it. Keyframes of one submap are in one frame of reference; how two submaps
 /// lie to each other is not known until a place of one is recognised in the other, and they become one.
@@ -22,10 +25,35 @@ impl KeyframeId {
 }
 
 impl LandmarkId {
+    /// The landmark of a number. Of the two greatest numbers, which no map reaches, it makes the same.
+    #[must_use]
+    pub const fn new(number: u32) -> Self {
+        // Never zero.
+        Self(NonZeroU32::MIN.saturating_add(number))
+    }
+
+    /// Its number.
+    #[must_use]
+    pub const fn number(self) -> u32 {
+        self.0.get() - 1
+    }
+
     /// As an index into arrays.
     #[must_use]
-    pub fn index(self) -> usize {
-        self.0 as usize
+    pub const fn index(self) -> usize {
+        self.number() as usize
+    }
+}
+
+impl Default for LandmarkId {
+    fn default() -> Self {
+        Self::new(0)
+    }
+}
+
+impl std::fmt::Debug for LandmarkId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("LandmarkId").field(&self.number()).finish()
     }
 }
 
@@ -37,12 +65,30 @@ impl std::fmt::Display for KeyframeId {
 
 impl std::fmt::Display for LandmarkId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}", self.0)
+        write!(f, "{}", self.number())
     }
 }
 
 impl std::fmt::Display for SubmapId {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{}", self.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_landmark_or_none_takes_four_bytes() {
+        assert_eq!(size_of::<Option<LandmarkId>>(), 4);
+        for number in [0, 1, 7, u32::MAX - 1] {
+            assert_eq!(LandmarkId::new(number).number(), number);
+        }
+        assert!(LandmarkId::new(3) < LandmarkId::new(4));
+        let shown = format!("{0:?} {0}", LandmarkId::new(5));
+        assert_eq!(shown, "LandmarkId(5) 5");
+        assert_eq!(LandmarkId::default(), LandmarkId::new(0));
+        assert_eq!(LandmarkId::new(u32::MAX), LandmarkId::new(u32::MAX - 1));
     }
 }

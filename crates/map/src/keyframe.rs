@@ -2,7 +2,7 @@
 
 use crate::{KeyframeId, LandmarkId, SubmapId};
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
+use stillpoint_features::{Descriptor, FeatureGrid, Keypoint, Searched};
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
 
 /// What a frame saw. Never changes after extraction, so frames, keyframes and views share it.
@@ -22,8 +22,8 @@ pub struct KeyframeData {
     pub depths: Vec<f32>,
     /// Standard deviation of each depth, m; 0 where there is none.
     pub depth_sigmas: Vec<f32>,
-    /// Their descriptors.
-    pub descriptors: Vec<Descriptor>,
+    /// Their descriptors. Shared with what recognises places by them.
+    pub descriptors: Arc<Vec<Descriptor>>,
     /// Whether each feature may observe or become a landmark: not on objects that stand still only for now, nor where it was
     /// found later that it moves ([`crate::Map::disown`]).
     pub mappable: Vec<bool>,
@@ -48,6 +48,25 @@ impl KeyframeData {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.keypoints.is_empty()
+    }
+
+    /// A copy that shares nothing, in no more memory than it needs.
+    #[must_use]
+    pub fn copied(&self) -> Self {
+        Self {
+            descriptors: Arc::new(self.descriptors.to_vec()),
+            ..self.clone()
+        }
+    }
+
+    /// Its features, to be searched.
+    #[must_use]
+    pub fn searched(&self) -> Searched<'_> {
+        Searched {
+            grid: &self.grid,
+            positions: &self.positions,
+            descriptors: &self.descriptors,
+        }
     }
 
     /// Undistorted pixel of a feature.

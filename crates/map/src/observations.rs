@@ -52,7 +52,7 @@ impl Map {
         if k.matches.get(feature as usize)?.is_some() || !k.data.mappable[feature as usize] {
             return None;
         }
-        let id = LandmarkId(self.view.landmarks.len() as u32);
+        let id = LandmarkId::new(self.view.landmarks.len() as u32);
         let position_in_anchor = k.world_from_camera.inverse().transform(&new.position);
         let landmark = Landmark {
             anchor: keyframe,

@@ -113,7 +113,7 @@ mod tests {
             sigma_px: vec![1.0; FEATURES],
             depths: vec![2.0; FEATURES],
             depth_sigmas: vec![0.01; FEATURES],
-            descriptors: vec![Descriptor([7; 4]); FEATURES],
+            descriptors: Arc::new(vec![Descriptor([7; 4]); FEATURES]),
             mappable: vec![true; FEATURES],
             positions,
             grid,

@@ -171,7 +171,7 @@ impl MapView {
             .iter()
             .enumerate()
             .filter_map(|(i, s)| match s {
-                LandmarkSlot::Live(l) => Some((LandmarkId(i as u32), &**l)),
+                LandmarkSlot::Live(l) => Some((LandmarkId::new(i as u32), &**l)),
                 _ => None,
             })
     }

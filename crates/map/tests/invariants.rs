@@ -29,7 +29,8 @@ fn data(id: u32) -> Arc<KeyframeData> {
         depth_sigmas: vec![0.01; n],
         descriptors: (0..n)
             .map(|i| Descriptor([i as u64, u64::from(id), 0, 0]))
-            .collect(),
+            .collect::<Vec<_>>()
+            .into(),
         mappable: vec![true; n],
         grid: FeatureGrid::build(&positions, &levels, [0.0, 0.0, 640.0, 480.0]),
         positions,
@@ -97,21 +98,21 @@ fn apply(map: &mut Map, model: &mut Model, next: &mut u32, change: &Change) {
             let id = map.insert_landmark(&new);
             assert_eq!(id.is_some(), live && !taken);
             if let Some(id) = id {
-                model.insert(id.0, BTreeMap::from([(k, f)]));
+                model.insert(id.number(), BTreeMap::from([(k, f)]));
             }
         }
         Change::Observe(l, k, f) => {
             let taken = model.values().any(|o| o.get(&k) == Some(&f));
             let live = map.view().keyframe(KeyframeId(k)).is_some();
             let known = model.get(&l).is_some_and(|o| !o.contains_key(&k));
-            let added = map.add_observation(LandmarkId(l), KeyframeId(k), f);
+            let added = map.add_observation(LandmarkId::new(l), KeyframeId(k), f);
             assert_eq!(added, live && known && !taken);
             if added {
                 model.get_mut(&l).unwrap().insert(k, f);
             }
         }
         Change::Forget(l, k) => {
-            map.remove_observation(LandmarkId(l), KeyframeId(k));
+            map.remove_observation(LandmarkId::new(l), KeyframeId(k));
             if let Some(o) = model.get_mut(&l) {
                 o.remove(&k);
             }
@@ -119,7 +120,10 @@ fn apply(map: &mut Map, model: &mut Model, next: &mut u32, change: &Change) {
         }
         Change::Merge(a, b) => {
             let expected = a != b && model.contains_key(&a) && model.contains_key(&b);
-            assert_eq!(map.merge_landmarks(LandmarkId(a), LandmarkId(b)), expected);
+            assert_eq!(
+                map.merge_landmarks(LandmarkId::new(a), LandmarkId::new(b)),
+                expected
+            );
             if expected {
                 let from = model.remove(&a).unwrap();
                 let into = model.get_mut(&b).unwrap();
@@ -127,13 +131,13 @@ fn apply(map: &mut Map, model: &mut Model, next: &mut u32, change: &Change) {
                     into.entry(k).or_insert(f);
                 }
                 assert_eq!(
-                    map.view().resolve_landmark(LandmarkId(a)),
-                    Some(LandmarkId(b))
+                    map.view().resolve_landmark(LandmarkId::new(a)),
+                    Some(LandmarkId::new(b))
                 );
             }
         }
         Change::CullLandmark(l) => {
-            map.cull_landmark(LandmarkId(l));
+            map.cull_landmark(LandmarkId::new(l));
             model.remove(&l);
         }
         Change::CullKeyframe(k) => {
@@ -149,7 +153,7 @@ fn apply(map: &mut Map, model: &mut Model, next: &mut u32, change: &Change) {
         }
         Change::Move(k, p) => map.set_pose(KeyframeId(k), pose(p)),
         Change::Refresh(l, k) => {
-            map.refresh_landmark(LandmarkId(l));
+            map.refresh_landmark(LandmarkId::new(l));
             map.refresh_covisibility(KeyframeId(k), 1);
         }
     }
@@ -158,7 +162,7 @@ fn apply(map: &mut Map, model: &mut Model, next: &mut u32, change: &Change) {
 fn observed(map: &Map) -> Model {
     let landmarks = map.view().landmarks().map(|(id, _)| {
         let list = map.observations(id).iter().map(|o| (o.0.0, o.1)).collect();
-        (id.0, list)
+        (id.number(), list)
     });
     landmarks.collect()
 }

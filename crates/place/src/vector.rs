@@ -3,6 +3,7 @@
 //! Answers: how alike two images are, by words and by features, and which of their features may be the same point.
 
 use crate::{Vocabulary, popcnt};
+use std::sync::Arc;
 use stillpoint_features::Descriptor;
 
 /// Words of 64 bits of a descriptor by which features are distinguished: the first half. ORB's tests were chosen one by one, each to vary much and to correlate
@@ -13,38 +14,31 @@ const MAX_DISTANCE: u32 = 24;
 /// The sum of the weights of an image, about: they are rounded down.
 const UNIT: u64 = 1 << 20;
 
-/// A feature as others are compared with it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Entry {
-    signature: [u64; SIGNATURE],
-    word: u16,
-    feature: u16,
-}
-
-impl Entry {
-    #[inline(always)]
-    fn distance(&self, other: &Self) -> u32 {
-        let mut distance = 0;
-        for i in 0..SIGNATURE {
-            distance += (self.signature[i] ^ other.signature[i]).count_ones();
-        }
-        distance
+/// How many bits differ of those by which features are distinguished.
+#[inline(always)]
+fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
+    let mut distance = 0;
+    for i in 0..SIGNATURE {
+        distance += (a.0[i] ^ b.0[i]).count_ones();
     }
+    distance
 }
 
 /// What an image looks like: its words with their weights, and its features in the order of their words.
 ///
-/// Immutable, so that keyframes, index and readers share it behind an `Arc`. It follows from the descriptors and the vocabulary alone, and takes about 30 kB
-/// for 1000 features. Vectors of different vocabularies have nothing to say about each other.
+/// Immutable, so that keyframes, index and readers share it behind an `Arc`. It follows from the descriptors and the vocabulary alone, shares the
+/// descriptors with its keyframe, and takes about 6 kB beside them for 1000 features. Vectors of different vocabularies have nothing to say about each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlaceVector {
-    /// Distinct words, ascending, with their weights and where their entries end.
+    /// Distinct words, ascending, with their weights and where their features end.
     words: Box<[u16]>,
     weights: Box<[u32]>,
-    ends: Box<[u32]>,
+    ends: Box<[u16]>,
     total: u32,
     /// In the order of (word, feature).
-    entries: Box<[Entry]>,
+    features: Box<[u16]>,
+    /// Of all features of the image, let in or not.
+    descriptors: Arc<Vec<Descriptor>>,
     words_per_group: u16,
 }
 
@@ -60,28 +54,20 @@ pub struct FeaturePair {
 impl PlaceVector {
     pub(crate) fn new(
         vocabulary: &Vocabulary,
-        descriptors: &[Descriptor],
+        descriptors: &Arc<Vec<Descriptor>>,
         admit: impl Fn(usize) -> bool,
     ) -> Self {
-        let count = descriptors.len().min(1 << 16);
+        let count = descriptors.len().min(u16::MAX.into());
         let features: Vec<usize> = (0..count).filter(|i| admit(*i)).collect();
         let chosen: Vec<Descriptor> = features.iter().map(|i| descriptors[*i]).collect();
-        let mut entries: Vec<Entry> = vocabulary
-            .words(&chosen)
-            .into_iter()
-            .zip(features.iter().zip(&chosen))
-            .map(|(word, (feature, descriptor))| Entry {
-                signature: std::array::from_fn(|i| descriptor.0[i]),
-                word,
-                feature: *feature as u16,
-            })
-            .collect();
-        entries.sort_unstable_by_key(|e| (e.word, e.feature));
+        let words = vocabulary.words(&chosen).into_iter();
+        let mut entries: Vec<(u16, u16)> = words.zip(features.iter().map(|f| *f as u16)).collect();
+        entries.sort_unstable();
         let (mut words, mut raw, mut ends) = (Vec::new(), Vec::new(), Vec::new());
-        for run in entries.chunk_by(|a, b| a.word == b.word) {
-            words.push(run[0].word);
-            ends.push(ends.last().copied().unwrap_or(0) + run.len() as u32);
-            raw.push(run.len() as u64 * u64::from(vocabulary.idf(run[0].word)));
+        for run in entries.chunk_by(|a, b| a.0 == b.0) {
+            words.push(run[0].0);
+            ends.push(ends.last().copied().unwrap_or(0) + run.len() as u16);
+            raw.push(run.len() as u64 * u64::from(vocabulary.idf(run[0].0)));
         }
         let sum = raw.iter().sum::<u64>().max(1);
         // Integers, so that sums are exact and do not depend on their order.
@@ -91,7 +77,8 @@ impl PlaceVector {
             total: weights.iter().sum(),
             weights,
             ends: ends.into(),
-            entries: entries.into(),
+            features: entries.iter().map(|e| e.1).collect(),
+            descriptors: Arc::clone(descriptors),
             words_per_group: vocabulary.words_per_group(),
         }
     }
@@ -99,23 +86,23 @@ impl PlaceVector {
     /// Number of features.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.entries.len()
+        self.features.len()
     }
 
-    /// Bytes that it takes.
+    /// Bytes that it takes beside the descriptors.
     #[must_use]
     pub fn bytes(&self) -> usize {
         size_of::<Self>()
             + size_of_val(&*self.words)
             + size_of_val(&*self.weights)
             + size_of_val(&*self.ends)
-            + size_of_val(&*self.entries)
+            + size_of_val(&*self.features)
     }
 
     /// Whether there are none.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
+        self.features.is_empty()
     }
 
     /// The features' words, ascending, and their weights in 2^-20.
@@ -179,22 +166,29 @@ impl PlaceVector {
         if words_per_group <= 1 {
             return self.tally_words(other, out);
         }
-        let group = u32::from(words_per_group);
-        let last_of_group = |e: &Entry| (u32::from(e.word) / group + 1) * group - 1;
-        let (mut a, mut b) = (&*self.entries, &*other.entries);
-        while let (Some(first), Some(second)) = (a.first(), b.first()) {
-            let (last_a, last_b) = (last_of_group(first), last_of_group(second));
-            let until = |entries: &[Entry], last: u32| {
-                let inside = |e: &&Entry| u32::from(e.word) <= last;
-                entries.iter().take_while(inside).count()
-            };
-            let (in_a, in_b) = (until(a, last_a), until(b, last_b));
-            if last_a == last_b {
-                out.add_group(&a[..in_a], &b[..in_b]);
+        let (mut i, mut j) = (0, 0);
+        while i < self.words.len() && j < other.words.len() {
+            let (of_a, of_b) = (self.words[i], other.words[j]);
+            let (group_a, group_b) = (of_a / words_per_group, of_b / words_per_group);
+            let (next_a, next_b) = (
+                self.end_of_group(i, words_per_group),
+                other.end_of_group(j, words_per_group),
+            );
+            if group_a == group_b {
+                let (a, b) = (self.of_words(i, next_a), other.of_words(j, next_b));
+                out.add_group(a, b);
             }
-            a = if last_a <= last_b { &a[in_a..] } else { a };
-            b = if last_b <= last_a { &b[in_b..] } else { b };
+            i = if group_a <= group_b { next_a } else { i };
+            j = if group_b <= group_a { next_b } else { j };
         }
+    }
+
+    /// The first distinct word after the group of the `i`-th one.
+    #[inline(always)]
+    fn end_of_group(&self, i: usize, words_per_group: u16) -> usize {
+        let group = self.words[i] / words_per_group;
+        let inside = |word: &&u16| **word / words_per_group == group;
+        i + self.words[i..].iter().take_while(inside).count()
     }
 
     /// Pairs features within words.
@@ -204,7 +198,7 @@ impl PlaceVector {
         while i < self.words.len() && j < other.words.len() {
             let (a, b) = (self.words[i], other.words[j]);
             if a == b {
-                out.add_group(self.entries_of(i), other.entries_of(j));
+                out.add_group(self.of_words(i, i + 1), other.of_words(j, j + 1));
             }
             // As in `word_score`.
             i += usize::from(a <= b);
@@ -212,11 +206,14 @@ impl PlaceVector {
         }
     }
 
-    /// The entries of the `i`-th distinct word.
+    /// The features of the `i`-th distinct word and those after it, up to the `end`-th.
     #[inline(always)]
-    fn entries_of(&self, i: usize) -> &[Entry] {
+    fn of_words(&self, i: usize, end: usize) -> Group<'_> {
         let start = if i == 0 { 0 } else { self.ends[i - 1] };
-        &self.entries[start as usize..self.ends[i] as usize]
+        Group {
+            features: &self.features[start.into()..self.ends[end - 1].into()],
+            descriptors: &self.descriptors,
+        }
     }
 }
 
@@ -227,6 +224,21 @@ pub(crate) fn common_share(common: u32, a: u32, b: u32) -> f64 {
         return 0.0;
     }
     2.0 * f64::from(common) / both as f64
+}
+
+/// Some features of an image.
+#[derive(Clone, Copy)]
+struct Group<'a> {
+    features: &'a [u16],
+    /// Of all of the image.
+    descriptors: &'a [Descriptor],
+}
+
+impl Group<'_> {
+    #[inline(always)]
+    fn descriptor(&self, feature: u16) -> &Descriptor {
+        &self.descriptors[usize::from(feature)]
+    }
 }
 
 /// Buffers of one comparison.
@@ -246,21 +258,22 @@ impl Tally {
 
     /// Adds the mutually nearest pairs of two groups; the first feature wins a tie.
     #[inline(always)]
-    fn add_group(&mut self, a: &[Entry], b: &[Entry]) {
-        if let ([x], [y]) = (a, b) {
+    fn add_group(&mut self, a: Group<'_>, b: Group<'_>) {
+        if let ([x], [y]) = (a.features, b.features) {
             // Most words are there once, and need no search.
-            if x.distance(y) <= MAX_DISTANCE {
-                self.push(x, y);
+            if distance(a.descriptor(*x), b.descriptor(*y)) <= MAX_DISTANCE {
+                self.push(*x, *y);
             }
             return;
         }
         self.back.clear();
-        self.back.resize(b.len(), (u32::MAX, 0));
+        self.back.resize(b.features.len(), (u32::MAX, 0));
         self.forward.clear();
-        for (i, x) in a.iter().enumerate() {
+        for (i, x) in a.features.iter().enumerate() {
             let mut best = (u32::MAX, 0);
-            for (j, y) in b.iter().enumerate() {
-                let distance = x.distance(y);
+            let x = a.descriptor(*x);
+            for (j, y) in b.features.iter().enumerate() {
+                let distance = distance(x, b.descriptor(*y));
                 if distance < best.0 {
                     best = (distance, j);
                 }
@@ -270,18 +283,15 @@ impl Tally {
             }
             self.forward.push(best);
         }
-        for (i, x) in a.iter().enumerate() {
+        for (i, x) in a.features.iter().enumerate() {
             let (distance, j) = self.forward[i];
             if distance <= MAX_DISTANCE && self.back[j].1 == i {
-                self.push(x, &b[j]);
+                self.push(*x, b.features[j]);
             }
         }
     }
 
-    fn push(&mut self, a: &Entry, b: &Entry) {
-        self.pairs.push(FeaturePair {
-            a: a.feature,
-            b: b.feature,
-        });
+    fn push(&mut self, a: u16, b: u16) {
+        self.pairs.push(FeaturePair { a, b });
     }
 }

@@ -3,6 +3,7 @@
 //! Answers: which word a descriptor is, and how rare that word is. Does not train: see `examples/train_vocabulary`.
 
 use crate::{PlaceVector, popcnt};
+use std::sync::Arc;
 use stillpoint_features::Descriptor;
 
 /// Bytes before the first centre: the magic and the version, the shape.
@@ -231,15 +232,15 @@ impl Vocabulary {
     /// What an image looks like, from the descriptors of all its features.
     #[must_use]
     pub fn vector(&self, descriptors: &[Descriptor]) -> PlaceVector {
-        self.vector_of(descriptors, |_| true)
+        self.vector_of(&Arc::new(descriptors.to_vec()), |_| true)
     }
 
     /// What an image looks like, from the descriptors of those of its features that `admit` lets in: leave out what moves. Pairs of features
-    /// ([`PlaceVector::candidate_pairs`]) count in `descriptors`, admitted or not. Features from number 65536 on are left out.
+    /// ([`PlaceVector::candidate_pairs`]) count in `descriptors`, admitted or not. It shares these. Features from number 65535 on are left out.
     #[must_use]
     pub fn vector_of(
         &self,
-        descriptors: &[Descriptor],
+        descriptors: &Arc<Vec<Descriptor>>,
         admit: impl Fn(usize) -> bool,
     ) -> PlaceVector {
         PlaceVector::new(self, descriptors, admit)

@@ -130,7 +130,7 @@ proptest! {
     #[test]
     fn a_pair_has_features_that_were_let_in_and_each_once(images in images(2..3)) {
         let vocabulary = Vocabulary::embedded();
-        let a = vocabulary.vector_of(&images[0], |i| i % 3 != 0);
+        let a = vocabulary.vector_of(&std::sync::Arc::new(images[0].clone()), |i| i % 3 != 0);
         let b = vocabulary.vector(&images[1]);
         prop_assert_eq!(a.len(), images[0].len() - images[0].len().div_ceil(3));
         let pairs = a.candidate_pairs(&b);

@@ -120,7 +120,7 @@ proptest! {
         if let Ok(tree) = Vocabulary::from_bytes(&bytes) {
             let seen: Vec<Descriptor> = seen.into_iter().map(Descriptor).collect();
             prop_assert!(tree.words(&seen).iter().all(|w| usize::from(*w) < tree.len()));
-            let (all, half) = (tree.vector(&seen), tree.vector_of(&seen, |i| i % 2 == 0));
+            let (all, half) = (tree.vector(&seen), tree.vector_of(&std::sync::Arc::new(seen.to_vec()), |i| i % 2 == 0));
             prop_assert!((0.0..=1.0).contains(&all.word_score(&half)));
             prop_assert!((0.0..=1.0).contains(&all.score(&half)));
         }

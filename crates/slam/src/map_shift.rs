@@ -50,7 +50,7 @@ impl MapShift {
 mod tests {
     use super::*;
     use std::sync::Arc;
-    use stillpoint_features::{Descriptor, FeatureGrid};
+    use stillpoint_features::FeatureGrid;
     use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
     use stillpoint_map::{KeyframeData, KeyframeId, Map};
 
@@ -64,7 +64,7 @@ mod tests {
             sigma_px: Vec::new(),
             depths: Vec::new(),
             depth_sigmas: Vec::new(),
-            descriptors: Vec::<Descriptor>::new(),
+            descriptors: Arc::default(),
             mappable: Vec::new(),
             grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
         });

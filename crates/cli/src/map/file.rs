@@ -282,7 +282,7 @@ mod tests {
             sigma_px: Vec::new(),
             depths: Vec::new(),
             depth_sigmas: Vec::new(),
-            descriptors: Vec::new(),
+            descriptors: Arc::default(),
             mappable: Vec::new(),
             grid: FeatureGrid::build(&[], &[], KeyframeData::grid_bounds(&camera)),
         };

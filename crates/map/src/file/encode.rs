@@ -114,7 +114,7 @@ impl<'a> Content<'a> {
             Part::Descriptors => self
                 .keyframes
                 .iter()
-                .flat_map(|(k, _)| &k.data.descriptors)
+                .flat_map(|(k, _)| k.data.descriptors.iter())
                 .for_each(|d| descriptor(&mut to, d)),
             Part::Matches => self.matches(&mut to),
             Part::LandmarkSlots => self.landmark_slots(&mut to),
@@ -209,7 +209,7 @@ impl<'a> Content<'a> {
 
     fn matches(&self, to: &mut Writer) {
         let matches = self.keyframes.iter().flat_map(|(k, _)| &k.matches);
-        to.column32(matches.map(|m| m.map_or(NONE, |l| l.0)));
+        to.column32(matches.map(|m| m.map_or(NONE, |l| l.number())));
         to.bytes
             .extend(self.features(|d, i| u8::from(d.mappable[i])));
     }
@@ -218,7 +218,7 @@ impl<'a> Content<'a> {
         for slot in self.map.view.landmarks.iter() {
             to.u32(match slot {
                 LandmarkSlot::Live(_) => NONE,
-                LandmarkSlot::Merged(into) => into.0,
+                LandmarkSlot::Merged(into) => into.number(),
                 LandmarkSlot::Culled => CULLED,
             });
         }

@@ -27,13 +27,15 @@ fn landmarks_move_relative_to_the_anchor_that_was_seen() {
     c.landmarks = landmark_moves(&base, 0.05);
     let of = |map: &Map, l: u32| {
         map.view()
-            .landmark(LandmarkId(l))
+            .landmark(LandmarkId::new(l))
             .unwrap()
             .position_in_anchor
     };
     // Landmark 0 is seen by keyframes 0 and 1: it gets another anchor; 1 is refined, 2 is left alone.
-    map.remove_observation(LandmarkId(0), KeyframeId(0));
-    map.landmark_mut(LandmarkId(1)).unwrap().position_in_anchor += Vec3::new(0.0, 0.01, 0.0);
+    map.remove_observation(LandmarkId::new(0), KeyframeId(0));
+    map.landmark_mut(LandmarkId::new(1))
+        .unwrap()
+        .position_in_anchor += Vec3::new(0.0, 0.01, 0.0);
     let before = [0, 1, 2].map(|l| of(&map, l));
     let applied = map.apply(&c);
     assert_eq!(applied.landmarks as usize, c.landmarks.len() - 1);
@@ -47,7 +49,7 @@ fn landmarks_move_relative_to_the_anchor_that_was_seen() {
 fn merges_follow_what_became_of_the_landmarks() {
     let mut map = chain(6, 2);
     map.publish();
-    let l = LandmarkId;
+    let l = LandmarkId::new;
     let c = Correction {
         merges: vec![(l(8), l(0)), (l(9), l(1)), (l(10), l(2)), (l(4), l(4))],
         ..Correction::default()

@@ -45,10 +45,10 @@ fn evolve(map: &mut Map, changes: &[Change]) {
                 map.cull_keyframe(KeyframeId(k));
             }
             Change::Merge(a, b) => {
-                map.merge_landmarks(LandmarkId(a), LandmarkId(b));
+                map.merge_landmarks(LandmarkId::new(a), LandmarkId::new(b));
             }
-            Change::Forget(l, k) => map.remove_observation(LandmarkId(l), KeyframeId(k)),
-            Change::CullLandmark(l) => map.cull_landmark(LandmarkId(l)),
+            Change::Forget(l, k) => map.remove_observation(LandmarkId::new(l), KeyframeId(k)),
+            Change::CullLandmark(l) => map.cull_landmark(LandmarkId::new(l)),
         }
     }
 }
@@ -81,7 +81,7 @@ proptest! {
         let base = map.publish();
         let mut c = correction(&base, &shifts);
         c.landmarks = landmark_moves(&base, by);
-        c.merges = merges.iter().map(|(a, b)| (LandmarkId(*a), LandmarkId(*b))).collect();
+        c.merges = merges.iter().map(|(a, b)| (LandmarkId::new(*a), LandmarkId::new(*b))).collect();
         evolve(&mut map, &changes);
         map.apply(&c);
         prop_assert_eq!(map.check(), Ok(()));

@@ -35,7 +35,8 @@ fn data(id: u32) -> Arc<KeyframeData> {
         depth_sigmas: vec![0.01; FEATURES],
         descriptors: (0..FEATURES as u64)
             .map(|i| Descriptor([i, u64::from(id), 0, 0]))
-            .collect(),
+            .collect::<Vec<_>>()
+            .into(),
         mappable: vec![true; FEATURES],
         grid: FeatureGrid::build(&positions, &levels, [0.0, 0.0, 640.0, 480.0]),
         positions,

@@ -106,7 +106,7 @@ fn another_map_comes_as_further_submaps() {
     );
     assert_eq!(map.check(), Ok(()));
     for (id, l) in other.view().landmarks() {
-        let moved = LandmarkId(id.0 + landmarks as u32);
+        let moved = LandmarkId::new(id.number() + landmarks as u32);
         let there = map.view().landmark(moved).unwrap();
         assert_eq!(there.created_at.0, l.created_at.0 + added);
         assert_eq!(

@@ -1,12 +1,15 @@
 //! Time and memory of closing one loop at the end of a long path: the loop closer alone, on a synthetic map of so many keyframes.
 //!
-//! `cargo run --release -p stillpoint-slam --example closing -- 2000`. Keyframes are 0.2 m apart on one circle and see 400 of the
-//! points along it; the last ones see what the first ones saw. One run per process, so that its peak memory is its own. Times
-//! are of the processor, which a loaded machine does not stretch; not a number where the system does not tell.
+//! `cargo run --release -p stillpoint-slam --example closing -- [KEYFRAMES] [FEATURES]`; 2000 keyframes of 1000 features by default. Keyframes are
+//! 0.2 m apart on one circle and see 400 of the points along it, which is twice what real ones see, and the rest of their features once; the
+//! last ones see what the first ones saw. Time of each part of closing by its span, parts inside others too: `recognise` and `verify` (finding the place),
+//! `drift` and `straighten` (pose graph), `merge` (fusing), `adjust` (bundle adjustment of all). One run per process, so that its peak memory is its own. Times
+//! are of the processor, which a loaded machine does not stretch; of the clock where the system does not tell.
 #![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
 // The library reads no clock and no file; what measures it has to.
 #![allow(clippy::disallowed_types, clippy::disallowed_methods)]
 
+mod memory;
 mod stages;
 mod world;
 
@@ -14,25 +17,49 @@ use stages::{Stages, computed};
 use stillpoint_slam::{Config, LoopCloser, LoopCloserMsg, LoopOutcome};
 use world::{STEP_M, Walk, World};
 
-/// A figure of this process in MB, where the system tells.
-fn memory(which: &str) -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|l| l.starts_with(which));
-    let kb = line.and_then(|l| l.split_whitespace().nth(1)?.parse::<f64>().ok());
-    kb.map_or(f64::NAN, |kb| kb * 1024e-6)
+/// Features of an image, at most.
+const FEATURES: usize = 1000;
+
+/// What the map takes, by kind, and the process.
+fn tell_memory(walk: &Walk, places: usize, resident: f64) {
+    let view = walk.map.view();
+    let per_keyframe = 1.0 / view.keyframe_count() as f64;
+    println!(
+        "{} keyframes, {} landmarks",
+        view.keyframe_count(),
+        view.landmark_count()
+    );
+    let mut kinds = memory::of_map(&walk.map);
+    kinds.push(("places", places));
+    kinds.push(("all of these", kinds.iter().map(|k| k.1).sum()));
+    for (kind, bytes) in kinds {
+        let bytes = bytes as f64;
+        println!(
+            "{kind:>22} {:8.1} MB {:8.1} kB per keyframe",
+            bytes * 1e-6,
+            bytes * per_keyframe * 1e-3,
+        );
+    }
+    println!(
+        "the process {resident:.0} MB, with the world of {:.0} MB",
+        walk.world_bytes() as f64 * 1e-6
+    );
 }
 
 fn main() {
-    let count: u32 = std::env::args().nth(1).map_or(2000, |a| a.parse().unwrap());
+    let mut words = std::env::args().skip(1);
+    let mut next = |default: usize| words.next().map_or(default, |a| a.parse().unwrap());
+    let (count, features) = (next(2000) as u32, next(FEATURES));
     // A second subscriber would be the caller's mistake, and there is none.
     let _ = tracing::subscriber::set_global_default(Stages);
     // The last thirty keyframes see the beginning again.
-    let mut walk = Walk::new(World::new(STEP_M * f64::from(count - 30)));
+    let world = World::new(STEP_M * f64::from(count - 30));
+    let mut walk = Walk::new(world.with_clutter(features.saturating_sub(world::SEEN)));
     let mut loop_closer = LoopCloser::new(&Config::default());
     let mut slowest = 0.0f64;
     for k in 0..count {
         let (id, view) = walk.step();
-        let before = memory("VmRSS");
+        let before = memory::of_process("VmRSS");
         let start = computed();
         let out = loop_closer.step(LoopCloserMsg::Keyframe { id, view });
         let seconds = computed() - start;
@@ -42,13 +69,16 @@ fn main() {
             continue;
         };
         println!("{report:?}");
+        let places = out.places.keys().filter_map(|k| out.places.get(k));
+        tell_memory(&walk, places.map(|v| v.bytes()).sum(), before);
+        println!("closed at keyframe {k} in {seconds:.2} s, of which");
         for (stage, seconds) in parts {
-            println!("{stage:>12} {seconds:6.3} s");
+            println!("{stage:>22} {seconds:8.3} s");
         }
         println!(
-            "closed at keyframe {k} in {seconds:.2} s; steps that close nothing take {:.1} ms at most; memory {before:.0} MB before, {:.0} MB at most",
+            "steps that close nothing take {:.1} ms at most; memory while closing {:.0} MB at most",
             slowest * 1e3,
-            memory("VmHWM"),
+            memory::of_process("VmHWM"),
         );
         let start = computed();
         let applied = walk.map.apply(&out.correction.unwrap());

@@ -11,19 +11,28 @@ use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, MapView, NewLand
 pub(crate) const STEP_M: f64 = 0.2;
 /// Points for each metre of the path, and how many of them a keyframe sees at most.
 const PER_M: f64 = 250.0;
-const SEEN: usize = 400;
+pub(crate) const SEEN: usize = 400;
 /// Landmarks that covisible keyframes share, at least.
 const MIN_SHARED: u32 = 15;
 
 /// Points with descriptors along a circle.
 pub(crate) struct World {
     length: f64,
+    /// Features of a keyframe that see nothing twice.
+    clutter: usize,
     /// Place along the path, position, descriptor; by place.
     points: Vec<(f64, Vec3, Descriptor)>,
 }
 
 fn normal(random: &mut Rng) -> f64 {
     (0..12).map(|_| random.unit() - 0.5).sum()
+}
+
+/// A random descriptor.
+fn any(random: &mut Rng) -> Descriptor {
+    let word = |r: &mut Rng| (r.unit() * 4_294_967_296.0) as u64;
+    let mut bits = || (word(random) << 32) | word(random);
+    Descriptor([bits(), bits(), bits(), bits()])
 }
 
 /// The pose `world_from_camera` at a place (m) on the circle, looking ahead.
@@ -43,15 +52,19 @@ impl World {
             let side = if random.unit() < 0.5 { -1.0 } else { 1.0 };
             let across = side * (0.3 + 1.5 * random.unit());
             let local = Vec3::new(across, 2.0 * random.unit() - 1.0, 0.0);
-            let word = |r: &mut Rng| (r.unit() * 4_294_967_296.0) as u64;
-            let mut bits = || (word(random) << 32) | word(random);
-            let descriptor = Descriptor([bits(), bits(), bits(), bits()]);
-            (place, pose(place, length).transform(&local), descriptor)
+            (place, pose(place, length).transform(&local), any(random))
         });
         Self {
             length,
+            clutter: 0,
             points: points.collect(),
         }
+    }
+
+    /// The same world, in which a keyframe has so many features more, none of which is ever seen again.
+    #[allow(dead_code)] // Only the example needs as many as real images have.
+    pub(crate) fn with_clutter(self, clutter: usize) -> Self {
+        Self { clutter, ..self }
     }
 
     /// The same world, but that the first `stretch` metres are there again, exactly, from the place `at` (m) on.
@@ -78,11 +91,11 @@ impl World {
             sigma_px: Vec::new(),
             depths: Vec::new(),
             depth_sigmas: Vec::new(),
-            descriptors: Vec::new(),
+            descriptors: Arc::default(),
             mappable: Vec::new(),
             grid: FeatureGrid::build(&[], &[], KeyframeData::grid_bounds(camera)),
         };
-        let mut which = Vec::new();
+        let (mut which, mut descriptors) = (Vec::new(), Vec::new());
         for i in (first..first + (4.0 * PER_M) as usize).map(|i| i % self.points.len()) {
             // The same points are chosen by all: features are repeatable.
             if which.len() >= SEEN || i.is_multiple_of(3) {
@@ -112,11 +125,36 @@ impl World {
             data.sigma_px.push(1.44);
             data.depths.push((p.z + sigma * normal(random)) as f32);
             data.depth_sigmas.push(sigma as f32);
-            data.descriptors.push(seen);
+            descriptors.push(seen);
             data.mappable.push(true);
             which.push(i);
         }
-        let levels = vec![2; which.len()];
+        for _ in 0..self.clutter {
+            let at = [random.unit() * 639.0, random.unit() * 479.0].map(|v| v as f32);
+            data.keypoints.push(Keypoint {
+                x: at[0],
+                y: at[1],
+                level: 2,
+                angle: 0.0,
+                response: 20.0,
+            });
+            data.positions.push(at);
+            data.sigma_px.push(1.44);
+            data.depths.push(0.0);
+            data.depth_sigmas.push(0.0);
+            descriptors.push(any(random));
+            data.mappable.push(true);
+        }
+        // As many as there are, as in frames: lists that grew have room for more.
+        data.keypoints.shrink_to_fit();
+        data.positions.shrink_to_fit();
+        for list in [&mut data.sigma_px, &mut data.depths, &mut data.depth_sigmas] {
+            list.shrink_to_fit();
+        }
+        data.mappable.shrink_to_fit();
+        descriptors.shrink_to_fit();
+        data.descriptors = Arc::new(descriptors);
+        let levels = vec![2; data.len()];
         let bounds = KeyframeData::grid_bounds(camera);
         data.grid = FeatureGrid::build(&data.positions, &levels, bounds);
         (data, which)
@@ -170,6 +208,13 @@ impl Walk {
     pub(crate) fn at_pace(mut self, pace: f64) -> Self {
         self.pace = pace;
         self
+    }
+
+    /// Bytes of what is there to be seen, and of what is known of it.
+    #[allow(dead_code)] // The test measures none.
+    pub(crate) fn world_bytes(&self) -> usize {
+        // A node of the tree is half empty at worst.
+        size_of_val(&*self.world.points) + 2 * 16 * self.known.len()
     }
 
     /// The true pose `world_from_camera` of a keyframe.

@@ -162,7 +162,7 @@ pub(crate) fn match_by_projection(
             max_level: level + 1,
         };
         let descriptor = &earlier.descriptors[feature];
-        let best = best_two(&data.grid, &window, descriptor, &data.descriptors, |_| true)?;
+        let best = best_two(&data.searched(), &window, descriptor, |_| true)?;
         let holds = best.distance <= MAX_DISTANCE
             && is_distinct(best.distance, best.second_distance, RATIO);
         holds.then_some((best.index, best.distance))
@@ -264,13 +264,7 @@ pub(crate) fn match_expected(
         max_level: expected.level,
     };
     let free = |i: u32| matches.targets[i as usize].is_none_or(|t| t.landmark.is_none());
-    let best = best_two(
-        &data.grid,
-        &window,
-        expected.descriptor,
-        &data.descriptors,
-        free,
-    );
+    let best = best_two(&data.searched(), &window, expected.descriptor, free);
     let Some(best) = best.filter(|b| b.distance <= MAX_DISTANCE) else {
         return false;
     };

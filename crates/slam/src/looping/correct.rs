@@ -234,6 +234,7 @@ impl Proposal<'_> {
         let camera = Intrinsics::from(&self.keyframe.data.camera);
         let held = held(&points, &poses, &camera, self.min_held);
         let before = poses.clone();
+        let landmarks = points.landmarks.clone();
         let (mut problem, places) = points.problem(camera, &poses, &held);
         let options = BundleOptions {
             max_work: MAX_WORK,
@@ -257,7 +258,7 @@ impl Proposal<'_> {
         let corrected = nodes.keyframes.iter().zip(&poses);
         let moved = corrected.map(|(k, p)| (k.centre() - p.translation).norm());
         report.moved_m = moved.fold(0.0, f64::max);
-        let positions = points.landmarks.iter().zip(&problem.points);
+        let positions = landmarks.iter().zip(&problem.points);
         Correction {
             base_version: self.view.version(),
             measured: None,

@@ -291,7 +291,7 @@ mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
     use super::*;
     use crate::config::Config;
-    use stillpoint_features::{Descriptor, FeatureGrid};
+    use stillpoint_features::FeatureGrid;
     use stillpoint_geometry::{Camera, Se3};
     use stillpoint_map::{KeyframeData, Map};
 
@@ -307,7 +307,7 @@ mod tests {
                 sigma_px: Vec::new(),
                 depths: Vec::new(),
                 depth_sigmas: Vec::new(),
-                descriptors: Vec::<Descriptor>::new(),
+                descriptors: Arc::default(),
                 mappable: Vec::new(),
                 grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
             };

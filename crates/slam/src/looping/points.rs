@@ -44,7 +44,7 @@ impl Points {
             observations: Vec::new(),
         };
         for (i, list) in seen.iter().enumerate().filter(|(_, list)| list.len() >= 2) {
-            let id = LandmarkId(i as u32);
+            let id = LandmarkId::new(i as u32);
             let Some(l) = view.landmark(id) else { continue };
             let Some(anchor) = nodes.index.get(&l.anchor) else {
                 continue;
@@ -66,9 +66,9 @@ impl Points {
     }
 
     /// The problem of bundle adjustment for the nodes that are held, and where each node's pose is in it. Free poses come first; the
-    /// first keyframe, which holds the map in place, is the last.
+    /// first keyframe, which holds the map in place, is the last. Of a large map the observations are most of what there is: they are not copied.
     pub(super) fn problem(
-        &self,
+        self,
         camera: Intrinsics,
         poses: &[Se3],
         held: &[bool],
@@ -81,16 +81,18 @@ impl Points {
             in_camera.push(poses[node].inverse());
         }
         // What the others saw would pull at points without a pose that it could be weighed with.
-        let seen = self.observations.iter().filter_map(|o| {
-            let pose = places[o.pose as usize]?;
-            Some(BundleObservation { pose, ..*o })
+        let mut seen = self.observations;
+        seen.retain_mut(|o| {
+            let place = places[o.pose as usize];
+            o.pose = place.unwrap_or(o.pose);
+            place.is_some()
         });
         let problem = BundleProblem {
             camera,
             free_poses: in_camera.len().saturating_sub(1),
             poses: in_camera,
-            points: self.positions.clone(),
-            observations: seen.collect(),
+            points: self.positions,
+            observations: seen,
         };
         (problem, places)
     }

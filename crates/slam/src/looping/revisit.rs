@@ -110,13 +110,9 @@ impl LoopCloser {
             let mut window = window_of(data, landmark, &p, reach, self.scale_factor)?;
             // An error of the pose moves all levels alike.
             window.radius = reach;
-            let best = best_two(
-                &data.grid,
-                &window,
-                &landmark.descriptor,
-                &data.descriptors,
-                |j| data.mappable[j as usize],
-            )?;
+            let best = best_two(&data.searched(), &window, &landmark.descriptor, |j| {
+                data.mappable[j as usize]
+            })?;
             let unique = f64::from(best.distance) < RATIO * f64::from(best.second_distance);
             if best.distance > STRICT_DISTANCE || !unique {
                 return None;

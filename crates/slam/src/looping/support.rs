@@ -180,7 +180,7 @@ mod tests {
                 });
             }
         }
-        let ids = (0..positions.len() as u32).map(LandmarkId);
+        let ids = (0..positions.len() as u32).map(LandmarkId::new);
         Points {
             landmarks: ids.collect(),
             positions,
@@ -189,11 +189,11 @@ mod tests {
     }
 
     /// Where bundle adjustment leaves the last node, m from where it was.
-    fn moved(points: &Points, min_held: usize) -> f64 {
+    fn moved(points: Points, min_held: usize) -> f64 {
         let map = map(COUNT as u32);
         let nodes = Nodes::new(map.view(), SubmapId(0), SubmapId(0));
         let before = poses();
-        let held = held(points, &before, &CAMERA, min_held);
+        let held = held(&points, &before, &CAMERA, min_held);
         let (mut problem, places) = points.problem(CAMERA, &before, &held);
         let _ = adjust_bundle(&mut problem, &BundleOptions::default());
         let mut after = before.clone();
@@ -209,19 +209,22 @@ mod tests {
     /// Four wrong observations carry nobody off. Control: without the limit they do.
     #[test]
     fn a_keyframe_with_four_observations_follows_its_neighbours() {
-        let points = gather(points(1), |node, point| {
-            let wrong = [8, 14, 32, 38].contains(&point).then_some(point + 1);
-            if node == COUNT - 1 {
-                wrong
-            } else {
-                Some(point)
-            }
-        });
-        assert!(moved(&points, MIN_HELD) < 1e-6);
+        let seen = || {
+            gather(points(1), |node, point| {
+                let wrong = [8, 14, 32, 38].contains(&point).then_some(point + 1);
+                if node == COUNT - 1 {
+                    wrong
+                } else {
+                    Some(point)
+                }
+            })
+        };
+        assert!(moved(seen(), MIN_HELD) < 1e-6);
         // They agree on a pose, 0.2 m beside the right one, so no size of a residual would tell.
-        let free = |n: usize| held(&points, &poses(), &CAMERA, n);
+        let free = |n: usize| held(&seen(), &poses(), &CAMERA, n);
         assert!(!free(MIN_HELD)[COUNT - 1] && free(4)[COUNT - 1]);
-        assert!(moved(&points, 4) > 0.1, "{}", moved(&points, 4));
+        let distance = moved(seen(), 4);
+        assert!(distance > 0.1, "{distance}");
     }
 
     /// Two keyframes that see the same things, but share four with the others, are not held either. Control: with all they are.

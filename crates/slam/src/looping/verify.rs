@@ -222,7 +222,7 @@ impl Search<'_> {
                 continue;
             };
             expected += 1;
-            let best = best_two(&data.grid, &window, &l.descriptor, &data.descriptors, |i| {
+            let best = best_two(&data.searched(), &window, &l.descriptor, |i| {
                 data.mappable[i as usize]
             });
             let Some(best) = best.filter(|b| b.distance <= STRICT_DISTANCE) else {

@@ -232,7 +232,7 @@ mod tests {
             sigma_px: vec![1.0; FEATURES],
             depths: vec![depth; FEATURES],
             depth_sigmas: vec![0.01; FEATURES],
-            descriptors: vec![Descriptor([7; 4]); FEATURES],
+            descriptors: Arc::new(vec![Descriptor([7; 4]); FEATURES]),
             mappable: vec![true; FEATURES],
             grid: FeatureGrid::build(
                 &positions,
@@ -284,7 +284,7 @@ mod tests {
     /// What another keyframe of the first place tells of the landmarks. Of the first so much is known that it was found and that it had gone.
     fn tell(mapper: &mut Mapper, found: u32, gone: u32) -> Option<f32> {
         let last = *mapper.order.last().unwrap();
-        let id = LandmarkId(0);
+        let id = LandmarkId::new(0);
         let statistics = vec![LandmarkStatistic {
             id,
             visible: found + gone,
@@ -317,7 +317,13 @@ mod tests {
         // A thing that was seen for long takes nine frames to be believed gone.
         assert!(expected(-2.5)(tell(&mut mapper, 5, 10)));
         assert_eq!(tell(&mut mapper, 0, 1), None);
-        let stays = |i: usize| mapper.map.view().landmark(LandmarkId(i as u32)).is_some();
+        let stays = |i: usize| {
+            mapper
+                .map
+                .view()
+                .landmark(LandmarkId::new(i as u32))
+                .is_some()
+        };
         assert!((1..FEATURES).all(stays));
     }
 

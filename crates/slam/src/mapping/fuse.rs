@@ -74,13 +74,7 @@ impl Mapper {
                 let m = measurement(data, i as usize);
                 m.chi2(&intrinsics, &p) <= m.gate()
             };
-            let best = best_two(
-                &data.grid,
-                &window,
-                &l.descriptor,
-                &data.descriptors,
-                agrees,
-            );
+            let best = best_two(&data.searched(), &window, &l.descriptor, agrees);
             let Some(best) = best.filter(|b| b.distance <= STRICT_DISTANCE) else {
                 continue;
             };
@@ -102,7 +96,7 @@ impl Mapper {
             return false;
         };
         // Ties go to the older landmark.
-        let keep_other = (b.observers, id.0) > (a.observers, other.0);
+        let keep_other = (b.observers, id.number()) > (a.observers, other.number());
         let (from, into) = if keep_other { (id, other) } else { (other, id) };
         self.map.merge_landmarks(from, into)
     }

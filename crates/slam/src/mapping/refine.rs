@@ -187,7 +187,7 @@ mod tests {
             sigma_px: vec![1.0; n],
             depths: points().iter().map(|p| p.z as f32).collect(),
             depth_sigmas: vec![0.01; n],
-            descriptors: vec![Descriptor([7; 4]); n],
+            descriptors: Arc::new(vec![Descriptor([7; 4]); n]),
             mappable: vec![true; n],
             grid: FeatureGrid::build(&pixels, &vec![0; n], KeyframeData::grid_bounds(&camera)),
             positions: pixels,

@@ -293,7 +293,7 @@ mod tests {
             sigma_px: Vec::new(),
             depths: Vec::new(),
             depth_sigmas: Vec::new(),
-            descriptors: Vec::new(),
+            descriptors: Arc::default(),
             mappable: Vec::new(),
             grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
         };

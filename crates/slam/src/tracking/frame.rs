@@ -156,7 +156,7 @@ impl Observer {
             sigma_px: Vec::new(),
             depths: Vec::new(),
             depth_sigmas: Vec::new(),
-            descriptors: Vec::new(),
+            descriptors: Arc::default(),
             mappable: Vec::new(),
             grid: FeatureGrid::default(),
         }
@@ -183,7 +183,11 @@ impl Observer {
         let sigma = |k: &Keypoint| self.level_sigmas[usize::from(k.level)];
         write(data.keypoints.iter().map(sigma), &mut data.sigma_px);
         let descriptors = kept.iter().map(|i| features.descriptors[*i]);
-        write(descriptors, &mut data.descriptors);
+        if Arc::get_mut(&mut data.descriptors).is_none() {
+            // What recognises a place by them keeps them.
+            data.descriptors = Arc::default();
+        }
+        write(descriptors, Arc::make_mut(&mut data.descriptors));
         let may_map = |i: &usize| verdicts.is_none_or(|v| v[*i].may_map());
         write(kept.iter().map(may_map), &mut data.mappable);
         data.grid

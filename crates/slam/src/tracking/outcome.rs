@@ -245,7 +245,7 @@ impl Tracker {
         Some(NewKeyframe {
             id: self.map.keyframe_id(frame.id),
             // A copy takes no more memory than it needs, and that of the frame is free again when it is over.
-            data: Arc::new(KeyframeData::clone(data)),
+            data: Arc::new(data.copied()),
             reference: Some(pose.reference),
             reference_from_camera: pose.reference_from_camera,
             matches: matches.to_vec(),

@@ -115,7 +115,7 @@ mod tests {
             let mut statistics = Statistics::default();
             for _ in 0..rate as usize {
                 let mut sightings = Sightings::default();
-                sightings.expected(LandmarkId(1), Sight::Through);
+                sightings.expected(LandmarkId::new(1), Sight::Through);
                 statistics.count(sightings, worth(Some(1.0 / rate)));
             }
             let seen = statistics.take()[0];
@@ -134,10 +134,10 @@ mod tests {
             (7, Sight::Through),
         ] {
             let mut sightings = Sightings::default();
-            sightings.expected(LandmarkId(id), sight);
+            sightings.expected(LandmarkId::new(id), sight);
             statistics.count(sightings, 1.0);
         }
-        let counts = |s: &LandmarkStatistic| (s.id.0, s.visible, s.found, s.gone);
+        let counts = |s: &LandmarkStatistic| (s.id.number(), s.visible, s.found, s.gone);
         let taken: Vec<_> = statistics.take().iter().map(counts).collect();
         assert_eq!(taken, [(3, 0, 0, 1), (7, 2, 0, 1)]);
         assert!(statistics.take().is_empty());

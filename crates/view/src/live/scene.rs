@@ -68,7 +68,8 @@ impl MapScene {
     fn follow_landmarks(&mut self, version: u64, part: &Part<'_>, exactly: bool) {
         let count = |one_in: u32| {
             let all = part.landmarks();
-            all.filter(|(id, _)| id.0.is_multiple_of(one_in)).count()
+            all.filter(|(id, _)| id.number().is_multiple_of(one_in))
+                .count()
         };
         self.count = count(1);
         // Numbers that are multiples of it are spread over the whole map, and stay the same until there are twice as many.
@@ -77,11 +78,11 @@ impl MapScene {
             one_in *= 2;
         }
         self.landmarks.retain(version, |number, _| {
-            let landmark = part.view.landmark(LandmarkId(number));
+            let landmark = part.view.landmark(LandmarkId::new(number));
             number.is_multiple_of(one_in) && landmark.is_some_and(|l| part.has(l.anchor))
         });
         for (id, landmark) in part.landmarks() {
-            if !id.0.is_multiple_of(one_in) {
+            if !id.number().is_multiple_of(one_in) {
                 continue;
             }
             let odds = f64::from(landmark.static_odds);
@@ -90,9 +91,9 @@ impl MapScene {
                 frame: landmark.created_at.0,
                 stands_still: (255.0 / (1.0 + (-odds).exp())).round() as u8,
             };
-            let known = self.landmarks.get(id.0);
+            let known = self.landmarks.get(id.number());
             if known.is_none_or(|k| k.differs(&now) || (exactly && *k != now)) {
-                self.landmarks.set(version, id.0, now);
+                self.landmarks.set(version, id.number(), now);
             }
         }
     }

@@ -174,7 +174,7 @@ fn what_is_told_in_the_end_is_the_map_and_the_way() {
     assert_eq!(reader.landmarks.len(), view.landmark_count());
     for (id, _) in view.landmarks() {
         let position = view.landmark_position(id).unwrap();
-        let told = reader.landmarks[&id.0].0.map(f32::from_bits);
+        let told = reader.landmarks[&id.number()].0.map(f32::from_bits);
         assert_eq!(told, [position.x, position.y, position.z].map(|x| x as f32));
     }
     assert_eq!(reader.keyframes.len(), view.keyframe_count());

@@ -147,7 +147,7 @@ impl Columns {
             sigma_px: self.sigma_px[range.clone()].to_vec(),
             depths: self.depths[range.clone()].to_vec(),
             depth_sigmas: self.depth_sigmas[range.clone()].to_vec(),
-            descriptors: self.descriptors[range.clone()].to_vec(),
+            descriptors: Arc::new(self.descriptors[range.clone()].to_vec()),
             mappable: self.mappable[range].to_vec(),
         }
     }
@@ -174,7 +174,7 @@ type Matches = (Vec<Option<LandmarkId>>, Vec<bool>);
 fn matches(bytes: &[u8], count: usize) -> Result<Matches, MapFileError> {
     let mut from = reader(Part::Matches, bytes);
     let matches = from.column32(count)?.into_iter();
-    let matches = matches.map(|m| (m != NONE).then_some(LandmarkId(m)));
+    let matches = matches.map(|m| (m != NONE).then_some(LandmarkId::new(m)));
     let mappable = from.take(count, 1)?;
     from.end()?;
     if let Some(odd) = mappable.iter().find(|b| **b > 1) {

@@ -52,7 +52,7 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
                 landmarks::count_observers(&mut landmark, &observations[id], &keyframes);
                 LandmarkSlot::Live(Arc::new(landmark))
             }),
-            into => Some(LandmarkSlot::Merged(LandmarkId(into))),
+            into => Some(LandmarkSlot::Merged(LandmarkId::new(into))),
         };
         if let (Some(slot), Some(new)) = (view.landmarks.get_mut(id), new) {
             *slot = new;

@@ -79,7 +79,8 @@ pub(super) fn data(random: &mut Random, features: u32, stamp: f64) -> Arc<Keyfra
         depths,
         descriptors: (0..n)
             .map(|_| Descriptor(std::array::from_fn(|_| random.bits())))
-            .collect(),
+            .collect::<Vec<_>>()
+            .into(),
         mappable: (0..n).map(|_| random.below(10) > 0).collect(),
         grid: FeatureGrid::build(&positions, &levels, KeyframeData::grid_bounds(&camera)),
         keypoints,
@@ -114,7 +115,7 @@ pub(super) fn random_map(seed: u64, features: u32, changes: u32) -> Map {
             _ => KeyframeId(random.below(next)),
         };
         let landmark = |random: &mut Random, map: &Map| {
-            LandmarkId(random.below(map.view.landmark_bound() as u32))
+            LandmarkId::new(random.below(map.view.landmark_bound() as u32))
         };
         let (a, b) = (landmark(random, &map), landmark(random, &map));
         match random.below(32) {

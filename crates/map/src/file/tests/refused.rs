@@ -126,9 +126,9 @@ fn every_kind_of_nonsense_has_its_message() {
 fn merges_that_go_round_are_refused() {
     let mut map = random_map(3, 6, 300);
     for (from, into) in [(0, 1), (1, 2), (2, 0)] {
-        map.cull_landmark(LandmarkId(from));
+        map.cull_landmark(LandmarkId::new(from));
         *map.view.landmarks.get_mut(from as usize).unwrap() =
-            LandmarkSlot::Merged(LandmarkId(into));
+            LandmarkSlot::Merged(LandmarkId::new(into));
     }
     let e = map.to_bytes(&[]).unwrap_err();
     assert!(e.to_string().contains("come to an end"), "{e}");

@@ -50,7 +50,7 @@ proptest! {
                 map.cull_keyframe(id);
             }
             for i in 0..map.view.landmark_bound() as u32 {
-                map.merge_landmarks(LandmarkId(i), LandmarkId(i / 2));
+                map.merge_landmarks(LandmarkId::new(i), LandmarkId::new(i / 2));
             }
         }
         prop_assert_eq!(back.check(), Ok(()));

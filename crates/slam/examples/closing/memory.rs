@@ -1,0 +1,52 @@
+//! Bytes of a map, by kind.
+
+use stillpoint_map::{Keyframe, Landmark, LandmarkSlot, Map};
+
+/// What an allocation costs beside its bytes, about: counters of an `Arc`.
+const COUNTERS: usize = 16;
+
+/// A figure of this process in MB, where the system tells.
+pub(crate) fn of_process(which: &str) -> f64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let line = status.lines().find(|l| l.starts_with(which));
+    let kb = line.and_then(|l| l.split_whitespace().nth(1)?.parse::<f64>().ok());
+    kb.map_or(f64::NAN, |kb| kb * 1024e-6)
+}
+
+/// Kinds of things and their bytes.
+pub(crate) fn of_map(map: &Map) -> Vec<(&'static str, usize)> {
+    let view = map.view();
+    let sum =
+        |bytes: &dyn Fn(&Keyframe) -> usize| view.keyframes().map(|k| bytes(k)).sum::<usize>();
+    let observed = view.landmarks().map(|(id, _)| map.observations(id));
+    vec![
+        ("keypoints", sum(&|k| size_of_val(&*k.data.keypoints))),
+        ("positions", sum(&|k| size_of_val(&*k.data.positions))),
+        (
+            "depths, sigmas, marks",
+            sum(&|k| {
+                let d = &k.data;
+                size_of_val(&*d.sigma_px)
+                    + size_of_val(&*d.depths)
+                    + size_of_val(&*d.depth_sigmas)
+                    + size_of_val(&*d.mappable)
+            }),
+        ),
+        ("descriptors", sum(&|k| size_of_val(&*k.data.descriptors))),
+        ("buckets", sum(&|k| k.data.grid.bytes())),
+        ("matches", sum(&|k| size_of_val(&*k.matches))),
+        (
+            "keyframes themselves",
+            sum(&|k| size_of_val(k) + size_of_val(&*k.data) + size_of_val(&*k.covisible)),
+        ),
+        (
+            "landmarks",
+            view.landmark_count() * (size_of::<Landmark>() + COUNTERS)
+                + view.landmark_bound() * size_of::<LandmarkSlot>(),
+        ),
+        (
+            "their observers",
+            observed.map(|o| size_of_val(o) + 32).sum::<usize>() + 8 * view.landmark_bound(),
+        ),
+    ]
+}
