@@ -27,7 +27,7 @@ fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
 /// What an image looks like: its words with their weights, and its features in the order of their words.
 ///
 /// Immutable, so that keyframes, index and readers share it behind an `Arc`. It follows from the descriptors and the vocabulary alone, shares the
-/// descriptors with its keyframe, and takes about 6 kB beside them for 1000 features. Vectors of different vocabularies have nothing to say about each other.
+/// descriptors with its keyframe, and takes some 8 kB beside them for 1000 features. Vectors of different vocabularies have nothing to say about each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlaceVector {
     /// Distinct words, ascending, with their weights and where their features end.
