@@ -323,6 +323,17 @@ fn a_camera_that_hangs_upside_down_has_its_floor_by_the_inertial_sensor() {
     let named = run(&at("named"), &["--no-imu", "--up", "0,1,0"]);
     let without = run(&at("without"), &["--no-imu"]);
     assert!(!known.is_empty() && known != without);
+    // The map keeps it: who makes the plan of the file says nothing.
+    let file = at("hanging.spmap");
+    run(&at("saved"), &["--save-map", text(&file)]);
+    let plan = at("plan.yaml");
+    check(
+        &stillpoint(["map", "grid", text(&file), "--out", text(&plan)]),
+        0,
+        &[],
+    );
+    let plan = std::fs::read(at("plan.pgm")).unwrap();
+    assert!(plan == known, "{} and {} bytes", plan.len(), known.len());
     // Free ground is where it is when somebody says which way is up.
     let free = |grid: &[u8]| grid.iter().filter(|v| **v == 254).count() as f64;
     let (known, named) = (free(&known), free(&named));

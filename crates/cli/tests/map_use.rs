@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Output;
 use std::sync::{Arc, LazyLock};
-use stillpoint::geometry::Se3;
+use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::map::{Map, MapFile, SubmapId};
-use stillpoint::slam::Timing;
+use stillpoint::slam::{Timing, Up};
 use tempfile::TempDir;
 
 /// Keyframes come often, so that a few seconds are enough to recognise a place.
@@ -60,6 +60,18 @@ fn read(path: &Path) -> Map {
 
 fn save(map: &Map, path: &Path) {
     std::fs::write(path, map.to_bytes(&[]).unwrap()).unwrap();
+}
+
+/// Which way is up in a map file, if it says so.
+fn up_in(path: &Path) -> Option<Vec3> {
+    let file = MapFile::from_bytes(&std::fs::read(path).unwrap()).unwrap();
+    Some(Up::from_bytes(file.extension(Up::EXTENSION)?)?.vector())
+}
+
+/// Saves a map that knows which way is up.
+fn save_with_up(map: &Map, up: &Vec3, path: &Path) {
+    let up = Up::along(up).unwrap().to_extension();
+    std::fs::write(path, map.to_bytes(&[up]).unwrap()).unwrap();
 }
 
 /// Runs a recording into a folder of its own.
@@ -171,6 +183,53 @@ fn two_maps_become_one_where_they_show_the_same() {
             assert!(off < 0.02, "keyframe {} is off by {off} m", k.id);
         }
     }
+}
+
+#[test]
+fn a_run_keeps_which_way_is_up_and_who_says_it_is_heard_first() {
+    let dir = tempfile::tempdir().unwrap();
+    let [known, grown] = ["known", "grown"].map(|n| dir.path().join(n).with_extension("spmap"));
+    let (before, said) = (Vec3::new(0.0, -0.8, 0.6), Vec3::new(0.0, -0.6, 0.8));
+    save_with_up(&read(&map("a")), &before, &known);
+    let room = MAPS.path().join("room");
+    let paths = [&known, &grown].map(|p| p.to_str().unwrap());
+    let arguments = ["--load-map", paths[0], "--save-map", paths[1]];
+    let part = ["--start", "40", "--max-frames", "4"];
+    let run_on = |more: &[&str]| {
+        let (output, _out) = run(&room, &[&arguments[..], &part, more].concat());
+        check(&output, 0, &[]);
+        up_in(&grown)
+    };
+    assert_eq!(run_on(&[]), Some(before));
+    let off = (run_on(&["--up", "0,-6,8"]).unwrap() - said).norm();
+    assert!(off < 1e-12, "{off}");
+    // Control: a map that does not say so, and nobody who does.
+    assert_eq!(up_in(&map("a")), None);
+}
+
+#[test]
+fn two_maps_become_one_with_what_either_knows_of_up() {
+    let dir = tempfile::tempdir().unwrap();
+    let at = |name: &str| dir.path().join(name).with_extension("spmap");
+    let (up, other) = (Vec3::new(0.0, -0.8, 0.6), Vec3::new(0.6, -0.8, 0.0));
+    let [a, b] = ["a", "b"].map(|name| read(&map(name)));
+    save_with_up(&a, &up, &at("a"));
+    save_with_up(&b, &other, &at("b"));
+    let merged = |first: &Path, second: &Path| {
+        check(&merge(first, second, &at("out")), 0, &[]);
+        up_in(&at("out"))
+    };
+    assert_eq!(merged(&at("a"), &at("b")), Some(up));
+    assert_eq!(merged(&map("a"), &map("b")), None);
+    // That of the second alone is turned into the world of the first.
+    let same = b.view().keyframes().find_map(|k| {
+        let of_a = |o: &&Arc<stillpoint::map::Keyframe>| o.data.stamp == k.data.stamp;
+        let o = a.view().keyframes().find(of_a)?;
+        Some(o.world_from_camera.rotation * k.world_from_camera.rotation.inverse())
+    });
+    let expected = same.unwrap() * other;
+    let off = merged(&map("a"), &at("b")).unwrap().angle(&expected);
+    assert!(off < 0.01 && expected.angle(&other) > 0.02, "{off}");
 }
 
 #[test]

@@ -38,6 +38,7 @@ mod timing;
 mod tracking;
 mod trajectory;
 mod trust;
+mod up;
 mod validation;
 
 pub use anchored_pose::AnchoredPose;
@@ -79,4 +80,5 @@ pub use timing::Timing;
 pub use tracking::{KeyframeConfig, Tracker, TrackerSetup, TrackingConfig};
 pub use trajectory::{Trajectory, TrajectoryEntry};
 pub use trust::SensorState;
+pub use up::Up;
 pub use validation::{ConfigError, ConfigProblem};

@@ -52,7 +52,8 @@ pub(crate) struct MapMeshArgs {
     /// Leave out pieces of less area that hang together with nothing, m^2.
     #[arg(long, value_name = "M2", default_value_t = 0.01)]
     pub(crate) min_area: f64,
-    /// Direction away from the floor, roughly [default: that of a camera that was held upright at first].
+    /// Direction away from the floor, roughly [default: as the map knows it, else that of a camera that was held
+    /// upright at first].
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
 }
@@ -84,7 +85,8 @@ pub(crate) struct MapGridArgs {
     /// Height up to which they are, m.
     #[arg(long, value_name = "M", default_value_t = 1.5)]
     pub(crate) high: f64,
-    /// Direction away from the floor, roughly [default: that of a camera that was held upright at first].
+    /// Direction away from the floor, roughly [default: as the map knows it, else that of a camera that was held
+    /// upright at first].
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
 }

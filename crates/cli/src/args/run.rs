@@ -74,8 +74,8 @@ pub(crate) struct OutputArgs {
     /// Distance between the points at which the surface is stored, m [default: 0.02].
     #[arg(long, value_name = "M", requires = "dense", value_parser = voxel)]
     pub(crate) voxel: Option<f64>,
-    /// Direction away from the floor in the map, roughly [default: as the inertial sensor knows it for --dense, else that of a camera that
-    /// was held upright at first].
+    /// Direction away from the floor in the map, roughly [default: as the inertial sensor knows it for --dense, else as the map knows it
+    /// that the run begins with, else that of a camera that was held upright at first]. --save-map keeps it.
     #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
     pub(crate) up: Option<[f64; 3]>,
     /// Gather what stands in the room: chairs, tables, screens and whatever else the detector knows and stands still, people never. Writes

@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use stillpoint::dense::{DenseMap, Floor, MeshOptions, PlanOptions};
 use stillpoint::geometry::Vec3;
 use stillpoint::imaging::Simd;
+use stillpoint::slam::Up;
 
 /// The dense map of a map file, if it has one.
 pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<DenseMap>, Failure> {
@@ -19,13 +20,16 @@ pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<DenseMap>, 
         .map_err(|e| Failure::input(format!("{}: {e}", path.display())))
 }
 
-fn load(path: &Path) -> Result<DenseMap, Failure> {
-    of_file(&file::load(path)?, path)?.ok_or_else(|| {
+/// The dense map of a map file, and which way is up in it, where it says so.
+fn load(path: &Path) -> Result<(DenseMap, Option<Up>), Failure> {
+    let loaded = file::load(path)?;
+    let map = of_file(&loaded, path)?.ok_or_else(|| {
         Failure::input(format!(
             "{}: expected a map with a surface, found one without; run the recording with --dense --save-map",
             path.display()
         ))
-    })
+    })?;
+    Ok((map, loaded.up()))
 }
 
 fn ending(path: &Path) -> String {
@@ -33,9 +37,10 @@ fn ending(path: &Path) -> String {
     ending.to_string_lossy().to_lowercase()
 }
 
-/// The direction away from the floor: as named, or that of a camera that was held upright at first.
-fn up(named: Option<[f64; 3]>) -> Vec3 {
-    named.map_or_else(|| -Vec3::y(), Vec3::from)
+/// The direction away from the floor: as named, else as the map has it, else that of a camera that was held upright at first.
+fn up(named: Option<[f64; 3]>, known: Option<Up>) -> Vec3 {
+    let named = named.map(Vec3::from);
+    named.or(known.map(|up| up.vector())).unwrap_or(-Vec3::y())
 }
 
 /// `map mesh`.
@@ -51,12 +56,12 @@ pub(crate) fn mesh(args: &MapMeshArgs) -> Result<Status, Failure> {
         }
     };
     paths::check(&[("--out", Some(&args.out))], &[("the map", &args.file)])?;
-    let map = load(&args.file)?;
+    let (map, known_up) = load(&args.file)?;
     let mesh = map.mesh(&MeshOptions {
         min_area: args.min_area,
         ..MeshOptions::default()
     });
-    let up = up(args.up);
+    let up = up(args.up, known_up);
     let up = Floor::find(&mesh, &up).map_or(up, |f| f.up);
     write(&args.out, |to| {
         if glb {
@@ -92,9 +97,9 @@ pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
         &files.map(|f| ("--out", Some(&**f))),
         &[("the map", &args.file)],
     )?;
-    let map = load(&args.file)?;
+    let (map, known_up) = load(&args.file)?;
     let mesh = map.mesh(&MeshOptions::default());
-    let floor = Floor::find(&mesh, &up(args.up)).ok_or_else(|| {
+    let floor = Floor::find(&mesh, &up(args.up, known_up)).ok_or_else(|| {
         Failure::criteria(format!(
             "{}: expected a floor, found no level surface; say with --up which way is up, or let the camera see the floor",
             args.file.display()
@@ -127,7 +132,7 @@ pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
 /// `map octomap`.
 pub(crate) fn octomap(args: &MapOctomapArgs) -> Result<Status, Failure> {
     paths::check(&[("--out", Some(&args.out))], &[("the map", &args.file)])?;
-    let map = load(&args.file)?;
+    let (map, _) = load(&args.file)?;
     write(&args.out, |to| map.write_octomap(to))?;
     said(&args.out, &format!("cells of {} m", map.cell_side()))
 }

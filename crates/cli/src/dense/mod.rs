@@ -17,7 +17,7 @@ use stillpoint::detection::MotionWeights;
 use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::imaging::{FrameId, Simd};
 use stillpoint::map::Extension;
-use stillpoint::slam::{Event, Subscriber};
+use stillpoint::slam::{Event, Subscriber, Up};
 
 /// Between two looks at the surface of a run that goes on, at least ...
 const SHOWN: Duration = Duration::from_secs(3);
@@ -29,8 +29,6 @@ const SHOWN_SHARE: u32 = 20;
 pub(crate) struct Wish {
     /// m.
     pub(crate) voxel: Option<f64>,
-    /// Away from the floor; none for what the inertial sensor knows of it, without one for that of a camera that was held upright at first.
-    pub(crate) up: Option<Vec3>,
     /// What was fused before, from the map that the run begins with.
     pub(crate) known: Option<DenseMap>,
     /// Which classes of objects move by themselves.
@@ -53,9 +51,6 @@ pub(crate) struct Logged {
 /// Fuses while frames go by.
 pub(crate) struct Fusion {
     dense: Dense,
-    up: Option<Vec3>,
-    /// As the inertial sensor knew it last.
-    measured_up: Option<Vec3>,
     /// Largest amount of memory held, bytes.
     most_bytes: usize,
     /// Who shows it while the run goes on.
@@ -93,16 +88,14 @@ impl Fusion {
         }
         Ok(Self {
             dense,
-            up: wish.up,
-            measured_up: None,
             most_bytes: 0,
             page: None,
             next_shown: None,
         })
     }
 
-    /// All that is kept at the final poses.
-    pub(crate) fn finish(mut self, poses: &[FinalPose]) -> Fused {
+    /// All that is kept at the final poses. `up` is the direction away from the floor, where it is known.
+    pub(crate) fn finish(mut self, poses: &[FinalPose], up: Option<Up>) -> Fused {
         let _span = tracing::info_span!("fuse").entered();
         self.note_memory();
         let counts = self.dense.counts();
@@ -110,7 +103,7 @@ impl Fusion {
         let mut fused = Fused::of(self.dense.finish(poses), &counts);
         fused.json.memory_bytes = self.most_bytes.max(fused.json.memory_bytes);
         fused.logged.frames = frames;
-        fused.up = self.up.or(self.measured_up).unwrap_or(fused.up);
+        fused.up = up.map_or(fused.up, |up| up.vector());
         fused
     }
 
@@ -144,10 +137,6 @@ impl Writer for Fusion {
     fn write(&mut self, event: &Event) -> Result<(), Failure> {
         let _span = tracing::info_span!("fuse").entered();
         self.dense.receive(event);
-        if let Event::Frame(frame) = event {
-            let known = frame.report.inertial.as_ref().and_then(|i| i.up);
-            self.measured_up = known.map(Vec3::from).or(self.measured_up);
-        }
         self.note_memory();
         self.show();
         Ok(())

@@ -8,7 +8,7 @@ use std::path::Path;
 use stillpoint::datasets::open_regular;
 use stillpoint::geometry::{Camera, Vec2};
 use stillpoint::map::{Extension, Map, MapFile};
-use stillpoint::slam::{Config, Timing};
+use stillpoint::slam::{Config, Timing, Up};
 
 /// Bytes that a map file may have: that of a map of 100 000 keyframes. It is read as a whole.
 const LARGEST: u64 = 8 << 30;
@@ -85,6 +85,11 @@ impl Loaded {
     /// Readout of the map's camera and its standard deviation, s, if the map knows.
     pub(crate) fn readout(&self) -> Option<[f64; 2]> {
         Timing::readout_in(self.file.extension(Timing::EXTENSION)?)
+    }
+
+    /// Which way is up in it, where that was known.
+    pub(crate) fn up(&self) -> Option<Up> {
+        Up::from_bytes(self.file.extension(Up::EXTENSION)?)
     }
 }
 

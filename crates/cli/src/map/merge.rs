@@ -4,7 +4,8 @@ use crate::args::map::MapMergeArgs;
 use crate::failure::{Failure, Status};
 use crate::map::file::MapOutput;
 use crate::{console, map, things};
-use stillpoint::slam::{Config, Timing, join_maps};
+use stillpoint::map::{KeyframeId, Map};
+use stillpoint::slam::{Config, JoinedMaps, Timing, Up, join_maps};
 
 /// `map merge`.
 pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
@@ -23,6 +24,7 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         things::of_file(&first, &args.first)?,
         things::of_file(&second, &args.second)?,
     ];
+    let ups = [first.up(), second.up()];
     let (first, second) = (first.file.map, second.file.map);
     map::file::check_alike([&args.first, &args.second], [&first, &second])?;
     map::file::check_room(&args.first, &first, second.view().keyframe_bound())?;
@@ -40,7 +42,10 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         )));
     }
     let things = things::joined(known, &joined);
-    let saved = file.save(&joined.map, timing.as_ref(), things.into_iter().collect())?;
+    let [up, other] = ups;
+    let up = up.or_else(|| turned(other?, &second, &joined));
+    let more = up.as_ref().map(Up::to_extension).into_iter().chain(things);
+    let saved = file.save(&joined.map, timing.as_ref(), more.collect())?;
     let submaps = map::submaps(joined.map.view());
     console::report(&format!(
         "{}: {} keyframes and {} landmarks; {a} and {b} submaps became {}\n",
@@ -50,4 +55,20 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         submaps.len()
     ));
     Ok(Status::Ok)
+}
+
+/// What is up in the second map, in the world of the first; none where nothing says how the one lies to the other.
+fn turned(up: Up, second: &Map, joined: &JoinedMaps) -> Option<Up> {
+    let (before, after) = (second.view(), joined.map.view());
+    let world = after.keyframes().next()?.submap;
+    let same = before.keyframes().next()?.submap;
+    let found = before
+        .keyframes()
+        .filter(|k| k.submap == same)
+        .find_map(|k| {
+            let now = after.keyframe(KeyframeId(k.id.0 + joined.added))?;
+            (now.submap == world).then_some((k.world_from_camera, now.world_from_camera))
+        });
+    let (before, after) = found?;
+    Up::along(&(after.rotation * (before.rotation.inverse() * up.vector())))
 }

@@ -51,7 +51,7 @@ use stillpoint::geometry::Camera;
 use stillpoint::live::Stage;
 use stillpoint::map::Map;
 use stillpoint::recordings::{self, OpenOptions};
-use stillpoint::slam::{Config, CostTable, MapUse, Plan, Preset, StartError};
+use stillpoint::slam::{Config, CostTable, MapUse, Plan, Preset, StartError, Up};
 
 /// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
 /// not hold up the camera; about 70 MB with colour.
@@ -234,6 +234,8 @@ pub(crate) struct Known {
     pub(crate) dense: Option<DenseMap>,
     /// The things that were kept with it.
     pub(crate) things: Option<ThingMap>,
+    /// Which way is up in it, where that was known.
+    pub(crate) up: Option<Up>,
 }
 
 impl<'a> KnownMap<'a> {
@@ -258,6 +260,7 @@ impl<'a> KnownMap<'a> {
         let loaded = file::load(path)?;
         let dense = dense::export::of_file(&loaded, path)?;
         let things = things::of_file(&loaded, path)?;
+        let up = loaded.up();
         readout::start_with(config, loaded.readout());
         let map = loaded.file.map;
         file::check_fits(path, &map, config, camera)?;
@@ -286,6 +289,7 @@ impl<'a> KnownMap<'a> {
             map_use,
             dense,
             things,
+            up,
         })
     }
 }

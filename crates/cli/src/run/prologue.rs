@@ -19,11 +19,11 @@ use crate::timing::Timing;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{FrameOptions, ReadAhead, StampedPose};
 use stillpoint::detection::Detector;
-use stillpoint::geometry::{Camera, Vec3};
+use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
 use stillpoint::recordings::{Input, MessageFile, Source};
-use stillpoint::slam::{Config, MapUse};
+use stillpoint::slam::{Config, MapUse, Up};
 use stillpoint::view::live::About;
 
 /// What is asked for.
@@ -129,14 +129,15 @@ impl<'a> Opened<'a> {
         }
         let wish = task.output.dense.then(|| Wish {
             voxel: task.output.voxel,
-            up: task.output.up.map(Vec3::from),
             known: map.as_ref().and_then(|k| k.dense.clone()),
             weights: task.config.motion_weights.clone(),
             keyframes: map.as_ref().map_or(0, |k| k.map.view().keyframe_bound()),
             logged: logged.dense,
         });
+        let named_up = task.output.up.and_then(|up| Up::along(&up.into()));
+        let known_up = map.as_ref().and_then(|k| k.up);
         let gatherer = task.output.things.then(|| {
-            let up = task.output.up.map(Vec3::from);
+            let up = named_up.or(known_up).map(|up| up.vector());
             Gatherer::new(&camera, up, map.as_ref(), &task.config, logged.things)
         });
         let known_things = map.as_ref().and_then(|k| k.things.clone());
@@ -153,6 +154,7 @@ impl<'a> Opened<'a> {
         }
         outputs.things = gatherer;
         outputs.known_things = known_things;
+        (outputs.named_up, outputs.known_up) = (named_up, known_up);
         outputs.record = recording(task.output, recorder, &camera, &task.config)?;
         outputs.view = shown(&task, &dataset, remaining)?;
         if let (Some(view), Some(dense)) = (&outputs.view, &mut outputs.dense) {

@@ -93,6 +93,9 @@ impl Tally {
         let other_submaps = submaps.split_off(submaps.len().min(1));
         let first = submaps.pop();
         let submap = first.as_ref().map(|p| p.id);
+        if let Some(inertial) = &mut self.inertial {
+            inertial.settle(submap);
+        }
         let (final_poses, online_poses, of_frames) = first.map_or_else(Default::default, |p| {
             (p.final_poses, p.online_poses, p.frames)
         });
@@ -118,6 +121,7 @@ impl Tally {
             features: self.features,
             loops: self.loops,
             inertial: self.inertial,
+            up: None,
             odometry: self.odometry,
             frames: self.frames,
             skipped: self.skipped,

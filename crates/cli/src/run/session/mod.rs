@@ -32,7 +32,7 @@ use stillpoint::detection::Detector;
 use stillpoint::geometry::{Camera, ImuModel, OdometryModel};
 use stillpoint::imaging::{FrameId, FrameSource, Simd};
 use stillpoint::map::{Extension, Map, MapView};
-use stillpoint::slam::{Config, MapUse, RunLog, Stages, Subscriber, System};
+use stillpoint::slam::{Config, MapUse, RunLog, Stages, Subscriber, System, Up};
 
 /// What a pass gave.
 pub(crate) struct Session {
@@ -75,6 +75,8 @@ pub(crate) struct Session {
     pub(crate) frames_csv: String,
     /// Final poses of the keyframes of the first submap.
     pub(crate) keyframes: Vec<StampedPose>,
+    /// Which way is up: as users say, else as the inertial sensor does, else as the map had it before.
+    pub(crate) up: Option<Up>,
     /// The final map.
     pub(crate) view: Arc<MapView>,
     /// Where it was saved, or why it could not be; nothing when it was not to be.
@@ -103,7 +105,10 @@ impl Session {
             .zip(&self.final_poses)
             .map(of)
             .collect();
-        self.dense = outputs.fuse(&poses);
+        let measured = self.inertial.as_ref().and_then(|i| i.up);
+        let measured = measured.and_then(|up| Up::along(&up.into()));
+        self.up = outputs.named_up.or(measured).or(outputs.known_up);
+        self.dense = outputs.fuse(&poses, self.up);
         self.things = outputs.gather(&self.view);
         if let (Some(fused), Some(record)) = (&self.dense, &mut outputs.record) {
             record.surface(fused)?;
@@ -115,7 +120,8 @@ impl Session {
     pub(crate) fn extensions(&self) -> Vec<Extension> {
         let dense = self.dense.as_ref().map(Fused::extension);
         let things = self.things.as_ref().map(Gathered::extension);
-        dense.into_iter().chain(things).collect()
+        let up = self.up.as_ref().map(Up::to_extension);
+        up.into_iter().chain(dense).chain(things).collect()
     }
 }
 

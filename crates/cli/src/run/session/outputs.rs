@@ -19,7 +19,7 @@ use crate::trace::TraceFile;
 use stillpoint::dense::{FinalPose, ThingMap};
 use stillpoint::live::{Delivery, LiveSystem, Subscribed};
 use stillpoint::map::{Map, MapView};
-use stillpoint::slam::{self, Event, Subscriber};
+use stillpoint::slam::{self, Event, Subscriber, Up};
 
 /// The subscriber that draws pictures.
 pub(crate) const OVERLAY: &str = "overlay";
@@ -46,6 +46,10 @@ pub(crate) struct Outputs {
     pub(crate) things: Option<Gatherer>,
     /// What an earlier run knew of that, where this one does not look.
     pub(crate) known_things: Option<ThingMap>,
+    /// Which way is up, as users say.
+    pub(crate) named_up: Option<Up>,
+    /// The same as the map has it that the run begins with.
+    pub(crate) known_up: Option<Up>,
     /// What every thread does when.
     pub(crate) trace: Option<TraceFile>,
     /// The map, at the end.
@@ -200,8 +204,8 @@ impl Outputs {
     }
 
     /// Fuses at the final poses what was to be fused.
-    pub(crate) fn fuse(&mut self, poses: &[FinalPose]) -> Option<Fused> {
-        Some(self.dense.take()?.finish(poses))
+    pub(crate) fn fuse(&mut self, poses: &[FinalPose], up: Option<Up>) -> Option<Fused> {
+        Some(self.dense.take()?.finish(poses, up))
     }
 
     /// What stands in the room, at the poses of the final map.

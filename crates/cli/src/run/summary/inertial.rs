@@ -2,7 +2,9 @@
 
 use crate::console;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt::Write;
+use stillpoint::map::SubmapId;
 use stillpoint::slam::{FrameReport, InertialState, Outcome};
 
 /// Mounts that are off by more than this are worth a word, rad: a degree ...
@@ -40,6 +42,9 @@ pub(crate) struct InertialJson {
     /// The direction that points up in the trajectory's world; absent where it is not known.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) up: Option<[f64; 3]>,
+    /// The same in the world of each submap, as last known.
+    #[serde(skip)]
+    ups: BTreeMap<SubmapId, [f64; 3]>,
 }
 
 impl InertialJson {
@@ -68,8 +73,18 @@ impl InertialJson {
         json.time_offset = said.time_offset;
         json.time_offset_error = said.time_offset_error;
         json.time_offset_sigma = said.time_offset_sigma;
-        json.up = said.up;
+        if ignored {
+            json.ups.clear();
+        }
+        if let (Some(submap), Some(up)) = (report.submap, said.up) {
+            json.ups.insert(submap, up);
+        }
         json.state = state;
+    }
+
+    /// At the end, when it is known which submap's world is that of the trajectory.
+    pub(crate) fn settle(&mut self, submap: Option<SubmapId>) {
+        self.up = submap.and_then(|id| self.ups.get(&id).copied());
     }
 
     /// One line for the end of a run.

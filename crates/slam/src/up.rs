@@ -1,0 +1,78 @@
+//! Which way is up in the world of a map, and how that is kept with it.
+
+use stillpoint_geometry::Vec3;
+use stillpoint_map::Extension;
+
+/// Lengths that are taken for that of a unit vector.
+const UNIT: std::ops::RangeInclusive<f64> = 0.99..=1.01;
+
+/// The direction away from the ground in the world of a map, of unit length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Up(Vec3);
+
+impl Up {
+    /// Name of the extension of map files that holds it.
+    pub const EXTENSION: &str = "stillpoint/up";
+
+    /// The direction of a vector; none where it has no length, or is not finite.
+    #[must_use]
+    pub fn along(vector: &Vec3) -> Option<Self> {
+        let length = vector.norm();
+        (length.is_finite() && length > 0.0).then(|| Self(vector / length))
+    }
+
+    /// As a unit vector.
+    #[must_use]
+    pub fn vector(&self) -> Vec3 {
+        self.0
+    }
+
+    /// As an extension of a map file: x, y, z as doubles, little-endian.
+    #[must_use]
+    pub fn to_extension(&self) -> Extension {
+        Extension {
+            name: Self::EXTENSION.to_owned(),
+            bytes: self.0.iter().flat_map(|n| n.to_le_bytes()).collect(),
+        }
+    }
+
+    /// What [`Up::to_extension`] wrote; none where these bytes are no three numbers of unit length.
+    #[must_use]
+    pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
+        let (numbers, rest) = bytes.as_chunks::<8>();
+        let numbers: &[[u8; 8]; 3] = numbers.try_into().ok()?;
+        let vector = Vec3::from(numbers.map(f64::from_le_bytes));
+        (rest.is_empty() && UNIT.contains(&vector.norm())).then_some(Self(vector))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn what_is_kept_comes_back(vector in prop::array::uniform3(-5.0..5.0_f64)) {
+            let Some(up) = Up::along(&vector.into()) else { return Ok(()) };
+            let bytes = up.to_extension().bytes;
+            prop_assert_eq!(Up::from_bytes(&bytes), Some(up));
+            prop_assert_eq!(Up::from_bytes(&bytes[1..]), None);
+        }
+
+        #[test]
+        fn any_bytes_are_a_direction_or_none(bytes in prop::collection::vec(any::<u8>(), 0..32)) {
+            if let Some(up) = Up::from_bytes(&bytes) {
+                prop_assert!(bytes.len() == 24 && UNIT.contains(&up.vector().norm()));
+            }
+        }
+    }
+
+    #[test]
+    fn what_has_no_direction_is_none() {
+        assert_eq!(Up::along(&Vec3::zeros()), None);
+        assert_eq!(Up::along(&Vec3::new(f64::NAN, 0.0, 1.0)), None);
+        assert_eq!(Up::from_bytes(&[0; 24]), None);
+        assert_eq!(Up::from_bytes(&f64::NAN.to_le_bytes().repeat(3)), None);
+    }
+}
