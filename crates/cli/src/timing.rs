@@ -2,12 +2,13 @@
 //!
 //! Every span is measured by its name, on its own thread; what threads do that share the work on a frame belongs to the thread that ends the frame. Durations of a name are added up until the thread ends a round (a
 //! frame, a message), so that a row of the table says what a stage costs per round in which it ran; a span inside another of its own name counts
-//! once. A span costs two readings of the clock and one uncontended lock. With `--trace` each span is kept as it was, too.
+//! once, and one inside `retrace` not at all: that looks at earlier frames, when the pose of the newest is out. A span costs two readings of the clock and one uncontended lock. With `--trace` each span is kept as it was, too.
 
 use crate::console;
 use crate::trace::Trace;
 use std::cell::RefCell;
 use std::fmt::Write;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 use stillpoint::evaluation::timing::Stats;
@@ -24,7 +25,14 @@ pub(crate) struct Timing {
     shared: Mutex<Vec<Option<u64>>>,
     /// The spans themselves, when somebody wants them.
     pub(crate) trace: Trace,
+    /// The span whose parts do not count; 0 before it is known.
+    apart: AtomicU64,
+    /// How many of them are open.
+    open_apart: AtomicUsize,
 }
+
+/// The stage whose parts do not count.
+const APART: &str = "retrace";
 
 #[derive(Debug, Default)]
 struct Stages {
@@ -222,33 +230,47 @@ impl Subscriber for Recorder {
         let metadata = attributes.metadata();
         let site = std::ptr::from_ref(metadata) as u64;
         let stage = self.0.lock().stage_of(site, metadata.name());
-        Id::from_u64(stage as u64 + 1)
+        let id = stage as u64 + 1;
+        if metadata.name() == APART {
+            self.0.apart.store(id, Ordering::Relaxed);
+        }
+        Id::from_u64(id)
     }
 
     fn enter(&self, span: &Id) {
         let id = span.into_u64();
+        if id == self.0.apart.load(Ordering::Relaxed) {
+            self.0.open_apart.fetch_add(1, Ordering::Relaxed);
+        }
         OPEN.with_borrow_mut(|open| open.push((id, Instant::now())));
     }
 
     fn exit(&self, span: &Id) {
         let now = Instant::now();
         let id = span.into_u64();
+        let apart = self.0.apart.load(Ordering::Relaxed);
+        if id == apart {
+            self.0.open_apart.fetch_sub(1, Ordering::Relaxed);
+        }
         let left = OPEN.with_borrow_mut(|open| {
             let at = open.iter().rposition(|(s, _)| *s == id)?;
             let (_, entered) = open.remove(at);
             // Inside another span of the same name the outer one will count this time.
-            let outermost = open.iter().all(|(s, _)| *s != id);
-            Some((entered, outermost))
+            let counts = open.iter().all(|(s, _)| *s != id && *s != apart);
+            Some((entered, counts))
         });
-        let Some((entered, outermost)) = left else {
+        let Some((entered, counts)) = left else {
             return;
         };
         let stage = id as usize - 1;
         self.0.trace.add(stage, entered, now);
-        if outermost {
+        if counts {
             let ns = now.duration_since(entered).as_nanos() as u64;
             if workers::is_one() {
-                add(&mut lock(&self.0.shared), stage, ns);
+                // They work for whoever retraces while somebody does.
+                if self.0.open_apart.load(Ordering::Relaxed) == 0 {
+                    add(&mut lock(&self.0.shared), stage, ns);
+                }
             } else {
                 SUMS.with_borrow_mut(|sums| add(sums, stage, ns));
             }
@@ -307,6 +329,20 @@ mod tests {
     fn spin(us: u128) {
         let start = Instant::now();
         while start.elapsed().as_micros() < us {}
+    }
+
+    #[test]
+    fn what_looks_at_earlier_frames_does_not_count_for_the_newest() {
+        let timing: &'static Timing = Box::leak(Box::default());
+        tracing::subscriber::with_default(Recorder(timing), || {
+            tracing::info_span!("frame").in_scope(|| spin(10));
+            tracing::info_span!("retrace").in_scope(|| {
+                tracing::info_span!("part").in_scope(|| spin(10));
+            });
+            timing.end_frame();
+        });
+        let counted = |name| !timing.per_frame(name)[0].is_nan();
+        assert!(counted("frame") && counted("retrace") && !counted("part"));
     }
 
     #[test]

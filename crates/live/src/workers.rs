@@ -138,7 +138,7 @@ impl TrackingWorker {
         self.take_news(news, &arrived.frame);
         self.desk.recorder.took(LogEntry::of_frame(&arrived.frame));
         let view_age = self.view_at.map(|at| at.elapsed().as_secs_f64());
-        let (event, messages) = routing::track(
+        let (event, keyframe) = routing::track(
             &mut self.tracker,
             &mut self.retracer,
             &mut self.health,
@@ -173,9 +173,7 @@ impl TrackingWorker {
         {
             self.tracker.forget_frames_but(most);
         }
-        let trajectory = self.tracker.trajectory();
-        boxes.tracked.put(|t| t.take(&self.passed_on, trajectory));
-        self.passed_on = PassedOn::of(trajectory);
+        self.pass_on();
         let wanted = self
             .budget
             .as_mut()
@@ -185,10 +183,22 @@ impl TrackingWorker {
             self.tracker.set_features(features);
         }
         self.desk.publish(&event);
-        for message in messages {
-            self.sent += u64::from(matches!(message, MapperMsg::Keyframe(_)));
+        if let Some(keyframe) = keyframe {
+            self.sent += 1;
+            self.tell_mapper(keyframe);
+        }
+        if let Some(message) = routing::retrace(&mut self.tracker, &mut self.retracer) {
+            self.pass_on();
             self.tell_mapper(message);
         }
+    }
+
+    /// Lets others have the trajectory.
+    fn pass_on(&mut self) {
+        let trajectory = self.tracker.trajectory();
+        let tracked = &self.desk.boxes.tracked;
+        tracked.put(|t| t.take(&self.passed_on, trajectory));
+        self.passed_on = PassedOn::of(trajectory);
     }
 
     /// Takes what came since the frame before, in the order of the inline driver.

@@ -222,8 +222,10 @@ impl Exchange {
             health,
             ..
         } = &mut self.stages;
-        let (event, messages) = routing::track(tracker, retracer, health, frame);
-        self.for_mapper.extend(messages);
+        let (event, keyframe) = routing::track(tracker, retracer, health, frame);
+        let about_earlier = routing::retrace(tracker, retracer);
+        self.for_mapper
+            .extend(keyframe.into_iter().chain(about_earlier));
         Ok(event)
     }
 

@@ -13,15 +13,15 @@ use std::sync::Arc;
 use stillpoint_detection::{DetectError, Detections};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 
-/// The tracker takes a frame: [`Event::Frame`], and what the mapper gets: a keyframe, and what is known by now of earlier ones.
+/// The tracker takes a frame: [`Event::Frame`], and what the mapper gets: a keyframe. [`retrace`] is to be called before the next frame.
 pub fn track(
     tracker: &mut Tracker,
     retracer: &mut Retracer,
     health: &mut HealthMonitor,
     frame: &Arc<RgbdFrame>,
-) -> (Event, Vec<MapperMsg>) {
+) -> (Event, Option<MapperMsg>) {
     let mut tracked = tracker.track(frame);
-    let about_earlier = retracer.follow(tracker, frame, &mut tracked);
+    retracer.follow(tracker, frame, &mut tracked);
     let health = health.judge(frame, &tracked);
     let Tracked {
         report, keyframe, ..
@@ -32,8 +32,12 @@ pub fn track(
         health,
     };
     let keyframe = keyframe.map(|k| MapperMsg::Keyframe(Box::new(k)));
-    let messages = keyframe.into_iter().chain(about_earlier).collect();
-    (Event::Frame(Arc::new(event)), messages)
+    (Event::Frame(Arc::new(event)), keyframe)
+}
+
+/// What can wait until a frame's pose is out: the first frames of a map are tracked again. What the mapper gets: what is to be taken back of them.
+pub fn retrace(tracker: &mut Tracker, retracer: &mut Retracer) -> Option<MapperMsg> {
+    retracer.work(tracker)
 }
 
 /// The tracker takes what a detector said, before it takes the frame `next`: [`Event::Detected`] or [`Event::DetectorFailed`], and

@@ -25,13 +25,19 @@ const KNOWN: f64 = 1.2;
 const MOST: f64 = 3.0;
 /// From so long after it on there is enough of a map to go back from, s.
 const RETRACED: f64 = 1.8;
-/// Frames that are tracked again with each new one: so many that it is over within a second, and so few that no frame is late.
+/// Frames that are tracked again after each new one, so many that it is over within a second ...
 const PER_FRAME: usize = 2;
+/// ... but only one where frames come faster than this, s: there is no time for more before the next.
+const FAST: f64 = 1.0 / 45.0;
 
 /// Tracks the first frames of every map and submap again.
 pub struct Retracer {
     setup: MapperSetup,
     stage: Stage,
+    /// Whether there is work to do before the next frame.
+    due: bool,
+    /// Stamps of the newest frame and of the one before, s.
+    stamps: [f64; 2],
 }
 
 /// How far it is.
@@ -53,6 +59,8 @@ impl Retracer {
         Self {
             setup: setup.into(),
             stage: Stage::Decided,
+            due: false,
+            stamps: [f64::NEG_INFINITY; 2],
         }
     }
 
@@ -63,25 +71,44 @@ impl Retracer {
         }
     }
 
-    /// Takes note of a frame that was tracked, and tracks some of the first ones again when it is time. Says in the frame's report
-    /// whether who moves is undecided; answers with what the mapper is to take back.
+    /// Takes note of a frame that was tracked. Says in the frame's report whether who moves is undecided.
     pub(crate) fn follow(
         &mut self,
         tracker: &mut Tracker,
         frame: &Arc<RgbdFrame>,
         tracked: &mut Tracked,
-    ) -> Option<MapperMsg> {
+    ) {
         if !tracker.learns_who_moves() {
-            return None;
+            return;
         }
+        self.stamps = [frame.stamp, self.stamps[0]];
         if tracked.report.outcome == Outcome::Initialised {
             self.stage = Stage::Begun(Box::new(Beginning::at(frame.stamp)));
         }
+        self.stage = match std::mem::take(&mut self.stage) {
+            Stage::Begun(beginning) => self.go_on(beginning, tracker, frame, tracked),
+            stage => {
+                self.due = matches!(stage, Stage::Retracing(_));
+                stage
+            }
+        };
+    }
+
+    /// Tracks some of the first frames again when it is time: what can wait until the newest one's pose is out. Answers with what the mapper is
+    /// to take back.
+    pub(crate) fn work(&mut self, tracker: &mut Tracker) -> Option<MapperMsg> {
+        if !std::mem::take(&mut self.due) {
+            return None;
+        }
         let (stage, message) = match std::mem::take(&mut self.stage) {
             Stage::Decided => (Stage::Decided, None),
-            Stage::Begun(beginning) => (self.go_on(beginning, tracker, frame, tracked), None),
+            Stage::Begun(beginning) => {
+                let way = WayBack::begin(*beginning, tracker, &self.setup);
+                let stage = way.map(|way| Stage::Retracing(Box::new(way)));
+                (stage.unwrap_or_default(), None)
+            }
             Stage::Retracing(mut way) => {
-                (0..PER_FRAME).for_each(|_| way.step());
+                (0..steps(self.stamps)).for_each(|_| way.step());
                 if way.is_over() {
                     (Stage::Decided, way.settle(tracker))
                 } else {
@@ -95,7 +122,7 @@ impl Retracer {
 
     /// Takes a frame of the beginning.
     fn go_on(
-        &self,
+        &mut self,
         mut beginning: Box<Beginning>,
         tracker: &mut Tracker,
         frame: &Arc<RgbdFrame>,
@@ -123,14 +150,14 @@ impl Retracer {
             return Stage::Begun(beginning);
         }
         // The map does not hold the turning point before the mapper has answered.
-        if since < RETRACED || !beginning.is_mapped(&tracker.view()) {
-            return Stage::Begun(beginning);
-        }
-        match WayBack::begin(*beginning, tracker, &self.setup) {
-            Some(way) => Stage::Retracing(Box::new(way)),
-            None => Stage::Decided,
-        }
+        self.due = since >= RETRACED && beginning.is_mapped(&tracker.view());
+        Stage::Begun(beginning)
     }
+}
+
+/// How many frames are tracked again after the newest, by the stamps of that one and the one before.
+fn steps([newest, before]: [f64; 2]) -> usize {
+    if newest - before < FAST { 1 } else { PER_FRAME }
 }
 
 #[cfg(test)]

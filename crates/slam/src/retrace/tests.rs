@@ -54,6 +54,14 @@ fn what_seems_to_move_before_depths_can_be_compared_does_not_count() {
 }
 
 #[test]
+fn less_is_tracked_again_where_frames_come_fast() {
+    for (hz, expected) in [(15.0, 2), (30.0, 2), (60.0, 1), (90.0, 1)] {
+        assert_eq!(steps([5.0 + 1.0 / hz, 5.0]), expected, "{hz} Hz");
+    }
+    assert_eq!(steps([5.0, f64::NEG_INFINITY]), 2);
+}
+
+#[test]
 fn a_clock_that_is_set_back_ends_the_beginning() {
     let mut beginning = Beginning::at(0.0);
     let said = tracked(0, 100, 0);
@@ -88,7 +96,8 @@ fn the_frames_of_a_beginning_without_an_end_are_let_go() {
         let stamp = f64::from(i) / 30.0;
         said.report.undecided = None;
         let frame = Arc::new(frame(i, stamp));
-        assert!(retracer.follow(&mut tracker, &frame, &mut said).is_none());
+        retracer.follow(&mut tracker, &frame, &mut said);
+        assert!(retracer.work(&mut tracker).is_none());
         undecided.extend(said.report.undecided);
         // From the second frame on the camera is lost.
         said.report.outcome = Outcome::Lost {

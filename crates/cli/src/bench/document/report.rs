@@ -348,7 +348,7 @@ const OTHERS: &str = "## Other measurements\n\n\
     | an ablation with several seeds | `stillpoint bench --ablation PATH... --runs 5` |\n\
     | kernels: pyramid, FAST, descriptors, flow, solvers, decoding, rendering, places, map files | `cargo bench -p stillpoint-features`, also `-imaging`, `-estimation`, `-datasets`, `-simulator`, `-place`, `-map` |\n\
     | loop closing: error without and with it, true and false loops | `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS` |\n\
-    | closing one loop in a large map | `cargo run --release -p stillpoint-slam --example closing -- KEYFRAMES` |\n\
+    | closing one loop in a large map | `cargo run --release -p stillpoint-slam --example closing -- KEYFRAMES FEATURES` |\n\
     | hours of the same two rooms | `cargo run --release -p stillpoint --example soak -- MINUTES HZ MAX_KEYFRAMES` |\n";
 
 /// What went wrong.
