@@ -3,13 +3,15 @@
 use super::ThingMap;
 use super::absent::{presence, shown};
 use super::assign::{Group, Sights, assign};
+use super::ends::complete;
 use super::gather::Things;
 use super::ground::ground;
 use super::level;
 use super::look::Placed;
 use super::merge::{Part, merge};
 use super::own::{Seen, by_place, measured, owners};
-use super::part::{Point, Record, World};
+use super::part::{MOST_SIDES, Point, Record, World};
+use super::upright::UprightBox;
 use crate::floor::Floor;
 use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::Vec3;
@@ -19,6 +21,8 @@ use stillpoint_map::{MapView, SubmapId};
 const LEAST_LOOKS: usize = 2;
 /// How well its surface has to meet the borders of its boxes: where it does not, what was taken for it is something before or behind it.
 const LEAST_FIT: f64 = 0.5;
+/// How surely it may be what is behind the thing: from here on it goes on in six of ten places beyond the borders of its boxes.
+const MOST_DOUBT: f64 = 0.3;
 
 /// All that is known at the poses of a version of the map.
 pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
@@ -45,7 +49,11 @@ pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
     for part in merged {
         let presence = presence(&part, &looks);
         if !presence.gone {
-            records.push(record(part, presence.missed, view));
+            let hidden = hidden(&part, &looks, &world);
+            records.push(Record {
+                hidden,
+                ..record(part, presence.missed, view)
+            });
         }
     }
     let ground = ground(&things.known.ground, &looks, &levels, view);
@@ -73,7 +81,10 @@ pub(crate) fn join(first: &ThingMap, second: &ThingMap, added: u32, map: &MapVie
     let mut records = untouched(first, &world);
     records.extend(untouched(&second, &world));
     let merged = merge(parts, &world);
-    records.extend(merged.into_iter().map(|part| record(part, 0, map)));
+    records.extend(merged.into_iter().map(|part| Record {
+        hidden: hidden(&part, &[], &world),
+        ..record(part, 0, map)
+    }));
     let spots = [&first.ground[..], &second.ground].concat();
     let ground = ground(&spots, &[], &levels, map);
     ThingMap {
@@ -189,7 +200,7 @@ fn part(group: Group, looks: &[Placed<'_>], world: &World<'_>) -> Option<Part> {
         carved,
         ..
     } = group;
-    if seen.len() < LEAST_LOOKS || carved.fit < LEAST_FIT {
+    if seen.len() < LEAST_LOOKS || carved.fit < LEAST_FIT || carved.doubt > MOST_DOUBT {
         return None;
     }
     let mut votes = BTreeMap::new();
@@ -215,6 +226,23 @@ fn part(group: Group, looks: &[Placed<'_>], world: &World<'_>) -> Option<Part> {
     })
 }
 
+/// Middles of the sides that nobody saw, where a thing is taken to end. Where an earlier run knew it, that run may have seen its end: it goes on no
+/// farther than was known.
+fn hidden(part: &Part, looks: &[Placed<'_>], world: &World<'_>) -> Vec<Point> {
+    let Some(look) = part.looks.first().map(|l| &looks[*l]) else {
+        let known = part.known.iter().flat_map(|r| &r.hidden);
+        return known.take(MOST_SIDES).copied().collect();
+    };
+    let own: Vec<&Placed<'_>> = looks.iter().filter(|l| l.submap == part.submap).collect();
+    let known = part.known.iter().filter_map(|r| r.bounds(world));
+    let known: Vec<UprightBox> = known.map(|b| b.1).collect();
+    let mut hidden = Vec::new();
+    for side in complete(part.class(), &part.bounds, &known, &own) {
+        hidden.extend(look.keep_world(&side));
+    }
+    hidden
+}
+
 /// What is kept of a thing.
 fn record(part: Part, missed: u32, view: &MapView) -> Record {
     let class = part.class();
@@ -234,6 +262,7 @@ fn record(part: Part, missed: u32, view: &MapView) -> Record {
         seen: part.seen,
         farthest: part.farthest,
         points: part.points.iter().map(|p| p.0).collect(),
+        hidden: Vec::new(),
     };
     record.thin(view);
     record

@@ -1,20 +1,23 @@
 //! Things as bytes and back: what rides in a map file.
 //!
-//! Little-endian: `SPTHING2`; number of floors and of things (4 each); per floor its submap (4), the unit vector away from it and its offset (4
+//! Little-endian: `SPTHING3`; number of floors and of things (4 each); per floor its submap (4), the unit vector away from it and its offset (4
 //! doubles); per thing its class in COCO, from 0 (1), looks in which it was found and in which it could have been (4 each), stamps of the first and the last one,
-//! largest depth (doubles), number of points (4), and per point a keyframe (4) and x, y, z in its camera, mm (2 each). Then the ground:
-//! number of cells (4), and per cell a point as those of things, and whether it is a wall (1). `SPTHING1` is the same without ground, and is read.
+//! largest depth (doubles), number of points (4), and per point a keyframe (4) and x, y, z in its camera, mm (2 each); then the number of its sides
+//! that nobody saw (1), and a point of each. Then the ground: number of cells (4), and per cell a point as those of things, and whether it is a wall
+//! (1). `SPTHING2` is the same without those sides, and `SPTHING1` without ground too; both are read.
 
 use super::ThingMap;
 use super::ground::Spot;
-use super::part::{MOST_POINTS, Point, Record};
+use super::part::{MOST_POINTS, MOST_SIDES, Point, Record};
 use crate::floor::Floor;
 use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{KeyframeId, SubmapId};
 
-const MAGIC: &[u8; 8] = b"SPTHING2";
-/// Of files without ground.
+const MAGIC: &[u8; 8] = b"SPTHING3";
+/// Of files without hidden sides.
+const WITHOUT_SIDES: &[u8; 8] = b"SPTHING2";
+/// Of files without these and without ground.
 const WITHOUT_GROUND: &[u8; 8] = b"SPTHING1";
 
 /// Why bytes are no things.
@@ -22,7 +25,7 @@ const WITHOUT_GROUND: &[u8; 8] = b"SPTHING1";
 pub enum ThingBytesError {
     /// They begin otherwise.
     #[error(
-        "expected things (SPTHING2 or SPTHING1), found other bytes; gather them again with --things"
+        "expected things (SPTHING1 to SPTHING3), found other bytes; gather them again with --things"
     )]
     Kind,
     /// They end too early or too late.
@@ -59,6 +62,8 @@ impl ThingMap {
             }
             out.extend((r.points.len() as u32).to_le_bytes());
             r.points.iter().for_each(|p| put(p, &mut out));
+            out.push(r.hidden.len() as u8);
+            r.hidden.iter().for_each(|p| put(p, &mut out));
         }
         out.extend((self.ground.len() as u32).to_le_bytes());
         for spot in &self.ground {
@@ -73,11 +78,10 @@ impl ThingMap {
     /// # Errors
     /// [`ThingBytesError`], whatever the bytes are.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, ThingBytesError> {
-        let (with, without) = (
-            bytes.strip_prefix(MAGIC),
-            bytes.strip_prefix(WITHOUT_GROUND),
-        );
-        let mut reader = Reader(with.or(without).ok_or(ThingBytesError::Kind)?);
+        let kinds = [WITHOUT_GROUND, WITHOUT_SIDES, MAGIC];
+        let found = kinds.iter().position(|k| bytes.starts_with(*k));
+        let kind = found.ok_or(ThingBytesError::Kind)?;
+        let mut reader = Reader(&bytes[MAGIC.len()..]);
         let (levels, records) = (reader.word()?, reader.word()?);
         let mut map = Self::default();
         for _ in 0..levels {
@@ -93,10 +97,13 @@ impl ThingMap {
             map.levels.insert(submap, floor);
         }
         for _ in 0..records {
-            let record = reader.record()?;
+            let mut record = reader.record()?;
+            if kind > 1 {
+                record.hidden = reader.sides()?;
+            }
             map.records.push(record);
         }
-        let spots = if with.is_some() { reader.word()? } else { 0 };
+        let spots = if kind > 0 { reader.word()? } else { 0 };
         for _ in 0..spots {
             let spot = reader.spot()?;
             map.ground.push(spot);
@@ -180,7 +187,17 @@ impl Reader<'_> {
             seen: times,
             farthest,
             points,
+            hidden: Vec::new(),
         })
+    }
+
+    /// A thing has four sides.
+    fn sides(&mut self) -> Result<Vec<Point>, ThingBytesError> {
+        let [count] = self.take()?;
+        if usize::from(count) > MOST_SIDES {
+            return Err(value(format!("a thing with {count} hidden sides")));
+        }
+        (0..count).map(|_| self.point()).collect()
     }
 
     fn point(&mut self) -> Result<Point, ThingBytesError> {
@@ -231,6 +248,13 @@ mod tests {
         }
     }
 
+    fn point(&(id, at): &(u32, [i16; 3])) -> Point {
+        Point {
+            keyframe: KeyframeId(id),
+            at,
+        }
+    }
+
     fn record() -> impl Strategy<Value = Record> {
         let points = prop::collection::vec((any::<u32>(), any::<[i16; 3]>()), 0..9);
         (
@@ -247,13 +271,8 @@ mod tests {
                     expected,
                     seen: [first, first + 1.0],
                     farthest,
-                    points: points
-                        .into_iter()
-                        .map(|(id, at)| Point {
-                            keyframe: KeyframeId(id),
-                            at,
-                        })
-                        .collect(),
+                    hidden: points.iter().take(MOST_SIDES).map(point).collect(),
+                    points: points.iter().map(point).collect(),
                 },
             )
     }
@@ -286,7 +305,7 @@ mod tests {
     fn damage_is_said_in_words() {
         let said = |bytes: &[u8]| ThingMap::from_bytes(bytes).unwrap_err().to_string();
         assert!(
-            said(b"SPDENSE2").contains("expected things (SPTHING2 or SPTHING1), found other bytes")
+            said(b"SPDENSE2").contains("expected things (SPTHING1 to SPTHING3), found other bytes")
         );
         let mut bytes = map(Vec::new()).to_bytes();
         assert!(said(&bytes[..30]).contains("found an early end"));
@@ -297,6 +316,22 @@ mod tests {
         old.ground.clear();
         let bytes = old.to_bytes();
         let before = [WITHOUT_GROUND, &bytes[8..bytes.len() - 4]].concat();
+        assert_eq!(ThingMap::from_bytes(&before), Ok(old));
+        // ... and so are things without hidden sides.
+        let mut old = map(vec![Record {
+            class: ClassId(56),
+            found: 5,
+            expected: 7,
+            seen: [1.0, 2.0],
+            farthest: 2.5,
+            points: vec![spot(3, true).at],
+            hidden: Vec::new(),
+        }]);
+        old.ground.clear();
+        let bytes = old.to_bytes();
+        // Without the byte that says that there are none, before the number of cells.
+        let (things, ground) = bytes.split_at(bytes.len() - 4);
+        let before = [WITHOUT_SIDES, &things[8..things.len() - 1], ground].concat();
         assert_eq!(ThingMap::from_bytes(&before), Ok(old));
         // A count is not believed before what it counts is there.
         let mut bytes = map(Vec::new()).to_bytes();

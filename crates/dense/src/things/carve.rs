@@ -4,6 +4,7 @@
 //! it, and the points of the thing reach to the borders of all of them; the others leave a box when the camera moves, and fill it in part.
 
 use super::assign::Sights;
+use super::beyond::beyond;
 use super::frames::{CELLS, Frames, MOST_COMPARED, cell};
 use super::look::Shown;
 use super::own::{Seen, inside};
@@ -39,6 +40,7 @@ const GAP: f64 = 0.4;
 const TRACKED: f64 = 0.05;
 
 /// A surface point with what the compared boxes say of it.
+#[derive(Clone)]
 pub(crate) struct Cell {
     point: Point,
     pub(crate) at: Vec3,
@@ -47,6 +49,8 @@ pub(crate) struct Cell {
     ray: Vec3,
     /// Whether it was at the depth that the tracker takes for its object.
     tracked: bool,
+    /// In the compared sightings, in how many places beyond the borders the surface goes on from here, and of how many that is known.
+    beyond: [u32; 2],
     /// By compared sighting, its pixels where it is in sight: see [`super::look::Placed::extent`].
     pixels: Vec<Option<[f32; 4]>>,
 }
@@ -65,8 +69,15 @@ impl Cell {
             depth: at.z,
             ray: Vec3::z(),
             tracked: false,
+            beyond: [0; 2],
             pixels: vec![Some([x, y, x, y])],
         }
+    }
+
+    /// The same where its surface goes on beyond borders, or ends there.
+    pub(crate) fn at_border(mut self, goes_on: bool) -> Self {
+        self.beyond = [u32::from(goes_on), 1];
+        self
     }
 }
 
@@ -76,6 +87,8 @@ pub(crate) struct Carved {
     pub(crate) points: Vec<(Point, Vec3)>,
     /// How well they meet the borders of the boxes, 0 to 1.
     pub(crate) fit: f64,
+    /// How surely it is what is behind the thing, 0 to 1.
+    pub(crate) doubt: f64,
 }
 
 /// Whose surface is looked for.
@@ -112,16 +125,16 @@ pub(crate) fn carve(task: &Task<'_>, sights: &Sights<'_>) -> Carved {
     let all: Vec<usize> = (0..cells.len()).collect();
     let tracked: Vec<usize> = all.iter().copied().filter(|i| cells[*i].tracked).collect();
     let (all, tracked) = (best(&all), best(&tracked));
-    let (mut own, fit) = if tracked.1 + TRACKED > all.1 {
-        tracked
-    } else {
-        all
-    };
+    let doubt = |best: &(Vec<usize>, f64)| scope.doubt(&cells, &best.0);
+    let better = tracked.1 - doubt(&tracked) + TRACKED > all.1 - doubt(&all);
+    let (mut own, fit) = if better { tracked } else { all };
     own.sort_unstable();
+    let doubt = scope.doubt(&cells, &own);
     let points = own.into_iter().map(|i| (cells[i].point, cells[i].at));
     Carved {
         points: points.collect(),
         fit,
+        doubt,
     }
 }
 
@@ -150,6 +163,7 @@ fn gather(task: &Task<'_>, sights: &Sights<'_>, side: f64) -> Vec<Cell> {
                 depth: p.z,
                 ray: (at - placed.world_from_camera.translation).normalize(),
                 tracked: false,
+                beyond: [0; 2],
                 pixels: Vec::new(),
             };
             let cell = cells.entry(key(&at, side)).or_insert_with(cell);
@@ -172,6 +186,10 @@ fn is_own(cell: &mut Cell, frames: &Frames<'_>, floor: Option<&Floor>) -> bool {
         let (Some(at), false) = (pixel, shown == Shown::Nearer) else {
             continue;
         };
+        if let (Some((px, z)), Shown::Point) = (sight, shown) {
+            let more = beyond(placed, &placed.look.sightings[*s].bounds, px, z);
+            (0..2).for_each(|k| cell.beyond[k] += more[k]);
+        }
         let [x0, y0, x1, y1] = placed.look.sightings[*s].bounds;
         let margin = [x1 - x0, y1 - y0].map(|side| MARGIN + MARGIN_SHARE * side);
         let owner = sight
@@ -235,7 +253,9 @@ fn pieces(cells: &[Cell], some: &[usize], side: f64, apart: f64) -> Vec<Vec<usiz
 /// The piece that fills the boxes best, with all others that make the borders better and do not make it larger than it can be.
 fn choose(cells: &[Cell], pieces: &[Vec<usize>], scope: &Scope<'_>) -> Vec<usize> {
     let boxes = scope.boxes;
-    let worth = |p: &Vec<usize>| fit(cells, p, boxes) + FILL * fill(cells, p, boxes);
+    let worth = |p: &Vec<usize>| {
+        fit(cells, p, boxes) + FILL * fill(cells, p, boxes) - scope.doubt(cells, p)
+    };
     let mut order: Vec<(f64, usize)> = pieces.iter().map(worth).zip(0..).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut order = order.into_iter().map(|o| o.1);
@@ -322,6 +342,15 @@ pub(crate) fn overlap(around: [f32; 4], b: &[f32; 4]) -> f64 {
         return 0.0;
     }
     f64::from(area(&both) / either)
+}
+
+/// The share of the places beyond the borders, next to some points, in which their surface goes on.
+pub(crate) fn goes_on(cells: &[Cell], members: &[usize]) -> f64 {
+    let sum = members.iter().fold([0, 0], |sum: [u32; 2], i| {
+        let [on, known] = cells[*i].beyond;
+        [sum[0] + on, sum[1] + known]
+    });
+    f64::from(sum[0]) / f64::from(sum[1].max(1))
 }
 
 /// Which share of what is in sight in the boxes some points are.

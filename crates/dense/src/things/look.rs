@@ -185,6 +185,20 @@ impl<'a> Placed<'a> {
         })
     }
 
+    /// A look at a pose of its own.
+    #[cfg(test)]
+    pub(crate) fn at(look: &'a Look, grid: &'a Grid, world_from_camera: Se3) -> Self {
+        Self {
+            look,
+            grid,
+            keyframe: KeyframeId(0),
+            keyframe_from_camera: Se3::identity(),
+            submap: SubmapId(0),
+            camera_from_world: world_from_camera.inverse(),
+            world_from_camera,
+        }
+    }
+
     /// A point of the camera as it is kept, and in the world.
     pub(crate) fn keep(&self, in_camera: &Vec3) -> Option<(Point, Vec3)> {
         let at = self.keyframe_from_camera.transform(in_camera);

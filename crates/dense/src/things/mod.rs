@@ -7,10 +7,12 @@
 
 mod absent;
 mod assign;
+mod beyond;
 mod build;
 mod bytes;
 mod carve;
 mod claims;
+mod ends;
 mod frames;
 mod gather;
 mod ground;
@@ -87,6 +89,7 @@ impl ThingMap {
             .iter()
             .filter(|r| r.found >= LEAST_FOUND && r.confidence() >= LEAST_CONFIDENCE)
             .filter_map(|r| r.thing(&world))
+            .filter(part::can_be)
             .collect();
         let rooms = RoomMap::new(&self.ground, &self.levels, view);
         for thing in &mut things {

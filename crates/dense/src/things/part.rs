@@ -10,6 +10,8 @@ use stillpoint_map::{KeyframeId, MapView, SubmapId};
 
 /// Points that are kept of a thing: enough for 2 % at each end to be some.
 pub(crate) const MOST_POINTS: usize = 384;
+/// Sides of a box across the floor.
+pub(crate) const MOST_SIDES: usize = 4;
 /// Values per metre of a point.
 const PER_METRE: f64 = 1000.0;
 
@@ -56,6 +58,8 @@ pub(crate) struct Record {
     /// The largest depth at which it was found, m.
     pub(crate) farthest: f64,
     pub(crate) points: Vec<Point>,
+    /// Middles of the sides that nobody saw, where it is taken to end.
+    pub(crate) hidden: Vec<Point>,
 }
 
 impl Record {
@@ -78,11 +82,21 @@ impl Record {
         Some((submap, own.map(|p| p.1).collect()))
     }
 
-    pub(crate) fn thing(&self, world: &World<'_>) -> Option<Thing> {
+    /// Its box with what is hidden of it, and the submap in which it is.
+    pub(crate) fn bounds(&self, world: &World<'_>) -> Option<(SubmapId, UprightBox)> {
         let (submap, points) = self.place(world.view)?;
+        let bounds = world.bounds(self.class, submap, &points)?;
+        let own = |p: &&Point| world.view.submap_of(p.keyframe) == Some(submap);
+        let hidden = self.hidden.iter().filter(own);
+        let hidden: Vec<Vec3> = hidden.filter_map(|p| p.world(world.view)).collect();
+        Some((submap, bounds.reaching(&hidden)))
+    }
+
+    pub(crate) fn thing(&self, world: &World<'_>) -> Option<Thing> {
+        let (submap, bounds) = self.bounds(world)?;
         Some(Thing {
             class: self.class,
-            bounds: world.bounds(self.class, submap, &points)?,
+            bounds,
             room: None,
             confidence: self.confidence(),
             found: self.found,
@@ -102,6 +116,23 @@ impl Record {
         let kept = carve::evenly(&places, MOST_POINTS);
         self.points = kept.into_iter().map(|i| self.points[i]).collect();
     }
+}
+
+/// Height and longest side across the floor, m: what is smaller is a piece of a thing of that class, and says little of where that is.
+const SMALLEST: [(&str, [f64; 2]); 6] = [
+    ("chair", [0.35, 0.1]),
+    ("dining table", [0.35, 0.3]),
+    ("couch", [0.3, 0.4]),
+    ("bed", [0.2, 0.5]),
+    ("bench", [0.3, 0.3]),
+    ("refrigerator", [0.5, 0.3]),
+];
+
+/// Whether a thing is as large as things of its class are at least.
+pub(crate) fn can_be(thing: &Thing) -> bool {
+    let size = thing.bounds.size;
+    let least = SMALLEST.iter().find(|s| s.0 == thing.class.name());
+    least.is_none_or(|(_, [high, long])| size.z >= *high && size.x.max(size.y) >= *long)
 }
 
 /// What boxes are drawn in.
@@ -145,6 +176,27 @@ fn top(points: &[Vec3], level: &Mat3) -> f64 {
     most.map_or(f64::INFINITY, |(step, _)| (*step as f64 + 2.0) * STEP)
 }
 
+/// Points of a table this far below its top are of its board, m.
+const BOARD: f64 = 0.1;
+/// Side of the columns in which it is told whether a surface is upright, m.
+const COLUMN: f64 = 0.1;
+
+/// The points of a table's board: of a column in which most are not of it, none is. That is a wall beside it, or a chair.
+fn board(points: &[Vec3], level: &Mat3, top: f64) -> Vec<Vec3> {
+    let column = |p: &Vec3| {
+        let local = level * p;
+        [local.x, local.y].map(|v| (v / COLUMN).floor() as i32)
+    };
+    let on = |p: &Vec3| (top - BOARD..=top).contains(&(level * p).z);
+    let mut counts: BTreeMap<[i32; 2], [usize; 2]> = BTreeMap::new();
+    for p in points {
+        counts.entry(column(p)).or_default()[usize::from(on(p))] += 1;
+    }
+    let flat = |p: &Vec3| counts.get(&column(p)).is_some_and(|c| c[0] <= c[1]);
+    let own = points.iter().filter(|p| on(p) && flat(p));
+    own.copied().collect()
+}
+
 impl World<'_> {
     /// The box around the points of a thing.
     pub(crate) fn bounds(
@@ -161,12 +213,78 @@ impl World<'_> {
         };
         let level = floor.unwrap_or(&upright).level_from_world();
         let top = (class.name() == "dining table").then(|| top(points, &level));
-        let below = |p: &&Vec3| top.is_none_or(|z| (level * *p).z <= z);
-        let points: Vec<Vec3> = points.iter().filter(below).copied().collect();
+        let points = match top {
+            Some(top) => board(points, &level, top),
+            None => points.to_vec(),
+        };
         let bounds = UprightBox::around(&points, &level)?;
         Some(match floor {
             Some(floor) if stands(class) => bounds.on_floor(floor, HIGHEST_FOOT),
             _ => bounds,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A desk of 1.6 x 0.8 m at a wall that was seen half a metre farther along.
+    #[test]
+    fn a_wall_beside_a_table_is_no_part_of_it() {
+        let grid = |n: i32| (0..=n).map(|i| 0.04 * f64::from(i));
+        let mut points = Vec::new();
+        for x in grid(40) {
+            points.extend(grid(20).map(|y| Vec3::new(x, y, 0.73)));
+        }
+        let desk = points.clone();
+        for x in grid(12) {
+            points.extend(grid(18).map(|z| Vec3::new(1.7 + x, 0.8, z)));
+        }
+        let levels = BTreeMap::from([(
+            SubmapId(0),
+            Floor {
+                up: Vec3::z(),
+                offset: 0.0,
+            },
+        )]);
+        let view = MapView::default();
+        let world = World {
+            view: &view,
+            levels: &levels,
+        };
+        let bounds = |class: &str, points: &[Vec3]| {
+            let class = ClassId::from_name(class).unwrap();
+            world.bounds(class, SubmapId(0), points).unwrap()
+        };
+        let (alone, with) = (
+            bounds("dining table", &desk),
+            bounds("dining table", &points),
+        );
+        assert!((alone.centre - with.centre).norm() < 0.03, "{with:?}");
+        assert!((with.size.z - 0.73).abs() < 0.02, "{with:?}");
+        // The control: of a couch the wall would be a part.
+        assert!(bounds("couch", &points).longest() > alone.longest() + 0.4);
+    }
+
+    #[test]
+    fn a_leg_is_no_table() {
+        let thing = |class: &str, size: [f64; 3]| Thing {
+            class: ClassId::from_name(class).unwrap(),
+            bounds: UprightBox {
+                centre: Vec3::zeros(),
+                size: Vec3::from(size),
+                world_from_box: Mat3::identity(),
+            },
+            room: None,
+            confidence: 0.5,
+            found: 5,
+            submap: SubmapId(0),
+            first_seen: 0.0,
+            last_seen: 1.0,
+        };
+        assert!(!can_be(&thing("dining table", [0.07, 0.05, 0.19])));
+        assert!(can_be(&thing("dining table", [0.07, 0.5, 0.74])));
+        assert!(can_be(&thing("cup", [0.07, 0.05, 0.1])));
     }
 }

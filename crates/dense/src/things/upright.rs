@@ -72,6 +72,22 @@ impl UprightBox {
         self
     }
 
+    /// The same box with its sides moved outwards to some places.
+    pub(crate) fn reaching(mut self, places: &[Vec3]) -> Self {
+        for place in places {
+            let local = self.world_from_box.transpose() * (place - self.centre);
+            for k in 0..2 {
+                let more = local[k].abs() - 0.5 * self.size[k];
+                if more > 0.0 {
+                    let axis: Vec3 = self.world_from_box.column(k).into();
+                    self.size[k] += more;
+                    self.centre += 0.5 * more * local[k].signum() * axis;
+                }
+            }
+        }
+        self
+    }
+
     /// Whether a point of the world is in it, or outside by less than a margin (m).
     #[must_use]
     pub fn contains(&self, p: &Vec3, margin: f64) -> bool {
@@ -139,6 +155,27 @@ mod tests {
         let after = UprightBox::around(&points, &Mat3::identity()).unwrap();
         assert!((before.centre - after.centre).norm() < 0.03, "{after:?}");
         assert!(UprightBox::around(&points[..2], &Mat3::identity()).is_none());
+    }
+
+    #[test]
+    fn sides_reach_to_places_beyond_them() {
+        let seat = UprightBox {
+            centre: Vec3::new(1.0, 2.0, 0.5),
+            size: Vec3::new(0.4, 0.2, 1.0),
+            world_from_box: Mat3::identity(),
+        };
+        let all = seat.reaching(&[Vec3::new(1.0, 2.5, 0.5), Vec3::new(0.7, 2.0, 0.5)]);
+        assert!(
+            (all.size - Vec3::new(0.5, 0.6, 1.0)).norm() < 1e-12,
+            "{all:?}"
+        );
+        assert!(
+            (all.centre - Vec3::new(0.95, 2.2, 0.5)).norm() < 1e-12,
+            "{all:?}"
+        );
+        // What is in it, or above it, changes nothing.
+        assert_eq!(seat.reaching(&[Vec3::new(1.1, 2.05, 3.0)]), seat);
+        assert_eq!(seat.reaching(&[]), seat);
     }
 
     #[test]
