@@ -30,10 +30,10 @@ fn distance(a: &Descriptor, b: &Descriptor) -> u32 {
 /// descriptors with its keyframe, and takes some 8 kB beside them for 1000 features. Vectors of different vocabularies have nothing to say about each other.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlaceVector {
-    /// Distinct words, ascending, with their weights and where their features end.
+    /// Distinct words, ascending, with their weights and the places of their last features.
     words: Box<[u16]>,
     weights: Box<[u32]>,
-    ends: Box<[u16]>,
+    lasts: Box<[u16]>,
     total: u32,
     /// In the order of (word, feature).
     features: Box<[u16]>,
@@ -57,16 +57,18 @@ impl PlaceVector {
         descriptors: &Arc<Vec<Descriptor>>,
         admit: impl Fn(usize) -> bool,
     ) -> Self {
-        let count = descriptors.len().min(u16::MAX.into());
+        let count = descriptors.len().min(1 << 16);
         let features: Vec<usize> = (0..count).filter(|i| admit(*i)).collect();
         let chosen: Vec<Descriptor> = features.iter().map(|i| descriptors[*i]).collect();
         let words = vocabulary.words(&chosen).into_iter();
         let mut entries: Vec<(u16, u16)> = words.zip(features.iter().map(|f| *f as u16)).collect();
         entries.sort_unstable();
-        let (mut words, mut raw, mut ends) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut words, mut raw, mut lasts) = (Vec::new(), Vec::new(), Vec::new());
+        let mut end = 0;
         for run in entries.chunk_by(|a, b| a.0 == b.0) {
             words.push(run[0].0);
-            ends.push(ends.last().copied().unwrap_or(0) + run.len() as u16);
+            end += run.len();
+            lasts.push((end - 1) as u16);
             raw.push(run.len() as u64 * u64::from(vocabulary.idf(run[0].0)));
         }
         let sum = raw.iter().sum::<u64>().max(1);
@@ -76,7 +78,7 @@ impl PlaceVector {
             words: words.into(),
             total: weights.iter().sum(),
             weights,
-            ends: ends.into(),
+            lasts: lasts.into(),
             features: entries.iter().map(|e| e.1).collect(),
             descriptors: Arc::clone(descriptors),
             words_per_group: vocabulary.words_per_group(),
@@ -95,7 +97,7 @@ impl PlaceVector {
         size_of::<Self>()
             + size_of_val(&*self.words)
             + size_of_val(&*self.weights)
-            + size_of_val(&*self.ends)
+            + size_of_val(&*self.lasts)
             + size_of_val(&*self.features)
     }
 
@@ -209,9 +211,10 @@ impl PlaceVector {
     /// The features of the `i`-th distinct word and those after it, up to the `end`-th.
     #[inline(always)]
     fn of_words(&self, i: usize, end: usize) -> Group<'_> {
-        let start = if i == 0 { 0 } else { self.ends[i - 1] };
+        let end_of = |word: usize| usize::from(self.lasts[word]) + 1;
+        let start = if i == 0 { 0 } else { end_of(i - 1) };
         Group {
-            features: &self.features[start.into()..self.ends[end - 1].into()],
+            features: &self.features[start..end_of(end - 1)],
             descriptors: &self.descriptors,
         }
     }

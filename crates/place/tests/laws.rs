@@ -203,5 +203,5 @@ fn features_beyond_the_numbers_are_left_out() {
             ])
         })
         .collect();
-    assert_eq!(Vocabulary::embedded().vector(&many).len(), 65_535);
+    assert_eq!(Vocabulary::embedded().vector(&many).len(), 65_536);
 }
