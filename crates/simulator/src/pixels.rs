@@ -6,6 +6,7 @@
 use crate::lens::Lens;
 use crate::raster::{NOTHING, View};
 use crate::shade::Visible;
+use std::ops::Range;
 
 /// Faces and depths of a recorded image.
 pub(crate) struct Pixels {
@@ -48,8 +49,8 @@ impl Pixels {
         self.faces.get(self.face[pixel] as usize)
     }
 
-    /// Adds the next rows of the recorded image, which a view with one sample per pixel shows.
-    pub(crate) fn push(&mut self, view: View, lens: &Lens, rows: std::ops::Range<usize>) {
+    /// Adds the next rows of the recorded image, which a view with one sample per pixel shows; the view's faces are still to be added.
+    pub(crate) fn push(&mut self, view: &View, lens: &Lens, rows: Range<usize>) {
         let before = self.faces.len() as u32;
         let number = |n: u32| match n {
             NOTHING => u32::MAX,
@@ -75,6 +76,10 @@ impl Pixels {
                 self.face.push(number(found));
             }
         }
+    }
+
+    /// Adds the faces of the view whose rows were added last.
+    pub(crate) fn add_faces(&mut self, view: View) {
         self.faces.extend(view.faces);
     }
 }

@@ -21,13 +21,11 @@ pub(crate) struct Eye<'a> {
     pub(crate) centre: Vec3,
 }
 
-/// The faces of one view, sample by sample: of the whole image, or of some of its rows.
+/// The faces of one view, and what the samples of some rows see of them.
 pub(crate) struct View {
     pub(crate) width: usize,
-    /// Rows of samples that there are.
-    pub(crate) height: usize,
-    /// The first of them.
-    top: usize,
+    /// Rows of samples that were drawn last, of those of the whole image.
+    rows: Range<usize>,
     /// Rows of samples of the whole image.
     whole: usize,
     /// Samples per pixel along each side.
@@ -36,7 +34,25 @@ pub(crate) struct View {
     pub(crate) inverse_depth: Vec<f32>,
     /// Number of the face in `faces`, or [`NOTHING`].
     pub(crate) face: Vec<u32>,
+    /// Those that may be in sight.
     pub(crate) faces: Vec<Visible>,
+    shapes: Vec<Shape>,
+    spans: Vec<[u32; 2]>,
+}
+
+/// Where a face lies in the image.
+struct Shape {
+    /// Rows of samples that it covers.
+    rows: Range<usize>,
+    /// The first of them in the view's `spans`, which are the samples that it covers in each row.
+    first: usize,
+    /// Its 1 / z over the samples, 1/m: constant, along rows, along columns.
+    inverse_depth: [f64; 3],
+}
+
+/// The borders of a polygon by rows: scratch space.
+#[derive(Default)]
+struct Borders {
     left: Vec<f64>,
     right: Vec<f64>,
 }
@@ -61,18 +77,29 @@ impl View {
         factor: usize,
         rows: Range<usize>,
     ) -> Self {
-        let (width, height) = (camera.width as usize * factor, rows.len() * factor);
+        let mut view = Self::placed(faces, camera, world_from_camera, factor, rows.clone());
+        view.draw(rows);
+        view
+    }
+
+    /// The faces that some rows of the image may show, with nothing drawn yet.
+    pub(crate) fn placed<'a>(
+        faces: impl Iterator<Item = &'a Face>,
+        camera: &Camera,
+        world_from_camera: &Se3,
+        factor: usize,
+        rows: Range<usize>,
+    ) -> Self {
         let mut view = Self {
-            width,
-            height,
-            top: rows.start * factor,
+            width: camera.width as usize * factor,
+            rows: 0..0,
             whole: camera.height as usize * factor,
             factor,
-            inverse_depth: vec![0.0; width * height],
-            face: vec![NOTHING; width * height],
+            inverse_depth: Vec::new(),
+            face: Vec::new(),
             faces: Vec::new(),
-            left: vec![0.0; height],
-            right: vec![0.0; height],
+            shapes: Vec::new(),
+            spans: Vec::new(),
         };
         let camera_from_world = world_from_camera.inverse();
         let eye = Eye {
@@ -80,98 +107,104 @@ impl View {
             centre: camera_from_world.inverse().translation,
             camera_from_world,
         };
+        let rows = rows.start * factor..rows.end * factor;
+        let mut borders = Borders::default();
         let mut polygon = Vec::new();
         for face in faces {
-            view.draw(face, &eye, &mut polygon);
+            let distance = face.normal.dot(&(eye.centre - face.vertices[0]));
+            if distance < 1e-4 {
+                continue;
+            }
+            project_clipped(
+                &face.vertices,
+                eye.camera,
+                &eye.camera_from_world,
+                &mut polygon,
+            );
+            if polygon.len() >= 3 && view.place(&mut polygon, &rows, &mut borders) {
+                view.show(Visible::new(face, &eye, distance));
+            }
         }
         view
     }
 
-    fn draw(&mut self, face: &Face, eye: &Eye, polygon: &mut Vec<[f64; 2]>) {
-        let distance = face.normal.dot(&(eye.centre - face.vertices[0]));
-        if distance < 1e-4 {
-            return;
-        }
-        project_clipped(&face.vertices, eye.camera, &eye.camera_from_world, polygon);
-        if polygon.len() < 3 {
-            return;
-        }
+    /// Notes which samples of some rows a convex polygon covers, given in pixels. Whether there are any.
+    fn place(&mut self, polygon: &mut [[f64; 2]], rows: &Range<usize>, by: &mut Borders) -> bool {
         let k = self.factor as f64;
         for p in polygon.iter_mut() {
             *p = p.map(|v| (v + 0.5) * k - 0.5);
         }
-        let Some(rows) = self.scan(polygon) else {
-            return;
+        let Some(rows) = by.scan(polygon, rows, self.width) else {
+            return false;
         };
-        let visible = Visible::new(face, eye, distance);
-        let number = self.faces.len() as u32;
+        let first = self.spans.len();
+        let borders = by.left.iter().zip(&by.right);
+        let spans =
+            borders.map(|(left, right)| [*left, *right].map(|v| up(v, 0..self.width) as u32));
+        self.spans.extend(spans);
+        let covers = self.spans[first..].iter().any(|[x0, x1]| x0 < x1);
+        if covers {
+            self.shapes.push(Shape {
+                rows,
+                first,
+                inverse_depth: [0.0; 3],
+            });
+        } else {
+            self.spans.truncate(first);
+        }
+        covers
+    }
+
+    /// How the face looks that was placed last.
+    fn show(&mut self, visible: Visible) {
+        let k = self.factor as f64;
         let [c0, cu, cv] = visible.inverse_depth;
         // From samples to pixels: u = (x + 0.5) / k - 0.5.
         let offset = 0.5 / k - 0.5;
-        let (start, du, dv) = (c0 + (cu + cv) * offset, cu / k, cv / k);
-        let mut seen = false;
-        for y in rows {
-            let bound = |v: f64| v.ceil().clamp(0.0, self.width as f64) as usize;
-            let (x0, x1) = (
-                bound(self.left[y - self.top]),
-                bound(self.right[y - self.top]),
-            );
-            if x0 >= x1 {
-                continue;
-            }
-            let row = (y - self.top) * self.width;
-            let w0 = (start + dv * y as f64 + du * x0 as f64) as f32;
-            let du = du as f32;
-            let depths = &mut self.inverse_depth[row + x0..row + x1];
-            let numbers = &mut self.face[row + x0..row + x1];
-            seen |= put(depths, numbers, [w0, du], number);
+        if let Some(shape) = self.shapes.last_mut() {
+            shape.inverse_depth = [c0 + (cu + cv) * offset, cu / k, cv / k];
         }
-        if seen {
-            self.faces.push(visible);
-        }
+        self.faces.push(visible);
     }
 
-    /// Fills `left` and `right` with the borders of a convex polygon for each row that it covers.
-    fn scan(&mut self, polygon: &[[f64; 2]]) -> Option<Range<usize>> {
-        let (first, end) = (self.top, self.top + self.height);
-        let bound = |v: f64| v.ceil().clamp(first as f64, end as f64) as usize;
-        let (mut top, mut bottom, mut west, mut east) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
-        for p in polygon {
-            (west, east) = (west.min(p[0]), east.max(p[0]));
-            (top, bottom) = (top.min(p[1]), bottom.max(p[1]));
-        }
-        let rows = bound(top)..bound(bottom);
-        if rows.is_empty() || east <= 0.0 || west >= self.width as f64 {
-            return None;
-        }
-        self.left[rows.start - first..rows.end - first].fill(f64::MAX);
-        self.right[rows.start - first..rows.end - first].fill(f64::MIN);
-        for i in 0..polygon.len() {
-            let (mut a, mut b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
-            if a[1] > b[1] {
-                (a, b) = (b, a);
-            }
-            let slope = (b[0] - a[0]) / (b[1] - a[1]);
-            for y in bound(a[1])..bound(b[1]) {
-                let x = a[0] + (y as f64 - a[1]) * slope;
-                let y = y - first;
-                self.left[y] = self.left[y].min(x);
-                self.right[y] = self.right[y].max(x);
+    /// Draws some rows of the image, in place of those that were drawn before.
+    pub(crate) fn draw(&mut self, rows: Range<usize>) {
+        let (width, rows) = (self.width, rows.start * self.factor..rows.end * self.factor);
+        self.inverse_depth.clear();
+        self.inverse_depth.resize(width * rows.len(), 0.0);
+        self.face.clear();
+        self.face.resize(width * rows.len(), NOTHING);
+        for (number, shape) in (0..).zip(&self.shapes) {
+            let [start, du, dv] = shape.inverse_depth;
+            for y in rows.start.max(shape.rows.start)..rows.end.min(shape.rows.end) {
+                let [x0, x1] = self.spans[shape.first + y - shape.rows.start].map(|x| x as usize);
+                if x0 >= x1 {
+                    continue;
+                }
+                let row = (y - rows.start) * width;
+                let w0 = (start + dv * y as f64 + du * x0 as f64) as f32;
+                let depths = &mut self.inverse_depth[row + x0..row + x1];
+                put(
+                    depths,
+                    &mut self.face[row + x0..row + x1],
+                    [w0, du as f32],
+                    number,
+                );
             }
         }
-        Some(rows)
+        self.rows = rows;
     }
 
     /// The number of the face that a sample of the whole image sees.
     #[inline]
     pub(crate) fn face_at(&self, x: usize, y: usize) -> u32 {
-        self.face[(y - self.top) * self.width + x]
+        self.face[(y - self.rows.start) * self.width + x]
     }
 
     /// 1 / z (1/m) and faces of a row of samples of the whole image.
     #[inline]
     pub(crate) fn row(&self, y: usize) -> (&[f32], &[u32]) {
-        let row = (y - self.top) * self.width;
+        let row = (y - self.rows.start) * self.width;
         let row = row..row + self.width;
         (&self.inverse_depth[row.clone()], &self.face[row])
     }
@@ -182,34 +215,89 @@ impl View {
     }
 }
 
+/// The first whole number from `v` on, within a range.
+#[inline]
+fn up(v: f64, range: Range<usize>) -> usize {
+    let v = v.clamp(range.start as f64, range.end as f64);
+    let down = v as i32;
+    (down + i32::from(v > f64::from(down))) as usize
+}
+
+impl Borders {
+    /// The borders of a convex polygon in each of `rows` that it covers; `None` if it covers none, or nothing within `width`.
+    fn scan(
+        &mut self,
+        polygon: &[[f64; 2]],
+        rows: &Range<usize>,
+        width: usize,
+    ) -> Option<Range<usize>> {
+        let bound = |v: f64| up(v, rows.clone());
+        let (mut top, mut bottom, mut west, mut east) = (f64::MAX, f64::MIN, f64::MAX, f64::MIN);
+        for p in polygon {
+            (west, east) = (west.min(p[0]), east.max(p[0]));
+            (top, bottom) = (top.min(p[1]), bottom.max(p[1]));
+        }
+        let covered = bound(top)..bound(bottom);
+        if covered.is_empty() || east <= 0.0 || west >= width as f64 {
+            return None;
+        }
+        self.left.clear();
+        self.left.resize(covered.len(), f64::MAX);
+        self.right.clear();
+        self.right.resize(covered.len(), f64::MIN);
+        let first = covered.start;
+        for i in 0..polygon.len() {
+            let (mut a, mut b) = (polygon[i], polygon[(i + 1) % polygon.len()]);
+            if a[1] > b[1] {
+                (a, b) = (b, a);
+            }
+            let slope = (b[0] - a[0]) / (b[1] - a[1]);
+            let part = bound(a[1])..bound(b[1]);
+            if part.is_empty() {
+                continue;
+            }
+            let part_of = part.start - first..part.end - first;
+            let borders = self.left[part_of.clone()]
+                .iter_mut()
+                .zip(&mut self.right[part_of]);
+            for (y, (left, right)) in part.zip(borders) {
+                let x = a[0] + (y as f64 - a[1]) * slope;
+                *left = left.min(x);
+                *right = right.max(x);
+            }
+        }
+        Some(covered)
+    }
+}
+
 /// Samples of a row that are compared at once.
 const AT_ONCE: usize = 8;
 
-/// Puts a face into a part of a row, in front of what is farther: its 1 / z is `start + step * i` at sample `i`. Whether any of it is seen.
+/// Puts a face into a part of a row, in front of what is farther: its 1 / z is `start + step * i` at sample `i`.
 #[inline]
-fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u32) -> bool {
-    let mut seen = 0;
-    let mut one = |z: &mut f32, face: &mut u32, i: i32| {
-        let w = start + step * i as f32;
+fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u32) {
+    let one = |z: &mut f32, face: &mut u32, i: f32| {
+        let w = start + step * i;
         let nearer = w > *z;
         *z = if nearer { w } else { *z };
         *face = if nearer { number } else { *face };
-        seen |= u32::from(nearer);
     };
     let (depths, depths_left) = depths.as_chunks_mut::<AT_ONCE>();
     let (faces, faces_left) = faces.as_chunks_mut::<AT_ONCE>();
-    let mut first = 0;
+    // Numbers of samples are whole and small, so that they are exact.
+    let mut first = 0.0;
     for (z, face) in depths.iter_mut().zip(faces) {
         for k in 0..AT_ONCE {
-            one(&mut z[k], &mut face[k], first + k as i32);
+            one(&mut z[k], &mut face[k], first + PLACES[k]);
         }
-        first += AT_ONCE as i32;
+        first += AT_ONCE as i32 as f32;
     }
-    for (k, (z, face)) in depths_left.iter_mut().zip(faces_left).enumerate() {
-        one(z, face, first + k as i32);
+    for ((z, face), place) in depths_left.iter_mut().zip(faces_left).zip(PLACES) {
+        one(z, face, first + place);
     }
-    seen != 0
 }
+
+const PLACES: [f32; AT_ONCE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// The pixels of a polygon's part in front of the near plane.
 pub(crate) fn project_clipped(

@@ -9,6 +9,7 @@ use crate::pixels::Pixels;
 use crate::raster::{View, project_clipped};
 use crate::scene::{Face, Scene};
 use std::collections::BTreeMap;
+use std::ops::Range;
 use stillpoint_geometry::{Se3, Vec2, Vec3};
 
 /// When the rows of a camera's images are exposed.
@@ -61,6 +62,9 @@ const STEP: f64 = 0.0005;
 /// Rows that a face may move by between two such moments, px.
 const MARGIN: f64 = 3.0;
 
+/// Rows of an image that are drawn at once, px.
+const BAND: usize = 8;
+
 /// A camera on its path through a scene.
 #[derive(Clone, Copy)]
 pub(crate) struct Sight<'a> {
@@ -101,14 +105,20 @@ impl<'a> Sight<'a> {
     fn exposed(&self, stamp: f64, readout: f64, moments: &mut BTreeMap<i64, Moment>) -> Vec<f32> {
         let (w, h) = (self.lens.width, self.lens.height);
         let mut ideal = vec![0.0_f32; 3 * w * h];
-        let at_once = (readout == 0.0).then(|| self.view(stamp, 2));
-        for (y, row) in ideal.chunks_exact_mut(3 * w).enumerate() {
-            match &at_once {
-                Some(view) => view.shade_row(self.scene, self.lens, y, row),
-                None => self
-                    .strip(y, self.row_time(y, stamp, readout), 2, moments)
-                    .shade_row(self.scene, self.lens, y, row),
+        let mut rows = ideal.chunks_exact_mut(3 * w).enumerate();
+        if readout == 0.0 {
+            let mut view = self.faces(stamp, 2);
+            for band in self.bands() {
+                view.draw(self.rendered_rows(&band));
+                for (y, row) in rows.by_ref().take(band.len()) {
+                    view.shade_row(self.scene, self.lens, y, row);
+                }
             }
+            return ideal;
+        }
+        for (y, row) in rows {
+            self.strip(y, self.row_time(y, stamp, readout), 2, moments)
+                .shade_row(self.scene, self.lens, y, row);
         }
         ideal
     }
@@ -116,18 +126,41 @@ impl<'a> Sight<'a> {
     /// What the pixels see in the middle of their exposure.
     pub(crate) fn pixels(&self, stamp: f64, readout: f64) -> Pixels {
         let mut pixels = Pixels::new(self.lens);
-        let rows = 0..self.lens.height;
         if readout == 0.0 {
-            pixels.push(self.view(stamp, 1), self.lens, rows);
+            let mut view = self.faces(stamp, 1);
+            for band in self.bands() {
+                view.draw(self.rendered_rows(&band));
+                pixels.push(&view, self.lens, band);
+            }
+            pixels.add_faces(view);
             return pixels;
         }
         let mut moments = BTreeMap::new();
-        for y in rows {
+        for y in 0..self.lens.height {
             let time = self.row_time(y, stamp, readout);
             let strip = self.strip(y, time, 1, &mut moments);
-            pixels.push(strip, self.lens, y..y + 1);
+            pixels.push(&strip, self.lens, y..y + 1);
+            pixels.add_faces(strip);
         }
         pixels
+    }
+
+    /// The recorded rows in parts that are drawn one after the other: so few that they stay in the processor's cache.
+    fn bands(&self) -> impl Iterator<Item = Range<usize>> + use<> {
+        let height = self.lens.height;
+        // Bands of a lens that distorts would overlap in the rendered image.
+        let step = if self.lens.is_ideal() { BAND } else { height };
+        (0..height)
+            .step_by(step)
+            .map(move |y| y..(y + step).min(height))
+    }
+
+    /// The rows of the rendered image that some recorded rows look at.
+    fn rendered_rows(&self, recorded: &Range<usize>) -> Range<usize> {
+        if self.lens.is_ideal() {
+            return recorded.clone();
+        }
+        0..self.lens.rendered.height as usize
     }
 
     /// When a row of the recorded image is exposed, s.
@@ -135,12 +168,13 @@ impl<'a> Sight<'a> {
         stamp + readout * (y as f64 / self.lens.height as f64 - 0.5)
     }
 
-    /// What the camera sees at a time, before the lens, with `factor`^2 samples per pixel.
-    pub(crate) fn view(&self, stamp: f64, factor: usize) -> View {
+    /// The faces that the camera sees at a time, before the lens, with `factor`^2 samples per pixel; no rows are drawn yet.
+    pub(crate) fn faces(&self, stamp: f64, factor: usize) -> View {
         let moving = self.scene.moving(stamp);
         let faces = self.scene.fixed().iter().chain(&moving);
         let pose = self.path.world_from_camera(stamp);
-        View::new(faces, &self.lens.rendered, &pose, factor)
+        let rows = 0..self.lens.rendered.height as usize;
+        View::placed(faces, &self.lens.rendered, &pose, factor, rows)
     }
 
     /// What the recorded row `y` sees at a time.

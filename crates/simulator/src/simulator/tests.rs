@@ -65,7 +65,8 @@ fn masks_agree_with_what_the_colour_image_shows() {
     })
     .unwrap();
     for index in [40, 100, 260] {
-        let (fine, truth) = (sim.sight().view(sim.stamp(index), 2), sim.truth(index));
+        let (mut fine, truth) = (sim.sight().faces(sim.stamp(index), 2), sim.truth(index));
+        fine.draw(0..480);
         let mover = |x: usize, y: usize| {
             let number = fine.face[y * fine.width + x] as usize;
             fine.faces.get(number).map_or(0, |f| f.mover)
