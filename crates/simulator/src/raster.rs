@@ -270,8 +270,8 @@ impl Borders {
     }
 }
 
-/// Samples of a row that are compared at once.
-const AT_ONCE: usize = 8;
+/// Samples of a row that are compared at once, or pixels that are shaded at once.
+pub(crate) const AT_ONCE: usize = 8;
 
 /// Puts a face into a part of a row, in front of what is farther: its 1 / z is `start + step * i` at sample `i`.
 #[inline]
@@ -297,7 +297,8 @@ fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u
     }
 }
 
-const PLACES: [f32; AT_ONCE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+/// Their numbers.
+pub(crate) const PLACES: [f32; AT_ONCE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// The pixels of a polygon's part in front of the near plane.
 pub(crate) fn project_clipped(

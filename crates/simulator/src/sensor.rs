@@ -116,11 +116,13 @@ impl Sensor {
         let patches = Patches::new(random::key(self.seed, Purpose::Holes, index), w, h);
         let mut depth = vec![0.0_f32; w * h];
         let mut lit = vec![false; w];
+        let mut luck = vec![0.0_f32; w];
         let scale = [w as f32 / 640.0, h as f32 / 480.0];
         let border = [0, 1, 2, 3].map(|k| (BORDER[k] as f32 * scale[k % 2]) as usize);
         for y in border[1]..h - border[3] {
             let disparities = &view.inverse_depth[y * w..(y + 1) * w];
             find_lit(disparities, focal, &mut lit);
+            patches.row(y, &mut luck);
             let measured = lit.iter().enumerate().take(w - border[2]).skip(border[0]);
             for (x, lit) in measured {
                 let i = y * w + x;
@@ -130,7 +132,7 @@ impl Sensor {
                 };
                 let z = 1.0 / inverse;
                 let signal = face.infrared_back(z, self.ray[i]) * inverse * inverse;
-                let patch = patches.at(x, y);
+                let patch = luck[x];
                 // An unlucky patch needs three times the signal of a lucky one.
                 if signal < SIGNAL * (1.0 + 0.6 * patch) || ragged(view, x, y, focal, patch) {
                     continue;
@@ -218,11 +220,37 @@ impl Patches {
         let bottom = v(i, j + 1) + (v(i + 1, j + 1) - v(i, j + 1)) * fx;
         top + (bottom - top) * fy
     }
+
+    /// All of row `y`.
+    fn row(&self, y: usize, out: &mut [f32]) {
+        let fy = (y % CELL) as f32 / CELL as f32;
+        let upper = &self.values[y / CELL * self.columns..][..2 * self.columns];
+        for (i, out) in out.chunks_mut(CELL).enumerate() {
+            let [a, b] = [upper[i], upper[i + 1]];
+            let [c, d] = [upper[self.columns + i], upper[self.columns + i + 1]];
+            for (k, out) in out.iter_mut().enumerate() {
+                let fx = k as f32 / CELL as f32;
+                let (top, bottom) = (a + (b - a) * fx, c + (d - c) * fx);
+                *out = top + (bottom - top) * fy;
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_row_of_patches_is_what_its_pixels_are() {
+        let patches = Patches::new(5, 43, 31);
+        for y in 0..31 {
+            let mut row = vec![0.0; 43];
+            patches.row(y, &mut row);
+            let single: Vec<f32> = (0..43).map(|x| patches.at(x, y)).collect();
+            assert_eq!(row, single);
+        }
+    }
 
     #[test]
     fn depth_noise_and_quantisation_follow_the_model() {

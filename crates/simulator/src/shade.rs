@@ -4,7 +4,7 @@
 //! Which face a sample sees is the business of `raster`.
 
 use crate::lens::Lens;
-use crate::raster::{Eye, View};
+use crate::raster::{AT_ONCE, Eye, PLACES, View};
 use crate::scene::{Face, Scene};
 use stillpoint_geometry::{Camera, Vec3};
 
@@ -140,19 +140,30 @@ impl Visible {
         let (s0, [su, sv]) = (start(&self.s_over_z), slope(&self.s_over_z));
         let (t0, [tu, tv]) = (start(&self.t_over_z), slope(&self.t_over_z));
         let [l0, ls, lt] = self.light;
-        for (i, pixel) in out.chunks_exact_mut(3).enumerate() {
-            let x = i as i32 as f32;
-            let z = 1.0 / (w0 + wu * x);
-            let (s, t) = ((s0 + su * x) * z, (t0 + tu * x) * z);
-            // Derivatives of s and t along u and v: the quotient rule.
-            let (dsu, dsv) = ((su - s * wu) * z, (sv - s * wv) * z);
-            let (dtu, dtv) = ((tu - t * wu) * z, (tv - t * wv) * z);
-            let along_u = dsu * dsu + dtu * dtu;
-            let along_v = dsv * dsv + dtv * dtv;
-            let footprint2 = FOOTPRINT2 * along_u.max(along_v);
-            let colour = texture.sample(s, t, footprint2);
-            let light = (l0 + ls * s + lt * t) * (1.0 / 256.0);
-            (0..3).for_each(|c| pixel[c] = colour[c] * light);
+        // What needs no texture is computed for several pixels at once; numbers of pixels are whole and small, so that they are exact.
+        let mut first = 0.0;
+        for pixels in out.chunks_mut(3 * AT_ONCE) {
+            let mut at = [[0.0_f32; AT_ONCE]; 3];
+            for (k, place) in PLACES.into_iter().enumerate() {
+                let x = first + place;
+                let z = 1.0 / (w0 + wu * x);
+                let (s, t) = ((s0 + su * x) * z, (t0 + tu * x) * z);
+                // Derivatives of s and t along u and v: the quotient rule.
+                let (dsu, dsv) = ((su - s * wu) * z, (sv - s * wv) * z);
+                let (dtu, dtv) = ((tu - t * wu) * z, (tv - t * wv) * z);
+                let along_u = dsu * dsu + dtu * dtu;
+                let along_v = dsv * dsv + dtv * dtv;
+                at[0][k] = s;
+                at[1][k] = t;
+                at[2][k] = FOOTPRINT2 * along_u.max(along_v);
+            }
+            for (k, pixel) in pixels.chunks_exact_mut(3).enumerate() {
+                let [s, t, footprint2] = [at[0][k], at[1][k], at[2][k]];
+                let colour = texture.sample(s, t, footprint2);
+                let light = (l0 + ls * s + lt * t) * (1.0 / 256.0);
+                (0..3).for_each(|c| pixel[c] = colour[c] * light);
+            }
+            first += AT_ONCE as i32 as f32;
         }
     }
 

@@ -156,18 +156,19 @@ impl Canvas {
         let lattice: Vec<f32> = (0..nx * ny)
             .map(|_| rng.range(-1.0, 1.0) as f32 * amplitude)
             .collect();
-        for y in 0..self.height {
+        let across: Vec<f32> = (0..cell[0]).map(|x| x as f32 / cell[0] as f32).collect();
+        for (y, row) in self.pixels.chunks_exact_mut(self.width).enumerate() {
             let (j, fy) = (y / cell[1] % ny, (y % cell[1]) as f32 / cell[1] as f32);
             let (row0, row1) = (j * nx, (j + 1) % ny * nx);
-            for x in 0..self.width {
-                let (i, fx) = (x / cell[0] % nx, (x % cell[0]) as f32 / cell[0] as f32);
-                let k = (i + 1) % nx;
-                let top = lattice[row0 + i] + (lattice[row0 + k] - lattice[row0 + i]) * fx;
-                let bottom = lattice[row1 + i] + (lattice[row1 + k] - lattice[row1 + i]) * fx;
-                let v = top + (bottom - top) * fy;
-                self.pixels[y * self.width + x]
-                    .iter_mut()
-                    .for_each(|p| *p += v);
+            for (i, pixels) in row.chunks_mut(cell[0]).enumerate() {
+                let (i, k) = (i % nx, (i + 1) % nx);
+                let [a, b] = [lattice[row0 + i], lattice[row0 + k]];
+                let [c, d] = [lattice[row1 + i], lattice[row1 + k]];
+                for (pixel, fx) in pixels.iter_mut().zip(&across) {
+                    let (top, bottom) = (a + (b - a) * fx, c + (d - c) * fx);
+                    let v = top + (bottom - top) * fy;
+                    pixel.iter_mut().for_each(|p| *p += v);
+                }
             }
         }
     }

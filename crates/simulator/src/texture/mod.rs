@@ -39,7 +39,10 @@ const HALVES: u64 = 0x0000_0080_0080_0080;
 /// `a` to `b` by `f` / 256 in each lane.
 #[inline]
 fn lerp(a: u64, b: u64, f: u64) -> u64 {
-    ((a * (256 - f) + b * f + HALVES) >> 8) & LANES
+    // Lanes stay below 2^16, so that nothing wraps.
+    let sum = a.wrapping_mul(256_u64.wrapping_sub(f));
+    let sum = sum.wrapping_add(b.wrapping_mul(f));
+    (sum.wrapping_add(HALVES) >> 8) & LANES
 }
 
 impl Level {
