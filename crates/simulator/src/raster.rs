@@ -301,7 +301,7 @@ fn put(depths: &mut [f32], faces: &mut [u32], [start, step]: [f32; 2], number: u
 pub(crate) const PLACES: [f32; AT_ONCE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
 
 /// The pixels of a polygon's part in front of the near plane.
-pub(crate) fn project_clipped(
+fn project_clipped(
     vertices: &[Vec3],
     camera: &Camera,
     camera_from_world: &Se3,

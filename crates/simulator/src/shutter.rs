@@ -6,7 +6,7 @@
 use crate::lens::Lens;
 use crate::path::Path;
 use crate::pixels::Pixels;
-use crate::raster::{View, project_clipped};
+use crate::raster::View;
 use crate::scene::{Face, Scene};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -61,6 +61,9 @@ const NEAREST: f64 = 0.7;
 const STEP: f64 = 0.0005;
 /// Rows that a face may move by between two such moments, px.
 const MARGIN: f64 = 3.0;
+
+/// A face is not in sight between two such moments whose plane is so far on the wrong side of the camera, m.
+const TURNED_AWAY: f64 = -0.05;
 
 /// Rows of an image that are drawn at once, px.
 const BAND: usize = 8;
@@ -200,33 +203,35 @@ impl<'a> Sight<'a> {
     fn moment(&self, key: i64) -> Moment {
         let time = key as f64 * STEP;
         let moving = self.scene.moving(time);
-        let camera_from_world = self.path.world_from_camera(time).inverse();
-        let mut polygon = Vec::new();
+        let world_from_camera = self.path.world_from_camera(time);
+        let camera_from_world = world_from_camera.inverse();
         let faces = self.scene.fixed().iter().chain(&moving);
         let rows = faces
-            .map(|face| self.rows_of(face, &camera_from_world, &mut polygon))
+            .map(|face| self.rows_of(face, &camera_from_world, &world_from_camera.translation))
             .collect();
         Moment { moving, rows }
     }
 
     /// The first and the last row of the rendered image that a face touches.
-    fn rows_of(&self, face: &Face, camera_from_world: &Se3, out: &mut Vec<[f64; 2]>) -> [f64; 2] {
-        let near = |p: &Vec3| camera_from_world.transform(p).z < 0.2;
-        if face.vertices.iter().any(near) {
-            // What passes the camera moves by more than the margin, or is not there at all.
-            let behind = face
-                .vertices
-                .iter()
-                .all(|p| camera_from_world.transform(p).z < -0.2);
-            return if behind {
-                [f64::MAX, f64::MIN]
-            } else {
-                [f64::MIN, f64::MAX]
-            };
+    fn rows_of(&self, face: &Face, camera_from_world: &Se3, eye: &Vec3) -> [f64; 2] {
+        let mut rows = [f64::MAX, f64::MIN];
+        if face.normal.dot(&(eye - face.vertices[0])) < TURNED_AWAY {
+            return rows;
         }
-        project_clipped(&face.vertices, &self.lens.rendered, camera_from_world, out);
-        out.iter()
-            .fold([f64::MAX, f64::MIN], |[a, b], p| [a.min(p[1]), b.max(p[1])])
+        let (mut near, mut behind) = (false, true);
+        for vertex in &face.vertices {
+            let p = camera_from_world.transform(vertex);
+            near |= p.z < 0.2;
+            behind &= p.z < -0.2;
+            let v = self.lens.rendered.project(&p).y;
+            rows = [rows[0].min(v), rows[1].max(v)];
+        }
+        match (near, behind) {
+            (false, _) => rows,
+            // What passes the camera moves by more than the margin, or is not there at all.
+            (true, true) => [f64::MAX, f64::MIN],
+            (true, false) => [f64::MIN, f64::MAX],
+        }
     }
 
     /// How many exposures are averaged.
