@@ -1,14 +1,17 @@
 //! Which detection is of which object.
 
+use super::expected::Expected;
 use super::kind::may_be_one;
 use super::measurement::Measurement;
-use super::occlusion::Occlusion;
-use super::track::{Expected, Track};
+use super::occlusion::{Occlusion, Shown};
+use super::track::Track;
 use super::view::View;
 use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
+use stillpoint_geometry::Vec2;
+use stillpoint_imaging::CoarseDepth;
 
 /// Integer units of one of benefit: the library needs a total order and exact sums.
 const UNITS: f64 = 1e6;
@@ -17,6 +20,8 @@ const FORBIDDEN: i64 = -1_000_000_000_000;
 /// Tracks or detections that the method is used on at once. Things that hide each other in chains so long are boxes without meaning, as of a
 /// detector with a wrong threshold; there each takes what fits it best.
 const LARGEST_GROUP: usize = 64;
+/// What the least likely pair that passes the gates counts for.
+const LEAST_BENEFIT: f64 = 0.01;
 /// Head start of a confirmed object over one that was seen once, so that a false alarm does not take its detection.
 const CONFIRMED: f64 = 0.2;
 
@@ -25,6 +30,7 @@ const CONFIRMED: f64 = 0.2;
 pub(super) fn associate(
     tracks: &[Track],
     view: &View,
+    depth: &CoarseDepth,
     measurements: &[Measurement],
     share: f64,
 ) -> Vec<Option<(usize, Measurement)>> {
@@ -33,7 +39,10 @@ pub(super) fn associate(
     }
     let expected: Vec<Expected> = tracks.iter().map(|t| t.expected(view)).collect();
     let occlusion = Occlusion::new(tracks, &expected);
-    let around: Vec<Occlusion> = measurements.iter().map(|m| occlusion.around(m)).collect();
+    let around: Vec<Shown> = measurements
+        .iter()
+        .map(|m| occlusion.around(m, depth))
+        .collect();
     let own = |i: usize, j: usize| around[j].seen_of(&tracks[i], &expected[i], &measurements[j]);
     let mut pairs = Vec::new();
     for (i, track) in tracks.iter().enumerate() {
@@ -45,7 +54,9 @@ pub(super) fn associate(
             if let Some(fit) = track.fit(view, &expected[i], &own(i, j), share) {
                 let bonus = if track.confirmed() { CONFIRMED } else { 0.0 };
                 // Any match is better than none.
-                let benefit = ((1.0 + fit.benefit + bonus) * UNITS) as i64;
+                let doubt = around[j].doubt(&tracks[i], &expected[i]);
+                let benefit = (1.0 + fit.benefit + bonus - doubt).max(LEAST_BENEFIT);
+                let benefit = (benefit * UNITS) as i64;
                 pairs.push(Pair {
                     track: i,
                     detection: j,
@@ -56,7 +67,14 @@ pub(super) fn associate(
     }
     let assigned = assign(&pairs, tracks.len(), measurements.len());
     let found = assigned.iter().enumerate();
-    found.map(|(i, j)| j.map(|j| (j, own(i, j)))).collect()
+    let measured = |i: usize, j: usize| {
+        let mut m = own(i, j);
+        let middle = Shown::middle(&tracks[i], &expected[i], &m, depth);
+        let row = m.detection.bounds.centre()[1];
+        m.middle = middle.map(|u| view.camera.undistort(Vec2::new(u, row)).x);
+        m
+    };
+    found.map(|(i, j)| j.map(|j| (j, measured(i, j)))).collect()
 }
 
 /// A track and a detection that may be of one object.

@@ -1,8 +1,9 @@
 //! Two tracks on one object: how they are kept from starting, and merged.
 
+use super::expected::Expected;
 use super::kind::may_be_one;
 use super::measurement::Measurement;
-use super::track::{Expected, Track};
+use super::track::Track;
 use super::view::View;
 use crate::BoundingBox;
 
@@ -71,6 +72,11 @@ pub(super) fn one_name_each(mut all: Vec<Measurement>) -> Vec<Measurement> {
     kept
 }
 
+/// Whether a track that was detected began since the other was detected last: two who were seen beside each other are two.
+fn begins_after(seen: &Track, missed: &Track) -> bool {
+    seen.misses == 0 && missed.misses > 0 && seen.born > missed.last_seen
+}
+
 /// Whether two tracks are on the same thing now.
 fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool {
     if !may_be_one(a.class, b.class) {
@@ -81,7 +87,7 @@ fn same((a, at_a): (&Track, &Expected), (b, at_b): (&Track, &Expected)) -> bool 
     match (at_a.depth(), at_b.depth()) {
         // A cup on a table is a part of its box; things of two names are one only where their boxes are.
         (Some(x), Some(y)) if same_class => {
-            let seen_once = (a.misses > 0) != (b.misses > 0) && a.cut && b.cut;
+            let seen_once = a.cut && b.cut && (begins_after(a, b) || begins_after(b, a));
             let (depth, part) = if seen_once {
                 (NEAR_DEPTH, NEAR_PART)
             } else {
@@ -124,6 +130,7 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
         let larger = expected[young].bounds.area() > expected[elder].bounds.area();
         if other.misses < kept.misses || (other.misses == kept.misses && larger) {
             kept.body = other.body;
+            kept.trunk = other.trunk;
             kept.reach = other.reach;
             kept.score = other.score;
             expected[elder] = kept.expected(view);

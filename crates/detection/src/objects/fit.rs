@@ -1,9 +1,10 @@
 //! Whether a detection may be of an object, and how well it fits.
 
 use super::duplicates::overlap;
+use super::expected::Expected;
 use super::kind::may_be_one;
 use super::measurement::Measurement;
-use super::track::{Body, Expected, Track};
+use super::track::{Body, Track};
 use super::view::View;
 
 /// How well a detection fits a track.
@@ -17,6 +18,10 @@ pub(super) struct Fit {
 pub(super) const CHI2_99: [f64; 6] = [0.0, 6.635, 9.210, 11.345, 13.277, 15.086];
 /// Share of the smaller of two boxes in the larger from which one that the border cuts may be the other, come in or gone out at once.
 const GROWS: f64 = 0.7;
+/// Share of a box in the place of who is hidden from which it may be what shows of him.
+const SHOWS: f64 = 0.5;
+/// Share of its width and height that it keeps where nothing cuts it.
+const KEPT: f64 = 0.5;
 /// Detections for which what comes in at the border may turn out to be at another depth: what showed first was mostly the background.
 const COMES_IN: u32 = 5;
 /// Boxes that overlap so much are of one object even when the filter did not expect its change of shape or speed.
@@ -62,13 +67,23 @@ impl Track {
         };
         // What another class is said of must be at the very place.
         let comes_in = self.fresh <= COMES_IN && self.cut;
-        let at_border = m.cut.contains(&true)
-            && (mode.is_some() || comes_in)
-            && overlap(&expected.bounds, &m.detection.bounds) >= GROWS;
+        let (own, new) = (&expected.bounds, &m.detection.bounds);
+        // What nothing cuts does not shrink at once, though sides that were cut before are known vaguely.
+        let kept =
+            |axis: usize, own: f64, new: f64| m.cut[axis] || m.cut[axis + 2] || new >= KEPT * own;
+        let kept = kept(0, own.width(), new.width()) && kept(1, own.height(), new.height());
+        let inside = overlap(own, new);
+        let at_border =
+            m.cut.contains(&true) && kept && (mode.is_some() || comes_in) && inside >= GROWS;
         let occluded = self.hidden && self.absent == 0;
         let allowed = if same_class {
             // Who is hidden is expected vaguely: a gate that wide takes false alarms for the person.
-            iou >= least || at_border || (chi2 <= gate && !contradicts && !occluded)
+            iou >= least
+                || at_border
+                || (kept
+                    && chi2 <= gate
+                    && !contradicts
+                    && (!occluded || (mode.is_some() && inside >= SHOWS)))
         } else {
             iou >= SAME_BOX && !contradicts
         };

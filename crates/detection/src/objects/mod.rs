@@ -2,12 +2,13 @@
 //!
 //! Answers: where every object is in the image of any pose and stamp, how it moves, and whether it has been standing still. Bridges what the detector
 //! misses or answers late. Does not decide which features are rejected. One module each for the filter with depth (`spatial`), the one without (`planar`),
-//! what a detection measures (`measurement`, `depth`), the assignment (`associate`, `fit`, `occlusion`), the life of an object (`track`, `tracker`, `sight`, `duplicates`, `lost`).
+//! what a detection measures (`measurement`, `depth`), the assignment (`associate`, `expected`, `fit`, `occlusion`, `profile`), the life of an object (`track`, `tracker`, `sight`, `duplicates`, `lost`).
 
 mod associate;
 mod config;
 mod depth;
 mod duplicates;
+mod expected;
 mod fit;
 mod kalman;
 mod kind;
@@ -15,6 +16,7 @@ mod lost;
 mod measurement;
 mod occlusion;
 mod planar;
+mod profile;
 mod rigidity;
 mod sight;
 mod spatial;

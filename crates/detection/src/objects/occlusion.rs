@@ -3,20 +3,74 @@
 use super::ObjectId;
 use super::depth::DepthMode;
 use super::duplicates::SAME_DEPTH;
+use super::expected::Expected;
+use super::kind::liveliness;
 use super::measurement::Measurement;
-use super::track::{Expected, Track};
+use super::profile::{Profile, middle_column};
+use super::track::Track;
 use crate::BoundingBox;
+use stillpoint_imaging::CoarseDepth;
 
 /// A side is cut by somebody who covers this share of it.
 const COVERED: f64 = 0.5;
+/// Share of a box that a person mostly shows of himself, however many stand before him.
+const SHOWN: f64 = 0.1;
+/// What it counts against a person that a box shows nothing at his depth.
+const MISSING: f64 = 0.8;
+/// What it counts against a person that he goes on beside the box ...
+const ELSEWHERE: f64 = 1.0;
+/// ... with as much of him as this, or more.
+const GOES_ON: f64 = 0.4;
+/// Who covers this share of a box may hide most of the one that it is of.
+const COVERS: f64 = 0.25;
+/// The least part of a box that is somebody whom others mostly hide.
+const SLIVER: f64 = 0.05;
+/// Part of a box from above in which a person's middle is measured: legs swing.
+const TRUNK: f64 = 0.6;
+/// Fewer cells have no middle.
+const LEAST_CELLS: usize = 8;
 
 /// A confirmed object before an update.
 #[derive(Clone, Copy, Debug)]
 struct Occupant {
     id: ObjectId,
     bounds: BoundingBox,
-    /// Depth, m.
-    z: f64,
+    /// Depth and its standard deviation, m.
+    z: [f64; 2],
+    /// Whether it is sure to be an object.
+    reported: bool,
+}
+
+impl Occupant {
+    fn of(track: &Track, expected: &Expected) -> Option<Self> {
+        Some(Self {
+            id: track.id,
+            bounds: expected.bounds,
+            z: [expected.depth()?, expected.depth_sigma],
+            reported: track.reported(),
+        })
+    }
+
+    /// Where its surface may be, m.
+    fn range(&self) -> [f64; 2] {
+        let [z, sigma] = self.z;
+        let reach = SAME_DEPTH + sigma.min(SAME_DEPTH);
+        [z - reach, z + reach]
+    }
+
+    /// Whether a good part of a box is where it is expected.
+    fn covers(&self, b: &BoundingBox) -> bool {
+        let (x, y) = (
+            [self.bounds.x0, self.bounds.x1],
+            [self.bounds.y0, self.bounds.y1],
+        );
+        covered([b.x0, b.x1], x) * covered([b.y0, b.y1], y) >= COVERS
+    }
+
+    /// Whether it stands before what is at a depth.
+    fn before(&self, z: f64) -> bool {
+        self.z[0] < z - SAME_DEPTH
+    }
 }
 
 /// Where the confirmed objects are expected.
@@ -25,25 +79,69 @@ pub(super) struct Occlusion(Vec<Occupant>);
 
 impl Occlusion {
     pub(super) fn new(tracks: &[Track], expected: &[Expected]) -> Self {
-        let occupant = |(t, e): (&Track, &Expected)| {
-            e.depth().map(|z| Occupant {
-                id: t.id,
-                bounds: e.bounds,
-                z,
-            })
-        };
         let confirmed = tracks.iter().zip(expected).filter(|(t, _)| t.confirmed());
-        Self(confirmed.filter_map(occupant).collect())
+        Self(confirmed.filter_map(|(t, e)| Occupant::of(t, e)).collect())
     }
 
-    /// Those whose boxes meet that of a detection: no others hide anything of what it shows.
-    pub(super) fn around(&self, m: &Measurement) -> Self {
+    /// What a detection's box shows, and those whose boxes meet it: no others hide anything of it.
+    pub(super) fn around(&self, m: &Measurement, depth: &CoarseDepth) -> Shown {
         let b = &m.detection.bounds;
         let meets = |o: &&Occupant| {
             let o = &o.bounds;
             o.x0 < b.x1 && b.x0 < o.x1 && o.y0 < b.y1 && b.y0 < o.y1
         };
-        Self(self.0.iter().filter(meets).copied().collect())
+        let occupants: Vec<Occupant> = self.0.iter().filter(meets).copied().collect();
+        let lively = liveliness(m.detection.class) >= 1.0 && !m.modes.is_empty();
+        let contested = lively && occupants.iter().filter(|o| o.reported).count() >= 2;
+        Shown {
+            profile: contested.then(|| Profile::new(depth, b)),
+            occupants,
+        }
+    }
+}
+
+/// What the box of a detection shows.
+#[derive(Clone, Debug)]
+pub(super) struct Shown {
+    /// Confirmed objects that are expected there.
+    occupants: Vec<Occupant>,
+    /// Of a person's box that more than one of them may be in.
+    profile: Option<Profile>,
+}
+
+impl Shown {
+    /// What the depths in the box and beside it say against its being of this track: a box shows the one that it is of, and to where he ends.
+    pub(super) fn doubt(&self, track: &Track, expected: &Expected) -> f64 {
+        let (Some(profile), Some(own)) = (&self.profile, Occupant::of(track, expected)) else {
+            return 0.0;
+        };
+        let missing = (1.0 - profile.share(own.range()) / SHOWN).max(0.0);
+        let goes_on = (profile.goes_on(own.range()) / GOES_ON).min(1.0);
+        MISSING * missing + ELSEWHERE * goes_on
+    }
+
+    /// Middle across the image of what a detection shows of a track, px of the raw image; `None` where not all of the width is seen. A box's sides are where the arms
+    /// are, the middle of the surface is where the trunk is.
+    pub(super) fn middle(
+        track: &Track,
+        expected: &Expected,
+        m: &Measurement,
+        depth: &CoarseDepth,
+    ) -> Option<f64> {
+        if m.cut[0] || m.cut[2] || liveliness(track.class) < 1.0 {
+            return None;
+        }
+        let b = m.detection.bounds;
+        let upper = BoundingBox {
+            y1: b.y0 + TRUNK * b.height(),
+            ..b
+        };
+        middle_column(
+            depth,
+            &upper,
+            Occupant::of(track, expected)?.range(),
+            LEAST_CELLS,
+        )
     }
 
     /// The detection as one of this track: without the surfaces of others who stand before it, and with the sides that they cut.
@@ -58,6 +156,7 @@ impl Occlusion {
             cut: self.cuts(track, expected, m),
             detection: m.detection,
             sides: m.sides,
+            middle: None,
         }
     }
 
@@ -69,8 +168,8 @@ impl Occlusion {
             return cut;
         };
         let b = m.detection.bounds;
-        let before = |o: &&Occupant| o.id != track.id && o.z < own - SAME_DEPTH;
-        for o in self.0.iter().filter(before) {
+        let before = |o: &&Occupant| o.id != track.id && o.before(own);
+        for o in self.occupants.iter().filter(before) {
             let across = covered([b.y0, b.y1], [o.bounds.y0, o.bounds.y1]) >= COVERED;
             let along = covered([b.x0, b.x1], [o.bounds.x0, o.bounds.x1]) >= COVERED;
             let inside = |x: f64, from: f64, to: f64| x > from && x < to;
@@ -83,24 +182,32 @@ impl Occlusion {
     }
 
     /// The surfaces in a detection's box that may be those of an object: without the ones of others that stand before it. None may be left, when
-    /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong.
+    /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong. What shows of a person beside them counts,
+    /// however little.
     fn surfaces(&self, track: &Track, expected: &Expected, m: &Measurement) -> Vec<DepthMode> {
-        let Some(own) = expected.depth() else {
+        let Some(own) = Occupant::of(track, expected) else {
             return m.modes.clone();
         };
+        let before = |o: &&Occupant| o.id != track.id && o.before(own.z[0]);
+        let others = self.occupants.iter().filter(before);
         let theirs = |mode: &DepthMode| {
-            self.0.iter().any(|o| {
-                o.id != track.id
-                    && o.z < own - SAME_DEPTH
-                    && (o.z - mode.depth).abs() <= SAME_DEPTH
-                    && o.bounds.iou(&m.detection.bounds) > 0.0
+            others.clone().any(|o| {
+                (o.z[0] - mode.depth).abs() <= SAME_DEPTH && o.bounds.iou(&m.detection.bounds) > 0.0
             })
         };
-        m.modes
-            .iter()
-            .filter(|mode| !theirs(mode))
-            .copied()
-            .collect()
+        let rest = m.modes.iter().filter(|mode| !theirs(mode));
+        let mut modes: Vec<DepthMode> = rest.copied().collect();
+        let [near, far] = own.range();
+        let shown = modes.iter().any(|m| (near..=far).contains(&m.depth));
+        if let (Some(profile), false) = (&self.profile, shown) {
+            let covering = others.clone().filter(|o| o.covers(&m.detection.bounds));
+            let ends = covering.map(|o| o.z[0] + SAME_DEPTH);
+            if let Some(end) = ends.reduce(f64::max) {
+                modes.extend(profile.surface([near.max(end), far], SLIVER));
+                modes.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+            }
+        }
+        modes
     }
 }
 

@@ -1,14 +1,15 @@
 //! One object: its filter, and how it was seen.
 
 use super::depth::DepthMode;
+use super::expected::Expected;
 use super::fit::CHI2_99;
 use super::kalman::{Gaussian, Row};
 use super::kind::liveliness;
 use super::measurement::Measurement;
 use super::planar::Planar;
 use super::rigidity::Rigidity;
-use super::spatial::{Projection, Spatial};
-use super::view::{Sides, View};
+use super::spatial::Spatial;
+use super::view::View;
 use super::{Motion, Object, ObjectId, ObjectState};
 use crate::{BoundingBox, ClassId};
 use std::collections::BTreeMap;
@@ -28,6 +29,8 @@ pub(super) struct Track {
     pub(super) class: ClassId,
     pub(super) score: f32,
     pub(super) body: Body,
+    /// Of a person, the filter whose middle is that of the surface instead of the box: arms and legs swing, and what others hide moves a box's sides.
+    pub(super) trunk: Option<Spatial>,
     /// How far the surface reaches in front of its median and behind it, m.
     pub(super) reach: [f64; 2],
     pub(super) hits: u32,
@@ -64,45 +67,6 @@ pub(super) struct Track {
     pub(super) rigidity: Rigidity,
 }
 
-/// Where a track is expected in an image: computed once for all that it is compared with.
-#[derive(Clone, Debug)]
-pub(super) struct Expected {
-    /// Of an object in space, unless it is behind the camera.
-    pub(super) projection: Option<Projection>,
-    /// Box in the raw image; without area when it is outside.
-    pub(super) bounds: BoundingBox,
-    /// Sides of the box, undistorted px, and the variance of each; none behind the camera.
-    sides: Option<(Sides, [f64; 4])>,
-}
-
-impl Expected {
-    /// Depth in this camera, m.
-    pub(super) fn depth(&self) -> Option<f64> {
-        self.projection.as_ref().map(|p| p.z)
-    }
-
-    /// Whether a detection lies so far beside the box that one side alone is outside all gates. Only what depends on nobody else is looked at.
-    pub(super) fn is_far_from(&self, m: &Measurement, share: f64) -> bool {
-        let Some((sides, variances)) = &self.sides else {
-            return false;
-        };
-        let beside = |axis: usize| {
-            let (low, high) = (axis, axis + 2);
-            // The side of the box that the detection is beyond: it binds at the border of the image, too.
-            let side = if m.sides[low] > sides[high] {
-                high
-            } else if m.sides[high] < sides[low] {
-                low
-            } else {
-                return false;
-            };
-            let error = m.sides[side] - sides[side];
-            error * error > CHI2_99[5] * (variances[side] + m.side_variance(axis, sides, share))
-        };
-        (beside(0) || beside(1)) && self.bounds.iou(&m.detection.bounds) <= 0.0
-    }
-}
-
 /// So many contradictions in a row, and the depth is started over.
 const CONTRADICTIONS: u32 = 3;
 /// How long an object lives on that was seen once, s.
@@ -125,6 +89,7 @@ impl Track {
             class: m.detection.class,
             score: m.detection.score,
             body: body_from(view, m, share, liveliness(m.detection.class)),
+            trunk: None,
             reach: m.modes.first().map_or([0.0; 2], reach),
             hits: 1,
             fresh: 1,
@@ -162,6 +127,9 @@ impl Track {
             Body::Spatial(s) => s.propagate(dt, acceleration),
             Body::Planar(p) => p.propagate(dt, acceleration),
         }
+        if let Some(trunk) = &mut self.trunk {
+            trunk.propagate(dt, acceleration);
+        }
     }
 
     /// Where it is expected.
@@ -174,7 +142,12 @@ impl Track {
             }
             Body::Planar(p) => (&p.state, p.project(view), None),
         };
+        let depth_sigma = match (&self.body, &projection) {
+            (Body::Spatial(s), Some(p)) => s.depth_variance(p).max(0.0).sqrt(),
+            _ => 0.0,
+        };
         Expected {
+            depth_sigma,
             projection,
             bounds: sides.map_or_else(BoundingBox::default, |(s, _)| view.raw(&s)),
             sides: sides.map(|(s, jacobians)| (s, jacobians.map(|j| state.variance(&j)))),
@@ -228,10 +201,24 @@ impl Track {
                 };
                 let mode = s.own_mode(&p, &m.modes).copied();
                 let ease = excess(&s.state, &s.rows(&p, m, mode.as_ref(), share));
-                s.update(|s| {
-                    let rows = s.project(view).map(|p| s.rows(&p, m, mode.as_ref(), share));
-                    eased(rows.unwrap_or_default(), ease)
-                });
+                let take_in = |s: &mut Spatial, m: &Measurement| {
+                    s.update(|s| {
+                        let rows = s.project(view).map(|p| s.rows(&p, m, mode.as_ref(), share));
+                        eased(rows.unwrap_or_default(), ease)
+                    });
+                };
+                match &mut self.trunk {
+                    Some(trunk) => take_in(trunk, m),
+                    None if m.middle.is_some() => self.trunk = Some(s.clone()),
+                    None => {}
+                }
+                take_in(
+                    s,
+                    &Measurement {
+                        middle: None,
+                        ..m.clone()
+                    },
+                );
                 if m.modes.is_empty() {
                     return;
                 }
@@ -248,6 +235,7 @@ impl Track {
             let velocity = old.state.mean.fixed_rows::<3>(3).into_owned();
             new.state.mean.fixed_rows_mut::<3>(3).copy_from(&velocity);
             self.body = body;
+            self.trunk = None;
         }
     }
 
@@ -281,6 +269,9 @@ impl Track {
         let may_rest = liveliness(self.class) < 1.0;
         if let Body::Spatial(s) = &mut self.body {
             s.settle(down, may_rest, parked);
+            if let Some(trunk) = &mut self.trunk {
+                trunk.settle(down, may_rest, parked);
+            }
             self.seen_at = Some(s.position());
             self.tallest = self.tallest.max(s.size()[1]);
         }
@@ -298,6 +289,7 @@ impl Track {
         let planar = matches!(self.body, Body::Planar(_));
         if planar || self.contradictions >= CONTRADICTIONS {
             self.body = body_from(view, m, share, liveliness(self.class));
+            self.trunk = None;
             self.reach = reach(&nearest);
             self.contradictions = 0;
         } else if let Some(own) = own {
@@ -351,9 +343,10 @@ impl Track {
             motion: self.rigidity.motion(),
         };
         if let Body::Spatial(s) = &self.body {
-            object.position = Some(s.position());
-            object.velocity = Some(s.velocity());
-            object.covariance = Some(s.covariance());
+            let middle = self.trunk.as_ref().unwrap_or(s);
+            object.position = Some(middle.position());
+            object.velocity = Some(middle.velocity());
+            object.covariance = Some(middle.covariance());
             object.size = Some(s.size());
             object.depth_range = s.project(view).map(|p| {
                 let sigma = s.depth_variance(&p).max(0.0).sqrt();

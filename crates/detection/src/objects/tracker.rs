@@ -100,7 +100,7 @@ impl ObjectTracker {
             .filter_map(|d| Measurement::new(&view, d, depth));
         let measurements = duplicates::one_name_each(measurements.collect());
         let share = self.config.side_sigma;
-        let assigned = associate(&self.tracks, &view, &measurements, share);
+        let assigned = associate(&self.tracks, &view, depth, &measurements, share);
         let mut taken = vec![false; measurements.len()];
         for (track, found) in self.tracks.iter_mut().zip(assigned) {
             match found {

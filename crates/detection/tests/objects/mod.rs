@@ -6,6 +6,7 @@ mod crowded;
 mod duplicates;
 mod feed;
 mod laws;
+mod passing;
 mod recorded;
 mod score;
 mod sight;

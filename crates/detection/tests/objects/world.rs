@@ -160,6 +160,36 @@ impl World {
         })
     }
 
+    /// The box around what is seen of a walker, and its area in the image, px; `None` where less than 1500 px are.
+    pub(crate) fn shown(&self, n: usize, t: f64) -> Option<(BoundingBox, f64)> {
+        const STEP: usize = 4;
+        let pose = self.pose(t);
+        let (mut b, mut area) = (None::<BoundingBox>, 0.0);
+        for y in (0..480).step_by(STEP) {
+            for x in (0..640).step_by(STEP) {
+                let raw = Vec2::new(x as f64 + 1.5, y as f64 + 1.5);
+                let ray = pose.rotation * self.camera.ray(self.camera.undistort(raw));
+                let hit = |w: &Walker| w.hit(t, &pose.translation, &ray);
+                let own = hit(&self.walkers[n]);
+                let first = self.walkers.iter().filter_map(hit).fold(1e9, f64::min);
+                if own != Some(first) {
+                    continue;
+                }
+                area += (STEP * STEP) as f64;
+                let half = STEP as f64 / 2.0;
+                let cell = [raw.x - half, raw.y - half, raw.x + half, raw.y + half];
+                let [x0, y0, x1, y1] = cell;
+                let grown = b.get_or_insert(BoundingBox { x0, y0, x1, y1 });
+                grown.x0 = grown.x0.min(x0);
+                grown.y0 = grown.y0.min(y0);
+                grown.x1 = grown.x1.max(x1);
+                grown.y1 = grown.y1.max(y1);
+            }
+        }
+        b.map(|b| (b.clipped(640, 480), area))
+            .filter(|b| b.1 >= 1500.0)
+    }
+
     /// What the depth camera sees, at the resolution of the cells.
     pub(crate) fn depth(&self, t: f64) -> CoarseDepth {
         if !self.with_depth {
