@@ -10,7 +10,6 @@ use pathfinding::kuhn_munkres::kuhn_munkres;
 use pathfinding::matrix::Matrix;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
-use stillpoint_geometry::Vec2;
 use stillpoint_imaging::CoarseDepth;
 
 /// Integer units of one of benefit: the library needs a total order and exact sums.
@@ -69,9 +68,7 @@ pub(super) fn associate(
     let found = assigned.iter().enumerate();
     let measured = |i: usize, j: usize| {
         let mut m = own(i, j);
-        let middle = Shown::middle(&tracks[i], &expected[i], &m, depth);
-        let row = m.detection.bounds.centre()[1];
-        m.middle = middle.map(|u| view.camera.undistort(Vec2::new(u, row)).x);
+        m.middle = Shown::middle(&tracks[i], &expected[i], &m, depth, view);
         m
     };
     found.map(|(i, j)| j.map(|j| (j, measured(i, j)))).collect()

@@ -4,6 +4,7 @@ use super::depth::{DepthMode, modes};
 use super::kalman::{Row, Vec8};
 use super::view::{Sides, View};
 use crate::Detection;
+use stillpoint_geometry::Vec2;
 use stillpoint_imaging::CoarseDepth;
 
 /// A detection in the terms of the filters.
@@ -16,8 +17,17 @@ pub(super) struct Measurement {
     pub(super) cut: [bool; 4],
     /// Surfaces in the box, nearest first.
     pub(super) modes: Vec<DepthMode>,
-    /// Middle across the image of the surface that is the object's, undistorted px, where all of its width is seen.
-    pub(super) middle: Option<f64>,
+    /// Through the middle of the surface that is the object's, where all of its width is seen.
+    pub(super) middle: Option<Plumb>,
+}
+
+/// A line across the image that hangs down in the world, undistorted px.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Plumb {
+    /// A point on it.
+    pub(super) through: Vec2,
+    /// How far it moves to the right per pixel down.
+    pub(super) lean: f64,
 }
 
 /// A box this near to the border touches it, as a share of the image's width: networks end their boxes some pixels short of it.
@@ -91,11 +101,13 @@ impl Measurement {
                 variance: self.side_variance(i % 2, predicted, share),
             });
         }
-        if let Some(middle) = self.middle {
+        if let Some(Plumb { through, lean }) = self.middle {
             let sigma = (MIDDLE_SIGMA * (predicted[2] - predicted[0])).max(LEAST_SIGMA);
+            let middle = |axis: usize| (predicted[axis] + predicted[axis + 2]) * 0.5;
+            let jacobian = |axis: usize| (jacobians[axis] + jacobians[axis + 2]) * 0.5;
             rows.push(Row {
-                jacobian: (jacobians[0] + jacobians[2]) * 0.5,
-                residual: middle - (predicted[0] + predicted[2]) * 0.5,
+                jacobian: jacobian(0) - jacobian(1) * lean,
+                residual: through.x + lean * (middle(1) - through.y) - middle(0),
                 variance: sigma * sigma,
             });
         }

@@ -5,10 +5,12 @@ use super::depth::DepthMode;
 use super::duplicates::SAME_DEPTH;
 use super::expected::Expected;
 use super::kind::liveliness;
-use super::measurement::Measurement;
+use super::measurement::{Measurement, Plumb};
 use super::profile::{Profile, middle_column};
 use super::track::Track;
+use super::view::View;
 use crate::BoundingBox;
+use stillpoint_geometry::Vec2;
 use stillpoint_imaging::CoarseDepth;
 
 /// A side is cut by somebody who covers this share of it.
@@ -27,8 +29,6 @@ const COVERS: f64 = 0.25;
 const SLIVER: f64 = 0.05;
 /// Part of a box from above in which a person's middle is measured: legs swing.
 const TRUNK: f64 = 0.6;
-/// Fewer cells have no middle.
-const LEAST_CELLS: usize = 8;
 
 /// A confirmed object before an update.
 #[derive(Clone, Copy, Debug)]
@@ -127,7 +127,8 @@ impl Shown {
         expected: &Expected,
         m: &Measurement,
         depth: &CoarseDepth,
-    ) -> Option<f64> {
+        view: &View,
+    ) -> Option<Plumb> {
         if m.cut[0] || m.cut[2] || liveliness(track.class) < 1.0 {
             return None;
         }
@@ -136,12 +137,12 @@ impl Shown {
             y1: b.y0 + TRUNK * b.height(),
             ..b
         };
-        middle_column(
-            depth,
-            &upper,
-            Occupant::of(track, expected)?.range(),
-            LEAST_CELLS,
-        )
+        let row = b.centre()[1];
+        let lean = view.lean(Vec2::from(b.centre()));
+        let range = Occupant::of(track, expected)?.range();
+        let column = middle_column(depth, &upper, range, (row, lean))?;
+        let through = view.camera.undistort(Vec2::new(column, row));
+        Some(Plumb { through, lean })
     }
 
     /// The detection as one of this track: without the surfaces of others who stand before it, and with the sides that they cut.
@@ -182,7 +183,7 @@ impl Shown {
     }
 
     /// The surfaces in a detection's box that may be those of an object: without the ones of others that stand before it. None may be left, when
-    /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong. What shows of a person beside them counts,
+    /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong. A surface between two is the nearer one's. What shows of a person beside them counts,
     /// however little.
     fn surfaces(&self, track: &Track, expected: &Expected, m: &Measurement) -> Vec<DepthMode> {
         let Some(own) = Occupant::of(track, expected) else {
@@ -192,7 +193,9 @@ impl Shown {
         let others = self.occupants.iter().filter(before);
         let theirs = |mode: &DepthMode| {
             others.clone().any(|o| {
-                (o.z[0] - mode.depth).abs() <= SAME_DEPTH && o.bounds.iou(&m.detection.bounds) > 0.0
+                let off = (o.z[0] - mode.depth).abs();
+                let his = off <= SAME_DEPTH || off < (own.z[0] - mode.depth).abs();
+                his && o.bounds.iou(&m.detection.bounds) > 0.0
             })
         };
         let rest = m.modes.iter().filter(|mode| !theirs(mode));

@@ -10,7 +10,10 @@ const BIN: f64 = 0.05;
 const BINS: usize = 160;
 /// Rows and columns of cells that are looked at in a box, less than twice as many.
 const MOST_CELLS: usize = 32;
-
+/// Fewer cells have no middle ...
+const LEAST_CELLS: usize = 8;
+/// ... nor do those that are a lesser share of a box.
+const FILLED: f64 = 0.4;
 /// Of a box's width and height, how far around it is looked for what goes on there.
 const AROUND: f64 = 0.25;
 
@@ -112,22 +115,25 @@ impl Profile {
     }
 }
 
-/// Middle across the image of the cells of a box between two depths, raw px: their median column. `None` where there are fewer than `least`.
+/// Middle across the image of the cells of a box between two depths, raw px in a row: the median column of plumb lines through them that move right by `lean` for each
+/// pixel down. `None` where there are too few of them, or where most of the box is something else: then what is at that depth may be another thing before or behind it.
 pub(super) fn middle_column(
     depth: &CoarseDepth,
     bounds: &BoundingBox,
     [near, far]: [f64; 2],
-    least: usize,
+    (row, lean): (f64, f64),
 ) -> Option<f64> {
     let mut found = Vec::new();
-    for_cells(depth, bounds, |[u, _], z| {
+    let mut all = 0;
+    for_cells(depth, bounds, |[u, v], z| {
+        all += 1;
         if (near..=far).contains(&z) {
-            found.push(u);
+            found.push(u - lean * (v - row));
         }
     });
     found.sort_by(f64::total_cmp);
-    (found.len() >= least.max(1))
-        .then(|| (found[found.len() / 2] + found[(found.len() - 1) / 2]) / 2.0)
+    let enough = found.len() >= LEAST_CELLS && found.len() as f64 >= FILLED * f64::from(all);
+    enough.then(|| (found[found.len() / 2] + found[(found.len() - 1) / 2]) / 2.0)
 }
 
 /// Place (px) and depth of the cells whose middle is in a box.
@@ -147,5 +153,87 @@ fn for_cells(depth: &CoarseDepth, b: &BoundingBox, mut take: impl FnMut([f64; 2]
                 take(depth.centre(x, y), f64::from(z));
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_imaging::DepthImage;
+
+    const BOX: BoundingBox = BoundingBox {
+        x0: 40.0,
+        y0: 40.0,
+        x1: 200.0,
+        y1: 240.0,
+    };
+
+    /// Depths of a body at 2 m, 80 px wide, whose middle is at a column in row 140 and moves right by `lean` per pixel down; a wall at 4 m.
+    fn body(column: f64, lean: f64) -> CoarseDepth {
+        let pixel = |i: usize| {
+            let (u, v) = ((i % 320) as f64, (i / 320) as f64);
+            let off = u - column - lean * (v - 140.0);
+            if off.abs() < 40.0 { 2.0 } else { 4.0 }
+        };
+        let data = (0..320 * 320).map(pixel).collect();
+        CoarseDepth::new(&DepthImage::from_vec(320, 320, data).unwrap(), 8)
+    }
+
+    #[test]
+    fn who_stands_askew_in_the_image_has_his_middle_where_his_axis_is() {
+        let upper = BoundingBox { y1: 140.0, ..BOX };
+        let range = [1.75, 2.25];
+        let middle =
+            |lean: f64, said: f64| middle_column(&body(120.0, lean), &upper, range, (140.0, said));
+        for lean in [-0.4, 0.0, 0.4] {
+            assert!(
+                (middle(lean, lean).unwrap_or(f64::NAN) - 120.0).abs() < 5.0,
+                "{lean}: {:?}",
+                middle(lean, lean)
+            );
+        }
+        assert!(
+            (middle(0.4, 0.0).unwrap_or(f64::NAN) - 120.0).abs() > 15.0,
+            "as if upright"
+        );
+    }
+
+    #[test]
+    fn what_fills_little_of_a_box_has_no_middle() {
+        let wide = BoundingBox {
+            x0: 0.0,
+            x1: 260.0,
+            ..BOX
+        };
+        let depth = body(120.0, 0.0);
+        let middle = |b: &BoundingBox| middle_column(&depth, b, [1.75, 2.25], (140.0, 0.0));
+        assert!(middle(&BOX).is_some() && middle(&wide).is_none());
+        assert!(middle_column(&depth, &BOX, [1.0, 1.5], (140.0, 0.0)).is_none());
+    }
+
+    #[test]
+    fn shares_count_what_lies_between_two_depths() {
+        let depth = body(120.0, 0.0);
+        let profile = Profile::new(&depth, &BOX);
+        let (near, far) = (profile.share([1.75, 2.25]), profile.share([3.75, 4.25]));
+        assert!(
+            (near - 0.5).abs() < 0.05 && (near + far - 1.0).abs() < 1e-9,
+            "{near} {far}"
+        );
+        assert!(profile.share([0.5, 1.5]).abs() < 1e-9);
+        // The body goes on above the box, and is not beside it.
+        assert!(
+            profile.goes_on([1.75, 2.25]) < 0.3,
+            "{}",
+            profile.goes_on([1.75, 2.25])
+        );
+        let cut = BoundingBox { x1: 120.0, ..BOX };
+        assert!(Profile::new(&depth, &cut).goes_on([1.75, 2.25]) > 0.3);
+        assert!(
+            profile
+                .surface([1.75, 2.25], 0.05)
+                .is_some_and(|s| (s.depth - 2.0).abs() < 0.06)
+        );
+        assert!(profile.surface([1.75, 2.25], 0.6).is_none());
     }
 }

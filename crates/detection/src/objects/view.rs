@@ -18,6 +18,8 @@ pub(super) struct View<'a> {
     pub(super) rotation: Mat3,
     /// Squares of cosine and sine of the angle between the image's y axis and the vertical seen in the image.
     pub(super) roll: [f64; 2],
+    /// The vertical of the world in camera coordinates; it points down.
+    down: Vec3,
     /// Undistorted pixels that the raw image holds: see [`Camera::undistorted_bounds`].
     limits: [f64; 4],
 }
@@ -44,6 +46,7 @@ impl<'a> View<'a> {
             world_from_camera: *world_from_camera,
             rotation,
             roll,
+            down: seen,
             limits,
         }
     }
@@ -51,6 +54,23 @@ impl<'a> View<'a> {
     /// A point of the world in camera coordinates.
     pub(super) fn camera_point(&self, world: &Vec3) -> Vec3 {
         self.rotation * (world - self.world_from_camera.translation)
+    }
+
+    /// How far a plumb line at a raw pixel moves to the right per pixel that it goes down; 0 where it lies rather than hangs in the image.
+    pub(super) fn lean(&self, raw: Vec2) -> f64 {
+        let at = self.camera.undistort(raw);
+        let (x, y) = (
+            (at.x - self.camera.cx) / self.camera.fx,
+            (at.y - self.camera.cy) / self.camera.fy,
+        );
+        // Towards the vanishing point of the vertical.
+        let across = (self.down.x - self.down.z * x) * self.camera.fx;
+        let along = (self.down.y - self.down.z * y) * self.camera.fy;
+        if across.abs() <= along.abs() {
+            across / along
+        } else {
+            0.0
+        }
     }
 
     /// The sides of a raw box without the lens distortion: those of its sides' midpoints.
@@ -87,7 +107,7 @@ impl<'a> View<'a> {
 mod tests {
     use super::*;
     use proptest::prelude::*;
-    use stillpoint_geometry::BrownConrady;
+    use stillpoint_geometry::{BrownConrady, so3};
 
     fn fr1() -> Camera {
         Camera {
@@ -99,6 +119,24 @@ mod tests {
                 k3: 1.1633,
             },
             ..Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3])
+        }
+    }
+
+    proptest! {
+        /// Two points of a plumb line are seen one below the other, as far to the side as it is said.
+        #[test]
+        fn plumb_lines_lean(
+            roll in -0.6..0.6_f64, pitch in -0.4..0.4_f64, x in -0.4..0.4_f64, y in -0.3..0.3_f64, z in 1.0..4.0_f64
+        ) {
+            let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
+            let rotation = so3::exp(&Vec3::new(pitch, 0.0, 0.0)) * so3::exp(&Vec3::new(0.0, 0.0, roll));
+            let pose = Se3::new(rotation, Vec3::zeros());
+            let view = View::new(&camera, camera.undistorted_bounds(), &pose, &Vec3::y());
+            let top = pose.transform(&Vec3::new(x * z, y * z, z));
+            let pixel = |world: &Vec3| camera.project(&view.camera_point(world));
+            let (a, b) = (pixel(&top), pixel(&(top + Vec3::y() * 1e-4)));
+            let lean = (b.x - a.x) / (b.y - a.y);
+            prop_assert!((view.lean(a) - lean).abs() < 1e-3, "{} {lean}", view.lean(a));
         }
     }
 
