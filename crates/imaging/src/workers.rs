@@ -28,7 +28,7 @@ impl Workers {
         Ok(Self(Some(Arc::new(pool))))
     }
 
-    /// Does a piece of work on these threads, so that [`both`], [`for_each`], [`fill`] and [`in_rows`] within it are shared among them; waits for it.
+    /// Does a piece of work on these threads, so that [`both`], [`fill`] and [`in_rows`] within it are shared among them; waits for it.
     pub fn run<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.0 {
             Some(pool) => pool.install(work),
@@ -52,24 +52,6 @@ pub fn both<A: Send, B: Send>(
         rayon_core::join(a, b)
     } else {
         (a(), b())
-    }
-}
-
-/// Does something with each of some things, which are best told in the order of their cost, dearest first; `work` is given its number, too.
-pub fn for_each<T: Send>(things: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
-    fn halve<T: Send>(first: usize, things: &mut [T], work: &(impl Fn(usize, &mut T) + Sync)) {
-        if let [thing] = things {
-            work(first, thing);
-        } else if !things.is_empty() {
-            let middle = things.len() / 2;
-            let (a, b) = things.split_at_mut(middle);
-            rayon_core::join(|| halve(first, a, work), || halve(first + middle, b, work));
-        }
-    }
-    if is_one() {
-        halve(0, things, &work);
-    } else {
-        things.iter_mut().enumerate().for_each(|(i, t)| work(i, t));
     }
 }
 
@@ -137,9 +119,6 @@ mod tests {
                     });
                 });
                 assert_eq!(rows, (0..3 * count).collect::<Vec<_>>());
-                let mut things = vec![0; count];
-                workers.run(|| for_each(&mut things, |i, t| *t += i + 1));
-                assert_eq!(things, (1..=count).collect::<Vec<_>>());
             }
             assert_eq!(workers.run(|| both(|| 1, || "b")), (1, "b"));
         }
