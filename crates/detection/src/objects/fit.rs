@@ -144,4 +144,41 @@ mod tests {
             }
         }
     }
+
+    /// Whether a box of a person's fits a track that was cut at the left border twice, of a box of `width` px from there.
+    fn fits_after_border(width: f64, new: [f64; 4]) -> bool {
+        let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
+        let view = View::new(
+            &camera,
+            camera.undistorted_bounds(),
+            &Se3::default(),
+            &Vec3::y(),
+        );
+        let depth = DepthImage::from_vec(640, 480, vec![1.0; 640 * 480]).unwrap();
+        let depth = CoarseDepth::new(&depth, 8);
+        let measured = |b| Measurement::new(&view, &detection(b), &depth).unwrap();
+        let mut track = Track::new(
+            ObjectId(0),
+            &view,
+            &measured([0.0, 0.0, width, 480.0]),
+            0.0,
+            0.1,
+        );
+        track.absorb(&view, &measured([0.0, 0.0, width, 480.0]), 0.03, 0.1);
+        track.propagate(0.5, 3.0);
+        track
+            .fit(&view, &track.expected(&view), &measured(new), 0.1)
+            .is_some()
+    }
+
+    /// What the border cut is known vaguely, but nobody shrinks to a sliver in the middle of the image.
+    #[test]
+    fn nobody_shrinks_to_less_than_half_where_nothing_cuts_him() {
+        assert!(fits_after_border(300.0, [10.0, 0.0, 270.0, 480.0]));
+        assert!(!fits_after_border(300.0, [140.0, 0.0, 20.0, 480.0]));
+        assert!(
+            fits_after_border(300.0, [0.0, 0.0, 130.0, 480.0]),
+            "cut it may"
+        );
+    }
 }

@@ -120,8 +120,8 @@ impl Shown {
         MISSING * missing + ELSEWHERE * goes_on
     }
 
-    /// Middle across the image of what a detection shows of a track, px of the raw image; `None` where not all of the width is seen. A box's sides are where the arms
-    /// are, the middle of the surface is where the trunk is.
+    /// The plumb line through the middle of what a detection shows of a person; `None` where not all of the width is seen. A box's sides are where the arms are, the middle of the
+    /// surface is where the trunk is.
     pub(super) fn middle(
         track: &Track,
         expected: &Expected,
@@ -183,8 +183,8 @@ impl Shown {
     }
 
     /// The surfaces in a detection's box that may be those of an object: without the ones of others that stand before it. None may be left, when
-    /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong. A surface between two is the nearer one's. What shows of a person beside them counts,
-    /// however little.
+    /// others cover the middle of the box: then the detection says nothing about depth, rather than something wrong. A surface between two is that of the one
+    /// who is nearer to it in depth. What shows of a person beside them counts, however little.
     fn surfaces(&self, track: &Track, expected: &Expected, m: &Measurement) -> Vec<DepthMode> {
         let Some(own) = Occupant::of(track, expected) else {
             return m.modes.clone();
@@ -217,4 +217,69 @@ impl Shown {
 /// Share of a range that another covers.
 fn covered([from, to]: [f64; 2], [start, end]: [f64; 2]) -> f64 {
     (to.min(end) - from.max(start)).max(0.0) / (to - from).max(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::objects::view::View;
+    use crate::{ClassId, Detection};
+    use stillpoint_geometry::{Camera, Se3, Vec3};
+    use stillpoint_imaging::DepthImage;
+
+    const BOX: BoundingBox = BoundingBox {
+        x0: 200.0,
+        y0: 80.0,
+        x1: 400.0,
+        y1: 400.0,
+    };
+
+    fn flat(z: f32) -> CoarseDepth {
+        CoarseDepth::new(
+            &DepthImage::from_vec(640, 480, vec![z; 640 * 480]).unwrap(),
+            8,
+        )
+    }
+
+    /// Depths of the surfaces that a box with one surface has left for somebody 2.5 m away, while another stands 1 m away before him.
+    fn left_for_the_farther(surface: f64) -> Vec<f64> {
+        let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
+        let view = View::new(
+            &camera,
+            camera.undistorted_bounds(),
+            &Se3::default(),
+            &Vec3::y(),
+        );
+        let detection = Detection {
+            class: ClassId::PERSON,
+            score: 0.8,
+            bounds: BOX,
+        };
+        let measure = |z: f64| Measurement::new(&view, &detection, &flat(z as f32)).unwrap();
+        let tracks = [(0, 1.0), (1, 2.5)].map(|(id, z)| {
+            let mut track = Track::new(ObjectId(id), &view, &measure(z), 0.0, 0.1);
+            track.hits = 5;
+            track
+        });
+        let expected: Vec<Expected> = tracks.iter().map(|t| t.expected(&view)).collect();
+        let m = measure(surface);
+        let shown = Occlusion::new(&tracks, &expected).around(&m, &flat(surface as f32));
+        let modes = shown.surfaces(&tracks[1], &expected[1], &m);
+        modes.iter().map(|m| m.depth).collect()
+    }
+
+    /// Backs and outstretched arms are farther from a track's depth than a body is thick: they are not what is taken for one who is far behind.
+    #[test]
+    fn a_surface_between_two_is_that_of_the_nearer() {
+        for theirs in [1.0, 1.2, 1.45, 1.7] {
+            assert_eq!(left_for_the_farther(theirs), Vec::<f64>::new(), "{theirs}");
+        }
+        for own in [1.85, 2.2, 2.5, 3.5] {
+            let left = left_for_the_farther(own);
+            assert!(
+                left.len() == 1 && (left[0] - own).abs() < 1e-3,
+                "{own}: {left:?}"
+            );
+        }
+    }
 }

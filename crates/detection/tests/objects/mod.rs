@@ -10,6 +10,7 @@ mod passing;
 mod recorded;
 mod score;
 mod sight;
+mod trunk;
 mod world;
 
 use score::{Drive, Score, run};
