@@ -38,7 +38,7 @@ impl Map {
     /// Ids of the landmarks, (N,) uint32, in the order of :attr:`points`; never used again.
     #[getter]
     fn point_ids<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
-        let known = |(id, _)| self.view.landmark_position(id).map(|_| id.0);
+        let known = |(id, _)| self.view.landmark_position(id).map(|_| id.number());
         arrays::row(py, self.view.landmarks().filter_map(known).collect())
     }
 
