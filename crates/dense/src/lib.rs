@@ -17,6 +17,7 @@ mod flat;
 mod floor;
 mod fuser;
 mod kept;
+mod merge;
 mod mesh;
 mod moving;
 #[cfg(target_arch = "aarch64")]
@@ -40,6 +41,7 @@ pub use dense::{Dense, DenseCounts};
 pub use flat::FlatPlan;
 pub use floor::Floor;
 pub use fuser::Fuser;
+pub use merge::DenseMergeError;
 pub use mesh::{Mesh, MeshOptions};
 pub use plan::{Plan, PlanOptions};
 pub use poses::FinalPose;

@@ -22,7 +22,7 @@ pub(crate) struct Volume {
     pub(crate) truncation: f64,
     max_depth: f32,
     rule: Rule,
-    simd: Simd,
+    pub(crate) simd: Simd,
     scratch: Scratch,
 }
 
@@ -230,4 +230,4 @@ impl Volume {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

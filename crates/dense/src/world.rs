@@ -59,6 +59,17 @@ impl DenseMap {
         }
     }
 
+    /// An empty map with the same settings.
+    pub(crate) fn emptied(&self) -> Self {
+        let config = DenseConfig {
+            voxel: self.volume.voxel,
+            cell: self.cells.side,
+            max_depth: self.max_depth,
+            ..DenseConfig::default()
+        };
+        Self::new(&config, self.volume.simd)
+    }
+
     /// Takes what a frame saw from a pose. `camera` is that of the pinhole image.
     pub(crate) fn integrate(&mut self, seen: &Observation, camera: &Camera, pose: &Se3) {
         if pose.is_finite() && seen.width > 0 && seen.height > 0 {
@@ -190,6 +201,13 @@ impl DenseMap {
             };
             f([x, y, z], occupancy);
         }
+    }
+
+    /// The cells that a surface is in, some more than once.
+    pub(crate) fn cells_with_surface(&self) -> Vec<[i32; 3]> {
+        let mut cells = Vec::new();
+        self.for_each_crossing(|p| cells.push(self.cell_of(&p)));
+        cells
     }
 
     /// Calls `f` with each point (m) in which the surface crosses the line between two voxels.

@@ -11,12 +11,12 @@ use stillpoint_geometry::{Vec6, so3};
 const W: usize = 80;
 const H: usize = 60;
 
-fn camera() -> Camera {
+pub(crate) fn camera() -> Camera {
     Camera::pinhole(W as u32, H as u32, [70.0, 70.0, 39.5, 29.5])
 }
 
 /// What a camera sees whose rays end as `depth` says: a function of origin and direction (with z = 1 in the camera) in the world.
-fn look(pose: &Se3, depth: impl Fn(&Vec3, &Vec3) -> Option<f64>) -> Observation {
+pub(crate) fn look(pose: &Se3, depth: impl Fn(&Vec3, &Vec3) -> Option<f64>) -> Observation {
     let c = camera();
     let of = |i: usize| {
         let ray = Vec3::new(
@@ -38,7 +38,7 @@ fn look(pose: &Se3, depth: impl Fn(&Vec3, &Vec3) -> Option<f64>) -> Observation 
     }
 }
 
-fn sphere(centre: Vec3, radius: f64) -> impl Fn(&Vec3, &Vec3) -> Option<f64> {
+pub(crate) fn sphere(centre: Vec3, radius: f64) -> impl Fn(&Vec3, &Vec3) -> Option<f64> {
     move |o, d| {
         let (a, b) = (d.norm_squared(), (o - centre).dot(d));
         let root = b * b - a * ((o - centre).norm_squared() - radius * radius);
@@ -48,12 +48,12 @@ fn sphere(centre: Vec3, radius: f64) -> impl Fn(&Vec3, &Vec3) -> Option<f64> {
     }
 }
 
-fn plane(normal: Vec3, offset: f64) -> impl Fn(&Vec3, &Vec3) -> Option<f64> {
+pub(crate) fn plane(normal: Vec3, offset: f64) -> impl Fn(&Vec3, &Vec3) -> Option<f64> {
     move |o, d| Some((offset - normal.dot(o)) / normal.dot(d)).filter(|z| *z > 0.0 && *z < 12.0)
 }
 
 /// From a point, looking at another.
-fn looking(from: Vec3, to: Vec3) -> Se3 {
+pub(crate) fn looking(from: Vec3, to: Vec3) -> Se3 {
     let z = (to - from).normalize();
     let side = if z.y.abs() < 0.9 {
         Vec3::y()
@@ -65,14 +65,14 @@ fn looking(from: Vec3, to: Vec3) -> Se3 {
     Se3::from_matrix(&turn, from)
 }
 
-fn config(voxel: f64) -> DenseConfig {
+pub(crate) fn config(voxel: f64) -> DenseConfig {
     DenseConfig {
         voxel,
         ..DenseConfig::default()
     }
 }
 
-const ALL: MeshOptions = MeshOptions {
+pub(crate) const ALL: MeshOptions = MeshOptions {
     min_seen: 1,
     min_area: 0.0,
 };
