@@ -33,6 +33,7 @@ mod things;
 mod touch;
 mod volume;
 mod voxels;
+mod window;
 mod world;
 
 pub use bytes::DenseBytesError;

@@ -5,6 +5,7 @@
 mod bytes;
 mod corrected_things;
 mod following;
+mod merging;
 mod people;
 mod room;
 mod things;

@@ -6,7 +6,7 @@ use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 
 /// Distance to a convex polygon, m.
-fn distance(face: &[Vec3], p: &Vec3) -> f64 {
+pub(crate) fn distance(face: &[Vec3], p: &Vec3) -> f64 {
     let normal = (face[1] - face[0]).cross(&(face[2] - face[0])).normalize();
     let (mut inside, mut nearest) = (true, f64::INFINITY);
     for (i, a) in face.iter().enumerate() {

@@ -7,7 +7,8 @@ use crate::messages::{LoopCloserMsg, MapperMsg};
 use crate::report::LoopReport;
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use stillpoint_map::{AppendError, KeyframeId, Map, SubmapId};
+use stillpoint_geometry::{Se3, Vec3, so3};
+use stillpoint_map::{AppendError, KeyframeId, Map, MapView, SubmapId};
 
 /// What became of putting two maps together.
 #[derive(Debug)]
@@ -21,9 +22,64 @@ pub struct JoinedMaps {
     pub submaps: [usize; 2],
     /// What was added to the keyframe ids of the second: those of the first are below.
     pub added: u32,
+    /// How the world of each of the two maps, the submap that began first, came to lie in that of the joined map; none where it became a submap of its own.
+    pub placed: [Option<Placed>; 2],
+}
+
+/// How a map came to lie in another one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placed {
+    /// The rigid motion that fits its keyframes best.
+    pub joined_from_map: Se3,
+    /// How far from where that puts it a keyframe came to lie at most, m: keyframes are adjusted one by one. A turn counts as what it does at a depth of 2 m.
+    pub bent: f64,
+}
+
+/// Distance at which a turn is compared with a shift, m.
+const TYPICAL_DEPTH: f64 = 2.0;
+
+impl Placed {
+    /// By the keyframes of a map before and after, whose ids were raised.
+    fn of(before: &MapView, after: &MapView, added: u32) -> Option<Self> {
+        let world = after.keyframes().next()?.submap;
+        let own = before.keyframes().next()?.submap;
+        let pairs = before.keyframes().filter(|k| k.submap == own);
+        let pairs = pairs.filter_map(|k| {
+            let now = after.keyframe(KeyframeId(k.id.0 + added))?;
+            (now.submap == world).then_some((k.world_from_camera, now.world_from_camera))
+        });
+        Self::fitting(&pairs.collect::<Vec<_>>())
+    }
+
+    /// The mean of turns and positions.
+    fn fitting(pairs: &[(Se3, Se3)]) -> Option<Self> {
+        let (first, count) = (pairs.first()?, pairs.len() as f64);
+        let turn = |p: &(Se3, Se3)| p.1.rotation * p.0.rotation.inverse();
+        let about = turn(first);
+        let apart = |p: &(Se3, Se3)| so3::log(&(about.inverse() * turn(p)));
+        let mean = pairs.iter().map(apart).sum::<Vec3>() / count;
+        let rotation = about * so3::exp(&mean);
+        let shift = |p: &(Se3, Se3)| p.1.translation - rotation * p.0.translation;
+        let translation = pairs.iter().map(shift).sum::<Vec3>() / count;
+        let bent = pairs.iter().map(|p| {
+            let turned = so3::angle(&(rotation.inverse() * turn(p)));
+            (shift(p) - translation).norm() + TYPICAL_DEPTH * turned
+        });
+        Some(Self {
+            joined_from_map: Se3::new(rotation, translation),
+            bent: bent.fold(0.0, f64::max),
+        })
+    }
 }
 
 impl JoinedMaps {
+    /// The world of the second map in that of the first, as the first was before: what was fused with either fits together by it.
+    #[must_use]
+    pub fn first_from_second(&self) -> Option<Se3> {
+        let [first, second] = self.placed;
+        Some(first?.joined_from_map.inverse() * second?.joined_from_map)
+    }
+
     /// How many submaps hold keyframes of both maps: none when nothing ties them.
     #[must_use]
     pub fn shared_submaps(&self) -> usize {
@@ -42,8 +98,9 @@ impl JoinedMaps {
 /// [`AppendError`] when their features cannot be compared.
 pub fn join_maps(config: &Config, mut base: Map, other: &Map) -> Result<JoinedMaps, AppendError> {
     let mut loop_closer = LoopCloser::new(config);
+    let first = base.publish();
     loop_closer.step(LoopCloserMsg::Known {
-        view: base.publish(),
+        view: Arc::clone(&first),
     });
     let added = base.append(other)?;
     let mut mapper = Mapper::new(config).with_map(base);
@@ -66,10 +123,46 @@ pub fn join_maps(config: &Config, mut base: Map, other: &Map) -> Result<JoinedMa
         }
     }
     let submaps = [before, view.submaps().len()];
+    let map = mapper.into_map();
+    let placed = [(&*first, 0), (other.view(), added)];
     Ok(JoinedMaps {
-        map: mapper.into_map(),
+        placed: placed.map(|(before, added)| Placed::of(before, map.view(), added)),
+        map,
         reports,
         submaps,
         added,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_geometry::Vec6;
+
+    #[test]
+    fn a_rigid_motion_is_found_and_what_bends_is_told() {
+        let motion = Se3::exp(&Vec6::new(1.0, -2.0, 0.5, 0.3, -2.0, 0.7));
+        let pose = |k: u32| {
+            let k = f64::from(k);
+            Se3::exp(&Vec6::new(
+                0.1 * k,
+                0.02 * k * k,
+                0.3,
+                0.2 * k,
+                0.1,
+                -0.05 * k,
+            ))
+        };
+        let mut pairs: Vec<(Se3, Se3)> = (0..9).map(|k| (pose(k), motion * pose(k))).collect();
+        let off = |p: Placed| (p.joined_from_map.inverse() * motion).log().norm();
+        let found = Placed::fitting(&pairs).unwrap();
+        assert!(off(found) < 1e-9 && found.bent < 1e-9, "{found:?}");
+        for (k, (_, now)) in pairs.iter_mut().enumerate() {
+            now.translation.x += if k % 3 == 0 { 0.02 } else { -0.01 };
+        }
+        let found = Placed::fitting(&pairs).unwrap();
+        assert!(off(found) < 1e-9, "{found:?}");
+        assert!((found.bent - 0.02).abs() < 1e-9, "{found:?}");
+        assert_eq!(Placed::fitting(&[]), None);
+    }
 }

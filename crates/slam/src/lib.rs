@@ -51,7 +51,7 @@ pub use exchange::{Exchange, NotSent};
 pub use gate::{FrameGate, RefusalReason, RefusedFrame};
 pub use health::{Health, HealthMonitor, Loss, LossCause, Quality};
 pub use inertial::{InertialReport, InertialState, SensorFault};
-pub use join::{JoinedMaps, join_maps};
+pub use join::{JoinedMaps, Placed, join_maps};
 pub use looping::{LoopCloser, LoopCloserSetup, LoopingConfig};
 pub use loops::Loops;
 pub use map_shift::MapShift;

@@ -1,6 +1,7 @@
 //! `--dense`: surface and grids of what stands still, fused while a run goes on.
 
 pub(crate) mod export;
+pub(crate) mod merge;
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;

@@ -3,8 +3,7 @@
 use crate::args::map::MapMergeArgs;
 use crate::failure::{Failure, Status};
 use crate::map::file::MapOutput;
-use crate::{console, map, things};
-use stillpoint::map::{KeyframeId, Map};
+use crate::{console, dense, map, things};
 use stillpoint::slam::{Config, JoinedMaps, Timing, Up, join_maps};
 
 /// `map merge`.
@@ -24,6 +23,10 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         things::of_file(&first, &args.first)?,
         things::of_file(&second, &args.second)?,
     ];
+    let surfaces = [
+        dense::export::of_file(&first, &args.first)?,
+        dense::export::of_file(&second, &args.second)?,
+    ];
     let ups = [first.up(), second.up()];
     let (first, second) = (first.file.map, second.file.map);
     map::file::check_alike([&args.first, &args.second], [&first, &second])?;
@@ -42,9 +45,16 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         )));
     }
     let things = things::joined(known, &joined);
+    let names = [&args.first, &args.second].map(|path| path.display().to_string());
+    let dense = dense::merge::joined(surfaces, &joined, &names);
     let [up, other] = ups;
-    let up = up.or_else(|| turned(other?, &second, &joined));
-    let more = up.as_ref().map(Up::to_extension).into_iter().chain(things);
+    let up = up.or_else(|| turned(other?, &joined));
+    let more = up
+        .as_ref()
+        .map(Up::to_extension)
+        .into_iter()
+        .chain(things)
+        .chain(dense);
     let saved = file.save(&joined.map, timing.as_ref(), more.collect())?;
     let submaps = map::submaps(joined.map.view());
     console::report(&format!(
@@ -58,17 +68,7 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
 }
 
 /// What is up in the second map, in the world of the first; none where nothing says how the one lies to the other.
-fn turned(up: Up, second: &Map, joined: &JoinedMaps) -> Option<Up> {
-    let (before, after) = (second.view(), joined.map.view());
-    let world = after.keyframes().next()?.submap;
-    let same = before.keyframes().next()?.submap;
-    let found = before
-        .keyframes()
-        .filter(|k| k.submap == same)
-        .find_map(|k| {
-            let now = after.keyframe(KeyframeId(k.id.0 + joined.added))?;
-            (now.submap == world).then_some((k.world_from_camera, now.world_from_camera))
-        });
-    let (before, after) = found?;
-    Up::along(&(after.rotation * (before.rotation.inverse() * up.vector())))
+fn turned(up: Up, joined: &JoinedMaps) -> Option<Up> {
+    let placed = joined.placed[1]?;
+    Up::along(&(placed.joined_from_map.rotation * up.vector()))
 }

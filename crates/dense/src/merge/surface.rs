@@ -4,12 +4,11 @@ use super::{Steps, for_each_between};
 use crate::block::{Block, Blocks, FULL, Key, SIDE, VOXELS};
 use crate::volume::Volume;
 use crate::voxels::MOST_WEIGHT;
+use crate::window::{MARGIN, WIDE, Window, wide};
 use stillpoint_geometry::Se3;
 
 /// Voxels that lie this near to one of the other grid lie on it, in voxels: the others around it need not be known.
 const SAME: f64 = 1e-6;
-/// Voxels along a side of a block with the first ones of those behind.
-const WIDE: usize = SIDE + 1;
 
 /// A voxel as it was sampled.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -26,10 +25,7 @@ const EMPTY: Voxel = Voxel {
     colour: 0,
 };
 
-/// A block and the first voxels of those behind it.
-struct Window([Voxel; WIDE * WIDE * WIDE]);
-
-/// A place between voxels of a window: the one before it along each axis, and the way to the next one.
+/// A place between voxels of a block and those behind it: the one before it along each axis, and the way to the next one.
 struct Place {
     low: [usize; 3],
     part: [f64; 3],
@@ -40,13 +36,13 @@ pub(super) fn resample(from: &Volume, to: &mut Volume, to_from: &Se3) {
     let there = Steps::new(from.voxel, to.voxel, to_from);
     let back = Steps::new(to.voxel, from.voxel, &to_from.inverse());
     let scale = from.truncation / to.truncation;
-    let mut window = Window([Voxel::default(); WIDE * WIDE * WIDE]);
+    let mut window = Window::new();
     for (key, _) in from.blocks.sorted() {
         let first = key.xyz().map(|k| f64::from(k) * SIDE as f64);
         let Some(reach) = there.reach(first) else {
             continue;
         };
-        window.fill(&from.blocks, key);
+        window.fill(from, key, 0);
         let blocks = reach.map(|at| at.map(|v| v.div_euclid(SIDE as i32)));
         for_each_between(blocks, |[x, y, z]| {
             let base = [x, y, z].map(|k| k * SIDE as i32);
@@ -55,7 +51,7 @@ pub(super) fn resample(from: &Volume, to: &mut Volume, to_from: &Se3) {
                 let Some(place) = Place::of(back.at(at.map(f64::from)), key) else {
                     return;
                 };
-                let Some(voxel) = window.sample(&place, scale) else {
+                let Some(voxel) = sample(&window, &place, scale) else {
                     return;
                 };
                 let number =
@@ -131,54 +127,70 @@ impl Place {
                 1.0 - self.part[k]
             }
         };
-        let [x, y, z] = std::array::from_fn(|k| self.low[k] + step(k));
-        ((z * WIDE + y) * WIDE + x, share(0) * share(1) * share(2))
+        let at = std::array::from_fn(|k| MARGIN + self.low[k] + step(k));
+        (wide(at), share(0) * share(1) * share(2))
     }
 }
 
-impl Window {
-    fn fill(&mut self, blocks: &Blocks, key: Key) {
-        let around: [Option<&Block>; 8] = std::array::from_fn(|n| {
-            let [x, y, z] = [n, n >> 1, n >> 2].map(|b| (b & 1) as i32);
-            blocks.at(key.moved(x, y, z))
-        });
-        for (i, voxel) in self.0.iter_mut().enumerate() {
-            let at = [i % WIDE, i / WIDE % WIDE, i / WIDE / WIDE];
-            let [x, y, z] = at.map(|v| v / SIDE);
-            let block = around[z << 2 | y << 1 | x];
-            *voxel = block.map_or(Voxel::default(), |b| get(b, index(at.map(|v| v % SIDE))));
-        }
+/// What is known of a place, with distances in units of another truncation: what the nearest voxel is, a surface or free space or nothing.
+fn sample(window: &Window, place: &Place, scale: f64) -> Option<Voxel> {
+    let corners: [(usize, f64); 8] = std::array::from_fn(|k| place.corner(k));
+    // Of equals the last one.
+    let nearest = corners.iter().max_by(|a, b| a.1.total_cmp(&b.1))?.0;
+    if !window.measured[nearest] {
+        return window.empty[nearest].then_some(EMPTY);
     }
+    let shared = || corners.iter().copied().filter(|c| c.1 > 0.0);
+    let value = |i: usize| f64::from(window.distance[i]);
+    let full = f64::from(FULL);
+    let whole = shared().all(|(i, _)| window.measured[i]);
+    let distance = if whole {
+        shared().map(|(i, share)| value(i) * share).sum::<f64>()
+    } else {
+        along_axes(window, place)?.clamp(-full, full)
+    };
+    let measured = || shared().filter(|(i, _)| window.measured[*i]);
+    // What is free in all of them is free at any truncation.
+    let free = measured().all(|(i, _)| window.distance[i] == EMPTY.distance);
+    let scaled = if free { full } else { distance * scale };
+    if scaled > full {
+        return Some(EMPTY);
+    }
+    let all = measured().map(|c| c.1).sum::<f64>();
+    let weight = measured().map(|(i, share)| f64::from(window.weight[i]) * share);
+    let alike = measured().filter(|(i, _)| (value(*i) < 0.0) == (distance < 0.0));
+    let seen = alike.max_by(|a, b| a.1.total_cmp(&b.1));
+    let seen = seen.map_or(0, |(i, _)| window.colour[i] >> 24);
+    let colours = measured().map(|(i, share)| (window.colour[i], share));
+    (scaled >= -full).then(|| Voxel {
+        distance: scaled.round_ties_even() as i16,
+        weight: (weight.sum::<f64>() / all).round_ties_even().max(1.0) as u16,
+        colour: mixed(colours) | seen << 24,
+    })
+}
 
-    /// What is known of a place, with distances in units of another truncation; nothing where one of the voxels that have a share of it was never near a
-    /// surface, but for free space, which is that of the nearest one.
-    fn sample(&self, place: &Place, scale: f64) -> Option<Voxel> {
-        let corners: [(usize, f64); 8] = std::array::from_fn(|k| place.corner(k));
-        let corners = corners.map(|(i, share)| (self.0[i], share));
-        let shared = || corners.iter().filter(|c| c.1 > 0.0);
-        if shared().any(|c| c.0.weight == 0) {
-            // Of equals the last one.
-            let nearest = corners.iter().max_by(|a, b| a.1.total_cmp(&b.1));
-            return nearest.map(|c| c.0).filter(|v| *v == EMPTY);
+/// The distance at a place of which not all voxels around were measured: from the nearest one on along each axis, as it changes to the next one or from the one
+/// before.
+fn along_axes(window: &Window, place: &Place) -> Option<f64> {
+    let near = place.part.map(|part| usize::from(part >= 0.5));
+    let at = wide(std::array::from_fn(|k| MARGIN + place.low[k] + near[k]));
+    let value = |i: usize| f64::from(window.distance[i]);
+    let mut sum = value(at);
+    for (k, step) in [1, WIDE, WIDE * WIDE].into_iter().enumerate() {
+        let way = place.part[k] - near[k] as f64;
+        if way == 0.0 {
+            continue;
         }
-        let mean = |value: &dyn Fn(&Voxel) -> f64| shared().map(|(v, s)| value(v) * s).sum::<f64>();
-        let distance = mean(&|v| f64::from(v.distance));
-        let full = f64::from(FULL);
-        // What is free in all of them is free at any truncation.
-        let free = shared().all(|c| c.0.distance == EMPTY.distance);
-        let scaled = if free { full } else { distance * scale };
-        if scaled > full {
-            return Some(EMPTY);
-        }
-        let inside = distance < 0.0;
-        let alike = shared().filter(|c| (c.0.distance < 0) == inside);
-        let seen = alike.map(|c| c.0.colour >> 24).min().unwrap_or(0);
-        (scaled >= -full).then(|| Voxel {
-            distance: scaled.round_ties_even() as i16,
-            weight: mean(&|v| f64::from(v.weight)).round_ties_even().max(1.0) as u16,
-            colour: mixed(shared().map(|(v, share)| (v.colour, *share))) | seen << 24,
-        })
+        let (up, down) = (at + step, at - step);
+        let (ahead, behind) = if way > 0.0 { (up, down) } else { (down, up) };
+        sum += way.abs()
+            * match (window.measured[ahead], window.measured[behind]) {
+                (true, _) => value(ahead) - value(at),
+                (_, true) => value(at) - value(behind),
+                _ => return None,
+            };
     }
+    Some(sum)
 }
 
 /// The mean of the colours that are some, red, green and blue.
