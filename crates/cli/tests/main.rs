@@ -21,6 +21,7 @@ mod live;
 mod live_page;
 mod malicious_models;
 mod map;
+mod map_dense;
 mod map_kill;
 mod map_use;
 mod masks;

@@ -22,7 +22,7 @@ const OFTEN: [&str; 8] = [
     "mapping.redundant_share=1",
 ];
 
-/// A recording `room` and maps `a` of its beginning and `b` of the rest, which overlap; `c` of another room, and `twice`, which
+/// A recording `room` and maps `a` of its beginning and `b` of the rest, which overlap, with surfaces; `c` of another room, and `twice`, which
 /// holds `c` two times, as two submaps.
 static MAPS: LazyLock<TempDir> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
@@ -35,8 +35,16 @@ static MAPS: LazyLock<TempDir> = LazyLock::new(|| {
         .output();
     check(&output.unwrap(), 0, &[]);
     for (name, recording, part) in [
-        ("a", "room", &["--max-frames", "44"][..]),
-        ("b", "room", &["--start", "14"]),
+        (
+            "a",
+            "room",
+            &["--max-frames", "44", "--dense", "--voxel", "0.04"][..],
+        ),
+        (
+            "b",
+            "room",
+            &["--start", "14", "--dense", "--voxel", "0.04"],
+        ),
         ("c", "other", &[]),
     ] {
         let path = dir.path().join(name).with_extension("spmap");
@@ -50,11 +58,11 @@ static MAPS: LazyLock<TempDir> = LazyLock::new(|| {
     dir
 });
 
-fn map(name: &str) -> PathBuf {
+pub(crate) fn map(name: &str) -> PathBuf {
     MAPS.path().join(name).with_extension("spmap")
 }
 
-fn read(path: &Path) -> Map {
+pub(crate) fn read(path: &Path) -> Map {
     Map::from_bytes(&std::fs::read(path).unwrap()).unwrap()
 }
 
@@ -90,7 +98,7 @@ fn map_command(command: &str, files: &[&Path], more: &[&str]) -> Output {
     program.output().unwrap()
 }
 
-fn merge(a: &Path, b: &Path, out: &Path) -> Output {
+pub(crate) fn merge(a: &Path, b: &Path, out: &Path) -> Output {
     map_command("merge", &[a, b], &["--out", out.to_str().unwrap()])
 }
 

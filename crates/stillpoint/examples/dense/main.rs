@@ -1,6 +1,6 @@
 //! Figures of the dense map: how near its surface is to the true one, how much of people is in it, and what fusing a frame costs.
 //!
-//! `dense true SCENE [voxel]`: at true poses. `dense run SCENE [on|off|scripted]`: at our own, with the filter on or off, or a scripted detector.
+//! `dense true SCENE [voxel]`: at true poses. `dense merge SCENE [voxel]`: the same of both halves of the recording, the second in other axes and put to the first. `dense run SCENE [on|off|scripted]`: at our own, with the filter on or off, or a scripted detector.
 //! `dense dump-sim SCENE DIR` and `dense dump-tum FOLDER DIR`: frames and poses for other programs. `dense time DIR [voxel] [rounds]`: fuses
 //! what was dumped. `dense fuse FOLDER FILE`: the surface of a recording at true poses, without what the filter says moves (no detector), as PLY. `dense plan SCENE`: the floor plan at true poses against the true one. `dense points MAP FILE`: what a map says of 10 000
 //! points, as lines x y z and 1 (occupied), 0 (free) or -1 (unknown). `dense score SCENE FILE`: of a surface that another program made, as floats x y z of its points.
@@ -20,10 +20,11 @@ use plan::{plan, points};
 use recorded::fuse;
 use std::error::Error;
 use std::path::Path;
+use std::time::Instant;
 use stillpoint::datasets::read_regular;
-use stillpoint::dense::{Dense, DenseConfig, FinalPose, Fuser, Mesh, MeshOptions};
+use stillpoint::dense::{Dense, DenseConfig, DenseMap, FinalPose, Fuser, Mesh, MeshOptions};
 use stillpoint::detection::{Detector, ScriptedDetector};
-use stillpoint::geometry::{Se3, Vec3, align_umeyama};
+use stillpoint::geometry::{Se3, Vec3, Vec6, align_umeyama};
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Preset, Stages, Subscriber, System};
@@ -36,6 +37,8 @@ fn main() -> Outcome<()> {
     match args[..] {
         ["true", scene] => at_true_poses(scene, 0.02),
         ["true", scene, voxel] => at_true_poses(scene, voxel.parse()?),
+        ["merge", scene] => merged(scene, 0.02),
+        ["merge", scene, voxel] => merged(scene, voxel.parse()?),
         ["run", scene] => at_own_poses(scene, "on"),
         ["run", scene, filter] => at_own_poses(scene, filter),
         ["dump-sim", scene, dir] => dump_simulated(scene, Path::new(dir)),
@@ -47,7 +50,7 @@ fn main() -> Outcome<()> {
         ["fuse", folder, file] => fuse(Path::new(folder), Path::new(file)),
         ["points", map, file] => points(Path::new(map), Path::new(file)),
         ["score", scene, file] => score_file(scene, Path::new(file)),
-        _ => Err("expected true, run, fuse, dump-sim, dump-tum, time, plan, points or score; see the first lines of the source".into()),
+        _ => Err("expected true, merge, run, fuse, dump-sim, dump-tum, time, plan, points or score; see the first lines of the source".into()),
     }
 }
 
@@ -65,20 +68,56 @@ fn chosen(sim: &Simulator) -> impl Iterator<Item = usize> + use<> {
 
 fn at_true_poses(scene: &str, voxel: f64) -> Outcome<()> {
     let sim = simulator(scene)?;
+    let map = fused(&sim, chosen(&sim), voxel, &Se3::identity())?;
+    tell(scene, &points_of(&map.mesh(&MeshOptions::default())))
+}
+
+/// Frames at true poses, in axes in which the world of the simulator lies so.
+fn fused(
+    sim: &Simulator,
+    frames: impl Iterator<Item = usize>,
+    voxel: f64,
+    map_from_world: &Se3,
+) -> Outcome<DenseMap> {
     let config = DenseConfig {
         voxel,
         ..DenseConfig::default()
     };
     let mut fuser = Fuser::new(&config, sim.camera(), Simd::detect())?;
-    for i in chosen(&sim) {
+    for i in frames {
         let moving: Vec<bool> = sim.truth(i).mask.data().iter().map(|m| *m > 0).collect();
-        let pose = sim.world_from_camera(sim.depth_stamp(i));
+        let pose = *map_from_world * sim.world_from_camera(sim.depth_stamp(i));
         fuser.add(&sim.frame_with_colour(i), &moving, &pose);
     }
-    tell(
-        scene,
-        &points_of(&fuser.map().mesh(&MeshOptions::default())),
-    )
+    Ok(fuser.map().clone())
+}
+
+/// The first half, the second one, both put together, and all in one run.
+fn merged(scene: &str, voxel: f64) -> Outcome<()> {
+    let sim = simulator(scene)?;
+    let half = sim.len() / 2;
+    let turned = Se3::exp(&Vec6::new(1.3, -0.7, 0.4, 0.4, -1.1, 0.6));
+    let own = Se3::identity();
+    let of = |from: usize, to: usize| chosen(&sim).filter(move |i| (from..to).contains(i));
+    let mut map = fused(&sim, of(0, half), voxel, &own)?;
+    let second = fused(&sim, of(half, sim.len()), voxel, &turned)?;
+    let points = |map: &DenseMap| points_of(&map.mesh(&MeshOptions::default()));
+    tell(scene, &points(&map))?;
+    let turned_back = points(&second)
+        .into_iter()
+        .map(|p| turned.inverse().transform(&p));
+    tell(scene, &turned_back.collect::<Vec<_>>())?;
+    let began = Instant::now();
+    map.absorb(&second, &turned.inverse())?;
+    let took = began.elapsed().as_secs_f64();
+    tell(scene, &points(&map))?;
+    println!(
+        "{took:.2} s for {} blocks of 8x8x8 voxels, {:.1} MB; {:.1} MB in the end",
+        second.blocks(),
+        second.bytes() as f64 / 1e6,
+        map.bytes() as f64 / 1e6
+    );
+    at_true_poses(scene, voxel)
 }
 
 /// Corners and middles of triangles.
