@@ -195,7 +195,7 @@ fn a_surface_that_does_not_fit_is_left_out_in_words_and_a_damaged_one_refused() 
     let output = merge(&first, &second, &at("out"));
     check(&output, 0, &[]);
     let said = stderr(&output);
-    let words = "b.spmap: its surface is left out: expected a surface in voxels of";
+    let words = "b.spmap: its surface is left out: expected voxels of";
     assert!(
         said.contains(words) && said.contains("other way round"),
         "{said}"

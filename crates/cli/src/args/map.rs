@@ -145,12 +145,14 @@ pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
 /// Make one map of two, where places of the second are recognised in the first.
 ///
 /// The result is in the first map's frame of reference. Submaps that are not recognised stay submaps of their own.
+/// Things and surfaces (run --things, --dense) of both maps are put together, surfaces in the voxels of the first; a
+/// warning says what of a surface is left out, and how far off it may be where keyframes were adjusted.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,
     after_help = "Examples:
-  stillpoint map objects desk.spmap
   stillpoint map merge monday.spmap tuesday.spmap -o flat.spmap
+  stillpoint map mesh flat.spmap --out flat.ply
 
 Exit code 1 when no place was recognised, and nothing was written; 2 when a file cannot be used."
 )]

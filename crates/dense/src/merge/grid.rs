@@ -41,7 +41,7 @@ pub(super) fn resample(from: &DenseMap, to: &mut DenseMap, to_from: &Se3) {
     let (side, to_side) = (from.cells.side, to.cells.side);
     let there = Steps::new(side, to_side, to_from);
     let back = Steps::new(to_side, side, &to_from.inverse());
-    let occupied = [from, to].map(|map| Occupied::of(map));
+    let occupied = [from, to].map(Occupied::of);
     let points = points(to_side / side);
     for (key, _) in from.cells.blocks.sorted() {
         let first = key.xyz().map(|k| f64::from(k) * SIDE as f64);

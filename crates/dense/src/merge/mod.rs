@@ -10,17 +10,18 @@ use crate::config::DenseConfig;
 use crate::world::DenseMap;
 use stillpoint_geometry::Se3;
 
-/// Voxels of the second map are at most so many times as large as those of the first: each of its blocks becomes the cube of that many.
+/// Voxels and cells of the second map are at most so many times as large as those of the first: each of its blocks becomes the cube of that many.
 const COARSEST: f64 = 4.0;
 
 /// Why two dense maps do not become one.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "expected a surface in voxels of {least:.3} to {most:.3} m beside one of {voxel} m, found {found} m; merge the maps the other way round, or fuse one of them again with another --voxel"
+    "expected {what} of {least:.3} to {most:.3} m beside those of {own} m, found {found} m; merge the maps the other way round, or fuse one of them again with the same size (--voxel)"
 )]
 pub struct DenseMergeError {
+    what: &'static str,
     /// m.
-    voxel: f64,
+    own: f64,
     /// m.
     least: f64,
     /// m.
@@ -30,8 +31,8 @@ pub struct DenseMergeError {
 }
 
 impl DenseMap {
-    /// The map in other axes, `to_from_world` being the rigid motion to them. Distances are interpolated between eight voxels that were all seen near a surface, so
-    /// that a surface ends up to a voxel before it ended; by the identity it is the same map.
+    /// The map in other axes, `to_from_world` being the rigid motion to them. Distances are interpolated between voxels that were seen near a surface; by the
+    /// identity it is the same map.
     #[must_use]
     pub fn moved(&self, to_from_world: &Se3) -> Self {
         self.resampled(to_from_world, self.emptied())
@@ -41,9 +42,9 @@ impl DenseMap {
     /// and averaged by weights, as frames are; counts of cells are summed. What is occupied in either stays so.
     ///
     /// # Errors
-    /// The voxels of the two differ too much; this map is as it was.
+    /// Voxels or cells of the two differ too much; this map is as it was.
     pub fn absorb(&mut self, other: &Self, self_from_other: &Se3) -> Result<(), DenseMergeError> {
-        self.check_voxel_of(other)?;
+        self.check_sizes_of(other)?;
         let moved = other.resampled(self_from_other, self.emptied());
         surface::average(&mut self.volume, &moved.volume);
         grid::sum(&mut self.cells, &moved.cells);
@@ -61,25 +62,31 @@ impl DenseMap {
 
     /// The corners of a cube that a surface runs through are up to its diagonal away from it: if the other map's truncation were less, the surface would
     /// have holes.
-    fn check_voxel_of(&self, other: &Self) -> Result<(), DenseMergeError> {
-        let (voxel, found) = (self.voxel(), other.voxel());
-        let diagonal = 3_f64.sqrt() * voxel;
-        let any = DenseConfig {
+    fn check_sizes_of(&self, other: &Self) -> Result<(), DenseMergeError> {
+        let diagonal = 3_f64.sqrt() * self.voxel();
+        let finest = DenseConfig {
             voxel: 0.0,
             ..DenseConfig::default()
         };
-        let enough = any.truncation() >= diagonal;
-        let least = if enough { 0.0 } else { diagonal / 4.0 };
-        let most = COARSEST * voxel;
-        if found >= least && found <= most {
-            return Ok(());
+        let any = finest.truncation() >= diagonal;
+        let least = if any { 0.0 } else { diagonal / 4.0 };
+        let sizes = [
+            ("voxels", least, self.voxel(), other.voxel()),
+            ("cells", 0.0, self.cell_side(), other.cell_side()),
+        ];
+        for (what, least, own, found) in sizes {
+            let most = COARSEST * own;
+            if found < least || found > most {
+                return Err(DenseMergeError {
+                    what,
+                    own,
+                    least,
+                    most,
+                    found,
+                });
+            }
         }
-        Err(DenseMergeError {
-            voxel,
-            least,
-            most,
-            found,
-        })
+        Ok(())
     }
 }
 

@@ -264,12 +264,12 @@ fn other_voxels_are_resampled_or_refused_in_words() {
         (
             0.05,
             0.01,
-            "0.022 to 0.200 m beside one of 0.05 m, found 0.01 m",
+            "0.022 to 0.200 m beside those of 0.05 m, found 0.01 m",
         ),
         (
             0.01,
             0.05,
-            "0.000 to 0.040 m beside one of 0.01 m, found 0.05 m",
+            "0.000 to 0.040 m beside those of 0.01 m, found 0.05 m",
         ),
     ] {
         let [mut map, other] = [voxel, other].map(|v| ball(v, 0.05, |d| d.x > 0.5 && d.y == 0.0));
@@ -278,6 +278,14 @@ fn other_voxels_are_resampled_or_refused_in_words() {
         assert!(said.contains(words) && said.contains("--voxel"), "{said}");
         assert!(map.to_bytes() == before);
     }
+}
+
+#[test]
+fn cells_that_are_much_larger_are_refused() {
+    let [mut map, other] = [0.02, 0.1].map(|cell| ball(0.04, cell, |_| false));
+    let said = map.absorb(&other, &Se3::identity()).unwrap_err();
+    let words = "expected cells of 0.000 to 0.080 m beside those of 0.02 m, found 0.1 m";
+    assert!(said.to_string().starts_with(words), "{said}");
 }
 
 #[test]
