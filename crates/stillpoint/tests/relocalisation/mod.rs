@@ -364,7 +364,19 @@ fn two_maps_become_one_where_they_overlap() {
         let off = (k.centre() - real.translation).norm();
         assert!(off < 0.03, "keyframe {}: {off} m", k.id);
     }
+    // And so is the world of the second, which its first frame began.
+    let real = truth[0].1.inverse() * truth[20].1;
+    let placed = joined.placed.map(|p| p.unwrap());
+    for found in [
+        joined.first_from_second().unwrap(),
+        placed[1].joined_from_map,
+    ] {
+        let off = (found.inverse() * real).log().norm();
+        assert!(off < 0.03 && real.log().norm() > 0.1, "{off}");
+    }
+    assert!(placed.iter().all(|p| p.bent < 0.05), "{placed:?}");
     // Control: maps of places that have nothing in common stay apart.
     let apart = join_maps(&Config::default(), map(0..30), &map(100..130)).unwrap();
     assert_eq!(apart.submaps, [2, 2]);
+    assert_eq!((apart.first_from_second(), apart.placed[1]), (None, None));
 }
