@@ -7,24 +7,25 @@ use super::{FeatureVerdict, Reasons, StaticFilter};
 use stillpoint_imaging::DepthImage;
 
 impl StaticFilter {
-    /// A feature moves with the surface that it lies on.
+    /// A feature moves with the surface that it lies on. In a hole of the depth image that surface is only remembered: there its own flow (`moves`) has to agree.
     pub(super) fn judge_feature(
         &self,
         pixel: [f32; 2],
-        image: &DepthImage,
-        grid: &[f32],
+        (image, grid): (&DepthImage, &[f32]),
         movers: &[Mover],
+        moves: impl FnOnce() -> bool,
     ) -> FeatureVerdict {
         let [u, v] = pixel.map(f64::from);
         let (z, cell) = self.surface_at(pixel, image, grid);
         let in_box = movers
             .iter()
             .any(|m| m.strength > 0.0 && m.bounds.contains(u, v));
-        // In a hole of the depth image nothing is known: most such corners are beside a silhouette, on the background.
+        // In a hole that was there before nothing is known: most such corners are beside a silhouette, on the background.
         let (odds, evidence) = cell.map_or((0.0, 0.0), |c| {
             (self.surfaces.odds[c], self.surfaces.evidence[c])
         });
-        let dynamic = odds > MOVES;
+        let in_hole = cell.is_some_and(|c| grid[c] == 0.0);
+        let dynamic = odds > MOVES && (!in_hole || moves());
         let mut reasons = Reasons::default();
         if let Some(m) = movers
             .iter()
@@ -68,6 +69,10 @@ impl StaticFilter {
                 best = (gap, Some(cell));
             }
         });
+        let held = self.surfaces.depth[home];
+        if z == 0.0 && grid[home] == 0.0 && held > 0.0 {
+            return (held, Some(home));
+        }
         (z, best.1)
     }
 }

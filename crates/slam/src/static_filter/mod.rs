@@ -298,8 +298,19 @@ impl StaticFilter {
         self.measure_rigidity(stamp, grid, movers);
         verdicts.clear();
         verdicts.resize(input.features.len(), FeatureVerdict::kept([0.0; 2]));
+        let votes = &memory.votes;
+        let moves = |i: usize| {
+            let pair = input.pairs.get(i)?.as_ref()?;
+            Some(votes.contradict(&self.rules.camera, pair, &input.last_from_now))
+        };
         workers::fill(verdicts, JUDGED_TOGETHER, |i| {
-            self.judge_feature(input.features[i], &input.frame.depth, grid.data(), movers)
+            let by_flow = || moves(i).unwrap_or(false);
+            self.judge_feature(
+                input.features[i],
+                (&input.frame.depth, grid.data()),
+                movers,
+                by_flow,
+            )
         });
     }
 
@@ -315,9 +326,15 @@ impl StaticFilter {
         }
         let grid = cells::coarse(&frame.depth);
         let movers = self.movers(objects, frame.stamp);
-        let judge =
-            |pixel: &[f32; 2]| self.judge_feature(*pixel, &frame.depth, grid.data(), &movers);
+        let depth = (&frame.depth, grid.data());
+        let judge = |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, || true);
         pixels.iter().map(judge).collect()
+    }
+
+    /// Whether what the last frame shows around a raw pixel moves: then the flow of a feature says something even where its depth is not known.
+    pub(crate) fn is_suspect(&self, [u, v]: [f32; 2]) -> bool {
+        self.rules.config.preset == Preset::Default
+            && self.surfaces.odds[self.rules.cells.at(u, v)] > MOVES
     }
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
