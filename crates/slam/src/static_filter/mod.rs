@@ -299,18 +299,16 @@ impl StaticFilter {
         verdicts.clear();
         verdicts.resize(input.features.len(), FeatureVerdict::kept([0.0; 2]));
         let votes = &memory.votes;
-        let moves = |i: usize| {
-            let pair = input.pairs.get(i)?.as_ref()?;
-            Some(votes.contradict(&self.rules.camera, pair, &input.last_from_now))
+        let contradicts = |i: usize| {
+            let pair = input.pairs.get(i).and_then(Option::as_ref);
+            pair.is_some_and(|p| votes.contradict(&self.rules.camera, p, &input.last_from_now))
         };
+        let depth = (&input.frame.depth, grid.data());
         workers::fill(verdicts, JUDGED_TOGETHER, |i| {
-            let by_flow = || moves(i).unwrap_or(false);
-            self.judge_feature(
-                input.features[i],
-                (&input.frame.depth, grid.data()),
-                movers,
-                by_flow,
-            )
+            let pixel = input.features[i];
+            // Most corners without depth are beside a silhouette, on the background. So their own flow has to say that they move.
+            let moves = |odds| odds > -MOVES && self.moves_near(pixel) && contradicts(i);
+            self.judge_feature(pixel, depth, movers, moves)
         });
     }
 
@@ -327,14 +325,14 @@ impl StaticFilter {
         let grid = cells::coarse(&frame.depth);
         let movers = self.movers(objects, frame.stamp);
         let depth = (&frame.depth, grid.data());
-        let judge = |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, || true);
+        let judge =
+            |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, |odds| odds > MOVES);
         pixels.iter().map(judge).collect()
     }
 
-    /// Whether what the last frame shows around a raw pixel moves: then the flow of a feature says something even where its depth is not known.
-    pub(crate) fn is_suspect(&self, [u, v]: [f32; 2]) -> bool {
-        self.rules.config.preset == Preset::Default
-            && self.surfaces.odds[self.rules.cells.at(u, v)] > MOVES
+    /// Whether the flow of a feature without depth tells something, which was at this raw pixel of the last frame: whether it is near what moves.
+    pub(crate) fn is_suspect(&self, pixel: [f32; 2]) -> bool {
+        self.rules.config.preset == Preset::Default && self.moves_near(pixel)
     }
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.

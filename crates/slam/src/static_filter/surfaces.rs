@@ -37,7 +37,7 @@ const MEMORY: f64 = 6.0;
 const SUSPECT: f32 = 1.5;
 
 /// How long the surface in a cell is believed in whose depth is not measured any more, s: what is black, shines or is far has holes that come and go.
-const HELD: f64 = 0.3;
+const HELD: f64 = 0.4;
 
 /// Log odds of "moving" per cell.
 #[derive(Clone, Debug, Default, PartialEq)]
