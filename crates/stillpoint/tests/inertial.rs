@@ -147,7 +147,7 @@ fn mount_and_clock_are_found_while_the_camera_turns() {
 
 #[test]
 fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
-    let scene = || simulator("rpy", 150, 30.0);
+    let scene = || simulator("rpy", 120, 30.0);
     let imu = SimulatedImu::default();
     let right = stages(&scene(), Some(&imu));
     let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
