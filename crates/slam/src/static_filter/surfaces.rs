@@ -36,9 +36,16 @@ const MEMORY: f64 = 6.0;
 /// Log odds of a thing that has just stopped.
 const SUSPECT: f32 = 1.5;
 
+/// How long the surface in a cell is believed in whose depth is not measured any more, s: what is black, shines or is far has holes that come and go.
+const HELD: f64 = 0.4;
+
 /// Log odds of "moving" per cell.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Surfaces {
+    /// The depth of each cell's surface, m: as measured, else as it was shortly before; 0 where neither is known.
+    pub(super) depth: Vec<f32>,
+    /// When it was measured, s.
+    measured_at: Vec<f64>,
     /// After spreading: the answer.
     pub(super) odds: Vec<f32>,
     /// The same without objects: what is remembered from frame to frame. A box on a surface that stands still leaves no
@@ -84,6 +91,8 @@ impl Surfaces {
     /// Surfaces of which nothing is known.
     pub(super) fn new(cells: &Cells) -> Self {
         Self {
+            depth: vec![0.0; cells.count()],
+            measured_at: vec![0.0; cells.count()],
             odds: vec![0.0; cells.count()],
             motion: vec![0.0; cells.count()],
             evidence: vec![0.0; cells.count()],
@@ -111,6 +120,8 @@ impl Surfaces {
         (next, memory): (&mut Self, &mut Memory),
     ) {
         let Self {
+            depth,
+            measured_at,
             odds,
             motion,
             evidence,
@@ -122,8 +133,9 @@ impl Surfaces {
         } = memory;
         workers::both(
             || {
-                links.rebuild(cells, now.grid.data());
-                self.propagate(cells, now, past, moved_at);
+                self.hold(cells, now, depth, measured_at);
+                links.rebuild(cells, depth);
+                self.propagate(cells, now, depth, (past, moved_at));
             },
             || weigh_free_space(cells, now, evidence),
         );
@@ -149,9 +161,34 @@ impl Surfaces {
             || links.spread(evidence, b, fresh),
         );
         remember_motion(now.stamp, fresh, motion, moved_at);
-        add_movers(now.grid, movers, own, &mut memory.strongest);
+        add_movers(now.grid, depth, movers, (own, &mut memory.strongest));
         links.spread(own, a, odds);
-        links.regions(cells, |i| odds[i] > MOVES, &mut memory.open, regions);
+        // Of what is measured now: where a mover was, the room may have come out since, and in a hole nothing says so.
+        let is_part = |i: usize| odds[i] > MOVES && now.grid.data()[i] > 0.0;
+        links.regions(cells, is_part, &mut memory.open, regions);
+    }
+
+    /// The depths of the cells, and when they were measured: in a hole of the depth image is what was there shortly before, as it is seen from here.
+    fn hold(&self, cells: &Cells, now: &Now<'_>, depth: &mut Vec<f32>, measured_at: &mut Vec<f64>) {
+        let measured = now.grid.data();
+        depth.clear();
+        depth.extend_from_slice(measured);
+        measured_at.clear();
+        measured_at.resize(cells.count(), now.stamp);
+        let Some(last) = now.history.last().filter(|s| s.stamp < now.stamp) else {
+            return;
+        };
+        let pose = now.world_from_depth.inverse() * last.world_from_depth(now.view);
+        let motion = visibility::CellMotion::new(&pose);
+        motion.for_each(cells, cells.all(), (0, &self.depth), |cell, place, z| {
+            let at = self.measured_at[cell];
+            // What is nearer hides the rest.
+            let is_seen = depth[place] == 0.0 || (measured[place] == 0.0 && z < depth[place]);
+            if is_seen && now.stamp - at <= HELD {
+                depth[place] = z;
+                measured_at[place] = at;
+            }
+        });
     }
 
     /// The log odds of the last frame, propagated to this one's cells along the surfaces they belong to, and when each was last seen to
@@ -160,8 +197,8 @@ impl Surfaces {
         &self,
         cells: &Cells,
         now: &Now<'_>,
-        past: &mut Vec<f32>,
-        moved_at: &mut Vec<Option<f64>>,
+        depth: &[f32],
+        (past, moved_at): (&mut Vec<f32>, &mut Vec<Option<f64>>),
     ) {
         past.clear();
         past.resize(cells.count(), 0.0);
@@ -172,10 +209,9 @@ impl Surfaces {
         };
         let pose = last.world_from_depth(now.view).inverse() * now.world_from_depth;
         let motion = visibility::CellMotion::new(&pose);
-        let before = last.grid.data();
+        let before = &self.depth;
         let keep = libm::powf(KEEP, worth(Some(now.stamp - last.stamp)));
-        let depths = (0, now.grid.data());
-        motion.for_each(cells, cells.all(), depths, |cell, place, z| {
+        motion.for_each(cells, cells.all(), (0, depth), |cell, place, z| {
             // The camera's motion puts the cell between cells of the last frame, and what moves went its own way since: every
             // neighbour at about this depth may be where the surface was.
             let (mut sum, mut count, mut moved) = (0.0, 0.0, None);
@@ -293,13 +329,18 @@ fn later(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 }
 
 /// Adds to each cell the log odds of the strongest object that holds it.
-fn add_movers(grid: &CoarseDepth, movers: &[Mover], own: &mut [f32], strongest: &mut Vec<f32>) {
+fn add_movers(
+    grid: &CoarseDepth,
+    depth: &[f32],
+    movers: &[Mover],
+    (own, strongest): (&mut [f32], &mut Vec<f32>),
+) {
     // Not their sum: two boxes of one person are no two opinions.
     strongest.clear();
     strongest.resize(own.len(), 0.0);
     for m in movers.iter().filter(|m| m.strength > 0.0) {
         for (i, [u, v]) in m.cells(grid) {
-            let z = grid.data()[i];
+            let z = depth[i];
             // A hole in the depth image belongs to nobody: its cell is joined to no other and would stay as it is.
             if z > 0.0 {
                 strongest[i] = strongest[i].max(m.odds(u, v, z));

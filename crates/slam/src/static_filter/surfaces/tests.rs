@@ -20,6 +20,8 @@ struct World {
     memory: Memory,
     spent: Spent,
     frame: u32,
+    /// Cells without depth from now on.
+    holes: fn(usize) -> bool,
 }
 
 fn person(cell: usize, column: usize) -> bool {
@@ -40,6 +42,7 @@ impl World {
             memory: Memory::default(),
             spent: Spent::default(),
             frame: 0,
+            holes: |_| false,
         }
     }
 
@@ -56,10 +59,15 @@ impl World {
         votes: &[Vote],
         certainty: f32,
     ) {
+        let holes = self.holes;
         let depth = |i: usize| {
             let cell = i / 320 / 8 * 40 + i % 320 / 8;
             let there = column.is_some_and(|c| person(cell, c));
-            if there { 1.5 } else { 3.0 }
+            match there {
+                _ if holes(cell) => 0.0,
+                true => 1.5,
+                false => 3.0,
+            }
         };
         let image = DepthImage::from_vec(320, 240, (0..320 * 240).map(depth).collect());
         let grid = Arc::new(super::super::cells::coarse(&image.unwrap()));
@@ -279,4 +287,58 @@ fn flow_of_a_frame_in_doubt_moves_nothing() {
         assert!(judged(1.0) > 0.9, "{known}");
         assert!(judged(0.2).abs() < f64::EPSILON, "{known}");
     }
+}
+
+#[test]
+fn a_hole_shows_for_a_moment_what_was_there_before() {
+    let mut world = World::new();
+    for i in 0..40 {
+        world.step((i >= 30).then(|| 8 + (i - 30) / 2), &[], &[]);
+    }
+    world.step(Some(12), &[], &[]);
+    // Nothing of him has a depth any more, nor has the wall around him.
+    world.holes = |cell| (3..30).contains(&(cell / 40));
+    for i in 0..12 {
+        world.step(Some(12), &[], &[]);
+        let since = f64::from(i + 1) / 30.0;
+        if (since - HELD).abs() < 0.01 {
+            continue;
+        }
+        let (seen, (person, wall)) = (since < HELD, world.moving(12));
+        assert_eq!(person > 0.95, seen, "frame {i}: {person}");
+        assert!(seen || person == 0.0, "frame {i}: {person}");
+        assert!(wall < 0.01, "frame {i}: {wall}");
+        // What is masked is what has a depth now: where he was he may be no more.
+        let labels = &world.surfaces.regions;
+        let masks =
+            |hole: bool| (0..labels.len()).any(|c| labels[c] > 0 && (world.holes)(c) == hole);
+        assert!(!masks(true), "frame {i}");
+        let middle = world.surfaces.depth[15 * 40 + 16];
+        assert_eq!(middle, if seen { 1.5 } else { 0.0 }, "frame {i}");
+    }
+}
+
+#[test]
+fn holes_that_come_and_go_do_not_make_forget_who_moved() {
+    // Nothing speaks for it but that he turned on the spot before: nobody ever saw the wall behind him.
+    let suspected = |holes: fn(usize) -> bool| {
+        let mut world = World::new();
+        let all: Vec<Vote> = (0..world.cells.count())
+            .map(|cell| Vote {
+                cell,
+                moving: person(cell, 12),
+            })
+            .collect();
+        for _ in 0..10 {
+            world.step(Some(12), &[], &all);
+        }
+        for i in 0..30 {
+            world.holes = if i % 3 == 0 { holes } else { |_| false };
+            world.step(Some(12), &[], &[]);
+        }
+        world.moving(12).0
+    };
+    assert!(suspected(|_| false) > 0.95);
+    assert!(suspected(|cell| person(cell, 12)) > 0.95);
+    assert!(suspected(|_| true) > 0.95);
 }
