@@ -167,5 +167,9 @@ fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
         assert_eq!(lost(&reports), 0);
         let state = reports.last().and_then(|r| r.inertial).map(|i| i.state);
         assert_eq!(state, Some(expected));
+        // Nothing moves here, and a sensor that nothing has confirmed talks nobody into it.
+        let sum = |of: fn(&FrameReport) -> u32| reports.iter().map(of).sum::<u32>();
+        let [moves, all] = [sum(|r| r.counts.dynamic), sum(|r| r.counts.keypoints)];
+        assert!(f64::from(moves) < 0.01 * f64::from(all), "{moves} of {all}");
     }
 }

@@ -30,7 +30,10 @@ impl Choice {
         }
         let share = |vote: &Option<Vote>| vote.as_ref().map_or(0.0, |v| v.share);
         let weak = share(&bound) < UNCONFIRMED_SHARE * share(&free);
-        let vote = match rules || !weak {
+        // Where nobody moves otherwise, and not only because those who do have no say any more, there is no room beside a crowd that a sensor
+        // could speak for before it has ever proved right.
+        let is_alone = free.as_ref().is_some_and(Vote::is_of_nearly_all);
+        let vote = match rules || !(weak || is_alone) {
             // Which of the two it is, is not for matches by descriptor to say.
             true => bound.map(|v| Vote { exact: true, ..v }),
             false => free,

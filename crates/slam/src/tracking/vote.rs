@@ -68,6 +68,13 @@ pub(super) struct Vote {
     pub(super) is_bound: bool,
 }
 
+impl Vote {
+    /// Whether nearly all pairs agree on it, by weight and by number: also those that were taken to move before.
+    pub(super) fn is_of_nearly_all(&self) -> bool {
+        self.share >= PLAIN_SHARE && self.agreed as f64 >= PLAIN_SHARE * self.voted as f64
+    }
+}
+
 /// Memory that votes take, used again from frame to frame.
 #[derive(Default)]
 pub(super) struct VoteMemory {
