@@ -6,33 +6,25 @@ use super::surfaces::MOVES;
 use super::{FeatureVerdict, Reasons, StaticFilter};
 use stillpoint_imaging::DepthImage;
 
-/// What has no depth and is so near something that moves may be a part of it, cells: dark clothes below a face, hair above it.
-const NEAR_CELLS: usize = 3;
-
 impl StaticFilter {
-    /// A feature moves with the surface that it lies on. Where its depth is not known, `moves` decides, given the log odds of what was there shortly before (0 where
-    /// nothing was).
+    /// A feature moves with the surface that it lies on.
     pub(super) fn judge_feature(
         &self,
         pixel: [f32; 2],
-        (image, grid): (&DepthImage, &[f32]),
+        image: &DepthImage,
+        grid: &[f32],
         movers: &[Mover],
-        moves: impl FnOnce(f32) -> bool,
     ) -> FeatureVerdict {
         let [u, v] = pixel.map(f64::from);
         let (z, cell) = self.surface_at(pixel, image, grid);
         let in_box = movers
             .iter()
             .any(|m| m.strength > 0.0 && m.bounds.contains(u, v));
+        // In a hole of the depth image nothing is known: most such corners are beside a silhouette, on the background.
         let (odds, evidence) = cell.map_or((0.0, 0.0), |c| {
             (self.surfaces.odds[c], self.surfaces.evidence[c])
         });
-        let is_measured = z > 0.0 && cell.is_none_or(|c| grid[c] > 0.0);
-        let dynamic = if is_measured {
-            odds > MOVES
-        } else {
-            moves(odds)
-        };
+        let dynamic = odds > MOVES;
         let mut reasons = Reasons::default();
         if let Some(m) = movers
             .iter()
@@ -59,20 +51,6 @@ impl StaticFilter {
         }
     }
 
-    /// Whether a surface near a raw pixel moves.
-    pub(super) fn moves_near(&self, [u, v]: [f32; 2]) -> bool {
-        let cells = &self.rules.cells;
-        let home = cells.at(u, v);
-        let around = |at: usize, count: usize| {
-            at.saturating_sub(NEAR_CELLS)..(at + NEAR_CELLS + 1).min(count)
-        };
-        let columns = around(home % cells.width, cells.width);
-        around(home / cells.width, cells.height).any(|y| {
-            let row = &self.surfaces.odds[y * cells.width..(y + 1) * cells.width];
-            row[columns.clone()].iter().any(|odds| *odds > MOVES)
-        })
-    }
-
     /// The depth (m; 0: none) at a raw pixel or next to it, and of the cells around it the one at that depth.
     fn surface_at(
         &self,
@@ -90,10 +68,6 @@ impl StaticFilter {
                 best = (gap, Some(cell));
             }
         });
-        let held = self.surfaces.depth[home];
-        if z == 0.0 && grid[home] == 0.0 && held > 0.0 {
-            return (held, Some(home));
-        }
         (z, best.1)
     }
 }

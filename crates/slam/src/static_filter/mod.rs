@@ -62,9 +62,6 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) pairs: &'a [Option<FlowPair>],
     /// The camera's motion back to the frame before.
     pub(crate) last_from_now: Se3,
-    /// Whether little else than corners without depth tells how the camera moves: then these are all kept, whatever they do. Whoever rides on somebody who
-    /// fills the view sees by them that he does.
-    pub(crate) few: bool,
 }
 
 /// The depth-connected regions of a frame that move, by square cells of the raw image.
@@ -301,19 +298,8 @@ impl StaticFilter {
         self.measure_rigidity(stamp, grid, movers);
         verdicts.clear();
         verdicts.resize(input.features.len(), FeatureVerdict::kept([0.0; 2]));
-        let votes = &memory.votes;
-        let contradicts = |i: usize| {
-            let pair = input.pairs.get(i).and_then(Option::as_ref);
-            pair.is_some_and(|p| votes.contradict(&self.rules.camera, p, &input.last_from_now))
-        };
-        let depth = (&input.frame.depth, grid.data());
         workers::fill(verdicts, JUDGED_TOGETHER, |i| {
-            let pixel = input.features[i];
-            // Most corners without depth are beside a silhouette, on the background. So their own flow has to say that they move.
-            let moves = |odds| {
-                !input.few && odds > -MOVES && self.moves_near(pixel) && contradicts(i)
-            };
-            self.judge_feature(pixel, depth, movers, moves)
+            self.judge_feature(input.features[i], &input.frame.depth, grid.data(), movers)
         });
     }
 
@@ -329,15 +315,9 @@ impl StaticFilter {
         }
         let grid = cells::coarse(&frame.depth);
         let movers = self.movers(objects, frame.stamp);
-        let depth = (&frame.depth, grid.data());
         let judge =
-            |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, |odds| odds > MOVES);
+            |pixel: &[f32; 2]| self.judge_feature(*pixel, &frame.depth, grid.data(), &movers);
         pixels.iter().map(judge).collect()
-    }
-
-    /// Whether the flow of a feature without depth tells something, which was at this raw pixel of the last frame: whether it is near what moves.
-    pub(crate) fn is_suspect(&self, pixel: [f32; 2]) -> bool {
-        self.rules.config.preset == Preset::Default && self.moves_near(pixel)
     }
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.

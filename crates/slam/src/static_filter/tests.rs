@@ -4,7 +4,6 @@ use super::*;
 use crate::anchored_pose::AnchoredPose;
 use crate::config::Config;
 use stillpoint_detection::{BoundingBox, ClassId, Detection};
-use stillpoint_geometry::Vec2;
 use stillpoint_imaging::{DepthImage, GrayImage};
 use stillpoint_map::KeyframeId;
 
@@ -53,26 +52,16 @@ fn frame(id: u32) -> RgbdFrame {
 }
 
 fn judge(filter: &mut StaticFilter, id: u32) -> Judgement {
-    judge_frame(filter, &frame(id), &[1.5, 3.0, 3.0], &[])
-}
-
-fn judge_frame(
-    filter: &mut StaticFilter,
-    frame: &RgbdFrame,
-    depths: &[f32],
-    pairs: &[Option<FlowPair>],
-) -> Judgement {
     let (judgement, next) = filter.judge(
         &FrameInput {
-            frame,
+            frame: &frame(id),
             view: &MapView::default(),
             world_from_camera: Se3::identity(),
             camera_from_depth: Se3::identity(),
             features: &CORNERS,
-            depths,
-            pairs,
+            depths: &[1.5, 3.0, 3.0],
+            pairs: &[],
             last_from_now: Se3::identity(),
-            few: false,
         },
         &mut Memory::default(),
     );
@@ -202,7 +191,6 @@ fn a_judgement_that_is_refused_leaves_nothing_behind() {
         depths: &[1.5, 3.0, 3.0],
         pairs: &[],
         last_from_now: Se3::identity(),
-        few: false,
     };
     let (expected, _) = filter
         .clone()
@@ -217,79 +205,4 @@ fn a_judgement_that_is_refused_leaves_nothing_behind() {
     assert_eq!(found.objects.len(), 1);
     // The detections wait until a judgement that used them is kept.
     assert!(filter.waiting.is_some() && next.waiting.is_none());
-}
-
-/// The person of a box loses his depth: his corners are his as long as their flow says so.
-#[test]
-fn in_a_hole_flow_has_to_agree_with_what_was_there_before() {
-    let hole = RgbdFrame {
-        depth: DepthImage::from_vec(320, 240, vec![0.0; 320 * 240]).unwrap(),
-        ..frame(6)
-    };
-    let pair = |i: usize, dx: f64| {
-        let now = Vec2::from(CORNERS[i].map(f64::from));
-        let before = now + Vec2::new(dx, 0.0);
-        Some(FlowPair {
-            before_raw: [before.x as f32, before.y as f32],
-            before_exposed: before,
-            before,
-            now,
-            flow_sigma: 0.1,
-            shutter_sigma: 0.0,
-        })
-    };
-    let dynamic_with = |flow: [f64; 3], known: bool| {
-        let mut filter = filter(&config());
-        for id in 0..6 {
-            filter.receive(detections(id));
-            follow(&mut filter, id);
-        }
-        let pairs = [0, 1, 2].map(|i| pair(i, flow[i]).filter(|_| known));
-        dynamic(&judge_frame(&mut filter, &hole, &[0.0; 3], &pairs))
-    };
-    assert_eq!(dynamic_with([6.0, 0.1, 0.1], true), [true, false, false]);
-    // What moves beside him is taken for his, what moves elsewhere is not.
-    assert_eq!(dynamic_with([6.0; 3], true), [true, true, false]);
-    assert_eq!(dynamic_with([0.1, 0.1, 0.1], true), [false; 3]);
-    assert_eq!(dynamic_with([6.0; 3], false), [false; 3]);
-}
-
-/// Dark clothes: depth was never measured of them, and all that tells is that they go with a face.
-#[test]
-fn what_never_had_a_depth_moves_where_flow_says_so_beside_what_moves() {
-    let dark = |id: u32| {
-        let there = |x: usize, y: usize| PERSON.contains(&x) && (40..200).contains(&y);
-        let clothes = |x: usize, y: usize| (150..170).contains(&x) && (100..200).contains(&y);
-        let depth = (0..320 * 240).map(|i| match (i % 320, i / 320) {
-            (x, y) if clothes(x, y) || x < 60 => 0.0,
-            (x, y) if there(x, y) => 1.5,
-            _ => 3.0,
-        });
-        RgbdFrame {
-            depth: DepthImage::from_vec(320, 240, depth.collect()).unwrap(),
-            ..frame(id)
-        }
-    };
-    let pair = |i: usize, dx: f64| {
-        let now = Vec2::from(CORNERS[i].map(f64::from));
-        let before = now + Vec2::new(dx, 0.0);
-        FlowPair {
-            before_raw: [before.x as f32, before.y as f32],
-            before_exposed: before,
-            before,
-            now,
-            flow_sigma: 0.1,
-            shutter_sigma: 0.0,
-        }
-    };
-    for (flow, expected) in [(6.0, [true, false, false]), (0.1, [false; 3])] {
-        let mut filter = filter(&config());
-        for id in 0..3 {
-            filter.receive(detections(id));
-            // In the last column nothing has a depth either, but nobody is near.
-            let pairs = [Some(pair(0, flow)), None, Some(pair(2, flow))];
-            let judged = judge_frame(&mut filter, &dark(id), &[0.0, 3.0, 0.0], &pairs);
-            assert_eq!(dynamic(&judged), expected, "frame {id}, flow {flow}");
-        }
-    }
 }
