@@ -1,30 +1,45 @@
 //! Which surface a corner lies on, and what follows for it.
 
+use super::cells::Cells;
+use super::rigid::Votes;
 use super::segments::LIMIT;
 use super::semantic::{MOVER, Mover};
 use super::surfaces::MOVES;
 use super::{FeatureVerdict, Reasons, StaticFilter};
+use std::ops::Range;
 use stillpoint_imaging::DepthImage;
 
+/// What has no depth and is so near something that moves may be a part of it, cells: dark clothes below a face, hair above it.
+const NEAR_CELLS: usize = 3;
+/// So many corners without depth near each other tell by their flow whether they move ...
+const HOLE_VOTES: u32 = 4;
+/// ... where more than this share of them says so.
+const HOLE_SHARE: f64 = 0.75;
+
 impl StaticFilter {
-    /// A feature moves with the surface that it lies on.
+    /// A feature moves with the surface that it lies on. Where its depth is not known, `moves` decides, given the log odds of what was there shortly before (0 where
+    /// nothing was).
     pub(super) fn judge_feature(
         &self,
         pixel: [f32; 2],
-        image: &DepthImage,
-        grid: &[f32],
+        (image, grid): (&DepthImage, &[f32]),
         movers: &[Mover],
+        moves: impl FnOnce(f32) -> bool,
     ) -> FeatureVerdict {
         let [u, v] = pixel.map(f64::from);
         let (z, cell) = self.surface_at(pixel, image, grid);
         let in_box = movers
             .iter()
             .any(|m| m.strength > 0.0 && m.bounds.contains(u, v));
-        // In a hole of the depth image nothing is known: most such corners are beside a silhouette, on the background.
         let (odds, evidence) = cell.map_or((0.0, 0.0), |c| {
             (self.surfaces.odds[c], self.surfaces.evidence[c])
         });
-        let dynamic = odds > MOVES;
+        let is_measured = z > 0.0 && cell.is_none_or(|c| grid[c] > 0.0);
+        let dynamic = if is_measured {
+            odds > MOVES
+        } else {
+            moves(odds)
+        };
         let mut reasons = Reasons::default();
         if let Some(m) = movers
             .iter()
@@ -51,6 +66,39 @@ impl StaticFilter {
         }
     }
 
+    /// Whether a surface near a raw pixel moves.
+    pub(super) fn moves_near(&self, pixel: [f32; 2]) -> bool {
+        let odds = &self.surfaces.odds;
+        self.near(pixel)
+            .any(|row| odds[row].iter().any(|odds| *odds > MOVES))
+    }
+
+    /// Whether most corners without depth near a raw pixel move, by their flow. Most such corners are beside a silhouette, on the background, and that is where
+    /// flow errs most: one alone tells nothing.
+    pub(super) fn hole_moves(&self, pixel: [f32; 2], votes: &Votes) -> bool {
+        let (mut moving, mut all) = (0, 0);
+        if votes.holes.is_empty() {
+            return false;
+        }
+        for [m, n] in self.near(pixel).flat_map(|row| &votes.holes[row]) {
+            moving += u32::from(*m);
+            all += u32::from(*n);
+        }
+        all >= HOLE_VOTES && f64::from(moving) > HOLE_SHARE * f64::from(all)
+    }
+
+    /// The cells near a raw pixel, by rows.
+    fn near(&self, [u, v]: [f32; 2]) -> impl Iterator<Item = Range<usize>> {
+        let Cells { width, height, .. } = self.rules.cells;
+        let home = self.rules.cells.at(u, v);
+        let around = |at: usize, count: usize| {
+            at.saturating_sub(NEAR_CELLS)..(at + NEAR_CELLS + 1).min(count)
+        };
+        let columns = around(home % width, width);
+        around(home / width, height)
+            .map(move |y| y * width + columns.start..y * width + columns.end)
+    }
+
     /// The depth (m; 0: none) at a raw pixel or next to it, and of the cells around it the one at that depth.
     fn surface_at(
         &self,
@@ -68,6 +116,10 @@ impl StaticFilter {
                 best = (gap, Some(cell));
             }
         });
+        let held = self.surfaces.depth[home];
+        if z == 0.0 && grid[home] == 0.0 && held > 0.0 {
+            return (held, Some(home));
+        }
         (z, best.1)
     }
 }

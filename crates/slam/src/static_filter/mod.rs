@@ -62,6 +62,9 @@ pub(crate) struct FrameInput<'a> {
     pub(crate) pairs: &'a [Option<FlowPair>],
     /// The camera's motion back to the frame before.
     pub(crate) last_from_now: Se3,
+    /// Whether little else than corners without depth tells how the camera moves: then these are all kept, whatever they do. Whoever rides on somebody who
+    /// fills the view sees by them that he does.
+    pub(crate) few: bool,
 }
 
 /// The depth-connected regions of a frame that move, by square cells of the raw image.
@@ -123,6 +126,8 @@ pub(crate) struct StaticFilter {
     /// Detections of the frame to come: they wait for its first pose.
     waiting: Option<Detections>,
     unused: Unused,
+    /// Whether there is a detector: it answered.
+    detected: bool,
     history: History,
     surfaces: Arc<Surfaces>,
     /// The frame judged last, until its pose is known.
@@ -149,6 +154,7 @@ impl StaticFilter {
             objects: ObjectTracker::new(setup.objects, *camera),
             waiting: None,
             unused: Unused::default(),
+            detected: false,
             history: History::default(),
             present: None,
         }
@@ -185,6 +191,7 @@ impl StaticFilter {
     /// Takes detections of the frame to come.
     pub(crate) fn receive(&mut self, detections: Detections) {
         if self.wants_detections() {
+            self.detected = true;
             self.waiting = Some(detections);
         }
     }
@@ -298,8 +305,17 @@ impl StaticFilter {
         self.measure_rigidity(stamp, grid, movers);
         verdicts.clear();
         verdicts.resize(input.features.len(), FeatureVerdict::kept([0.0; 2]));
+        let votes = &memory.votes;
+        let depth = (&input.frame.depth, grid.data());
         workers::fill(verdicts, JUDGED_TOGETHER, |i| {
-            self.judge_feature(input.features[i], &input.frame.depth, grid.data(), movers)
+            let pixel = input.features[i];
+            let moves = |odds| {
+                odds > -MOVES
+                    && self.moves_near(pixel)
+                    && self.hole_moves(pixel, votes)
+                    && votes.contradicts(&self.rules.camera, input, i)
+            };
+            self.judge_feature(pixel, depth, movers, moves)
         });
     }
 
@@ -315,9 +331,20 @@ impl StaticFilter {
         }
         let grid = cells::coarse(&frame.depth);
         let movers = self.movers(objects, frame.stamp);
+        let depth = (&frame.depth, grid.data());
         let judge =
-            |pixel: &[f32; 2]| self.judge_feature(*pixel, &frame.depth, grid.data(), &movers);
+            |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, |odds| odds > MOVES);
         pixels.iter().map(judge).collect()
+    }
+
+    /// Whether corners without depth are judged by their flow. A detector finds people whatever they wear, and most such corners are on the background.
+    fn asks_holes(&self) -> bool {
+        self.rules.config.preset == Preset::Default && !self.detected
+    }
+
+    /// Whether the flow of a feature without depth tells something, which was at this raw pixel of the last frame: whether it is near what moves.
+    pub(crate) fn is_suspect(&self, pixel: [f32; 2]) -> bool {
+        self.asks_holes() && self.moves_near(pixel)
     }
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
@@ -348,6 +375,7 @@ impl StaticFilter {
             return None;
         }
         let frame = detections.frame;
+        self.detected = true;
         let Some(s) = self.history.get(frame) else {
             if self.history.forgot(frame) {
                 self.unused.too_late += 1;
@@ -385,6 +413,9 @@ impl StaticFilter {
         let features = input.features.iter().zip(input.pairs).zip(input.depths);
         let features = features.map(|((f, pair), z)| (f, distance(pair, *z), sigma(pair)));
         votes.count(&self.rules.cells, features);
+        if !input.few && self.asks_holes() {
+            votes.count_holes(&self.rules.cells, &self.rules.camera, input);
+        }
     }
 
     /// Tells the objects which part of their surface stands still.
