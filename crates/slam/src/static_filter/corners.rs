@@ -1,13 +1,14 @@
 //! Which surface a corner lies on, and what follows for it.
 
-use super::cells::Cells;
+use super::cells::{Cells, coarse};
 use super::rigid::Votes;
 use super::segments::LIMIT;
 use super::semantic::{MOVER, Mover};
 use super::surfaces::MOVES;
-use super::{FeatureVerdict, Reasons, StaticFilter};
+use super::{FeatureVerdict, Preset, Reasons, StaticFilter};
 use std::ops::Range;
-use stillpoint_imaging::DepthImage;
+use stillpoint_detection::Object;
+use stillpoint_imaging::{DepthImage, RgbdFrame};
 
 /// What has no depth and is so near something that moves may be a part of it, cells: dark clothes below a face, hair above it.
 const NEAR_CELLS: usize = 3;
@@ -64,6 +65,40 @@ impl StaticFilter {
             reasons,
             risk: odds.clamp(-LIMIT, LIMIT),
         }
+    }
+
+    /// What is said of any raw pixels of the frame that was judged last, in which these objects were.
+    pub(crate) fn judge_pixels(
+        &self,
+        frame: &RgbdFrame,
+        objects: &[Object],
+        pixels: &[[f32; 2]],
+    ) -> Vec<FeatureVerdict> {
+        if self.rules.config.preset != Preset::Default {
+            return pixels.iter().map(|p| FeatureVerdict::kept(*p)).collect();
+        }
+        let grid = coarse(&frame.depth);
+        let movers = self.movers(objects, frame.stamp);
+        let depth = (&frame.depth, grid.data());
+        let judge =
+            |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, |odds| odds > MOVES);
+        pixels.iter().map(judge).collect()
+    }
+
+    /// Whether corners without depth are judged by their flow. A detector finds people whatever they wear, and most such corners are on the background.
+    pub(super) fn asks_holes(&self) -> bool {
+        self.rules.config.preset == Preset::Default && !self.detected
+    }
+
+    /// Whether the flow of a feature without depth tells something, which was at this raw pixel of the last frame: whether it is near what moves.
+    pub(crate) fn is_suspect(&self, pixel: [f32; 2]) -> bool {
+        self.asks_holes() && self.moves_near(pixel)
+    }
+
+    /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
+    pub(crate) fn static_probability(&self, [u, v]: [f32; 2]) -> f64 {
+        let odds = self.surfaces.odds[self.rules.cells.at(u, v)];
+        1.0 / (1.0 + libm::exp(f64::from(odds)))
     }
 
     /// Whether a surface near a raw pixel moves.

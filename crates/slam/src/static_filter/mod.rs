@@ -319,40 +319,6 @@ impl StaticFilter {
         });
     }
 
-    /// What is said of any raw pixels of the frame that was judged last, in which these objects were.
-    pub(crate) fn judge_pixels(
-        &self,
-        frame: &RgbdFrame,
-        objects: &[Object],
-        pixels: &[[f32; 2]],
-    ) -> Vec<FeatureVerdict> {
-        if self.rules.config.preset != Preset::Default {
-            return pixels.iter().map(|p| FeatureVerdict::kept(*p)).collect();
-        }
-        let grid = cells::coarse(&frame.depth);
-        let movers = self.movers(objects, frame.stamp);
-        let depth = (&frame.depth, grid.data());
-        let judge =
-            |pixel: &[f32; 2]| self.judge_feature(*pixel, depth, &movers, |odds| odds > MOVES);
-        pixels.iter().map(judge).collect()
-    }
-
-    /// Whether corners without depth are judged by their flow. A detector finds people whatever they wear, and most such corners are on the background.
-    fn asks_holes(&self) -> bool {
-        self.rules.config.preset == Preset::Default && !self.detected
-    }
-
-    /// Whether the flow of a feature without depth tells something, which was at this raw pixel of the last frame: whether it is near what moves.
-    pub(crate) fn is_suspect(&self, pixel: [f32; 2]) -> bool {
-        self.asks_holes() && self.moves_near(pixel)
-    }
-
-    /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
-    pub(crate) fn static_probability(&self, [u, v]: [f32; 2]) -> f64 {
-        let odds = self.surfaces.odds[self.rules.cells.at(u, v)];
-        1.0 / (1.0 + libm::exp(f64::from(odds)))
-    }
-
     /// Keeps the frame just judged for later comparison, once its pose is known.
     pub(crate) fn remember(&mut self, place: &CapturePose, memory: &mut Memory) {
         if let Some((frame, stamp, grid)) = self.present.take() {
