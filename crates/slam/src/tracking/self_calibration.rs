@@ -17,6 +17,9 @@ use stillpoint_geometry::{Camera, Mat6, Se3, Vec2, Vec3, Vec6};
 const CORRELATION: f64 = 20.0;
 /// Share that velocities are wrong by in all frames alike, and the readout with them: a hand trembles between the frames as well.
 const VELOCITY_ERROR: f64 = 0.1;
+/// Frames of long ago weigh together as an estimate with this standard deviation, s: what was learned while it was not known who moves is forgotten
+/// once enough was learned since.
+const MEMORY: f64 = 0.003;
 /// Slower than this (norm of the twist per second, m/s and rad/s) nothing can be learned.
 const MIN_SPEED: f64 = 0.05;
 /// The longest readout that is believed, s.
@@ -65,8 +68,13 @@ pub(super) struct Between {
 /// Running estimate of a camera's readout.
 #[derive(Clone, Debug)]
 pub(super) struct SelfCalibration {
+    /// Of all frames.
     information: f64,
+    /// Of those that are remembered, and the estimate times that.
+    weight: f64,
     vector: f64,
+    /// Information of what was known at the start.
+    known: f64,
     timing: Timing,
     /// The newest frames without a gap, oldest first.
     run: VecDeque<Between>,
@@ -80,7 +88,9 @@ impl SelfCalibration {
         let information = 1.0 / (start.readout_sigma * start.readout_sigma).max(1e-12);
         Self {
             information,
+            weight: information,
             vector: information * start.readout,
+            known: information,
             timing: start,
             run: VecDeque::new(),
             rows: Vec::new(),
@@ -197,10 +207,15 @@ impl SelfCalibration {
             return;
         };
         let trust = trust / CORRELATION;
-        self.information += reduced * trust;
+        let said = reduced * trust;
+        self.information += said;
+        // What was known before it all began weighs no less.
+        let most = (1.0 / (MEMORY * MEMORY) - said).max(self.known);
+        let kept = (most / self.weight).min(1.0);
+        self.weight = kept * self.weight + said;
         // The residuals were taken with the present estimate, so the step counts from there.
-        self.vector += (step + reduced * readout) * trust;
-        self.timing.readout = (self.vector / self.information).clamp(0.0, MAX_READOUT);
+        self.vector = kept * self.vector + (step + reduced * readout) * trust;
+        self.timing.readout = (self.vector / self.weight).clamp(0.0, MAX_READOUT);
         let chance = 1.0 / self.information.sqrt();
         self.timing.readout_sigma = libm::hypot(chance, VELOCITY_ERROR * self.timing.readout);
     }

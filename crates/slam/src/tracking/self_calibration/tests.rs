@@ -118,6 +118,37 @@ fn what_swings_tells_the_readout_wherever_the_estimate_starts() {
     }
 }
 
+/// Velocities are wrong while it is not known who moves, and the readout with them.
+#[test]
+fn what_was_learned_wrongly_is_forgotten() {
+    let mut estimate = start(0.0);
+    let mut passes = |truth: f64, times: u32| {
+        for i in 0..times {
+            pass(&mut estimate, &swinging(0.07 * f64::from(i)), truth, |_| ());
+        }
+        *estimate.timing()
+    };
+    let wrong = passes(0.01, 30);
+    assert!((wrong.readout - 0.01).abs() < 0.001, "{wrong:?}");
+    let corrected = passes(0.02, 15);
+    assert!((corrected.readout - 0.02).abs() < 0.001, "{corrected:?}");
+}
+
+/// What is given as known to ten microseconds is not moved far by what frames say.
+#[test]
+fn what_is_known_is_not_forgotten() {
+    let mut estimate = SelfCalibration::new(Timing {
+        readout: 0.02,
+        readout_sigma: 1e-5,
+        depth_delay: 0.0,
+    });
+    for i in 0..30 {
+        pass(&mut estimate, &swinging(0.07 * f64::from(i)), 0.01, |_| ());
+    }
+    let readout = estimate.timing().readout;
+    assert!((readout - 0.02).abs() < 0.0005, "{readout}");
+}
+
 #[test]
 fn steady_turning_teaches_little() {
     let path = Path {
