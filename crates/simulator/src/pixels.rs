@@ -78,8 +78,8 @@ impl Pixels {
         }
     }
 
-    /// Adds the faces of the view whose rows were added last.
-    pub(crate) fn add_faces(&mut self, view: View) {
-        self.faces.extend(view.faces);
+    /// Takes the faces of the view whose rows were added last.
+    pub(crate) fn add_faces(&mut self, view: &mut View) {
+        self.faces.append(&mut view.faces);
     }
 }

@@ -38,6 +38,7 @@ pub(crate) struct View {
     pub(crate) faces: Vec<Visible>,
     shapes: Vec<Shape>,
     spans: Vec<[u32; 2]>,
+    borders: Borders,
 }
 
 /// Where a face lies in the image.
@@ -53,6 +54,7 @@ struct Shape {
 /// The borders of a polygon by rows: scratch space.
 #[derive(Default)]
 struct Borders {
+    polygon: Vec<[f64; 2]>,
     left: Vec<f64>,
     right: Vec<f64>,
 }
@@ -66,31 +68,15 @@ impl View {
         factor: usize,
     ) -> Self {
         let rows = 0..camera.height as usize;
-        Self::of_rows(faces, camera, world_from_camera, factor, rows)
-    }
-
-    /// The same of some rows of the image alone.
-    pub(crate) fn of_rows<'a>(
-        faces: impl Iterator<Item = &'a Face>,
-        camera: &Camera,
-        world_from_camera: &Se3,
-        factor: usize,
-        rows: Range<usize>,
-    ) -> Self {
-        let mut view = Self::placed(faces, camera, world_from_camera, factor, rows.clone());
+        let mut view = Self::blank(camera, factor);
+        view.place(faces, camera, world_from_camera, rows.clone());
         view.draw(rows);
         view
     }
 
-    /// The faces that some rows of the image may show, with nothing drawn yet.
-    pub(crate) fn placed<'a>(
-        faces: impl Iterator<Item = &'a Face>,
-        camera: &Camera,
-        world_from_camera: &Se3,
-        factor: usize,
-        rows: Range<usize>,
-    ) -> Self {
-        let mut view = Self {
+    /// A view of nothing, with `factor`^2 samples per pixel.
+    pub(crate) fn blank(camera: &Camera, factor: usize) -> Self {
+        Self {
             width: camera.width as usize * factor,
             rows: 0..0,
             whole: camera.height as usize * factor,
@@ -100,16 +86,30 @@ impl View {
             faces: Vec::new(),
             shapes: Vec::new(),
             spans: Vec::new(),
-        };
+            borders: Borders::default(),
+        }
+    }
+
+    /// Finds the faces that some rows of the image may show, in place of those that were found before; nothing is drawn.
+    pub(crate) fn place<'a>(
+        &mut self,
+        faces: impl Iterator<Item = &'a Face>,
+        camera: &Camera,
+        world_from_camera: &Se3,
+        rows: Range<usize>,
+    ) {
+        self.faces.clear();
+        self.shapes.clear();
+        self.spans.clear();
         let camera_from_world = world_from_camera.inverse();
         let eye = Eye {
             camera,
             centre: camera_from_world.inverse().translation,
             camera_from_world,
         };
-        let rows = rows.start * factor..rows.end * factor;
-        let mut borders = Borders::default();
-        let mut polygon = Vec::new();
+        let rows = rows.start * self.factor..rows.end * self.factor;
+        let mut borders = std::mem::take(&mut self.borders);
+        let mut polygon = std::mem::take(&mut borders.polygon);
         for face in faces {
             let distance = face.normal.dot(&(eye.centre - face.vertices[0]));
             if distance < 1e-4 {
@@ -121,15 +121,15 @@ impl View {
                 &eye.camera_from_world,
                 &mut polygon,
             );
-            if polygon.len() >= 3 && view.place(&mut polygon, &rows, &mut borders) {
-                view.show(Visible::new(face, &eye, distance));
+            if polygon.len() >= 3 && self.cover(&mut polygon, &rows, &mut borders) {
+                self.show(Visible::new(face, &eye, distance));
             }
         }
-        view
+        self.borders = Borders { polygon, ..borders };
     }
 
     /// Notes which samples of some rows a convex polygon covers, given in pixels. Whether there are any.
-    fn place(&mut self, polygon: &mut [[f64; 2]], rows: &Range<usize>, by: &mut Borders) -> bool {
+    fn cover(&mut self, polygon: &mut [[f64; 2]], rows: &Range<usize>, by: &mut Borders) -> bool {
         let k = self.factor as f64;
         for p in polygon.iter_mut() {
             *p = p.map(|v| (v + 0.5) * k - 0.5);

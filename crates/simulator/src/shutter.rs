@@ -76,10 +76,25 @@ pub(crate) struct Sight<'a> {
     pub(crate) lens: &'a Lens,
 }
 
-/// What can be seen at a moment: the movers, and the rows of the rendered image that each face may touch.
+/// What can be seen at a moment: the movers' faces that are not turned away, and the rows of the rendered image that each face may touch, those
+/// that stand still first.
 struct Moment {
     moving: Vec<Face>,
     rows: Vec<[f64; 2]>,
+}
+
+/// A face, and the first and the last row of the rendered image that it may touch.
+type Touched<'a> = (&'a Face, [f64; 2]);
+
+/// Whether a face that touches rows at a moment may touch some about it.
+fn touch([first, last]: &[f64; 2], rows: &Range<usize>) -> bool {
+    let (top, bottom) = (rows.start as f64, rows.end as f64);
+    *first <= bottom + MARGIN && *last >= top - MARGIN
+}
+
+/// Whether a face with this corner and normal is out of sight about a moment, as it is turned away from the camera.
+fn is_turned_away(corner: &Vec3, normal: &Vec3, eye: &Vec3) -> bool {
+    normal.dot(&(eye - corner)) < TURNED_AWAY
 }
 
 impl<'a> Sight<'a> {
@@ -119,9 +134,14 @@ impl<'a> Sight<'a> {
             }
             return ideal;
         }
-        for (y, row) in rows {
-            self.strip(y, self.row_time(y, stamp, readout), 2, moments)
-                .shade_row(self.scene, self.lens, y, row);
+        let mut view = View::blank(&self.lens.rendered, 2);
+        for (key, run) in self.runs(stamp, readout) {
+            let moment = moments.entry(key).or_insert_with(|| self.moment(key));
+            let touched = self.touched(moment, &run);
+            for (y, row) in rows.by_ref().take(run.len()) {
+                self.strip(y, self.row_time(y, stamp, readout), &touched, &mut view);
+                view.shade_row(self.scene, self.lens, y, row);
+            }
         }
         ideal
     }
@@ -135,15 +155,18 @@ impl<'a> Sight<'a> {
                 view.draw(self.rendered_rows(&band));
                 pixels.push(&view, self.lens, band);
             }
-            pixels.add_faces(view);
+            pixels.add_faces(&mut view);
             return pixels;
         }
-        let mut moments = BTreeMap::new();
-        for y in 0..self.lens.height {
-            let time = self.row_time(y, stamp, readout);
-            let strip = self.strip(y, time, 1, &mut moments);
-            pixels.push(&strip, self.lens, y..y + 1);
-            pixels.add_faces(strip);
+        let mut view = View::blank(&self.lens.rendered, 1);
+        for (key, run) in self.runs(stamp, readout) {
+            let moment = self.moment(key);
+            let touched = self.touched(&moment, &run);
+            for y in run {
+                self.strip(y, self.row_time(y, stamp, readout), &touched, &mut view);
+                pixels.push(&view, self.lens, y..y + 1);
+                pixels.add_faces(&mut view);
+            }
         }
         pixels
     }
@@ -173,41 +196,63 @@ impl<'a> Sight<'a> {
 
     /// The faces that the camera sees at a time, before the lens, with `factor`^2 samples per pixel; no rows are drawn yet.
     pub(crate) fn faces(&self, stamp: f64, factor: usize) -> View {
-        let moving = self.scene.moving(stamp);
-        let faces = self.scene.fixed().iter().chain(&moving);
         let pose = self.path.world_from_camera(stamp);
+        let moving = self.moving_in_sight(stamp, &pose.translation);
+        let faces = self.scene.fixed().iter().chain(&moving);
         let rows = 0..self.lens.rendered.height as usize;
-        View::placed(faces, &self.lens.rendered, &pose, factor, rows)
+        let mut view = View::blank(&self.lens.rendered, factor);
+        view.place(faces, &self.lens.rendered, &pose, rows);
+        view
     }
 
-    /// What the recorded row `y` sees at a time.
-    fn strip(
-        &self,
-        y: usize,
-        time: f64,
-        factor: usize,
-        moments: &mut BTreeMap<i64, Moment>,
-    ) -> View {
-        let rows = self.lens.rendered_rows(y);
-        let key = (time / STEP).round() as i64;
-        let moment = moments.entry(key).or_insert_with(|| self.moment(key));
-        let (top, bottom) = (rows.start as f64, rows.end as f64);
+    /// The recorded rows in parts that are exposed about the same moment, with its number.
+    fn runs(&self, stamp: f64, readout: f64) -> Vec<(i64, Range<usize>)> {
+        let mut runs: Vec<(i64, Range<usize>)> = Vec::new();
+        for y in 0..self.lens.height {
+            let key = (self.row_time(y, stamp, readout) / STEP).round() as i64;
+            match runs.last_mut() {
+                Some((last, run)) if *last == key => run.end = y + 1,
+                _ => runs.push((key, y..y + 1)),
+            }
+        }
+        runs
+    }
+
+    /// The faces that some recorded rows may show about a moment, with the rows of the rendered image that each may touch.
+    fn touched<'b>(&'b self, moment: &'b Moment, recorded: &Range<usize>) -> Vec<Touched<'b>> {
+        let rows = recorded.clone().map(|y| self.lens.rendered_rows(y));
+        let rows = rows.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
+        let rows = rows.unwrap_or_default();
         let faces = self.scene.fixed().iter().chain(&moment.moving);
-        let touched = faces.zip(&moment.rows).filter_map(|(face, [first, last])| {
-            (*first <= bottom + MARGIN && *last >= top - MARGIN).then_some(face)
-        });
+        let touched = faces.zip(&moment.rows).filter(|(_, at)| touch(at, &rows));
+        touched.map(|(face, at)| (face, *at)).collect()
+    }
+
+    /// Draws what the recorded row `y` sees of some faces at a time.
+    fn strip(&self, y: usize, time: f64, faces: &[Touched], view: &mut View) {
+        let rows = self.lens.rendered_rows(y);
+        let touched = faces.iter().filter(|(_, at)| touch(at, &rows));
         let pose = self.path.world_from_camera(time);
-        View::of_rows(touched, &self.lens.rendered, &pose, factor, rows)
+        let faces = touched.map(|(face, _)| *face);
+        view.place(faces, &self.lens.rendered, &pose, rows.clone());
+        view.draw(rows);
+    }
+
+    /// The movers' faces at a time, without those that are turned away from the camera.
+    fn moving_in_sight(&self, time: f64, eye: &Vec3) -> Vec<Face> {
+        let asked = |corner: &Vec3, normal: &Vec3| !is_turned_away(corner, normal, eye);
+        self.scene.moving(time, &asked)
     }
 
     fn moment(&self, key: i64) -> Moment {
         let time = key as f64 * STEP;
-        let moving = self.scene.moving(time);
         let world_from_camera = self.path.world_from_camera(time);
+        let eye = world_from_camera.translation;
+        let moving = self.moving_in_sight(time, &eye);
         let camera_from_world = world_from_camera.inverse();
         let faces = self.scene.fixed().iter().chain(&moving);
         let rows = faces
-            .map(|face| self.rows_of(face, &camera_from_world, &world_from_camera.translation))
+            .map(|face| self.rows_of(face, &camera_from_world, &eye))
             .collect();
         Moment { moving, rows }
     }
@@ -215,11 +260,11 @@ impl<'a> Sight<'a> {
     /// The first and the last row of the rendered image that a face touches.
     fn rows_of(&self, face: &Face, camera_from_world: &Se3, eye: &Vec3) -> [f64; 2] {
         let mut rows = [f64::MAX, f64::MIN];
-        if face.normal.dot(&(eye - face.vertices[0])) < TURNED_AWAY {
+        if is_turned_away(&face.vertices[0], &face.normal, eye) {
             return rows;
         }
         let (mut near, mut behind) = (false, true);
-        for vertex in &face.vertices {
+        for vertex in face.vertices.iter() {
             let p = camera_from_world.transform(vertex);
             near |= p.z < 0.2;
             behind &= p.z < -0.2;

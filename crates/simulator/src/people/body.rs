@@ -1,5 +1,6 @@
 //! The shape of a person: rigid parts around the bones, with clothes.
 
+use super::Asked;
 use super::mesh::{Cover, Mesh, Ring, Winding, off_axis, ring};
 use super::skeleton::Skeleton;
 use crate::scene::{Builder, Face, Light};
@@ -211,11 +212,11 @@ impl Body {
     }
 
     /// Adds the faces of the body with its bones at given places.
-    pub(crate) fn place(&self, s: &Skeleton, light: &Light, out: &mut Vec<Face>) {
+    pub(crate) fn place(&self, s: &Skeleton, light: &Light, asked: Asked, out: &mut Vec<Face>) {
         let trunk = [s.hips, s.chest, s.head, s.head, s.head];
         let limbs = s.arms.iter().chain(&s.legs).flatten();
         for (part, pose) in self.parts.iter().zip(trunk.iter().chain(limbs)) {
-            part.mesh.place(pose, part.cover, light, out);
+            part.mesh.place(pose, part.cover, light, asked, out);
         }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! Answers: the shape of a rigid part of a body in its own coordinates, and its faces at a place in the world.
 
-use crate::scene::{Face, Light};
+use super::Asked;
+use crate::scene::{Corners, Face, Light};
 use stillpoint_geometry::{Se3, Vec3};
 
 /// A cross-section of a part.
@@ -188,8 +189,15 @@ impl Mesh {
         }
     }
 
-    /// Adds the faces at a place in the world, lit there.
-    pub(crate) fn place(&self, pose: &Se3, cover: Cover, light: &Light, out: &mut Vec<Face>) {
+    /// Adds the faces at a place in the world that are asked for, lit there.
+    pub(crate) fn place(
+        &self,
+        pose: &Se3,
+        cover: Cover,
+        light: &Light,
+        asked: Asked,
+        out: &mut Vec<Face>,
+    ) {
         let turn = pose.rotation_matrix();
         let placed: Vec<(Vec3, f64)> = self
             .vertices
@@ -199,18 +207,26 @@ impl Mesh {
                 (p, light.brightness(&p, &(turn * v.normal)))
             })
             .collect();
-        out.extend(self.triangles.iter().map(|t| {
+        out.extend(self.triangles.iter().filter_map(|t| {
             let [a, b, c] = t.map(|k| placed[k]);
-            let texels = t.map(|k| self.vertices[k].texel);
-            triangle([a.0, b.0, c.0], texels, [a.1, b.1, c.1], cover)
+            let corners = [a.0, b.0, c.0];
+            let across = across(&corners);
+            asked(&corners[0], &across.normalize()).then(|| {
+                let texels = t.map(|k| self.vertices[k].texel);
+                triangle(corners, across, texels, [a.1, b.1, c.1], cover)
+            })
         }));
     }
 }
 
-/// A face from its corners with their texels and brightnesses: all three are affine in the plane.
-fn triangle(p: [Vec3; 3], texels: [[f64; 2]; 3], light: [f64; 3], cover: Cover) -> Face {
+/// A triangle's normal, twice as long as its area.
+fn across(p: &[Vec3; 3]) -> Vec3 {
+    (p[1] - p[0]).cross(&(p[2] - p[0]))
+}
+
+/// A face from its corners, the normal `n` that [`across`] gives, and their texels and brightnesses: all three are affine in the plane.
+fn triangle(p: [Vec3; 3], n: Vec3, texels: [[f64; 2]; 3], light: [f64; 3], cover: Cover) -> Face {
     let (e1, e2) = (p[1] - p[0], p[2] - p[0]);
-    let n = e1.cross(&e2);
     let (g1, g2) = (
         e2.cross(&n) / n.norm_squared(),
         n.cross(&e1) / n.norm_squared(),
@@ -228,7 +244,7 @@ fn triangle(p: [Vec3; 3], texels: [[f64; 2]; 3], light: [f64; 3], cover: Cover) 
         [(light[0] + light[1] + light[2]) / 3.0, 0.0, 0.0]
     };
     Face {
-        vertices: p.to_vec(),
+        vertices: Corners::Triangle(p),
         normal: n.normalize(),
         texture: cover.texture,
         axes,

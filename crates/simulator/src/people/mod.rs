@@ -20,6 +20,9 @@ use mesh::{Cover, Mesh};
 use skeleton::Skeleton;
 use stillpoint_geometry::{Vec3, so3};
 
+/// Whether a face is asked for, by a corner and its normal.
+pub(crate) type Asked<'a> = &'a dyn Fn(&Vec3, &Vec3) -> bool;
+
 /// A person with or without a load.
 pub(crate) struct Person {
     gait: Gait,
@@ -38,13 +41,13 @@ impl Person {
         person.into_iter().chain(carried)
     }
 
-    /// Adds the person's faces at a time (s).
-    pub(crate) fn place(&self, stamp: f64, light: &Light, out: &mut Vec<Face>) {
+    /// Adds those of the person's faces at a time (s) that are asked for.
+    pub(crate) fn place(&self, stamp: f64, light: &Light, asked: Asked, out: &mut Vec<Face>) {
         let skeleton = Skeleton::new(&self.gait.posture(stamp));
-        self.body.place(&skeleton, light, out);
+        self.body.place(&skeleton, light, asked, out);
         if let Some(pose) = self.gait.load_pose(stamp) {
             for (mesh, cover) in &self.load {
-                mesh.place(&pose, *cover, light, out);
+                mesh.place(&pose, *cover, light, asked, out);
             }
         }
     }
@@ -89,8 +92,8 @@ impl Person {
     /// All corners of body and load in the world.
     fn corners(&self, t: f64) -> Vec<Vec3> {
         let mut faces = Vec::new();
-        self.place(t, &Light::default(), &mut faces);
-        faces.into_iter().flat_map(|f| f.vertices).collect()
+        self.place(t, &Light::default(), &|_, _| true, &mut faces);
+        faces.iter().flat_map(|f| f.vertices.to_vec()).collect()
     }
 }
 

@@ -1,6 +1,6 @@
 //! From quads, boxes and prisms to lit faces.
 
-use super::{Face, Lamp, Light, Scene};
+use super::{Corners, Face, Lamp, Light, Scene};
 use crate::people::Person;
 use crate::random::{Purpose, Stream};
 use crate::texture::{Pattern, Texture};
@@ -101,7 +101,7 @@ impl Builder {
     /// Notes that all faces from `first` on are one thing of a class, with the axes of a place.
     fn note(&mut self, class: &'static str, place: &Place, first: usize) {
         let far = Vec3::repeat(f64::INFINITY);
-        let corners = self.faces[first..].iter().flat_map(|f| &f.vertices);
+        let corners = self.faces[first..].iter().flat_map(|f| f.vertices.iter());
         let [low, high] = corners
             .map(|p| place.local(p))
             .fold([far, -far], |[a, b], p| [a.inf(&p), b.sup(&p)]);
@@ -145,7 +145,7 @@ impl Builder {
     pub(crate) fn copy_all(&mut self, shift: &Vec3) {
         for k in 0..self.faces.len() {
             let mut face = self.faces[k].clone();
-            for vertex in &mut face.vertices {
+            for vertex in face.vertices.iter_mut() {
                 *vertex += shift;
             }
             for (offset, axis) in face.offsets.iter_mut().zip(&face.axes) {
@@ -219,7 +219,7 @@ impl Builder {
         let mean = 0.25 * (l[0] + l[1] + l[2] + l[3]);
         let base = mean - 0.5 * (along_s * span_s + along_t * span_t);
         self.faces.push(Face {
-            vertices: corners.to_vec(),
+            vertices: Corners::Polygon(corners.to_vec()),
             normal,
             texture: skin.texture,
             axes,
@@ -294,8 +294,7 @@ impl Builder {
             place.direction(0.0, 2.0 * radius, 0.0),
             top,
         );
-        self.faces[lid].vertices = (0..sides)
-            .map(|k| place.point(rim(k).0, rim(k).1, height))
-            .collect();
+        let rim = (0..sides).map(|k| place.point(rim(k).0, rim(k).1, height));
+        self.faces[lid].vertices = Corners::Polygon(rim.collect());
     }
 }

@@ -10,16 +10,44 @@ mod walls;
 
 pub(crate) use build::{Builder, Place};
 
-use crate::people::{Cast, Person};
+use crate::people::{Asked, Cast, Person};
 use crate::texture::Texture;
 use crate::truth::{MoverState, ThingBox};
+use std::ops::{Deref, DerefMut};
 use stillpoint_geometry::Vec3;
+
+/// Corners of a convex planar polygon: those of triangles, of which people have thousands, ask for no memory of their own.
+#[derive(Clone)]
+pub(crate) enum Corners {
+    Triangle([Vec3; 3]),
+    Polygon(Vec<Vec3>),
+}
+
+impl Deref for Corners {
+    type Target = [Vec3];
+
+    fn deref(&self) -> &[Vec3] {
+        match self {
+            Self::Triangle(corners) => corners,
+            Self::Polygon(corners) => corners,
+        }
+    }
+}
+
+impl DerefMut for Corners {
+    fn deref_mut(&mut self) -> &mut [Vec3] {
+        match self {
+            Self::Triangle(corners) => corners,
+            Self::Polygon(corners) => corners,
+        }
+    }
+}
 
 /// A convex planar polygon with its texture and its light.
 #[derive(Clone)]
 pub(crate) struct Face {
     /// Corners, counter-clockwise as seen from the outside.
-    pub(crate) vertices: Vec<Vec3>,
+    pub(crate) vertices: Corners,
     /// Unit normal, to the outside.
     pub(crate) normal: Vec3,
     /// Number of the texture in the scene.
@@ -118,11 +146,11 @@ impl Scene {
         &self.faces
     }
 
-    /// What moves, where it is at a time (s).
-    pub(crate) fn moving(&self, stamp: f64) -> Vec<Face> {
+    /// Faces of what moves, where it is at a time (s), that are asked for.
+    pub(crate) fn moving(&self, stamp: f64, asked: Asked) -> Vec<Face> {
         let mut faces = Vec::new();
         for person in &self.people {
-            person.place(stamp, &self.light, &mut faces);
+            person.place(stamp, &self.light, asked, &mut faces);
         }
         faces
     }
@@ -174,7 +202,12 @@ impl Face {
             up * (-64.0 / up.norm_squared()),
         ];
         Self {
-            vertices: vec![corner, corner + right, corner + right + up, corner + up],
+            vertices: Corners::Polygon(vec![
+                corner,
+                corner + right,
+                corner + right + up,
+                corner + up,
+            ]),
             normal: right.cross(&up).normalize(),
             texture: 0,
             axes,
