@@ -219,7 +219,7 @@ impl Mesh {
     }
 }
 
-/// A triangle's normal, twice as long as its area.
+/// A triangle's normal, as long as twice its area.
 fn across(p: &[Vec3; 3]) -> Vec3 {
     (p[1] - p[0]).cross(&(p[2] - p[0]))
 }

@@ -1,11 +1,11 @@
 //! Estimates the readout of a rolling shutter: how long after its first row an image's last row is exposed.
 //!
 //! It shows between two frames in a row, of points that stand still in both: each was exposed early or late by its row's share of the readout, and the
-//! camera moved on meanwhile, by another velocity in each frame. Velocities are those of the points themselves, not of the poses. Each pair of frames adds its normal equations in the one unknown, with the motion between
-//! both eliminated (it could explain part of it), to those of all frames before. Landmarks do not help: they carry the readout of the
-//! keyframes that measured them, and what of a view does not fit them is no match. While a camera turns on as it did there is nothing to
-//! learn. The delay of the depth image is not estimated: its trace is weak, and on simulated images a like method overestimates it by 6 to
-//! 18 ms. (docs/algorithm.md, readout.)
+//! camera moved on meanwhile, by another velocity in each frame. Velocities are those that the points themselves tell, as poses of single frames jitter.
+//! Each pair of frames adds its normal equations in the one unknown, with the motion between both eliminated (it could explain part of it), to those of
+//! the frames before. Landmarks do not help: they carry the readout of the keyframes that measured them, and what of a view does not fit them is no
+//! match. While a camera turns on as it did there is nothing to learn. The delay of the depth image is not estimated: its trace is weak, and on
+//! simulated images a like method overestimates it by 6 to 18 ms. (docs/algorithm.md, readout.)
 
 use super::shutter::{Shutter, TYPICAL_DEPTH, point_velocity};
 use crate::timing::Timing;
