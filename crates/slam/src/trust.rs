@@ -14,8 +14,10 @@ const TELLING: f64 = 0.05;
 const TELLING_M: f64 = 0.05;
 /// Both may differ by this share of the turn, or of the way: of scale, time and mount.
 const SHARE: f64 = 0.1;
-/// ... and by this, rad: a bias of 2 deg/s that is not known yet.
+/// ... and by this, rad: a bias of 2 deg/s that is not known yet ...
 const SLACK: f64 = 0.02;
+/// ... or by so many standard deviations of what is not known yet: 99.9 % of three axes.
+const UNKNOWN_SIGMAS: f64 = 4.03;
 /// ... or m: what two poses err by, and how the base rolls and springs.
 const SLACK_M: f64 = 0.02;
 /// A turn swings a camera that is mounted some centimetres otherwise, m/rad.
@@ -60,17 +62,19 @@ pub(crate) struct Comparison {
 }
 
 impl Comparison {
-    /// By how much the camera turned, rad, and by which rotation vector the sensor differs.
-    pub(crate) fn of_turn(turned: f64, offset: &Vec3) -> Self {
+    /// By how much the camera turned, rad, and by which rotation vector the sensor differs; what is not known of it yet makes `unknown` of that, one standard
+    /// deviation about an axis.
+    pub(crate) fn of_turn(turned: f64, offset: &Vec3, unknown: f64) -> Self {
+        let slack = SLACK.max(UNKNOWN_SIGMAS * unknown);
         Self {
-            agrees: offset.norm() <= SLACK + SHARE * turned,
+            agrees: offset.norm() <= slack + SHARE * turned,
             tells: turned >= TELLING,
         }
     }
 
     /// The same of a motion: also how far the camera moved and by how much the sensor differs, m.
     pub(crate) fn of_motion(turned: f64, offset: &Vec3, moved: f64, shift: f64) -> Self {
-        let turn = Self::of_turn(turned, offset);
+        let turn = Self::of_turn(turned, offset, 0.0);
         Self {
             agrees: turn.agrees && shift <= SLACK_M + SHARE * moved + SWING * turned,
             tells: turn.tells || moved >= TELLING_M,
@@ -159,8 +163,7 @@ impl<P: Copy> Trust<P> {
         agrees
     }
 
-    /// Hardly anything in the image turns as the sensor does, and most of it agrees on another turn: a large group that moves, unless nothing
-    /// has confirmed the sensor yet.
+    /// Most of the image agrees on another turn than the sensor's: a large group that moves, unless nothing has confirmed the sensor yet.
     pub(crate) fn stand_against(&mut self) {
         self.against += 1;
         if !self.confirmed && self.against >= AGAINST {
@@ -182,7 +185,7 @@ mod tests {
     }
 
     fn turn(turned: f64, off: f64) -> Comparison {
-        Comparison::of_turn(turned, &Vec3::new(off, 0.0, 0.0))
+        Comparison::of_turn(turned, &Vec3::new(off, 0.0, 0.0), 0.0)
     }
 
     #[test]
@@ -222,6 +225,14 @@ mod tests {
             trust.compare(turn(0.3, 0.01), true);
         }
         assert!(trust.is_confirmed());
+    }
+
+    #[test]
+    fn what_is_not_known_yet_refutes_nobody() {
+        let still = |off, unknown| Comparison::of_turn(0.0, &Vec3::new(off, 0.0, 0.0), unknown);
+        // Half a second of a bias of 3 deg/s, before it was measured and after.
+        assert!(still(0.026, 0.0085).agrees && !still(0.026, 0.001).agrees);
+        assert!(!still(0.2, 0.0085).agrees);
     }
 
     #[test]

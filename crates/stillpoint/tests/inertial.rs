@@ -173,3 +173,25 @@ fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
         assert!(f64::from(moves) < 0.01 * f64::from(all), "{moves} of {all}");
     }
 }
+
+/// In a crowd there is somebody who moves as any sensor says, with a shift of his own: one that nothing has confirmed must not follow him.
+#[test]
+fn a_sensor_that_is_mounted_otherwise_does_no_harm_in_a_crowd() {
+    let scene = || simulator("crowd_halfsphere", 40, 30.0);
+    let imu = SimulatedImu::default();
+    let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
+    let wrong = SimulatedImu {
+        model: imu.model.turned(quarter),
+        ..imu.clone()
+    };
+    let (with, _) = run(stages(&scene(), Some(&wrong)), scene(), &imu);
+    let (without, _) = run(stages(&scene(), None), scene(), &imu);
+    let state = with.last().and_then(|r| r.inertial).map(|i| i.state);
+    let ignored = InertialState::Ignored(SensorFault::Contradicts);
+    assert_eq!((lost(&with), state), (0, Some(ignored)));
+    for (a, b) in with.iter().zip(&without) {
+        let (a_pose, b_pose) = (a.world_from_camera.unwrap(), b.world_from_camera.unwrap());
+        let apart = (a_pose.translation - b_pose.translation).norm();
+        assert!(apart < 0.01, "frame {}: {apart} m", a.frame);
+    }
+}

@@ -185,7 +185,8 @@ impl Inertial {
         let camera = world_from_camera.inverse() * from.world_from_camera;
         let seen = self.known.in_sensor(&camera);
         let offset = difference(&rotation, &seen);
-        let compared = Comparison::of_turn(camera.angle(), &offset);
+        let unknown = self.known.sigma_of(&rotation);
+        let compared = Comparison::of_turn(camera.angle(), &offset, unknown);
         if self.trust.compare(compared, can_refute) {
             let scale = SCALE * camera.angle();
             let sigma = (POSES_SIGMA * POSES_SIGMA + scale * scale).sqrt();
