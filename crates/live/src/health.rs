@@ -171,10 +171,10 @@ impl Watch {
     }
 
     /// The frames tracked so far with their poses `world_from_camera` after all corrections until now: through the newest
-    /// version of the map.
+    /// version of the map, and smoothed ([`Trajectory::smoothed`]).
     #[must_use]
     pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
-        self.trajectory().resolve(&self.view()).collect()
+        self.trajectory().smoothed(&self.view())
     }
 
     /// The places that were recognised so far, with what became of them.

@@ -30,6 +30,7 @@ mod retrace;
 pub mod routing;
 mod run_log;
 mod sensor;
+mod smoothing;
 mod stages;
 mod static_filter;
 mod subscriber;

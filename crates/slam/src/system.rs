@@ -307,10 +307,10 @@ impl System {
     }
 
     /// The frames tracked so far with their poses `world_from_camera` after all corrections until now: through the newest
-    /// version of the map.
+    /// version of the map, and smoothed ([`Trajectory::smoothed`]).
     #[must_use]
     pub fn corrected_trajectory(&self) -> Vec<(TrajectoryEntry, Se3)> {
-        self.trajectory().resolve(&self.view()).collect()
+        self.trajectory().smoothed(&self.view())
     }
 
     /// When the parts of a frame are exposed, as estimated so far.

@@ -262,7 +262,7 @@ pub(crate) fn by_submap(
     view: &MapView,
 ) -> Vec<(SubmapId, Vec<(TrajectoryEntry, StampedPose)>)> {
     let mut found: BTreeMap<SubmapId, Vec<(TrajectoryEntry, StampedPose)>> = BTreeMap::new();
-    for (entry, world_from_camera) in trajectory.resolve(view) {
+    for (entry, world_from_camera) in trajectory.smoothed(view) {
         // Until the map holds it, a keyframe is a submap of its own.
         let submap = view.submap_of(entry.pose.reference);
         let submap = submap.unwrap_or(SubmapId(entry.pose.reference.0));

@@ -34,7 +34,19 @@ fn check(scene: &str, name: &str, recording: &Recording, run: &Run, limit: f64) 
     assert_eq!(run.lost(), 0, "{scene}, {name}");
     assert_eq!(run.poses().len(), FRAMES, "{scene}, {name}");
     assert!(error < limit, "{scene}, {name}: {error} mm");
+    smoothing_helps(scene, name, recording, run);
     shares
+}
+
+/// The final trajectory is nowhere worse than the poses that it is of, and jitters less.
+fn smoothing_helps(scene: &str, name: &str, recording: &Recording, run: &Run) {
+    let [ate, steps] = recording.errors(&run.poses());
+    let [smoothed_ate, smoothed_steps] = recording.errors(&run.smoothed());
+    println!(
+        "{scene}, {name}: {ate:.3} to {smoothed_ate:.3} mm, steps {steps:.3} to {smoothed_steps:.3} mm"
+    );
+    assert!(smoothed_ate < 1.01 * ate, "{scene}, {name}: {smoothed_ate}");
+    assert!(smoothed_steps < steps, "{scene}, {name}: {smoothed_steps}");
 }
 
 fn holds(scene: &str, bounds: &Bounds) {

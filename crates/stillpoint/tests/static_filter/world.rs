@@ -2,13 +2,13 @@
 
 use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, ScriptRow, ScriptedDetector};
-use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
-use stillpoint_geometry::Camera;
+use stillpoint_evaluation::{Delta, EvalOptions, TimedPose, evaluate};
+use stillpoint_geometry::{Camera, Se3};
 use stillpoint_imaging::{FrameId, FrameSource, GrayImage, RgbdFrame, Simd};
 use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint_slam::{
     Config, Event, FeatureVerdict, FrameReport, Outcome, Preset, RejudgeReport, RevokeReport,
-    System,
+    System, TrajectoryEntry,
 };
 
 /// A recording whose frames are rendered once, for several runs over them.
@@ -207,6 +207,17 @@ impl Recording {
         score.ate.statistics.rmse * 1e3
     }
 
+    /// Of poses: ATE RMSE, mm, and RMSE of the motions from one to the next, mm.
+    pub(crate) fn errors(&self, poses: &[TimedPose]) -> [f64; 2] {
+        let options = EvalOptions {
+            delta: Delta::Frames(1),
+            ..EvalOptions::default()
+        };
+        let score = evaluate(&self.truth, poses, &options).unwrap();
+        let steps = score.rpe.unwrap().translation.rmse;
+        [score.ate.statistics.rmse, steps].map(|e| e * 1e3)
+    }
+
     /// How well the verdicts agree with the masks.
     pub(crate) fn shares(&self, run: &Run) -> Shares {
         let (mut caught, mut moving, mut kept, mut still) = (0_usize, 0_usize, 0_usize, 0_usize);
@@ -233,13 +244,12 @@ impl Run {
     /// The trajectory as the map's last version has it.
     pub(crate) fn poses(&self) -> Vec<TimedPose> {
         let view = self.system.view();
-        let poses = self.system.trajectory().resolve(&view);
-        poses
-            .map(|(entry, world_from_camera)| TimedPose {
-                stamp: entry.stamp,
-                world_from_camera,
-            })
-            .collect()
+        timed(self.system.trajectory().resolve(&view))
+    }
+
+    /// The final trajectory, smoothed.
+    pub(crate) fn smoothed(&self) -> Vec<TimedPose> {
+        timed(self.system.corrected_trajectory().into_iter())
     }
 
     /// How many frames have no pose of their own.
@@ -247,6 +257,14 @@ impl Run {
         let lost = |r: &&FrameReport| matches!(r.outcome, Outcome::Lost { .. });
         self.reports.iter().filter(lost).count()
     }
+}
+
+fn timed(poses: impl Iterator<Item = (TrajectoryEntry, Se3)>) -> Vec<TimedPose> {
+    let timed = |(entry, world_from_camera): (TrajectoryEntry, Se3)| TimedPose {
+        stamp: entry.stamp,
+        world_from_camera,
+    };
+    poses.map(timed).collect()
 }
 
 /// Whether the pixel of a keypoint shows something that moves.
