@@ -2,7 +2,7 @@
 //! an old result.
 
 use crate::failure::Failure;
-use crate::run::frames::is_submap_file;
+use crate::run::submaps::is_submap_file;
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};

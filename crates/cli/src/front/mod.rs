@@ -13,7 +13,7 @@ use crate::detector;
 use crate::failure::Failure;
 use crate::map::file::{self, MapOutput};
 use crate::map::readout;
-use crate::run::frames::by_submap;
+use crate::run::submaps::by_submap;
 use std::path::Path;
 use stillpoint::datasets::StampedPose;
 use stillpoint::dense::DenseMap;

@@ -4,7 +4,7 @@ use crate::args::InputArgs;
 use crate::config;
 use crate::dense::Logged;
 use crate::failure::Failure;
-use crate::run::KnownMap;
+use crate::run::known_map::KnownMap;
 use crate::run::summary::DetectorJson;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};

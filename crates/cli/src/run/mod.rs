@@ -2,6 +2,7 @@
 
 pub(crate) mod about;
 pub(crate) mod frames;
+pub(crate) mod known_map;
 pub(crate) mod live_report;
 pub(crate) mod masks;
 pub(crate) mod objects;
@@ -14,6 +15,7 @@ pub(crate) mod recording;
 pub(crate) mod replay;
 pub(crate) mod result;
 pub(crate) mod session;
+pub(crate) mod submaps;
 pub(crate) mod summary;
 pub(crate) mod tally;
 pub(crate) mod verdicts;
@@ -23,15 +25,14 @@ use crate::args::InputArgs;
 use crate::args::run::{OutputArgs, RunArgs};
 use crate::config;
 use crate::console;
-use crate::dense;
 use crate::detector::{self, Loaded, Settled};
 use crate::doctor;
 use crate::failure::{Failure, Status};
-use crate::map::file::{self, MapOutput};
-use crate::map::readout;
+use crate::map::file::MapOutput;
 use crate::output::StreamedFile;
 use crate::page::Gathering;
 use crate::run::about::About;
+use crate::run::known_map::KnownMap;
 use crate::run::masks::MaskFolder;
 use crate::run::objects::ObjectFile;
 use crate::run::overlay::{OverlayFolder, Style};
@@ -40,18 +41,14 @@ use crate::run::recording::SharedRecorder;
 use crate::run::session::{Outputs, Session};
 use crate::run::summary::Input;
 use crate::run::verdicts::VerdictFile;
-use crate::things;
 use crate::timing::Timing;
 use crate::trace::TraceFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{CameraChoice, ReadAhead};
-use stillpoint::dense::{DenseMap, ThingMap};
-use stillpoint::geometry::Camera;
 use stillpoint::live::Stage;
-use stillpoint::map::Map;
 use stillpoint::recordings::{self, OpenOptions};
-use stillpoint::slam::{Config, CostTable, MapUse, Plan, Preset, StartError, Up};
+use stillpoint::slam::{Config, CostTable, Plan, Preset};
 
 /// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
 /// not hold up the camera; about 70 MB with colour.
@@ -216,81 +213,6 @@ pub(crate) fn input(path: &Path, dataset: &recordings::Input) -> Input {
         name: path.display().to_string(),
         layout: dataset.kind(),
         camera: dataset.camera().name.clone(),
-    }
-}
-
-/// A map file to begin with.
-#[derive(Clone, Copy)]
-pub(crate) struct KnownMap<'a> {
-    pub(crate) path: &'a Path,
-    pub(crate) map_use: MapUse,
-}
-
-/// A map that is there before the first frame.
-pub(crate) struct Known {
-    pub(crate) map: Map,
-    pub(crate) map_use: MapUse,
-    /// The surface that was kept with it.
-    pub(crate) dense: Option<DenseMap>,
-    /// The things that were kept with it.
-    pub(crate) things: Option<ThingMap>,
-    /// Which way is up in it, where that was known.
-    pub(crate) up: Option<Up>,
-}
-
-impl<'a> KnownMap<'a> {
-    /// As the arguments have it.
-    pub(crate) fn of(load_map: Option<&'a Path>, localize: Option<&'a Path>) -> Option<Self> {
-        let (path, map_use) = match (load_map, localize) {
-            (Some(path), _) => (path, MapUse::Grow),
-            (None, Some(path)) => (path, MapUse::Localize),
-            (None, None) => return None,
-        };
-        Some(Self { path, map_use })
-    }
-
-    /// Reads it, and has the run begin with what it knows of the camera. `ids` is how many keyframe ids the run may add, if it is to be saved.
-    pub(crate) fn load(
-        &self,
-        config: &mut Config,
-        camera: &Camera,
-        ids: Option<usize>,
-    ) -> Result<Known, Failure> {
-        let Self { path, map_use } = *self;
-        let loaded = file::load(path)?;
-        let dense = dense::export::of_file(&loaded, path)?;
-        let things = things::of_file(&loaded, path)?;
-        let up = loaded.up();
-        readout::start_with(config, loaded.readout());
-        let map = loaded.file.map;
-        file::check_fits(path, &map, config, camera)?;
-        if map_use == MapUse::Localize && map.view().keyframe_count() == 0 {
-            return Err(Failure::input(format!(
-                "{}: {}",
-                path.display(),
-                StartError::Empty
-            )));
-        }
-        if let Some(ids) = ids {
-            file::check_room(path, &map, ids)?;
-        }
-        console::info(&format!(
-            "{} map {} with {} keyframes and {} landmarks",
-            match map_use {
-                MapUse::Grow => "resuming",
-                MapUse::Localize => "finding the camera in",
-            },
-            path.display(),
-            map.view().keyframe_count(),
-            map.view().landmark_count()
-        ));
-        Ok(Known {
-            map,
-            map_use,
-            dense,
-            things,
-            up,
-        })
     }
 }
 

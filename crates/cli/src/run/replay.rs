@@ -3,8 +3,8 @@
 use crate::args::run::ReplayArgs;
 use crate::args::{InputArgs, TopicArgs};
 use crate::failure::{Failure, Status};
-use crate::run::KnownMap;
 use crate::run::about::About;
+use crate::run::known_map::KnownMap;
 use crate::run::prologue::{Means, Repeated, Task, last};
 use crate::run::result::Voice;
 use crate::timing::Timing;

@@ -7,8 +7,8 @@ use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
 use crate::page::{self, data};
-use crate::run::frames;
 use crate::run::session::Session;
+use crate::run::submaps;
 use crate::run::summary::{Accuracy, Input, ReadoutJson, ScoreJson, StageTiming, Summary};
 use crate::run::view::PageView;
 use crate::timing::Timing;
@@ -102,7 +102,7 @@ pub(crate) fn write(
     folder.write("trajectory.txt", &poses(&session.final_poses))?;
     folder.write("trajectory_online.txt", &poses(&session.online_poses))?;
     for (i, submap) in session.other_submaps.iter().enumerate() {
-        let name = frames::file_name(i + 1, submap.id);
+        let name = submaps::file_name(i + 1, submap.id);
         folder.write(&name, &poses(&submap.final_poses))?;
     }
     folder.write("keyframes.txt", &poses(&session.keyframes))?;

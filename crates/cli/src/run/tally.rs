@@ -1,8 +1,9 @@
 //! Counts while frames go by, whoever drives them, and what a pass gave in the end.
 
 use crate::console;
-use crate::run::frames::{self, Frames};
+use crate::run::frames::Frames;
 use crate::run::session::Session;
+use crate::run::submaps;
 use crate::run::summary::{DetectorJson, FeaturesJson, InertialJson, LoopsJson, OdometryJson};
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
@@ -89,7 +90,7 @@ impl Tally {
         self.each.settle(end.trajectory);
         let view = end.view;
         let mut submaps = self.each.submaps(end.trajectory, &view);
-        let described = frames::describe(&submaps);
+        let described = submaps::describe(&submaps);
         let other_submaps = submaps.split_off(submaps.len().min(1));
         let first = submaps.pop();
         let submap = first.as_ref().map(|p| p.id);

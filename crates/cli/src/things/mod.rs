@@ -4,7 +4,7 @@ use crate::args::map::MapObjectsArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
 use crate::map::file::{self, Loaded};
-use crate::run::Known;
+use crate::run::known_map::Known;
 use crate::run::session::listeners::Writer;
 use serde::Serialize;
 use std::path::Path;

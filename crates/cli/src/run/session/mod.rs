@@ -13,11 +13,11 @@ use crate::dense::Fused;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
 use crate::map::file::SavedMap;
-use crate::run::frames::Submap;
 use crate::run::live_report::LiveRun;
 use crate::run::session::listeners::{Listeners, ProgressLine, Stop};
 pub(crate) use crate::run::session::outputs::Outputs;
 use crate::run::session::outputs::Writers;
+use crate::run::submaps::Submap;
 use crate::run::summary::{
     DetectorJson, FeaturesJson, InertialJson, LoopsJson, LostStretch, OdometryJson, SubmapJson,
 };

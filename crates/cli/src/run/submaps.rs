@@ -1,0 +1,82 @@
+//! The final poses of a run by submap, and the files that they are written to.
+
+use crate::run::frames::MIN_INLIERS;
+use crate::run::summary::SubmapJson;
+use std::collections::BTreeMap;
+use stillpoint::datasets::StampedPose;
+use stillpoint::imaging::FrameId;
+use stillpoint::map::{MapView, SubmapId};
+use stillpoint::slam::{Trajectory, TrajectoryEntry};
+
+/// Poses of one submap, in its own frame of reference.
+pub(crate) struct Submap {
+    pub(crate) id: SubmapId,
+    /// Keyframes in the final map.
+    pub(crate) keyframes: usize,
+    /// Final poses of the tracked frames.
+    pub(crate) final_poses: Vec<StampedPose>,
+    /// Their frames.
+    pub(crate) frames: Vec<FrameId>,
+    /// Poses as known at each frame, of those that were in this submap then.
+    pub(crate) online_poses: Vec<StampedPose>,
+}
+
+/// Whether an entry's pose is to be written.
+pub(super) fn is_posed(entry: &TrajectoryEntry) -> bool {
+    entry.carried || entry.inliers >= MIN_INLIERS
+}
+
+/// The submaps as `summary.json` has them, each with the file of its poses.
+pub(crate) fn describe(submaps: &[Submap]) -> Vec<SubmapJson> {
+    submaps
+        .iter()
+        .enumerate()
+        .map(|(i, submap)| SubmapJson {
+            id: submap.id.0,
+            frames: submap.final_poses.len(),
+            keyframes: submap.keyframes,
+            trajectory: file_name(i, submap.id),
+        })
+        .collect()
+}
+
+/// The file of the poses of a submap: the first is the run's trajectory.
+pub(crate) fn file_name(number: usize, id: SubmapId) -> String {
+    if number == 0 {
+        "trajectory.txt".to_owned()
+    } else {
+        format!("trajectory_submap_{id}.txt")
+    }
+}
+
+/// Whether a file of this name holds the poses of a further submap.
+pub(crate) fn is_submap_file(name: &str) -> bool {
+    let id = name.strip_prefix("trajectory_submap_");
+    let id = id.and_then(|rest| rest.strip_suffix(".txt"));
+    id.is_some_and(|id| id.parse::<u32>().is_ok())
+}
+
+/// Frames with their final poses, by submap of the final map; the submap with most frames first, which is the one that a trajectory is
+/// of. Of two with as many frames the older one comes first.
+pub(crate) fn by_submap(
+    trajectory: &Trajectory,
+    view: &MapView,
+) -> Vec<(SubmapId, Vec<(TrajectoryEntry, StampedPose)>)> {
+    let mut found: BTreeMap<SubmapId, Vec<(TrajectoryEntry, StampedPose)>> = BTreeMap::new();
+    for (entry, world_from_camera) in trajectory.smoothed(view) {
+        // Until the map holds it, a keyframe is a submap of its own.
+        let submap = view.submap_of(entry.pose.reference);
+        let submap = submap.unwrap_or(SubmapId(entry.pose.reference.0));
+        if is_posed(&entry) {
+            let stamp = entry.stamp;
+            let pose = StampedPose {
+                stamp,
+                world_from_camera,
+            };
+            found.entry(submap).or_default().push((entry, pose));
+        }
+    }
+    let mut submaps: Vec<_> = found.into_iter().collect();
+    submaps.sort_by_key(|(_, poses)| std::cmp::Reverse(poses.len()));
+    submaps
+}
