@@ -97,7 +97,7 @@ impl Trajectory {
 
     /// The final poses, each of which is what the camera most probably did by those of [`Trajectory::resolve`] before and after it: these err by themselves, and
     /// no hand and no robot moves a camera as they jitter. Frames in a row of one submap count, without a gap of a quarter of a second; poses that were carried
-    /// stay. Takes time in proportion to the entries: 10 ms for 10 minutes.
+    /// stay. Takes time in proportion to the entries: a tenth of a second for 10 minutes at 30 Hz.
     #[must_use]
     pub fn smoothed(&self, view: &MapView) -> Vec<(TrajectoryEntry, Se3)> {
         let mut all: Vec<(TrajectoryEntry, Se3)> = self.resolve(view).collect();
