@@ -19,7 +19,7 @@ const REACH: f64 = 0.3;
 /// ... and as many frames at least.
 const REACH_FRAMES: usize = 8;
 /// Fewer frames in a row tell neither.
-pub(crate) const LEAST: usize = 9;
+const LEAST: usize = 9;
 /// The median of the norm of three normal numbers of deviation 1.
 const MEDIAN_OF_NORM: f64 = 1.538;
 /// Standard deviations from which a pose counts less, as one that is plainly wrong, or an acceleration, as that of a blow: half at this many.
@@ -27,7 +27,7 @@ const CAUCHY: f64 = 2.4;
 /// Times that the weights are found again.
 const ROUNDS: usize = 8;
 
-/// Smooths poses `world_from_camera` of frames in a row at `stamps`, s, which increase. Fewer than [`LEAST`] stay as they are.
+/// Smooths poses `world_from_camera` of frames in a row at `stamps`, s, which increase by a tenth of a millisecond at least. Fewer than nine stay as they are.
 pub(crate) fn smooth(stamps: &[f64], poses: &mut [Se3]) {
     if poses.len() < LEAST || poses.len() != stamps.len() {
         return;

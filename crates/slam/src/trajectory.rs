@@ -104,7 +104,7 @@ impl Trajectory {
         let submap = |e: &TrajectoryEntry| view.submap_of(e.pose.reference);
         let follows = |a: &TrajectoryEntry, b: &TrajectoryEntry| {
             let gap = b.stamp - a.stamp;
-            let in_row = gap > 0.0 && gap < LONGEST_GAP && submap(a) == submap(b);
+            let in_row = (SHORTEST_GAP..LONGEST_GAP).contains(&gap) && submap(a) == submap(b);
             in_row && !a.carried && !b.carried
         };
         for run in all.chunk_by_mut(|a, b| follows(&a.0, &b.0)) {
@@ -161,8 +161,10 @@ const NOISE: f64 = 0.0007;
 /// The depth at which a motion is compared with a turn, m: that of things in a room.
 const TYPICAL_DEPTH: f64 = 2.0;
 
-/// Frames that are farther apart say nothing of each other's jitter, s.
+/// Frames that are farther apart say nothing of each other's jitter, s ...
 const LONGEST_GAP: f64 = 0.25;
+/// ... and stamps that are nearer are no times of two frames.
+const SHORTEST_GAP: f64 = 1e-4;
 
 /// How a pose differs from the one that was measured.
 #[derive(Clone, Copy, Default)]

@@ -135,6 +135,24 @@ proptest! {
         }
     }
 
+    /// Whatever the stamps, no pose goes farther than those around it may err, and none is lost.
+    #[test]
+    fn uneven_stamps_do_no_harm(gaps in prop::collection::vec(-4.0..-0.61f64, 12..60), metres in 0.0..0.05f64) {
+        let mut now = 0.0;
+        let times = gaps.iter().map(|g| {
+            now += libm::pow(10.0, *g);
+            now
+        });
+        let stamps: Vec<f64> = times.collect();
+        let poses = jittered(&stamps, metres, metres);
+        let mut smoothed = poses.clone();
+        smooth(&stamps, &mut smoothed);
+        for (a, b) in poses.iter().zip(&smoothed) {
+            let (moved, turned) = ((a.translation - b.translation).norm(), a.rotation.angle_to(&b.rotation));
+            prop_assert!(moved < 0.05 + 10.0 * metres && turned < 0.05 + 10.0 * metres, "{moved} {turned}");
+        }
+    }
+
     /// The banded method solves what it was given.
     #[test]
     fn the_equations_are_solved(weights in prop::collection::vec(0.1..10.0f64, 3..20), shares in [-3.0..3.0, -3.0..3.0, -3.0..3.0f64], weight in 0.0..5.0f64) {
