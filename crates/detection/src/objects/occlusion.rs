@@ -161,26 +161,6 @@ impl Shown {
         }
     }
 
-    /// The detection as one of somebody new: without its nearest surfaces where they are those of reported objects that cover a part of it. A box of somebody who comes
-    /// out from behind another shows the other, too.
-    pub(super) fn seen_of_new(&self, m: &Measurement) -> Measurement {
-        let covering = |o: &&Occupant| o.reported && o.covers(&m.detection.bounds);
-        let theirs = |mode: &DepthMode| {
-            let mut others = self.occupants.iter().filter(covering);
-            others.any(|o| (o.range()[0]..=o.range()[1]).contains(&mode.depth))
-        };
-        let rest = m.modes.iter().skip_while(|mode| theirs(mode));
-        let rest: Vec<DepthMode> = rest.copied().collect();
-        Measurement {
-            modes: if rest.is_empty() {
-                m.modes.clone()
-            } else {
-                rest
-            },
-            ..m.clone()
-        }
-    }
-
     /// Which sides of a detection are not those of the thing: what is at the border of the image goes on beyond it, and so does what ends in the box of somebody who
     /// stands before it.
     fn cuts(&self, track: &Track, expected: &Expected, m: &Measurement) -> [bool; 4] {

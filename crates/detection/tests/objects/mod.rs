@@ -1,7 +1,6 @@
 //! The object tracker on people who walk in a room, with a detector that misses, invents and doubles.
 #![allow(clippy::print_stdout)] // What was measured is worth reading.
 
-mod alarms;
 mod behaviour;
 mod crowded;
 mod duplicates;
