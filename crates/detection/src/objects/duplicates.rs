@@ -128,7 +128,9 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
         let other = tracks[young].clone();
         let kept = &mut tracks[elder];
         let larger = expected[young].bounds.area() > expected[elder].bounds.area();
-        if other.misses < kept.misses || (other.misses == kept.misses && larger) {
+        // One that was seen once, and is not sure, does not say where the other went.
+        let sure = other.confirmed() && !kept.surer_than(other.usual);
+        if sure && (other.misses < kept.misses || (other.misses == kept.misses && larger)) {
             kept.body = other.body;
             kept.trunk = other.trunk;
             kept.reach = other.reach;

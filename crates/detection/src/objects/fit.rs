@@ -75,12 +75,16 @@ impl Track {
         let inside = overlap(own, new);
         let at_border =
             m.cut.contains(&true) && kept && (mode.is_some() || comes_in) && inside >= GROWS;
+        // One that is far less sure than usual must be where the object is expected: gates grow with the time without detections, and let false alarms in. Of what the
+        // border cuts networks are less sure.
+        let doubtful = !m.at_border && self.surer_than(f64::from(m.detection.score));
         let occluded = self.hidden && self.absent == 0;
         let allowed = if same_class {
             // Who is hidden is expected vaguely: a gate that wide takes false alarms for the person.
             iou >= least
                 || at_border
                 || (kept
+                    && !doubtful
                     && chi2 <= gate
                     && !contradicts
                     && (!occluded || (mode.is_some() && inside >= SHOWS)))

@@ -15,6 +15,8 @@ pub(super) struct Measurement {
     pub(super) sides: Sides,
     /// Which sides are at the border of the image, or end in somebody who stands before the object: it goes on beyond them.
     pub(super) cut: [bool; 4],
+    /// Whether any side is at the border of the image.
+    pub(super) at_border: bool,
     /// Surfaces in the box, nearest first.
     pub(super) modes: Vec<DepthMode>,
     /// Through the middle of the surface that is the object's, where all of its width is seen.
@@ -64,6 +66,7 @@ impl Measurement {
             },
             sides: view.undistorted(&bounds),
             cut,
+            at_border: cut.contains(&true),
             modes: modes(depth, &bounds),
             middle: None,
         })

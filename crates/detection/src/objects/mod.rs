@@ -46,7 +46,8 @@ pub enum ObjectState {
     Confirmed,
     /// Seen at least three times, but not in the newest detections.
     Coasting,
-    /// Seen at least three times, but not in the newest detections; and what their frame shows in its place is something else, mostly nearer.
+    /// Seen at least three times, but not in the newest detections; and what their frame shows in its place is something else, mostly nearer, or its place is
+    /// mostly outside the image.
     Hidden,
 }
 

@@ -1,7 +1,7 @@
 //! Objects that hide each other: whose surface it is that a box shows.
 
 use super::ObjectId;
-use super::depth::DepthMode;
+use super::depth::{DepthMode, modes};
 use super::duplicates::SAME_DEPTH;
 use super::expected::Expected;
 use super::kind::liveliness;
@@ -25,6 +25,8 @@ const ELSEWHERE: f64 = 1.0;
 const GOES_ON: f64 = 0.4;
 /// Who covers this share of a box may hide most of the one that it is of.
 const COVERS: f64 = 0.25;
+/// Share of the width of a box beside those who cover the rest, from which it may be the box of somebody new.
+const BESIDE: f64 = 0.4;
 /// The least part of a box that is somebody whom others mostly hide.
 const SLIVER: f64 = 0.05;
 /// Part of a box from above in which a person's middle is measured: legs swing.
@@ -65,6 +67,23 @@ impl Occupant {
             [self.bounds.y0, self.bounds.y1],
         );
         covered([b.x0, b.x1], x) * covered([b.y0, b.y1], y) >= COVERS
+    }
+
+    /// The larger part of a box beside it.
+    fn beside(&self, b: &BoundingBox) -> BoundingBox {
+        let left = BoundingBox {
+            x1: b.x1.min(self.bounds.x0),
+            ..*b
+        };
+        let right = BoundingBox {
+            x0: b.x0.max(self.bounds.x1),
+            ..*b
+        };
+        if left.width() >= right.width() {
+            left
+        } else {
+            right
+        }
     }
 
     /// Whether it stands before what is at a depth.
@@ -155,9 +174,40 @@ impl Shown {
         Measurement {
             modes: self.surfaces(track, expected, m),
             cut: self.cuts(track, expected, m),
+            at_border: m.at_border,
             detection: m.detection,
             sides: m.sides,
             middle: None,
+        }
+    }
+
+    /// The detection as one of somebody new: without its nearest surfaces where they are those of reported objects that cover a part of it, and not seen in the rest. A box
+    /// of somebody who comes out from behind another shows the other, too; of a second box of somebody who is reported there is hardly a rest.
+    pub(super) fn seen_of_new(&self, m: &Measurement, depth: &CoarseDepth) -> Measurement {
+        let b = &m.detection.bounds;
+        let covering = |o: &&Occupant| o.reported && o.covers(b);
+        let covering: Vec<&Occupant> = self.occupants.iter().filter(covering).collect();
+        let rest = covering.iter().fold(*b, |rest, o| o.beside(&rest));
+        let own = modes(depth, &rest);
+        if covering.is_empty() || rest.width() < BESIDE * b.width() || own.is_empty() {
+            return m.clone();
+        }
+        let theirs = |mode: &DepthMode| {
+            let seen = own
+                .iter()
+                .any(|o| (o.depth - mode.depth).abs() <= SAME_DEPTH);
+            let at = |o: &&Occupant| (o.range()[0]..=o.range()[1]).contains(&mode.depth);
+            !seen && covering.iter().any(at)
+        };
+        let shown: Vec<DepthMode> = m
+            .modes
+            .iter()
+            .skip_while(|mode| theirs(mode))
+            .copied()
+            .collect();
+        Measurement {
+            modes: if shown.is_empty() { own } else { shown },
+            ..m.clone()
         }
     }
 

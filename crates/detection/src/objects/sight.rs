@@ -11,6 +11,8 @@ const LEAST_SUPPORT: f64 = 0.2;
 const SEEN_THROUGH: f64 = 0.5;
 /// Fewer cells with depth say nothing.
 const LEAST_CELLS: usize = 6;
+/// Share of a box within the image below which what is left of it is out of sight: it is about to leave, or has left.
+const IN_VIEW: f64 = 0.3;
 /// How long an object is followed behind others, s: the time that two people need to pass. After that it is looked for where it went in.
 const HIDDEN_SECONDS: f64 = 1.0;
 
@@ -21,6 +23,7 @@ impl Track {
         let seen = match &self.body {
             Body::Spatial(s) => s.project(view).and_then(|p| {
                 let bounds = view.raw(&p.sides);
+                self.leaves = view.inside(&p.sides) < IN_VIEW;
                 let sigma = s.depth_variance(&p).max(0.0).sqrt().min(0.5);
                 let margin = 0.25 + sigma;
                 let range = [p.z - self.reach[0] - margin, p.z + self.reach[1] + margin];

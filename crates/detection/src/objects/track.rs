@@ -40,6 +40,8 @@ pub(super) struct Track {
     pub(super) votes: BTreeMap<ClassId, f64>,
     /// What the scores of its detections say in sum.
     pub(super) evidence: f64,
+    /// Mean score of its last detections.
+    pub(super) usual: f64,
     /// Stamp of the first detection, s.
     pub(super) born: f64,
     /// Where it was when it was seen last, m.
@@ -56,6 +58,8 @@ pub(super) struct Track {
     pub(super) cut: bool,
     /// Whether its place showed something else when it was not detected last.
     pub(super) hidden: bool,
+    /// Whether it was about to leave the image, or had left it, when it was not detected last.
+    pub(super) leaves: bool,
     /// Updates without a detection since the last one.
     pub(super) misses: u32,
     /// Stamp of the last detection, s.
@@ -77,6 +81,10 @@ const CHANGED: f64 = 0.4;
 const REPORTED_HITS: u32 = 3;
 /// See [`REPORTED_HITS`].
 const REPORTED_EVIDENCE: f64 = 0.9;
+/// Share of the score that its detections usually have, from which one may be its own.
+const AS_SURE: f64 = 0.6;
+/// Detections of which a mean is kept.
+const USUAL: u32 = 10;
 /// Scores of false alarms are about the detector's threshold: this much is no evidence.
 const LEAST_SCORE: f64 = 0.2;
 /// Least reach of a surface as a share of the object's width: bodies are not flat.
@@ -95,6 +103,7 @@ impl Track {
             fresh: 1,
             votes: BTreeMap::from([(m.detection.class, f64::from(m.detection.score))]),
             evidence: evidence(m),
+            usual: f64::from(m.detection.score),
             born: stamp,
             seen_at: None,
             tallest: 0.0,
@@ -102,6 +111,7 @@ impl Track {
             replaced: false,
             absent: 0,
             hidden: false,
+            leaves: false,
             cut: m.cut.contains(&true),
             misses: 0,
             last_seen: stamp,
@@ -182,6 +192,7 @@ impl Track {
         self.misses = 0;
         self.absent = 0;
         self.hidden = false;
+        self.leaves = false;
         self.cut = m.cut.contains(&true);
         self.last_seen = stamp;
         self.score = m.detection.score;
@@ -247,6 +258,11 @@ impl Track {
         self.evidence = self.evidence.max(REPORTED_EVIDENCE);
     }
 
+    /// Whether its detections are far surer than one of this score: that is rather a false alarm beside it than its own.
+    pub(super) fn surer_than(&self, score: f64) -> bool {
+        score < AS_SURE * self.usual
+    }
+
     /// How long it may live on without detections, s: no longer than it was seen, so that false alarms end soon.
     pub(super) fn patience(&self, coast: f64) -> f64 {
         (self.last_seen - self.born + FIRST_PATIENCE).min(coast)
@@ -254,6 +270,8 @@ impl Track {
 
     fn vote(&mut self, m: &Measurement) {
         self.evidence += evidence(m);
+        let share = 1.0 / f64::from(self.hits.clamp(1, USUAL));
+        self.usual += share * (f64::from(m.detection.score) - self.usual);
         *self.votes.entry(m.detection.class).or_default() += f64::from(m.detection.score);
         // Of equals the one that it is.
         let own = self.votes.get(&self.class).copied().unwrap_or(0.0);
@@ -324,7 +342,7 @@ impl Track {
         let state = match (self.reported(), self.misses) {
             (false, _) => ObjectState::Tentative,
             (true, 0) => ObjectState::Confirmed,
-            (true, _) if self.hidden => ObjectState::Hidden,
+            (true, _) if self.hidden || self.leaves => ObjectState::Hidden,
             (true, _) => ObjectState::Coasting,
         };
         let mut object = Object {

@@ -2,9 +2,11 @@
 
 use super::associate::associate;
 use super::duplicates;
+use super::expected::Expected;
 use super::kind::liveliness;
 use super::lost::Memory;
 use super::measurement::Measurement;
+use super::occlusion::Occlusion;
 use super::track::Track;
 use super::vertical::Vertical;
 use super::view::View;
@@ -94,7 +96,8 @@ impl ObjectTracker {
         }
         self.advance(stamp);
         let down = self.vertical.observe(world_from_camera);
-        let view = View::new(&self.camera, self.limits, world_from_camera, &down);
+        let camera = self.camera;
+        let view = View::new(&camera, self.limits, world_from_camera, &down);
         let measurements = strongest(&detections.items)
             .into_iter()
             .filter_map(|d| Measurement::new(&view, d, depth));
@@ -115,14 +118,7 @@ impl ObjectTracker {
                 }
             }
         }
-        for (j, m) in measurements.iter().enumerate() {
-            let room = self.tracks.len() < MOST_TRACKS;
-            if room && !taken[j] && !duplicates::part_of_another(m, &measurements, &taken) {
-                let id = ObjectId(self.next_id);
-                self.next_id += 1;
-                self.tracks.push(Track::new(id, &view, m, stamp, share));
-            }
-        }
+        self.begin(&view, depth, &measurements, &taken);
         // One that was an object on its own before may be somebody who stands before another.
         let ended = duplicates::merge(&mut self.tracks, &view);
         ended
@@ -142,6 +138,36 @@ impl ObjectTracker {
             kept
         });
         self.memory.recognise(&mut self.tracks);
+    }
+
+    /// Starts objects of detections that are of none.
+    fn begin(
+        &mut self,
+        view: &View,
+        depth: &CoarseDepth,
+        measurements: &[Measurement],
+        taken: &[bool],
+    ) {
+        let is_new = |j: usize| {
+            !taken[j] && !duplicates::part_of_another(&measurements[j], measurements, taken)
+        };
+        let new: Vec<usize> = (0..measurements.len()).filter(|j| is_new(*j)).collect();
+        let (Some(stamp), false) = (self.stamp, new.is_empty()) else {
+            return;
+        };
+        let expected: Vec<Expected> = self.tracks.iter().map(|t| t.expected(view)).collect();
+        let occlusion = Occlusion::new(&self.tracks, &expected);
+        for j in new
+            .into_iter()
+            .take(MOST_TRACKS.saturating_sub(self.tracks.len()))
+        {
+            let m = &measurements[j];
+            let own = occlusion.around(m, depth).seen_of_new(m, depth);
+            let id = ObjectId(self.next_id);
+            self.next_id += 1;
+            let share = self.config.side_sigma;
+            self.tracks.push(Track::new(id, view, &own, stamp, share));
+        }
     }
 
     /// Brings all objects to a new stamp, without those that have coasted too long.

@@ -85,6 +85,16 @@ impl<'a> View<'a> {
         ]
     }
 
+    /// Share of a box within the image, along the axis along which it is less.
+    pub(super) fn inside(&self, sides: &Sides) -> f64 {
+        let share = |low: usize| {
+            let (from, to) = (sides[low], sides[low + 2]);
+            let seen = to.min(self.limits[low + 2]) - from.max(self.limits[low]);
+            seen.max(0.0) / (to - from).max(1e-9)
+        };
+        share(0).min(share(1))
+    }
+
     /// The inverse of [`Self::undistorted`], cut to the image; of no area when the box is outside.
     pub(super) fn raw(&self, sides: &Sides) -> BoundingBox {
         let [left, top, right, bottom] = self.limits;

@@ -1,6 +1,7 @@
 //! The object tracker on people who walk in a room, with a detector that misses, invents and doubles.
 #![allow(clippy::print_stdout)] // What was measured is worth reading.
 
+mod alarms;
 mod behaviour;
 mod crowded;
 mod duplicates;

@@ -1,0 +1,173 @@
+//! False alarms beside people who are missed, and boxes that show somebody else too.
+
+use super::feed::{detections, feed, feed_items, standing, tracker, truth};
+use super::world::{RATE, Walker, World, person};
+use stillpoint_detection::{BoundingBox, Detection, Object, ObjectState};
+use stillpoint_geometry::{Se3, Vec3};
+
+/// A person's box of some score.
+fn scored(bounds: BoundingBox, score: f32) -> Detection {
+    Detection {
+        score,
+        ..person(bounds)
+    }
+}
+
+/// Somebody who was seen for a second and then missed for half of one, and a box of a score around something of his shape and depth beside him: the objects then.
+fn box_beside(score: f32) -> (BoundingBox, Vec<Object>) {
+    let at = |x: f64| Walker::new(move |_| Vec3::new(x, 0.2, 2.5));
+    let world = World::new(vec![at(0.2), at(0.6)], |_| Se3::default());
+    let mut t = tracker(&world);
+    for frame in 0..45 {
+        feed(&mut t, &world, frame, frame < 30);
+    }
+    let beside = world.truth(1, 1.5).unwrap().0;
+    let objects = feed_items(&mut t, &world, 45, vec![scored(beside, score)]);
+    (truth(&world, 0), objects)
+}
+
+/// Where somebody went who was missed for half a second is not known well: a sure box beside his place is his. One of half the score that he usually has is not.
+#[test]
+fn who_was_missed_goes_where_a_sure_box_is_and_not_where_a_doubtful_one_is() {
+    let (own, objects) = box_beside(0.8);
+    assert_eq!(objects.len(), 1, "{objects:?}");
+    assert!(objects[0].bounds.iou(&own) < 0.4, "{:?}", objects[0].bounds);
+    assert_eq!(objects[0].state, ObjectState::Confirmed);
+
+    let (own, objects) = box_beside(0.35);
+    assert_eq!(objects.len(), 2, "{objects:?}");
+    assert!(objects[0].bounds.iou(&own) > 0.9, "{:?}", objects[0].bounds);
+    assert_eq!(objects[0].state, ObjectState::Coasting);
+    assert_eq!(
+        objects[1].state,
+        ObjectState::Tentative,
+        "it masks all the same"
+    );
+}
+
+/// A doubtful box in his place is his: networks are less sure of who turns round or is half hidden.
+#[test]
+fn a_doubtful_box_in_somebodys_place_is_his() {
+    let world = standing();
+    let mut t = tracker(&world);
+    for frame in 0..35 {
+        feed(&mut t, &world, frame, frame < 30);
+    }
+    let items = vec![scored(truth(&world, 35), 0.35)];
+    let objects = feed_items(&mut t, &world, 35, items);
+    assert_eq!(objects.len(), 1, "{objects:?}");
+    assert_eq!(objects[0].state, ObjectState::Confirmed);
+}
+
+/// A small box on somebody's body, seen once while he was missed: he does not become as small as it.
+#[test]
+fn a_box_on_somebodys_body_that_was_seen_once_does_not_take_his_place() {
+    let world = World::new(vec![Walker::new(|_| Vec3::new(0.0, 0.2, 1.2))], |_| {
+        Se3::default()
+    });
+    let mut t = tracker(&world);
+    for frame in 0..31 {
+        feed(&mut t, &world, frame, frame < 30);
+    }
+    let own = truth(&world, 0);
+    let [u, v] = own.centre();
+    let small = BoundingBox {
+        x0: u - 25.0,
+        y0: v - 60.0,
+        x1: u + 25.0,
+        y1: v + 60.0,
+    };
+    feed_items(&mut t, &world, 31, vec![scored(small, 0.35)]);
+    for frame in 32..40 {
+        let objects = feed(&mut t, &world, frame, false);
+        let iou = objects[0].bounds.iou(&own);
+        assert!(iou > 0.8, "frame {frame}: {iou} {:?}", objects[0].bounds);
+    }
+}
+
+/// Of who walks out of the image and is not found any more it is said where he must be, but not that he is to be seen.
+#[test]
+fn who_leaves_the_image_is_out_of_sight() {
+    let world = World::new(
+        vec![Walker::new(|t| Vec3::new(0.9 + 0.4 * t, 0.2, 2.5))],
+        |_| Se3::default(),
+    );
+    let mut t = tracker(&world);
+    let mut left = 0;
+    for frame in 0..75 {
+        let seen = world.truth(0, frame as f64 / RATE);
+        let items = seen.map(|b| person(b.0)).into_iter().collect();
+        let objects = feed_items(&mut t, &world, frame, items);
+        if seen.is_some() {
+            assert_eq!(left, 0);
+            assert!(objects[0].state != ObjectState::Hidden, "frame {frame}");
+            continue;
+        }
+        left += 1;
+        if (9..=14).contains(&left) {
+            let state = objects[0].state;
+            assert!(objects[0].bounds.area() > 0.0, "frame {frame}");
+            assert_eq!(state, ObjectState::Hidden, "{left} frames after");
+        }
+    }
+    assert!(left > 14, "{left}");
+}
+
+/// Somebody 2.4 m away comes out behind another who is 1.2 m away: half of his first box shows the other.
+#[test]
+fn who_comes_out_behind_another_is_where_he_is() {
+    let world = World::new(
+        vec![
+            Walker::new(|_| Vec3::new(0.0, 0.2, 1.2)),
+            Walker::new(|_| Vec3::new(0.45, 0.2, 2.4)),
+        ],
+        |_| Se3::default(),
+    );
+    let mut t = tracker(&world);
+    let front = truth(&world, 0);
+    for frame in 0..10 {
+        feed(&mut t, &world, frame, true);
+    }
+    let behind = BoundingBox {
+        x0: front.x1 - 50.0,
+        x1: front.x1 + 40.0,
+        ..world.truth(1, 0.0).unwrap().0
+    };
+    let now = 10.0 / RATE;
+    t.update(
+        &detections(10, vec![person(front), person(behind)]),
+        &world.pose(now),
+        &world.depth(now),
+    );
+    let objects = t.predict(now, &world.pose(now));
+    assert_eq!(objects.len(), 2, "{objects:?}");
+    let z = objects[1].position.unwrap().z;
+    assert!((z - 2.3).abs() < 0.3, "{z} m away");
+}
+
+/// A second box of somebody, with a little of the wall beside him, is not of somebody at the wall.
+#[test]
+fn a_second_box_of_somebody_is_at_his_depth() {
+    let world = World::new(vec![Walker::new(|_| Vec3::new(0.0, 0.2, 1.2))], |_| {
+        Se3::default()
+    });
+    let mut t = tracker(&world);
+    let front = truth(&world, 0);
+    for frame in 0..10 {
+        feed(&mut t, &world, frame, true);
+    }
+    let second = BoundingBox {
+        x0: front.x0 - 30.0,
+        x1: front.x0 + 70.0,
+        ..front
+    };
+    let now = 10.0 / RATE;
+    t.update(
+        &detections(10, vec![person(front), person(second)]),
+        &world.pose(now),
+        &world.depth(now),
+    );
+    let objects = t.predict(now, &world.pose(now));
+    let z: Vec<f64> = objects.iter().map(|o| o.position.unwrap().z).collect();
+    assert!(z.iter().all(|z| (z - 1.1).abs() < 0.3), "{z:?} m away");
+}
