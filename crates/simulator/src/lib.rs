@@ -12,6 +12,7 @@ mod catalogue;
 mod disparity;
 mod error;
 mod lens;
+mod moment;
 mod path;
 mod people;
 mod pixels;

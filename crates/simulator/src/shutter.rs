@@ -4,13 +4,14 @@
 //! see. Every row has the exact pose of its own time; movers are placed anew every [`STEP`]. Knows no noise.
 
 use crate::lens::Lens;
+use crate::moment::{InSight, Moment, Touched, touch};
 use crate::path::Path;
 use crate::pixels::Pixels;
 use crate::raster::View;
-use crate::scene::{Face, Scene};
+use crate::scene::Scene;
 use std::collections::BTreeMap;
 use std::ops::Range;
-use stillpoint_geometry::{Se3, Vec2, Vec3};
+use stillpoint_geometry::{Vec2, Vec3};
 
 /// When the rows of a camera's images are exposed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,11 +60,6 @@ const MOST_EXPOSURES: usize = 12;
 const NEAREST: f64 = 0.7;
 /// Movers are placed anew after this time, s: limbs of 2 m/s at 1 m move by half a pixel.
 const STEP: f64 = 0.0005;
-/// Rows that a face may move by between two such moments, px.
-const MARGIN: f64 = 3.0;
-
-/// A face is not in sight between two such moments whose plane is so far on the wrong side of the camera, m.
-const TURNED_AWAY: f64 = -0.05;
 
 /// Rows of an image that are drawn at once, px.
 const BAND: usize = 8;
@@ -76,36 +72,19 @@ pub(crate) struct Sight<'a> {
     pub(crate) lens: &'a Lens,
 }
 
-/// What can be seen at a moment: the movers' faces that are not turned away, and the rows of the rendered image that each face may touch, those
-/// that stand still first.
-struct Moment {
-    moving: Vec<Face>,
-    rows: Vec<[f64; 2]>,
-}
-
-/// A face, and the first and the last row of the rendered image that it may touch.
-type Touched<'a> = (&'a Face, [f64; 2]);
-
-/// Whether a face that touches rows at a moment may touch some about it.
-fn touch([first, last]: &[f64; 2], rows: &Range<usize>) -> bool {
-    let (top, bottom) = (rows.start as f64, rows.end as f64);
-    *first <= bottom + MARGIN && *last >= top - MARGIN
-}
-
-/// Whether a face with this corner and normal is out of sight about a moment, as it is turned away from the camera.
-fn is_turned_away(corner: &Vec3, normal: &Vec3, eye: &Vec3) -> bool {
-    normal.dot(&(eye - corner)) < TURNED_AWAY
-}
-
 impl<'a> Sight<'a> {
     /// Ideal RGB rows in grey levels of an image with the middle of its middle row's exposure at `stamp`.
     pub(crate) fn colour(&self, stamp: f64, shutter: &Shutter) -> Vec<f32> {
         let count = self.exposures(stamp, shutter.exposure);
-        let mut moments = BTreeMap::new();
-        let mut sum = Vec::new();
-        for k in 0..count {
+        let stamps = (0..count).map(|k| {
             let late = shutter.exposure * ((k as f64 + 0.5) / count as f64 - 0.5);
-            let one = self.exposed(stamp + late, shutter.readout, &mut moments);
+            stamp + late
+        });
+        let stamps: Vec<f64> = stamps.collect();
+        let moments = self.moments(&stamps, shutter.readout);
+        let mut sum = Vec::new();
+        for (k, stamp) in stamps.into_iter().enumerate() {
+            let one = self.exposed(stamp, shutter.readout, &moments);
             if k == 0 {
                 sum = one;
             } else {
@@ -119,8 +98,8 @@ impl<'a> Sight<'a> {
         sum
     }
 
-    /// The same exposed for no time.
-    fn exposed(&self, stamp: f64, readout: f64, moments: &mut BTreeMap<i64, Moment>) -> Vec<f32> {
+    /// The same exposed for no time; `moments` are those that are known already.
+    fn exposed(&self, stamp: f64, readout: f64, moments: &BTreeMap<i64, Moment>) -> Vec<f32> {
         let (w, h) = (self.lens.width, self.lens.height);
         let mut ideal = vec![0.0_f32; 3 * w * h];
         let mut rows = ideal.chunks_exact_mut(3 * w).enumerate();
@@ -136,8 +115,16 @@ impl<'a> Sight<'a> {
         }
         let mut view = View::blank(&self.lens.rendered, 2);
         for (key, run) in self.runs(stamp, readout) {
-            let moment = moments.entry(key).or_insert_with(|| self.moment(key));
-            let touched = self.touched(moment, &run);
+            let at = self.all_rendered_rows(&run);
+            let fresh;
+            let moment = match moments.get(&key) {
+                Some(moment) => moment,
+                None => {
+                    fresh = self.moment(key, &at);
+                    &fresh
+                }
+            };
+            let touched = moment.touched(self.scene, &at);
             for (y, row) in rows.by_ref().take(run.len()) {
                 self.strip(y, self.row_time(y, stamp, readout), &touched, &mut view);
                 view.shade_row(self.scene, self.lens, y, row);
@@ -160,8 +147,9 @@ impl<'a> Sight<'a> {
         }
         let mut view = View::blank(&self.lens.rendered, 1);
         for (key, run) in self.runs(stamp, readout) {
-            let moment = self.moment(key);
-            let touched = self.touched(&moment, &run);
+            let rows = self.all_rendered_rows(&run);
+            let moment = self.moment(key, &rows);
+            let touched = moment.touched(self.scene, &rows);
             for y in run {
                 self.strip(y, self.row_time(y, stamp, readout), &touched, &mut view);
                 pixels.push(&view, self.lens, y..y + 1);
@@ -197,9 +185,11 @@ impl<'a> Sight<'a> {
     /// The faces that the camera sees at a time, before the lens, with `factor`^2 samples per pixel; no rows are drawn yet.
     pub(crate) fn faces(&self, stamp: f64, factor: usize) -> View {
         let pose = self.path.world_from_camera(stamp);
-        let moving = self.moving_in_sight(stamp, &pose.translation);
-        let faces = self.scene.fixed().iter().chain(&moving);
         let rows = 0..self.lens.rendered.height as usize;
+        let moving = InSight::new(&self.lens.rendered, &pose, &rows)
+            .moving(self.scene, stamp)
+            .0;
+        let faces = self.scene.fixed().iter().chain(&moving);
         let mut view = View::blank(&self.lens.rendered, factor);
         view.place(faces, &self.lens.rendered, &pose, rows);
         view
@@ -218,14 +208,31 @@ impl<'a> Sight<'a> {
         runs
     }
 
-    /// The faces that some recorded rows may show about a moment, with the rows of the rendered image that each may touch.
-    fn touched<'b>(&'b self, moment: &'b Moment, recorded: &Range<usize>) -> Vec<Touched<'b>> {
+    /// The moments about which images with their middles at `stamps` are exposed, each with what their rows may show of it.
+    fn moments(&self, stamps: &[f64], readout: f64) -> BTreeMap<i64, Moment> {
+        if readout == 0.0 {
+            return BTreeMap::new();
+        }
+        let mut rows: BTreeMap<i64, Range<usize>> = BTreeMap::new();
+        for (key, run) in stamps.iter().flat_map(|t| self.runs(*t, readout)) {
+            let all = rows.entry(key).or_insert_with(|| run.clone());
+            *all = all.start.min(run.start)..all.end.max(run.end);
+        }
+        let moment = |(key, run)| (key, self.moment(key, &self.all_rendered_rows(&run)));
+        rows.into_iter().map(moment).collect()
+    }
+
+    fn moment(&self, key: i64, rows: &Range<usize>) -> Moment {
+        let time = key as f64 * STEP;
+        let pose = self.path.world_from_camera(time);
+        Moment::new(self.scene, &self.lens.rendered, (time, &pose), rows)
+    }
+
+    /// The rows of the rendered image that some recorded rows look at.
+    fn all_rendered_rows(&self, recorded: &Range<usize>) -> Range<usize> {
         let rows = recorded.clone().map(|y| self.lens.rendered_rows(y));
         let rows = rows.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end));
-        let rows = rows.unwrap_or_default();
-        let faces = self.scene.fixed().iter().chain(&moment.moving);
-        let touched = faces.zip(&moment.rows).filter(|(_, at)| touch(at, &rows));
-        touched.map(|(face, at)| (face, *at)).collect()
+        rows.unwrap_or_default()
     }
 
     /// Draws what the recorded row `y` sees of some faces at a time.
@@ -236,47 +243,6 @@ impl<'a> Sight<'a> {
         let faces = touched.map(|(face, _)| *face);
         view.place(faces, &self.lens.rendered, &pose, rows.clone());
         view.draw(rows);
-    }
-
-    /// The movers' faces at a time, without those that are turned away from the camera.
-    fn moving_in_sight(&self, time: f64, eye: &Vec3) -> Vec<Face> {
-        let asked = |corner: &Vec3, normal: &Vec3| !is_turned_away(corner, normal, eye);
-        self.scene.moving(time, &asked)
-    }
-
-    fn moment(&self, key: i64) -> Moment {
-        let time = key as f64 * STEP;
-        let world_from_camera = self.path.world_from_camera(time);
-        let eye = world_from_camera.translation;
-        let moving = self.moving_in_sight(time, &eye);
-        let camera_from_world = world_from_camera.inverse();
-        let faces = self.scene.fixed().iter().chain(&moving);
-        let rows = faces
-            .map(|face| self.rows_of(face, &camera_from_world, &eye))
-            .collect();
-        Moment { moving, rows }
-    }
-
-    /// The first and the last row of the rendered image that a face touches.
-    fn rows_of(&self, face: &Face, camera_from_world: &Se3, eye: &Vec3) -> [f64; 2] {
-        let mut rows = [f64::MAX, f64::MIN];
-        if is_turned_away(&face.vertices[0], &face.normal, eye) {
-            return rows;
-        }
-        let (mut near, mut behind) = (false, true);
-        for vertex in face.vertices.iter() {
-            let p = camera_from_world.transform(vertex);
-            near |= p.z < 0.2;
-            behind &= p.z < -0.2;
-            let v = self.lens.rendered.project(&p).y;
-            rows = [rows[0].min(v), rows[1].max(v)];
-        }
-        match (near, behind) {
-            (false, _) => rows,
-            // What passes the camera moves by more than the margin, or is not there at all.
-            (true, true) => [f64::MAX, f64::MIN],
-            (true, false) => [f64::MIN, f64::MAX],
-        }
     }
 
     /// How many exposures are averaged.

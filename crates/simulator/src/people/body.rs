@@ -212,7 +212,13 @@ impl Body {
     }
 
     /// Adds the faces of the body with its bones at given places.
-    pub(crate) fn place(&self, s: &Skeleton, light: &Light, asked: Asked, out: &mut Vec<Face>) {
+    pub(crate) fn place(
+        &self,
+        s: &Skeleton,
+        light: &Light,
+        asked: &mut dyn Asked,
+        out: &mut Vec<Face>,
+    ) {
         let trunk = [s.hips, s.chest, s.head, s.head, s.head];
         let limbs = s.arms.iter().chain(&s.legs).flatten();
         for (part, pose) in self.parts.iter().zip(trunk.iter().chain(limbs)) {

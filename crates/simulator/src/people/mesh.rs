@@ -53,6 +53,8 @@ struct Vertex {
 pub(crate) struct Mesh {
     vertices: Vec<Vertex>,
     triangles: Vec<[usize; 3]>,
+    /// Lower and upper corner of the box along the axes around it.
+    bounds: [Vec3; 2],
 }
 
 /// What all faces of a part have in common.
@@ -107,54 +109,64 @@ impl Mesh {
                 });
             }
         }
-        let mut mesh = Self {
-            vertices,
-            triangles: Vec::new(),
-        };
+        let mut mesh = Self::new(vertices);
         mesh.stitch(rows.len(), sides);
         mesh
     }
 
-    /// The corners of the box along the axes around it.
-    pub(crate) fn bounds(&self) -> [Vec3; 2] {
+    fn new(vertices: Vec<Vertex>) -> Self {
         let far = Vec3::repeat(f64::INFINITY);
-        let points = self.vertices.iter().map(|v| v.at);
-        points.fold([far, -far], |[a, b], p| [a.inf(&p), b.sup(&p)])
+        let points = vertices.iter().map(|v| v.at);
+        Self {
+            bounds: points.fold([far, -far], |[a, b], p| [a.inf(&p), b.sup(&p)]),
+            vertices,
+            triangles: Vec::new(),
+        }
+    }
+
+    /// Lower and upper corner of the box along the axes around it.
+    pub(crate) fn bounds(&self) -> [Vec3; 2] {
+        self.bounds
     }
 
     /// The same shape elsewhere.
     pub(crate) fn moved(mut self, by: [f64; 3]) -> Self {
-        for vertex in &mut self.vertices {
-            vertex.at += Vec3::from(by);
+        for at in self
+            .vertices
+            .iter_mut()
+            .map(|v| &mut v.at)
+            .chain(&mut self.bounds)
+        {
+            *at += Vec3::from(by);
         }
         self
     }
 
     /// A box about the origin with a whole texture on each side.
     pub(crate) fn cuboid(half: [f64; 3], texels: f64) -> Self {
-        let mut mesh = Self {
-            vertices: Vec::new(),
-            triangles: Vec::new(),
-        };
+        let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
         let axes = [Vec3::x(), Vec3::y(), Vec3::z()];
         for k in 0..6 {
             let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
             let out = axes[k / 2] * sign;
             let up = if k / 2 == 2 { Vec3::x() } else { Vec3::z() };
             let right = up.cross(&out);
-            let first = mesh.vertices.len();
+            let first = vertices.len();
             for (s, t) in [(0.0, 1.0), (1.0, 1.0), (1.0, 0.0), (0.0, 0.0)] {
                 let p = out + right * (2.0 * s - 1.0) + up * (1.0 - 2.0 * t);
-                mesh.vertices.push(Vertex {
+                vertices.push(Vertex {
                     at: Vec3::new(p.x * half[0], p.y * half[1], p.z * half[2]),
                     normal: out,
                     texel: [s * texels, t * texels],
                 });
             }
-            mesh.triangles.push([first, first + 1, first + 2]);
-            mesh.triangles.push([first, first + 2, first + 3]);
+            triangles.push([first, first + 1, first + 2]);
+            triangles.push([first, first + 2, first + 3]);
         }
-        mesh
+        Self {
+            triangles,
+            ..Self::new(vertices)
+        }
     }
 
     /// Triangles between rows of vertices, and their smooth normals.
@@ -195,27 +207,33 @@ impl Mesh {
         pose: &Se3,
         cover: Cover,
         light: &Light,
-        asked: Asked,
+        asked: &mut dyn Asked,
         out: &mut Vec<Face>,
     ) {
         let turn = pose.rotation_matrix();
-        let placed: Vec<(Vec3, f64)> = self
-            .vertices
-            .iter()
-            .map(|v| {
-                let p = turn * v.at + pose.translation;
-                (p, light.brightness(&p, &(turn * v.normal)))
-            })
-            .collect();
-        out.extend(self.triangles.iter().filter_map(|t| {
-            let [a, b, c] = t.map(|k| placed[k]);
-            let corners = [a.0, b.0, c.0];
+        let place = |p: &Vec3| turn * p + pose.translation;
+        let corner = |k: usize| {
+            let of = |axis: usize| self.bounds[(k >> axis) & 1][axis];
+            place(&Vec3::new(of(0), of(1), of(2)))
+        };
+        if !asked.about(&std::array::from_fn(corner)) {
+            return;
+        }
+        let placed: Vec<Vec3> = self.vertices.iter().map(|v| place(&v.at)).collect();
+        let mut lit: Vec<Option<f64>> = vec![None; placed.len()];
+        for t in &self.triangles {
+            let corners = t.map(|k| placed[k]);
             let across = across(&corners);
-            asked(&corners[0], &across.normalize()).then(|| {
-                let texels = t.map(|k| self.vertices[k].texel);
-                triangle(corners, across, texels, [a.1, b.1, c.1], cover)
-            })
-        }));
+            if !asked.asks(&corners, &across.normalize()) {
+                continue;
+            }
+            let light = t.map(|k| {
+                let normal = &self.vertices[k].normal;
+                *lit[k].get_or_insert_with(|| light.brightness(&placed[k], &(turn * normal)))
+            });
+            let texels = t.map(|k| self.vertices[k].texel);
+            out.push(triangle(corners, across, texels, light, cover));
+        }
     }
 }
 

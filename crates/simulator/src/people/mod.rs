@@ -20,8 +20,14 @@ use mesh::{Cover, Mesh};
 use skeleton::Skeleton;
 use stillpoint_geometry::{Vec3, so3};
 
-/// Whether a face is asked for, by a corner and its normal.
-pub(crate) type Asked<'a> = &'a dyn Fn(&Vec3, &Vec3) -> bool;
+/// Which faces are asked for.
+pub(crate) trait Asked {
+    /// Whether there may be any within a box of these corners.
+    fn about(&self, corners: &[Vec3; 8]) -> bool;
+
+    /// Whether the face of these corners and this normal is one; those that are get added in this order.
+    fn asks(&mut self, corners: &[Vec3; 3], normal: &Vec3) -> bool;
+}
 
 /// A person with or without a load.
 pub(crate) struct Person {
@@ -42,7 +48,13 @@ impl Person {
     }
 
     /// Adds those of the person's faces at a time (s) that are asked for.
-    pub(crate) fn place(&self, stamp: f64, light: &Light, asked: Asked, out: &mut Vec<Face>) {
+    pub(crate) fn place(
+        &self,
+        stamp: f64,
+        light: &Light,
+        asked: &mut dyn Asked,
+        out: &mut Vec<Face>,
+    ) {
         let skeleton = Skeleton::new(&self.gait.posture(stamp));
         self.body.place(&skeleton, light, asked, out);
         if let Some(pose) = self.gait.load_pose(stamp) {
@@ -87,12 +99,27 @@ fn state(class: &'static str, stamp: f64, at: impl Fn(f64) -> Option<Vec3>) -> O
     })
 }
 
+/// All faces.
+#[cfg(test)]
+pub(crate) struct All;
+
+#[cfg(test)]
+impl Asked for All {
+    fn about(&self, _: &[Vec3; 8]) -> bool {
+        true
+    }
+
+    fn asks(&mut self, _: &[Vec3; 3], _: &Vec3) -> bool {
+        true
+    }
+}
+
 #[cfg(test)]
 impl Person {
     /// All corners of body and load in the world.
     fn corners(&self, t: f64) -> Vec<Vec3> {
         let mut faces = Vec::new();
-        self.place(t, &Light::default(), &|_, _| true, &mut faces);
+        self.place(t, &Light::default(), &mut All, &mut faces);
         faces.iter().flat_map(|f| f.vertices.to_vec()).collect()
     }
 }

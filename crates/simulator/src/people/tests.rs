@@ -236,7 +236,7 @@ fn a_carried_box_stays_in_its_carriers_hands() {
 #[test]
 fn faces_of_a_person_look_outward_and_close() {
     let scene = Scene::office_with_people(0, Cast::Sitting);
-    let faces = scene.moving(3.0, &|_, _| true);
+    let faces = scene.moving(3.0, &mut All);
     assert!(faces.len() > 1000);
     let mut surfaces: std::collections::BTreeMap<u16, (Vec3, f64)> = Default::default();
     for face in &faces {

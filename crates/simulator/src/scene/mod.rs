@@ -147,7 +147,7 @@ impl Scene {
     }
 
     /// Faces of what moves, where it is at a time (s), that are asked for.
-    pub(crate) fn moving(&self, stamp: f64, asked: Asked) -> Vec<Face> {
+    pub(crate) fn moving(&self, stamp: f64, asked: &mut dyn Asked) -> Vec<Face> {
         let mut faces = Vec::new();
         for person in &self.people {
             person.place(stamp, &self.light, asked, &mut faces);

@@ -1,8 +1,9 @@
 //! Rows at their own times, exposures of a length, and nothing new where the shutter is global.
 
 use super::*;
+use crate::scene::Face;
 use crate::texture::tests::ramp;
-use stillpoint_geometry::{BrownConrady, Camera, Vec6};
+use stillpoint_geometry::{BrownConrady, Camera, Se3, Vec6};
 
 const READOUT: f64 = 0.02;
 /// Turns to the right, rad/s.
@@ -68,13 +69,13 @@ fn a_row_sees_what_an_image_of_its_time_sees() {
             lens: &lens,
         };
         let rolled = sight.pixels(0.0, READOUT);
-        let colours = sight.exposed(0.0, READOUT, &mut BTreeMap::new());
+        let colours = sight.exposed(0.0, READOUT, &sight.moments(&[0.0], READOUT));
         for y in [0, 100, 240, 479] {
             let time = sight.row_time(y, 0.0, READOUT);
             let whole = sight.pixels(time, 0.0);
             let row = 640 * y..640 * (y + 1);
             assert_eq!(rolled.inverse_depth[row.clone()], whole.inverse_depth[row]);
-            let whole = sight.exposed(time, 0.0, &mut BTreeMap::new());
+            let whole = sight.exposed(time, 0.0, &BTreeMap::new());
             let row = 3 * 640 * y..3 * 640 * (y + 1);
             assert_eq!(colours[row.clone()], whole[row]);
         }
