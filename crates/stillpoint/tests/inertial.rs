@@ -1,25 +1,14 @@
 //! The inertial sensor in whole runs, on the simulator: with controls that do without it.
-use stillpoint::geometry::{Camera, Se3, Vec3};
+use crate::rendered::Rendered;
+use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::imaging::{FrameSource, Simd};
-use stillpoint::simulator::{SimulatedImu, Simulator, SimulatorConfig};
+use stillpoint::simulator::SimulatedImu;
 use stillpoint::slam::{
     Config, Event, FrameReport, InertialState, Outcome, Replay, RunLog, SensorFault, Stages, System,
 };
 
-pub(crate) fn simulator(scene: &str, frames: usize, rate: f64) -> Simulator {
-    let camera = Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]);
-    let config = SimulatorConfig {
-        scene: scene.into(),
-        frames: Some(frames),
-        rate,
-        camera,
-        ..SimulatorConfig::default()
-    };
-    Simulator::new(&config).unwrap()
-}
-
-fn stages(simulator: &Simulator, imu: Option<&SimulatedImu>) -> Stages {
-    let stages = Stages::new(Config::default(), *simulator.camera(), Simd::detect()).unwrap();
+fn stages(scene: &Rendered, imu: Option<&SimulatedImu>) -> Stages {
+    let stages = Stages::new(Config::default(), scene.camera(), Simd::detect()).unwrap();
     match imu {
         Some(imu) => stages.with_imu(imu.model).unwrap(),
         None => stages,
@@ -27,9 +16,9 @@ fn stages(simulator: &Simulator, imu: Option<&SimulatedImu>) -> Stages {
 }
 
 /// Reports of all frames, and the log of the run.
-fn run(stages: Stages, simulator: Simulator, imu: &SimulatedImu) -> (Vec<FrameReport>, RunLog) {
+fn run(stages: Stages, scene: &Rendered, imu: &SimulatedImu) -> (Vec<FrameReport>, RunLog) {
     let mut system = System::from(stages).with_log();
-    let mut source = simulator.source().with_imu(imu);
+    let mut source = scene.with_imu(imu);
     let mut reports = Vec::new();
     while let Some(frame) = source.next_frame() {
         system.receive_inertial(source.take_inertial());
@@ -62,17 +51,17 @@ fn turn_error(reports: &[FrameReport], truth: &[(f64, Se3)]) -> Option<f64> {
 /// Two people fill nine tenths of the view for three seconds while the camera turns by 60 degrees.
 #[test]
 fn a_blocked_view_costs_no_frame() {
-    let scene = || simulator("blocked_turn", 140, 20.0);
+    let scene = Rendered::new("blocked_turn", 140, 20.0);
     let imu = SimulatedImu::default();
-    let truth = scene().ground_truth();
-    let (with, _) = run(stages(&scene(), Some(&imu)), scene(), &imu);
+    let truth = scene.truth();
+    let (with, _) = run(stages(&scene, Some(&imu)), &scene, &imu);
     let off = turn_error(&with, &truth);
     assert_eq!(lost(&with), 0);
     assert!(off.is_some_and(|deg| deg <= 0.5), "{off:?}");
     let state = with.last().and_then(|r| r.inertial).map(|i| i.state);
     assert_eq!(state, Some(InertialState::Confirmed));
     // The control.
-    let (without, _) = run(stages(&scene(), None), scene(), &imu);
+    let (without, _) = run(stages(&scene, None), &scene, &imu);
     let off = turn_error(&without, &truth);
     assert!(
         lost(&without) > 5 || off.is_none_or(|deg| deg > 5.0),
@@ -83,16 +72,16 @@ fn a_blocked_view_costs_no_frame() {
 
 #[test]
 fn a_run_with_samples_replays_bit_for_bit_and_needs_them() {
-    let scene = || simulator("walking_rpy", 30, 30.0);
+    let scene = Rendered::new("walking_rpy", 30, 30.0);
     let imu = SimulatedImu::default();
-    let (_, log) = run(stages(&scene(), Some(&imu)), scene(), &imu);
+    let (_, log) = run(stages(&scene, Some(&imu)), &scene, &imu);
     let text = log.to_text();
     assert!(text.contains("\ninertial ") && text.contains("\n  imu "));
     let read = RunLog::from_bytes(text.as_bytes()).unwrap();
     // The source of the replay has none: they are in the log.
     let replayed = |log: RunLog| {
-        let mut replay = Replay::new(stages(&scene(), Some(&imu)), log).unwrap();
-        let mut source = scene().source();
+        let mut replay = Replay::new(stages(&scene, Some(&imu)), log).unwrap();
+        let mut source = scene.source();
         while replay.step(&mut source).unwrap().is_some() {}
         replay.trajectory().digest(&replay.view())
     };
@@ -108,9 +97,9 @@ fn a_run_with_samples_replays_bit_for_bit_and_needs_them() {
     };
     assert_ne!(replayed(silent), log.trajectory);
     // Without a sensor samples change nothing, and are not kept.
-    let (_, plain) = run(stages(&scene(), None), scene(), &imu);
+    let (_, plain) = run(stages(&scene, None), &scene, &imu);
     assert!(!plain.entries.iter().any(is_inertial));
-    assert!(Replay::new(stages(&scene(), None), log).is_err());
+    assert!(Replay::new(stages(&scene, None), log).is_err());
 }
 
 fn is_inertial(entry: &stillpoint::slam::LogEntry) -> bool {
@@ -120,7 +109,7 @@ fn is_inertial(entry: &stillpoint::slam::LogEntry) -> bool {
 /// A mount that is stated two degrees otherwise, and a clock 8 ms.
 #[test]
 fn mount_and_clock_are_found_while_the_camera_turns() {
-    let scene = || simulator("rpy", 240, 30.0);
+    let scene = Rendered::new("rpy", 240, 30.0);
     let right = SimulatedImu::default();
     let mut stated = right.model.turned(Vec3::new(0.02, -0.02, 0.02));
     stated.time_offset += 0.008;
@@ -128,7 +117,7 @@ fn mount_and_clock_are_found_while_the_camera_turns() {
         model: stated,
         ..right.clone()
     };
-    let (reports, _) = run(stages(&scene(), Some(&imu)), scene(), &right);
+    let (reports, _) = run(stages(&scene, Some(&imu)), &scene, &right);
     let known = reports.last().and_then(|r| r.inertial).unwrap();
     assert_eq!(known.state, InertialState::Confirmed);
     let off = known
@@ -147,9 +136,9 @@ fn mount_and_clock_are_found_while_the_camera_turns() {
 
 #[test]
 fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
-    let scene = || simulator("rpy", 120, 30.0);
+    let scene = Rendered::new("rpy", 120, 30.0);
     let imu = SimulatedImu::default();
-    let right = stages(&scene(), Some(&imu));
+    let right = stages(&scene, Some(&imu));
     let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
     let model = imu.model.turned(quarter);
     let wrong = SimulatedImu {
@@ -159,11 +148,11 @@ fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
     for (stages, expected) in [
         (right, InertialState::Confirmed),
         (
-            stages(&scene(), Some(&wrong)),
+            stages(&scene, Some(&wrong)),
             InertialState::Ignored(SensorFault::Contradicts),
         ),
     ] {
-        let (reports, _) = run(stages, scene(), &imu);
+        let (reports, _) = run(stages, &scene, &imu);
         assert_eq!(lost(&reports), 0);
         let state = reports.last().and_then(|r| r.inertial).map(|i| i.state);
         assert_eq!(state, Some(expected));
@@ -177,15 +166,15 @@ fn a_sensor_that_is_mounted_otherwise_is_noticed_and_ignored() {
 /// In a crowd there is somebody who moves as any sensor says, with a shift of his own: one that nothing has confirmed must not follow him.
 #[test]
 fn a_sensor_that_is_mounted_otherwise_does_no_harm_in_a_crowd() {
-    let scene = || simulator("crowd_halfsphere", 40, 30.0);
+    let scene = Rendered::new("crowd_halfsphere", 40, 30.0);
     let imu = SimulatedImu::default();
     let quarter = Vec3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
     let wrong = SimulatedImu {
         model: imu.model.turned(quarter),
         ..imu.clone()
     };
-    let (with, _) = run(stages(&scene(), Some(&wrong)), scene(), &imu);
-    let (without, _) = run(stages(&scene(), None), scene(), &imu);
+    let (with, _) = run(stages(&scene, Some(&wrong)), &scene, &imu);
+    let (without, _) = run(stages(&scene, None), &scene, &imu);
     let state = with.last().and_then(|r| r.inertial).map(|i| i.state);
     let ignored = InertialState::Ignored(SensorFault::Contradicts);
     assert_eq!((lost(&with), state), (0, Some(ignored)));

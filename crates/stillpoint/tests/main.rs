@@ -16,4 +16,5 @@ mod modules;
 mod odometry;
 mod packaging;
 mod relocalisation;
+mod rendered;
 mod static_filter;

@@ -1,6 +1,7 @@
 //! Wheel odometry in whole runs, on the simulator: with controls that do without it.
-use crate::inertial::{lost, simulator};
-use stillpoint::geometry::{Se3, Vec3};
+use crate::inertial::lost;
+use crate::rendered::Rendered;
+use stillpoint::geometry::{Camera, Se3, Vec3};
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::simulator::{SimulatedOdometry, Simulator, SimulatorConfig, WheelSlip};
 use stillpoint::slam::{
@@ -8,8 +9,8 @@ use stillpoint::slam::{
     Stages, System,
 };
 
-fn stages(simulator: &Simulator, wheels: Option<&SimulatedOdometry>) -> Stages {
-    let stages = Stages::new(Config::default(), *simulator.camera(), Simd::detect()).unwrap();
+fn stages(camera: Camera, wheels: Option<&SimulatedOdometry>) -> Stages {
+    let stages = Stages::new(Config::default(), camera, Simd::detect()).unwrap();
     match wheels {
         Some(wheels) => stages.with_odometry(wheels.model).unwrap(),
         None => stages,
@@ -17,13 +18,9 @@ fn stages(simulator: &Simulator, wheels: Option<&SimulatedOdometry>) -> Stages {
 }
 
 /// Reports of all frames, and the log of the run.
-fn run(
-    stages: Stages,
-    simulator: Simulator,
-    wheels: &SimulatedOdometry,
-) -> (Vec<FrameReport>, RunLog) {
+fn run(stages: Stages, scene: &Rendered, wheels: &SimulatedOdometry) -> (Vec<FrameReport>, RunLog) {
     let mut system = System::from(stages).with_log();
-    let mut source = simulator.source().with_odometry(wheels);
+    let mut source = scene.with_odometry(wheels);
     let mut reports = Vec::new();
     while let Some(frame) = source.next_frame() {
         system.receive_odometry(source.take_odometry());
@@ -57,10 +54,10 @@ fn state(reports: &[FrameReport]) -> Option<OdometryState> {
 #[test]
 fn a_blocked_view_costs_neither_frame_nor_place() {
     for scene in ["blocked_walk", "blocked_turn"] {
-        let scene = || simulator(scene, 140, 20.0);
+        let scene = Rendered::new(scene, 140, 20.0);
         let wheels = SimulatedOdometry::default();
-        let truth = scene().ground_truth();
-        let (with, _) = run(stages(&scene(), Some(&wheels)), scene(), &wheels);
+        let truth = scene.truth();
+        let (with, _) = run(stages(scene.camera(), Some(&wheels)), &scene, &wheels);
         assert_eq!(lost(&with), 0);
         let is_carried = |r: &FrameReport| matches!(r.outcome, Outcome::Carried { .. });
         assert!(with.iter().any(is_carried));
@@ -72,7 +69,7 @@ fn a_blocked_view_costs_neither_frame_nor_place() {
         }
         assert_eq!(state(&with), Some(OdometryState::Confirmed));
         // The control.
-        let (without, _) = run(stages(&scene(), None), scene(), &wheels);
+        let (without, _) = run(stages(scene.camera(), None), &scene, &wheels);
         let off = off(&without, &truth, 139);
         let far = off.is_none_or(|[m, deg]| m > 0.2 || deg > 5.0);
         assert!(lost(&without) > 5 || far, "{off:?}");
@@ -84,8 +81,8 @@ fn a_blocked_view_costs_neither_frame_nor_place() {
 /// Both runs see the same frames, which take longer to render than to track.
 fn beginning_off(simulator: Simulator, wheels: &SimulatedOdometry) -> [f64; 2] {
     let truth = simulator.ground_truth();
-    let mut with = System::from(stages(&simulator, Some(wheels)));
-    let mut without = System::from(stages(&simulator, None));
+    let mut with = System::from(stages(*simulator.camera(), Some(wheels)));
+    let mut without = System::from(stages(*simulator.camera(), None));
     let mut source = simulator.source().with_odometry(wheels);
     while let Some(frame) = source.next_frame() {
         let frame = frame.unwrap();
@@ -128,16 +125,16 @@ fn a_beginning_that_rode_on_people_is_posed_anew_by_the_wheels() {
 
 #[test]
 fn a_run_with_odometry_replays_bit_for_bit_and_needs_it() {
-    let scene = || simulator("walking_rpy", 30, 30.0);
+    let scene = Rendered::new("walking_rpy", 30, 30.0);
     let wheels = SimulatedOdometry::default();
-    let (_, log) = run(stages(&scene(), Some(&wheels)), scene(), &wheels);
+    let (_, log) = run(stages(scene.camera(), Some(&wheels)), &scene, &wheels);
     let text = log.to_text();
     assert!(text.contains("\nodometry ") && text.contains("\n  base "));
     let read = RunLog::from_bytes(text.as_bytes()).unwrap();
     // The source of the replay has none: it is in the log.
     let replayed = |log: RunLog| {
-        let mut replay = Replay::new(stages(&scene(), Some(&wheels)), log).unwrap();
-        let mut source = scene().source();
+        let mut replay = Replay::new(stages(scene.camera(), Some(&wheels)), log).unwrap();
+        let mut source = scene.source();
         while replay.step(&mut source).unwrap().is_some() {}
         replay.trajectory().digest(&replay.view())
     };
@@ -150,16 +147,16 @@ fn a_run_with_odometry_replays_bit_for_bit_and_needs_it() {
     };
     assert_ne!(replayed(silent), log.trajectory);
     // Where nothing is known of a base samples change nothing, and are not kept.
-    let (_, plain) = run(stages(&scene(), None), scene(), &wheels);
+    let (_, plain) = run(stages(scene.camera(), None), &scene, &wheels);
     assert!(!plain.entries.iter().any(is_odometry));
-    assert!(Replay::new(stages(&scene(), None), log).is_err());
+    assert!(Replay::new(stages(scene.camera(), None), log).is_err());
 }
 
 /// Wheels that are stuck, or of a camera that stands otherwise, cost no frame and no accuracy; those that slip for half a second are believed again.
 #[test]
 fn wrong_odometry_is_noticed_and_ignored_and_slipping_wheels_are_survived() {
-    let scene = || simulator("xyz", 120, 30.0);
-    let truth = scene().ground_truth();
+    let scene = Rendered::new("xyz", 120, 30.0);
+    let truth = scene.truth();
     let right = SimulatedOdometry::default();
     let stuck = SimulatedOdometry {
         stuck: true,
@@ -185,7 +182,7 @@ fn wrong_odometry_is_noticed_and_ignored_and_slipping_wheels_are_survived() {
         (&right, &stuck, ignored(OdometryFault::Stuck)),
         (&turned, &right, ignored(OdometryFault::Contradicts)),
     ] {
-        let (reports, _) = run(stages(&scene(), Some(stated)), scene(), moved);
+        let (reports, _) = run(stages(scene.camera(), Some(stated)), &scene, moved);
         assert_eq!(lost(&reports), 0);
         assert_eq!(state(&reports), Some(expected));
         let off = off(&reports, &truth, 119).unwrap();

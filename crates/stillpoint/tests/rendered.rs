@@ -1,0 +1,93 @@
+//! Frames of the simulator for several runs: they take longer to render than to track.
+
+use stillpoint::geometry::{Camera, Se3};
+use stillpoint::imaging::{
+    FrameSource, ImuSample, ImuTrack, OdometrySample, OdometryTrack, RgbdFrame, SourceError,
+};
+use stillpoint::simulator::{SimulatedImu, SimulatedOdometry, Simulator, SimulatorConfig};
+
+/// All frames of a simulator.
+pub(crate) struct Rendered {
+    simulator: Simulator,
+    frames: Vec<RgbdFrame>,
+}
+
+impl Rendered {
+    /// Frames of 320x240 px of a scene.
+    pub(crate) fn new(scene: &str, frames: usize, rate: f64) -> Self {
+        let config = SimulatorConfig {
+            scene: scene.into(),
+            frames: Some(frames),
+            rate,
+            camera: Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]),
+            ..SimulatorConfig::default()
+        };
+        let simulator = Simulator::new(&config).unwrap();
+        Self {
+            frames: (0..simulator.len()).map(|i| simulator.frame(i)).collect(),
+            simulator,
+        }
+    }
+
+    pub(crate) fn camera(&self) -> Camera {
+        *self.simulator.camera()
+    }
+
+    /// The exact pose at each frame.
+    pub(crate) fn truth(&self) -> Vec<(f64, Se3)> {
+        self.simulator.ground_truth()
+    }
+
+    /// The frames from the first one on.
+    pub(crate) fn source(&self) -> RenderedSource<'_> {
+        RenderedSource {
+            frames: self.frames.iter(),
+            imu: ImuTrack::default(),
+            odometry: OdometryTrack::default(),
+            newest: None,
+        }
+    }
+
+    /// The same with what an inertial sensor measures.
+    pub(crate) fn with_imu(&self, imu: &SimulatedImu) -> RenderedSource<'_> {
+        RenderedSource {
+            imu: ImuTrack::new(self.simulator.inertial(imu).into()),
+            ..self.source()
+        }
+    }
+
+    /// The same with what wheels say.
+    pub(crate) fn with_odometry(&self, wheels: &SimulatedOdometry) -> RenderedSource<'_> {
+        RenderedSource {
+            odometry: OdometryTrack::new(self.simulator.odometry(wheels).into()),
+            ..self.source()
+        }
+    }
+}
+
+/// Rendered frames as a stream.
+pub(crate) struct RenderedSource<'a> {
+    frames: std::slice::Iter<'a, RgbdFrame>,
+    imu: ImuTrack,
+    odometry: OdometryTrack,
+    newest: Option<f64>,
+}
+
+impl FrameSource for RenderedSource<'_> {
+    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+        let frame = self.frames.next()?;
+        self.newest = Some(frame.stamp);
+        Some(Ok(frame.clone()))
+    }
+
+    fn take_inertial(&mut self) -> Vec<ImuSample> {
+        let imu = &mut self.imu;
+        self.newest.map_or_else(Vec::new, |t| imu.take_until(t))
+    }
+
+    fn take_odometry(&mut self) -> Vec<OdometrySample> {
+        let odometry = &mut self.odometry;
+        self.newest
+            .map_or_else(Vec::new, |t| odometry.take_until(t))
+    }
+}
