@@ -129,7 +129,7 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
         let kept = &mut tracks[elder];
         let larger = expected[young].bounds.area() > expected[elder].bounds.area();
         // One that was seen once, and is not sure, does not say where the other went.
-        let sure = other.confirmed() && !kept.surer_than(other.usual);
+        let sure = other.confirmed() && !kept.votes.surer_than_all_of(&other.votes);
         if sure && (other.misses < kept.misses || (other.misses == kept.misses && larger)) {
             kept.body = other.body;
             kept.trunk = other.trunk;
@@ -140,10 +140,7 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
         kept.misses = kept.misses.min(other.misses);
         kept.last_seen = kept.last_seen.max(other.last_seen);
         kept.hits = kept.hits.saturating_add(other.hits);
-        kept.evidence += other.evidence;
-        for (class, score) in other.votes {
-            *kept.votes.entry(class).or_default() += score;
-        }
+        kept.votes.merge(&other.votes);
     }
     let all = std::mem::take(tracks).into_iter().zip(gone);
     let (ended, kept): (Vec<_>, Vec<_>) = all.partition(|(_, gone)| *gone);

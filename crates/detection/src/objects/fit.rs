@@ -77,7 +77,7 @@ impl Track {
             m.cut.contains(&true) && kept && (mode.is_some() || comes_in) && inside >= GROWS;
         // One that is far less sure than usual must be where the object is expected: gates grow with the time without detections, and let false alarms in. Of what the
         // border cuts networks are less sure.
-        let doubtful = !m.at_border && self.surer_than(f64::from(m.detection.score));
+        let doubtful = !m.at_border && self.votes.surer_than(f64::from(m.detection.score));
         let occluded = self.hidden && self.absent == 0;
         let allowed = if same_class {
             // Who is hidden is expected vaguely: a gate that wide takes false alarms for the person.

@@ -25,6 +25,7 @@ mod track;
 mod tracker;
 mod vertical;
 mod view;
+mod votes;
 
 pub use config::ObjectsConfig;
 pub use rigidity::Motion;

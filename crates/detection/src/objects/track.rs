@@ -10,9 +10,9 @@ use super::planar::Planar;
 use super::rigidity::Rigidity;
 use super::spatial::Spatial;
 use super::view::View;
+use super::votes::Votes;
 use super::{Motion, Object, ObjectId, ObjectState};
 use crate::{BoundingBox, ClassId};
-use std::collections::BTreeMap;
 use stillpoint_geometry::Vec3;
 
 /// The state of an object, by what was measured of it.
@@ -36,12 +36,8 @@ pub(super) struct Track {
     pub(super) hits: u32,
     /// Detections since it began or came back.
     pub(super) fresh: u32,
-    /// Sum of the scores of its detections by class: it is of the class with the greatest one.
-    pub(super) votes: BTreeMap<ClassId, f64>,
-    /// What the scores of its detections say in sum.
-    pub(super) evidence: f64,
-    /// Mean score of its last detections.
-    pub(super) usual: f64,
+    /// What its detections say together.
+    pub(super) votes: Votes,
     /// Stamp of the first detection, s.
     pub(super) born: f64,
     /// Where it was when it was seen last, m.
@@ -77,16 +73,8 @@ const CONTRADICTIONS: u32 = 3;
 const FIRST_PATIENCE: f64 = 0.3;
 /// A box at the border that overlaps less with the one expected has changed at once.
 const CHANGED: f64 = 0.4;
-/// Detections from which an object is reported as one, and what their scores exceed [`LEAST_SCORE`] by in sum.
+/// Detections from which an object is reported as one.
 const REPORTED_HITS: u32 = 3;
-/// See [`REPORTED_HITS`].
-const REPORTED_EVIDENCE: f64 = 0.9;
-/// Share of the score that its detections usually have, from which one may be its own.
-const AS_SURE: f64 = 0.6;
-/// Detections of which a mean is kept.
-const USUAL: u32 = 10;
-/// Scores of false alarms are about the detector's threshold: this much is no evidence.
-const LEAST_SCORE: f64 = 0.2;
 /// Least reach of a surface as a share of the object's width: bodies are not flat.
 const LEAST_REACH: f64 = 0.4;
 
@@ -101,9 +89,7 @@ impl Track {
             reach: m.modes.first().map_or([0.0; 2], reach),
             hits: 1,
             fresh: 1,
-            votes: BTreeMap::from([(m.detection.class, f64::from(m.detection.score))]),
-            evidence: evidence(m),
-            usual: f64::from(m.detection.score),
+            votes: Votes::new(&m.detection),
             born: stamp,
             seen_at: None,
             tallest: 0.0,
@@ -128,7 +114,7 @@ impl Track {
 
     /// Whether it is sure enough to be called an object: false alarms come twice now and then, and with low scores.
     pub(super) fn reported(&self) -> bool {
-        self.hits >= REPORTED_HITS && self.evidence >= REPORTED_EVIDENCE
+        self.hits >= REPORTED_HITS && self.votes.suffice()
     }
 
     pub(super) fn propagate(&mut self, dt: f64, acceleration: f64) {
@@ -196,7 +182,8 @@ impl Track {
         self.cut = m.cut.contains(&true);
         self.last_seen = stamp;
         self.score = m.detection.score;
-        self.vote(m);
+        self.votes.add(&m.detection, self.hits);
+        self.class = self.votes.class(self.class);
         let mode = match &mut self.body {
             Body::Planar(p) if m.modes.is_empty() => {
                 p.rebase(view);
@@ -255,30 +242,12 @@ impl Track {
         self.id = id;
         self.known = true;
         self.hits = self.hits.max(REPORTED_HITS);
-        self.evidence = self.evidence.max(REPORTED_EVIDENCE);
-    }
-
-    /// Whether its detections are far surer than one of this score: that is rather a false alarm beside it than its own.
-    pub(super) fn surer_than(&self, score: f64) -> bool {
-        score < AS_SURE * self.usual
+        self.votes.are_enough();
     }
 
     /// How long it may live on without detections, s: no longer than it was seen, so that false alarms end soon.
     pub(super) fn patience(&self, coast: f64) -> f64 {
         (self.last_seen - self.born + FIRST_PATIENCE).min(coast)
-    }
-
-    fn vote(&mut self, m: &Measurement) {
-        self.evidence += evidence(m);
-        let share = 1.0 / f64::from(self.hits.clamp(1, USUAL));
-        self.usual += share * (f64::from(m.detection.score) - self.usual);
-        *self.votes.entry(m.detection.class).or_default() += f64::from(m.detection.score);
-        // Of equals the one that it is.
-        let own = self.votes.get(&self.class).copied().unwrap_or(0.0);
-        let best = self.votes.iter().max_by(|a, b| a.1.total_cmp(b.1));
-        if let Some((&class, _)) = best.filter(|b| *b.1 > own) {
-            self.class = class;
-        }
     }
 
     /// After a detection: where it is, and whether it rests.
@@ -375,11 +344,6 @@ impl Track {
         }
         object
     }
-}
-
-/// What a detection says for there being something.
-fn evidence(m: &Measurement) -> f64 {
-    (f64::from(m.detection.score) - LEAST_SCORE).max(0.0)
 }
 
 fn body_from(view: &View, m: &Measurement, share: f64, liveliness: f64) -> Body {
