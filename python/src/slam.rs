@@ -237,7 +237,7 @@ impl Slam {
         tracked.map(Frame::new).map_err(trouble)
     }
 
-    /// Final poses of the frames so far, after all corrections until now: those of the submap with most frames. After :meth:`finish` they are
+    /// Final poses of the frames so far, after all corrections until now and smoothed: those of the submap with most frames. After :meth:`finish` they are
     /// those of ``trajectory.txt`` of the command line, to the byte (:meth:`Trajectory.save`).
     fn trajectory(&self, py: Python<'_>) -> PyResult<Trajectory> {
         let entries = self.driver.with(py, |driver| driver.known().poses())?;
