@@ -8,7 +8,7 @@ use stillpoint::dense::{DenseMap, MeshOptions};
 use stillpoint::geometry::{Se3, Vec3, align_umeyama};
 use stillpoint::imaging::Simd;
 use stillpoint::map::{Extension, Map, MapFile};
-use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::simulator::{Simulator, SimulatorConfig, Surfaces, share_near};
 use tempfile::TempDir;
 
 /// Where the recording of maps `a` and `b` was made.
@@ -65,23 +65,6 @@ fn truth_from(map: &Map) -> Se3 {
     found.target_from_source
 }
 
-/// Distance to a convex polygon, m.
-fn distance(face: &[Vec3], p: &Vec3) -> f64 {
-    let normal = (face[1] - face[0]).cross(&(face[2] - face[0])).normalize();
-    let (mut inside, mut nearest) = (true, f64::INFINITY);
-    for (i, a) in face.iter().enumerate() {
-        let side = face[(i + 1) % face.len()] - a;
-        inside &= normal.cross(&side).dot(&(p - a)) >= 0.0;
-        let share = ((p - a).dot(&side) / side.norm_squared()).clamp(0.0, 1.0);
-        nearest = nearest.min((a + side * share - p).norm());
-    }
-    if inside {
-        normal.dot(&(p - face[0])).abs()
-    } else {
-        nearest
-    }
-}
-
 /// Every so many corners of a surface in the axes of the simulator; `map` is in the same axes as the surface.
 fn corners(dense: &DenseMap, map: &Map, step: usize) -> Vec<Vec3> {
     let (mesh, turn) = (dense.mesh(&MeshOptions::default()), truth_from(map));
@@ -91,12 +74,9 @@ fn corners(dense: &DenseMap, map: &Map, step: usize) -> Vec<Vec3> {
 
 /// Mean distance of a surface to the true one, m, and its area, m^2.
 fn score(dense: &DenseMap, map: &Map) -> [f64; 2] {
-    let (faces, points) = (ROOM.static_surfaces(), corners(dense, map, 5));
-    let nearest = |p: &Vec3| {
-        let all = faces.iter().map(|f| distance(f, p));
-        all.fold(f64::INFINITY, f64::min)
-    };
-    let sum: f64 = points.iter().map(nearest).sum();
+    let truth = Surfaces::new(ROOM.static_surfaces());
+    let points = corners(dense, map, 5);
+    let sum: f64 = points.iter().map(|p| truth.distance(p)).sum();
     let area = dense.mesh(&MeshOptions::default()).area();
     [sum / points.len() as f64, area]
 }
@@ -105,8 +85,7 @@ fn score(dense: &DenseMap, map: &Map) -> [f64; 2] {
 fn covered(one: &Path, by: &Path) -> f64 {
     let [points, others] =
         [(one, 5), (by, 1)].map(|(path, step)| corners(&dense(path), &read(path), step));
-    let near = |p: &&Vec3| others.iter().any(|q| (*p - q).norm() < 0.05);
-    points.iter().filter(near).count() as f64 / points.len() as f64
+    share_near(&points, &others, 0.05)
 }
 
 #[test]

@@ -1,14 +1,12 @@
 //! Two maps of one room, each in its own axes, as one.
 
-use crate::people::distance;
 use crate::room::{config, simulator};
-use std::collections::BTreeMap;
 use stillpoint_dense::{
     DenseConfig, DenseMap, Floor, Fuser, Mesh, MeshOptions, Occupancy, Plan, PlanOptions,
 };
 use stillpoint_geometry::{Se3, Vec3, Vec6};
 use stillpoint_imaging::Simd;
-use stillpoint_simulator::Simulator;
+use stillpoint_simulator::{Simulator, Surfaces, share_near};
 
 const FRAMES: usize = 60;
 
@@ -30,15 +28,11 @@ fn fused(
 
 /// Mean distance of what was measured to the true surface, and the share that is farther than 10 cm.
 fn errors(room: &Simulator, map: &DenseMap) -> [f64; 2] {
-    let faces = room.static_surfaces();
+    let truth = Surfaces::new(room.static_surfaces());
     let mesh = map.mesh(&MeshOptions::default());
     let points = (0..mesh.positions.len() as u32).map(|i| mesh.position(i));
     let points = points.filter(|p| map.distance(p).is_some());
-    let nearest = |p: Vec3| {
-        let all = faces.iter().map(|f| distance(f, &p));
-        all.fold(f64::INFINITY, f64::min)
-    };
-    let errors: Vec<f64> = points.map(nearest).collect();
+    let errors: Vec<f64> = points.map(|p| truth.distance(&p)).collect();
     let n = errors.len() as f64;
     let far = errors.iter().filter(|e| **e > 0.1).count() as f64;
     [errors.iter().sum::<f64>() / n, far / n]
@@ -46,23 +40,12 @@ fn errors(room: &Simulator, map: &DenseMap) -> [f64; 2] {
 
 /// The share of a mesh's corners that have one of another mesh within a distance, m.
 fn covered(mesh: &Mesh, by: &DenseMap, within: f64) -> f64 {
-    let by = by.mesh(&MeshOptions::default());
-    let cell = |p: &Vec3| <[i32; 3]>::from(p.map(|v| (v / within).floor() as i32));
-    let mut cells: BTreeMap<[i32; 3], Vec<Vec3>> = BTreeMap::new();
-    for i in 0..by.positions.len() as u32 {
-        let p = by.position(i);
-        cells.entry(cell(&p)).or_default().push(p);
-    }
-    let near = |p: &Vec3| {
-        let [x, y, z] = cell(p);
-        (0..27).any(|k| {
-            let around = [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1];
-            let points = cells.get(&around).into_iter().flatten();
-            points.into_iter().any(|q| (p - q).norm() < within)
-        })
+    let corners = |mesh: &Mesh| -> Vec<Vec3> {
+        let all = 0..mesh.positions.len() as u32;
+        all.map(|i| mesh.position(i)).collect()
     };
-    let n = mesh.positions.len() as u32;
-    (0..n).filter(|i| near(&mesh.position(*i))).count() as f64 / f64::from(n)
+    let by = by.mesh(&MeshOptions::default());
+    share_near(&corners(mesh), &corners(&by), within)
 }
 
 /// Of the cells that a plan knows: those that another one tells alike, those that are occupied and that it calls free, and the others.

@@ -4,28 +4,12 @@ use crate::room::{config, simulator};
 use stillpoint_dense::{DenseConfig, Fuser, MeshOptions};
 use stillpoint_geometry::{Camera, Se3, Vec3};
 use stillpoint_imaging::{DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
-
-/// Distance to a convex polygon, m.
-pub(crate) fn distance(face: &[Vec3], p: &Vec3) -> f64 {
-    let normal = (face[1] - face[0]).cross(&(face[2] - face[0])).normalize();
-    let (mut inside, mut nearest) = (true, f64::INFINITY);
-    for (i, a) in face.iter().enumerate() {
-        let side = face[(i + 1) % face.len()] - a;
-        inside &= normal.cross(&side).dot(&(p - a)) >= 0.0;
-        let share = ((p - a).dot(&side) / side.norm_squared()).clamp(0.0, 1.0);
-        nearest = nearest.min((a + side * share - p).norm());
-    }
-    if inside {
-        normal.dot(&(p - face[0])).abs()
-    } else {
-        nearest
-    }
-}
+use stillpoint_simulator::Surfaces;
 
 #[test]
 fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
     let room = simulator("walking_static", 30);
-    let faces = room.static_surfaces();
+    let truth = Surfaces::new(room.static_surfaces());
     let fused = |masked: bool| {
         let mut fuser = Fuser::new(&config(), room.camera(), Simd::detect()).unwrap();
         for i in (0..30).step_by(3) {
@@ -36,12 +20,8 @@ fn what_moves_is_not_in_the_surface_and_is_counted_where_it_was() {
         }
         let mesh = fuser.map().mesh(&MeshOptions::default());
         let count = mesh.positions.len();
-        let nearest = |p: Vec3| {
-            let all = faces.iter().map(|f| distance(f, &p));
-            all.fold(f64::INFINITY, f64::min)
-        };
         let errors: Vec<f64> = (0..count as u32)
-            .map(|i| nearest(mesh.position(i)))
+            .map(|i| truth.distance(&mesh.position(i)))
             .collect();
         // Of a wall at 4 m one frame in a hundred is 10 cm off, with these few frames and wide voxels.
         let far = errors.iter().filter(|e| **e > 0.15).count() as f64 / count as f64;

@@ -23,6 +23,7 @@ mod sensor;
 mod shade;
 mod shutter;
 mod simulator;
+mod surfaces;
 mod texture;
 mod truth;
 
@@ -33,4 +34,5 @@ pub use shutter::Shutter;
 pub use simulator::{
     SimulatedImu, SimulatedOdometry, Simulator, SimulatorConfig, SimulatorSource, WheelSlip,
 };
+pub use surfaces::{Surfaces, share_near};
 pub use truth::{DetectionNoise, FrameTruth, MoverBox, MoverMotion, ScriptedDetection, ThingBox};

@@ -2,12 +2,12 @@
 
 use crate::{Outcome, chosen, simulator};
 use stillpoint::geometry::Vec3;
-use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::simulator::{Simulator, SimulatorConfig, Surfaces};
 
 /// Distances of a surface to the true one, and how much of that it has.
 pub(crate) fn tell(scene: &str, points: &[Vec3]) -> Outcome<()> {
     let sim = &simulator(scene)?;
-    let faces = Faces::new(sim.static_surfaces());
+    let faces = Surfaces::new(sim.static_surfaces());
     let mut distances: Vec<f64> = points.iter().map(|p| faces.distance(p)).collect();
     let far = distances.iter().filter(|d| **d > 0.1).count();
     distances.sort_by(f64::total_cmp);
@@ -31,41 +31,6 @@ pub(crate) fn tell(scene: &str, points: &[Vec3]) -> Outcome<()> {
         100.0 * found as f64 / seen.max(1) as f64
     );
     Ok(())
-}
-
-/// Polygons with a table of which are near.
-struct Faces(Vec<Vec<Vec3>>);
-
-impl Faces {
-    fn new(faces: Vec<Vec<Vec3>>) -> Self {
-        Self(faces)
-    }
-
-    fn distance(&self, p: &Vec3) -> f64 {
-        let mut nearest = f64::INFINITY;
-        for face in &self.0 {
-            let normal = (face[1] - face[0]).cross(&(face[2] - face[0])).normalize();
-            let off = normal.dot(&(p - face[0]));
-            if off.abs() >= nearest {
-                continue;
-            }
-            nearest = nearest.min(distance_to(face, &normal, off, p));
-        }
-        nearest
-    }
-}
-
-/// Distance to a convex polygon.
-fn distance_to(face: &[Vec3], normal: &Vec3, off: f64, p: &Vec3) -> f64 {
-    let (mut inside, mut nearest) = (true, f64::INFINITY);
-    for (i, a) in face.iter().enumerate() {
-        let b = face[(i + 1) % face.len()];
-        let side = b - a;
-        inside &= normal.cross(&side).dot(&(p - a)) >= 0.0;
-        let share = (p - a).dot(&side) / side.norm_squared();
-        nearest = nearest.min((a + side * share.clamp(0.0, 1.0) - p).norm());
-    }
-    if inside { off.abs() } else { nearest }
 }
 
 /// How many points of the true surface were measured, and how many of these have a point of ours within 2 cm.
@@ -137,6 +102,7 @@ fn samples(faces: &[Vec<Vec3>], apart: f64) -> Vec<Sample> {
     let mut points = Vec::new();
     for face in faces {
         let normal = (face[1] - face[0]).cross(&(face[2] - face[0])).normalize();
+        let whole = Surfaces::new(vec![face.clone()]);
         let u = (face[1] - face[0]).normalize();
         let v = normal.cross(&u);
         let at = |p: &Vec3| [(p - face[0]).dot(&u), (p - face[0]).dot(&v)];
@@ -148,7 +114,7 @@ fn samples(faces: &[Vec<Vec3>], apart: f64) -> Vec<Sample> {
             let along = |axis: usize, k: usize| low[axis] + apart * (k as f64 + 0.5);
             let (a, b) = (along(0, k % steps[0]), along(1, k / steps[0]));
             let position = face[0] + u * a + v * b;
-            if distance_to(face, &normal, 0.0, &position) < 1e-6 {
+            if whole.distance(&position) < 1e-6 {
                 points.push(Sample {
                     position,
                     normal,
