@@ -129,7 +129,7 @@ pub(super) fn merge(tracks: &mut Vec<Track>, view: &View) -> Vec<Track> {
         let kept = &mut tracks[elder];
         let larger = expected[young].bounds.area() > expected[elder].bounds.area();
         // One that was seen once, and is not sure, does not say where the other went.
-        let sure = other.confirmed() && !kept.votes.surer_than_all_of(&other.votes);
+        let sure = other.confirmed() && !kept.votes.surer_than_those_of(&other.votes);
         if sure && (other.misses < kept.misses || (other.misses == kept.misses && larger)) {
             kept.body = other.body;
             kept.trunk = other.trunk;

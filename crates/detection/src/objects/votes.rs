@@ -73,7 +73,7 @@ impl Votes {
     }
 
     /// Whether they are far surer than those of another object.
-    pub(super) fn surer_than_all_of(&self, other: &Self) -> bool {
+    pub(super) fn surer_than_those_of(&self, other: &Self) -> bool {
         self.surer_than(other.usual)
     }
 }
