@@ -63,9 +63,11 @@ pub fn share_near(points: &[Vec3], others: &[Vec3], within: f64) -> f64 {
         cells.entry(cell(p)).or_default().push(p);
     }
     let near = |p: &&Vec3| {
-        let [x, y, z] = cell(p);
+        let at = cell(p);
         (0..27).any(|k| {
-            let around = [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1];
+            let steps = [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1];
+            // Cells of what is too far to count end at the largest number.
+            let around = std::array::from_fn(|axis| at[axis].saturating_add(steps[axis]));
             let mut there = cells.get(&around).into_iter().flatten();
             there.any(|q| (*p - *q).norm() < within)
         })
@@ -105,6 +107,13 @@ mod tests {
             );
         }
         assert!(Surfaces::default().distance(&Vec3::zeros()).is_infinite());
+    }
+
+    #[test]
+    fn what_is_far_away_or_no_number_is_near_nothing() {
+        let far = [Vec3::repeat(1e300), Vec3::repeat(f64::NAN)];
+        assert_eq!(share_near(&far, &[Vec3::zeros()], 0.05), 0.0);
+        assert_eq!(share_near(&[Vec3::zeros()], &far, 0.05), 0.0);
     }
 
     proptest! {

@@ -188,8 +188,11 @@ impl Shown {
         let covering = |o: &&Occupant| o.reported && o.covers(b);
         let covering: Vec<&Occupant> = self.occupants.iter().filter(covering).collect();
         let rest = covering.iter().fold(*b, |rest, o| o.beside(&rest));
+        if covering.is_empty() || rest.width() < BESIDE * b.width() {
+            return m.clone();
+        }
         let own = modes(depth, &rest);
-        if covering.is_empty() || rest.width() < BESIDE * b.width() || own.is_empty() {
+        if own.is_empty() {
             return m.clone();
         }
         let theirs = |mode: &DepthMode| {
