@@ -27,8 +27,11 @@ const PEAK: f64 = 60.0;
 const ROUGH_PEAK: f64 = 6.0;
 /// Who moves is undecided for so long after a submap was begun, s ...
 const UNDECIDED: f64 = 2.0;
-/// ... and whenever more than this share of the keypoints moved in the frame before: where a crowd comes and goes, whoever is new in it
-/// did nothing yet that he could be known by.
+/// ... and whenever more than this share of the keypoints moved in the frame before. Whoever is new among those who come and go did nothing yet that he could
+/// be known by; and when the room in view is about as far everywhere, a turn of the camera looks like a shift, so that the few things at another depth decide
+/// which it was.
+const SOME_MOVE: f64 = 0.1;
+/// Where more than this share moved, a crowd may fill the view.
 const CROWD: f64 = 0.35;
 /// A constant velocity is wrong by about this much after a frame.
 const PRIOR_SIGMA_M: f64 = 0.02;
@@ -113,7 +116,7 @@ impl Tracker {
         let known = self.known_since_last();
         let prior = self.prior(&last.world_from_camera, predicted, known.as_ref());
         // Later what moves is known by what it did, and is not asked: then wide gates measure better, also in blurred images.
-        let exact = frame.stamp - self.begun < UNDECIDED || self.moving_share > CROWD;
+        let exact = frame.stamp - self.begun < UNDECIDED || self.moving_share > SOME_MOVE;
         let velocity = self.motion_to(predicted).at_before();
         let VoteMemory {
             voters: votes,
@@ -205,19 +208,23 @@ impl Tracker {
     ) -> Option<()> {
         let previous = self.previous.as_ref()?;
         let reader = self.depth_reader(previous, velocity);
+        let shutter = self.front_end.shutter();
         let with_depth =
             || (0..pairs.len()).filter(|i| pairs[*i].is_some() && data.depth(*i).is_some());
         let step = with_depth().count().div_ceil(MAX_PAIRS).max(1);
         let voter = |i: usize| {
             let pair = pairs[i]?;
-            let reading = reader.read(pair.before_raw.map(f64::from).into(), pair.before)?;
+            let reading =
+                reader.read(pair.before_raw.map(f64::from).into(), pair.before_exposed)?;
+            let raw_y = f64::from(pair.before_raw[1]);
+            let before = shutter.at_stamp(pair.before_exposed, raw_y, reading.z, velocity);
             let (z, sigma) = (data.depth(i)?, f64::from(data.depth_sigmas[i]));
             // Both depths are wrong: the error of the point is added to that of the measurement.
             let sigma = (reading.sigma * reading.sigma + sigma * sigma).sqrt();
             let sigma_px = libm::hypot(SIGMA_PX, SIGMAS * pair.sigma());
             Some(MotionPair {
                 point: data.camera.backproject(pair.now, z),
-                measurement: Measurement::new(pair.before, sigma_px, Some((reading.z, sigma))),
+                measurement: Measurement::new(pair.before, sigma_px, Some((before.z, sigma))),
                 // Of the place in the frame before, whose surfaces are judged already; those of this frame need its pose first.
                 weight: self.filter.static_probability(pair.before_raw),
             })
