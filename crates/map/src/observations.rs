@@ -85,6 +85,33 @@ impl Map {
         }
     }
 
+    /// Replaces what a keyframe measured: the same features at other places. Landmarks that it carries move along. Returns false, and changes nothing, when the
+    /// keyframe is not live or has another number of features.
+    pub fn remeasure(&mut self, id: KeyframeId, data: KeyframeData) -> bool {
+        let Some(k) = self.view.keyframe(id).cloned() else {
+            return false;
+        };
+        if k.data.len() != data.len() {
+            return false;
+        }
+        let (old, data) = (&k.data, Arc::new(data));
+        if let Some(k) = self.keyframe_mut(id) {
+            k.data = Arc::clone(&data);
+        }
+        for (i, landmark) in k.matches.iter().enumerate() {
+            let Some(landmark) = *landmark else { continue };
+            if let Some(l) = self.landmark_mut(landmark).filter(|l| l.anchor == id) {
+                let z = l.position_in_anchor.z;
+                let nearer = f64::from(old.depths[i] - data.depths[i]);
+                let moved = data.camera.backproject(data.position(i), z - nearer)
+                    - old.camera.backproject(old.position(i), z);
+                l.position_in_anchor += moved;
+            }
+            self.refresh_landmark(landmark);
+        }
+        true
+    }
+
     /// Adds an observation. Returns false, and changes nothing, when the landmark or keyframe is not live, the feature
     /// observes another landmark or may observe none, the keyframe observes this one already, or they are of different submaps.
     pub fn add_observation(&mut self, id: LandmarkId, keyframe: KeyframeId, feature: u32) -> bool {

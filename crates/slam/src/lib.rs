@@ -30,6 +30,7 @@ mod retrace;
 pub mod routing;
 mod run_log;
 mod sensor;
+mod shutter;
 mod smoothing;
 mod stages;
 mod static_filter;
@@ -58,7 +59,7 @@ pub use loops::Loops;
 pub use map_shift::MapShift;
 pub use mapping::{Mapper, MapperSetup, MappingConfig, MappingEffort};
 pub use messages::{
-    LandmarkStatistic, LoopCloserMsg, LoopCloserOut, MapperMsg, MapperOut, MapperReport,
+    Exposure, LandmarkStatistic, LoopCloserMsg, LoopCloserOut, MapperMsg, MapperOut, MapperReport,
     NewKeyframe, Tracked,
 };
 pub use odometry::{OdometryFault, OdometryReport, OdometryState};

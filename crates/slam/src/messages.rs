@@ -5,7 +5,7 @@ use crate::report::{
     CorrectionReport, FrameReport, LoopReport, MappingReport, RejudgeReport, RevokeReport,
 };
 use std::sync::Arc;
-use stillpoint_geometry::Se3;
+use stillpoint_geometry::{Se3, Vec6};
 use stillpoint_map::{Correction, KeyframeData, KeyframeId, LandmarkId, MapView};
 use stillpoint_place::PlaceIndex;
 
@@ -16,7 +16,7 @@ pub struct Tracked {
     pub report: FrameReport,
     /// What was seen on the way, for whoever wants to tell how good the pose is.
     pub evidence: Evidence,
-    /// The frame as a new keyframe, when the map needs it.
+    /// The frame as a new keyframe, when the map needs it; or the one before, which began the map and waited for this frame.
     pub keyframe: Option<NewKeyframe>,
 }
 
@@ -35,6 +35,29 @@ pub struct NewKeyframe {
     pub matches: Vec<Option<LandmarkId>>,
     /// How often landmarks were expected and found since the last keyframe, by id.
     pub statistics: Vec<LandmarkStatistic>,
+    /// What it was measured with.
+    pub exposure: Exposure,
+}
+
+impl NewKeyframe {
+    /// These features make no landmarks.
+    pub(crate) fn keep_out(&mut self, features: &[u32]) {
+        let mappable = &mut Arc::make_mut(&mut self.data).mappable;
+        for feature in features {
+            if let Some(m) = mappable.get_mut(*feature as usize) {
+                *m = false;
+            }
+        }
+    }
+}
+
+/// What was known of how a frame was exposed when its features were brought to its stamp.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Exposure {
+    /// The camera's velocity, twist per second; none where it was not known, and nothing was brought anywhere.
+    pub velocity: Option<Vec6>,
+    /// The readout of the shutter, s.
+    pub readout: f64,
 }
 
 /// How often a landmark was expected to be seen, and was.

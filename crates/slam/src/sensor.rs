@@ -2,7 +2,7 @@
 
 mod reader;
 
-pub(crate) use reader::{DepthPoint, DepthReader, LANES};
+pub(crate) use reader::{DepthPoint, DepthReader, DepthReading, LANES};
 
 use crate::timing::Timing;
 use crate::validation::Checker;

@@ -79,7 +79,10 @@ fn a_thread_that_panicked_is_seen_with_its_reason() {
         options.hook = Some(hook);
         let mut live = LiveSystem::start(stages(), None, options).unwrap();
         let watch = live.watch();
-        live.push(frames()[0].clone());
+        // The first keyframe waits for the second frame.
+        for frame in &frames()[..2] {
+            live.push(frame.clone());
+        }
         let seen = wait_for(&watch, |h| h.troubles().count() > 0);
         assert_eq!(seen.threads.len(), 3, "{:?}", seen.threads);
         let panicked = ThreadState::Panicked("on purpose".to_owned());

@@ -206,7 +206,7 @@ mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
     use super::*;
     use crate::config::Config;
-    use crate::messages::{MapperMsg, NewKeyframe};
+    use crate::messages::{Exposure, MapperMsg, NewKeyframe};
     use std::sync::Arc;
     use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
     use stillpoint_geometry::{Camera, Se3};
@@ -302,6 +302,7 @@ mod tests {
             reference_from_camera: Se3::identity(),
             matches,
             statistics,
+            exposure: Exposure::default(),
         })));
         Some(mapper.map.view().landmark(id)?.static_odds)
     }

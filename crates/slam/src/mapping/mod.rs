@@ -6,13 +6,15 @@ mod create;
 mod cull;
 mod fuse;
 mod refine;
+mod remeasure;
 
 use crate::map_shift::MapShift;
-use crate::messages::{MapperMsg, MapperOut, MapperReport, NewKeyframe};
+use crate::messages::{Exposure, MapperMsg, MapperOut, MapperReport, NewKeyframe};
 use crate::report::CorrectionReport;
 use crate::report::{MappingReport, RejudgeReport, RevokeReport};
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
 use stillpoint_map::{Correction, Keyframe, KeyframeId, LandmarkId, Map, MapView};
@@ -108,6 +110,8 @@ pub struct Mapper {
     young: Vec<LandmarkId>,
     /// Keyframes in the order in which they came.
     order: Vec<KeyframeId>,
+    /// What those of this run were measured with.
+    exposures: BTreeMap<KeyframeId, Exposure>,
 }
 
 impl Mapper {
@@ -124,6 +128,7 @@ impl Mapper {
             map: Map::new(setup.levels, setup.scale_factor),
             young: Vec::new(),
             order: Vec::new(),
+            exposures: BTreeMap::new(),
         }
     }
 
@@ -190,6 +195,7 @@ impl Mapper {
             culled_keyframes: 0,
             bundle: Default::default(),
         };
+        self.measure_again(keyframe.exposure.readout);
         self.insert(keyframe);
         report.culled_landmarks = self.cull_moved(&keyframe.statistics) + self.cull_landmarks(id);
         report.created_from_depth = self.create_from_depth(id);
@@ -294,6 +300,7 @@ impl Mapper {
         let data = keyframe.data.clone();
         self.map.insert_keyframe(keyframe.id, data, pose, parent);
         self.order.push(keyframe.id);
+        self.exposures.insert(keyframe.id, keyframe.exposure);
         for (feature, landmark) in keyframe.matches.iter().enumerate() {
             let known = landmark.filter(|_| keyframe.data.mappable[feature]);
             let Some(landmark) = known.and_then(|l| self.map.view().resolve_landmark(l)) else {

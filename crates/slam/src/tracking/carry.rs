@@ -4,6 +4,7 @@ use super::known::{GATE_POSE, Known};
 use super::outcome::Ending;
 use super::statistics::Sightings;
 use super::{Notes, Solution, Tracker};
+use crate::messages::Exposure;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_map::{KeyframeData, KeyframeId};
@@ -65,6 +66,7 @@ impl Tracker {
             reference,
             matches: vec![None; data.len()],
             sightings: Sightings::default(),
+            exposure: Exposure::default(),
             followed: Vec::new(),
             recognised: None,
         };

@@ -64,7 +64,11 @@ impl Tracker {
         notes.bound = found.clone().filter(|v| v.is_bound);
         let voted = found.as_ref().map(|v| v.camera_from_world);
         let start = voted.unwrap_or(*predicted);
-        let velocity = self.motion_to(&start).at_last();
+        let moved = self.motion_to(&start);
+        if voted.is_some() {
+            self.measure_first_keyframe(&moved);
+        }
+        let velocity = moved.at_last();
         // How fast the camera turns is known now, and with it where the rows of the image belong.
         let data = &self.front_end.measure(frame, velocity.as_ref(), None);
         let (matches, matched) = self

@@ -1,9 +1,9 @@
 //! From an RGB-D frame to what it saw: keypoints, undistorted positions, depths and their noise.
 
 use super::flow::FlowMemory;
-use super::shutter::{Shutter, TYPICAL_DEPTH};
 use crate::recycle::refill_or;
-use crate::sensor::{DepthPoint, DepthReader, LANES, SensorConfig};
+use crate::sensor::{DepthPoint, DepthReader, DepthReading, LANES, SensorConfig};
+use crate::shutter::{Shutter, TYPICAL_DEPTH};
 use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
 use std::sync::Arc;
@@ -211,19 +211,35 @@ impl Observer {
         });
         let readings = reader.read_all(&points);
         for ((point, reading), seen) in points.iter().flatten().zip(readings).zip(seen) {
-            let (mut position, mut z) = (point.undistorted, reading.map_or(0.0, |r| r.z));
-            if shutter.rolls() {
-                let depth = reading.map_or(TYPICAL_DEPTH, |r| r.z);
-                let there = shutter.at_stamp(position, point.raw.y, depth, velocity);
-                position = self.camera.project(&there);
-                z = reading.map_or(0.0, |_| there.z);
-            }
-            *seen = Seen {
-                position: [position.x as f32, position.y as f32],
-                depth: z as f32,
-                depth_sigma: reading.map_or(0.0, |r| r.sigma as f32),
-            };
+            let exposed = (point.undistorted, point.raw.y);
+            *seen = Seen::at_stamp(&self.camera, exposed, reading, shutter, velocity);
         }
+    }
+
+    /// What `data` has of a frame, measured again with another velocity: the same features, of which nothing else changes.
+    pub(super) fn measure_again(
+        &self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        velocity: &Vec6,
+        (timing, depth_lag): (&Timing, f64),
+    ) -> KeyframeData {
+        let (camera, velocity) = (&self.camera, Some(velocity));
+        let reader = DepthReader::new(&self.sensor, camera, &frame.depth, velocity, depth_lag);
+        let shutter = Shutter::new(camera, timing);
+        let mut again = data.copied();
+        for (i, keypoint) in data.keypoints.iter().enumerate() {
+            let raw = raw_pixel(keypoint);
+            let exposed = camera.undistort(raw);
+            let reading = reader.read(raw, exposed);
+            let seen = Seen::at_stamp(camera, (exposed, raw.y), reading, &shutter, velocity);
+            again.positions[i] = seen.position;
+            again.depths[i] = seen.depth;
+            again.depth_sigmas[i] = seen.depth_sigma;
+        }
+        let levels: Vec<u8> = data.keypoints.iter().map(|k| k.level).collect();
+        again.grid.rebuild(&again.positions, &levels, self.bounds);
+        again
     }
 }
 
@@ -236,6 +252,31 @@ struct Seen {
     depth: f32,
     /// Its standard deviation, m.
     depth_sigma: f32,
+}
+
+impl Seen {
+    /// What is seen at an undistorted pixel, as exposed in a raw row, with the depth that is read there: brought to the stamp.
+    #[inline]
+    fn at_stamp(
+        camera: &Camera,
+        (mut position, raw_y): (Vec2, f64),
+        reading: Option<DepthReading>,
+        shutter: &Shutter<'_>,
+        velocity: Option<&Vec6>,
+    ) -> Self {
+        let mut z = reading.map_or(0.0, |r| r.z);
+        if shutter.rolls() {
+            let depth = reading.map_or(TYPICAL_DEPTH, |r| r.z);
+            let there = shutter.at_stamp(position, raw_y, depth, velocity);
+            position = camera.project(&there);
+            z = reading.map_or(0.0, |_| there.z);
+        }
+        Self {
+            position: [position.x as f32, position.y as f32],
+            depth: z as f32,
+            depth_sigma: reading.map_or(0.0, |r| r.sigma as f32),
+        }
+    }
 }
 
 /// Where a keypoint is in the image as recorded, px.

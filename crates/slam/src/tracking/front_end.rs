@@ -5,7 +5,8 @@ use super::clock::FrameClock;
 use super::demand::Demand;
 use super::frame::Observer;
 use super::self_calibration::{Between, RowPair, SelfCalibration};
-use super::shutter::Shutter;
+use crate::messages::Exposure;
+use crate::shutter::Shutter;
 use crate::static_filter::FeatureVerdict;
 use crate::timing::Timing;
 use std::sync::Arc;
@@ -72,6 +73,18 @@ impl FrontEnd {
             .measure(frame, velocity, (timing, lag), verdicts)
     }
 
+    /// What `data` has of a frame, brought to its stamp by another velocity of the camera.
+    pub(super) fn measure_again(
+        &self,
+        frame: &RgbdFrame,
+        data: &KeyframeData,
+        velocity: &Vec6,
+    ) -> KeyframeData {
+        let (timing, lag) = (self.calibration.timing(), self.depth_lag(frame));
+        self.observer
+            .measure_again(frame, data, velocity, (timing, lag))
+    }
+
     /// Learns the readout: takes the two newest frames; none where the frame before has no pose. Gives back a list that it is done with.
     pub(super) fn learn(&mut self, newest: Option<Between>) -> Option<Vec<RowPair>> {
         if self.learns {
@@ -91,9 +104,24 @@ impl FrontEnd {
         *self.calibration.timing()
     }
 
+    /// What frames are measured with while the camera moves by `velocity`.
+    pub(super) fn exposure(&self, velocity: Option<Vec6>) -> Exposure {
+        let readout = self.calibration.timing().readout;
+        Exposure { velocity, readout }
+    }
+
     /// The shutter, as estimated so far.
     pub(super) fn shutter(&self) -> Shutter<'_> {
         Shutter::new(&self.observer.camera, self.calibration.timing())
+    }
+
+    /// A shutter with another readout, s.
+    pub(super) fn shutter_of(&self, readout: f64) -> Shutter<'_> {
+        let timing = Timing {
+            readout,
+            ..Timing::default()
+        };
+        Shutter::new(&self.observer.camera, &timing)
     }
 
     /// Keypoints that the last image was asked for.

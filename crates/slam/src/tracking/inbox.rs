@@ -23,12 +23,15 @@ impl Tracker {
             self.filter.receive(detections);
             return None;
         }
-        let keyframe = self
-            .map
-            .view
-            .keyframe(self.map.keyframe_id(detections.frame));
-        let data = keyframe.map(|k| Arc::clone(&k.data));
+        let id = self.map.keyframe_id(detections.frame);
+        let known = self.map.view.keyframe(id).map(|k| &k.data);
+        let waiting = self.first_keyframe.as_ref().filter(|k| k.id == id);
+        let data = known.or(waiting.map(|k| &k.data)).map(Arc::clone);
         let rejudged = self.filter.take_late(&detections, &self.map.view, data)?;
+        if let Some(waiting) = self.first_keyframe.as_mut().filter(|k| k.id == id) {
+            waiting.keep_out(&rejudged.features);
+            return None;
+        }
         self.map.grows.then(|| MapperMsg::Rejudge {
             keyframe: self.map.keyframe_id(rejudged.frame),
             features: rejudged.features,

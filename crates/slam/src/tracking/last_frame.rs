@@ -151,13 +151,15 @@ impl Tracker {
     /// The points that the last frame saw: landmarks, and where there is none the point behind its depth. The latter
     /// are there at once, so a map view that comes late costs nothing.
     fn last_frame_points(&self, last: &LastFrame, points: &mut Vec<Candidate>) {
+        // While there is no landmark yet, what is far has to hold the turning.
+        let first = self.first_keyframe.is_some();
         let close = self.setup.sensor.close_depth;
         let point = |i: usize| {
             let landmark = last.matches[i].and_then(|id| self.map.view.resolve_landmark(id));
             let position = match landmark {
                 Some(id) => self.map.view.landmark_position(id)?,
                 None => {
-                    last.data.depth(i).filter(|z| *z < close)?;
+                    last.data.depth(i).filter(|z| first || *z < close)?;
                     last.world_from_camera
                         .transform(&last.data.point_in_camera(i)?)
                 }

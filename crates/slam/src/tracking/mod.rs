@@ -8,6 +8,7 @@ mod clock;
 mod config;
 mod demand;
 mod ego_motion;
+mod first_keyframe;
 mod flow;
 mod frame;
 mod front_end;
@@ -28,7 +29,6 @@ mod outcome;
 mod pose;
 mod relocalise;
 mod self_calibration;
-mod shutter;
 mod sight;
 mod starved;
 mod state;
@@ -43,7 +43,7 @@ pub(crate) use mirror::TurningPoint;
 use crate::association::Matches;
 use crate::evidence::{Cells, Evidence};
 use crate::inertial::Inertial;
-use crate::messages::Tracked;
+use crate::messages::{Exposure, NewKeyframe, Tracked};
 use crate::odometry::Odometry;
 use crate::pace::Pace;
 use crate::report::{FrameCounts, LostReason};
@@ -96,6 +96,8 @@ pub struct Tracker {
     /// When the last submap was begun, s.
     begun: f64,
     since_keyframe: SinceKeyframe,
+    /// How far a readout of a second moves the outer rows of the keyframe that was taken in the fastest motion, px.
+    fastest_keyframe: f64,
     /// How fast frames come.
     pace: Pace,
     /// Share of the keypoints that moved in the frame before.
@@ -107,6 +109,8 @@ pub struct Tracker {
     workers: Workers,
     /// Whether the next frame with a pose becomes a keyframe, needed or not.
     keyframe_wanted: bool,
+    /// The keyframe that begins a map or a submap, while it waits for the next frame.
+    first_keyframe: Option<NewKeyframe>,
     /// The inertial sensor, where there is one.
     inertial: Option<Inertial>,
     /// Odometry of the base that carries the camera, where there is any.
@@ -155,6 +159,8 @@ struct Solution {
     reference: KeyframeId,
     matches: Vec<Option<LandmarkId>>,
     sightings: Sightings,
+    /// What `data` was measured with.
+    exposure: Exposure,
     /// What stands still since the frame before, where flow tells.
     followed: Vec<RowPair>,
     /// The keyframe whose place was recognised, where the camera was not just followed.
@@ -175,6 +181,7 @@ impl Tracker {
             submap: None,
             begun: f64::NEG_INFINITY,
             since_keyframe: SinceKeyframe::default(),
+            fastest_keyframe: 0.0,
             pace: Pace::default(),
             moving_share: 0.0,
             previous: None,
@@ -182,6 +189,7 @@ impl Tracker {
             simd,
             workers: Workers::default(),
             keyframe_wanted: false,
+            first_keyframe: None,
             inertial: None,
             odometry: None,
             past_poses: PastPoses::default(),
@@ -279,6 +287,7 @@ impl Tracker {
         let fix = self.bridge_when_starved(&data, motion, &notes.judgement.verdicts, fix);
         let fix = self.refuse_riding(motion, fix, data.len())?;
         let mut solution = self.confirm(data, reference, fix, notes)?;
+        solution.exposure = self.front_end.exposure(motion.velocity);
         solution.followed = self.memory.rows.take();
         let rows = &mut solution.followed;
         self.followed(motion, &notes.judgement.verdicts, full, rows);
@@ -350,6 +359,7 @@ impl Tracker {
             reference,
             matches,
             sightings: fix.sightings,
+            exposure: Exposure::default(),
             followed: Vec::new(),
             recognised: None,
         })

@@ -48,6 +48,8 @@ impl Ending {
 pub(super) struct SinceKeyframe {
     /// The frame that became it.
     frame: Option<FrameId>,
+    /// The readout of the shutter that was known then, s.
+    pub(super) readout: f64,
     /// How often landmarks were expected, found and seen through.
     statistics: Statistics,
 }
@@ -95,21 +97,23 @@ impl Tracker {
         });
         self.begun = frame.stamp;
         self.since_keyframe.frame = Some(frame.id);
+        self.note_exposure(&self.front_end.exposure(None));
         self.write_down(frame, &place, Some(inliers));
         let motion = CameraMotion::default();
         self.follow_from(frame, &data, matches.clone(), &place, motion);
-        let keyframe = NewKeyframe {
+        self.first_keyframe = Some(NewKeyframe {
             id,
             data: Arc::new(KeyframeData::clone(&data)),
             reference: None,
             reference_from_camera: place.anchored.reference_from_camera,
             matches,
             statistics: Vec::new(),
-        };
+            exposure: self.front_end.exposure(None),
+        });
         Ending {
             outcome: Outcome::Initialised,
             place: Some(place),
-            keyframe: Some(keyframe),
+            keyframe: None,
         }
     }
 
@@ -143,7 +147,7 @@ impl Tracker {
         // Only now that the pose is taken: from a refused one, landmarks would seem to be missing that were never in view.
         let worth = self.pace.worth();
         let statistics = &mut self.since_keyframe.statistics;
-        let list = statistics.count(solution.sightings, worth);
+        let list = statistics.count(std::mem::take(&mut solution.sightings), worth);
         self.memory.sightings.give(list);
         let (view, reference) = (&self.map.view, solution.reference);
         // A recognised place may lie in another submap than the frames before.
@@ -161,7 +165,7 @@ impl Tracker {
             reference_from_camera: world_from_reference.inverse() * world_from_camera,
             online_world_from_camera: world_from_camera,
         };
-        let keyframe = self.make_keyframe(frame, &solution.data, &solution.matches, &anchored);
+        let keyframe = self.make_keyframe(frame, &solution, &anchored);
         anchored.keyframe = keyframe.as_ref().map(|k| k.id);
         let place = CapturePose {
             anchored,
@@ -214,13 +218,13 @@ impl Tracker {
     fn make_keyframe(
         &mut self,
         frame: &RgbdFrame,
-        data: &Arc<KeyframeData>,
-        matches: &[Option<LandmarkId>],
+        solution: &Solution,
         pose: &AnchoredPose,
     ) -> Option<NewKeyframe> {
+        let Solution { data, matches, .. } = solution;
         let _span = tracing::info_span!("keyframe").entered();
         // A map of whoever filled the view a moment ago would be none of the room.
-        if !self.map.grows || self.was_blind() {
+        if !self.map.grows || self.was_blind() || self.first_keyframe.is_some() {
             return None;
         }
         let since = |id: FrameId| frame.id.0.saturating_sub(id.0);
@@ -232,12 +236,14 @@ impl Tracker {
         let close_depth = self.setup.sensor.close_depth;
         let needed = gap >= config.min_seconds
             && config.is_due(view, of_reference, data, matches, close_depth);
+        let sharper = gap >= config.min_seconds && self.knows_shutter_better();
         let young = self.submap.and_then(|s| s.young);
         let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_SECONDS;
-        if !needed && !early && !self.keyframe_wanted {
+        if !needed && !early && !sharper && !self.keyframe_wanted {
             return None;
         }
         self.keyframe_wanted = false;
+        self.note_exposure(&solution.exposure);
         if let Some(submap) = &mut self.submap {
             submap.young = young.map(|n| n.saturating_add(1));
         }
@@ -248,8 +254,9 @@ impl Tracker {
             data: Arc::new(data.copied()),
             reference: Some(pose.reference),
             reference_from_camera: pose.reference_from_camera,
-            matches: matches.to_vec(),
+            matches: matches.clone(),
             statistics: self.since_keyframe.statistics.take(),
+            exposure: solution.exposure,
         })
     }
 
@@ -295,6 +302,7 @@ impl Tracker {
         ending: Ending,
     ) -> Tracked {
         let has_map = !self.map.is_empty();
+        let waited = self.release_first_keyframe(frame.id);
         // A frame that begins a map had no landmarks to agree with, which says nothing about how many keypoints the next one needs.
         let agreed = match ending.outcome {
             Outcome::Initialised => None,
@@ -327,7 +335,7 @@ impl Tracker {
             objects: notes.judgement.objects,
             segments: notes.judgement.segments,
             counts: notes.counts,
-            is_keyframe: ending.keyframe.is_some(),
+            is_keyframe: ending.place.is_some_and(|p| p.anchored.keyframe.is_some()),
             submap: submap.map(|s| s.id),
             map_version: self.map.view.version(),
             inertial: self.inertial.as_ref().map(Inertial::report),
@@ -336,7 +344,7 @@ impl Tracker {
         Tracked {
             report,
             evidence: notes.evidence,
-            keyframe: ending.keyframe,
+            keyframe: waited.or(ending.keyframe),
         }
     }
 }

@@ -7,7 +7,7 @@
 //! match. While a camera turns on as it did there is nothing to learn. The delay of the depth image is not estimated: its trace is weak, and on
 //! simulated images a like method overestimates it by 6 to 18 ms. (docs/algorithm.md, readout.)
 
-use super::shutter::{Shutter, TYPICAL_DEPTH, point_velocity};
+use crate::shutter::{Shutter, TYPICAL_DEPTH, point_velocity};
 use crate::timing::Timing;
 use std::collections::VecDeque;
 use stillpoint_geometry::nalgebra::{SMatrix, SVector};

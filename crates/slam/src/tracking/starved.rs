@@ -142,7 +142,7 @@ impl Tracker {
         self.front_end
             .observer
             .flow_to_previous(&motion.rest, &mut pairs);
-        let matches = self.add_flow_points(data, &pairs, verdicts, fix.matches);
+        let matches = self.add_flow_points(&pairs, verdicts, fix.matches);
         let matched = matches.count;
         // Flow drifts, and so does the pose that it leads to.
         let turn = self.known_pose();
@@ -181,7 +181,6 @@ impl Tracker {
     /// Gives features without a match the point where flow found them on a surface of the last frame.
     fn add_flow_points(
         &self,
-        data: &KeyframeData,
         pairs: &[Option<FlowPair>],
         verdicts: &[FeatureVerdict],
         mut matches: Matches,
@@ -191,17 +190,20 @@ impl Tracker {
         };
         let velocity = self.state.velocity();
         let reader = self.depth_reader(previous, velocity.as_ref());
+        let shutter = self.front_end.shutter();
         let kept = pairs.iter().zip(verdicts).filter(|(_, v)| !v.dynamic);
         for (i, (pair, _)) in kept.enumerate() {
             let Some(pair) = pair.filter(|_| matches.targets[i].is_none()) else {
                 continue;
             };
             let raw = pair.before_raw.map(f64::from).into();
-            if let Some(reading) = reader.read(raw, pair.before)
+            if let Some(reading) = reader.read(raw, pair.before_exposed)
                 // A farther point from one depth alone is too uncertain to hold a pose.
                 && reading.z < self.setup.sensor.close_depth
             {
-                let seen = data.camera.backproject(pair.before, reading.z);
+                let raw_y = f64::from(pair.before_raw[1]);
+                let z = reading.z;
+                let seen = shutter.at_stamp(pair.before_exposed, raw_y, z, velocity.as_ref());
                 matches.assign_point(i as u32, last.world_from_camera.transform(&seen));
             }
         }

@@ -72,7 +72,7 @@ impl State {
         }
     }
 
-    fn last_mut(&mut self) -> Option<&mut LastFrame> {
+    pub(super) fn last_mut(&mut self) -> Option<&mut LastFrame> {
         match self {
             Self::Waiting { .. } => None,
             Self::Tracking { last, .. } | Self::Lost { last, .. } => Some(last),

@@ -6,11 +6,11 @@ use crate::timing::Timing;
 use stillpoint_geometry::{Camera, Vec2, Vec3, Vec6};
 
 /// Depth taken for a feature that has none, m, where only a guess or its share in the image's motion within a readout depends on it.
-pub(super) const TYPICAL_DEPTH: f64 = 2.0;
+pub(crate) const TYPICAL_DEPTH: f64 = 2.0;
 
 /// When the rows of a camera's images are exposed.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Shutter<'a> {
+pub(crate) struct Shutter<'a> {
     camera: &'a Camera,
     readout: f64,
     /// Root mean square of what the readout may be, s.
@@ -19,7 +19,7 @@ pub(super) struct Shutter<'a> {
 
 impl<'a> Shutter<'a> {
     /// The shutter of a camera with this timing.
-    pub(super) fn new(camera: &'a Camera, timing: &Timing) -> Self {
+    pub(crate) fn new(camera: &'a Camera, timing: &Timing) -> Self {
         Self {
             camera,
             readout: timing.readout,
@@ -28,23 +28,23 @@ impl<'a> Shutter<'a> {
     }
 
     /// Whether rows are known to be exposed one after the other.
-    pub(super) fn rolls(&self) -> bool {
+    pub(crate) fn rolls(&self) -> bool {
         self.readout != 0.0
     }
 
     /// How far a pixel may be bent aside while the camera's turning changes by `unsteady` rad/s, px: one standard deviation.
-    pub(super) fn sigma_px(&self, raw_y: f64, unsteady: f64) -> f64 {
+    pub(crate) fn sigma_px(&self, raw_y: f64, unsteady: f64) -> f64 {
         (Self::row_share(self.camera, raw_y) * unsteady).abs() * self.reach * self.camera.fx
     }
 
     /// When the row of a raw pixel is exposed, as a share of the readout before (-) or after (+) the stamp.
-    pub(super) fn row_share(camera: &Camera, raw_y: f64) -> f64 {
+    pub(crate) fn row_share(camera: &Camera, raw_y: f64) -> f64 {
         raw_y / f64::from(camera.height) - 0.5
     }
 
     /// The point (m, camera at the stamp) that was exposed at an undistorted pixel, in the row of its raw one, at a depth of `z` m. None
     /// when it is behind the camera then.
-    pub(super) fn at_stamp(
+    pub(crate) fn at_stamp(
         &self,
         undistorted: Vec2,
         raw_y: f64,
@@ -59,8 +59,13 @@ impl<'a> Shutter<'a> {
         if there.z > 0.0 { there } else { seen }
     }
 
+    /// The depth along the optical axis at the time of a raw row of what is `there` at the stamp, m.
+    pub(crate) fn depth_exposed(&self, there: &Vec3, raw_y: f64, velocity: &Vec6) -> f64 {
+        there.z + point_velocity(velocity, there).z * self.late(raw_y)
+    }
+
     /// The raw pixel at which a point `p` (m, camera at the stamp, before it) is exposed.
-    pub(super) fn exposed(&self, p: &Vec3, velocity: Option<&Vec6>) -> Vec2 {
+    pub(crate) fn exposed(&self, p: &Vec3, velocity: Option<&Vec6>) -> Vec2 {
         let raw = self.camera.project_distorted(p);
         let Some(v) = velocity.filter(|_| self.readout != 0.0) else {
             return raw;
@@ -74,7 +79,7 @@ impl<'a> Shutter<'a> {
     }
 
     /// How far a change of velocity moves what is seen in the first and in the last row, px, at most about.
-    pub(super) fn reach_px(&self, change: &Vec6) -> f64 {
+    pub(crate) fn reach_px(&self, change: &Vec6) -> f64 {
         let shift: Vec3 = change.fixed_rows::<3>(0).into();
         let turn: Vec3 = change.fixed_rows::<3>(3).into();
         let moved = shift.norm() / TYPICAL_DEPTH + turn.norm();
@@ -87,7 +92,7 @@ impl<'a> Shutter<'a> {
 }
 
 /// Velocity (m/s, camera coordinates) of a point that stands still while the camera moves by the twist `v` per second.
-pub(super) fn point_velocity(v: &Vec6, p: &Vec3) -> Vec3 {
+pub(crate) fn point_velocity(v: &Vec6, p: &Vec3) -> Vec3 {
     let phi: Vec3 = v.fixed_rows::<3>(3).into();
     v.fixed_rows::<3>(0) + phi.cross(p)
 }
@@ -129,6 +134,17 @@ mod tests {
             let error = (camera.project(&back) - camera.project(&p)).norm();
             // To first order: without the shutter these are up to 7 px aside.
             assert!(error < 0.5, "{error}");
+        }
+    }
+
+    #[test]
+    fn the_depth_at_the_time_of_a_row_is_that_at_the_stamp_moved_on() {
+        let camera = camera();
+        let (shutter, v) = (Shutter::new(&camera, &TIMING), velocity());
+        for (pixel, raw_y, z) in [([500.0, 40.0], 40.0, 1.5), ([90.0, 430.0], 430.0, 3.0)] {
+            let there = shutter.at_stamp(Vec2::from(pixel), raw_y, z, Some(&v));
+            assert!((there.z - z).abs() > 2e-3);
+            assert!((shutter.depth_exposed(&there, raw_y, &v) - z).abs() < 1e-3);
         }
     }
 
