@@ -7,6 +7,7 @@
 //! keyframes are taken back. Stands above the tracker, whose trajectory it corrects; changes the map by a message alone.
 
 mod beginning;
+mod both_ways;
 mod way_back;
 
 use crate::mapping::MapperSetup;
@@ -139,7 +140,7 @@ impl Retracer {
         if !beginning.is_known() {
             tracked.report.undecided = Some(since);
             if since >= KNOWN {
-                if tracked.keyframe.is_some()
+                if tracked.report.is_keyframe
                     && let Some(point) = tracker.turning_point()
                 {
                     beginning.turn_at(point, frame);
