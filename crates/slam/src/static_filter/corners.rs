@@ -16,6 +16,8 @@ const NEAR_CELLS: usize = 3;
 const HOLE_VOTES: u32 = 4;
 /// ... where more than this share of them says so.
 const HOLE_SHARE: f64 = 0.75;
+/// How much of its say in the camera's motion is left to what a detector sees somebody in.
+const SAY_OF_SEEN: f64 = 0.1;
 
 impl StaticFilter {
     /// A feature moves with the surface that it lies on. Where its depth is not known, `moves` decides, given the log odds of what was there shortly before (0 where
@@ -96,9 +98,18 @@ impl StaticFilter {
     }
 
     /// How likely what the last frame shows at a raw pixel is to stand still, 0 to 1.
-    pub(crate) fn static_probability(&self, [u, v]: [f32; 2]) -> f64 {
+    fn static_probability(&self, [u, v]: [f32; 2]) -> f64 {
         let odds = self.surfaces.odds[self.rules.cells.at(u, v)];
         1.0 / (1.0 + libm::exp(f64::from(odds)))
+    }
+
+    /// How much say what the last frame shows at a raw pixel, `z` m away, has in how the camera moved, 0 to 1: as much as it is likely to stand still, and hardly any
+    /// where a detector sees somebody who did not stand still for long.
+    pub(crate) fn say(&self, pixel: [f32; 2], z: f64) -> f64 {
+        let [u, v] = pixel.map(f64::from);
+        let mut movers = self.movers.iter();
+        let seen = movers.any(|m| m.strength > 0.0 && m.holds(u, v, z as f32));
+        self.static_probability(pixel) * if seen { SAY_OF_SEEN } else { 1.0 }
     }
 
     /// Whether a surface near a raw pixel moves.

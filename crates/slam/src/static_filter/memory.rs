@@ -30,6 +30,7 @@ impl Memory {
             detected: filter.detected,
             history,
             surfaces: Arc::clone(&filter.surfaces),
+            movers: Arc::clone(&filter.movers),
             present: filter.present.clone(),
         }
     }

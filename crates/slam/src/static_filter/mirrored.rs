@@ -12,6 +12,7 @@ impl StaticFilter {
         let mut mirrored = self.clone();
         mirrored.objects.forget();
         mirrored.waiting = None;
+        mirrored.movers = Arc::default();
         mirrored.present = None;
         mirrored.unused = Unused::default();
         mirrored.surfaces = Arc::new(self.surfaces.mirrored(stamp));

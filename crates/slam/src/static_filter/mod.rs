@@ -130,6 +130,8 @@ pub(crate) struct StaticFilter {
     detected: bool,
     history: History,
     surfaces: Arc<Surfaces>,
+    /// The objects that may move in the frame judged last.
+    movers: Arc<[Mover]>,
     /// The frame judged last, until its pose is known.
     present: Option<(FrameId, f64, Arc<CoarseDepth>)>,
 }
@@ -156,6 +158,7 @@ impl StaticFilter {
             unused: Unused::default(),
             detected: false,
             history: History::default(),
+            movers: Arc::default(),
             present: None,
         }
     }
@@ -180,6 +183,7 @@ impl StaticFilter {
         self.objects.forget();
         self.surfaces = Arc::new(Surfaces::new(&self.rules.cells));
         self.history = History::default();
+        self.movers = Arc::default();
         self.present = None;
     }
 
@@ -244,6 +248,11 @@ impl StaticFilter {
         }
         let released =
             verdict::release_when_starving(&mut verdicts, self.rules.config.min_features);
+        self.movers = if movers.is_empty() {
+            Arc::default()
+        } else {
+            movers.into()
+        };
         self.present = Some((input.frame.id, stamp, grid));
         let judgement = Judgement {
             verdicts: verdicts.as_slice().into(),

@@ -180,6 +180,29 @@ fn without_depth_all_in_the_box_is_the_object() {
     }
 }
 
+/// Whom a detector sees has hardly any say in how the camera moved, in all of the box where there is something at his depth; the wall behind him has its own.
+#[test]
+fn who_is_seen_has_hardly_any_say() {
+    let say = |filter: &StaticFilter| {
+        let beside = [140.0, 60.0];
+        let asked = [CORNERS[0], beside, CORNERS[1], CORNERS[2]];
+        [1.5, 1.5, 3.0, 3.0].map(|z| asked.map(|corner| filter.say(corner, z)))
+    };
+    let mut filter = filter(&config());
+    follow(&mut filter, 0);
+    // Control: nobody is known of.
+    for row in say(&filter) {
+        assert!(row.iter().all(|s| (0.4..=1.0).contains(s)), "{row:?}");
+    }
+    filter.receive(detections(1));
+    follow(&mut filter, 1);
+    let [near, _, far, _] = say(&filter);
+    assert!(near[0] < 0.02 && near[1] < 0.1, "{near:?}");
+    assert!(far[2] > 0.4 && far[3] > 0.4, "{far:?}");
+    filter.forget();
+    assert!(say(&filter)[0][0] >= 0.4);
+}
+
 #[test]
 fn a_judgement_that_is_refused_leaves_nothing_behind() {
     let mut filter = filter(&config());
