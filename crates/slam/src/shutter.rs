@@ -42,8 +42,8 @@ impl<'a> Shutter<'a> {
         raw_y / f64::from(camera.height) - 0.5
     }
 
-    /// The point (m, camera at the stamp) that was exposed at an undistorted pixel, in the row of its raw one, at a depth of `z` m. None
-    /// when it is behind the camera then.
+    /// The point (m, camera at the stamp) that was exposed at an undistorted pixel, in the row of its raw one, at a depth of `z` m. As
+    /// seen where it would be behind the camera then.
     pub(crate) fn at_stamp(
         &self,
         undistorted: Vec2,
