@@ -118,6 +118,7 @@ impl TrackingWorker {
                 self.step(work);
                 self.desk.before();
             }
+            self.end_stream();
         });
         boxes.tracking.close();
         boxes.detection.close();
@@ -190,6 +191,17 @@ impl TrackingWorker {
         if let Some(message) = routing::retrace(&mut self.tracker, &mut self.retracer) {
             self.pass_on();
             self.tell_mapper(message);
+        }
+    }
+
+    /// No further frame comes: the first frames of the map are tracked again to the end, where that was not over.
+    fn end_stream(&mut self) {
+        if self.retracer.is_on_the_way() {
+            self.desk.recorder.took(LogEntry::TrackEnd);
+            if let Some(message) = routing::finish(&mut self.tracker, &mut self.retracer) {
+                self.pass_on();
+                self.tell_mapper(message);
+            }
         }
     }
 

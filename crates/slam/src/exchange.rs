@@ -50,6 +50,7 @@ impl std::error::Error for NotSent {}
 /// |---|---|---|
 /// | tracker: a frame | a keyframe | mapper |
 /// | | what is taken back of the beginning of the map | mapper |
+/// | tracker: the end of the stream | what is taken back of the beginning of the map | mapper |
 /// | tracker: detections | what moves in an earlier keyframe | mapper |
 /// | tracker: samples of an inertial sensor, or of odometry | nothing | |
 /// | mapper: any message | a view of the map | tracker |
@@ -176,6 +177,13 @@ impl Exchange {
                 self.stages.tracker.receive_odometry(samples);
                 None
             }
+            LogEntry::TrackEnd => {
+                let Stages {
+                    tracker, retracer, ..
+                } = &mut self.stages;
+                self.for_mapper.extend(routing::finish(tracker, retracer));
+                None
+            }
             LogEntry::TrackEffort { features } => {
                 self.stages.tracker.set_features(*features);
                 None
@@ -278,6 +286,13 @@ impl Exchange {
         self.for_loop_closer
             .front()
             .and_then(LogEntry::of_loop_closer)
+    }
+
+    /// The entry by which the tracker hears that the stream is over; none when that changes nothing.
+    #[must_use]
+    pub fn end_of_tracking(&self) -> Option<LogEntry> {
+        let on_the_way = self.stages.retracer.is_on_the_way();
+        on_the_way.then_some(LogEntry::TrackEnd)
     }
 
     /// How many views the mapper has sent to the tracker; the newest has this number less one.

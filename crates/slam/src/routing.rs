@@ -40,6 +40,12 @@ pub fn retrace(tracker: &mut Tracker, retracer: &mut Retracer) -> Option<MapperM
     retracer.work(tracker)
 }
 
+/// The stream is over, and the first frames of a map are still being tracked again ([`Retracer::is_on_the_way`]): that is done to its end. What the mapper
+/// gets: what is to be taken back of them.
+pub fn finish(tracker: &mut Tracker, retracer: &mut Retracer) -> Option<MapperMsg> {
+    retracer.finish(tracker)
+}
+
 /// The tracker takes what a detector said, before it takes the frame `next`: [`Event::Detected`] or [`Event::DetectorFailed`], and
 /// what turned out to move in an earlier keyframe.
 pub fn detections(

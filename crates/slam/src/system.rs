@@ -173,11 +173,18 @@ impl System {
         self.carry_out(entry, None, &mut Vec::new());
     }
 
-    /// Ends the stream: delivers the corrections, views and places that are still outstanding, and says what happened.
+    /// Ends the stream: delivers the corrections, views and places that are still outstanding, tracks first frames of the map again that were still to
+    /// be, and says what happened.
     pub fn finish(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
         self.deliver_corrections(END, &mut events);
         self.deliver_map(END, &mut events);
+        if let Some(entry) = self.exchange.end_of_tracking() {
+            self.carry_out(entry, None, &mut events);
+            self.build_map(&mut events);
+            self.deliver_corrections(END, &mut events);
+            self.deliver_map(END, &mut events);
+        }
         events
     }
 

@@ -121,6 +121,34 @@ impl Retracer {
         message
     }
 
+    /// Whether there are first frames that [`Retracer::finish`] would track again.
+    #[must_use]
+    pub fn is_on_the_way(&self) -> bool {
+        match &self.stage {
+            Stage::Decided => false,
+            Stage::Begun(beginning) => beginning.is_known(),
+            Stage::Retracing(_) => true,
+        }
+    }
+
+    /// The stream is over: goes the way back to its end, with the map that there is. Answers with what the mapper is to take back.
+    pub(crate) fn finish(&mut self, tracker: &mut Tracker) -> Option<MapperMsg> {
+        self.due = false;
+        let mut way = match std::mem::take(&mut self.stage) {
+            Stage::Decided => return None,
+            Stage::Begun(beginning) => {
+                let can_turn = beginning.is_known() && beginning.is_mapped(&tracker.view());
+                let way = can_turn.then(|| WayBack::begin(*beginning, tracker, &self.setup));
+                Box::new(way??)
+            }
+            Stage::Retracing(way) => way,
+        };
+        while !way.is_over() {
+            way.step();
+        }
+        way.settle(tracker)
+    }
+
     /// Takes a frame of the beginning.
     fn go_on(
         &mut self,

@@ -192,6 +192,7 @@ pub(super) fn write(text: &mut String, entry: &LogEntry) {
             odometry::write(text, samples);
             Ok(())
         }
+        LogEntry::TrackEnd => writeln!(text, "track-end"),
         LogEntry::TrackEffort { features } => writeln!(text, "track-effort {features}"),
         LogEntry::MapEffort { effort } => {
             writeln!(text, "map-effort {} {}", effort.neighbours, effort.window)
@@ -295,6 +296,7 @@ pub(super) fn read(line: &Line<'_>, rest: &mut AllLines<'_>) -> Result<LogEntry,
         "odometry" => LogEntry::TrackOdometry {
             samples: odometry::read(&mut words, rest)?,
         },
+        "track-end" => LogEntry::TrackEnd,
         "track-effort" => LogEntry::TrackEffort {
             features: words.number("a number of keypoints")?,
         },

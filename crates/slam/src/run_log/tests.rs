@@ -86,6 +86,7 @@ fn entry() -> impl Strategy<Value = LogEntry> {
             .prop_map(|samples| LogEntry::TrackInertial { samples }),
         proptest::collection::vec(stand(), 0..4)
             .prop_map(|samples| LogEntry::TrackOdometry { samples }),
+        Just(LogEntry::TrackEnd),
         any::<u32>().prop_map(|features| LogEntry::TrackEffort { features }),
         (any::<u32>(), any::<u32>()).prop_map(|(neighbours, window)| LogEntry::MapEffort {
             effort: MappingEffort { neighbours, window }
