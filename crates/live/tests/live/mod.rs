@@ -113,6 +113,29 @@ fn a_run_with_random_delays_is_reproduced_bit_for_bit() {
 }
 
 #[test]
+fn what_the_end_of_the_stream_brings_is_reproduced_too() {
+    let (camera, frames) = world::crowd();
+    let options = LiveOptions {
+        drop_late: false,
+        ..LiveOptions::default()
+    };
+    let (result, received, frames) = within(move || {
+        let stages = world::stages_for(camera);
+        let (result, received) = push(stages, None, options, &frames, 0);
+        (result, received, frames)
+    });
+    assert_all_finished(&result);
+    // It ends before the first frames, among people, were tracked again.
+    let tracked = |e: &LogEntry| matches!(e, LogEntry::TrackFrame { .. });
+    let entries = &result.log.entries;
+    let last = entries.iter().rposition(tracked);
+    let end = entries.iter().position(|e| *e == LogEntry::TrackEnd);
+    assert!(end.is_some() && end > last, "{last:?} {end:?}");
+    let stages = world::stages_for(camera);
+    assert_reproduced_by(stages, Frames::of(&frames), &result, &received);
+}
+
+#[test]
 fn corrections_of_the_map_are_reproduced_too() {
     let (camera, frames) = world::there_and_back();
     let options = LiveOptions {

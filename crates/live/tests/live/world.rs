@@ -133,6 +133,24 @@ pub(crate) fn there_and_back() -> (Camera, Vec<RgbdFrame>) {
     (*simulator.camera(), frames)
 }
 
+/// A camera that is switched on among people, and off before it is known for long who moves.
+pub(crate) fn crowd() -> (Camera, Vec<RgbdFrame>) {
+    let simulator = Simulator::new(&SimulatorConfig {
+        scene: "crowd_xyz".to_owned(),
+        frames: Some(FRAMES),
+        camera: Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]),
+        ..SimulatorConfig::default()
+    })
+    .unwrap();
+    let frames = (0..FRAMES).map(|i| simulator.frame(i)).collect();
+    (*simulator.camera(), frames)
+}
+
+/// Stages for a camera.
+pub(crate) fn stages_for(camera: Camera) -> Stages {
+    Stages::new(Config::default(), camera, Simd::detect()).unwrap()
+}
+
 /// Stages that begin a new submap soon.
 pub(crate) fn stages_for_submaps(camera: Camera) -> Stages {
     stages_for_submaps_with(camera, |_| {})

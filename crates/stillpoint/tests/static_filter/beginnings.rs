@@ -4,7 +4,7 @@ use super::world::{Recording, Run, with};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
-use stillpoint_slam::{Event, OnEvent, Preset, Replay, Stages, System};
+use stillpoint_slam::{Event, LogEntry, OnEvent, Preset, Replay, Stages, System};
 
 fn run(recording: &Recording, preset: Preset) -> Run {
     let system = System::new(with(preset), recording.camera, Simd::detect()).unwrap();
@@ -70,6 +70,44 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
     replay
         .run(&mut frames, &mut OnEvent(|_: &Event| {}))
         .unwrap();
+}
+
+/// Where the stream ends before the beginning was tracked again, that is done then: at 1.5 s the way back has not begun, at 2 s it is on the way.
+#[test]
+fn a_beginning_is_posed_again_where_the_stream_ends_on_the_way() {
+    let mut recording = Recording::simulated("crowd_xyz", 0..60, 0.0);
+    for frames in [60, 45] {
+        recording.frames.truncate(frames);
+        let stages = || Stages::new(with(Preset::Default), recording.camera, Simd::detect());
+        let mut unfinished = System::from(stages().unwrap());
+        for frame in &recording.frames {
+            unfinished.step(frame.clone());
+        }
+        let view = unfinished.view();
+        let poses = unfinished.trajectory().resolve(&view);
+        let poses = poses.map(|(entry, world_from_camera)| TimedPose {
+            stamp: entry.stamp,
+            world_from_camera,
+        });
+        let then = worst_mm(&recording, &poses.collect::<Vec<_>>());
+        let run = run(&recording, Preset::Default);
+        let now = worst_mm(&recording, &run.poses());
+        println!("{frames} frames: {then:.0} mm before the end, {now:.0} mm after it");
+        // Control: what there is before the end of the stream.
+        assert!(then > 50.0 && now < 20.0, "{then} mm, {now} mm");
+        assert_eq!(run.system.trajectory().entries().len(), frames);
+        assert_eq!(run.revoked.len(), 1);
+        assert_eq!(run.system.map().check(), Ok(()));
+        // The end is in the log once, and a replay finds the same poses.
+        let log = run.system.log().unwrap();
+        let ends = log.entries.iter().filter(|e| **e == LogEntry::TrackEnd);
+        assert_eq!(ends.count(), 1);
+        let mut replay = Replay::new(stages().unwrap(), log).unwrap();
+        let mut frames = Frames(recording.frames.iter());
+        replay
+            .run(&mut frames, &mut OnEvent(|_: &Event| {}))
+            .unwrap();
+    }
 }
 
 /// The frames of a recording once more.

@@ -182,8 +182,8 @@ impl Recording {
     /// Runs a system to the end.
     pub(crate) fn drive(&self, mut system: System) -> Run {
         let (mut reports, mut rejudged, mut revoked) = (Vec::new(), Vec::new(), Vec::new());
-        for frame in &self.frames {
-            for event in system.step(frame.clone()) {
+        let mut take = |events: Vec<Event>| {
+            for event in events {
                 match event {
                     Event::Frame(frame) => reports.push(frame.report.clone()),
                     Event::Rejudged { report, .. } => rejudged.push(report),
@@ -191,8 +191,11 @@ impl Recording {
                     _ => {}
                 }
             }
+        };
+        for frame in &self.frames {
+            take(system.step(frame.clone()));
         }
-        system.finish();
+        take(system.finish());
         Run {
             system,
             reports,
