@@ -121,7 +121,7 @@ impl Retracer {
         message
     }
 
-    /// Whether there are first frames that [`Retracer::finish`] would track again.
+    /// Whether there are first frames that [`routing::finish`](crate::routing::finish) would track again.
     #[must_use]
     pub fn is_on_the_way(&self) -> bool {
         match &self.stage {

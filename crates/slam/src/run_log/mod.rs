@@ -61,7 +61,7 @@ pub enum LogEntry {
         /// The samples.
         samples: Vec<OdometrySample>,
     },
-    /// The tracker heard that the stream is over while it tracked the first frames of a map again.
+    /// The tracker heard that the stream is over before it had tracked the first frames of a map again.
     TrackEnd,
     /// The tracker was set how many keypoints are wanted per image from now on.
     TrackEffort {
