@@ -257,7 +257,7 @@ pub struct LoopReport {
     pub bundle: BundleCounts,
     /// Whether the loop was closed.
     pub outcome: LoopOutcome,
-    /// What applying the correction did; none until then, and in [`Event::Looped`].
+    /// What applying the correction did; none until then, and in [`Event::Looped`](crate::Event::Looped).
     pub applied: Option<CorrectionReport>,
 }
 
