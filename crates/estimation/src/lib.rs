@@ -19,6 +19,7 @@ mod motion_search;
 mod observation;
 mod ordering;
 mod p3p;
+mod place;
 mod pose;
 mod pose_graph;
 mod reduced;
@@ -49,6 +50,7 @@ pub use linearise::{Linearised, linearise};
 pub use motion_search::MotionFinder;
 pub use observation::{Intrinsics, Measurement};
 pub use p3p::p3p;
+pub use place::KnownPlace;
 pub use pose::{PoseEstimate, PoseObservation, PoseOptions, optimise_pose, optimise_pose_in};
 pub use pose_graph::{
     EdgeFit, EdgeKernel, PoseGraph, PoseGraphEdge, PoseGraphOptions, PoseGraphOutcome,

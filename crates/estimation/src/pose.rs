@@ -1,8 +1,9 @@
 //! Pose-only optimisation: the camera's pose from measurements of known points.
 
 use crate::linearise::linearise;
-use crate::{Intrinsics, KnownTurn, Measurement};
-use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, Vec6, robust};
+use crate::{Intrinsics, KnownPlace, KnownTurn, Measurement};
+use stillpoint_geometry::nalgebra::Matrix3x6;
+use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3, Vec6, robust, so3};
 
 /// A measurement of a point whose world position is known.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +27,8 @@ pub struct PoseOptions {
     pub gate_scale: f64,
     /// The rotation, and the translation, where they are known from elsewhere: a measurement more. Their gates are not asked.
     pub turn: Option<KnownTurn>,
+    /// Where the camera is, as far as that is known from elsewhere: a measurement more.
+    pub place: Option<KnownPlace>,
 }
 
 impl Default for PoseOptions {
@@ -37,6 +40,7 @@ impl Default for PoseOptions {
             iterations: 10,
             gate_scale: 1.0,
             turn: None,
+            place: None,
         }
     }
 }
@@ -51,7 +55,7 @@ pub struct PoseEstimate {
     /// Number of inliers.
     pub inlier_count: usize,
     /// Sum over inliers of `J^T W J` at the final pose, for a left perturbation `[translation; rotation]` of
-    /// `camera_from_world`: the inverse of its covariance.
+    /// `camera_from_world`: the inverse of its covariance, as far as the measurements and [`PoseOptions::turn`] tell.
     pub information: Mat6,
 }
 
@@ -87,6 +91,7 @@ pub fn optimise_pose_in(
         active,
         gate_scale: options.gate_scale,
         turn: options.turn,
+        place: options.place,
     };
     let mut pose = *initial;
     let mut inlier_count = 0;
@@ -108,6 +113,7 @@ pub fn optimise_pose_in(
         problem.active.fill(false);
         inlier_count = 0;
     }
+    problem.place = None;
     let information = problem.accumulate(&pose, false).h;
     PoseEstimate {
         camera_from_world: pose.normalized(),
@@ -123,6 +129,7 @@ struct Problem<'a> {
     active: Vec<bool>,
     gate_scale: f64,
     turn: Option<KnownTurn>,
+    place: Option<KnownPlace>,
 }
 
 /// Normal equations and cost at a pose.
@@ -210,6 +217,9 @@ impl Problem<'_> {
         if let Some(turn) = &self.turn {
             sums.add_turn(turn, pose);
         }
+        if let Some(place) = &self.place {
+            sums.add_place(place, pose);
+        }
         sums.finish()
     }
 
@@ -269,6 +279,25 @@ impl Sums {
             }
             self.cost += weight * offset.norm_squared();
         }
+    }
+
+    /// Adds that a place is known.
+    fn add_place(&mut self, place: &KnownPlace, pose: &Se3) {
+        let (offset, seen) = place.offset(pose);
+        let mut by_pose = Matrix3x6::zeros();
+        by_pose.fixed_columns_mut::<3>(0).fill_with_identity();
+        by_pose
+            .fixed_columns_mut::<3>(3)
+            .copy_from(&-so3::hat(&seen));
+        let weighted = by_pose.transpose() * place.information;
+        let (h, b) = (weighted * by_pose, weighted * offset);
+        for row in 0..6 {
+            for column in 0..=row {
+                self.h[row][column] += h[(row, column)];
+            }
+            self.b[row] += b[row];
+        }
+        self.cost += offset.dot(&(place.information * offset));
     }
 
     fn finish(self) -> Normal {

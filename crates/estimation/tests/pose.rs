@@ -3,10 +3,10 @@
 
 use proptest::prelude::*;
 use stillpoint_estimation::{
-    Intrinsics, Measurement, PoseEstimate, PoseObservation, PoseOptions, optimise_pose,
+    Intrinsics, KnownPlace, Measurement, PoseEstimate, PoseObservation, PoseOptions, optimise_pose,
     pose_covariance, triangulate_midpoint,
 };
-use stillpoint_geometry::{Camera, Mat6, Se3, Vec2, Vec3, Vec6};
+use stillpoint_geometry::{Camera, Mat3, Mat6, Se3, Vec2, Vec3, Vec6, nalgebra};
 
 /// Seeded random numbers (Steele, Lea, Flood 2014, SplitMix64).
 struct Random(u64);
@@ -189,6 +189,56 @@ fn information_is_the_inverse_covariance() {
     let mean = sum / f64::from(runs);
     // 6 +- 4 sqrt(2 * 6 / 400), and a little for the linearisation.
     assert!((mean - 6.0).abs() < 0.8, "mean {mean}");
+}
+
+/// A place that is known is one measurement more: errors scaled with the information of both have variance 1 in each of six directions.
+#[test]
+fn a_known_place_adds_its_information() {
+    let (truth, runs, sigma) = (Se3::identity(), 400, [0.002, 0.000_5, 0.001]);
+    let (in_a, random) = (Vec3::new(0.3, -0.2, 0.5), &mut Random(11));
+    let information = Mat3::from_diagonal(&Vec3::from(sigma.map(|s: f64| 1.0 / (s * s))));
+    let (mut sum, mut alone) = (0.0, 0.0);
+    for _ in 0..runs {
+        let (observations, _) = scene(&truth, 20, 0.0, true, random);
+        let noise = Vec3::from(sigma.map(|s| s * random.normal()));
+        let place = KnownPlace {
+            in_a,
+            in_b: truth.transform(&in_a) + noise,
+            information,
+        };
+        let solve = |place: Option<KnownPlace>| {
+            let options = PoseOptions {
+                gate_scale: 1e3,
+                place,
+                ..PoseOptions::default()
+            };
+            optimise_pose(
+                &Intrinsics::from(&camera()),
+                &truth,
+                &observations,
+                &options,
+            )
+        };
+        // By differences: how a perturbation from the left moves the point.
+        let moved = |k: usize| {
+            let mut step = Vec6::zeros();
+            step[k] = 1e-6;
+            (Se3::exp(&step) * truth).transform(&in_a) - truth.transform(&in_a)
+        };
+        let by_pose =
+            nalgebra::Matrix3x6::from_columns(&std::array::from_fn::<_, 6, _>(moved)) / 1e-6;
+        let known = by_pose.transpose() * information * by_pose;
+        let (with, without) = (solve(Some(place)), solve(None));
+        let e = error(&with, &truth);
+        sum += e.dot(&((with.information + known) * e));
+        let e = error(&without, &truth);
+        alone += e.dot(&((without.information + known) * e));
+        // The information is that of the measurements alone.
+        assert!((with.information - without.information).norm() < 0.1 * without.information.norm());
+    }
+    let [mean, alone] = [sum, alone].map(|s| s / f64::from(runs));
+    assert!((mean - 6.0).abs() < 0.8, "mean {mean}");
+    assert!(alone > 1.5 * mean, "control: {alone} against {mean}");
 }
 
 /// Normalised squared error of poses by the covariance that goes with them, on average over `runs` scenes.
