@@ -6,7 +6,7 @@ use crate::people::Cast;
 use crate::scene::Scene;
 use crate::shutter::Shutter;
 
-const NAMES: [&str; 29] = [
+const NAMES: [&str; 31] = [
     "xyz",
     "rpy",
     "halfsphere",
@@ -23,6 +23,8 @@ const NAMES: [&str; 29] = [
     "sitting_xyz",
     "box_carried",
     "chair_carried",
+    "xyz_jolting",
+    "walking_xyz_jolting",
     "rpy_60",
     "rpy_100",
     "rpy_150",
@@ -80,6 +82,11 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
         "sitting_xyz" => (people(Cast::Sitting), Path::xyz(seed).farther(0.25)),
         "box_carried" => (people(Cast::Carrying), Path::xyz(seed).farther(0.85)),
         "chair_carried" => (people(Cast::Fetching), Path::xyz(seed).farther(1.2)),
+        "xyz_jolting" => (Scene::office(seed), Path::xyz(seed).jolting()),
+        "walking_xyz_jolting" => {
+            let path = Path::xyz(seed).farther(0.7);
+            (people(Cast::Walking), path.jolting())
+        }
         "rpy_60" => (Scene::office(seed), fast(0)),
         "rpy_100" => (Scene::office(seed), fast(1)),
         "rpy_150" => (Scene::office(seed), fast(2)),

@@ -16,6 +16,8 @@ pub(crate) struct Path {
     back: f64,
     /// How much of the motion is over at the start, s.
     ahead: f64,
+    /// Whether what carries the camera jolts.
+    jolts: bool,
 }
 
 enum Kind {
@@ -68,6 +70,7 @@ impl Path {
             tremor: Tremor::new(seed, 3.0),
             back: 0.0,
             ahead: 0.0,
+            jolts: false,
         }
     }
 
@@ -82,6 +85,7 @@ impl Path {
             tremor: Tremor::new(seed, 2.0),
             back: 0.0,
             ahead: 0.0,
+            jolts: false,
         }
     }
 
@@ -96,6 +100,7 @@ impl Path {
             tremor: Tremor::new(seed, 1.0),
             back: 0.0,
             ahead: 0.0,
+            jolts: false,
         }
     }
 
@@ -105,6 +110,7 @@ impl Path {
             tremor: Tremor::new(seed, 0.6),
             back: 0.0,
             ahead: 0.0,
+            jolts: false,
         }
     }
 
@@ -115,6 +121,7 @@ impl Path {
             tremor: Tremor::new(seed, 1.5),
             back: 0.0,
             ahead: 0.0,
+            jolts: false,
         }
     }
 
@@ -126,6 +133,7 @@ impl Path {
             tremor: Tremor::new(0, 0.0),
             back: 0.0,
             ahead: 0.0,
+            jolts: false,
         }
     }
 
@@ -136,6 +144,7 @@ impl Path {
             tremor: Tremor::new(seed, 1.5),
             back: 0.0,
             ahead: 0.0,
+            jolts: false,
         }
     }
 
@@ -163,6 +172,14 @@ impl Path {
     /// The same motion from a later moment on, s.
     pub(crate) fn starting_at(self, ahead: f64) -> Self {
         Self { ahead, ..self }
+    }
+
+    /// The same motion on a carrier that jolts: up to 7 m/s^2 upwards and sideways, as on legs or on a rough floor.
+    pub(crate) fn jolting(self) -> Self {
+        Self {
+            jolts: true,
+            ..self
+        }
     }
 
     /// How long the path is by default, s.
@@ -228,7 +245,12 @@ impl Path {
             #[cfg(test)]
             Kind::Steady(start, twist) => *start * Se3::exp(&(twist * t)),
         };
-        base * self.tremor.at(t)
+        let mut pose = base * self.tremor.at(t);
+        if self.jolts {
+            pose.translation.x += 0.015 * wave(t, 3.4, 0.7);
+            pose.translation.z += 0.025 * wave(t, 2.7, 0.0);
+        }
+        pose
     }
 }
 

@@ -195,6 +195,8 @@ fn speeds_are_those_of_hand_held_recordings() {
         assert!(top_rate < peaks[1], "{scene}: up to {top_rate} deg/s");
     };
     check("xyz", [0.15, 0.4], [0.5, 12.0], [0.7, 25.0]);
+    // Twice as fast by its jolts alone, and no more turned.
+    check("xyz_jolting", [0.35, 0.6], [0.5, 12.0], [1.2, 25.0]);
     check("rpy", [0.005, 0.1], [15.0, 60.0], [0.15, 110.0]);
     check("halfsphere", [0.15, 0.7], [10.0, 40.0], [1.0, 70.0]);
     check("static", [0.001, 0.03], [0.1, 3.0], [0.06, 6.0]);
