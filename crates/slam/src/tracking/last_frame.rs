@@ -1,6 +1,7 @@
 //! Matches to the last frame, or where that fails to the reference keyframe.
 
 use super::Tracker;
+use super::pose::PosePrior;
 use super::state::LastFrame;
 use crate::association::{
     Candidate, Matches, candidates_of, match_by_descriptor, match_by_projection, measurement,
@@ -35,6 +36,10 @@ impl Tracker {
         };
         let min_inliers = self.setup.tracking.min_inliers.min(20);
         let bounds = self.front_end.observer.bounds();
+        let prior = PosePrior {
+            turn: None,
+            place: self.known_place(predicted),
+        };
         let mut candidates = std::mem::take(&mut self.memory.candidates);
         {
             let _span = tracing::info_span!("match").entered();
@@ -50,7 +55,7 @@ impl Tracker {
                 match_by_projection(data, predicted, earlier, area, &mut memory.matching)
             };
             if matches.count >= min_inliers {
-                let (matches, pose) = memory.solver.solve(data, predicted, matches);
+                let (matches, pose) = memory.solver.solve(data, predicted, matches, prior);
                 if matches.count >= min_inliers {
                     found = Some((matches, pose));
                     break;
@@ -144,7 +149,10 @@ impl Tracker {
             ),
         )?;
         let start = motion.b_from_a * keyframe.world_from_camera.inverse();
-        let (matches, pose) = self.memory.solver.solve(data, &start, matches);
+        let (matches, pose) = self
+            .memory
+            .solver
+            .solve(data, &start, matches, PosePrior::default());
         (matches.count >= min_inliers).then_some((matches, pose))
     }
 

@@ -2,6 +2,7 @@
 
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
+use super::pose::PosePrior;
 use super::state::{LastFrame, State};
 use super::{Notes, Tracker};
 use crate::anchored_pose::AnchoredPose;
@@ -134,20 +135,26 @@ impl Tracker {
     ) -> Se3 {
         let (data, matches) = self.keep_static(frame, motion, notes);
         let enough = self.setup.tracking.min_inliers;
+        let mut information = None;
         let world_from_camera = match given {
             Some(pose) => *pose,
             None if matches.count >= enough => {
-                let (matches, pose) =
-                    self.memory
-                        .solver
-                        .solve(&data, &motion.camera_from_world, matches);
+                let start = &motion.camera_from_world;
+                let prior = PosePrior {
+                    turn: None,
+                    place: self.known_place(start),
+                };
+                let solver = &mut self.memory.solver;
+                let (matches, pose, found) =
+                    solver.solve_with_information(&data, start, matches, prior);
                 let fits = matches.count >= enough;
+                information = fits.then_some(found);
                 let pose = if fits { pose } else { motion.camera_from_world };
                 pose.inverse()
             }
             None => motion.camera_from_world.inverse(),
         };
-        let since = self.motion_to(&world_from_camera.inverse());
+        let since = self.moved_to(&world_from_camera.inverse(), information);
         self.state = State::Tracking {
             last: LastFrame {
                 stamp: frame.stamp,

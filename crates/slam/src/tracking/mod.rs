@@ -23,6 +23,7 @@ mod local_map;
 mod look;
 mod memory;
 mod mirror;
+mod momentum;
 mod motion;
 mod odometry;
 mod outcome;
@@ -57,6 +58,7 @@ use known::PastPoses;
 use known_map::{KnownMap, Submap};
 use memory::Memory;
 use outcome::SinceKeyframe;
+use pose::PosePrior;
 use self_calibration::RowPair;
 use state::State;
 use statistics::Sightings;
@@ -95,6 +97,8 @@ pub struct Tracker {
     submap: Option<Submap>,
     /// When the last submap was begun, s.
     begun: f64,
+    /// Whether hardly anything moved when it was.
+    quiet: bool,
     since_keyframe: SinceKeyframe,
     /// How far a readout of a second moves the outer rows of the keyframe that was taken in the fastest motion, px.
     fastest_keyframe: f64,
@@ -180,6 +184,7 @@ impl Tracker {
             state: State::default(),
             submap: None,
             begun: f64::NEG_INFINITY,
+            quiet: true,
             since_keyframe: SinceKeyframe::default(),
             fastest_keyframe: 0.0,
             pace: Pace::default(),
@@ -307,11 +312,14 @@ impl Tracker {
         let start = &motion.camera_from_world;
         // Few landmarks hold a pose less well than sensors do, and many that somebody wears no better.
         let few = matched < known::FEW || self.was_blind();
-        let turn = self.known_pose().filter(|_| few && motion.follows);
+        let prior = PosePrior {
+            turn: self.known_pose().filter(|_| few && motion.follows),
+            place: self.known_place(start).filter(|_| motion.follows),
+        };
         let (matches, pose, information) = self
             .memory
             .solver
-            .solve_with_information(data, start, matches, turn);
+            .solve_with_information(data, start, matches, prior);
         // Found is what agrees with the refined pose, not all that was matched.
         sightings.found(&matches);
         // Until the first view of a new submap arrives, the last frame's own points are what there is to track.

@@ -1,5 +1,6 @@
 //! How the camera moves, in time rather than in frames: where it is expected to be, and how fast it moves at a stamp.
 
+use super::momentum::Momentum;
 use stillpoint_geometry::{Se3, Vec3, Vec6};
 
 /// While no change of turning is known, it may have begun within the frame: a share of the turning.
@@ -19,6 +20,8 @@ pub(super) struct CameraMotion {
     before: Option<Interval>,
     /// How fast it turns at the pose before the last and at the last one, rad/s, where a gyroscope tells.
     turning: Option<[Vec3; 2]>,
+    /// How the camera's place goes on from the last pose that was taken.
+    momentum: Momentum,
 }
 
 /// The mean velocity between two poses.
@@ -45,7 +48,18 @@ impl CameraMotion {
             last: (seconds > 1e-6).then(moved),
             before: self.last,
             turning: None,
+            momentum: self.momentum,
         }
+    }
+
+    /// The same motion, with what is known of the camera's momentum at its last pose.
+    pub(super) fn with(self, momentum: Momentum) -> Self {
+        Self { momentum, ..self }
+    }
+
+    /// What is known of the camera's momentum at its last pose.
+    pub(super) fn momentum(&self) -> &Momentum {
+        &self.momentum
     }
 
     /// The same motion, of which it is known how fast it turns at the pose before the last and at the last one: angular parts of twists, rad/s.
@@ -107,6 +121,7 @@ impl CameraMotion {
             last: self.last.map(back),
             before: None,
             turning: None,
+            momentum: self.momentum.reversed(),
         }
     }
 

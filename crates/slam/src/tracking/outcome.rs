@@ -133,7 +133,7 @@ impl Tracker {
         };
         let camera_from_world = solution.camera_from_world;
         let motion = match outcome {
-            Outcome::Tracked => self.motion_to(&camera_from_world),
+            Outcome::Tracked => self.moved_to(&camera_from_world, notes.evidence.information),
             // From where it was lost to where it was found again it did not move like that.
             _ => CameraMotion::default(),
         };
@@ -189,7 +189,7 @@ impl Tracker {
         solution: Solution,
         since: FrameId,
     ) -> Ending {
-        let motion = self.motion_to(&solution.camera_from_world);
+        let motion = self.moved_to(&solution.camera_from_world, None);
         let world_from_camera = solution.camera_from_world.inverse();
         let view = &self.map.view;
         let world_from_reference = view.world_from_keyframe(solution.reference);
@@ -310,6 +310,7 @@ impl Tracker {
         };
         self.front_end.note_inliers(agreed);
         self.moving_share = notes.counts.moving_share();
+        self.note_quiet(frame.stamp - self.begun);
         // What the filter saw counts also where no pose came of it: detections that it used are used up.
         if let Some(filter) = notes.filter.take() {
             let before = std::mem::replace(&mut self.filter, filter);

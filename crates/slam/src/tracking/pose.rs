@@ -2,10 +2,19 @@
 
 use crate::association::{Matches, measurement};
 use stillpoint_estimation::{
-    Intrinsics, KnownTurn, PoseObservation, PoseOptions, optimise_pose_in,
+    Intrinsics, KnownPlace, KnownTurn, PoseObservation, PoseOptions, optimise_pose_in,
 };
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::KeyframeData;
+
+/// What is known of a pose `camera_from_world` before its matches are asked.
+#[derive(Clone, Copy, Default)]
+pub(super) struct PosePrior {
+    /// Its rotation, and maybe its translation, by sensors.
+    pub(super) turn: Option<KnownTurn>,
+    /// Its place, by the camera's momentum.
+    pub(super) place: Option<KnownPlace>,
+}
 
 /// Finds poses from matches; keeps its memory.
 #[derive(Default)]
@@ -22,18 +31,19 @@ impl PoseSolver {
         data: &KeyframeData,
         initial: &Se3,
         matches: Matches,
+        prior: PosePrior,
     ) -> (Matches, Se3) {
-        let (matches, pose, _) = self.solve_with_information(data, initial, matches, None);
+        let (matches, pose, _) = self.solve_with_information(data, initial, matches, prior);
         (matches, pose)
     }
 
-    /// The same, with the rotation of `camera_from_world` where it is known from elsewhere, and with the information of the pose: the inverse of its covariance, for a left perturbation of `camera_from_world`.
+    /// The same, with the information of the pose: the inverse of its covariance, for a left perturbation of `camera_from_world`.
     pub(super) fn solve_with_information(
         &mut self,
         data: &KeyframeData,
         initial: &Se3,
         mut matches: Matches,
-        turn: Option<KnownTurn>,
+        prior: PosePrior,
     ) -> (Matches, Se3, Mat6) {
         let _span = tracing::info_span!("pose").entered();
         self.features.clear();
@@ -49,7 +59,8 @@ impl PoseSolver {
         }
         let camera = Intrinsics::from(&data.camera);
         let options = PoseOptions {
-            turn,
+            turn: prior.turn,
+            place: prior.place,
             ..PoseOptions::default()
         };
         let memory = std::mem::take(&mut self.inliers);

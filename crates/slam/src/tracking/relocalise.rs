@@ -3,7 +3,7 @@
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
 use super::outcome::Ending;
-use super::pose::PoseSolver;
+use super::pose::{PosePrior, PoseSolver};
 use super::state::LastFrame;
 use super::{Notes, Solution, Tracker};
 use crate::association::{Target, candidates_of, match_by_descriptor, measurement};
@@ -143,7 +143,12 @@ impl Tracker {
         );
         let found = outcome.found()?;
         let mut solver = PoseSolver::default();
-        let (matches, camera_from_world) = solver.solve(data, &found.camera_from_world, matches);
+        let (matches, camera_from_world) = solver.solve(
+            data,
+            &found.camera_from_world,
+            matches,
+            PosePrior::default(),
+        );
         Some(EgoMotion {
             camera_from_world,
             matches,

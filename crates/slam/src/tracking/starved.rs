@@ -3,6 +3,7 @@
 use super::ego_motion::EgoMotion;
 use super::known_map::KnownMap;
 use super::local_map::{LOCAL_RADIUS, SearchArea};
+use super::pose::PosePrior;
 use super::sight::Sight;
 use super::statistics::Sightings;
 use super::vote::Vote;
@@ -81,10 +82,10 @@ impl Tracker {
         // Much of what a wide search matches is wrong; around a pose that many agree on, the usual radius is enough.
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
         let matched = matches.count;
-        let (matches, pose, information) = self
-            .memory
-            .solver
-            .solve_with_information(data, &found, matches, None);
+        let (matches, pose, information) =
+            self.memory
+                .solver
+                .solve_with_information(data, &found, matches, PosePrior::default());
         let drift = fix.camera_from_world * pose.inverse();
         let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
         let enough = matches.count >= self.setup.tracking.min_inliers;
@@ -145,11 +146,16 @@ impl Tracker {
         let matches = self.add_flow_points(&pairs, verdicts, fix.matches);
         let matched = matches.count;
         // Flow drifts, and so does the pose that it leads to.
-        let turn = self.known_pose();
-        let (matches, pose, information) =
-            self.memory
-                .solver
-                .solve_with_information(data, &vote.camera_from_world, matches, turn);
+        let prior = PosePrior {
+            turn: self.known_pose(),
+            place: self.known_place(&vote.camera_from_world),
+        };
+        let (matches, pose, information) = self.memory.solver.solve_with_information(
+            data,
+            &vote.camera_from_world,
+            matches,
+            prior,
+        );
         let enough = self.setup.tracking.min_inliers;
         if matches.count < enough && vote.agreed >= enough {
             return Self::follow_vote(vote, data.len());

@@ -7,6 +7,7 @@
 //!     +--- the submap is left ------------------------------------------------------------------------+
 //! ```
 
+use super::momentum::Momentum;
 use super::motion::CameraMotion;
 use crate::anchored_pose::AnchoredPose;
 use crate::pace::RATE;
@@ -29,6 +30,10 @@ pub(super) struct LastFrame {
 }
 
 /// Where the camera is, as far as it is known.
+#[expect(
+    clippy::large_enum_variant,
+    reason = "there is one of it, and a box would be made anew at every frame"
+)]
 pub(super) enum State {
     /// No frame had a pose in the submap that is to come: there is none yet, it was left, or it is there and no place in it was
     /// recognised.
@@ -91,6 +96,14 @@ impl State {
     pub(super) fn velocity(&self) -> Option<Vec6> {
         match self {
             Self::Tracking { motion, .. } => motion.at_last(),
+            Self::Waiting { .. } | Self::Lost { .. } => None,
+        }
+    }
+
+    /// What is known of the camera's momentum at the last pose; nothing of a camera that is lost.
+    pub(super) fn momentum(&self) -> Option<&Momentum> {
+        match self {
+            Self::Tracking { motion, .. } => Some(motion.momentum()),
             Self::Waiting { .. } | Self::Lost { .. } => None,
         }
     }

@@ -26,11 +26,11 @@ const PEAK: f64 = 60.0;
 /// The same of matches by descriptor, which err by a pixel and more.
 const ROUGH_PEAK: f64 = 6.0;
 /// Who moves is undecided for so long after a submap was begun, s ...
-const UNDECIDED: f64 = 2.0;
+pub(super) const UNDECIDED: f64 = 2.0;
 /// ... and whenever more than this share of the keypoints moved in the frame before. Whoever is new among those who come and go did nothing yet that he could
 /// be known by; and when the room in view is about as far everywhere, a turn of the camera looks like a shift, so that the few things at another depth decide
 /// which it was.
-const SOME_MOVE: f64 = 0.1;
+pub(super) const SOME_MOVE: f64 = 0.1;
 /// Where more than this share moved, a crowd may fill the view.
 const CROWD: f64 = 0.35;
 /// A constant velocity is wrong by about this much after a frame.
@@ -130,6 +130,7 @@ impl Tracker {
         }
         let options = MotionOptions {
             peak: if exact { PEAK } else { 0.0 },
+            place: self.known_shift(),
             ..MotionOptions::default()
         };
         let (address, camera) = (u64::from(frame.id.0), Intrinsics::from(&data.camera));
@@ -191,8 +192,18 @@ impl Tracker {
             ),
             None => (PRIOR_SIGMA_M, PRIOR_SIGMA_RAD),
         };
+        let mut b_from_a = world_from_last.inverse() * predicted.inverse();
+        let momentum = self.known_shift().zip(self.shift_sigma());
+        let momentum = momentum.filter(|_| wheels.is_none() && self.knows_momentum());
+        let sigma_m = match momentum {
+            Some((shift, sigma)) => {
+                b_from_a.translation = shift.in_b;
+                sigma
+            }
+            None => sigma_m,
+        };
         MotionPrior {
-            b_from_a: world_from_last.inverse() * predicted.inverse(),
+            b_from_a,
             sigma_m,
             sigma_rad,
         }

@@ -1,0 +1,155 @@
+use super::*;
+use stillpoint_estimation::{Purpose, Rng, rng};
+
+/// A camera on a line that is followed by measurements of its place.
+struct Followed {
+    momentum: Momentum,
+    at: Vec3,
+}
+
+/// Standard deviations of a measurement, m: in a fast turn, hardly anything is known along x.
+const NOISE: [f64; 3] = [0.02, 0.003, 0.003];
+const DT: f64 = 1.0 / 30.0;
+
+/// A number from a normal distribution, nearly.
+fn normal(random: &mut Rng) -> f64 {
+    (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
+}
+
+impl Followed {
+    fn new(at: Vec3) -> Self {
+        Self {
+            momentum: Momentum::default(),
+            at,
+        }
+    }
+
+    /// Takes a measurement with all that is expected.
+    fn measure(&mut self, place: &Vec3, tells: bool) {
+        let expected = self.momentum.expect(DT);
+        let weight = Mat3::from_diagonal(&Vec3::from(NOISE.map(|s| 1.0 / (s * s))));
+        let known = expected.place().try_inverse().unwrap();
+        let covariance = (known + weight).try_inverse().unwrap();
+        let before = self.at + expected.shift;
+        let off = covariance * (weight * (place - before));
+        self.at = before + off;
+        self.momentum = expected.found(&off, Some(covariance), tells);
+    }
+
+    /// Follows a path for `frames` frames. Returns the root mean square of its errors and of those of the measurements along x, m, over the second half.
+    fn follow(
+        &mut self,
+        path: impl Fn(f64) -> Vec3,
+        frames: u32,
+        tells: bool,
+        random: &mut Rng,
+    ) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for k in 1..=frames {
+            let truth = path(f64::from(k) * DT);
+            let measured = truth + Vec3::from(NOISE.map(|s| s * normal(random)));
+            self.measure(&measured, tells);
+            if k > frames / 2 {
+                let errors = [self.at.x - truth.x, measured.x - truth.x];
+                for (sum, e) in sums.iter_mut().zip(errors) {
+                    *sum += e * e;
+                }
+            }
+        }
+        sums.map(|s| libm::sqrt(s / f64::from(frames - frames / 2)))
+    }
+}
+
+/// As a hand moves a camera: half a metre per second to and fro, with up to 1.2 m/s^2.
+fn by_hand(t: f64) -> Vec3 {
+    Vec3::new(0.2 * libm::sin(2.4 * t), 0.1 * libm::sin(1.7 * t), 0.0)
+}
+
+/// As something that jolts does: up to 9 m/s^2 along x.
+fn jolting(t: f64) -> Vec3 {
+    Vec3::new(0.03 * libm::sin(17.0 * t), 0.0, 0.0)
+}
+
+fn random(seed: u64) -> Rng {
+    rng(seed, 0, Purpose::CAMERA_MOTION)
+}
+
+#[test]
+fn the_velocity_holds_a_place_that_is_hardly_measured() {
+    for seed in 0..20 {
+        let mut camera = Followed::new(Vec3::zeros());
+        let [held, measured] = camera.follow(by_hand, 120, true, &mut random(seed));
+        assert!(measured > 0.014, "{measured}");
+        assert!(held < 0.6 * measured, "{held} of {measured}");
+        assert!((camera.momentum.acceleration - ACCELERATION).abs() < 0.5);
+    }
+}
+
+#[test]
+fn jolts_are_learnt_and_forgotten_again() {
+    for seed in 0..20 {
+        let random = &mut random(seed);
+        let mut camera = Followed::new(Vec3::zeros());
+        let [held, measured] = camera.follow(jolting, 90, true, random);
+        assert!(camera.momentum.acceleration > 2.0 * ACCELERATION);
+        assert!(held < measured, "{held} of {measured}");
+        // Control: a camera of which nothing is learnt lags behind.
+        let mut other = Followed::new(Vec3::zeros());
+        let [lags, _] = other.follow(jolting, 90, false, random);
+        assert_eq!(other.momentum.acceleration, ACCELERATION);
+        assert!(lags > 1.1 * held, "{lags} against {held}");
+        let end = camera.at;
+        camera.follow(|_| end, 90, true, random);
+        assert!(camera.momentum.acceleration < 1.5 * ACCELERATION);
+    }
+}
+
+#[test]
+fn it_is_as_wrong_as_it_says() {
+    let (mut sum, mut count) = (0.0, 0);
+    for seed in 0..200 {
+        let random = &mut random(seed);
+        let mut velocity = Vec3::from_fn(|_, _| SPEED * normal(random));
+        let (mut truth, mut camera) = (Vec3::zeros(), Followed::new(Vec3::zeros()));
+        for _ in 0..30 {
+            let a = Vec3::from_fn(|_, _| ACCELERATION * normal(random));
+            truth += velocity * DT + a * (0.5 * DT * DT);
+            velocity += a * DT;
+            let measured = truth + Vec3::from(NOISE.map(|s| s * normal(random)));
+            camera.measure(&measured, false);
+            let off = camera.at - truth;
+            sum += off.dot(&(camera.momentum.place.try_inverse().unwrap() * off));
+            let wrong = camera.momentum.velocity - velocity;
+            sum += wrong.dot(&(camera.momentum.spread.try_inverse().unwrap() * wrong));
+            count += 1;
+        }
+    }
+    let mean = sum / f64::from(count);
+    assert!((mean - 6.0).abs() < 0.5, "{mean}");
+}
+
+#[test]
+fn what_is_found_far_away_says_nothing_of_the_velocity() {
+    let mut camera = Followed::new(Vec3::zeros());
+    camera.follow(by_hand, 60, true, &mut random(0));
+    let before = camera.momentum.velocity.norm();
+    camera.measure(&(camera.at + Vec3::new(0.0, 1.0, 0.0)), true);
+    assert!(before > 0.1 && camera.momentum.velocity.norm() == 0.0);
+    assert!((camera.momentum.spread[(0, 0)] - SPEED * SPEED).abs() < 1e-12);
+}
+
+#[test]
+fn backwards_it_goes_where_it_came_from() {
+    let mut camera = Followed::new(Vec3::zeros());
+    camera.follow(by_hand, 40, true, &mut random(1));
+    let (there, back) = (camera.momentum, camera.momentum.reversed());
+    assert_eq!(there.expect(DT).shift, -back.expect(DT).shift);
+    assert_eq!(back.reversed().cross, there.cross);
+    // Where time stands still nothing is expected, and nothing is lost.
+    let still = there.expect(0.0);
+    assert_eq!(still.shift, Vec3::zeros());
+    assert_eq!(
+        still.found(&Vec3::zeros(), None, true).velocity,
+        there.velocity
+    );
+}
