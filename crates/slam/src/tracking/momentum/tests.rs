@@ -5,10 +5,13 @@ use stillpoint_estimation::{Purpose, Rng, rng};
 struct Followed {
     momentum: Momentum,
     at: Vec3,
+    /// Standard deviations of its measurements, m.
+    noise: [f64; 3],
 }
 
-/// Standard deviations of a measurement, m: in a fast turn, hardly anything is known along x.
-const NOISE: [f64; 3] = [0.02, 0.003, 0.003];
+/// Standard deviations of a measurement, m: at rest, and in a fast turn, where hardly anything is known along x.
+const CALM: [f64; 3] = [0.003; 3];
+const TURN: [f64; 3] = [0.02, 0.003, 0.003];
 const DT: f64 = 1.0 / 30.0;
 
 /// A number from a normal distribution, nearly.
@@ -17,17 +20,23 @@ fn normal(random: &mut Rng) -> f64 {
 }
 
 impl Followed {
-    fn new(at: Vec3) -> Self {
+    fn new(noise: [f64; 3]) -> Self {
         Self {
             momentum: Momentum::default(),
-            at,
+            at: Vec3::zeros(),
+            noise,
         }
+    }
+
+    /// What is measured of a place.
+    fn seen(&self, place: &Vec3, random: &mut Rng) -> Vec3 {
+        place + Vec3::from(self.noise.map(|s| s * normal(random)))
     }
 
     /// Takes a measurement with all that is expected.
     fn measure(&mut self, place: &Vec3, tells: bool) {
         let expected = self.momentum.expect(DT);
-        let weight = Mat3::from_diagonal(&Vec3::from(NOISE.map(|s| 1.0 / (s * s))));
+        let weight = Mat3::from_diagonal(&Vec3::from(self.noise.map(|s| 1.0 / (s * s))));
         let known = expected.place().try_inverse().unwrap();
         let covariance = (known + weight).try_inverse().unwrap();
         let before = self.at + expected.shift;
@@ -36,7 +45,7 @@ impl Followed {
         self.momentum = expected.found(&off, Some(covariance), tells);
     }
 
-    /// Follows a path for `frames` frames. Returns the root mean square of its errors and of those of the measurements along x, m, over the second half.
+    /// Follows a path for `frames` frames. Returns the sum of its squared errors and of those of the measurements along x, m^2, over the second half.
     fn follow(
         &mut self,
         path: impl Fn(f64) -> Vec3,
@@ -47,7 +56,7 @@ impl Followed {
         let mut sums = [0.0; 2];
         for k in 1..=frames {
             let truth = path(f64::from(k) * DT);
-            let measured = truth + Vec3::from(NOISE.map(|s| s * normal(random)));
+            let measured = self.seen(&truth, random);
             self.measure(&measured, tells);
             if k > frames / 2 {
                 let errors = [self.at.x - truth.x, measured.x - truth.x];
@@ -56,7 +65,7 @@ impl Followed {
                 }
             }
         }
-        sums.map(|s| libm::sqrt(s / f64::from(frames - frames / 2)))
+        sums
     }
 }
 
@@ -76,32 +85,39 @@ fn random(seed: u64) -> Rng {
 
 #[test]
 fn the_velocity_holds_a_place_that_is_hardly_measured() {
-    for seed in 0..20 {
-        let mut camera = Followed::new(Vec3::zeros());
-        let [held, measured] = camera.follow(by_hand, 120, true, &mut random(seed));
-        assert!(measured > 0.014, "{measured}");
-        assert!(held < 0.6 * measured, "{held} of {measured}");
-        assert!((camera.momentum.acceleration - ACCELERATION).abs() < 0.5);
+    let (mut sums, mut learnt) = ([0.0; 2], 0.0);
+    for seed in 0..50 {
+        let mut camera = Followed::new(TURN);
+        let errors = camera.follow(by_hand, 120, true, &mut random(seed));
+        sums = [0, 1].map(|k| sums[k] + errors[k]);
+        learnt += camera.momentum.acceleration / 50.0;
     }
+    assert!(learnt < 1.5 * ACCELERATION, "{learnt} m/s^2");
+    let [held, measured] = sums.map(libm::sqrt);
+    assert!(held < 0.7 * measured, "{held} of {measured}");
 }
 
 #[test]
 fn jolts_are_learnt_and_forgotten_again() {
-    for seed in 0..20 {
-        let random = &mut random(seed);
-        let mut camera = Followed::new(Vec3::zeros());
-        let [held, measured] = camera.follow(jolting, 90, true, random);
-        assert!(camera.momentum.acceleration > 2.0 * ACCELERATION);
-        assert!(held < measured, "{held} of {measured}");
+    let (mut sums, mut learnt, mut rested) = ([0.0; 3], 0.0, 0.0);
+    for seed in 0..50 {
+        let mut camera = Followed::new(CALM);
+        let [held, measured] = camera.follow(jolting, 90, true, &mut random(seed));
+        learnt += camera.momentum.acceleration / 50.0;
         // Control: a camera of which nothing is learnt lags behind.
-        let mut other = Followed::new(Vec3::zeros());
-        let [lags, _] = other.follow(jolting, 90, false, random);
+        let mut other = Followed::new(CALM);
+        let [lags, _] = other.follow(jolting, 90, false, &mut random(seed));
         assert_eq!(other.momentum.acceleration, ACCELERATION);
-        assert!(lags > 1.1 * held, "{lags} against {held}");
+        sums = [sums[0] + held, sums[1] + measured, sums[2] + lags];
         let end = camera.at;
-        camera.follow(|_| end, 90, true, random);
-        assert!(camera.momentum.acceleration < 1.5 * ACCELERATION);
+        camera.follow(|_| end, 90, true, &mut random(seed));
+        rested += camera.momentum.acceleration / 50.0;
     }
+    assert!(learnt > 2.0 * ACCELERATION, "{learnt} m/s^2");
+    assert!(rested < 1.3 * ACCELERATION, "{rested} m/s^2");
+    let [held, measured, lags] = sums.map(libm::sqrt);
+    assert!(held < 1.2 * measured, "{held} of {measured}");
+    assert!(lags > 1.5 * held, "{lags} against {held}");
 }
 
 #[test]
@@ -110,12 +126,12 @@ fn it_is_as_wrong_as_it_says() {
     for seed in 0..200 {
         let random = &mut random(seed);
         let mut velocity = Vec3::from_fn(|_, _| SPEED * normal(random));
-        let (mut truth, mut camera) = (Vec3::zeros(), Followed::new(Vec3::zeros()));
+        let (mut truth, mut camera) = (Vec3::zeros(), Followed::new(TURN));
         for _ in 0..30 {
             let a = Vec3::from_fn(|_, _| ACCELERATION * normal(random));
             truth += velocity * DT + a * (0.5 * DT * DT);
             velocity += a * DT;
-            let measured = truth + Vec3::from(NOISE.map(|s| s * normal(random)));
+            let measured = camera.seen(&truth, random);
             camera.measure(&measured, false);
             let off = camera.at - truth;
             sum += off.dot(&(camera.momentum.place.try_inverse().unwrap() * off));
@@ -130,7 +146,7 @@ fn it_is_as_wrong_as_it_says() {
 
 #[test]
 fn what_is_found_far_away_says_nothing_of_the_velocity() {
-    let mut camera = Followed::new(Vec3::zeros());
+    let mut camera = Followed::new(TURN);
     camera.follow(by_hand, 60, true, &mut random(0));
     let before = camera.momentum.velocity.norm();
     camera.measure(&(camera.at + Vec3::new(0.0, 1.0, 0.0)), true);
@@ -140,7 +156,7 @@ fn what_is_found_far_away_says_nothing_of_the_velocity() {
 
 #[test]
 fn backwards_it_goes_where_it_came_from() {
-    let mut camera = Followed::new(Vec3::zeros());
+    let mut camera = Followed::new(TURN);
     camera.follow(by_hand, 40, true, &mut random(1));
     let (there, back) = (camera.momentum, camera.momentum.reversed());
     assert_eq!(there.expect(DT).shift, -back.expect(DT).shift);
