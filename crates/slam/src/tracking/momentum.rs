@@ -9,8 +9,8 @@ use super::vote::{SOME_MOVE, UNDECIDED};
 use stillpoint_estimation::KnownPlace;
 use stillpoint_geometry::{Mat3, Mat6, Se3, Vec3};
 
-/// A camera is accelerated by so much, m/s^2, one standard deviation along each axis: one in a hand by 0.6 in the median and by 1.7 in a tenth of the time (fr1_xyz,
-/// fr1_rpy, freiburg3 and kitchen, by motion capture).
+/// A camera is accelerated by so much, m/s^2, one standard deviation along each axis: one in a hand by 0.6 in the median and by
+/// 1.7 at most in nine tenths of the time (fr1_xyz, fr1_rpy and kitchen, by their ground truth).
 const ACCELERATION: f64 = 1.5;
 /// Whatever shakes or throws it is learnt within so long, s ...
 const LEARNT_WITHIN: f64 = 0.3;
@@ -26,7 +26,7 @@ const GATE_SIGMAS: f64 = 5.0;
 
 /// Poses err by so many times what their matches' variances tell, as these do not err each on its own: whoever walks, and what is blurred, shift many of them alike ...
 const POSE_FACTOR: f64 = 1.5;
-/// ... and by so much more per pixel that the shutter's unsteadiness moves the rows between its middle and its border by.
+/// ... and by so much more per pixel by which the shutter's unsteadiness moves rows that are a quarter of the image away from its middle.
 const UNSTEADY_FACTOR: f64 = 2.5;
 /// The same of votes of the flow.
 const VOTE_FACTOR: f64 = 1.5;
@@ -233,10 +233,14 @@ impl Tracker {
         })
     }
 
-    /// How well the shift since the last frame is known, m, one standard deviation along each axis.
-    pub(super) fn shift_sigma(&self) -> Option<f64> {
+    /// The shift from this frame to the last one, in coordinates of that, and how well it is known, m, one standard deviation along each axis; none while the
+    /// momentum may be somebody else's.
+    pub(super) fn expected_shift(&self) -> Option<(Vec3, f64)> {
+        let last = self.state.tracked().filter(|_| self.knows_momentum())?;
         let (_, expected) = self.expected()?;
-        Some(libm::sqrt(expected.moved.trace() / 3.0).max(LEAST_SHIFT))
+        let sigma = libm::sqrt(expected.moved.trace() / 3.0).max(LEAST_SHIFT);
+        let r = last.world_from_camera.rotation_matrix().transpose();
+        Some((r * expected.shift, sigma))
     }
 
     /// The camera's motion once a pose is taken, with its momentum; without `information` of its matches nothing new is known of that.
@@ -249,16 +253,16 @@ impl Tracker {
         let Some((place, expected)) = self.expected() else {
             return motion;
         };
+        let factor = self.pose_factor(camera_from_world);
         let r = camera_from_world.rotation_matrix();
         let covariance = information.and_then(|information| {
-            let mut sum = information / self.pose_factor(camera_from_world);
+            let mut sum = information / factor;
             let mut known = sum.fixed_view_mut::<3, 3>(0, 0);
             known += r * expected.place().try_inverse()? * r.transpose();
             let covariance = sum.try_inverse()?;
             Some(r.transpose() * covariance.fixed_view::<3, 3>(0, 0) * r)
         });
         let off = camera_from_world.inverse().translation - place;
-        let factor = self.pose_factor(camera_from_world);
         let calm = factor < POSE_FACTOR * POSE_FACTOR + CALM_FACTOR;
         let tells = calm && self.moving_share < CALM_SHARE;
         motion.with(expected.found(&off, covariance, tells))

@@ -180,27 +180,22 @@ impl Tracker {
         choice.vote
     }
 
-    /// What is expected of the motion: a constant velocity, or what wheels say.
+    /// What is expected of the motion: what wheels say, or how the camera's momentum carries it on, or a constant velocity.
     fn prior(&self, world_from_last: &Se3, predicted: &Se3, known: Option<&Known>) -> MotionPrior {
         let wheels = known
             .filter(|k| k.confirmed)
             .and_then(|k| Some((k, k.shift?)));
-        let (sigma_m, sigma_rad) = match wheels {
-            Some((known, shift)) => (
+        let mut b_from_a = world_from_last.inverse() * predicted.inverse();
+        let (sigma_m, sigma_rad) = match (wheels, self.expected_shift()) {
+            (Some((known, shift)), _) => (
                 shift.sigma.max(WHEELED_SIGMA_M),
                 known.turn.sigma.max(WHEELED_SIGMA_RAD),
             ),
-            None => (PRIOR_SIGMA_M, PRIOR_SIGMA_RAD),
-        };
-        let mut b_from_a = world_from_last.inverse() * predicted.inverse();
-        let momentum = self.known_shift().zip(self.shift_sigma());
-        let momentum = momentum.filter(|_| wheels.is_none() && self.knows_momentum());
-        let sigma_m = match momentum {
-            Some((shift, sigma)) => {
-                b_from_a.translation = shift.in_b;
-                sigma
+            (None, Some((shift, sigma))) => {
+                b_from_a.translation = shift;
+                (sigma, PRIOR_SIGMA_RAD)
             }
-            None => sigma_m,
+            (None, None) => (PRIOR_SIGMA_M, PRIOR_SIGMA_RAD),
         };
         MotionPrior {
             b_from_a,
