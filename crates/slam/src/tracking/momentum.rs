@@ -30,10 +30,13 @@ const POSE_FACTOR: f64 = 1.5;
 const UNSTEADY_FACTOR: f64 = 2.5;
 /// The same of votes of the flow.
 const VOTE_FACTOR: f64 = 1.5;
+/// ... and by so much more, both of them, times the share of what is seen that moves: the more people are about, the more of them pass for the room, and
+/// all of one person errs alike from frame to frame.
+const CROWD_FACTOR: f64 = 5.0;
 /// Where no more of what is seen moves ...
 const CALM_SHARE: f64 = 0.35;
-/// ... and the shutter adds no more than this to the square of that, poses tell how the camera is accelerated.
-const CALM_FACTOR: f64 = 1.5;
+/// ... and the shutter moves rows by no more than this, px, poses tell how the camera is accelerated.
+const CALM_PX: f64 = 0.5;
 /// A vote is not judged by less, m.
 const LEAST_SHIFT: f64 = 0.005;
 /// Nobody is about when a map is begun where no more than a tenth moves for so long, s.
@@ -194,10 +197,11 @@ impl Tracker {
         }
     }
 
-    /// Whether the momentum is that of the camera: where people were about when a map or submap was begun, it may be theirs until it is known who moves.
+    /// Whether the momentum is that of the camera: where people were about when a map or submap was begun, it may be theirs until it is known who moves. A way
+    /// back begins where it is.
     pub(super) fn knows_momentum(&self) -> bool {
         let age = self.state.last().map_or(0.0, |l| l.stamp - self.begun);
-        age >= UNDECIDED || (self.quiet && age >= QUIET)
+        self.goes_back || age >= UNDECIDED || (self.quiet && age >= QUIET)
     }
 
     /// What the camera's momentum says of the place of a pose that turns about as `camera_from_world`, as its matches see it.
@@ -205,19 +209,31 @@ impl Tracker {
         let (place, expected) = self.expected()?;
         let r = camera_from_world.rotation_matrix();
         let information = expected.place().try_inverse()?;
+        let factor = self.pose_factor(self.unsteady_px(camera_from_world));
         Some(KnownPlace {
             in_a: place,
             in_b: Vec3::zeros(),
-            information: r * information * r.transpose() * self.pose_factor(camera_from_world),
+            information: r * information * r.transpose() * factor,
         })
     }
 
-    /// By how much poses err more than their matches' variances tell, squared.
-    fn pose_factor(&self, camera_from_world: &Se3) -> f64 {
+    /// By how much the shutter's unsteadiness moves rows that are a quarter of the image away from its middle, px.
+    fn unsteady_px(&self, camera_from_world: &Se3) -> f64 {
         let unsteady = self.motion_to(camera_from_world).unsteadiness();
         let camera = &self.front_end.observer.camera;
-        let px = self.front_end.shutter().sigma_px(camera.cy * 0.5, unsteady);
-        POSE_FACTOR * POSE_FACTOR + UNSTEADY_FACTOR * UNSTEADY_FACTOR * px * px
+        self.front_end.shutter().sigma_px(camera.cy * 0.5, unsteady)
+    }
+
+    /// By how much poses err more than their matches' variances tell, squared.
+    fn pose_factor(&self, unsteady_px: f64) -> f64 {
+        let unsteady = UNSTEADY_FACTOR * unsteady_px;
+        POSE_FACTOR * POSE_FACTOR + unsteady * unsteady + self.crowd_factor()
+    }
+
+    /// The part of it, squared, that is due to people who pass for the room.
+    fn crowd_factor(&self) -> f64 {
+        let crowd = CROWD_FACTOR * self.moving_share;
+        crowd * crowd
     }
 
     /// What it says of the motion from this frame to the last one, as the vote of the flow sees it.
@@ -226,10 +242,11 @@ impl Tracker {
         let (_, expected) = self.expected()?;
         let r = last.world_from_camera.rotation_matrix().transpose();
         let information = expected.moved.try_inverse()?;
+        let factor = VOTE_FACTOR * VOTE_FACTOR + self.crowd_factor();
         Some(KnownPlace {
             in_a: Vec3::zeros(),
             in_b: r * expected.shift,
-            information: r * information * r.transpose() * (VOTE_FACTOR * VOTE_FACTOR),
+            information: r * information * r.transpose() * factor,
         })
     }
 
@@ -253,7 +270,8 @@ impl Tracker {
         let Some((place, expected)) = self.expected() else {
             return motion;
         };
-        let factor = self.pose_factor(camera_from_world);
+        let unsteady_px = self.unsteady_px(camera_from_world);
+        let factor = self.pose_factor(unsteady_px);
         let r = camera_from_world.rotation_matrix();
         let covariance = information.and_then(|information| {
             let mut sum = information / factor;
@@ -263,8 +281,7 @@ impl Tracker {
             Some(r.transpose() * covariance.fixed_view::<3, 3>(0, 0) * r)
         });
         let off = camera_from_world.inverse().translation - place;
-        let calm = factor < POSE_FACTOR * POSE_FACTOR + CALM_FACTOR;
-        let tells = calm && self.moving_share < CALM_SHARE;
+        let tells = unsteady_px < CALM_PX && self.moving_share < CALM_SHARE;
         motion.with(expected.found(&off, covariance, tells))
     }
 }
