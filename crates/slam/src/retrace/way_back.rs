@@ -20,8 +20,8 @@ const AGREE_M: f64 = 0.03;
 /// ... and by this, rad.
 const AGREE_RAD: f64 = 0.026;
 /// The way back is not believed where the camera jerks on it by so much more than on the way there: whoever boards somebody who walks, or gets
-/// off, changes his velocity at once, and a camera that is carried does not.
-const MAX_JERKS: f64 = 1.3;
+/// off, changes his velocity at once, and a camera that is carried does not. Its momentum, which the way there does not know of yet, takes a quarter of that away.
+const MAX_JERKS: f64 = 1.0;
 /// How far what is seen lies, m: what a turn moves by as much as a shift.
 const TYPICAL_DEPTH: f64 = 2.0;
 /// The way back is believed where it poses at least this share of the frames that it speaks about.

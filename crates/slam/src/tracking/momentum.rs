@@ -230,15 +230,19 @@ impl Tracker {
         POSE_FACTOR * POSE_FACTOR + unsteady * unsteady + self.crowd_factor()
     }
 
-    /// The part of it, squared, that is due to people who pass for the room.
+    /// The part of it, squared, that is due to people who pass for the room. On a way back there is none: what leans on its momentum rides smoothly on
+    /// whom it rides on, and then nothing tells that it does.
     fn crowd_factor(&self) -> f64 {
+        if self.goes_back {
+            return 0.0;
+        }
         let crowd = CROWD_FACTOR * self.moving_share;
         crowd * crowd
     }
 
-    /// What it says of the motion from this frame to the last one, as the vote of the flow sees it.
+    /// What it says of the motion from this frame to the last one, as the vote of the flow sees it: nothing on a way back, whose votes are to find out who moves.
     pub(super) fn known_shift(&self) -> Option<KnownPlace> {
-        let last = self.state.tracked()?;
+        let last = self.state.tracked().filter(|_| !self.goes_back)?;
         let (_, expected) = self.expected()?;
         let r = last.world_from_camera.rotation_matrix().transpose();
         let information = expected.moved.try_inverse()?;
@@ -251,9 +255,10 @@ impl Tracker {
     }
 
     /// The shift from this frame to the last one, in coordinates of that, and how well it is known, m, one standard deviation along each axis; none while the
-    /// momentum may be somebody else's.
+    /// momentum may be somebody else's, nor on a way back.
     pub(super) fn expected_shift(&self) -> Option<(Vec3, f64)> {
-        let last = self.state.tracked().filter(|_| self.knows_momentum())?;
+        let knows = !self.goes_back && self.knows_momentum();
+        let last = self.state.tracked().filter(|_| knows)?;
         let (_, expected) = self.expected()?;
         let sigma = libm::sqrt(expected.moved.trace() / 3.0).max(LEAST_SHIFT);
         let r = last.world_from_camera.rotation_matrix().transpose();
