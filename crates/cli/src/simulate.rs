@@ -9,8 +9,8 @@ use stillpoint::datasets::{ColourFormat, MoverRow, ReadAhead, Recorder};
 use stillpoint::detection::{BoundingBox, ClassId, Detection, ScriptRow, format_script};
 use stillpoint::imaging::{FrameSource, GrayImage};
 use stillpoint::simulator::{
-    DepthModel, DetectionNoise, MoverBox, Shutter, SimulatedImu, SimulatedOdometry, Simulator,
-    SimulatorConfig, WheelSlip,
+    DepthModel, DetectionNoise, MoverBox, ScriptedDetection, Shutter, SimulatedImu,
+    SimulatedOdometry, Simulator, SimulatorConfig, WheelSlip,
 };
 
 /// `simulate`.
@@ -158,10 +158,14 @@ impl Movers {
         index: usize,
         recorder: &mut Recorder,
     ) -> Result<(), Failure> {
-        let truth = simulator.truth(index);
+        let truth = if self.noise.things {
+            simulator.truth(index)
+        } else {
+            simulator.moving(index)
+        };
+        let said = simulator.detections_of(index, &truth, &self.noise);
         if self.noise.things {
-            self.detections
-                .extend(script_rows(simulator, index, &self.noise));
+            self.detections.extend(script_rows(&said));
         }
         if truth.boxes.is_empty() && !self.seen {
             self.still.push(index);
@@ -175,21 +179,16 @@ impl Movers {
         let rows: Vec<MoverRow> = truth.boxes.iter().map(mover_row).collect();
         recorder.add_movers(simulator.stamp(index), &truth.mask, &rows)?;
         if !self.noise.things {
-            self.detections
-                .extend(script_rows(simulator, index, &self.noise));
+            self.detections.extend(script_rows(&said));
         }
         Ok(())
     }
 }
 
-/// What the simulator's own detector says of a frame.
-pub(crate) fn script_rows(
-    simulator: &Simulator,
-    index: usize,
-    noise: &DetectionNoise,
-) -> Vec<ScriptRow> {
+/// What the simulator's own detector says of a frame, as rows of a script.
+pub(crate) fn script_rows(said: &[ScriptedDetection]) -> Vec<ScriptRow> {
     let mut rows = Vec::new();
-    for d in simulator.detections(index, noise) {
+    for d in said {
         let detection = Detection {
             class: ClassId::from_name(d.class).unwrap_or(ClassId::PERSON),
             score: d.score,

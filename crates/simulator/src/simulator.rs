@@ -21,7 +21,7 @@ use crate::shutter::{Shutter, Sight};
 use crate::truth::{self, DetectionNoise, FrameTruth, ScriptedDetection, ThingBox};
 use std::sync::Arc;
 use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
-use stillpoint_imaging::{ColourImage, DepthImage, FrameId, RgbdFrame};
+use stillpoint_imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame};
 
 /// What to simulate.
 #[derive(Clone, Debug, PartialEq)]
@@ -289,6 +289,22 @@ impl Simulator {
         truth::truth(&view, &movers, self.scene.things())
     }
 
+    /// The same without the things that stand still, which costs nothing in scenes in which nothing moves.
+    #[must_use]
+    pub fn moving(&self, index: usize) -> FrameTruth {
+        if self.scene.is_still() {
+            return FrameTruth {
+                mask: GrayImage::new(self.lens.width, self.lens.height),
+                boxes: Vec::new(),
+                things: Vec::new(),
+            };
+        }
+        FrameTruth {
+            things: Vec::new(),
+            ..self.truth(index)
+        }
+    }
+
     /// How many pixels a thing of a number in [`FrameTruth::things`] would fill in frame `index` if nothing stood before it and the image were twice as
     /// wide and as high: by it can be told how much of the thing is in sight.
     #[must_use]
@@ -328,8 +344,23 @@ impl Simulator {
     /// What a detector that errs as `noise` says would find in a frame: persons, and furniture where it knows that.
     #[must_use]
     pub fn detections(&self, index: usize, noise: &DetectionNoise) -> Vec<ScriptedDetection> {
-        let (truth, stamp) = (self.truth(index), self.stamp(index));
-        truth::detections(&truth, noise, &self.sensor.normal, index, stamp)
+        let truth = if noise.things {
+            self.truth(index)
+        } else {
+            self.moving(index)
+        };
+        self.detections_of(index, &truth, noise)
+    }
+
+    /// The same where it is known what is to be seen in the frame ([`Self::truth`], or [`Self::moving`] where the detector knows no furniture).
+    #[must_use]
+    pub fn detections_of(
+        &self,
+        index: usize,
+        truth: &FrameTruth,
+        noise: &DetectionNoise,
+    ) -> Vec<ScriptedDetection> {
+        truth::detections(truth, noise, &self.sensor.normal, index, self.stamp(index))
     }
 
     fn sight(&self) -> Sight<'_> {

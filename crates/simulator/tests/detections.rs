@@ -137,6 +137,27 @@ fn furniture_is_found_where_it_stands() {
     }
 }
 
+/// In a scene in which nothing moves, in one with people, and in one with furniture that is carried.
+#[test]
+fn what_moves_is_the_truth_without_the_things() {
+    for scene in ["xyz", "walking_xyz", "chair_carried"] {
+        let sim = simulator(scene, |_| ());
+        for (index, things) in [(0, true), (120, false), (240, true)] {
+            let (truth, moving) = (sim.truth(index), sim.moving(index));
+            assert!(moving.things.is_empty());
+            assert_eq!((&moving.mask, &moving.boxes), (&truth.mask, &truth.boxes));
+            let noise = DetectionNoise {
+                things,
+                false_alarm: 0.5,
+                ..DetectionNoise::default()
+            };
+            let seen = if things { truth } else { moving };
+            let rows = sim.detections(index, &noise);
+            assert_eq!(sim.detections_of(index, &seen, &noise), rows);
+        }
+    }
+}
+
 #[test]
 fn exact_detections_are_the_truth() {
     let exact = DetectionNoise {

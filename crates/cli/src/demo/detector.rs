@@ -25,7 +25,8 @@ impl SimulatedDetector {
 impl Detector for SimulatedDetector {
     fn detect(&mut self, frame: &RgbdFrame) -> Result<Detections, DetectError> {
         // The simulator numbers its frames.
-        let rows = script_rows(&self.simulator, frame.id.0 as usize, &self.noise);
+        let said = self.simulator.detections(frame.id.0 as usize, &self.noise);
+        let rows = script_rows(&said);
         let mut items: Vec<_> = rows.into_iter().map(|r| r.detection).collect();
         items.sort_by(|a, b| b.score.total_cmp(&a.score));
         Ok(Detections {

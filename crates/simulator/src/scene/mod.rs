@@ -160,6 +160,11 @@ impl Scene {
         self.people.iter().flat_map(|p| p.movers(stamp)).collect()
     }
 
+    /// Whether nothing ever moves in it.
+    pub(crate) fn is_still(&self) -> bool {
+        self.people.is_empty()
+    }
+
     /// What each thing is that stands still and has a class; thing k is entry k - 1.
     pub(crate) fn things(&self) -> &[ThingBox] {
         &self.things

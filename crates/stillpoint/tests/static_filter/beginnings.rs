@@ -1,6 +1,7 @@
 //! Maps that begin among people: who moves is undecided, and what rode on somebody is corrected.
 
 use super::world::{Recording, Run, with};
+use std::sync::LazyLock;
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, Simd, SourceError};
@@ -9,6 +10,19 @@ use stillpoint_slam::{Event, FrameReport, LogEntry, OnEvent, Preset, Replay, Sta
 fn run(recording: &Recording, preset: Preset) -> Run {
     let system = System::new(with(preset), recording.camera, Simd::detect()).unwrap();
     recording.drive(system.with_log())
+}
+
+/// The first frames, 80 at most, of a scene in which people walk close before the camera from its first frame on.
+fn crowd(frames: usize) -> Recording {
+    static CROWD: LazyLock<Recording> =
+        LazyLock::new(|| Recording::simulated("crowd_xyz", 0..80, 0.0));
+    Recording {
+        frames: CROWD.frames[..frames].to_vec(),
+        masks: Vec::new(),
+        script: Vec::new(),
+        truth: CROWD.truth.clone(),
+        camera: CROWD.camera,
+    }
 }
 
 /// The largest error of a pose after alignment, mm.
@@ -43,10 +57,10 @@ fn nothing_is_undecided_for_long_where_nothing_moves() {
     }
 }
 
-/// People walk close before the camera from its first frame on; for half a second its pose rides on them.
+/// For half a second the camera's pose rides on people.
 #[test]
 fn a_beginning_that_rode_on_somebody_is_posed_again() {
-    let recording = Recording::simulated("crowd_xyz", 0..80, 0.0);
+    let recording = crowd(80);
     let run = run(&recording, Preset::Default);
     let (then, now) = (
         worst_mm(&recording, &online(&run)),
@@ -80,9 +94,8 @@ fn a_beginning_that_rode_on_somebody_is_posed_again() {
 /// Where the stream ends before the beginning was tracked again, that is done then: at 1.5 s the way back has not begun, at 2 s it is on the way.
 #[test]
 fn a_beginning_is_posed_again_where_the_stream_ends_on_the_way() {
-    let mut recording = Recording::simulated("crowd_xyz", 0..60, 0.0);
     for frames in [60, 45] {
-        recording.frames.truncate(frames);
+        let recording = crowd(frames);
         let stages = || Stages::new(with(Preset::Default), recording.camera, Simd::detect());
         let mut unfinished = System::from(stages().unwrap());
         for frame in &recording.frames {

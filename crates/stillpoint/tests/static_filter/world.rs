@@ -74,9 +74,10 @@ impl Recording {
             drop,
             ..DetectionNoise::default()
         };
-        let rows = range
-            .clone()
-            .flat_map(|i| simulator.detections(i, &noise))
+        let seen: Vec<_> = range.clone().map(|i| simulator.moving(i)).collect();
+        let said = range.clone().zip(&seen);
+        let rows = said
+            .flat_map(|(i, seen)| simulator.detections_of(i, seen, &noise))
             .map(|d| ScriptRow {
                 stamp: d.stamp,
                 detection: Detection {
@@ -100,7 +101,7 @@ impl Recording {
             camera: *simulator.camera(),
             script: rows.collect(),
             frames: range.clone().map(frame).collect(),
-            masks: range.clone().map(|i| simulator.truth(i).mask).collect(),
+            masks: seen.into_iter().map(|s| s.mask).collect(),
             truth: truth
                 .skip(range.start)
                 .map(|(stamp, world_from_camera)| TimedPose {
