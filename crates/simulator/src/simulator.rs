@@ -289,7 +289,7 @@ impl Simulator {
         truth::truth(&view, &movers, self.scene.things())
     }
 
-    /// The same without the things that stand still, which costs nothing in scenes in which nothing moves.
+    /// The same without the things that stand still. In scenes in which nothing moves nothing is rendered for it.
     #[must_use]
     pub fn moving(&self, index: usize) -> FrameTruth {
         if self.scene.is_still() {
