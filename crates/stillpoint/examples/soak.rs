@@ -1,8 +1,8 @@
 //! A long run: a simulated camera walks through the same two rooms again and again, in a map with a limit on its keyframes. Tells, for
 //! every minute of camera time, memory, time per frame and error, and whether the last minute is worse than the second.
 //!
-//! `cargo run --release -p stillpoint --example soak -- [MINUTES] [HZ] [MAX_KEYFRAMES]`; 10 minutes at 15 Hz with at most 200
-//! keyframes by default, 320x240 px.
+//! `cargo run --release -p stillpoint --example soak -- [MINUTES] [HZ] [MAX_KEYFRAMES] [DENSE_MB]`; 10 minutes at 15 Hz with at most 200
+//! keyframes by default, 320x240 px. With DENSE_MB a surface is fused beside it, whose kept frames may take so much; its memory is then told, and not judged.
 //! The driver is the inline one, so that poses and map are the same on every machine. Time per frame is the time that the thread
 //! was on a processor, where the system tells that, without rendering. Who else uses the machine slows it all the same; so it is compared by
 //! the time that the features of one and the same image take in between.
@@ -10,12 +10,13 @@
 
 use std::process::ExitCode;
 use std::time::Instant;
+use stillpoint::dense::{Dense, DenseConfig};
 use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint::features::{Features, OrbConfig, OrbExtractor};
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameId, GrayImage, Simd};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
-use stillpoint::slam::{Config, Event, Outcome, System};
+use stillpoint::slam::{Config, Event, Outcome, Subscriber, System};
 
 type Failure = Box<dyn std::error::Error>;
 
@@ -37,12 +38,15 @@ struct Minute {
     landmarks: usize,
     landmark_ids: usize,
     lost: usize,
+    /// Of the surface.
+    dense_mb: f64,
 }
 
 fn main() -> Result<ExitCode, Failure> {
     let mut arguments = std::env::args().skip(1);
     let mut next = |default: f64| arguments.next().map_or(Ok(default), |a| a.parse::<f64>());
     let (minutes, hertz, max_keyframes) = (next(10.0)?, next(15.0)?, next(200.0)?);
+    let dense_mb = next(0.0)?;
     let stride = (RATE / hertz).round().max(1.0) as usize;
     let mut config = Config::default();
     config.mapping.max_keyframes = max_keyframes as usize;
@@ -52,13 +56,21 @@ fn main() -> Result<ExitCode, Failure> {
         ..SimulatorConfig::default()
     })?;
     let mut system = System::new(config, *simulator.camera(), Simd::detect())?;
+    let dense = DenseConfig {
+        depth_budget: (1e6 * dense_mb) as usize,
+        ..DenseConfig::default()
+    };
+    let mut dense = match dense_mb > 0.0 {
+        true => Some(Dense::new(&dense, simulator.camera(), Simd::detect())?),
+        false => None,
+    };
     println!(
         "two rooms, one round in {:.0} s, 320x240 px at {:.0} Hz, at most {max_keyframes} keyframes",
         simulator.len() as f64 / RATE,
         RATE / stride as f64
     );
     println!(
-        "minute | memory MB | median ms | p95 ms | unit ms | ATE mm | keyframes | landmarks | of ever made | lost"
+        "minute | memory MB | median ms | p95 ms | unit ms | ATE mm | keyframes | landmarks | of ever made | lost | dense MB"
     );
     let per_minute = 60 * RATE as usize / stride;
     let mut all = Vec::new();
@@ -66,7 +78,7 @@ fn main() -> Result<ExitCode, Failure> {
     for m in 0..minutes as usize {
         let first = m * per_minute;
         let minute = walk(
-            &mut system,
+            (&mut system, &mut dense),
             &simulator,
             first,
             per_minute,
@@ -74,7 +86,7 @@ fn main() -> Result<ExitCode, Failure> {
             &mut unit,
         )?;
         println!(
-            "{:6} | {:9.1} | {:9.2} | {:6.2} | {:7.2} | {:6.1} | {:9} | {:9} | {:12} | {}",
+            "{:6} | {:9.1} | {:9.2} | {:6.2} | {:7.2} | {:6.1} | {:9} | {:9} | {:12} | {:4} | {:.1}",
             m + 1,
             minute.memory_mb,
             minute.median_ms,
@@ -84,7 +96,8 @@ fn main() -> Result<ExitCode, Failure> {
             minute.keyframes,
             minute.landmarks,
             minute.landmark_ids,
-            minute.lost
+            minute.lost,
+            minute.dense_mb
         );
         all.push(minute);
     }
@@ -93,7 +106,7 @@ fn main() -> Result<ExitCode, Failure> {
 
 /// Walks for a minute.
 fn walk(
-    system: &mut System,
+    (system, dense): (&mut System, &mut Option<Dense>),
     simulator: &Simulator,
     first: usize,
     frames: usize,
@@ -113,6 +126,9 @@ fn walk(
         let stopwatch = Stopwatch::start();
         let events = system.step(frame);
         times.push(1e3 * stopwatch.seconds());
+        if let Some(dense) = dense {
+            dense.receive_all(&events);
+        }
         if i % 10 == 0 {
             units.push(1e3 * unit.seconds());
         }
@@ -142,6 +158,7 @@ fn walk(
         landmarks: view.landmark_count(),
         landmark_ids: view.landmark_bound(),
         lost,
+        dense_mb: dense.as_ref().map_or(0.0, |d| d.bytes() as f64 / 1e6),
     })
 }
 

@@ -3,6 +3,7 @@
 use super::ThingMap;
 use super::absent::{presence, shown};
 use super::assign::{Group, Sights, assign};
+use super::bearings::{Standing, standing};
 use super::ends::complete;
 use super::gather::Things;
 use super::ground::ground;
@@ -10,10 +11,11 @@ use super::level;
 use super::look::Placed;
 use super::merge::{Part, merge};
 use super::own::{Seen, by_place, measured, owners};
-use super::part::{MOST_SIDES, Point, Record, World};
+use super::part::{MOST_SIDES, Point, Record, World, can_be};
 use super::upright::UprightBox;
 use crate::floor::Floor;
 use std::collections::{BTreeMap, BTreeSet};
+use stillpoint_detection::ClassId;
 use stillpoint_geometry::Vec3;
 use stillpoint_map::{MapView, SubmapId};
 
@@ -40,7 +42,10 @@ pub(crate) fn build(things: &Things, view: &MapView) -> ThingMap {
         levels: &levels,
     };
     let mut parts = known(&things.known, 0, &world);
-    parts.extend(tracks(&looks, &world));
+    let (found, left) = tracks(&looks, &world);
+    parts.extend(found);
+    let by_boxes = by_boxes(&left, &parts, &looks, &world);
+    parts.extend(by_boxes);
     for part in &mut parts {
         part.shown = shown(part, &looks);
     }
@@ -162,8 +167,11 @@ fn untouched(map: &ThingMap, world: &World<'_>) -> Vec<Record> {
     map.records.iter().filter(lost).cloned().collect()
 }
 
-/// What the tracks of this run saw.
-fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> Vec<Part> {
+/// Sightings of one track in a submap.
+type Track = (SubmapId, Vec<Seen>);
+
+/// What the tracks of this run saw, and of each of them the sightings that no surface explains.
+fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> (Vec<Part>, Vec<Track>) {
     let owners: Vec<Vec<u16>> = looks.iter().map(owners).collect();
     let mut seen: BTreeMap<(SubmapId, u32, u32), Vec<Seen>> = BTreeMap::new();
     for (l, placed) in looks.iter().enumerate() {
@@ -174,9 +182,9 @@ fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> Vec<Part> {
             }
         }
     }
-    let parted = seen.into_iter().flat_map(|((submap, _, _), seen)| {
-        let places = by_place(&seen, looks, &owners);
-        places.into_iter().map(move |seen| (submap, seen))
+    let parted = seen.iter().flat_map(|((submap, _, _), seen)| {
+        let places = by_place(seen, looks, &owners);
+        places.into_iter().map(move |seen| (*submap, seen))
     });
     let measured_in = |l: &Placed<'_>| l.look.sightings.iter().map(|s| measured(l, s)).collect();
     let measured: Vec<Vec<Option<[f32; 4]>>> = looks.iter().map(measured_in).collect();
@@ -186,10 +194,64 @@ fn tracks(looks: &[Placed<'_>], world: &World<'_>) -> Vec<Part> {
         measured: &measured,
     };
     let groups = assign(parted.collect(), &sights, world);
-    groups
-        .into_iter()
-        .filter_map(|g| part(g, looks, world))
-        .collect()
+    let mut explained: BTreeSet<Seen> = BTreeSet::new();
+    let mut parts = Vec::new();
+    for group in groups {
+        let sightings = group.seen.clone();
+        if let Some(part) = part(group, looks, world) {
+            // A strip of a chair says as little of where that is as none.
+            if can_be(part.class(), &part.bounds) {
+                explained.extend(sightings);
+            }
+            parts.push(part);
+        }
+    }
+    let rest = seen.into_iter().map(|((submap, _, _), mut seen)| {
+        seen.retain(|s| !explained.contains(s));
+        (submap, seen)
+    });
+    (parts, rest.collect())
+}
+
+/// What no surface explains, but boxes alone say where it is; where another thing of its class is known already, that is what they are of.
+fn by_boxes(
+    tracks: &[Track],
+    known: &[Part],
+    looks: &[Placed<'_>],
+    world: &World<'_>,
+) -> Vec<Part> {
+    let one = |(submap, seen): &Track| {
+        let floor = world.levels.get(submap)?;
+        let votes = votes(seen, looks);
+        let class = *votes.iter().max_by(|a, b| a.1.total_cmp(b.1))?.0;
+        let Standing {
+            points,
+            seen,
+            farthest,
+        } = standing(class, seen, looks, floor)?;
+        let places: Vec<Vec3> = points.iter().map(|p| p.1).collect();
+        let bounds = world.bounds(class, *submap, &places)?;
+        // What was found as often there by its surface is it; what was found less often is put together with it.
+        let is_known = known.iter().any(|p| {
+            let apart = (p.bounds.centre - bounds.centre).norm();
+            let reach = p.bounds.size.xy().max().max(bounds.size.xy().max());
+            let same = p.submap == *submap && p.class() == class && can_be(class, &p.bounds);
+            same && apart < reach && p.found() as usize >= seen.len()
+        });
+        (!is_known).then(|| Part {
+            votes,
+            looks: seen.iter().map(|s| s.0).collect(),
+            shown: BTreeSet::new(),
+            known: Vec::new(),
+            files: BTreeSet::new(),
+            submap: *submap,
+            points,
+            bounds,
+            seen: stamps(&seen, looks),
+            farthest,
+        })
+    };
+    tracks.iter().filter_map(one).collect()
 }
 
 /// A group of sightings as a part of a thing; none where its surface does not say where it is.
@@ -203,27 +265,39 @@ fn part(group: Group, looks: &[Placed<'_>], world: &World<'_>) -> Option<Part> {
     if seen.len() < LEAST_LOOKS || carved.fit < LEAST_FIT || carved.doubt > MOST_DOUBT {
         return None;
     }
-    let mut votes = BTreeMap::new();
-    let mut farthest: f64 = 0.0;
-    for (l, s) in &seen {
-        let sighting = &looks[*l].look.sightings[*s];
-        *votes.entry(sighting.class).or_default() += f64::from(sighting.score);
-        farthest = farthest.max(f64::from(sighting.depths[1]));
-    }
-    let stamp = |at: Option<&Seen>| at.map_or(0.0, |(l, _)| looks[*l].look.stamp);
     let places: Vec<Vec3> = carved.points.iter().map(|p| p.1).collect();
+    let bounds = world.bounds(group.class, submap, &places)?;
+    let depths = seen
+        .iter()
+        .map(|(l, s)| looks[*l].look.sightings[*s].depths[1]);
     Some(Part {
-        votes,
+        votes: votes(&seen, looks),
         looks: seen.iter().map(|s| s.0).collect(),
         shown: BTreeSet::new(),
         known: Vec::new(),
         files: BTreeSet::new(),
         submap,
         points: carved.points,
-        bounds: world.bounds(group.class, submap, &places)?,
-        seen: [stamp(seen.first()), stamp(seen.last())],
-        farthest,
+        bounds,
+        seen: stamps(&seen, looks),
+        farthest: depths.map(f64::from).fold(0.0, f64::max),
     })
+}
+
+/// The sums of the scores of sightings, by class.
+fn votes(seen: &[Seen], looks: &[Placed<'_>]) -> BTreeMap<ClassId, f64> {
+    let mut votes = BTreeMap::new();
+    for (l, s) in seen {
+        let sighting = &looks[*l].look.sightings[*s];
+        *votes.entry(sighting.class).or_default() += f64::from(sighting.score);
+    }
+    votes
+}
+
+/// Stamps of the first and the last of sightings, s.
+fn stamps(seen: &[Seen], looks: &[Placed<'_>]) -> [f64; 2] {
+    let stamp = |at: Option<&Seen>| at.map_or(0.0, |(l, _)| looks[*l].look.stamp);
+    [stamp(seen.first()), stamp(seen.last())]
 }
 
 /// Middles of the sides that nobody saw, where a thing is taken to end. Where an earlier run knew it, that run may have seen its end: it goes on no

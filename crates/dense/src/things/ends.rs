@@ -43,6 +43,11 @@ const LEAST: f64 = 0.01;
 /// By axis across the floor, how far a box could go on beyond its lower and its upper side, m.
 pub(crate) type Rooms = [[f64; 2]; 2];
 
+/// Mean and standard deviation of the shorter and of the longer side of things of a class, m.
+pub(crate) fn sides(class: ClassId) -> Option<[[f64; 2]; 2]> {
+    SIZES.iter().find(|s| s.0 == class.name()).map(|s| s.1)
+}
+
 /// Middles of the sides of a box that go on beyond what was seen of a thing; `known` are boxes that it goes on no farther than.
 pub(crate) fn complete(
     class: ClassId,
@@ -50,23 +55,23 @@ pub(crate) fn complete(
     known: &[UprightBox],
     looks: &[&Placed<'_>],
 ) -> Vec<Vec3> {
-    let Some((_, sizes)) = SIZES.iter().find(|s| s.0 == class.name()) else {
+    let Some(sizes) = sides(class) else {
         return Vec::new();
     };
     let most = sizes[1][0] + 3.0 * sizes[1][1];
     let mut rooms = rooms(class, bounds, most, looks);
     within(known, bounds, &mut rooms);
-    let all = grown(bounds, &rooms, sizes);
-    let mut sides = Vec::new();
+    let all = grown(bounds, &rooms, &sizes);
+    let mut ends = Vec::new();
     for (k, sign) in [(0, -1.0), (0, 1.0), (1, -1.0), (1, 1.0)] {
         let axis: Vec3 = sign * bounds.world_from_box.column(k);
         let side = |b: &UprightBox| b.centre + 0.5 * b.size[k] * axis;
         let (seen, end) = (side(bounds), side(&all));
         if (end - seen).dot(&axis) > LEAST {
-            sides.push(end);
+            ends.push(end);
         }
     }
-    sides
+    ends
 }
 
 /// Leaves no room beyond what is known.

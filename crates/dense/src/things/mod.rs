@@ -7,6 +7,7 @@
 
 mod absent;
 mod assign;
+mod bearings;
 mod beyond;
 mod build;
 mod bytes;
@@ -89,7 +90,7 @@ impl ThingMap {
             .iter()
             .filter(|r| r.found >= LEAST_FOUND && r.confidence() >= LEAST_CONFIDENCE)
             .filter_map(|r| r.thing(&world))
-            .filter(part::can_be)
+            .filter(|t| part::can_be(t.class, &t.bounds))
             .collect();
         let rooms = RoomMap::new(&self.ground, &self.levels, view);
         for thing in &mut things {

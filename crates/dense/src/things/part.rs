@@ -128,10 +128,10 @@ const SMALLEST: [(&str, [f64; 2]); 6] = [
     ("refrigerator", [0.5, 0.3]),
 ];
 
-/// Whether a thing is as large as things of its class are at least.
-pub(crate) fn can_be(thing: &Thing) -> bool {
-    let size = thing.bounds.size;
-    let least = SMALLEST.iter().find(|s| s.0 == thing.class.name());
+/// Whether a box is as large as things of a class are at least.
+pub(crate) fn can_be(class: ClassId, bounds: &UprightBox) -> bool {
+    let size = bounds.size;
+    let least = SMALLEST.iter().find(|s| s.0 == class.name());
     least.is_none_or(|(_, [high, long])| size.z >= *high && size.x.max(size.y) >= *long)
 }
 
@@ -269,22 +269,16 @@ mod tests {
 
     #[test]
     fn a_leg_is_no_table() {
-        let thing = |class: &str, size: [f64; 3]| Thing {
-            class: ClassId::from_name(class).unwrap(),
-            bounds: UprightBox {
+        let can = |class: &str, size: [f64; 3]| {
+            let bounds = UprightBox {
                 centre: Vec3::zeros(),
                 size: Vec3::from(size),
                 world_from_box: Mat3::identity(),
-            },
-            room: None,
-            confidence: 0.5,
-            found: 5,
-            submap: SubmapId(0),
-            first_seen: 0.0,
-            last_seen: 1.0,
+            };
+            can_be(ClassId::from_name(class).unwrap(), &bounds)
         };
-        assert!(!can_be(&thing("dining table", [0.07, 0.05, 0.19])));
-        assert!(can_be(&thing("dining table", [0.07, 0.5, 0.74])));
-        assert!(can_be(&thing("cup", [0.07, 0.05, 0.1])));
+        assert!(!can("dining table", [0.07, 0.05, 0.19]));
+        assert!(can("dining table", [0.07, 0.5, 0.74]));
+        assert!(can("cup", [0.07, 0.05, 0.1]));
     }
 }

@@ -1,0 +1,382 @@
+//! Where a thing is by its boxes alone.
+//!
+//! Of what is black or shines a depth camera measures next to nothing, so that no surface meets the borders of its boxes. But boxes from several places say
+//! where it is: left and right borders are bearings, and between those of a thing about as deep as it is wide is a square on the floor.
+
+use super::ends::sides;
+use super::look::{Placed, Shown};
+use super::own::Seen;
+use super::part::{Point, stands};
+use crate::floor::Floor;
+use std::f64::consts::PI;
+use stillpoint_detection::ClassId;
+use stillpoint_geometry::nalgebra::{Matrix2, Rotation2};
+use stillpoint_geometry::{Mat3, Vec2, Vec3};
+
+/// What is longer than this many times its width looks different from everywhere: its boxes do not say where it is.
+const ROUND: f64 = 1.2;
+/// Looks in which it has to be found.
+const LEAST_LOOKS: usize = 4;
+/// Borders that say something, at least.
+const LEAST_BORDERS: usize = 6;
+/// Borders of detected boxes are off by this, px; ...
+const JITTER: f64 = 6.0;
+/// ... those that are off by more than `WRONG` px are wrong, and at most this share of them may be.
+const WRONG: f64 = 2.0 * JITTER;
+const MOST_WRONG: f64 = 0.25;
+/// How surely its place has to be known: standard deviation, m.
+const CERTAIN: f64 = 0.15;
+/// Nearer to the border of the image a box is cut off, px.
+const RIM: f64 = 12.0;
+/// What is this much nearer beside a border hides the thing's own one, m.
+const NEARER: f64 = 0.3;
+/// What is looked at beside a border, px from it, and as shares of the box's height.
+const BESIDE: f64 = 9.0;
+const ROWS: [f64; 3] = [0.2, 0.5, 0.8];
+/// What is farther off counts less (Huber), in `JITTER`.
+const HUBER: f64 = 1.5;
+/// Directions of its sides that are tried.
+const TURNS: u32 = 6;
+/// Steps of Gauss and Newton; three are usual.
+const STEPS: usize = 10;
+/// Farther away nothing is told, m.
+const FAR: f64 = 6.0;
+/// Height of its body above the floor, m: that of a seat.
+const BODY: f64 = 0.45;
+/// Heights that it has, m.
+const HEIGHTS: [f64; 2] = [0.5, 2.2];
+/// Share of what looks show in the place of its body that may be behind it.
+const MOST_THROUGH: f64 = 0.4;
+
+/// A thing that stands on the floor.
+#[derive(Clone, Debug)]
+pub(crate) struct Standing {
+    /// Places of its body, and the corners of its box.
+    pub(crate) points: Vec<(Point, Vec3)>,
+    /// The sightings that it was found in.
+    pub(crate) seen: Vec<Seen>,
+    /// The largest depth at which it was found, m.
+    pub(crate) farthest: f64,
+}
+
+/// A square on the floor, level axes.
+#[derive(Clone, Copy, Debug)]
+struct Square {
+    centre: Vec2,
+    /// Half of its side, m.
+    half: f64,
+    turn: Rotation2<f64>,
+}
+
+impl Square {
+    /// From its middle to its corners, of a square of half a side of 1 m.
+    fn corners(&self) -> [Vec2; 4] {
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        corners.map(|c| self.turn * Vec2::from(c))
+    }
+}
+
+/// The left or right border of a box, from above.
+struct Border {
+    seen: Seen,
+    /// Where the camera is, level axes.
+    eye: Vec2,
+    /// Direction of the border: a unit vector, and the one to the left of it.
+    ahead: Vec2,
+    left: Vec2,
+    /// 1 where the thing is to the right of it, -1 where it is to the left.
+    side: f64,
+    /// Pixels per rad.
+    scale: f64,
+    /// Pixels outside of the box.
+    beside: [Vec2; 3],
+}
+
+/// Finds a thing of a class by its sightings; none where they do not say where it is.
+pub(crate) fn standing(
+    class: ClassId,
+    seen: &[Seen],
+    looks: &[Placed<'_>],
+    floor: &Floor,
+) -> Option<Standing> {
+    let [width, length] = sides(class).filter(|_| stands(class))?;
+    if length[0] > ROUND * width[0] || seen.len() < LEAST_LOOKS {
+        return None;
+    }
+    let level = floor.level_from_world();
+    let borders: Vec<Border> = (seen.iter())
+        .flat_map(|s| borders(*s, &looks[s.0], &level))
+        .collect();
+    let usual = [0, 1].map(|k| 0.25 * (width[k] + length[k]));
+    let centre = start(&borders)?;
+    let fits = (0..TURNS).filter_map(|k| {
+        let turn = 0.5 * PI * f64::from(k) / f64::from(TURNS);
+        let first = Square {
+            centre,
+            half: usual[0],
+            turn: Rotation2::new(turn),
+        };
+        fit(first, usual, &borders, looks, floor)
+    });
+    let fit = fits.min_by(|a, b| a.cost.total_cmp(&b.cost))?;
+    let (square, used) = (fit.square, fit.borders);
+    let right: Vec<&&Border> = (used.iter())
+        .filter(|b| b.error(&square).abs() <= WRONG)
+        .collect();
+    let wrong = (used.len() - right.len()) as f64;
+    let certain = fit.deviation <= CERTAIN;
+    if right.len() < LEAST_BORDERS || wrong > MOST_WRONG * used.len() as f64 || !certain {
+        return None;
+    }
+    let own: Vec<Seen> = (seen.iter())
+        .filter(|s| right.iter().any(|b| b.seen == **s))
+        .copied()
+        .collect();
+    let middle = at_height(floor, &square.centre, BODY);
+    let depths = own.iter().map(|s| looks[s.0].depth(&middle));
+    let farthest = depths.fold(0.0, f64::max);
+    let top = top(&own, looks, floor, &square.centre)?;
+    let (body, corners) = places(&square, top, floor);
+    if own.len() < LEAST_LOOKS || farthest > FAR || is_empty(&body, looks, seen[0]) {
+        return None;
+    }
+    let keeper = &looks[own[own.len() / 2].0];
+    let kept = body.iter().chain(&corners);
+    Some(Standing {
+        points: kept
+            .filter_map(|p| Some((keeper.keep_world(p)?, *p)))
+            .collect(),
+        seen: own,
+        farthest,
+    })
+}
+
+/// The borders of a box that the image does not cut off.
+fn borders((l, s): Seen, placed: &Placed<'_>, level: &Mat3) -> Vec<Border> {
+    let camera = &placed.grid.camera;
+    let [x0, y0, x1, y1] = placed.look.sightings[s].bounds.map(f64::from);
+    let end = f64::from(camera.width) - 1.0;
+    let level_from_camera = level * placed.world_from_camera.rotation.to_rotation_matrix();
+    let direction = |x: f64| {
+        let ray = level_from_camera * camera.ray(Vec2::new(x, 0.5 * (y0 + y1)));
+        ray.xy().try_normalize(1e-9)
+    };
+    let both = [(x0, x0, -1.0), (x1, end - x1, 1.0)];
+    let inside = both.into_iter().filter(|b| b.1 > RIM);
+    let border = |(x, _, out): (f64, f64, f64)| {
+        let ahead = direction(x)?;
+        // Where larger columns are, from above: an upright camera has them to the right.
+        let left = Rotation2::new(0.5 * PI) * ahead;
+        let more = direction(x + 1.0)? - ahead;
+        let per_px = more.dot(&left);
+        Some(Border {
+            seen: (l, s),
+            eye: (level * placed.world_from_camera.translation).xy(),
+            ahead,
+            left,
+            side: out * per_px.signum(),
+            scale: 1.0 / per_px.abs().max(1e-9),
+            beside: ROWS.map(|r| Vec2::new(x + out * BESIDE, y0 + r * (y1 - y0))),
+        })
+    };
+    inside.filter_map(border).collect()
+}
+
+impl Border {
+    /// The corner of a square that is farthest to the outside here, as from its middle, and how far outside of the border it is, px.
+    fn outermost(&self, square: &Square) -> (Vec2, f64) {
+        let outside = |corner: Vec2| {
+            let to = square.centre + square.half * corner - self.eye;
+            let angle = libm::atan2(to.dot(&self.left), to.dot(&self.ahead));
+            (corner, self.scale * self.side * angle)
+        };
+        let [first, rest @ ..] = square.corners().map(outside);
+        rest.into_iter()
+            .fold(first, |a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    /// How far outside of the border a square is, px.
+    fn error(&self, square: &Square) -> f64 {
+        self.outermost(square).1
+    }
+
+    /// Derivatives of the error by the place of the middle and half of the side.
+    fn slope(&self, square: &Square) -> Vec3 {
+        let (corner, _) = self.outermost(square);
+        let to = square.centre + square.half * corner - self.eye;
+        let across = Rotation2::new(0.5 * PI) * to / to.norm_squared().max(1e-9);
+        self.scale * self.side * Vec3::new(across.x, across.y, across.dot(&corner))
+    }
+
+    /// Whether something nearer hides the border of a square here.
+    fn is_hidden(&self, square: &Square, looks: &[Placed<'_>], floor: &Floor) -> bool {
+        let placed = &looks[self.seen.0];
+        let z = placed.depth(&at_height(floor, &square.centre, BODY));
+        let nearer = |px: &&Vec2| {
+            let seen = placed
+                .grid
+                .nearest(**px)
+                .map_or(0.0, |i| placed.look.depth(i));
+            seen > 0.0 && seen < z - square.half - NEARER
+        };
+        let own = &placed.look.sightings[self.seen.1];
+        // What is black hides others as well, and its depth is not known: screens on tables.
+        let others = placed
+            .look
+            .sightings
+            .iter()
+            .filter(|o| !stands(o.class) && o.track != own.track);
+        let covered = |px: &&Vec2| {
+            let mut others = others.clone();
+            others.any(|o| {
+                let [x0, y0, x1, y1] = o.bounds.map(f64::from);
+                (x0..x1).contains(&px.x) && (y0..y1).contains(&px.y)
+            })
+        };
+        let hidden = |px: &&Vec2| nearer(px) || covered(px);
+        2 * self.beside.iter().filter(hidden).count() > self.beside.len()
+    }
+}
+
+/// Where the lines of sight pass each other nearest.
+fn start(borders: &[Border]) -> Option<Vec2> {
+    let (mut sum, mut weighted) = (Matrix2::<f64>::zeros(), Vec2::zeros());
+    for b in borders {
+        let across = b.left * b.left.transpose();
+        sum += across;
+        weighted += across * b.eye;
+    }
+    // Parallel lines meet nowhere.
+    let inverse: Matrix2<f64> = (sum + Matrix2::identity() * 1e-6).try_inverse()?;
+    Some(inverse * weighted)
+}
+
+/// The square of one direction that meets the borders best.
+struct Fit<'a> {
+    square: Square,
+    /// Borders that nothing hides.
+    borders: Vec<&'a Border>,
+    /// How well it meets them: the mean of Huber's costs of errors in `JITTER`.
+    cost: f64,
+    /// How well its place is known, m.
+    deviation: f64,
+}
+
+/// Fits a square, of usual size.
+fn fit<'a>(
+    mut square: Square,
+    usual: [f64; 2],
+    borders: &'a [Border],
+    looks: &[Placed<'_>],
+    floor: &Floor,
+) -> Option<Fit<'a>> {
+    let open = |square: &Square| -> Vec<&Border> {
+        let all = borders.iter();
+        all.filter(|b| !b.is_hidden(square, looks, floor)).collect()
+    };
+    let mut deviation = f64::INFINITY;
+    for _ in 0..STEPS {
+        (square, deviation) = improve(&open(&square), square, usual)?;
+    }
+    let borders = open(&square);
+    let errors = borders.iter().map(|b| b.error(&square) / JITTER);
+    let rms = libm::sqrt(errors.map(|e| e * e).sum::<f64>() / borders.len().max(1) as f64);
+    deviation *= rms.clamp(0.5, 2.0);
+    let costs = borders.iter().map(|b| {
+        let error = b.error(&square).abs() / JITTER;
+        let beyond = (error - HUBER).max(0.0);
+        0.5 * (error * error - beyond * beyond)
+    });
+    Some(Fit {
+        cost: costs.sum::<f64>() / borders.len().max(1) as f64,
+        square,
+        borders,
+        deviation,
+    })
+}
+
+/// A step towards the square that meets the borders best, and how well its place is known then, m.
+fn improve(
+    borders: &[&Border],
+    mut square: Square,
+    [half, spread]: [f64; 2],
+) -> Option<(Square, f64)> {
+    let (mut normal, mut right) = (Mat3::zeros(), Vec3::zeros());
+    normal[(2, 2)] = 1.0 / (spread * spread);
+    right.z = (square.half - half) / (spread * spread);
+    for b in borders {
+        let (error, slope) = (b.error(&square) / JITTER, b.slope(&square) / JITTER);
+        let weight = HUBER / error.abs().max(HUBER);
+        normal += weight * slope * slope.transpose();
+        right += weight * error * slope;
+    }
+    let inverse = normal.try_inverse()?;
+    let step = inverse * right;
+    // Not farther than a metre at once, and never inside out.
+    let step = step * (1.0 / step.norm().max(1.0));
+    square.centre -= step.xy();
+    square.half = (square.half - step.z).max(0.3 * half);
+    let place: Matrix2<f64> = inverse.fixed_view::<2, 2>(0, 0).into_owned();
+    let deviation = libm::sqrt(place.symmetric_eigenvalues().max().max(0.0));
+    Some((square, deviation))
+}
+
+/// A place of the world at some height above a place on the floor, m.
+fn at_height(floor: &Floor, at: &Vec2, height: f64) -> Vec3 {
+    floor.level_from_world().transpose() * Vec3::new(at.x, at.y, floor.offset + height)
+}
+
+/// How high it is by the upper borders of its boxes, m; none where that is no height of a thing.
+fn top(seen: &[Seen], looks: &[Placed<'_>], floor: &Floor, centre: &Vec2) -> Option<f64> {
+    let level = floor.level_from_world();
+    let height = |(l, s): &Seen| {
+        let placed = &looks[*l];
+        let [x0, y0, x1, _] = placed.look.sightings[*s].bounds.map(f64::from);
+        let px = Vec2::new(0.5 * (x0 + x1), y0);
+        let ray = level * (placed.world_from_camera.rotation * placed.grid.camera.ray(px));
+        let eye = level * placed.world_from_camera.translation;
+        let along = (centre - eye.xy()).norm() / ray.xy().norm().max(1e-9);
+        (y0 > RIM).then(|| eye.z + along * ray.z - floor.offset)
+    };
+    let mut heights: Vec<f64> = seen.iter().filter_map(height).collect();
+    heights.sort_by(f64::total_cmp);
+    let middle = *heights.get(heights.len() / 2)?;
+    (HEIGHTS[0]..HEIGHTS[1]).contains(&middle).then_some(middle)
+}
+
+/// Places of its body, and the corners of its box at the body and at the top.
+fn places(square: &Square, top: f64, floor: &Floor) -> (Vec<Vec3>, Vec<Vec3>) {
+    let corners = square.corners().map(|c| square.half * c);
+    let at =
+        |share: f64, corner: &Vec2, z: f64| at_height(floor, &(square.centre + share * corner), z);
+    let body = [BODY - 0.04, BODY, BODY + 0.04].map(|z| {
+        let around = corners
+            .iter()
+            .flat_map(move |c| [0.3, 0.6].map(|s| at(s, c, z)));
+        around
+            .chain([at(0.0, &corners[0], z)])
+            .collect::<Vec<Vec3>>()
+    });
+    let ends = corners
+        .iter()
+        .flat_map(|c| [BODY, top].map(|z| at(1.0, c, z)));
+    (body.concat(), ends.collect())
+}
+
+/// Whether looks see through a place.
+fn is_empty(places: &[Vec3], looks: &[Placed<'_>], (l, _): Seen) -> bool {
+    let (mut there, mut farther) = (0_u32, 0_u32);
+    for placed in looks.iter().filter(|p| p.submap == looks[l].submap) {
+        for p in places.iter().filter(|p| placed.depth(p) < FAR) {
+            match placed.shows(p) {
+                Shown::Point => there += 1,
+                Shown::Farther => farther += 1,
+                Shown::Nearer | Shown::Nothing => {}
+            }
+        }
+    }
+    f64::from(farther) > MOST_THROUGH * f64::from(there + farther)
+}
+
+#[cfg(test)]
+mod tests;
