@@ -124,6 +124,8 @@ pub(crate) struct Blocks<B = Block> {
     keys: Vec<Key>,
     used: Vec<bool>,
     free: Vec<u32>,
+    /// Of the blocks from the first on, how many hold what others left there before they are taken.
+    stale: usize,
 }
 
 impl<B> Default for Blocks<B> {
@@ -134,6 +136,7 @@ impl<B> Default for Blocks<B> {
             keys: Vec::new(),
             used: Vec::new(),
             free: Vec::new(),
+            stale: 0,
         }
     }
 }
@@ -167,9 +170,11 @@ impl<B: Clone + Default> Blocks<B> {
         }
         let number = self.free.pop().unwrap_or_else(|| {
             let next = self.keys.len();
-            if next.is_multiple_of(CHUNK) {
+            if next == CHUNK * self.chunks.len() {
                 self.chunks
                     .push(vec![B::default(); CHUNK].into_boxed_slice());
+            } else if next < self.stale {
+                *self.get_mut(next) = B::default();
             }
             self.keys.push(key);
             self.used.push(false);
@@ -229,11 +234,21 @@ impl<B: Clone + Default> Blocks<B> {
 impl<B: Clone + Default> Clone for Blocks<B> {
     fn clone(&self) -> Self {
         let mut copy = Self::default();
-        for (key, number) in self.sorted() {
-            let to = copy.find_or_make(key);
-            *copy.get_mut(to) = self.get(number).clone();
-        }
+        copy.clone_from(self);
         copy
+    }
+
+    /// Keeps the memory that it has.
+    fn clone_from(&mut self, source: &Self) {
+        self.stale = CHUNK * self.chunks.len();
+        self.table.clear();
+        self.keys.clear();
+        self.used.clear();
+        self.free.clear();
+        for (key, number) in source.sorted() {
+            let to = self.find_or_make(key);
+            self.get_mut(to).clone_from(source.get(number));
+        }
     }
 }
 
@@ -265,6 +280,19 @@ mod tests {
         let copy = blocks.clone();
         assert_eq!(copy.len(), 4);
         assert!(copy.sorted().iter().map(|p| p.1).eq(0..4));
+        // One that took more before is the same, in its own memory.
+        let mut other = Blocks::<Block>::default();
+        for x in 0..70 {
+            let n = other.find_or_make(Key::new(x, 1, 0));
+            other.get_mut(n).weight.fill(7);
+        }
+        let bytes = other.bytes();
+        other.clone_from(&blocks);
+        assert!(other.bytes() <= bytes);
+        assert_eq!(other.sorted(), copy.sorted());
+        assert!((0..4).all(|n| other.get(n) == copy.get(n)));
+        let more = other.find_or_make(Key::new(50, 50, 50));
+        assert_eq!((more, other.get(more).weight[0]), (4, 0));
         let within: Vec<Key> = copy.within([[0; 3], [9; 3]]).map(|p| p.1).collect();
         assert_eq!(within, [Key::new(3, 0, 0), Key::new(9, 9, 9)]);
     }

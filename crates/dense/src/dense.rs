@@ -67,6 +67,9 @@ pub struct Dense {
     base: DenseMap,
     map: DenseMap,
     rebuild: Option<Rebuild>,
+    /// The volume before the last one that was filled anew, for its memory: given back and asked for again in small pieces among other things, a process would
+    /// hold twice as much.
+    spare: Option<DenseMap>,
     taken: Vec<FrameId>,
     counts: DenseCounts,
     scratch: Scratch,
@@ -105,6 +108,7 @@ impl Dense {
             base: map.clone(),
             map,
             rebuild: None,
+            spare: None,
             taken: Vec::new(),
             counts: DenseCounts::default(),
             scratch: Scratch::default(),
@@ -165,14 +169,16 @@ impl Dense {
     /// Memory held, bytes.
     #[must_use]
     pub fn bytes(&self) -> usize {
-        let rebuild = self.rebuild.as_ref().map_or(0, |r| r.map.bytes());
-        self.map.bytes() + self.base.bytes() + rebuild + self.kept_bytes
+        let rebuild = self.rebuild.as_ref().map(|r| &r.map);
+        let others = rebuild.into_iter().chain(&self.spare);
+        let others: usize = others.map(DenseMap::bytes).sum();
+        self.map.bytes() + self.base.bytes() + others + self.kept_bytes
     }
 
     /// Integrates all that is kept once more, in the order of time, at the final poses; frames without one are left out.
     #[must_use]
     pub fn finish(mut self, poses: &[FinalPose]) -> DenseMap {
-        self.rebuild = None;
+        (self.rebuild, self.spare) = (None, None);
         let mut map = self.base;
         let seen = &mut self.scratch.again;
         for kept in &self.kept {
@@ -256,8 +262,15 @@ impl Dense {
     fn follow(&mut self, report: &FrameReport) {
         let changed = self.course.follow(report);
         if changed && self.rebuild.is_none() && self.has_moved() {
+            let map = match self.spare.take() {
+                Some(mut spare) => {
+                    spare.clone_from(&self.base);
+                    spare
+                }
+                None => self.base.clone(),
+            };
             self.rebuild = Some(Rebuild {
-                map: self.base.clone(),
+                map,
                 next: 0,
                 used: Vec::new(),
             });
@@ -304,7 +317,7 @@ impl Dense {
             self.rebuild = Some(rebuild);
             return;
         }
-        self.map = rebuild.map;
+        self.spare = Some(std::mem::replace(&mut self.map, rebuild.map));
         for (kept, pose) in self.kept.iter_mut().zip(rebuild.used) {
             kept.used = pose;
         }

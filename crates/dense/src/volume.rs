@@ -45,6 +45,20 @@ impl Clone for Volume {
             ..*self
         }
     }
+
+    /// Keeps the memory that it has.
+    fn clone_from(&mut self, source: &Self) {
+        let (mut blocks, scratch) = (
+            std::mem::take(&mut self.blocks),
+            std::mem::take(&mut self.scratch),
+        );
+        blocks.clone_from(&source.blocks);
+        *self = Self {
+            blocks,
+            scratch,
+            ..*source
+        };
+    }
 }
 
 impl Volume {

@@ -45,6 +45,16 @@ impl Clone for DenseMap {
             arrivals: Arrivals::default(),
         }
     }
+
+    /// Keeps the memory that it has.
+    fn clone_from(&mut self, source: &Self) {
+        self.volume.clone_from(&source.volume);
+        self.cells.blocks.clone_from(&source.cells.blocks);
+        self.cells.side = source.cells.side;
+        self.max_depth = source.max_depth;
+        self.last_stamp = source.last_stamp;
+        self.arrivals = Arrivals::default();
+    }
 }
 
 impl DenseMap {
