@@ -13,7 +13,8 @@ const MODEL: &str = "models/yolox_nano_416.onnx";
 fn error_mm(recording: &Path, more: &[&str]) -> f64 {
     let dir = tempfile::tempdir().unwrap();
     let output = program()
-        .args(["-q", "run", "--out", dir.path().to_str().unwrap()])
+        .args(["-q", "run", "--no-report"])
+        .args(["--out", dir.path().to_str().unwrap()])
         .args(more)
         .arg(recording)
         .output()
