@@ -165,9 +165,9 @@ fn borders((l, s): Seen, placed: &Placed<'_>, level: &Mat3) -> Vec<Border> {
     let inside = both.into_iter().filter(|b| b.1 > RIM);
     let border = |(x, _, out): (f64, f64, f64)| {
         let ahead = direction(x)?;
-        // Where larger columns are, from above: an upright camera has them to the right.
         let left = Rotation2::new(0.5 * PI) * ahead;
         let more = direction(x + 1.0)? - ahead;
+        // Negative where larger columns are to the right, as an upright camera has them.
         let per_px = more.dot(&left);
         Some(Border {
             seen: (l, s),
@@ -316,9 +316,10 @@ fn improve(
     let step = step * (1.0 / step.norm().max(1.0));
     square.centre -= step.xy();
     square.half = (square.half - step.z).max(0.3 * half);
-    let place: Matrix2<f64> = inverse.fixed_view::<2, 2>(0, 0).into_owned();
-    let deviation = libm::sqrt(place.symmetric_eigenvalues().max().max(0.0));
-    Some((square, deviation))
+    // The larger eigenvalue of the covariance of its place.
+    let [xx, yy, xy] = [(0, 0), (1, 1), (0, 1)].map(|at| inverse[at]);
+    let larger = 0.5 * (xx + yy) + libm::hypot(0.5 * (xx - yy), xy);
+    Some((square, libm::sqrt(larger)))
 }
 
 /// A place of the world at some height above a place on the floor, m.
