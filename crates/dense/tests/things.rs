@@ -267,3 +267,80 @@ fn joined_maps_know_each_thing_once() {
     let elsewhere = ThingMap::joined(&ThingMap::default(), &map, 100_000, &view());
     assert!(elsewhere.list(&view()).is_empty() && !elsewhere.is_empty());
 }
+
+/// All that happens with a black chair in it that is not rendered: in its box, whose middle on the floor is `at` in each frame, nothing is measured.
+fn with_black_chair(at: &dyn Fn(usize) -> [f64; 2]) -> Vec<Event> {
+    let table = ClassId::from_name("dining table").unwrap();
+    told(&|i, frame| {
+        let simulator = &desk().simulator;
+        let pose = simulator.world_from_camera(simulator.stamp(i)).inverse();
+        let [x, y] = at(i);
+        let far = f64::INFINITY;
+        let (mut low, mut high) = ([far; 2], [-far; 2]);
+        for k in 0..8_u32 {
+            let side = |bit: u32| f64::from(k >> bit & 1) - 0.5;
+            let corner = Vec3::new(x + 0.55 * side(0), y + 0.6 * side(1), 0.5 + side(2));
+            let px = simulator.camera().project(&pose.transform(&corner));
+            (0..2).for_each(|c| low[c] = low[c].min(px[c]));
+            (0..2).for_each(|c| high[c] = high[c].max(px[c]));
+        }
+        let bounds = BoundingBox {
+            x0: low[0].max(0.0),
+            y0: low[1].max(0.0),
+            x1: high[0].min(239.0),
+            y1: high[1].min(179.0),
+        };
+        let mut objects: Vec<Object> = frame.report.objects.to_vec();
+        objects.retain(|o| o.class == table);
+        let seen = MoverBox {
+            mover: 900,
+            class: "chair",
+            x0: bounds.x0,
+            y0: bounds.y0,
+            x1: bounds.x1,
+            y1: bounds.y1,
+            visible_px: 1000,
+            motion: None,
+        };
+        objects.push(object(&seen, "chair", [1.0, 4.0]));
+        frame.report.objects = objects.into();
+        let image = frame.frame.as_ref().unwrap();
+        let (width, height) = (image.depth.width(), image.depth.height());
+        let mut depth = image.depth.data().to_vec();
+        for (k, z) in depth.iter_mut().enumerate() {
+            let (x, y) = ((k % width) as f64, (k / width) as f64);
+            let inside = x >= bounds.x0 - 14.0 && x <= bounds.x1 + 14.0;
+            if inside && y >= bounds.y0 - 14.0 && y <= bounds.y1 + 14.0 {
+                *z = 0.0;
+            }
+        }
+        let mut image = (**image).clone();
+        image.depth = DepthImage::from_vec(width, height, depth).unwrap();
+        frame.frame = Some(Arc::new(image));
+    })
+}
+
+#[test]
+fn a_black_chair_is_found_by_its_boxes() {
+    // On the floor in the middle of what is in sight.
+    let pose = desk().simulator.world_from_camera(0.8);
+    let ahead = (pose.rotation * Vec3::z()).xy().normalize();
+    let chair = pose.translation.xy() + 2.2 * ahead;
+    let chairs = |at: &dyn Fn(usize) -> [f64; 2]| {
+        let list = gathered(&with_black_chair(at), None).list(&view());
+        let chairs = listed(&list, "chair");
+        chairs.into_iter().map(place).collect::<Vec<Vec3>>()
+    };
+    let found = chairs(&|_| chair.into());
+    let off = found.first().map(|p| (p.xy() - chair).norm());
+    assert!(
+        found.len() == 1 && off.is_some_and(|off| off < 0.2),
+        "{found:?} {off:?}"
+    );
+    // The control: boxes that are now of one chair, now of another say nothing.
+    let across = stillpoint_geometry::Vec2::new(-ahead.y, ahead.x);
+    let two =
+        |i: usize| (chair + if (i / 3).is_multiple_of(2) { 0.4 } else { -0.4 } * across).into();
+    let found = chairs(&two);
+    assert!(found.is_empty(), "{found:?}");
+}

@@ -2,7 +2,8 @@
 //! every minute of camera time, memory, time per frame and error, and whether the last minute is worse than the second.
 //!
 //! `cargo run --release -p stillpoint --example soak -- [MINUTES] [HZ] [MAX_KEYFRAMES] [DENSE_MB]`; 10 minutes at 15 Hz with at most 200
-//! keyframes by default, 320x240 px. With DENSE_MB a surface is fused beside it, whose kept frames may take so much; its memory is then told, and not judged.
+//! keyframes by default, 320x240 px. With DENSE_MB a surface is fused beside it, whose kept frames may take so much; what it
+//! takes is told, and is part of the memory that is judged.
 //! The driver is the inline one, so that poses and map are the same on every machine. Time per frame is the time that the thread
 //! was on a processor, where the system tells that, without rendering. Who else uses the machine slows it all the same; so it is compared by
 //! the time that the features of one and the same image take in between.

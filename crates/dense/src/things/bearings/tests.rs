@@ -38,35 +38,45 @@ fn seen_from(grid: &Grid, pose: &Se3, at: [f64; 2]) -> [f32; 4] {
     b.map(|v| v as f32)
 }
 
+/// What a camera keeps of a chair with this box; the depth is the same everywhere, mm.
+fn look(grid: &Grid, pose: &Se3, bounds: [f32; 4], depth: u16) -> Look {
+    Look {
+        stamp: 0.0,
+        anchor: Anchor {
+            own: None,
+            reference: None,
+            online: *pose,
+            submap: None,
+        },
+        depths: vec![depth; grid.columns * grid.rows].into(),
+        sightings: vec![Sighting {
+            track: 1,
+            run: 0,
+            class: ClassId::from_name("chair").unwrap(),
+            score: 0.8,
+            counts: true,
+            bounds,
+            depths: [2.0, 3.0],
+        }],
+    }
+}
+
 /// Finds a chair from some places along x, by the boxes of a chair that is at `chair` in each look, with a wall behind it at `wall` m or no depth.
 fn found(xs: &[f64], chair: impl Fn(usize) -> [f64; 2], wall: Option<f64>) -> Option<Vec3> {
     let grid = Grid::new(&Camera::pinhole(640, 480, [525.0, 525.0, 320.0, 240.0]));
     let poses: Vec<Se3> = xs.iter().map(|x| pose(*x, 0.0)).collect();
     let depth = wall.map_or(0, |w| (1000.0 * w) as u16);
-    let look = |(i, pose): (usize, &Se3)| {
+    let kept = |(i, pose): (usize, &Se3)| {
         let jitter = [3.0, -2.0, -3.0, 2.0].map(|j| if i.is_multiple_of(2) { j } else { -j });
         let exact = seen_from(&grid, pose, chair(i));
-        Look {
-            stamp: 0.1 * i as f64,
-            anchor: Anchor {
-                own: None,
-                reference: None,
-                online: *pose,
-                submap: None,
-            },
-            depths: vec![depth; grid.columns * grid.rows].into(),
-            sightings: vec![Sighting {
-                track: 1,
-                run: 0,
-                class: ClassId::from_name("chair").unwrap(),
-                score: 0.8,
-                counts: true,
-                bounds: [0, 1, 2, 3].map(|k| exact[k] + jitter[k]),
-                depths: [2.0, 3.0],
-            }],
-        }
+        look(
+            &grid,
+            pose,
+            [0, 1, 2, 3].map(|k| exact[k] + jitter[k]),
+            depth,
+        )
     };
-    let looks: Vec<Look> = poses.iter().enumerate().map(look).collect();
+    let looks: Vec<Look> = poses.iter().enumerate().map(kept).collect();
     let placed: Vec<Placed<'_>> = (looks.iter().zip(&poses))
         .map(|(l, p)| Placed::at(l, &grid, *p))
         .collect();
@@ -106,25 +116,7 @@ fn what_is_seen_through_is_no_chair() {
 #[test]
 fn slopes_are_those_of_errors() {
     let grid = Grid::new(&Camera::pinhole(640, 480, [525.0, 525.0, 320.0, 240.0]));
-    let look = Look {
-        stamp: 0.0,
-        anchor: Anchor {
-            own: None,
-            reference: None,
-            online: pose(0.2, 0.1),
-            submap: None,
-        },
-        depths: vec![0; grid.columns * grid.rows].into(),
-        sightings: vec![Sighting {
-            track: 1,
-            run: 0,
-            class: ClassId::from_name("chair").unwrap(),
-            score: 0.8,
-            counts: true,
-            bounds: [200.0, 100.0, 330.0, 380.0],
-            depths: [2.0, 3.0],
-        }],
-    };
+    let look = look(&grid, &pose(0.2, 0.1), [200.0, 100.0, 330.0, 380.0], 0);
     let placed = Placed::at(&look, &grid, pose(0.2, 0.1));
     let borders = borders((0, 0), &placed, &FLOOR.level_from_world());
     assert_eq!(borders.len(), 2);
