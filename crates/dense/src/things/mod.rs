@@ -2,8 +2,8 @@
 //!
 //! Answers: what stands where, how sure that is, and when it was seen last. A subscriber ([`Things`]) keeps small depth images with the boxes of
 //! tracked objects, tied to keyframes; [`ThingMap`] is what comes of them at the poses of a map, and what a map file keeps. One module each for what is
-//! gathered (`gather`, `look`), which points are a thing's own (`own`, `carve`, `claims`), how far it can reach (`scope`), its box (`upright`), what is
-//! level (`level`), which tracks are one thing (`merge`, `rest`), and what has been carried away (`absent`). People are never in it.
+//! gathered (`gather`, `look`), which points are a thing's own (`own`, `carve`, `claims`), where it is by its boxes alone (`bearings`), how far it can reach
+//! (`scope`), its box (`upright`), what is level (`level`), which tracks are one thing (`merge`, `rest`), and what has been carried away (`absent`). People are never in it.
 
 mod absent;
 mod assign;
