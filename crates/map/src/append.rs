@@ -1,9 +1,6 @@
 //! Another map as further submaps.
 
-use crate::observers::Observers;
-use crate::{
-    KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, LoopEdge, Map, SubmapId,
-};
+use crate::{KeyframeId, KeyframeSlot, Landmark, LandmarkId, LoopEdge, Map, SubmapId};
 use std::sync::Arc;
 
 /// Why a map cannot be taken into another.
@@ -55,9 +52,9 @@ impl Map {
         let landmarks = first_free(self.view.landmarks.len(), other.view.landmarks.len())?;
         let keyframe = |id: KeyframeId| KeyframeId(id.0 + keyframes);
         let landmark = |id: LandmarkId| LandmarkId::new(id.number() + landmarks);
-        for slot in other.view.keyframes.iter() {
-            self.view.keyframes.push(match slot {
-                KeyframeSlot::Empty => KeyframeSlot::Empty,
+        for (id, slot) in other.view.keyframes.iter() {
+            let slot = match slot {
+                KeyframeSlot::Empty => continue,
                 KeyframeSlot::Live(k) => {
                     let mut k = (**k).clone();
                     k.id = keyframe(k.id);
@@ -78,32 +75,37 @@ impl Map {
                     parent: keyframe(*parent),
                     parent_from_this: *parent_from_this,
                 },
-            });
+            };
+            self.view.keyframes.set(id + keyframes as usize, slot);
         }
-        for slot in other.view.landmarks.iter() {
-            self.view.landmarks.push(match slot {
-                LandmarkSlot::Live(l) => {
-                    let mut l = Landmark::clone(l);
-                    l.anchor = keyframe(l.anchor);
-                    l.created_at = keyframe(l.created_at);
-                    LandmarkSlot::Live(Arc::new(l))
-                }
-                LandmarkSlot::Merged(into) => LandmarkSlot::Merged(landmark(*into)),
-                LandmarkSlot::Culled => LandmarkSlot::Culled,
-            });
+        let first = landmarks as usize;
+        for (id, l) in other.view.landmarks.iter() {
+            let mut l = Landmark::clone(l);
+            l.anchor = keyframe(l.anchor);
+            l.created_at = keyframe(l.created_at);
+            self.view.landmarks.set(id + first, Arc::new(l));
         }
-        for list in &other.observations {
+        for (id, into) in other.view.merged.iter() {
+            self.view.merged.set(id + first, landmark(*into));
+        }
+        for (id, list) in other.observations.iter() {
             let moved = list.iter().map(|(k, feature)| (keyframe(*k), *feature));
-            self.observations
-                .push(Observers::from(moved.collect::<Vec<_>>()));
+            self.observations.set(id + first, moved.collect());
         }
-        for edge in other.view.loops.iter() {
-            self.view.loops.push(LoopEdge {
-                old: keyframe(edge.old),
-                new: keyframe(edge.new),
-                ..*edge
-            });
-        }
+        let [all_keyframes, all_landmarks] = [
+            keyframes as usize + other.view.keyframes.len(),
+            first + other.view.landmarks.len(),
+        ];
+        self.view.keyframes.grow(all_keyframes);
+        self.view.landmarks.grow(all_landmarks);
+        self.view.merged.grow(all_landmarks);
+        self.observations.grow(all_landmarks);
+        let edges = other.view.loops().map(|edge| LoopEdge {
+            old: keyframe(edge.old),
+            new: keyframe(edge.new),
+            ..*edge
+        });
+        Arc::make_mut(&mut self.view.loops).extend(edges);
         self.view.live_keyframes += other.view.live_keyframes;
         self.view.live_landmarks += other.view.live_landmarks;
         Ok(keyframes)

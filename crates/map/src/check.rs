@@ -1,6 +1,7 @@
 //! The map's invariants, in code.
 
-use crate::{KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, Map};
+use crate::landmark::LandmarkSlot;
+use crate::{KeyframeId, KeyframeSlot, LandmarkId, Map};
 use std::cmp::Reverse;
 
 /// An invariant that does not hold.
@@ -27,10 +28,24 @@ impl Map {
     }
 
     fn check_landmarks(&self) -> Result<(), Violation> {
-        ensure(self.observations.len() == self.view.landmarks.len(), || {
-            "one list of observations per landmark id".into()
+        let bound = self.view.landmark_bound();
+        let lengths = [self.observations.len(), self.view.merged.len()];
+        ensure(lengths == [bound; 2], || {
+            "one place for observations and for merges per landmark id".into()
         })?;
-        let slots: Vec<&LandmarkSlot> = self.view.landmarks.iter().collect();
+        let both = self
+            .view
+            .landmarks
+            .iter()
+            .find(|(i, _)| self.view.merged.get(*i).is_some());
+        ensure(both.is_none(), || {
+            format!(
+                "landmark {} is live or merged, not both",
+                both.map_or(0, |(i, _)| i)
+            )
+        })?;
+        let ids = (0..bound as u32).map(LandmarkId::new);
+        let slots: Vec<LandmarkSlot<'_>> = ids.map(|id| self.view.landmark_slot(id)).collect();
         let ends = ends_well(slots.len(), |i| match slots[i] {
             LandmarkSlot::Live(_) | LandmarkSlot::Culled => Step::End,
             LandmarkSlot::Merged(into) => Step::Next(into.index()),
@@ -39,9 +54,9 @@ impl Map {
             ensure(false, || format!("merges of landmark {id} come to an end"))?;
         }
         let mut live = 0;
-        for (i, slot) in self.view.landmarks.iter().enumerate() {
+        for (i, slot) in slots.iter().enumerate() {
             let id = LandmarkId::new(i as u32);
-            let list = &self.observations[i];
+            let list = self.observations(id);
             let LandmarkSlot::Live(l) = slot else {
                 ensure(list.is_empty(), || {
                     format!("landmark {id} is gone and has no observations")
@@ -159,9 +174,9 @@ impl Map {
                 || format!("keyframe {} is of the same submap as its parent", k.id),
             )?;
         }
-        for (i, slot) in self.view.keyframes.iter().enumerate() {
+        for (i, slot) in self.view.keyframes.iter() {
             let empty = matches!(slot, KeyframeSlot::Empty);
-            ensure(empty || resolves[i] != NOWHERE, || {
+            ensure(!empty && resolves[i] != NOWHERE, || {
                 format!("keyframe {i} has a pose, by itself or through its tombstone")
             })?;
         }

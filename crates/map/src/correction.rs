@@ -2,6 +2,7 @@
 
 use crate::{KeyframeId, LandmarkId, LoopEdge, Map, MapView, SubmapId};
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3};
 
 /// A keyframe that a correction moves.
@@ -183,7 +184,7 @@ impl Map {
         let submap = |id| self.view.submap_of(id);
         let of_one = submap(edge.old).is_some() && submap(edge.old) == submap(edge.new);
         if of_one && edge.is_sound() {
-            self.view.loops.push(edge);
+            Arc::make_mut(&mut self.view.loops).push(edge);
         }
     }
 

@@ -1,7 +1,6 @@
 //! Landmarks.
 
 use crate::{KeyframeId, LandmarkId};
-use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::Vec3;
 
@@ -43,23 +42,12 @@ pub struct Landmark {
 }
 
 /// What a landmark id stands for.
-#[derive(Clone, Debug)]
-pub enum LandmarkSlot {
-    /// A landmark of the map. Apart, so that what is left of one that is gone is small, and a change copies this one alone.
-    Live(Arc<Landmark>),
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum LandmarkSlot<'a> {
+    /// A landmark of the map.
+    Live(&'a Landmark),
     /// The same as another: follow that one.
     Merged(LandmarkId),
     /// Removed.
     Culled,
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// A camera that walks for hours makes millions of landmarks, of which some ten thousand stay.
-    #[test]
-    fn little_is_left_of_a_landmark_that_is_gone() {
-        assert!(size_of::<LandmarkSlot>() <= 16);
-    }
 }

@@ -6,7 +6,6 @@
 
 mod append;
 mod check;
-mod chunked;
 mod correction;
 mod file;
 mod ids;
@@ -15,18 +14,17 @@ mod landmark;
 mod loops;
 mod map;
 mod observations;
-mod observers;
 mod revoke;
+mod sparse;
 mod view;
 
 pub use append::AppendError;
 pub use check::Violation;
-pub use chunked::Chunked;
 pub use correction::{Applied, Correction, Join, LandmarkCorrection, PoseCorrection};
 pub use file::{Extension, MapFile, MapFileError};
 pub use ids::{KeyframeId, LandmarkId, SubmapId};
 pub use keyframe::{Keyframe, KeyframeData, KeyframeSlot};
-pub use landmark::{Landmark, LandmarkSlot, ScaleRange};
+pub use landmark::{Landmark, ScaleRange};
 pub use loops::LoopEdge;
 pub use map::Map;
 pub use observations::NewLandmark;

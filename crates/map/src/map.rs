@@ -1,6 +1,6 @@
 //! The map, its keyframes and which of them share landmarks. How landmarks change is in `observations.rs`.
 
-use crate::observers::Observers;
+use crate::sparse::Sparse;
 use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, MapView, SubmapId};
 use std::sync::Arc;
 use stillpoint_geometry::Se3;
@@ -10,7 +10,7 @@ use stillpoint_geometry::Se3;
 pub struct Map {
     pub(crate) view: MapView,
     /// The inverse index: who observes each landmark, with which feature; by keyframe id.
-    pub(crate) observations: Vec<Observers>,
+    pub(crate) observations: Sparse<Vec<(KeyframeId, u32)>>,
     /// Scale of each pyramid level, for the distances from which a landmark can be recognised.
     pub(crate) level_scales: Vec<f32>,
 }
@@ -21,7 +21,7 @@ impl Map {
     pub fn new(levels: usize, scale_factor: f32) -> Self {
         Self {
             view: MapView::default(),
-            observations: Vec::new(),
+            observations: Sparse::default(),
             level_scales: std::iter::successors(Some(1.0), |s| Some(s * scale_factor))
                 .take(levels.max(1))
                 .collect(),
@@ -69,27 +69,24 @@ impl Map {
         world_from_camera: Se3,
         parent: Option<KeyframeId>,
     ) -> bool {
-        while self.view.keyframes.len() <= id.index() {
-            self.view.keyframes.push(KeyframeSlot::Empty);
+        if self.view.keyframes.get(id.index()).is_some() {
+            return false;
         }
         let matches = vec![None; data.len()];
         let submap = parent.and_then(|p| self.view.submap_of(p));
-        match self.view.keyframes.get_mut(id.index()) {
-            Some(slot @ KeyframeSlot::Empty) => {
-                *slot = KeyframeSlot::Live(Arc::new(Keyframe {
-                    id,
-                    data,
-                    world_from_camera,
-                    matches,
-                    covisible: Vec::new(),
-                    parent,
-                    submap: submap.unwrap_or(SubmapId(id.0)),
-                }));
-                self.view.live_keyframes += 1;
-                true
-            }
-            _ => false,
-        }
+        let keyframe = Keyframe {
+            id,
+            data,
+            world_from_camera,
+            matches,
+            covisible: Vec::new(),
+            parent,
+            submap: submap.unwrap_or(SubmapId(id.0)),
+        };
+        let slot = KeyframeSlot::Live(Arc::new(keyframe));
+        self.view.keyframes.set(id.index(), slot);
+        self.view.live_keyframes += 1;
+        true
     }
 
     /// Sets a keyframe's pose; landmarks anchored in it move along.
@@ -107,7 +104,7 @@ impl Map {
         };
         let mut shared: Vec<KeyframeId> = Vec::new();
         for landmark in k.matches.iter().flatten() {
-            let observers = &self.observations[landmark.index()];
+            let observers = self.observations(*landmark);
             shared.extend(observers.iter().map(|o| o.0).filter(|&o| o != id));
         }
         shared.sort_unstable();
@@ -183,13 +180,12 @@ impl Map {
                 c.parent = (child != parent).then_some(parent);
             }
         }
-        if let Some(slot) = self.view.keyframes.get_mut(id.index()) {
-            *slot = KeyframeSlot::Culled {
-                parent,
-                parent_from_this: world_from_parent.inverse() * k.world_from_camera,
-            };
-            self.view.live_keyframes -= 1;
-        }
+        let slot = KeyframeSlot::Culled {
+            parent,
+            parent_from_this: world_from_parent.inverse() * k.world_from_camera,
+        };
+        self.view.keyframes.set(id.index(), slot);
+        self.view.live_keyframes -= 1;
         true
     }
 }

@@ -1,9 +1,6 @@
 //! Landmarks and who observes them: every way in which they change.
 
-use crate::observers::Observers;
-use crate::{
-    KeyframeData, KeyframeId, Landmark, LandmarkId, LandmarkSlot, Map, ScaleRange, SubmapId,
-};
+use crate::{KeyframeData, KeyframeId, Landmark, LandmarkId, Map, ScaleRange, SubmapId};
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
 use stillpoint_geometry::{Se3, Vec3};
@@ -26,10 +23,7 @@ impl Map {
 
     /// A live landmark, to change its position or counters. Observations change only through the map's own methods.
     pub fn landmark_mut(&mut self, id: LandmarkId) -> Option<&mut Landmark> {
-        match self.view.landmarks.get_mut(id.index())? {
-            LandmarkSlot::Live(l) => Some(Arc::make_mut(l)),
-            _ => None,
-        }
+        self.view.landmarks.get_mut(id.index()).map(Arc::make_mut)
     }
 
     /// Sets a landmark's world position (m), relative to the present pose of its anchor.
@@ -67,9 +61,9 @@ impl Map {
             visible: 1,
             found: 1,
         };
-        let slot = LandmarkSlot::Live(Arc::new(landmark));
-        self.view.landmarks.push(slot);
-        self.observations.push(Observers::default());
+        self.view.landmarks.set(id.index(), Arc::new(landmark));
+        self.observations.set(id.index(), Vec::new());
+        self.view.merged.grow(self.view.landmarks.len());
         self.view.live_landmarks += 1;
         self.add_observation(id, keyframe, feature);
         Some(id)
@@ -119,7 +113,10 @@ impl Map {
         if submap.is_none() || self.view.keyframe(keyframe).map(|k| k.submap) != submap {
             return false;
         }
-        let Err(at) = self.observations[id.index()].binary_search_by_key(&keyframe, |o| o.0) else {
+        let Err(at) = self
+            .observations(id)
+            .binary_search_by_key(&keyframe, |o| o.0)
+        else {
             return false;
         };
         let Some(k) = self.keyframe_mut(keyframe) else {
@@ -133,7 +130,9 @@ impl Map {
         }
         *slot = Some(id);
         let has_depth = k.data.depths[feature as usize] > 0.0;
-        self.observations[id.index()].insert(at, (keyframe, feature));
+        if let Some(list) = self.observations.get_mut(id.index()) {
+            list.insert(at, (keyframe, feature));
+        }
         if let Some(l) = self.landmark_mut(id) {
             l.observers += 1;
             l.depth_observers += u32::from(has_depth);
@@ -186,9 +185,8 @@ impl Map {
         let Ok(at) = list.binary_search_by_key(&keyframe, |o| o.0) else {
             return;
         };
-        let Some((_, feature)) = list.remove(at) else {
-            return;
-        };
+        let (_, feature) = list.remove(at);
+        let is_last = list.is_empty();
         let mut has_depth = false;
         if let Some(k) = self.keyframe_mut(keyframe) {
             k.matches[feature as usize] = None;
@@ -198,7 +196,7 @@ impl Map {
             l.observers -= 1;
             l.depth_observers -= u32::from(has_depth);
         }
-        if self.observations[id.index()].is_empty() {
+        if is_last {
             self.cull_landmark(id);
         } else if self.view.landmark(id).is_some_and(|l| l.anchor == keyframe) {
             self.reanchor(id, keyframe);
@@ -207,7 +205,7 @@ impl Map {
 
     /// Moves a landmark's anchor from `old` to the first keyframe that still observes it.
     fn reanchor(&mut self, id: LandmarkId, old: KeyframeId) {
-        let Some(&(anchor, _)) = self.observations[id.index()].first() else {
+        let Some(&(anchor, _)) = self.observations(id).first() else {
             return;
         };
         let (Some(from), Some(to)) = (
@@ -227,20 +225,22 @@ impl Map {
     /// Removes a landmark and all its observations.
     pub fn cull_landmark(&mut self, id: LandmarkId) {
         if self.view.landmark(id).is_some() {
-            self.retire_landmark(id, LandmarkSlot::Culled);
+            self.retire_landmark(id);
         }
     }
 
-    fn retire_landmark(&mut self, id: LandmarkId, tombstone: LandmarkSlot) {
-        for (keyframe, feature) in std::mem::take(&mut self.observations[id.index()]) {
+    /// Takes a landmark and all its observations out; returns these.
+    fn retire_landmark(&mut self, id: LandmarkId) -> Vec<(KeyframeId, u32)> {
+        let observations = self.observations.take(id.index());
+        for (keyframe, feature) in observations.iter().flatten().copied() {
             if let Some(k) = self.keyframe_mut(keyframe) {
                 k.matches[feature as usize] = None;
             }
         }
-        if let Some(slot) = self.view.landmarks.get_mut(id.index()) {
-            *slot = tombstone;
+        if self.view.landmarks.take(id.index()).is_some() {
             self.view.live_landmarks -= 1;
         }
+        observations.unwrap_or_default()
     }
 
     /// Declares `from` to be the same as `into`: its observations move over where they do not clash, and its id follows
@@ -253,8 +253,8 @@ impl Map {
             return false;
         }
         let (visible, found) = (old.visible, old.found);
-        let observations = self.observations[from.index()].clone();
-        self.retire_landmark(from, LandmarkSlot::Merged(into));
+        let observations = self.retire_landmark(from);
+        self.view.merged.set(from.index(), into);
         for (keyframe, feature) in observations {
             self.add_observation(into, keyframe, feature);
         }
@@ -277,7 +277,7 @@ impl Map {
         let mut direction = Vec3::zeros();
         let mut scale_range = l.scale_range;
         let mut anchor_from_world = Se3::identity();
-        for &(keyframe, feature) in self.observations[id.index()].iter() {
+        for &(keyframe, feature) in self.observations(id) {
             let Some(k) = self.view.keyframe(keyframe) else {
                 continue;
             };

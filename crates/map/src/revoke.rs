@@ -1,6 +1,6 @@
 //! Keyframes that are taken back, with all that only they vouch for.
 
-use crate::observers::Observers;
+use crate::sparse::Sparse;
 use crate::{Keyframe, KeyframeId, LandmarkId, Map, MapView};
 use std::sync::Arc;
 
@@ -8,17 +8,20 @@ impl Map {
     /// A map of its own, to be changed apart, that begins as a version of another.
     #[must_use]
     pub fn from_view(view: &MapView, levels: usize, scale_factor: f32) -> Self {
-        let mut lists: Vec<Vec<(KeyframeId, u32)>> = vec![Vec::new(); view.landmark_bound()];
+        let mut observations = Sparse::empty(view.landmark_bound());
+        for (id, l) in view.landmarks() {
+            observations.set(id.index(), Vec::with_capacity(l.observers as usize));
+        }
         for k in view.keyframes() {
             for (feature, landmark) in k.matches.iter().enumerate() {
-                if let Some(list) = landmark.and_then(|l| lists.get_mut(l.index())) {
+                if let Some(list) = landmark.and_then(|l| observations.get_mut(l.index())) {
                     list.push((k.id, feature as u32));
                 }
             }
         }
         Self {
             view: view.clone(),
-            observations: lists.into_iter().map(Observers::from).collect(),
+            observations,
             ..Self::new(levels, scale_factor)
         }
     }

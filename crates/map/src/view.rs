@@ -1,20 +1,23 @@
 //! An immutable version of the map.
 
-use crate::{
-    Chunked, Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LandmarkSlot, LoopEdge,
-    SubmapId,
-};
+use crate::landmark::LandmarkSlot;
+use crate::sparse::Sparse;
+use crate::{Keyframe, KeyframeId, KeyframeSlot, Landmark, LandmarkId, LoopEdge, SubmapId};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_geometry::{Se3, Vec3};
 
-/// A version of the map that never changes. Cloning it costs three reference counts.
+/// A version of the map that never changes. Cloning it costs four reference counts.
 #[derive(Clone, Debug, Default)]
 pub struct MapView {
     pub(crate) version: u64,
-    pub(crate) keyframes: Chunked<KeyframeSlot>,
-    pub(crate) landmarks: Chunked<LandmarkSlot>,
-    pub(crate) loops: Chunked<LoopEdge>,
+    /// By keyframe id.
+    pub(crate) keyframes: Sparse<KeyframeSlot>,
+    /// By landmark id: those that live. As many places as ids were given.
+    pub(crate) landmarks: Sparse<Arc<Landmark>>,
+    /// By landmark id: what those became that are the same as others.
+    pub(crate) merged: Sparse<LandmarkId>,
+    pub(crate) loops: Arc<Vec<LoopEdge>>,
     pub(crate) live_keyframes: usize,
     pub(crate) live_landmarks: usize,
 }
@@ -69,7 +72,7 @@ impl MapView {
 
     /// All live keyframes, by id.
     pub fn keyframes(&self) -> impl Iterator<Item = &Arc<Keyframe>> {
-        self.keyframes.iter().filter_map(|s| match s {
+        self.keyframes.iter().filter_map(|(_, s)| match s {
             KeyframeSlot::Live(k) => Some(k),
             _ => None,
         })
@@ -133,9 +136,9 @@ impl MapView {
         let mut at = id;
         // A merge always points to the landmark that lived on, so chains end.
         for _ in 0..=self.landmarks.len() {
-            match self.landmarks.get(at.index())? {
+            match self.landmark_slot(at) {
                 LandmarkSlot::Live(_) => return Some(at),
-                LandmarkSlot::Merged(into) => at = *into,
+                LandmarkSlot::Merged(into) => at = into,
                 LandmarkSlot::Culled => return None,
             }
         }
@@ -145,10 +148,7 @@ impl MapView {
     /// A live landmark, by its own id (merges are not followed).
     #[must_use]
     pub fn landmark(&self, id: LandmarkId) -> Option<&Landmark> {
-        match self.landmarks.get(id.index())? {
-            LandmarkSlot::Live(l) => Some(l),
-            _ => None,
-        }
+        self.landmarks.get(id.index()).map(|l| &**l)
     }
 
     /// World position of a live landmark, m.
@@ -167,12 +167,22 @@ impl MapView {
 
     /// All live landmarks, by id.
     pub fn landmarks(&self) -> impl Iterator<Item = (LandmarkId, &Landmark)> {
-        self.landmarks
-            .iter()
-            .enumerate()
-            .filter_map(|(i, s)| match s {
-                LandmarkSlot::Live(l) => Some((LandmarkId::new(i as u32), &**l)),
-                _ => None,
-            })
+        let landmarks = self.landmarks.iter();
+        landmarks.map(|(i, l)| (LandmarkId::new(i as u32), &**l))
+    }
+
+    /// What a landmark id stands for.
+    pub(crate) fn landmark_slot(&self, id: LandmarkId) -> LandmarkSlot<'_> {
+        let merged = || self.merged.get(id.index()).copied();
+        match self.landmark(id) {
+            Some(l) => LandmarkSlot::Live(l),
+            None => merged().map_or(LandmarkSlot::Culled, LandmarkSlot::Merged),
+        }
+    }
+
+    /// Bytes of the tables by id, without keyframes and landmarks themselves.
+    #[must_use]
+    pub fn table_bytes(&self) -> usize {
+        self.keyframes.bytes() + self.landmarks.bytes() + self.merged.bytes()
     }
 }

@@ -16,6 +16,7 @@ mod gate;
 mod health;
 mod inertial;
 mod join;
+mod landmark_set;
 mod looping;
 mod loops;
 mod map_shift;

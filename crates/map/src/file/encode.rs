@@ -4,7 +4,8 @@ use super::MapFileError;
 use super::bytes::Writer;
 use super::container::{Kind, Section};
 use super::sections::{CULLED, Counts, MAX_KEYFRAME_SLOTS, NONE, Part};
-use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, Landmark, LandmarkSlot, Map};
+use crate::landmark::LandmarkSlot;
+use crate::{Keyframe, KeyframeData, KeyframeId, KeyframeSlot, Landmark, LandmarkId, Map};
 use std::borrow::Cow;
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
@@ -63,13 +64,7 @@ impl<'a> Content<'a> {
             } => Some((i as u32, *parent, *parent_from_this)),
             _ => None,
         };
-        let tombstones: Vec<_> = map
-            .view
-            .keyframes
-            .iter()
-            .enumerate()
-            .filter_map(tombstone)
-            .collect();
+        let tombstones: Vec<_> = map.view.keyframes.iter().filter_map(tombstone).collect();
         let pairs = covisible_pairs(map)?;
         let landmarks: Vec<&Landmark> = map.view.landmarks().map(|(_, l)| l).collect();
         let counts = Counts {
@@ -215,8 +210,9 @@ impl<'a> Content<'a> {
     }
 
     fn landmark_slots(&self, to: &mut Writer) {
-        for slot in self.map.view.landmarks.iter() {
-            to.u32(match slot {
+        let view = &self.map.view;
+        for id in 0..view.landmark_bound() as u32 {
+            to.u32(match view.landmark_slot(LandmarkId::new(id)) {
                 LandmarkSlot::Live(_) => NONE,
                 LandmarkSlot::Merged(into) => into.number(),
                 LandmarkSlot::Culled => CULLED,

@@ -2,7 +2,7 @@
 
 use super::bytes::{Reader, Writer};
 use super::{MapFileError, decode, encode, validate};
-use crate::{Chunked, KeyframeId, LoopEdge, Map};
+use crate::{KeyframeId, LoopEdge, Map};
 
 /// The name of the extension, which nobody else may use.
 pub(super) const NAME: &str = "stillpoint/loops";
@@ -25,9 +25,9 @@ pub(super) fn to_bytes(map: &Map) -> Option<Vec<u8>> {
 }
 
 /// The loops that an extension holds. Whether their keyframes exist is checked with the map.
-pub(super) fn from_bytes(bytes: &[u8]) -> Result<Chunked<LoopEdge>, MapFileError> {
+pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<LoopEdge>, MapFileError> {
     let mut from = Reader::new(NAME, bytes);
-    let mut loops = Chunked::default();
+    let mut loops = Vec::new();
     for _ in 0..bytes.len() / BYTES {
         let (old, new) = (KeyframeId(from.u32()?), KeyframeId(from.u32()?));
         let old_from_new = decode::pose(&mut from)?;

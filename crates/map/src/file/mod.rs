@@ -84,7 +84,8 @@ impl MapFile {
         }
         validate::names(&extensions)?;
         if let Some(at) = extensions.iter().position(|e| e.name == loops::NAME) {
-            map.view.loops = loops::from_bytes(&extensions.remove(at).bytes)?;
+            let edges = loops::from_bytes(&extensions.remove(at).bytes)?;
+            map.view.loops = edges.into();
         }
         validate::check(&map, bytes.len())?;
         Ok(Self {

@@ -55,7 +55,7 @@ pub(super) fn check(map: &Map, file_length: usize) -> Result<(), MapFileError> {
         features(k, scales.len())?;
     }
     grids(map.view.keyframes().map(|k| &k.data.camera), file_length)?;
-    for (i, slot) in map.view.keyframes.iter().enumerate() {
+    for (i, slot) in map.view.keyframes.iter() {
         if let KeyframeSlot::Culled {
             parent_from_this, ..
         } = slot

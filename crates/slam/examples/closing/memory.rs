@@ -1,6 +1,6 @@
 //! Bytes of a map, by kind.
 
-use stillpoint_map::{Keyframe, Landmark, LandmarkSlot, Map};
+use stillpoint_map::{Keyframe, Landmark, Map};
 
 /// What an allocation costs beside its bytes, about: counters of an `Arc`.
 const COUNTERS: usize = 16;
@@ -41,12 +41,11 @@ pub(crate) fn of_map(map: &Map) -> Vec<(&'static str, usize)> {
         ),
         (
             "landmarks",
-            view.landmark_count() * (size_of::<Landmark>() + COUNTERS)
-                + view.landmark_bound() * size_of::<LandmarkSlot>(),
+            view.landmark_count() * (size_of::<Landmark>() + COUNTERS) + view.table_bytes(),
         ),
         (
             "their observers",
-            observed.map(|o| size_of_val(o) + 32).sum::<usize>() + 8 * view.landmark_bound(),
+            observed.map(|o| size_of_val(o) + 24).sum::<usize>(),
         ),
     ]
 }

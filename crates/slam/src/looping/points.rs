@@ -25,26 +25,25 @@ impl Points {
         poses: &[Se3],
         merges: &BTreeMap<LandmarkId, LandmarkId>,
     ) -> Self {
-        let mut seen: Vec<Vec<(u32, u32)>> = vec![Vec::new(); view.landmark_bound()];
+        let mut seen: Vec<(LandmarkId, u32, u32)> = Vec::new();
         for (node, k) in nodes.keyframes.iter().enumerate() {
-            for (feature, landmark) in k.matches.iter().enumerate() {
-                let Some(id) = landmark.map(|l| merges.get(&l).copied().unwrap_or(l)) else {
-                    continue;
-                };
-                let list = &mut seen[id.index()];
-                // Once per keyframe: nodes come in order.
-                if list.last().is_none_or(|o| o.0 != node as u32) {
-                    list.push((node as u32, feature as u32));
-                }
-            }
+            let matches = k.matches.iter().enumerate();
+            seen.extend(matches.filter_map(|(feature, landmark)| {
+                let id = landmark.map(|l| merges.get(&l).copied().unwrap_or(l))?;
+                Some((id, node as u32, feature as u32))
+            }));
         }
+        // By landmark, in the order of nodes; of two features of one keyframe the first.
+        seen.sort_unstable();
+        seen.dedup_by_key(|(id, node, _)| (*id, *node));
         let mut points = Self {
             landmarks: Vec::new(),
             positions: Vec::new(),
             observations: Vec::new(),
         };
-        for (i, list) in seen.iter().enumerate().filter(|(_, list)| list.len() >= 2) {
-            let id = LandmarkId::new(i as u32);
+        let landmarks = seen.chunk_by(|a, b| a.0 == b.0);
+        for list in landmarks.filter(|list| list.len() >= 2) {
+            let id = list[0].0;
             let Some(l) = view.landmark(id) else { continue };
             let Some(anchor) = nodes.index.get(&l.anchor) else {
                 continue;
@@ -53,7 +52,7 @@ impl Points {
             points.landmarks.push(id);
             let position = poses[*anchor as usize].transform(&l.position_in_anchor);
             points.positions.push(position);
-            for (node, feature) in list {
+            for (_, node, feature) in list {
                 let data = &nodes.keyframes[*node as usize].data;
                 points.observations.push(BundleObservation {
                     pose: *node,

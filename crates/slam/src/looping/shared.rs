@@ -6,6 +6,7 @@
 use super::drift::{between_neighbours, bridged};
 use super::nodes::Nodes;
 use crate::association::measurement_in;
+use crate::landmark_set::LandmarkSet;
 use stillpoint_estimation::{Intrinsics, Measurement, linearise, pose_covariance};
 use stillpoint_geometry::{Mat6, Vec3};
 use stillpoint_map::{Keyframe, LandmarkId, MapView};
@@ -123,20 +124,18 @@ pub(super) fn covariances(view: &MapView, nodes: &Nodes<'_>, pairs: &[(u32, u32)
         of_node[*b as usize].push((i as u32, 1));
     }
     let mut known = vec![[Known::NOTHING; 2]; pairs.len()];
-    // Per landmark: for which of all looks it was marked last. Looks are numbered from 1.
-    let mut marked = vec![0_u32; view.landmark_bound()];
-    let mut look = 0;
+    let mut seen = LandmarkSet::default();
     for (k, pairs_of_it) in nodes.keyframes.iter().zip(&of_node) {
         let terms = terms(view, k);
         for (pair, end) in pairs_of_it {
             let (a, b) = pairs[*pair as usize];
             let other = nodes.keyframes[if *end == 0 { b } else { a } as usize];
-            look += 1;
+            seen.clear();
             for id in other.matches.iter().flatten() {
-                marked[id.index()] = look;
+                seen.insert(*id);
             }
             let sum = &mut known[*pair as usize][*end];
-            let shared = terms.iter().filter(|(id, _)| marked[id.index()] == look);
+            let shared = terms.iter().filter(|(id, _)| seen.contains(*id));
             shared.for_each(|(_, term)| sum.add(term));
         }
     }

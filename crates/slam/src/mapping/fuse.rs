@@ -52,13 +52,13 @@ impl Mapper {
         let data = &keyframe.data;
         let intrinsics = Intrinsics::from(&data.camera);
         // A table by id, since to search the keyframe's matches for each landmark would be quadratic.
-        let mut seen = vec![false; self.map.view().landmark_bound()];
+        self.seen.clear();
         for id in keyframe.matches.iter().flatten() {
-            seen[id.index()] = true;
+            self.seen.insert(*id);
         }
         let mut fused = 0;
         for id in landmarks {
-            if seen[id.index()] {
+            if self.seen.contains(*id) {
                 continue;
             }
             let view = self.map.view();

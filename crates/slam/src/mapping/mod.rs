@@ -8,6 +8,7 @@ mod fuse;
 mod refine;
 mod remeasure;
 
+use crate::landmark_set::LandmarkSet;
 use crate::map_shift::MapShift;
 use crate::messages::{Exposure, MapperMsg, MapperOut, MapperReport, NewKeyframe};
 use crate::report::CorrectionReport;
@@ -112,6 +113,8 @@ pub struct Mapper {
     order: Vec<KeyframeId>,
     /// What those of this run were measured with.
     exposures: BTreeMap<KeyframeId, Exposure>,
+    /// Landmarks that a keyframe sees, where another's are searched in it.
+    seen: LandmarkSet,
 }
 
 impl Mapper {
@@ -129,6 +132,7 @@ impl Mapper {
             young: Vec::new(),
             order: Vec::new(),
             exposures: BTreeMap::new(),
+            seen: LandmarkSet::default(),
         }
     }
 

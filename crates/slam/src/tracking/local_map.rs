@@ -5,6 +5,7 @@ use super::ego_motion::EgoMotion;
 use super::sight::{DepthSight, Sight};
 use super::statistics::Sightings;
 use crate::association::{Expected, Matches, in_bounds, is_in_range, level_at, match_expected};
+use crate::landmark_set::LandmarkSet;
 use crate::report::FrameCounts;
 use crate::static_filter::Preset;
 use std::sync::Arc;
@@ -41,9 +42,8 @@ pub(super) struct LocalMap {
     version: u64,
     keyframes: Vec<KeyframeId>,
     entries: Vec<Entry>,
-    /// Per landmark id, the last round in which it was taken into `entries` or matched.
-    marks: Vec<u32>,
-    round: u32,
+    /// Landmarks that match, or that were taken into `entries`.
+    marked: LandmarkSet,
     memory: Memory,
 }
 
@@ -126,7 +126,6 @@ impl LocalMap {
         reference: KeyframeId,
         matches: &Matches,
     ) -> KeyframeId {
-        self.marks.resize(view.landmark_bound(), 0);
         let Memory {
             candidates,
             shared,
@@ -138,7 +137,7 @@ impl LocalMap {
         if let Some(k) = view.keyframe(reference) {
             candidates.extend(k.covisible.iter().map(|c| c.0));
         }
-        self.round += 1;
+        self.marked.clear();
         for target in matches.targets.iter().flatten() {
             let Some((id, l)) = target
                 .landmark
@@ -146,7 +145,7 @@ impl LocalMap {
             else {
                 continue;
             };
-            self.marks[id.index()] = self.round;
+            self.marked.insert(id);
             candidates.push(l.anchor);
         }
         candidates.sort_unstable();
@@ -155,7 +154,7 @@ impl LocalMap {
         shared.extend(candidates.iter().filter_map(|id| {
             let k = view.keyframe(*id)?;
             let n = k.matches.iter().flatten();
-            let n = n.filter(|l| self.marks[l.index()] == self.round).count();
+            let n = n.filter(|l| self.marked.contains(**l)).count();
             Some((n as u32, *id))
         }));
         shared.sort_unstable_by(|a, b| b.0.cmp(&a.0).then(b.1.cmp(&a.1)));
@@ -206,7 +205,6 @@ impl LocalMap {
         near.truncate(MAX_KEYFRAMES);
         let mut keyframes: Vec<KeyframeId> = near.iter().map(|n| n.1).collect();
         keyframes.sort_unstable();
-        self.marks.resize(view.landmark_bound(), 0);
         if self.version != view.version() || self.keyframes != keyframes {
             self.keyframes = keyframes;
             self.gather(view);
@@ -214,14 +212,14 @@ impl LocalMap {
     }
 
     fn gather(&mut self, view: &MapView) {
-        self.round += 1;
+        self.marked.clear();
         self.entries.clear();
         for id in &self.keyframes {
             let Some(k) = view.keyframe(*id) else {
                 continue;
             };
             for id in k.matches.iter().flatten() {
-                if std::mem::replace(&mut self.marks[id.index()], self.round) == self.round {
+                if !self.marked.insert(*id) {
                     continue;
                 }
                 let Some(l) = view.landmark(*id) else {
@@ -259,10 +257,10 @@ impl LocalMap {
             level_sigmas,
             radius_px,
         } = *area;
-        self.round += 1;
+        self.marked.clear();
         for target in matches.targets.iter().flatten() {
             if let Some(id) = target.landmark {
-                self.marks[id.index()] = self.round;
+                self.marked.insert(id);
                 seen(id, Sight::Open);
             }
         }
@@ -287,7 +285,7 @@ impl LocalMap {
         for (e, visible) in self.entries.iter().zip(visible) {
             let Some(visible) = visible else { continue };
             result.visible += 1;
-            if self.marks[e.id.index()] == self.round {
+            if self.marked.contains(e.id) {
                 continue;
             }
             let level = level_at(&e.range, visible.distance, log_scale, top_level);

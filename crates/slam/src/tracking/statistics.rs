@@ -10,7 +10,8 @@ use stillpoint_map::LandmarkId;
 #[derive(Debug, Default)]
 pub(super) struct Statistics {
     counts: Vec<LandmarkStatistic>,
-    /// Per landmark, the number of its place in `counts`, from 1; 0 for none.
+    /// Places in `counts`, from 1, where [`Statistics::home`] says or in the next one that was free; 0 for none. At least twice as many as counts, a power of two:
+    /// as large as what is seen between two keyframes, however many landmarks there ever were.
     places: Vec<u32>,
 }
 
@@ -75,9 +76,7 @@ impl Statistics {
 
     /// Hands over all counts, by id, and starts over.
     pub(super) fn take(&mut self) -> Vec<LandmarkStatistic> {
-        for s in &self.counts {
-            self.places[s.id.index()] = 0;
-        }
+        self.places.fill(0);
         let mut counts = self.counts.clone();
         self.counts.clear();
         counts.sort_unstable_by_key(|s| s.id);
@@ -85,11 +84,11 @@ impl Statistics {
     }
 
     fn of(&mut self, id: LandmarkId) -> &mut LandmarkStatistic {
-        if self.places.len() <= id.index() {
-            self.places.resize(id.index() + 1, 0);
+        if 2 * self.counts.len() >= self.places.len() {
+            self.make_room();
         }
-        let place = &mut self.places[id.index()];
-        if *place == 0 {
+        let at = self.find(id);
+        if self.places[at] == 0 {
             self.counts.push(LandmarkStatistic {
                 id,
                 visible: 0,
@@ -98,9 +97,37 @@ impl Statistics {
                 found_worth: 0.0,
                 gone_worth: 0.0,
             });
-            *place = self.counts.len() as u32;
+            self.places[at] = self.counts.len() as u32;
         }
-        &mut self.counts[*place as usize - 1]
+        &mut self.counts[self.places[at] as usize - 1]
+    }
+
+    /// Where the place of a landmark is, or would be: half of all are free.
+    fn find(&self, id: LandmarkId) -> usize {
+        let mut at = self.home(id);
+        while let Some(count) = self.places[at].checked_sub(1)
+            && self.counts[count as usize].id != id
+        {
+            at = (at + 1) % self.places.len();
+        }
+        at
+    }
+
+    /// Where a landmark is looked for first: ids in a row are far from each other (Knuth, TAOCP 3, 6.4).
+    fn home(&self, id: LandmarkId) -> usize {
+        let scattered = id.number().wrapping_mul(0x9e37_79b1);
+        (u64::from(scattered) * self.places.len() as u64 >> 32) as usize
+    }
+
+    /// Twice as many places.
+    fn make_room(&mut self) {
+        let count = (2 * self.places.len()).max(512);
+        self.places.clear();
+        self.places.resize(count, 0);
+        for i in 0..self.counts.len() {
+            let at = self.find(self.counts[i].id);
+            self.places[at] = i as u32 + 1;
+        }
     }
 }
 
@@ -121,6 +148,28 @@ mod tests {
             let seen = statistics.take()[0];
             assert_eq!(seen.gone, rate as u32);
             assert!((seen.gone_worth - 30.0).abs() < 1e-3, "{rate} Hz");
+        }
+    }
+
+    #[test]
+    fn any_number_of_landmarks_is_counted_each_for_itself() {
+        let mut statistics = Statistics::default();
+        for round in 0..3 {
+            // Neighbours, and ids that are looked for at the same place.
+            let id = |i: u32| LandmarkId::new(if i % 2 == 0 { i } else { i << 20 | i });
+            let count = 3000 * (round + 1);
+            for i in (0..count).chain(0..count / 2) {
+                let mut sightings = Sightings::default();
+                sightings.expected(id(i), Sight::Open);
+                statistics.count(sightings, 1.0);
+            }
+            let taken = statistics.take();
+            assert_eq!(taken.len(), count as usize);
+            assert!(taken.windows(2).all(|w| w[0].id < w[1].id));
+            for i in 0..count {
+                let at = taken.binary_search_by_key(&id(i), |s| s.id).unwrap();
+                assert_eq!(taken[at].visible, 1 + u32::from(i < count / 2));
+            }
         }
     }
 

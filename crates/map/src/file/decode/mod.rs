@@ -8,8 +8,8 @@ use super::bytes::Reader;
 use super::container::Stored;
 use super::sections::{CULLED, Counts, MAX_KEYFRAME_SLOTS, NONE, Part};
 use super::validate;
-use crate::observers::Observers;
-use crate::{Chunked, KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, Map, MapView};
+use crate::sparse::Sparse;
+use crate::{KeyframeId, KeyframeSlot, LandmarkId, Map, MapView};
 use std::borrow::Cow;
 use std::sync::Arc;
 use stillpoint_features::Descriptor;
@@ -35,27 +35,29 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
     let mut keyframes = keyframes::keyframes(&source, records, counts.features)?;
     keyframes::covisibility(&source, &counts, &mut keyframes)?;
     let slots = landmarks::slots(&source, &counts)?;
-    let observations = landmarks::observations(&keyframes, &slots)?;
+    let lists = landmarks::observations(&keyframes, &slots)?;
     let mut view = MapView {
         version,
-        keyframes: Chunked::filled(KeyframeSlot::Empty, counts.keyframe_slots as usize),
-        landmarks: Chunked::filled(LandmarkSlot::Culled, slots.len()),
-        loops: Chunked::default(),
+        keyframes: Sparse::empty(counts.keyframe_slots as usize),
+        landmarks: Sparse::empty(slots.len()),
+        merged: Sparse::empty(slots.len()),
+        loops: Arc::default(),
         live_keyframes: keyframes.len(),
         live_landmarks: counts.landmarks as usize,
     };
     let mut landmarks = landmarks::landmarks(&source, counts.landmarks as usize)?.into_iter();
-    for (id, slot) in slots.iter().enumerate() {
-        let new = match *slot {
-            CULLED => continue,
-            NONE => landmarks.next().map(|mut landmark| {
-                landmarks::count_observers(&mut landmark, &observations[id], &keyframes);
-                LandmarkSlot::Live(Arc::new(landmark))
-            }),
-            into => Some(LandmarkSlot::Merged(LandmarkId::new(into))),
-        };
-        if let (Some(slot), Some(new)) = (view.landmarks.get_mut(id), new) {
-            *slot = new;
+    let mut observations = Sparse::empty(slots.len());
+    for (id, (slot, list)) in slots.iter().zip(lists).enumerate() {
+        match *slot {
+            CULLED => {}
+            NONE => {
+                if let Some(mut landmark) = landmarks.next() {
+                    landmarks::count_observers(&mut landmark, &list, &keyframes);
+                    view.landmarks.set(id, Arc::new(landmark));
+                    observations.set(id, list);
+                }
+            }
+            into => view.merged.set(id, LandmarkId::new(into)),
         }
     }
     tombstones(&source, &counts, &mut view)?;
@@ -70,7 +72,7 @@ pub(super) fn map(sections: &[Stored<'_>], file_length: usize) -> Result<Map, Ma
     }
     Ok(Map {
         view,
-        observations: observations.into_iter().map(Observers::from).collect(),
+        observations,
         level_scales,
     })
 }
@@ -199,14 +201,10 @@ fn fill(
     part: Part,
 ) -> Result<(), MapFileError> {
     let bound = view.keyframes.len();
-    match view.keyframes.get_mut(id.index()) {
-        Some(slot @ KeyframeSlot::Empty) => {
-            *slot = new;
-            Ok(())
-        }
-        _ => {
-            let expected = format!("ids below {bound}, each once");
-            Err(MapFileError::invalid(part.name(), expected, id))
-        }
+    if id.index() >= bound || view.keyframes.get(id.index()).is_some() {
+        let expected = format!("ids below {bound}, each once");
+        return Err(MapFileError::invalid(part.name(), expected, id));
     }
+    view.keyframes.set(id.index(), new);
+    Ok(())
 }

@@ -1,9 +1,9 @@
 //! Maps made at random, in which everything happens.
 
 use crate::file::Extension;
+use crate::landmark::LandmarkSlot;
 use crate::{
-    Correction, KeyframeData, KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot, LoopEdge, Map,
-    NewLandmark,
+    Correction, KeyframeData, KeyframeId, KeyframeSlot, LandmarkId, LoopEdge, Map, NewLandmark,
 };
 use std::sync::Arc;
 use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
@@ -212,14 +212,18 @@ pub(super) fn extensions() -> Vec<Extension> {
 #[test]
 fn the_maps_of_these_tests_have_everything() {
     let map = random_map(7, 12, 1500);
-    let count = |f: fn(&KeyframeSlot) -> bool| map.view.keyframes.iter().filter(|s| f(s)).count();
+    let ids = (0..map.view.keyframe_bound() as u32).map(KeyframeId);
+    let slots: Vec<_> = ids.map(|id| map.view.keyframe_slot(id)).collect();
+    let count = |f: fn(&KeyframeSlot) -> bool| slots.iter().filter(|s| f(s)).count();
     assert!(count(|s| matches!(s, KeyframeSlot::Empty)) > 256);
     assert!(count(|s| matches!(s, KeyframeSlot::Culled { .. })) > 3);
     assert!(map.view.keyframe_count() > 20);
     assert!(map.view.submaps().len() > 2);
     let covisible: usize = map.view.keyframes().map(|k| k.covisible.len()).sum();
     assert!(covisible > 4, "{covisible}");
-    let count = |f: fn(&LandmarkSlot) -> bool| map.view.landmarks.iter().filter(|s| f(s)).count();
+    let ids = (0..map.view.landmark_bound() as u32).map(LandmarkId::new);
+    let slots: Vec<_> = ids.map(|id| map.view.landmark_slot(id)).collect();
+    let count = |f: fn(&LandmarkSlot<'_>) -> bool| slots.iter().filter(|s| f(s)).count();
     assert!(count(|s| matches!(s, LandmarkSlot::Merged(_))) > 3);
     assert!(count(|s| matches!(s, LandmarkSlot::Culled)) > 10);
     let observed_often = |l: &&crate::Landmark| l.observers > 2 && l.depth_observers > 0;

@@ -4,7 +4,7 @@ use super::made::{looped_map, random_map};
 use super::{Raw, sealed, taken_apart};
 use crate::file::sections::Part;
 use crate::file::{Extension, MapFile, loops};
-use crate::{Keyframe, KeyframeId, KeyframeSlot, LandmarkId, LandmarkSlot};
+use crate::{Keyframe, KeyframeId, KeyframeSlot, LandmarkId};
 use std::sync::Arc;
 
 /// What reading the sections of a map says after `change`.
@@ -127,8 +127,7 @@ fn merges_that_go_round_are_refused() {
     let mut map = random_map(3, 6, 300);
     for (from, into) in [(0, 1), (1, 2), (2, 0)] {
         map.cull_landmark(LandmarkId::new(from));
-        *map.view.landmarks.get_mut(from as usize).unwrap() =
-            LandmarkSlot::Merged(LandmarkId::new(into));
+        map.view.merged.set(from as usize, LandmarkId::new(into));
     }
     let e = map.to_bytes(&[]).unwrap_err();
     assert!(e.to_string().contains("come to an end"), "{e}");
@@ -159,12 +158,12 @@ fn maps_of_more_cameras_than_any_run_has_are_not_written() {
     let refusal = |cameras: u32| {
         let mut map = random_map(5, 4, 40);
         let one = map.view.keyframes().next().unwrap().clone();
-        let mut slots = crate::Chunked::filled(KeyframeSlot::Empty, cameras as usize);
+        let mut slots = crate::sparse::Sparse::default();
         for i in 0..cameras {
             let mut k = (*one).clone();
             (k.id, k.parent) = (KeyframeId(i), None);
             Arc::make_mut(&mut k.data).camera.fx = 500.0 + f64::from(i);
-            *slots.get_mut(i as usize).unwrap() = KeyframeSlot::Live(Arc::new(k));
+            slots.set(i as usize, KeyframeSlot::Live(Arc::new(k)));
         }
         map.view.keyframes = slots;
         map.to_bytes(&[]).unwrap_err().to_string()
