@@ -32,7 +32,10 @@ pub(crate) fn of_map(map: &Map) -> Vec<(&'static str, usize)> {
                     + size_of_val(&*d.mappable)
             }),
         ),
-        ("descriptors", sum(&|k| size_of_val(&*k.data.descriptors))),
+        (
+            "descriptors",
+            sum(&|k| size_of_val(k.data.descriptors.as_slice())),
+        ),
         ("buckets", sum(&|k| k.data.grid.bytes())),
         ("matches", sum(&|k| size_of_val(&*k.matches))),
         (

@@ -136,7 +136,9 @@ impl Tracker {
             None
         };
         let found = self.vote_by_descriptors(frame, data);
-        let found = found.filter(|v| self.may_be(&v.camera_from_world));
+        // Whoever fills the view is what most descriptors are of.
+        let may_ride = self.known_since_last().is_some_and(|k| self.may_ride(&k));
+        let found = found.filter(|v| !may_ride && self.may_be(&v.camera_from_world));
         let start = found.as_ref().map_or(*predicted, |v| v.camera_from_world);
         let (mut pairs, rest) = self.flow(data, &start);
         let vote = self.vote_twice(frame, data, &mut pairs, &start);

@@ -225,6 +225,12 @@ impl Tracker {
         })
     }
 
+    /// The same while somebody may fill the view and a gyroscope, which does not slip, says how the camera turned: landmarks that he wears hold a pose no better.
+    pub(super) fn known_pose_in_crowd(&self) -> Option<KnownTurn> {
+        let known = self.trusted_since_last().filter(|k| k.by_gyro)?;
+        self.known_pose().filter(|_| self.may_ride(&known))
+    }
+
     /// Whether it is for a sensor to say which motion is the camera's: a gyroscope that is confirmed, or wheels where much of what is seen moves.
     pub(super) fn rules(&self, known: &Known) -> bool {
         known.confirmed && (known.by_gyro || self.was_blind() || self.moving_share > TELLING_SHARE)

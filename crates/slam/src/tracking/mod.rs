@@ -313,7 +313,11 @@ impl Tracker {
         // Few landmarks hold a pose less well than sensors do, and many that somebody wears no better.
         let few = matched < known::FEW || self.was_blind();
         let prior = PosePrior {
-            turn: self.known_pose().filter(|_| few && motion.follows),
+            turn: self
+                .known_pose()
+                .filter(|_| few)
+                .or_else(|| self.known_pose_in_crowd())
+                .filter(|_| motion.follows),
             place: self.known_place(start).filter(|_| motion.follows),
         };
         let (matches, pose, information) = self

@@ -82,10 +82,14 @@ impl Tracker {
         // Much of what a wide search matches is wrong; around a pose that many agree on, the usual radius is enough.
         let matches = self.search_map(data, &found, 1.0, Matches::new(data.len()));
         let matched = matches.count;
-        let (matches, pose, information) =
-            self.memory
-                .solver
-                .solve_with_information(data, &found, matches, PosePrior::default());
+        let prior = PosePrior {
+            turn: self.known_pose_in_crowd(),
+            ..PosePrior::default()
+        };
+        let (matches, pose, information) = self
+            .memory
+            .solver
+            .solve_with_information(data, &found, matches, prior);
         let drift = fix.camera_from_world * pose.inverse();
         let near = drift.translation.norm() < MAX_DRIFT_M && drift.rotation.angle() < MAX_DRIFT_RAD;
         let enough = matches.count >= self.setup.tracking.min_inliers;

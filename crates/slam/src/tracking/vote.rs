@@ -160,7 +160,7 @@ impl Tracker {
         if let Some(vote) = &free {
             // Where nearly all agrees, nobody else moves, unless it is somebody who fills the view; wheels that say otherwise slip.
             let is_plain = vote.share >= PLAIN_SHARE && (allowed(vote) || !known.by_gyro);
-            if is_plain && !(rules && (self.was_blind() || self.moving_share > CROWD)) {
+            if is_plain && !(rules && self.may_be_filled()) {
                 return free;
             }
             // Who moves otherwise than the camera has no say in how it moves.
@@ -171,13 +171,25 @@ impl Tracker {
         }
         let bound = find(votes, Some(turn), MIN_BOUND_SHARE, inliers);
         // What fills the view and moves nearly as the camera does is within the gate too.
-        let free = free.filter(|_| !(rules && self.was_blind()));
+        let free = free.filter(|_| !self.may_ride(&known));
         let agrees = free.as_ref().is_none_or(allowed);
         let choice = Choice::between(free, bound, agrees, rules, known.by_gyro);
         if choice.against {
             self.stand_against(&known);
         }
         choice.vote
+    }
+
+    /// Whether somebody may fill the view, so that what nearly all agree on is no proof.
+    fn may_be_filled(&self) -> bool {
+        self.was_blind() || self.moving_share > CROWD
+    }
+
+    /// Whether only a motion that a sensor says may be taken for the camera's, as somebody may fill the view. Wheels slip: the map is believed before them until it
+    /// is out of sight.
+    pub(super) fn may_ride(&self, known: &Known) -> bool {
+        let filled = self.was_blind() || (known.by_gyro && self.may_be_filled());
+        filled && self.rules(known)
     }
 
     /// What is expected of the motion: what wheels say, or how the camera's momentum carries it on, or a constant velocity.
