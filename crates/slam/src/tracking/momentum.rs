@@ -206,7 +206,7 @@ impl Tracker {
 
     /// What the camera's momentum says of the place of a pose that turns about as `camera_from_world`, as its matches see it.
     pub(super) fn known_place(&self, camera_from_world: &Se3) -> Option<KnownPlace> {
-        let (place, expected) = self.expected()?;
+        let (place, expected) = self.expected().filter(|_| !self.wheels_tell())?;
         let r = camera_from_world.rotation_matrix();
         let information = expected.place().try_inverse()?;
         let factor = self.pose_factor(self.unsteady_px(camera_from_world));
@@ -215,6 +215,11 @@ impl Tracker {
             in_b: Vec3::zeros(),
             information: r * information * r.transpose() * factor,
         })
+    }
+
+    /// Whether wheels that are confirmed tell how the camera moves: they know of a base that stops, which momentum does not.
+    fn wheels_tell(&self) -> bool {
+        self.trusted_since_last().is_some_and(|k| k.shift.is_some())
     }
 
     /// By how much the shutter's unsteadiness moves rows that are a quarter of the image away from its middle, px.
@@ -243,7 +248,7 @@ impl Tracker {
     /// What it says of the motion from this frame to the last one, as the vote of the flow sees it: nothing on a way back, whose votes are to find out who moves.
     pub(super) fn known_shift(&self) -> Option<KnownPlace> {
         let last = self.state.tracked().filter(|_| !self.goes_back)?;
-        let (_, expected) = self.expected()?;
+        let (_, expected) = self.expected().filter(|_| !self.wheels_tell())?;
         let r = last.world_from_camera.rotation_matrix().transpose();
         let information = expected.moved.try_inverse()?;
         let factor = VOTE_FACTOR * VOTE_FACTOR + self.crowd_factor();

@@ -173,7 +173,7 @@ impl Tracker {
         // What fills the view and moves nearly as the camera does is within the gate too.
         let free = free.filter(|_| !self.may_ride(&known));
         let agrees = free.as_ref().is_none_or(allowed);
-        let choice = Choice::between(free, bound, agrees, rules, known.by_gyro);
+        let choice = Choice::between(free, bound, agrees, rules);
         if choice.against {
             self.stand_against(&known);
         }
