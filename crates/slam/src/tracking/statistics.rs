@@ -116,7 +116,7 @@ impl Statistics {
     /// Where a landmark is looked for first: ids in a row are far from each other (Knuth, TAOCP 3, 6.4).
     fn home(&self, id: LandmarkId) -> usize {
         let scattered = id.number().wrapping_mul(0x9e37_79b1);
-        (u64::from(scattered) * self.places.len() as u64 >> 32) as usize
+        ((u64::from(scattered) * self.places.len() as u64) >> 32) as usize
     }
 
     /// Twice as many places.
