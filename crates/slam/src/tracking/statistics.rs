@@ -156,7 +156,7 @@ mod tests {
         let mut statistics = Statistics::default();
         for round in 0..3 {
             // Neighbours, and ids that are looked for at the same place.
-            let id = |i: u32| LandmarkId::new(if i % 2 == 0 { i } else { i << 20 | i });
+            let id = |i: u32| LandmarkId::new(if i.is_multiple_of(2) { i } else { i << 20 | i });
             let count = 3000 * (round + 1);
             for i in (0..count).chain(0..count / 2) {
                 let mut sightings = Sightings::default();
