@@ -1,7 +1,7 @@
 //! A long run: a simulated camera walks through the same two rooms again and again, in a map with a limit on its keyframes. Tells, for
 //! every minute of camera time, memory, time per frame and error, and whether the last minute is worse than the second.
 //!
-//! `cargo run --release -p stillpoint --example soak -- [MINUTES] [HZ] [MAX_KEYFRAMES] [DENSE_MB]`; 10 minutes at 15 Hz with at most 200
+//! `cargo run --release -p stillpoint --example soak -- [MINUTES] [HZ] [MAX_KEYFRAMES] [DENSE_MB] [SEED]`; 10 minutes at 15 Hz with at most 200
 //! keyframes by default, 320x240 px. With DENSE_MB a surface is fused beside it, whose kept frames may take so much; what it
 //! takes is told, and is part of the memory that is judged.
 //! The driver is the inline one, so that poses and map are the same on every machine. Time per frame is the time that the thread
@@ -47,9 +47,12 @@ fn main() -> Result<ExitCode, Failure> {
     let mut arguments = std::env::args().skip(1);
     let mut next = |default: f64| arguments.next().map_or(Ok(default), |a| a.parse::<f64>());
     let (minutes, hertz, max_keyframes) = (next(10.0)?, next(15.0)?, next(200.0)?);
-    let dense_mb = next(0.0)?;
+    let (dense_mb, seed) = (next(0.0)?, next(0.0)?);
     let stride = (RATE / hertz).round().max(1.0) as usize;
-    let mut config = Config::default();
+    let mut config = Config {
+        seed: seed as u64,
+        ..Config::default()
+    };
     config.mapping.max_keyframes = max_keyframes as usize;
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".to_owned(),
