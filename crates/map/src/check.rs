@@ -27,7 +27,8 @@ impl Map {
         self.check_loops()
     }
 
-    fn check_landmarks(&self) -> Result<(), Violation> {
+    /// What each landmark id stands for, once the tables by id fit each other and merges come to an end.
+    fn checked_slots(&self) -> Result<Vec<LandmarkSlot<'_>>, Violation> {
         let bound = self.view.landmark_bound();
         let lengths = [self.observations.len(), self.view.merged.len()];
         ensure(lengths == [bound; 2], || {
@@ -53,6 +54,11 @@ impl Map {
         if let Some(id) = ends.iter().position(|end| *end == NOWHERE) {
             ensure(false, || format!("merges of landmark {id} come to an end"))?;
         }
+        Ok(slots)
+    }
+
+    fn check_landmarks(&self) -> Result<(), Violation> {
+        let slots = self.checked_slots()?;
         let mut live = 0;
         for (i, slot) in slots.iter().enumerate() {
             let id = LandmarkId::new(i as u32);
