@@ -11,11 +11,9 @@ use stillpoint::slam::{Timing, Up};
 use tempfile::TempDir;
 
 /// Keyframes come often, so that a few seconds are enough to recognise a place.
-const OFTEN: [&str; 8] = [
+const OFTEN: [&str; 6] = [
     "--set",
-    "keyframes.min_close_tracked=10000",
-    "--set",
-    "keyframes.min_close_untracked=0",
+    "keyframes.max_view_angle=0",
     "--set",
     "keyframes.min_seconds=0.22",
     "--set",

@@ -35,9 +35,7 @@ fn things_are_found_kept_listed_and_left_alone_by_localize() {
     // Many keyframes, so that so short a map is recognised when it is merged.
     let often = [
         "--set",
-        "keyframes.min_close_tracked=10000",
-        "--set",
-        "keyframes.min_close_untracked=0",
+        "keyframes.max_view_angle=0",
         "--set",
         "keyframes.min_seconds=0.22",
         "--set",

@@ -59,6 +59,17 @@ impl KeyframeData {
         }
     }
 
+    /// The median of the depths that are known, m; none where none is.
+    #[must_use]
+    pub fn median_depth(&self) -> Option<f64> {
+        let mut depths: Vec<f32> = self.depths.iter().copied().filter(|z| *z > 0.0).collect();
+        let middle = depths.len() / 2;
+        (!depths.is_empty()).then(|| {
+            let (_, median, _) = depths.select_nth_unstable_by(middle, f32::total_cmp);
+            f64::from(*median)
+        })
+    }
+
     /// Its features, to be searched.
     #[must_use]
     pub fn searched(&self) -> Searched<'_> {

@@ -59,7 +59,15 @@ const REMOVED: &[(&str, &str)] = &[
     ("tracking.local_radius", "it is fixed at 2"),
     (
         "keyframes.min_tracked_share_first",
-        "it is fixed at 0.4; keyframes.min_tracked_share holds from the second keyframe on",
+        "keyframes.min_tracked_share holds from the first keyframe on",
+    ),
+    (
+        "keyframes.min_close_tracked",
+        "keyframes.max_view_angle says what a new view is; at 0 every frame is a keyframe that keyframes.min_seconds allows",
+    ),
+    (
+        "keyframes.min_close_untracked",
+        "keyframes.max_view_angle says what a new view is",
     ),
     (
         "mapping.min_depth_landmarks",

@@ -199,7 +199,7 @@ fn less_is_done_where_time_is_short_and_that_is_reproduced() {
                 c.features.features = WANTED as usize;
                 // Every frame is a keyframe.
                 let k = &mut c.keyframes;
-                (k.min_close_tracked, k.min_close_untracked, k.min_seconds) = (10_000, 0, 0.0);
+                (k.max_view_angle, k.min_seconds) = (0.0, 0.0);
             })
         };
         let (result, received) = within(move || push(stages(), None, options, frames(), 0));

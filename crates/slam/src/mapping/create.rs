@@ -79,7 +79,8 @@ impl Mapper {
 /// New points seen by unmatched features of both keyframes: `(feature in a, feature in b, world position)`.
 fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, u32, Vec3)> {
     let baseline = (a.centre() - b.centre()).norm();
-    if baseline < MIN_BASELINE_SHARE * median_depth(b) {
+    // Where no depth is known, a room's scale will do.
+    if baseline < MIN_BASELINE_SHARE * b.data.median_depth().unwrap_or(1.0) {
         return Vec::new();
     }
     let b_from_a = b.world_from_camera.inverse() * a.world_from_camera;
@@ -165,15 +166,4 @@ fn triangulate_match(
     (1.0 / tolerance..=tolerance)
         .contains(&ratio)
         .then_some(t.point)
-}
-
-fn median_depth(k: &Keyframe) -> f64 {
-    let mut depths: Vec<f32> = k.data.depths.iter().copied().filter(|z| *z > 0.0).collect();
-    // Only compared with a baseline: where no depth is known, a room's scale will do.
-    if depths.is_empty() {
-        return 1.0;
-    }
-    let middle = depths.len() / 2;
-    let (_, median, _) = depths.select_nth_unstable_by(middle, f32::total_cmp);
-    f64::from(*median)
 }

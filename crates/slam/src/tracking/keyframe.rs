@@ -1,25 +1,24 @@
-//! When a frame becomes a keyframe. The rule and its thresholds are those of ORB-SLAM2 for RGB-D cameras (Mur-Artal, Tardos 2017,
-//! section III.E), but for the gap between two keyframes: nothing here depends on whether the mapper is idle.
+//! When a frame becomes a keyframe: when it sees what the map does not hold, or holds it from elsewhere.
+//!
+//! Both are measured against keyframes, not against landmarks that several keyframes confirmed: such a count never falls where
+//! keyframes are rare.
 
+use crate::anchored_pose::AnchoredPose;
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
-use stillpoint_map::{Keyframe, KeyframeData, LandmarkId, MapView};
-
-/// The least share of the reference keyframe's landmarks that is tracked without a keyframe being due, while the map has one keyframe,
-/// whose landmarks nothing has confirmed.
-const MIN_TRACKED_SHARE_FIRST: f64 = 0.4;
+use stillpoint_geometry::Se3;
+use stillpoint_map::{Keyframe, KeyframeData, MapView};
 
 /// When a frame becomes a keyframe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct KeyframeConfig {
-    /// A keyframe is due when fewer than this share of the reference keyframe's established landmarks is tracked.
-    /// Range: 0.1 to 1. Overlap enough for bundle adjustment, not more keyframes than needed.
+    /// A keyframe is due when fewer landmarks are tracked than this share of the most that were tracked since the last keyframe.
+    /// Range: 0.1 to 1. At 0.75, as in ORB-SLAM2, three quarters of what holds the camera are still seen by the next keyframe.
     pub min_tracked_share: f64,
-    /// A keyframe is due when fewer close points than this are tracked ... Range: 0 to 10000.
-    pub min_close_tracked: usize,
-    /// ... while more than this many others could be made into landmarks. Range: 0 to 10000.
-    pub min_close_untracked: usize,
+    /// A keyframe is due when no keyframe around has seen the scene from within this angle, rad: the turn between both, and the distance over
+    /// the median depth. Range: 0 to 3. From 0.1 rad on two pixels tell a depth to 2 %, as well as the sensor does.
+    pub max_view_angle: f64,
     /// Time between two keyframes, at least, s. Range: 0 to 100. Nearer ones share all they see; this is three frames of 30 Hz, with their jitter.
     pub min_seconds: f64,
 }
@@ -28,8 +27,7 @@ impl Default for KeyframeConfig {
     fn default() -> Self {
         Self {
             min_tracked_share: 0.75,
-            min_close_tracked: 100,
-            min_close_untracked: 70,
+            max_view_angle: 0.1,
             min_seconds: 0.09,
         }
     }
@@ -38,55 +36,156 @@ impl Default for KeyframeConfig {
 impl KeyframeConfig {
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
         c.range("min_tracked_share", self.min_tracked_share, 0.1, 1.0);
-        c.range("min_close_tracked", self.min_close_tracked as f64, 0.0, 1e4);
-        c.range(
-            "min_close_untracked",
-            self.min_close_untracked as f64,
-            0.0,
-            1e4,
-        );
+        c.range("max_view_angle", self.max_view_angle, 0.0, 3.0);
         c.range("min_seconds", self.min_seconds, 0.0, 100.0);
     }
+}
 
-    /// Whether a frame that observes `matches` (inliers only) is due to become a keyframe.
-    pub(super) fn is_due(
+/// The last keyframe, and what was tracked since.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Coverage {
+    /// Where it was taken from. It may not be in the tracker's view yet, and it may be culled.
+    last: AnchoredPose,
+    /// Landmarks that a frame tracked since, at most.
+    most_tracked: usize,
+}
+
+impl Coverage {
+    /// That of a new keyframe, which `tracked` landmarks hold.
+    pub(super) fn of(keyframe: AnchoredPose, tracked: usize) -> Self {
+        Self {
+            last: keyframe,
+            most_tracked: tracked,
+        }
+    }
+
+    /// Takes note of how many landmarks a frame tracks.
+    pub(super) fn note(&mut self, tracked: usize) {
+        self.most_tracked = self.most_tracked.max(tracked);
+    }
+
+    /// Whether a keyframe is due where the camera tracks so many landmarks.
+    pub(super) fn lacks_landmarks(&self, config: &KeyframeConfig, tracked: usize) -> bool {
+        (tracked as f64) < config.min_tracked_share * self.most_tracked as f64
+    }
+
+    /// Whether a keyframe is due for the view from `world_from_camera`: neither the last keyframe nor the reference or one that shares
+    /// landmarks with it has seen the scene from there.
+    pub(super) fn lacks_view(
         &self,
+        config: &KeyframeConfig,
         view: &MapView,
         reference: &Keyframe,
+        world_from_camera: &Se3,
         data: &KeyframeData,
-        matches: &[Option<LandmarkId>],
-        close_depth: f64,
     ) -> bool {
-        // Of a map, or of a submap of one.
-        let alone = reference.covisible.is_empty() && reference.parent.is_none();
-        let first = view.keyframe_count() < 2 || alone;
-        let min_observers = if first { 1 } else { 3 };
-        let established = reference
-            .matches
-            .iter()
-            .flatten()
-            .filter(|id| {
-                view.landmark(**id)
-                    .is_some_and(|l| l.observers >= min_observers)
-            })
-            .count();
-        let inliers = matches.iter().flatten().count();
-        let share = if first {
-            MIN_TRACKED_SHARE_FIRST
-        } else {
-            self.min_tracked_share
+        // Where nothing has a depth, a shift shows nothing new.
+        let depth = data.median_depth().unwrap_or(f64::INFINITY);
+        let is_new = |from: &Se3| {
+            view_angle(&(from.inverse() * *world_from_camera), depth) >= config.max_view_angle
         };
-        let (mut tracked, mut untracked) = (0_u32, 0_u32);
-        for ((z, m), mappable) in data.depths.iter().zip(matches).zip(&data.mappable) {
-            if *z > 0.0 && f64::from(*z) < close_depth {
-                match m {
-                    Some(_) => tracked += 1,
-                    None => untracked += u32::from(*mappable),
-                }
-            }
+        let covisible = reference.covisible.iter();
+        let others = covisible.filter_map(|(id, _)| view.keyframe(*id));
+        is_new(&self.last.best_world_from_camera(view))
+            && is_new(&reference.world_from_camera)
+            && others.map(|k| &k.world_from_camera).all(is_new)
+    }
+}
+
+/// By how much two views of a scene at so many m differ, rad: the turn between both, and the angle under which their distance appears.
+fn view_angle(motion: &Se3, depth: f64) -> f64 {
+    motion.rotation.angle() + motion.translation.norm() / depth
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+    use super::*;
+    use std::sync::Arc;
+    use stillpoint_features::FeatureGrid;
+    use stillpoint_geometry::{Camera, Vec3, so3};
+    use stillpoint_map::{KeyframeId, Map};
+
+    fn at(x: f64, turn: f64) -> Se3 {
+        let rotation = so3::exp(&Vec3::new(0.0, turn, 0.0));
+        Se3::new(rotation, Vec3::new(x, 0.0, 0.0))
+    }
+
+    /// What a camera sees of a wall, m.
+    fn wall(depth: f32) -> KeyframeData {
+        KeyframeData {
+            stamp: 0.0,
+            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
+            keypoints: Vec::new(),
+            positions: Vec::new(),
+            sigma_px: Vec::new(),
+            depths: vec![0.0, depth, depth, depth],
+            depth_sigmas: Vec::new(),
+            descriptors: Arc::default(),
+            mappable: Vec::new(),
+            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
         }
-        let few_close = (tracked as usize) < self.min_close_tracked
-            && untracked as usize > self.min_close_untracked;
-        few_close || (inliers as f64) < share * established as f64
+    }
+
+    /// Whether the view from `pose` on a wall is new, where the first of the keyframes is the reference and the last one was made last.
+    fn is_new(keyframes: &[Se3], pose: &Se3, depth: f32) -> bool {
+        let mut map = Map::new(8, 1.2);
+        for (id, pose) in (0..).zip(keyframes) {
+            map.insert_keyframe(KeyframeId(id), Arc::new(wall(depth)), *pose, None);
+        }
+        let view = map.publish();
+        let reference = view.keyframe(KeyframeId(0)).unwrap();
+        let last = AnchoredPose {
+            online_world_from_camera: *keyframes.last().unwrap(),
+            reference: KeyframeId(99),
+            ..AnchoredPose::default()
+        };
+        let config = KeyframeConfig::default();
+        Coverage::of(last, 500).lacks_view(&config, &view, reference, pose, &wall(depth))
+    }
+
+    #[test]
+    fn a_view_is_new_by_what_it_shows() {
+        let here = [at(0.0, 0.0)];
+        // A shift counts by the angle under which it appears, a turn by itself, and both add up.
+        assert!(!is_new(&here, &at(0.19, 0.0), 2.0));
+        assert!(is_new(&here, &at(0.21, 0.0), 2.0));
+        assert!(!is_new(&here, &at(0.21, 0.0), 4.0));
+        assert!(!is_new(&here, &at(0.0, 0.09), 4.0));
+        assert!(is_new(&here, &at(0.0, 0.11), 4.0));
+        assert!(is_new(&here, &at(0.2, 0.06), 4.0));
+        // Where nothing is known of depths only a turn shows something new.
+        assert!(!is_new(&here, &at(100.0, 0.09), 0.0));
+        assert!(is_new(&here, &at(0.0, 0.11), 0.0));
+    }
+
+    #[test]
+    fn a_view_that_a_keyframe_has_is_not_new() {
+        // The last keyframe covers it though the map does not hold it yet, and so does the reference after a way there and back.
+        assert!(!is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.45, 0.0), 2.0));
+        assert!(!is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.05, 0.0), 2.0));
+        assert!(is_new(&[at(0.0, 0.0), at(0.5, 0.0)], &at(0.25, 0.0), 2.0));
+    }
+
+    #[test]
+    fn landmarks_that_fade_away_make_a_keyframe_due() {
+        let config = KeyframeConfig::default();
+        let mut coverage = Coverage::of(AnchoredPose::default(), 300);
+        // What a keyframe adds to the map is tracked after it: the measure is the most since then.
+        for (tracked, due) in [(400, false), (500, false), (376, false), (374, true)] {
+            coverage.note(tracked);
+            assert_eq!(
+                coverage.lacks_landmarks(&config, tracked),
+                due,
+                "{tracked} are tracked"
+            );
+        }
+        // Where the camera stands still, as many are tracked for ever.
+        let mut still = Coverage::of(AnchoredPose::default(), 450);
+        for frame in 0..1000 {
+            let tracked = 450 + 40 * (frame % 3);
+            still.note(tracked);
+            assert!(!still.lacks_landmarks(&config, tracked));
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::config::MIN_INITIAL_POINTS;
 use super::ego_motion::EgoMotion;
+use super::keyframe::Coverage;
 use super::motion::CameraMotion;
 use super::state::{LastFrame, State};
 use super::statistics::Statistics;
@@ -52,6 +53,7 @@ pub(super) struct SinceKeyframe {
     pub(super) readout: f64,
     /// How often landmarks were expected, found and seen through.
     statistics: Statistics,
+    coverage: Coverage,
 }
 
 impl Tracker {
@@ -97,6 +99,7 @@ impl Tracker {
         });
         self.begun = frame.stamp;
         self.since_keyframe.frame = Some(frame.id);
+        self.since_keyframe.coverage = Coverage::of(place.anchored, 0);
         self.note_exposure(&self.front_end.exposure(None));
         self.write_down(frame, &place, Some(inliers));
         let motion = CameraMotion::default();
@@ -233,9 +236,13 @@ impl Tracker {
         let gap = frames.map_or(f64::INFINITY, |n| f64::from(n) * pace);
         let (config, view) = (&self.setup.keyframes, &self.map.view);
         let of_reference = view.keyframe(pose.reference)?;
-        let close_depth = self.setup.sensor.close_depth;
+        let tracked = matches.iter().flatten().count();
+        let here = &pose.online_world_from_camera;
+        let coverage = &mut self.since_keyframe.coverage;
+        coverage.note(tracked);
         let needed = gap >= config.min_seconds
-            && config.is_due(view, of_reference, data, matches, close_depth);
+            && (coverage.lacks_landmarks(config, tracked)
+                || coverage.lacks_view(config, view, of_reference, here, data));
         let sharper = gap >= config.min_seconds && self.knows_shutter_better();
         let young = self.submap.and_then(|s| s.young);
         let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_SECONDS;
@@ -247,9 +254,15 @@ impl Tracker {
         if let Some(submap) = &mut self.submap {
             submap.young = young.map(|n| n.saturating_add(1));
         }
+        let id = self.map.keyframe_id(frame.id);
         self.since_keyframe.frame = Some(frame.id);
+        let own = AnchoredPose {
+            keyframe: Some(id),
+            ..*pose
+        };
+        self.since_keyframe.coverage = Coverage::of(own, tracked);
         Some(NewKeyframe {
-            id: self.map.keyframe_id(frame.id),
+            id,
             // A copy takes no more memory than it needs, and that of the frame is free again when it is over.
             data: Arc::new(data.copied()),
             reference: Some(pose.reference),
