@@ -36,6 +36,8 @@ mod smoothing;
 mod stages;
 mod static_filter;
 mod subscriber;
+#[cfg(test)]
+mod synthetic;
 mod system;
 mod timing;
 mod tracking;

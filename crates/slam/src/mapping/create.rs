@@ -167,3 +167,6 @@ fn triangulate_match(
         .contains(&ratio)
         .then_some(t.point)
 }
+
+#[cfg(test)]
+mod tests;

@@ -298,3 +298,6 @@ fn pair(camera: &Camera, found: &FlowMatch, now: &Vec2) -> FlowPair {
         shutter_sigma: 0.0,
     }
 }
+
+#[cfg(test)]
+mod tests;

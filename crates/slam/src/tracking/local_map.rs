@@ -373,3 +373,6 @@ impl<'a> Viewpoint<'a> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -362,3 +362,6 @@ impl Tracker {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

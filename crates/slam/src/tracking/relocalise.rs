@@ -189,3 +189,6 @@ impl Tracker {
         filter.forget();
     }
 }
+
+#[cfg(test)]
+mod tests;

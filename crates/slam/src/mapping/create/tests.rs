@@ -1,0 +1,208 @@
+#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+
+use super::*;
+use crate::config::Config;
+use crate::synthetic::{Feature, at, data, see};
+use stillpoint_map::SubmapId;
+
+/// Factor between two levels.
+const SCALE: f64 = 1.2;
+
+fn keyframe(id: u32, world_from_camera: Se3, features: &[Feature]) -> Keyframe {
+    Keyframe {
+        id: KeyframeId(id),
+        data: data(features),
+        world_from_camera,
+        matches: vec![None; features.len()],
+        covisible: Vec::new(),
+        parent: None,
+        submap: SubmapId(0),
+    }
+}
+
+/// A point of a look as a camera sees it that measures no depth there.
+fn flat(point: Vec3, look: usize, camera: &Se3, level: u8) -> Feature {
+    Feature {
+        depth: 0.0,
+        level,
+        ..see(&point, look, camera)
+    }
+}
+
+/// What two cameras make of one point, which they see on these levels.
+fn made_of(point: Vec3, cameras: [Se3; 2], levels: [u8; 2]) -> Option<Vec3> {
+    let [a, b] = [0, 1].map(|k| {
+        let feature = flat(point, 0, &cameras[k], levels[k]);
+        keyframe(k as u32, cameras[k], &[feature])
+    });
+    let made = triangulate_pair(&a, &b, SCALE);
+    assert!(made.len() < 2);
+    made.first().map(|m| m.2)
+}
+
+#[test]
+fn a_point_lies_where_the_rays_of_two_keyframes_meet() {
+    let point = Vec3::new(0.3, -0.2, 2.0);
+    let made = made_of(point, [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)], [0, 0]).unwrap();
+    assert!((made - point).norm() < 1e-3, "{made:?}");
+}
+
+#[test]
+fn rays_that_hardly_differ_fix_nothing() {
+    let cameras = |baseline| [at(0.0, 0.0, 0.0), at(baseline, 0.0, 0.0)];
+    // 0.2 m aside: 5.7 deg at 2 m, 0.6 deg at 20 m.
+    let near = Vec3::new(0.1, 0.1, 2.0);
+    assert!(made_of(near, cameras(0.2), [0, 0]).is_some());
+    assert!(made_of(10.0 * near, cameras(0.2), [0, 0]).is_none());
+    // Hardly aside, compared with what is seen: nothing is tried, however near the point is.
+    assert!(made_of(0.1 * near, cameras(0.02), [0, 0]).is_some());
+    assert!(made_of(0.1 * near, cameras(0.009), [0, 0]).is_none());
+}
+
+/// Both keyframes are as far away, so that both see the same patch on one level, give or take what corners jump.
+#[test]
+fn levels_that_distances_do_not_explain_are_a_wrong_match() {
+    let point = Vec3::new(0.1, 0.1, 2.0);
+    let aside = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
+    for (levels, fine) in [
+        ([0, 0], true),
+        ([0, 3], true),
+        ([3, 0], true),
+        ([0, 4], false),
+        ([4, 0], false),
+        ([2, 6], false),
+    ] {
+        let made = made_of(point, aside, levels);
+        assert_eq!(made.is_some(), fine, "levels {levels:?}");
+    }
+    // Half as far away it is twice as large, four levels coarser.
+    let towards = [at(0.4, 0.0, 1.0), at(0.0, 0.0, 0.0)];
+    assert!(made_of(point, towards, [4, 0]).is_some());
+    assert!(made_of(point, towards, [0, 0]).is_none());
+    assert!(made_of(point, towards, [0, 4]).is_none());
+}
+
+#[test]
+fn what_looks_otherwise_or_lies_aside_of_the_line_is_no_match() {
+    let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
+    let point = Vec3::new(0.1, 0.1, 2.0);
+    let seen = |k: usize| flat(point, 7, &cameras[k], 0);
+    let made = |a: Feature, b: Feature| {
+        let (a, b) = (keyframe(0, cameras[0], &[a]), keyframe(1, cameras[1], &[b]));
+        triangulate_pair(&a, &b, SCALE).len()
+    };
+    let lower = |px: f32| Feature {
+        pixel: [seen(1).pixel[0], seen(1).pixel[1] + px],
+        ..seen(1)
+    };
+    // Across the line 95 % of matches are off by less than 1.96 px.
+    assert_eq!(made(seen(0), lower(1.8)), 1);
+    assert_eq!(made(seen(0), lower(2.2)), 0);
+    let noisy = |noise| Feature { noise, ..seen(1) };
+    assert_eq!(made(seen(0), noisy(STRICT_DISTANCE)), 1);
+    assert_eq!(made(seen(0), noisy(STRICT_DISTANCE + 1)), 0);
+    // What measures its depth makes landmarks of its own, and what stands still only for now makes none.
+    let deep = Feature {
+        depth: 2.0,
+        ..seen(1)
+    };
+    let passing = Feature {
+        mappable: false,
+        ..seen(1)
+    };
+    assert_eq!([made(seen(0), deep), made(seen(0), passing)], [0, 0]);
+}
+
+#[test]
+fn a_feature_is_matched_once_with_the_one_that_is_most_like_it() {
+    let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
+    // Two points behind each other on one line of the second keyframe.
+    let points = [Vec3::new(0.1, 0.1, 2.0), Vec3::new(0.12, 0.12, 2.4)];
+    let a = [0, 1].map(|i| Feature {
+        noise: [12, 3][i],
+        ..flat(points[i], 5, &cameras[0], 0)
+    });
+    let b = keyframe(1, cameras[1], &[flat(points[1], 5, &cameras[1], 0)]);
+    for order in [[0, 1], [1, 0]] {
+        let a = keyframe(0, cameras[0], &order.map(|i| a[i]));
+        let made = triangulate_pair(&a, &b, SCALE);
+        assert_eq!(made.len(), 1);
+        assert_eq!(order[made[0].0 as usize], 1, "{order:?}");
+    }
+}
+
+/// A mapper with keyframe 0 at the origin and keyframe 1 aside of it. Both see a point with its depth, which they share, and these two without.
+fn mapper(points: [Vec3; 2], baseline: f64) -> Mapper {
+    let mut mapper = Mapper::new(&Config::default());
+    for id in 0..2_u32 {
+        let camera = at(baseline * f64::from(id), 0.0, 0.0);
+        let mut features = vec![see(&Vec3::new(-0.5, -0.3, 2.0), 9, &camera)];
+        features.extend((0..2).map(|i| flat(points[i], i, &camera, 0)));
+        let parent = id.checked_sub(1).map(KeyframeId);
+        let id = KeyframeId(id);
+        let inserted = mapper
+            .map
+            .insert_keyframe(id, data(&features), camera, parent);
+        assert!(inserted);
+        mapper.order.push(id);
+        if parent.is_none() {
+            assert_eq!(mapper.create_from_depth(id), 1);
+        }
+    }
+    let shared = mapper.young[0];
+    assert!(mapper.map.add_observation(shared, KeyframeId(1), 0));
+    mapper.map.refresh_covisibility(KeyframeId(1), 1);
+    mapper
+}
+
+#[test]
+fn triangulated_landmarks_are_seen_by_both_keyframes_and_have_to_prove_themselves() {
+    let points = [Vec3::new(0.3, 0.2, 2.0), Vec3::new(-0.2, -0.1, 2.5)];
+    let mut mapper = mapper(points, 0.2);
+    assert_eq!(mapper.triangulate(KeyframeId(1)), 2);
+    assert_eq!(mapper.map.check(), Ok(()));
+    let view = mapper.map.view();
+    for id in &mapper.young[1..] {
+        let l = view.landmark(*id).unwrap();
+        assert_eq!((l.observers, l.depth_observers), (2, 0));
+        let position = view.landmark_position(*id).unwrap();
+        let off = points.iter().map(|p| (p - position).norm());
+        assert!(off.fold(f64::MAX, f64::min) < 1e-3, "{position:?}");
+    }
+    assert_eq!((mapper.young.len(), view.landmark_count()), (3, 3));
+    // Once they are there, nothing is made twice.
+    assert_eq!(mapper.triangulate(KeyframeId(1)), 0);
+}
+
+#[test]
+fn depth_makes_landmarks_of_what_nothing_is_known_of() {
+    let camera = at(0.5, 0.0, -1.0);
+    let mut features: Vec<Feature> = (0..5)
+        .map(|i| see(&Vec3::new(0.2 * i as f64, 0.1, 2.0 + i as f64), i, &camera))
+        .collect();
+    features[1].depth = 0.0;
+    features[2].mappable = false;
+    let mut mapper = Mapper::new(&Config::default());
+    let id = KeyframeId(0);
+    let inserted = mapper
+        .map
+        .insert_keyframe(id, data(&features), camera, None);
+    assert!(inserted);
+    let known = NewLandmark {
+        position: Vec3::new(0.6, 0.1, 5.0),
+        observation: (id, 3),
+    };
+    let known = mapper.map.insert_landmark(&known).unwrap();
+    assert_eq!(mapper.create_from_depth(id), 2);
+    let view = mapper.map.view();
+    let matches = &view.keyframe(id).unwrap().matches;
+    assert_eq!(matches[3], Some(known));
+    assert!(matches[1].is_none() && matches[2].is_none());
+    for (i, z) in [(0, 2.0), (4, 6.0)] {
+        let position = view.landmark_position(matches[i].unwrap()).unwrap();
+        let expected = Vec3::new(0.2 * i as f64, 0.1, z);
+        assert!((position - expected).norm() < 1e-5, "{position:?}");
+    }
+    // The nearest first: where numbers are short, it is what is far that does without.
+    assert_eq!(mapper.young, [matches[0].unwrap(), matches[4].unwrap()]);
+}

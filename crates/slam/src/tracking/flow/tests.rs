@@ -1,0 +1,238 @@
+#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+
+use super::super::Notes;
+use super::super::statistics::Sightings;
+use super::*;
+use crate::anchored_pose::AnchoredPose;
+use crate::config::Config;
+use crate::messages::Exposure;
+use crate::synthetic::{WALL, aside, at, blocks, data, see_points, wall, wall_camera};
+use std::sync::Arc;
+use stillpoint_geometry::{Vec3, so3};
+use stillpoint_imaging::{FrameId, Simd};
+use stillpoint_map::KeyframeId;
+
+/// A tracker that has a pose at the origin in a first frame, and what it sees in the second.
+fn second_frame(
+    first: RgbdFrame,
+    second: RgbdFrame,
+    config: &Config,
+) -> (Tracker, Arc<KeyframeData>) {
+    let mut tracker = Tracker::new(config, wall_camera(), Simd::detect());
+    tracker.track(&Arc::new(first));
+    assert!(tracker.state.tracked().is_some(), "it begins a map");
+    tracker.pace.next(&second);
+    tracker.front_end.clock.take(&second);
+    let data = tracker.observe(&second, &mut Notes::default());
+    (tracker, data)
+}
+
+/// By how much pairs are off where they are if the camera moved to the side by so many px, for the features in these columns, px.
+fn off(data: &KeyframeData, pairs: &[Option<FlowPair>], shift: f64, columns: [f32; 2]) -> Vec<f64> {
+    let of = |(k, pair): (&stillpoint_features::Keypoint, &Option<FlowPair>)| {
+        let pair = pair
+            .as_ref()
+            .filter(|_| (columns[0]..columns[1]).contains(&k.x))?;
+        Some((pair.before - pair.now - Vec2::new(shift, 0.0)).norm())
+    };
+    data.keypoints.iter().zip(pairs).filter_map(of).collect()
+}
+
+fn share(of: &[f64], is: impl Fn(f64) -> bool) -> f64 {
+    of.iter().filter(|e| is(**e)).count() as f64 / of.len().max(1) as f64
+}
+
+#[test]
+fn features_are_found_where_they_were() {
+    let shown = |id, shift| wall(id, move |x, y| blocks(1, x + shift, y));
+    let (mut tracker, data) = second_frame(shown(0, 0), shown(1, 3), &Config::default());
+    let (pairs, rest) = tracker.flow(&data, &Se3::identity());
+    assert!(rest.is_empty(), "all of the wall has depth");
+    let errors = off(&data, &pairs, 3.0, [10.0, 300.0]);
+    assert!(errors.len() > 300, "{}", errors.len());
+    assert!(share(&errors, |e| e < 0.3) > 0.97, "{errors:?}");
+}
+
+#[test]
+fn there_is_no_flow_without_a_frame_before() {
+    let shown = |id| wall(id, |x, y| blocks(1, x, y));
+    let (mut tracker, data) = second_frame(shown(0), shown(1), &Config::default());
+    tracker.state.lose(FrameId(1));
+    let (pairs, rest) = tracker.flow(&data, &Se3::identity());
+    assert!(pairs.is_empty() && rest.is_empty());
+}
+
+/// Repetition of the right half of a wall, px.
+const PERIOD: usize = 10;
+
+/// A wall whose right half repeats itself.
+fn repeated(x: usize, y: usize) -> u8 {
+    if x < WALL[0] / 2 + PERIOD {
+        return blocks(1, x, y);
+    }
+    let column = (x % PERIOD) / 5;
+    blocks(2, 4 * column, y)
+}
+
+/// Right after the flow the pattern seems to have stood still; looked at again from where it should be, it has moved by one repetition as all the rest.
+#[test]
+fn what_looks_like_its_neighbour_is_found_where_a_wall_that_stands_still_has_it() {
+    let shown = |id, shift| wall(id, move |x, y| repeated(x + shift, y));
+    let config = Config::default();
+    let (mut tracker, data) = second_frame(shown(0, 0), shown(1, PERIOD), &config);
+    let (mut pairs, _) = tracker.flow(&data, &Se3::identity());
+    let (shift, right) = (PERIOD as f64, [180.0, 300.0]);
+    let before = off(&data, &pairs, shift, right);
+    assert!(before.len() > 50, "{}", before.len());
+    assert!(share(&before, |e| e > 9.0) > 0.8, "{before:?}");
+
+    let there = at(aside(shift), 0.0, 0.0).inverse();
+    tracker.recheck_flow(&data, &mut pairs, &there);
+    let after = off(&data, &pairs, shift, right);
+    assert_eq!(after.len(), before.len());
+    assert!(share(&after, |e| e < 0.5) > 0.97, "{after:?}");
+}
+
+#[test]
+fn what_moves_still_moves_when_it_is_looked_at_again() {
+    // A board is carried along with the camera, 6 px aside.
+    let board = |x: usize, y: usize| (60..140).contains(&x) && (60..180).contains(&y);
+    let shown = |id, shift| {
+        wall(id, move |x, y| {
+            if board(x, y) {
+                blocks(3, x, y)
+            } else {
+                blocks(1, x + shift, y)
+            }
+        })
+    };
+    let (mut tracker, data) = second_frame(shown(0, 0), shown(1, 6), &Config::default());
+    let there = at(aside(6.0), 0.0, 0.0).inverse();
+    let (mut pairs, _) = tracker.flow(&data, &there);
+    tracker.recheck_flow(&data, &mut pairs, &there);
+    let on_board = |i: usize| {
+        let k = &data.keypoints[i];
+        board(k.x as usize - 10, k.y as usize - 10) && board(k.x as usize + 10, k.y as usize + 10)
+    };
+    let moved: Vec<f64> = (0..data.len())
+        .filter(|i| on_board(*i))
+        .filter_map(|i| pairs[i].as_ref())
+        .map(|pair| (pair.before - pair.now).norm())
+        .collect();
+    assert!(moved.len() > 10, "{}", moved.len());
+    assert!(share(&moved, |e| e < 0.5) > 0.9, "{moved:?}");
+    let rest = off(&data, &pairs, 6.0, [160.0, 300.0]);
+    assert!(share(&rest, |e| e < 0.3) > 0.95, "{rest:?}");
+}
+
+/// A camera that turns by 1 rad/s while its rows are read within 20 ms: over the height of the image the columns lean by 0.02 rad of 260 px.
+#[test]
+fn pairs_are_brought_to_the_stamps_of_their_frames() {
+    let shown = |id| wall(id, |x, y| blocks(1, x, y));
+    let lean = |readout: f64| {
+        let mut config = Config::default();
+        config.sensor.readout = readout;
+        let (mut tracker, data) = second_frame(shown(0), shown(1), &config);
+        let (mut pairs, _) = tracker.flow(&data, &Se3::identity());
+        let mut turned = Se3::identity();
+        turned.rotation = so3::exp(&Vec3::new(0.0, 1.0 / 30.0, 0.0));
+        let motion = tracker.motion_to(&turned);
+        tracker.bring_to_stamps(&data, &mut pairs, &motion);
+        let seen = data.keypoints.iter().zip(&pairs);
+        let aside = |rows: std::ops::Range<f32>| {
+            let near = seen.clone().filter_map(|(k, pair)| {
+                let central = (k.x - 160.0).abs() < 30.0 && rows.contains(&k.y);
+                let pair = pair.as_ref().filter(|_| central)?;
+                Some((pair.now.x - f64::from(k.x), f64::from(k.y)))
+            });
+            let near: Vec<(f64, f64)> = near.collect();
+            let count = near.len() as f64;
+            assert!(count > 2.0);
+            let sum = near.iter().fold((0.0, 0.0), |s, n| (s.0 + n.0, s.1 + n.1));
+            (sum.0 / count, sum.1 / count)
+        };
+        let (top, bottom) = (aside(0.0..60.0), aside(180.0..240.0));
+        (bottom.0 - top.0) / (bottom.1 - top.1)
+    };
+    assert!(lean(0.0).abs() < 1e-6);
+    let expected = 0.02 * 260.0 / 240.0;
+    assert!(
+        (lean(0.02).abs() - expected).abs() < 0.1 * expected,
+        "{}",
+        lean(0.02)
+    );
+}
+
+#[test]
+fn rows_are_learned_from_what_stands_still_and_has_depth() {
+    let shown = |id| wall(id, |x, y| blocks(1, x, y));
+    let (mut tracker, data) = second_frame(shown(0), shown(1), &Config::default());
+    let (pairs, _) = tracker.flow(&data, &Se3::identity());
+    let found = pairs.iter().flatten().count();
+    let motion = EgoMotion {
+        pairs,
+        ..EgoMotion::unknown()
+    };
+    let mut verdicts: Vec<FeatureVerdict> = data
+        .keypoints
+        .iter()
+        .map(|k| FeatureVerdict::kept([k.x, k.y]))
+        .collect();
+    let rows = |verdicts: &[FeatureVerdict], data: &KeyframeData| {
+        let mut rows = Vec::new();
+        tracker.followed(&motion, verdicts, data, &mut rows);
+        rows.len()
+    };
+    assert_eq!(rows(&verdicts, &data), found);
+    let pairs = motion.pairs.iter().enumerate();
+    let first: Vec<usize> = pairs
+        .filter(|p| p.1.is_some())
+        .map(|p| p.0)
+        .take(7)
+        .collect();
+    for i in &first[..5] {
+        verdicts[*i].dynamic = true;
+    }
+    assert_eq!(rows(&verdicts, &data), found - 5);
+    let mut holes = data.copied();
+    for i in &first {
+        holes.depths[*i] = 0.0;
+    }
+    assert_eq!(rows(&verdicts, &holes), found - 7);
+}
+
+#[test]
+fn without_flow_rows_are_learned_from_landmarks_that_both_frames_see() {
+    let id = LandmarkId::new;
+    let camera = at(0.0, 0.0, 0.0);
+    let last = LastFrame {
+        stamp: 0.0,
+        time: 0.0,
+        data: data(&see_points(0..4, &camera)),
+        matches: vec![Some(id(5)), None, Some(id(7)), Some(id(8))],
+        pose: AnchoredPose::default(),
+        world_from_camera: camera,
+    };
+    let mut now = data(&see_points([2, 9, 0, 3], &camera)).copied();
+    now.depths[3] = 0.0;
+    let solution = Solution {
+        data: Arc::new(now),
+        camera_from_world: camera,
+        reference: KeyframeId(0),
+        matches: vec![Some(id(7)), Some(id(9)), Some(id(5)), Some(id(8))],
+        sightings: Sightings::default(),
+        exposure: Exposure::default(),
+        followed: Vec::new(),
+        recognised: None,
+    };
+    let rows = seen_twice(&last, &solution);
+    assert_eq!(rows.len(), 2);
+    // The same points from the same place.
+    for (row, number) in rows.iter().zip([2, 0]) {
+        let seen = see_points([number], &camera)[0];
+        let [x, y] = seen.pixel.map(f64::from);
+        assert!((row.now.0 - Vec2::new(x, y)).norm() < 1e-3);
+        assert_eq!((row.now, row.z), (row.before, f64::from(seen.depth)));
+        assert!((row.now.1 - y).abs() < 1e-9);
+    }
+}
