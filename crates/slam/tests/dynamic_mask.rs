@@ -237,7 +237,8 @@ fn the_camera_is_followed_without_a_map() {
         let error: Vec3 = found.world_from_camera.unwrap().translation - truth.translation;
         worst = worst.max(error.norm());
     }
-    assert!(worst < 0.05, "{worst} m");
+    // Measured: 0.019 m.
+    assert!((0.012..0.025).contains(&worst), "{worst} m");
 }
 
 #[test]

@@ -59,6 +59,21 @@ fn rays_that_hardly_differ_fix_nothing() {
     assert!(made_of(0.1 * near, cameras(0.009), [0, 0]).is_none());
 }
 
+/// A point behind both cameras agrees with both rays, and with neither pixel.
+#[test]
+fn rays_that_part_meet_nowhere() {
+    let cameras = [at(0.0, 0.0, 0.0), at(0.2, 0.0, 0.0)];
+    let point = Vec3::new(0.1, 0.1, 2.0);
+    let made = |px: f32| {
+        let mut features = [0, 1].map(|k| flat(point, 7, &cameras[k], 0));
+        features[1].pixel[0] += px;
+        let [a, b] = [0, 1].map(|k| keyframe(k as u32, cameras[k], &features[k..=k]));
+        triangulate_pair(&a, &b, SCALE).len()
+    };
+    // 50 px of disparity at 2 m: by 100 px more to the right the rays part as much.
+    assert_eq!([made(0.0), made(100.0)], [1, 0]);
+}
+
 /// Both keyframes are as far away, so that both see the same patch on one level, give or take what corners jump.
 #[test]
 fn levels_that_distances_do_not_explain_are_a_wrong_match() {
@@ -178,7 +193,7 @@ fn triangulated_landmarks_are_seen_by_both_keyframes_and_have_to_prove_themselve
 fn depth_makes_landmarks_of_what_nothing_is_known_of() {
     let camera = at(0.5, 0.0, -1.0);
     let mut features: Vec<Feature> = (0..5)
-        .map(|i| see(&Vec3::new(0.2 * i as f64, 0.1, 2.0 + i as f64), i, &camera))
+        .map(|i| see(&Vec3::new(0.2 * i as f64, 0.1, 6.0 - i as f64), i, &camera))
         .collect();
     features[1].depth = 0.0;
     features[2].mappable = false;
@@ -189,7 +204,7 @@ fn depth_makes_landmarks_of_what_nothing_is_known_of() {
         .insert_keyframe(id, data(&features), camera, None);
     assert!(inserted);
     let known = NewLandmark {
-        position: Vec3::new(0.6, 0.1, 5.0),
+        position: Vec3::new(0.6, 0.1, 3.0),
         observation: (id, 3),
     };
     let known = mapper.map.insert_landmark(&known).unwrap();
@@ -198,11 +213,11 @@ fn depth_makes_landmarks_of_what_nothing_is_known_of() {
     let matches = &view.keyframe(id).unwrap().matches;
     assert_eq!(matches[3], Some(known));
     assert!(matches[1].is_none() && matches[2].is_none());
-    for (i, z) in [(0, 2.0), (4, 6.0)] {
+    for (i, z) in [(0, 6.0), (4, 2.0)] {
         let position = view.landmark_position(matches[i].unwrap()).unwrap();
         let expected = Vec3::new(0.2 * i as f64, 0.1, z);
         assert!((position - expected).norm() < 1e-5, "{position:?}");
     }
     // The nearest first: where numbers are short, it is what is far that does without.
-    assert_eq!(mapper.young, [matches[0].unwrap(), matches[4].unwrap()]);
+    assert_eq!(mapper.young, [matches[4].unwrap(), matches[0].unwrap()]);
 }
