@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
+use stillpoint_testdata::ate::{self, Figures};
 use tempfile::TempDir;
 
 /// Enough for several keyframes, bundle adjustments and culling.
@@ -116,9 +117,12 @@ fn a_result_is_complete_and_accurate() {
         serde_json::from_slice(&std::fs::read(out.join("summary.json")).unwrap()).unwrap();
     assert!(summary["frames"].as_u64().unwrap() >= LEAST as u64);
     assert_eq!(summary["tracked"], summary["frames"]);
+    let frames = summary["frames"].as_u64().unwrap() as usize;
     for poses in ["final", "online"] {
         let ate = summary["accuracy"][poses]["ate"]["rmse"].as_f64().unwrap();
-        assert!(ate > 0.0 && ate < 0.005, "{poses}: ATE of {ate} m");
+        let sequence = format!("sim:halfsphere {FRAMES} frames as JPEG {poses}");
+        let found = Figures::all_posed(1e3 * ate, frames);
+        ate::hold(&sequence, "none", "default", found);
         assert_eq!(summary["accuracy"][poses]["pairs"], summary["frames"]);
     }
     let stages = summary["timing_ms"].as_array().unwrap();
@@ -242,7 +246,10 @@ fn the_bench_reports_every_run() {
     let sequence = &json["sequences"][0];
     assert_eq!(sequence["runs"].as_array().unwrap().len(), 2);
     assert_eq!(sequence["identical"], true);
-    assert!(sequence["ate_rmse"]["worst"].as_f64().unwrap() < 0.005);
+    let worst = sequence["ate_rmse"]["worst"].as_f64().unwrap();
+    let name = "sim:halfsphere 30 frames as JPEG";
+    let found = Figures::all_posed(1e3 * worst, 30);
+    ate::hold(name, "none", "default", found);
     assert!(json["machine"]["cores"].as_u64().unwrap() > 0);
 }
 

@@ -1,12 +1,11 @@
 //! The whole system on simulated rooms: accuracy with a control, late maps, covered lenses, and the shutter's readout.
 
-use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_geometry::{Camera, Se3};
-use stillpoint_imaging::{FrameSource, GrayImage, RgbdFrame, Simd};
+use stillpoint_imaging::{GrayImage, RgbdFrame, Simd};
 use stillpoint_simulator::{Shutter, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, LostReason, Outcome, System};
-use stillpoint_testdata::ate;
+use stillpoint_testdata::ate::{self, Figures};
 
 fn simulator(scene: &str, frames: usize) -> Simulator {
     Simulator::new(&SimulatorConfig {
@@ -79,19 +78,28 @@ fn final_poses(system: &System) -> Vec<TimedPose> {
         .collect()
 }
 
+/// Holds a run without a detector against the table of errors.
+#[track_caller]
+fn hold(sequence: &str, simulator: &Simulator, system: &System) {
+    let poses = final_poses(system);
+    let found = Figures {
+        error_mm: ate_mm(simulator, &poses),
+        frames: simulator.len(),
+        posed: poses.len(),
+    };
+    ate::hold(sequence, "none", "default", found);
+}
+
 /// It takes long because it renders three scenes of 120 frames.
 #[test]
-fn static_scenes_are_tracked_within_5_mm() {
+fn static_scenes_are_tracked() {
     for scene in ["xyz", "rpy", "halfsphere"] {
         let simulator = simulator(scene, 120);
         let (system, outcomes) = run(&simulator, Config::default(), |_, _| ());
         assert!(!outcomes.iter().any(|o| matches!(o, Outcome::Lost { .. })));
         let poses = final_poses(&system);
-        assert_eq!(poses.len(), simulator.len(), "{scene}");
-        let error = ate_mm(&simulator, &poses);
-        assert!(error < 5.0, "{scene}: {error} mm");
-        ate::hold(&format!("sim:{scene} 120 frames"), "none", "default", error);
-        // Control: the bound means something only where standing still fails it.
+        hold(&format!("sim:{scene} 120 frames"), &simulator, &system);
+        // Control: the figure means something only where standing still has a larger one.
         let still: Vec<TimedPose> = poses
             .iter()
             .map(|p| TimedPose {
@@ -117,10 +125,8 @@ fn a_late_map_costs_no_frame() {
     let runs = run_all(&simulator, configs, |_, _| ());
     for (delay, (system, outcomes)) in delays.iter().zip(runs) {
         assert!(!outcomes.iter().any(|o| matches!(o, Outcome::Lost { .. })));
-        let error = ate_mm(&simulator, &final_poses(&system));
-        assert!(error < 8.0, "delay {delay}: {error} mm");
         let name = format!("sim:xyz 90 frames with the map {delay} late");
-        ate::hold(&name, "none", "default", error);
+        hold(&name, &simulator, &system);
     }
 }
 
@@ -143,9 +149,8 @@ fn black_frames_are_lost_with_a_reason_and_then_tracking_goes_on() {
             _ => assert!(!black.contains(&i), "frame {i} has a pose without an image"),
         }
     }
-    let poses = final_poses(&system);
-    assert_eq!(poses.len(), simulator.len() - black.len());
-    assert!(ate_mm(&simulator, &poses) < 5.0);
+    assert_eq!(final_poses(&system).len(), simulator.len() - black.len());
+    hold("sim:xyz 60 frames with 5 black", &simulator, &system);
 }
 
 #[test]
@@ -172,7 +177,7 @@ fn a_first_frame_without_depth_does_not_start_a_map() {
     assert_eq!(outcomes[3], Outcome::Tracked);
 }
 
-/// It takes long: 150 frames are rendered and tracked twice, and a whole recording is tracked.
+/// It takes long: 150 frames are rendered and tracked twice. A Kinect's is found in `relocalisation::real`.
 #[test]
 fn the_readout_is_found_where_there_is_one() {
     // The simulator's shutter is global: nothing may be found, from wherever the estimate starts.
@@ -188,19 +193,6 @@ fn the_readout_is_found_where_there_is_one() {
         let readout = system.timing().readout;
         assert!(readout < 0.004, "from {start} s: {readout} s");
     }
-    // The Kinect's is not.
-    let Some(path) = stillpoint_testdata::recording("fr1_xyz") else {
-        return;
-    };
-    let dataset = Dataset::open(&path, &OpenOptions::default()).unwrap();
-    let mut system =
-        System::new(Config::default(), dataset.camera().camera, Simd::detect()).unwrap();
-    let mut source = ReadAhead::new(dataset.frames(&FrameOptions::default()).unwrap());
-    while let Some(frame) = source.next_frame() {
-        system.step(frame.unwrap());
-    }
-    let readout = system.timing().readout;
-    assert!((0.012..0.035).contains(&readout), "{readout} s");
 }
 
 /// A camera that already turns with 130 degrees per second when it is switched on: of its first frame nothing tells how it moved, nor what the readout is.
@@ -230,8 +222,10 @@ fn a_map_that_begins_in_a_fast_turn_is_not_bent_by_the_shutter() {
     });
     let runs = run_all(&simulator, configs, |_, _| ());
     let error = |(system, _): &(System, Vec<Outcome>)| ate_mm(&simulator, &final_poses(system));
-    let [learned, known, global] = runs.each_ref().map(error);
-    assert!(known < 3.0, "{known} mm");
-    assert!(learned < 3.0, "{learned} mm");
+    let [learned, _, global] = runs.each_ref().map(error);
+    for (what, (system, _)) in ["learned", "known"].iter().zip(&runs) {
+        let name = format!("sim:rpy_150 45 frames with the readout {what}");
+        hold(&name, &simulator, system);
+    }
     assert!(global > 4.0 * learned, "{global} and {learned} mm");
 }

@@ -1,6 +1,6 @@
 //! Images that cannot be read.
 
-use super::world::{Frames, Session, config, losses, room, undisturbed};
+use super::world::{Frames, Session, config, losses, room};
 use std::path::Path;
 use stillpoint_datasets::{ColourFormat, Dataset, FrameOptions, OpenOptions, Recorder};
 use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
@@ -38,14 +38,7 @@ fn one_corrupt_image_in_a_hundred_costs_its_frame() {
     let reports = session.reports();
     assert_eq!(reports.len(), 127);
     assert!(losses(&reports).is_empty());
-    let clean = undisturbed().worst;
-    let error = session.worst(room(), &reports);
-    println!(
-        "{:.1} mm, with all frames {:.1} mm",
-        1e3 * error,
-        1e3 * clean
-    );
-    assert!(error < clean + 0.02, "{error} m");
+    session.hold("three corrupt frames", room(), &reports);
 }
 
 /// Records frames of the room as a data set.
@@ -84,5 +77,5 @@ fn truncated_files_cost_their_frames() {
     let missing = |k: &u32| reports.iter().all(|r| r.frame.0 != *k);
     assert_eq!((0..40).filter(missing).collect::<Vec<_>>(), [12, 20]);
     assert!(losses(&reports).is_empty());
-    assert!(session.worst(room(), &reports) < 0.03);
+    session.hold("truncated files", room(), &reports);
 }

@@ -83,21 +83,20 @@ fn somebody_who_fills_the_image_for_two_seconds_does_not_carry_the_map_away() {
                 .collect(),
             0.0,
         );
-        let (during, then) = (session.worst(room, &bad), session.worst(room, &after));
         let moving = bad
             .iter()
             .map(|r| f64::from(r.counts.dynamic) / f64::from(r.counts.keypoints.max(1)));
         println!(
-            "{free} px free, detected {detected}: {} of 60 frames lost, {:.2} of the keypoints move, {:.1} mm; then {} without a pose in the map, {:.1} mm; {} submaps",
+            "{free} px free, detected {detected}: {} of 60 frames lost, {:.2} of the keypoints move; then {} without a pose in the map; {} submaps",
             losses(&bad).len(),
             moving.sum::<f64>() / 60.0,
-            1e3 * during,
             after.len() - at_home(&after),
-            1e3 * then,
             session.view().submaps().len()
         );
         // No pose in the map was false, and what had been begun on the shirt took a second to be left.
-        assert!(during < 0.02 && then < 0.02, "{during} m, {then} m");
+        let what = format!("a shirt but for {free} px with detector {detected}");
+        session.hold(&what, room, &bad);
+        session.hold(&format!("after {what}"), room, &after);
         assert!(
             at_home(&after) >= 28 && home_again(&after),
             "{}",
@@ -112,13 +111,9 @@ fn a_crowd_that_fills_the_image_leaves_no_false_pose() {
     let recording = Recording::new("walking_xyz", 30..100, small(450.0));
     let mut session = Session::new(&recording, config()).with_detector(recording.detector());
     let reports = session.feed(recording.play(0..70));
-    let (lost, error) = (losses(&reports).len(), session.worst(&recording, &reports));
-    println!(
-        "{lost} of 70 lost, {} in the map, {:.1} mm",
-        at_home(&reports),
-        1e3 * error
-    );
+    let lost = losses(&reports).len();
+    println!("{lost} of 70 lost, {} in the map", at_home(&reports));
     // They cover more than a room's features can be seen beside, for a second.
     assert!((10..40).contains(&lost), "{lost}");
-    assert!(error < 0.03, "{error} m");
+    session.hold("a crowd that fills the image", &recording, &reports);
 }

@@ -12,6 +12,7 @@ use stillpoint_imaging::{FrameId, FrameSource, RgbdFrame, Simd, SourceError};
 use stillpoint_map::{MapView, SubmapId};
 use stillpoint_simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint_slam::{Config, Event, FrameReport, LostReason, Outcome, RefusedFrame, System};
+use stillpoint_testdata::ate::{self, Figures};
 
 /// A recording whose frames are rendered once, for several runs over them.
 pub(crate) struct Recording {
@@ -123,29 +124,14 @@ pub(crate) fn walk() -> &'static Recording {
     })
 }
 
-/// What is said of a recording without trouble.
-pub(crate) struct Baseline {
-    pub(crate) digest: u64,
-    /// The greatest error of a pose as it was reported, m.
-    pub(crate) worst: f64,
-}
-
-impl Baseline {
-    pub(crate) fn of(recording: &Recording) -> Self {
-        let mut session = Session::new(recording, config());
-        let reports = session.feed(recording.frames.clone());
-        assert!(losses(&reports).is_empty());
-        Self {
-            digest: session.digest(),
-            worst: session.worst(recording, &reports),
-        }
-    }
-}
-
-/// The room without trouble.
-pub(crate) fn undisturbed() -> &'static Baseline {
-    static RUN: OnceLock<Baseline> = OnceLock::new();
-    RUN.get_or_init(|| Baseline::of(room()))
+/// The digest of a run without trouble. Its errors are what all others are to be compared with.
+#[track_caller]
+pub(crate) fn undisturbed(what: &str, recording: &Recording) -> u64 {
+    let mut session = Session::new(recording, config());
+    let reports = session.feed(recording.frames.clone());
+    assert!(losses(&reports).is_empty());
+    session.hold(what, recording, &reports);
+    session.digest()
 }
 
 /// A source of frames in memory.
@@ -230,6 +216,19 @@ impl Session {
             Some(recording.off(self.shows[&r.frame], &pose))
         };
         reports.iter().filter_map(off).fold(0.0, f64::max)
+    }
+
+    /// Holds the greatest error of these frames, and how many have a pose in the first submap, against the table of errors.
+    #[track_caller]
+    pub(crate) fn hold(&self, what: &str, recording: &Recording, reports: &[FrameReport]) {
+        let found = Figures {
+            error_mm: 1e3 * self.worst(recording, reports),
+            frames: reports.len(),
+            posed: at_home(reports),
+        };
+        println!("{what}: {found:?}");
+        let sequence = format!("sim:small {what}: largest error");
+        ate::hold(&sequence, "none", "default", found);
     }
 
     pub(crate) fn reports(&self) -> Vec<FrameReport> {

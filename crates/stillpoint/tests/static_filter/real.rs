@@ -28,28 +28,24 @@ fn boxes(name: &str) -> Vec<ScriptRow> {
     text.lines().skip(1).map(row).collect()
 }
 
+/// Runs with true boxes: also of the method as published, whose runs without a detector say little. A part of the frames tells whether it breaks.
 #[test]
-fn people_before_a_desk() {
-    let Some(mut recording) = Recording::real("fr1_xyz_walkers") else {
-        return;
-    };
-    let alone = recording.run(with(Preset::Default));
-    let error = recording.ate_mm(&alone);
-    println!("no detector: {error:.2} mm");
-    assert_eq!(alone.lost(), 0);
-    assert!(error < 22.4, "{error} mm");
-
-    recording.script = boxes("fr1_xyz_walkers");
-    let detected = recording.run_detected(with(Preset::Default));
-    let error = recording.ate_mm(&detected);
-    println!("true boxes: {error:.2} mm");
-    assert_eq!(detected.lost(), 0);
-    assert!(error < 14.6, "{error} mm");
-
-    let off = recording.run(with(Preset::Off));
-    let error = recording.ate_mm(&off);
-    println!("off: {error:.2} mm");
-    assert!(error > 22.4, "control: {error} mm");
+fn people_before_a_desk_and_in_fast_turns_with_true_boxes() {
+    for (name, part) in [("fr1_xyz_walkers", 150), ("fr1_rpy_walkers", 120)] {
+        let Some(mut recording) = Recording::real(name) else {
+            return;
+        };
+        recording.script = boxes(name);
+        let run = recording.run_detected(with(Preset::Default));
+        recording.hold(name, "true boxes", Preset::Default, &run);
+        assert_eq!(run.lost(), 0, "{name}");
+        recording.frames.truncate(part);
+        for preset in [Preset::Paper, Preset::Adapted] {
+            let run = recording.run_detected(with(preset));
+            let sequence = format!("{name} {part} frames");
+            recording.hold(&sequence, "true boxes", preset, &run);
+        }
+    }
 }
 
 /// People fill the image for a second, few keypoints are wanted, and the map comes late: what drifts meanwhile is undone. With the map
@@ -63,10 +59,9 @@ fn what_drifted_among_people_is_undone() {
     config.features.features = 500;
     config.schedule.mapper = 6;
     let run = recording.run(config);
-    let error = recording.ate_mm(&run);
-    println!("500 keypoints, map 6 frames late: {error:.2} mm");
+    let sequence = "fr1_xyz_walkers with 500 keypoints and the map 6 late";
+    recording.hold(sequence, "none", Preset::Default, &run);
     assert_eq!(run.lost(), 0);
-    assert!(error < 22.4, "{error} mm");
 }
 
 /// At 90 to 180 deg/s into a part of the room that was not seen yet, people come in: a shift and a part of a degree look alike, and the camera's momentum decides
@@ -81,22 +76,7 @@ fn a_fast_turn_towards_people_is_held_by_the_momentum() {
         frame.id = FrameId(id);
     }
     let run = recording.run(with(Preset::Default));
-    let error = recording.ate_mm(&run);
-    println!("a fast turn towards people: {error:.2} mm");
+    let sequence = "fr1_rpy_walkers from frame 80";
+    recording.hold(sequence, "none", Preset::Default, &run);
     assert_eq!(run.lost(), 0);
-    assert!(error < 40.0, "{error} mm");
-}
-
-#[test]
-fn a_desk_without_people_is_tracked_as_well_as_without_the_filter() {
-    let Some(recording) = Recording::real("fr1_xyz") else {
-        return;
-    };
-    let [on, off] = [Preset::Default, Preset::Off].map(|preset| {
-        let run = recording.run(with(preset));
-        assert_eq!(run.lost(), 0, "{preset:?}");
-        recording.ate_mm(&run)
-    });
-    println!("on: {on:.2} mm, off: {off:.2} mm");
-    assert!(on < 1.05 * off, "on: {on} mm, off: {off} mm");
 }

@@ -10,6 +10,7 @@ use stillpoint_slam::{
     Config, Event, FeatureVerdict, FrameReport, Outcome, Preset, RejudgeReport, RevokeReport,
     System, TrajectoryEntry,
 };
+use stillpoint_testdata::ate::{self, Figures};
 
 /// A recording whose frames are rendered once, for several runs over them.
 pub(crate) struct Recording {
@@ -211,6 +212,20 @@ impl Recording {
         score.ate.statistics.rmse * 1e3
     }
 
+    /// Holds a run against the table of errors; returns its ATE RMSE, mm.
+    #[track_caller]
+    pub(crate) fn hold(&self, sequence: &str, detector: &str, preset: Preset, run: &Run) -> f64 {
+        let error_mm = self.ate_mm(run);
+        let found = Figures {
+            error_mm,
+            frames: self.frames.len(),
+            posed: run.poses().len(),
+        };
+        println!("{sequence}, {detector}, {preset:?}: {found:?}");
+        ate::hold(sequence, detector, name_of(preset), found);
+        error_mm
+    }
+
     /// Of poses: ATE RMSE, mm, and RMSE of the motions from one to the next, mm.
     pub(crate) fn errors(&self, poses: &[TimedPose]) -> [f64; 2] {
         let options = EvalOptions {
@@ -275,6 +290,15 @@ fn timed(poses: impl Iterator<Item = (TrajectoryEntry, Se3)>) -> Vec<TimedPose> 
 pub(crate) fn shows_mover(mask: &GrayImage, verdict: &FeatureVerdict) -> bool {
     let [u, v] = verdict.pixel.map(|x| x.round() as usize);
     u < mask.width() && v < mask.height() && mask.at(u, v) > 0
+}
+
+fn name_of(preset: Preset) -> &'static str {
+    match preset {
+        Preset::Off => "off",
+        Preset::Paper => "paper",
+        Preset::Adapted => "adapted",
+        Preset::Default => "default",
+    }
 }
 
 /// The default configuration with a preset of the filter.
