@@ -98,7 +98,10 @@ pub(crate) fn data(features: &[Feature]) -> Arc<KeyframeData> {
         camera,
         keypoints: features.iter().map(keypoint).collect(),
         positions,
-        sigma_px: levels.iter().map(|l| SCALE.powi(i32::from(*l))).collect(),
+        sigma_px: levels
+            .iter()
+            .map(|l| libm::powf(SCALE, f32::from(*l)))
+            .collect(),
         depths: features.iter().map(|f| f.depth).collect(),
         depth_sigmas: features.iter().map(|f| 0.01 * f.depth.min(1.0)).collect(),
         descriptors: Arc::new(features.iter().map(descriptor).collect()),

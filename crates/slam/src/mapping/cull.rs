@@ -204,6 +204,9 @@ impl Mapper {
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
+
+    mod young;
+
     use super::*;
     use crate::config::Config;
     use crate::messages::{Exposure, MapperMsg, NewKeyframe};
@@ -366,6 +369,3 @@ mod tests {
         }
     }
 }
-
-#[cfg(test)]
-mod young;

@@ -28,7 +28,7 @@ fn frame(id: u32) -> RgbdFrame {
 
 /// A tracker that had a pose at the origin in frame 0 and has taken frame 1, as far as its clock is concerned.
 fn tracker(world: &mut World) -> Tracker {
-    let tracker = Tracker::new(&Config::default(), camera(), Simd::detect());
+    let tracker = Tracker::new(Config::default(), camera(), Simd::detect());
     let mut tracker = tracker.in_map(world.map.publish(), true);
     let place = CapturePose {
         anchored: AnchoredPose::default(),
@@ -254,7 +254,7 @@ fn shown(id: u32, covered: bool) -> Arc<RgbdFrame> {
 
 #[test]
 fn whole_frames_begin_a_map_are_tracked_lost_and_found() {
-    let mut tracker = Tracker::new(&Config::default(), wall_camera(), Simd::detect());
+    let mut tracker = Tracker::new(Config::default(), wall_camera(), Simd::detect());
     let mut track = |id, covered| tracker.track(&shown(id, covered));
     let began = track(0, false);
     assert_eq!(began.report.outcome, Outcome::Initialised);
@@ -279,7 +279,7 @@ fn whole_frames_begin_a_map_are_tracked_lost_and_found() {
 
 #[test]
 fn a_map_begins_with_features_that_have_depth() {
-    let mut tracker = Tracker::new(&Config::default(), wall_camera(), Simd::detect());
+    let mut tracker = Tracker::new(Config::default(), wall_camera(), Simd::detect());
     let mut blind = RgbdFrame::clone(&shown(1, false));
     let (w, h) = (blind.depth.width(), blind.depth.height());
     blind.depth = DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap();

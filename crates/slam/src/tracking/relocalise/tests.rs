@@ -14,7 +14,7 @@ use stillpoint_map::SubmapId;
 
 /// A tracker in a map, and a frame that shows nothing.
 fn tracker(world: &mut World) -> (Tracker, RgbdFrame) {
-    let tracker = Tracker::new(&Config::default(), camera(), Simd::detect());
+    let tracker = Tracker::new(Config::default(), camera(), Simd::detect());
     (
         tracker.in_map(world.map.publish(), true),
         wall(40, |_, _| 0),

@@ -1,8 +1,6 @@
 //! How landmarks that are new in the map prove themselves.
 
-#![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-
-use super::*;
+use super::super::*;
 use crate::config::Config;
 use crate::synthetic::{at, data, see_points};
 use stillpoint_geometry::Se3;
