@@ -43,6 +43,10 @@ const WHEELED_SIGMA_RAD: f64 = 0.004;
 const MAX_PAIRS: usize = 300;
 /// The motion is believed when pairs with this share of the weight agree on it.
 const MIN_WEIGHT_SHARE: f64 = 0.4;
+/// That of matches by descriptor is believed when so many agree, and this share of the weight: over a wide baseline most matches are wrong, and where
+/// so many agree on one motion to a pixel that is no coincidence. Which of two motions is the camera's, the flow tells that begins there.
+const ROUGH_AGREED: usize = 20;
+const ROUGH_SHARE: f64 = 0.2;
 /// A motion that sensors allow needs less: it is known which motions cannot be the camera's ...
 const MIN_BOUND_SHARE: f64 = 0.1;
 /// ... and where so much agrees on a motion that it allows, nothing else needs to be asked.
@@ -292,7 +296,8 @@ impl Tracker {
             },
             rng(self.setup.seed, address, Purpose::FIRST_MOTION),
         )?;
-        (motion.weight_share >= MIN_WEIGHT_SHARE).then(|| Vote {
+        let believed = motion.count >= ROUGH_AGREED && motion.weight_share >= ROUGH_SHARE;
+        believed.then(|| Vote {
             camera_from_world: motion.b_from_a * last.world_from_camera.inverse(),
             exact: false,
             agreed: motion.count,
