@@ -57,7 +57,7 @@ pub use gate::{FrameGate, RefusalReason, RefusedFrame};
 pub use health::{Health, HealthMonitor, Loss, LossCause, Quality};
 pub use inertial::{InertialReport, InertialState, SensorFault};
 pub use join::{JoinedMaps, Placed, join_maps};
-pub use looping::{LoopCloser, LoopCloserSetup, LoopingConfig};
+pub use looping::{LoopCloser, LoopCloserSetup, LoopEvidence, LoopingConfig};
 pub use loops::Loops;
 pub use map_shift::MapShift;
 pub use mapping::{Mapper, MapperSetup, MappingConfig, MappingEffort};

@@ -1,6 +1,7 @@
 //! What the stages report: of a frame, of a keyframe, of a correction, of a loop. Values, which events carry outward.
 
 use crate::inertial::InertialReport;
+use crate::looping::LoopEvidence;
 use crate::map_shift::MapShift;
 use crate::odometry::OdometryReport;
 use crate::static_filter::{FeatureVerdict, Segments};
@@ -225,22 +226,24 @@ pub struct CorrectionReport {
     pub moved: MapShift,
 }
 
-/// What became of a place that was recognised.
+/// What became of a candidate for a loop: an older keyframe that may show the same place.
 #[derive(Clone, Debug)]
 pub struct LoopReport {
     /// The keyframe that showed it.
     pub keyframe: KeyframeId,
     /// The keyframe that showed it before.
     pub with: KeyframeId,
-    /// How alike both look, 0 to 1.
+    /// How alike both look, 0 to 1; 0 where the map named the place, and nobody asked.
     pub score: f64,
+    /// How alike what looks most like it elsewhere on the map is.
+    pub rival: f64,
     /// Pairs of points that agree on one rigid motion.
     pub rigid_inliers: u32,
     /// Landmarks around `with` that are seen where that motion puts them.
     pub inliers: u32,
     /// Landmarks around `with` that are in the image there, hidden ones too.
     pub expected: u32,
-    /// Keyframes that told the same of the place, this one among them; 0 where it was not asked.
+    /// Keyframes that told the same of the place, this one among them; 0 without a motion.
     pub agreeing: u32,
     /// Pose of `keyframe` relative to `with`, once it is known.
     pub edge: Option<Se3>,
@@ -249,6 +252,8 @@ pub struct LoopReport {
     /// Squared Mahalanobis distance between the loop's motion and the map's, by what the path between both may have drifted: 6 on
     /// average where that is told exactly. 0 for submaps, which nothing ties.
     pub cost: f64,
+    /// What speaks for it; none without a motion.
+    pub evidence: Option<LoopEvidence>,
     /// Landmarks that turned out to be others seen before.
     pub merges: u32,
     /// Farthest that a keyframe was moved, m.
@@ -261,29 +266,37 @@ pub struct LoopReport {
     pub applied: Option<CorrectionReport>,
 }
 
-/// Whether a loop was closed, and why not.
+/// Whether a loop was closed, or for what reason the candidate was set aside.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LoopOutcome {
     /// The map was corrected.
     Closed,
     /// Too few points of both keyframes agree on one rigid motion.
     NoRigidMotion,
-    /// Too few landmarks were seen where that motion puts them.
+    /// Too few landmarks were seen where that motion puts them to measure one.
     FewInliers,
-    /// The motion contradicts the map by more than it can have drifted.
-    Contradicted,
-    /// Too few keyframes told the same of the place so far.
-    Unconfirmed,
+    /// The place lies farther from where the map expects it than the path can have drifted: it is an equal one.
+    Elsewhere,
+    /// Too little speaks for it so far.
+    TooLittle,
+}
+
+impl LoopOutcome {
+    /// Whether the candidate was set aside: what every place that is passed for the first time and looks like another comes to.
+    #[must_use]
+    pub fn is_set_aside(self) -> bool {
+        self != Self::Closed
+    }
 }
 
 impl std::fmt::Display for LoopOutcome {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Closed => "closed",
-            Self::NoRigidMotion => "too few points agree on one motion",
-            Self::FewInliers => "too few landmarks are where they should be",
-            Self::Contradicted => "contradicts the map",
-            Self::Unconfirmed => "other keyframes have to agree",
+            Self::NoRigidMotion => "set aside: too few points agree on one motion",
+            Self::FewInliers => "set aside: too few landmarks are where they should be",
+            Self::Elsewhere => "set aside: an equal place elsewhere on the map",
+            Self::TooLittle => "set aside: too little speaks for it so far",
         })
     }
 }

@@ -1,13 +1,11 @@
-//! Whether several keyframes tell the same of a place: one motion alone may be a coincidence, also one that fits the map by chance.
+//! How many keyframes tell the same of a place: one motion alone may be a coincidence, also one that fits the map by chance.
 
 use super::drift::{Drift, distance, loop_covariance, moved};
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{KeyframeId, LoopEdge, MapView};
 
-/// Keyframes that must tell the same of a place, the newest one among them.
-pub(super) const AGREEING: usize = 3;
 /// 99.9 % quantile of chi-square with 6 degrees of freedom: how far two motions may be apart by what is known of them.
-pub(super) const GATE: f64 = 22.457_744_484_825_35;
+const GATE: f64 = 22.457_744_484_825_35;
 
 /// How many keyframes told the same as `edge`, each counted once, the one of the edge among them.
 pub(super) fn agreeing(

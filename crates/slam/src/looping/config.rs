@@ -9,23 +9,24 @@ use serde::{Deserialize, Serialize};
 pub struct LoopingConfig {
     /// Whether loops are closed at all.
     pub enabled: bool,
-    /// Landmarks around the older keyframe that are seen where the motion between both keyframes puts them, at least. Range: 10 to 1000.
-    pub min_inliers: usize,
+    /// Odds from which on a loop is closed: how many times likelier it is, by all that speaks for it, that a place is the same than that it only looks so. 1 takes
+    /// what is likelier than not; from 1000 on submaps are not joined, as equal places cannot be excluded. Range: 1 to 1e9.
+    pub min_odds: f64,
 }
 
 impl Default for LoopingConfig {
     fn default() -> Self {
-        // The inliers are those of ORB-SLAM2 (Mur-Artal, Tardos 2017).
+        // True loops of simulated walks have 10^3 to 10^7, false ones less than one (decision 46).
         Self {
             enabled: true,
-            min_inliers: 40,
+            min_odds: 100.0,
         }
     }
 }
 
 impl LoopingConfig {
     pub(crate) fn check(&self, c: &mut Checker<'_>) {
-        c.range("min_inliers", self.min_inliers as f64, 10.0, 1e3);
+        c.range("min_odds", self.min_odds, 1.0, 1e9);
     }
 }
 

@@ -1,14 +1,13 @@
 //! From a verified motion to a correction: merged landmarks, a pose graph, and bundle adjustment of the whole map.
 
-use super::agree::{GATE, agreeing};
-use super::drift::{Drift, distance, loop_covariance};
+use super::drift::{Drift, loop_covariance};
 use super::group_of;
 use super::nodes::Nodes;
 use super::points::Points;
 use super::support::{follow, held};
 use super::verify::{RADIUS_PX, Search, Verified};
 use crate::association::measurement;
-use crate::report::{BundleCounts, LoopOutcome, LoopReport};
+use crate::report::{BundleCounts, LoopReport};
 use std::collections::BTreeMap;
 use stillpoint_estimation::pose_covariance;
 use stillpoint_estimation::{
@@ -18,13 +17,10 @@ use stillpoint_estimation::{
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Correction, Join, Keyframe, LandmarkId, LoopEdge, MapView};
 
-/// What a loop may cost: the path may have drifted three times as far as its ties tell, as they know nothing of what no simulation
-/// has. Beyond that the two places are equal, not the same.
-const MAX_COST: f64 = 9.0 * GATE;
 /// Work of full bundle adjustment, at most, in products of two 6x6 blocks: what 2000 keyframes take.
 const MAX_WORK: u64 = 200_000_000;
 
-/// A loop to be closed.
+/// A loop that is believed.
 pub(super) struct Proposal<'a> {
     pub(super) view: &'a MapView,
     /// The new keyframe.
@@ -32,13 +28,11 @@ pub(super) struct Proposal<'a> {
     /// The older one that shows the same place.
     pub(super) with: &'a Keyframe,
     pub(super) verified: &'a Verified,
-    /// What the keyframes of late told of older ones, this one's own motion among them.
-    pub(super) sightings: &'a [LoopEdge],
+    /// Its motion, as the map keeps it.
+    pub(super) edge: LoopEdge,
     /// Landmarks that hold a keyframe in bundle adjustment, at least.
     pub(super) min_held: usize,
     pub(super) scale_factor: f64,
-    /// Keyframes that must tell the same.
-    pub(super) agreeing: usize,
 }
 
 impl Proposal<'_> {
@@ -47,39 +41,20 @@ impl Proposal<'_> {
         &self,
         drift: &Drift<'_>,
         report: &mut LoopReport,
-    ) -> Result<(LoopEdge, Correction), LoopOutcome> {
+    ) -> Option<Correction> {
         let _span = tracing::info_span!("correct").entered();
         let join = self.join();
-        let edge = self
-            .verified
-            .edge(self.with.id, self.keyframe.id, report.inliers);
-        report.agreeing = agreeing(self.view, drift, &edge, self.sightings) as u32;
-        report.cost = match join {
-            // Nothing ties two submaps yet that could contradict.
-            Some(_) => 0.0,
-            None => self.cost(drift, &edge).ok_or(LoopOutcome::Contradicted)?,
-        };
-        if report.cost > MAX_COST {
-            return Err(LoopOutcome::Contradicted);
-        }
-        // A submap may come back for a moment only, and what a wrong room tells agrees as well.
-        if join.is_none() && (report.agreeing as usize) < self.agreeing {
-            return Err(LoopOutcome::Unconfirmed);
-        }
         let poses = match join {
             Some(join) => Self::put_together(&drift.nodes, join),
-            None => self
-                .straighten(drift, &edge)
-                .ok_or(LoopOutcome::Contradicted)?,
+            None => self.straighten(drift)?,
         };
         let merges = self.merges();
         report.merges = merges.len() as u32;
-        let correction = Correction {
+        Some(Correction {
             join,
-            measured: Some(Box::new(edge)),
+            measured: Some(Box::new(self.edge)),
             ..self.refine(&drift.nodes, poses, merges, report)
-        };
-        Ok((edge, correction))
+        })
     }
 
     /// The submaps that become one, when the two keyframes are of different ones: the younger goes to the older.
@@ -162,17 +137,9 @@ impl Proposal<'_> {
         merges
     }
 
-    /// Squared Mahalanobis distance between the loop's motion and the map's, by what the path between both keyframes may have drifted.
-    fn cost(&self, drift: &Drift<'_>, edge: &LoopEdge) -> Option<f64> {
-        let nodes = &drift.nodes;
-        let (a, b, measured) = nodes.loop_between(self.view, edge)?;
-        let covariance = drift.between(a, b)? + loop_covariance(&edge.information, &measured);
-        Some(distance(&measured, &nodes.motion(a, b), &covariance))
-    }
-
     /// The poses of all keyframes after the pose graph. The new edge is believed; loops closed before may turn out to have been wrong.
-    fn straighten(&self, drift: &Drift<'_>, edge: &LoopEdge) -> Option<Vec<Se3>> {
-        let nodes = &drift.nodes;
+    fn straighten(&self, drift: &Drift<'_>) -> Option<Vec<Se3>> {
+        let (nodes, edge) = (&drift.nodes, &self.edge);
         let _span = tracing::info_span!("straighten").entered();
         let mut edges = Vec::with_capacity(drift.ties.len() + 1);
         for tie in &drift.ties {

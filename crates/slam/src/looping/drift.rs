@@ -40,8 +40,8 @@ pub(super) struct Drift<'a> {
     pub(super) ties: Vec<Tie>,
     /// Per node: the numbers of its ties.
     of_node: Vec<Vec<u32>>,
-    /// Length by which an error of rotation acts on the far end, m: how far the nodes lie from their middle.
-    lever: f64,
+    /// How far the nodes lie from their middle (root mean square), m.
+    pub(super) spread: f64,
 }
 
 /// A node on its way through the queue; the least uncertain comes first, ties by number.
@@ -103,7 +103,7 @@ impl<'a> Drift<'a> {
         Self {
             ties,
             of_node,
-            lever: spread.sqrt(),
+            spread: spread.sqrt(),
             nodes,
         }
     }
@@ -150,15 +150,24 @@ impl<'a> Drift<'a> {
         Some(moved(&sum, &a_from_world))
     }
 
+    /// How far a loop's motion is from the map's: squared Mahalanobis distance by what the path between both keyframes may have drifted and what the motion itself is known to;
+    /// and the covariance of both.
+    pub(super) fn cost(&self, view: &MapView, edge: &LoopEdge) -> Option<(f64, Mat6)> {
+        let (a, b, measured) = self.nodes.loop_between(view, edge)?;
+        let covariance = self.between(a, b)? + loop_covariance(&edge.information, &measured);
+        let cost = distance(&measured, &self.motion(a, b), &covariance);
+        Some((cost, covariance))
+    }
+
     /// The motion between two nodes, as the map has it.
     pub(super) fn motion(&self, a: u32, b: u32) -> Se3 {
         self.nodes.motion(a, b)
     }
 
-    /// How uncertain a tie makes a path, m^2.
+    /// How uncertain a tie makes a path, m^2. The length by which an error of rotation acts on the far end is how far the nodes lie from their middle.
     fn length(&self, covariance: &Mat6) -> f64 {
-        let d = covariance.diagonal();
-        d[0] + d[1] + d[2] + self.lever * self.lever * (d[3] + d[4] + d[5])
+        let (d, lever) = (covariance.diagonal(), self.spread);
+        d[0] + d[1] + d[2] + lever * lever * (d[3] + d[4] + d[5])
     }
 }
 

@@ -6,6 +6,7 @@ mod agree;
 mod config;
 mod correct;
 mod drift;
+mod evidence;
 mod nodes;
 mod points;
 mod recognise;
@@ -15,23 +16,25 @@ mod support;
 mod verify;
 
 pub use config::{LoopCloserSetup, LoopingConfig};
+pub use evidence::LoopEvidence;
 
 use crate::messages::{LoopCloserMsg, LoopCloserOut};
 use crate::report::{LoopOutcome, LoopReport};
+use agree::agreeing;
 use correct::Proposal;
 use drift::Drift;
 use nodes::{Nodes, group_of};
-use recognise::{By, CANDIDATES, Candidate, Streak};
+use recognise::{CANDIDATES, Candidate};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use stillpoint_map::{Correction, Keyframe, KeyframeId, LoopEdge, MapView, SubmapId};
-use stillpoint_place::{PlaceIndex, PlaceMatch, PlaceVector, Vocabulary};
+use stillpoint_place::{PlaceIndex, PlaceVector, Vocabulary};
+use verify::Verified;
 
-/// The newest keyframes, so many, are no candidates, and so many pass between two closed loops: what was seen just now needs no loop.
-/// This and the next as in ORB-SLAM2 (Mur-Artal, Tardos 2017).
+/// Keyframes between two closed loops: the map is given the time to settle. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
 const MIN_GAP: usize = 10;
-/// Motions to older keyframes that are remembered: those of four keyframes at least.
-const SIGHTINGS: usize = 4 * CANDIDATES;
+/// Motions to older keyframes that are remembered: those of six keyframes at least, with as many candidates by their looks as by where they are.
+const SIGHTINGS: usize = 6 * 2 * CANDIDATES;
 
 /// Closes loops, and puts submaps together.
 pub struct LoopCloser {
@@ -40,8 +43,6 @@ pub struct LoopCloser {
     scale_factor: f64,
     vocabulary: Vocabulary,
     index: PlaceIndex<KeyframeId>,
-    /// Places that the last keyframe looked like.
-    streaks: Vec<Streak>,
     /// Loops that were closed.
     edges: Vec<LoopEdge>,
     /// What the last keyframes told of older ones, whether a loop was closed with it or not.
@@ -63,7 +64,6 @@ impl LoopCloser {
             scale_factor: f64::from(setup.scale_factor),
             vocabulary: Vocabulary::embedded(),
             index: PlaceIndex::default(),
-            streaks: Vec::new(),
             edges: Vec::new(),
             sightings: Vec::new(),
             min_held: setup.min_held,
@@ -109,14 +109,7 @@ impl LoopCloser {
         let Some(keyframe) = view.keyframe(id).map(Arc::clone) else {
             return self.answer();
         };
-        let found = self.recognise(view, &keyframe);
-        let candidates = self.consistent(view, found);
-        let by_words = |c: &PlaceMatch<KeyframeId>| Candidate {
-            with: c.key,
-            score: c.score,
-            by: By::Words,
-        };
-        let mut candidates: Vec<Candidate> = candidates.iter().map(by_words).collect();
+        let mut candidates = self.recognise(view, &keyframe);
         candidates.extend(self.revisited(view, &keyframe, &candidates));
         let (correction, report) = self.close(view, &keyframe, &candidates);
         LoopCloserOut {
@@ -146,14 +139,13 @@ impl LoopCloser {
         vector
     }
 
-    /// Verifies the candidates, and corrects the map with the first that holds.
+    /// Judges the candidates, and corrects the map with the one that most speaks for, if that is enough.
     fn close(
         &mut self,
         view: &MapView,
         keyframe: &Keyframe,
         candidates: &[Candidate],
     ) -> (Option<Correction>, Option<LoopReport>) {
-        let mut reported: Option<LoopReport> = None;
         if !self.is_up_to_date(view) {
             return (None, None);
         }
@@ -163,6 +155,7 @@ impl LoopCloser {
             keyframe,
             drifts: BTreeMap::new(),
         };
+        let mut best: Option<(LoopReport, Option<Verified>)> = None;
         for candidate in candidates {
             let Some(with) = view.keyframe(candidate.with) else {
                 continue;
@@ -172,65 +165,111 @@ impl LoopCloser {
                 continue;
             }
             let mut report = begun(keyframe.id, candidate);
-            let closed = self.examine(&mut look, with, candidate.by, &mut report);
-            match closed {
-                Ok((edge, correction)) => {
-                    // Submaps that were joined are tied by their tree.
-                    if correction.join.is_none() {
-                        self.edges.push(edge);
-                    }
-                    self.last_closed = Some(keyframe.id);
-                    // Until the mapper has answered, every view is from before this correction.
-                    self.valid_from = None;
-                    // These candidates lead to the loop that is closed now.
-                    self.streaks.clear();
-                    self.sightings.clear();
-                    report.joined = correction.join;
-                    return (Some(correction), Some(report));
-                }
-                Err(reason) => report.outcome = reason,
-            }
-            // Of those that failed, the one that came farthest is reported.
-            let far = |r: &LoopReport| (r.inliers, r.rigid_inliers);
-            if reported.as_ref().is_none_or(|r| far(r) < far(&report)) {
-                reported = Some(report);
+            let verified = self.judge(&mut look, with, candidate, &mut report);
+            if best.as_ref().is_none_or(|b| is_better(&report, &b.0)) {
+                best = Some((report, verified));
             }
         }
-        (None, reported)
+        let Some((mut report, verified)) = best else {
+            return (None, None);
+        };
+        let closed = verified
+            .filter(|_| report.outcome == LoopOutcome::Closed)
+            .and_then(|verified| self.correct(&mut look, &verified, &mut report));
+        (closed, Some(report))
     }
 
-    /// Verifies a candidate, and corrects the map by it.
-    fn examine<'a>(
+    /// Finds the motion to a candidate, and weighs all that speaks for it and against it.
+    fn judge<'a>(
         &mut self,
         look: &mut Look<'a>,
         with: &Keyframe,
-        by: By,
+        candidate: &Candidate,
         report: &mut LoopReport,
-    ) -> Result<(LoopEdge, Correction), LoopOutcome> {
-        let (view, keyframe) = (look.view, look.keyframe);
-        let verified = self.verify(view, keyframe, with, by, report)?;
-        self.remember(verified.edge(with.id, keyframe.id, report.inliers));
-        if !self.is_enough(keyframe, with, by, report) {
-            return Err(LoopOutcome::FewInliers);
+    ) -> Option<Verified> {
+        let (view, keyframe, by) = (look.view, look.keyframe, candidate.by);
+        let verified = match self.verify(view, keyframe, with, by, report) {
+            Ok(verified) => verified,
+            Err(reason) => {
+                report.outcome = reason;
+                return None;
+            }
+        };
+        let edge = verified.edge(with.id, keyframe.id, report.inliers);
+        self.remember(edge);
+        let drift = self.drift(look, with.submap);
+        report.agreeing = agreeing(view, drift, &edge, &self.sightings) as u32;
+        let mut evidence = LoopEvidence {
+            prior: evidence::prior(by),
+            looks: evidence::looks(candidate.score, candidate.rival, by),
+            landmarks: evidence::landmarks(report.inliers, report.expected),
+            witnesses: evidence::witnesses(report.agreeing),
+            place: 0.0,
+        };
+        // Nothing ties two submaps yet that could speak for it or against it.
+        if with.submap == keyframe.submap {
+            let Some((cost, covariance)) = drift.cost(view, &edge) else {
+                report.outcome = LoopOutcome::TooLittle;
+                return None;
+            };
+            report.cost = cost;
+            evidence.place = evidence::place(cost, &covariance, drift.spread, by);
         }
+        let least = libm::log(self.config.min_odds);
+        report.evidence = Some(evidence);
+        report.outcome = if evidence.log_odds() >= least {
+            LoopOutcome::Closed
+        } else if evidence.is_elsewhere(least) {
+            LoopOutcome::Elsewhere
+        } else {
+            LoopOutcome::TooLittle
+        };
+        Some(verified)
+    }
+
+    /// Corrects the map by a motion that is believed.
+    fn correct(
+        &mut self,
+        look: &mut Look<'_>,
+        verified: &Verified,
+        report: &mut LoopReport,
+    ) -> Option<Correction> {
+        let (view, keyframe) = (look.view, look.keyframe);
+        let with = view.keyframe(report.with)?;
+        let edge = verified.edge(with.id, keyframe.id, report.inliers);
         let proposal = Proposal {
             view,
             keyframe,
             with,
-            verified: &verified,
-            sightings: &self.sightings,
+            verified,
+            edge,
             min_held: self.min_held,
             scale_factor: self.scale_factor,
-            agreeing: match by {
-                By::Words => agree::AGREEING,
-                By::Pose => revisit::AGREEING,
-            },
         };
-        let drift = look.drifts.entry(with.submap).or_insert_with(|| {
-            let nodes = Nodes::new(view, with.submap, keyframe.submap);
+        let Some(correction) = proposal.correct(self.drift(look, with.submap), report) else {
+            report.outcome = LoopOutcome::Elsewhere;
+            return None;
+        };
+        // Submaps that were joined are tied by their tree.
+        if correction.join.is_none() {
+            self.edges.push(edge);
+        }
+        self.last_closed = Some(keyframe.id);
+        // Until the mapper has answered, every view is from before this correction.
+        self.valid_from = None;
+        // These candidates lead to the loop that is closed now.
+        self.sightings.clear();
+        report.joined = correction.join;
+        Some(correction)
+    }
+
+    /// What the paths between the keyframe's submap and another one may have drifted.
+    fn drift<'b, 'a>(&self, look: &'b mut Look<'a>, submap: SubmapId) -> &'b Drift<'a> {
+        let (view, own) = (look.view, look.keyframe.submap);
+        look.drifts.entry(submap).or_insert_with(|| {
+            let nodes = Nodes::new(view, submap, own);
             Drift::new(view, nodes, &self.edges)
-        });
-        proposal.correct(drift, report)
+        })
     }
 
     /// Keeps what a keyframe told of an older one, and forgets the oldest.
@@ -265,12 +304,23 @@ struct Look<'a> {
     drifts: BTreeMap<SubmapId, Drift<'a>>,
 }
 
+/// Whether more speaks for one candidate than for another, or, where nothing can be said, more was found.
+fn is_better(a: &LoopReport, b: &LoopReport) -> bool {
+    let odds = |r: &LoopReport| r.evidence.map_or(f64::NEG_INFINITY, |e| e.log_odds());
+    let found = |r: &LoopReport| (r.inliers, r.rigid_inliers);
+    odds(a)
+        .total_cmp(&odds(b))
+        .then(found(a).cmp(&found(b)))
+        .is_gt()
+}
+
 /// The report on a candidate of which nothing is known yet.
 fn begun(keyframe: KeyframeId, candidate: &Candidate) -> LoopReport {
     LoopReport {
         keyframe,
         with: candidate.with,
         score: candidate.score,
+        rival: candidate.rival,
         rigid_inliers: 0,
         inliers: 0,
         expected: 0,
@@ -278,6 +328,7 @@ fn begun(keyframe: KeyframeId, candidate: &Candidate) -> LoopReport {
         edge: None,
         joined: None,
         cost: 0.0,
+        evidence: None,
         merges: 0,
         moved_m: 0.0,
         bundle: Default::default(),
@@ -315,34 +366,6 @@ mod tests {
             map.insert_keyframe(KeyframeId(k), Arc::new(data), Se3::identity(), parent);
         }
         map
-    }
-
-    fn looks_like(keys: &[u32]) -> Vec<PlaceMatch<KeyframeId>> {
-        let found = |k: &u32| PlaceMatch {
-            key: KeyframeId(*k),
-            score: 0.5,
-            word_score: 0.5,
-        };
-        keys.iter().map(found).collect()
-    }
-
-    #[test]
-    fn a_place_must_be_recognised_three_times_in_a_row() {
-        let map = map(10);
-        let mut loop_closer = LoopCloser::new(&Config::default());
-        let mut ask = |keys: &[u32]| -> Vec<u32> {
-            let found = loop_closer.consistent(map.view(), looks_like(keys));
-            found.iter().map(|m| m.key.0).collect()
-        };
-        assert!(ask(&[2, 5]).is_empty());
-        assert!(ask(&[5, 7]).is_empty());
-        assert_eq!(ask(&[2, 5, 7]), [5]);
-        assert_eq!(ask(&[7]), [7]);
-        // A keyframe that looks like nothing ends every streak.
-        assert!(ask(&[]).is_empty());
-        assert!(ask(&[7]).is_empty());
-        assert!(ask(&[7]).is_empty());
-        assert_eq!(ask(&[7]), [7]);
     }
 
     #[test]

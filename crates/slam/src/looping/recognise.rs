@@ -1,25 +1,18 @@
-//! Which older keyframes may show the same place: by what they look like, keyframe after keyframe.
+//! Which older keyframes may show the same place: by what they look like.
 
-use super::nodes::{group_of, surroundings};
-use super::{LoopCloser, MIN_GAP};
+use super::LoopCloser;
+use super::nodes::surroundings;
 use stillpoint_map::{Keyframe, KeyframeId, MapView};
 use stillpoint_place::PlaceMatch;
 
 /// Keyframes that look most alike and are looked into.
 pub(super) const CANDIDATES: usize = 5;
+/// Keyframes that look alike and are compared with the candidates: the neighbours of a candidate come first, and what looks like it elsewhere after them.
+const COMPARED: usize = 3 * CANDIDATES;
+/// The newest keyframes are no candidates: what was seen just now is matched by tracking, or it is hidden.
+pub(super) const NEWEST: usize = 3;
 
-/// A place must be recognised by so many keyframes in a row: one alone may be a coincidence.
-const CONSISTENCY: u32 = 3;
-
-/// A place that keyframe after keyframe looked like.
-pub(super) struct Streak {
-    /// The keyframes that show it, by id.
-    group: Vec<KeyframeId>,
-    /// Keyframes in a row.
-    length: u32,
-}
-
-/// How a place was recognised.
+/// How a candidate was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum By {
     /// By what it looks like.
@@ -33,17 +26,15 @@ pub(super) struct Candidate {
     pub(super) with: KeyframeId,
     /// Likeness; 0 where it was not asked for.
     pub(super) score: f64,
+    /// Likeness of what looks most like it elsewhere on the map.
+    pub(super) rival: f64,
     pub(super) by: By,
 }
 
 impl LoopCloser {
     /// Adds the keyframe to the index; returns what looks like it and is of another submap, or, when loops are closed, is
     /// not seen together with it and not recent.
-    pub(super) fn recognise(
-        &mut self,
-        view: &MapView,
-        keyframe: &Keyframe,
-    ) -> Vec<PlaceMatch<KeyframeId>> {
+    pub(super) fn recognise(&mut self, view: &MapView, keyframe: &Keyframe) -> Vec<Candidate> {
         let _span = tracing::info_span!("recognise").entered();
         // A culled keyframe cannot be verified, and would take the place of a candidate that can.
         let gone: Vec<KeyframeId> = self
@@ -62,7 +53,7 @@ impl LoopCloser {
         }
         let recent = {
             let ids: Vec<KeyframeId> = view.keyframes().map(|k| k.id).collect();
-            let back = ids.len().checked_sub(MIN_GAP);
+            let back = ids.len().checked_sub(NEWEST);
             back.and_then(|i| ids.get(i).copied())
         };
         let near = surroundings(view, keyframe);
@@ -70,31 +61,27 @@ impl LoopCloser {
             |k: KeyframeId| view.keyframe(k).map(|k| k.submap) == Some(keyframe.submap);
         let closes = |k: KeyframeId| self.config.enabled && Some(k) < recent && !near.contains(&k);
         let admit = |k: KeyframeId| k != keyframe.id && (!own_submap(k) || closes(k));
-        self.index.query(&vector, admit, CANDIDATES)
+        let found = self.index.query(&vector, admit, COMPARED);
+        let most = found.iter().take(CANDIDATES);
+        most.map(|m| compared(view, m, &found)).collect()
     }
+}
 
-    /// The candidates whose place the keyframes before looked like as well.
-    pub(super) fn consistent(
-        &mut self,
-        view: &MapView,
-        found: Vec<PlaceMatch<KeyframeId>>,
-    ) -> Vec<PlaceMatch<KeyframeId>> {
-        let mut streaks = Vec::new();
-        let mut consistent = Vec::new();
-        for candidate in found {
-            let Some(k) = view.keyframe(candidate.key) else {
-                continue;
-            };
-            let group = group_of(k);
-            let meets = |s: &&Streak| s.group.iter().any(|k| group.binary_search(k).is_ok());
-            let before = self.streaks.iter().filter(meets).map(|s| s.length).max();
-            let length = before.unwrap_or(0) + 1;
-            if length >= CONSISTENCY {
-                consistent.push(candidate);
-            }
-            streaks.push(Streak { group, length });
-        }
-        self.streaks = streaks;
-        consistent
+/// A candidate and its rival, which is not seen together with it.
+fn compared(
+    view: &MapView,
+    candidate: &PlaceMatch<KeyframeId>,
+    found: &[PlaceMatch<KeyframeId>],
+) -> Candidate {
+    let near = view
+        .keyframe(candidate.key)
+        .map(|k| surroundings(view, k))
+        .unwrap_or_default();
+    let elsewhere = found.iter().filter(|m| !near.contains(&m.key));
+    Candidate {
+        with: candidate.key,
+        score: candidate.score,
+        rival: elsewhere.map(|m| m.score).fold(0.0, f64::max),
+        by: By::Words,
     }
 }

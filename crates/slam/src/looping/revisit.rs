@@ -5,7 +5,7 @@
 
 use super::LoopCloser;
 use super::nodes::group_of;
-use super::recognise::{By, Candidate};
+use super::recognise::{By, Candidate, NEWEST};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
 use stillpoint_estimation::RigidPair;
 use stillpoint_features::best_two;
@@ -18,19 +18,12 @@ const MIN_EXPECTED: usize = 40;
 const MAX_SHARED: f64 = 0.2;
 /// Keyframes that are looked into: those of which most is in the image.
 const MOST: usize = 5;
-/// The newest keyframes are no candidates: what was seen just now is matched by tracking, or it is hidden.
-const NEWEST: usize = 3;
 /// How far a landmark may be from where the map says, as an angle: by so much some frames of a fast turn with few features may mislead.
-const REACH_RAD: f64 = 0.15;
+pub(super) const REACH_RAD: f64 = 0.15;
 /// The best feature must be so much more alike than the second best.
 const RATIO: f64 = 0.9;
 /// Landmarks of a keyframe that are projected to tell whether it is worth to project all of them.
 const SAMPLE: usize = 16;
-/// Keyframes that must tell the same. One fewer than of places that are known by their looks: another place does not lie where this one should.
-pub(super) const AGREEING: usize = 2;
-/// Landmarks that must be found with the motion at last, beside the pairs on which it rests: frames of a fast turn are blurred and sheared.
-pub(super) const MIN_FOUND: usize = 12;
-
 impl LoopCloser {
     /// Older keyframes of the same submap whose landmarks should be seen, and are not; `known` are looked into anyway.
     pub(super) fn revisited(
@@ -71,6 +64,7 @@ impl LoopCloser {
         let candidate = |(_, with)| Candidate {
             with,
             score: 0.0,
+            rival: 0.0,
             by: By::Pose,
         };
         found.into_iter().map(candidate).collect()

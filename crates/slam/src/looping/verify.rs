@@ -1,7 +1,7 @@
 //! Geometric verification: do two keyframes see the same things from two places, and from which?
 
 use super::recognise::By;
-use super::revisit::{MIN_FOUND, landmarks_of_then};
+use super::revisit::landmarks_of_then;
 use super::{LoopCloser, group_of};
 use crate::association::{STRICT_DISTANCE, landmarks_of, measurement, measurement_in, window_of};
 use crate::report::{LoopOutcome, LoopReport};
@@ -13,16 +13,13 @@ use stillpoint_features::best_two;
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, LoopEdge, MapView};
 
-/// Points of both keyframes that agree on one rigid motion, at least: fewer agree by chance. As in ORB-SLAM2 (Mur-Artal, Tardos 2017).
-const MIN_RIGID_INLIERS: usize = 20;
+/// Points of both keyframes that agree on one rigid motion, and landmarks that are found with it, at least: fewer measure no motion. Whether it is that of a place is
+/// for [`LoopEvidence`](super::LoopEvidence) to say.
+const MIN_INLIERS: usize = 10;
 /// Radius of the search around where the motion found from pairs puts a landmark, px on level 0.
 const WIDE_RADIUS_PX: f32 = 8.0;
 /// The same once the motion is refined.
 pub(super) const RADIUS_PX: f32 = 4.0;
-
-/// Landmarks of a place that must be found there, as a share of those in the image, for two submaps to be joined. One poster
-/// that hangs in two places gave up to 8 %, true places from 16 % on: most landmarks are hidden, or were seen from another side.
-const MIN_SHARE: f64 = 0.12;
 
 /// A motion between two keyframes that geometry confirms.
 pub(super) struct Verified {
@@ -57,8 +54,7 @@ pub(super) struct Sighting {
 }
 
 impl LoopCloser {
-    /// Finds the motion between two keyframes by their points, then by all landmarks around the older one. Few of these may do where
-    /// others tell the same: whether they are enough is [`Self::is_enough`].
+    /// Finds the motion between two keyframes by their points, then by all landmarks around the older one.
     pub(super) fn verify(
         &self,
         view: &MapView,
@@ -74,10 +70,6 @@ impl LoopCloser {
         let landmarks = match by {
             By::Words => landmarks_of(view, &group_of(old)),
             By::Pose => landmarks_of_then(view, old, new),
-        };
-        let least = match by {
-            By::Words => MIN_RIGID_INLIERS,
-            By::Pose => MIN_FOUND,
         };
         let (mut new_from_old, mut information) = (start, Mat6::zeros());
         // Wide first, since a motion from single depths is rough; then narrow, where fewer wrong matches fit.
@@ -108,7 +100,7 @@ impl LoopCloser {
             report.inliers = fit.inlier_count as u32;
             report.expected = expected;
             // After each search: a pose that so few support would lead the next one astray.
-            if fit.inlier_count < least {
+            if fit.inlier_count < MIN_INLIERS {
                 return Err(LoopOutcome::FewInliers);
             }
             new_from_old = fit.camera_from_world * old.world_from_camera;
@@ -120,24 +112,6 @@ impl LoopCloser {
             information,
             landmarks,
         })
-    }
-
-    /// Whether enough landmarks are where the motion puts them for a loop to be closed with it.
-    pub(super) fn is_enough(
-        &self,
-        new: &Keyframe,
-        old: &Keyframe,
-        by: By,
-        report: &LoopReport,
-    ) -> bool {
-        // Within a submap the map itself objects to a place that is only similar; between submaps nothing does.
-        let share = f64::from(report.inliers) / f64::from(report.expected.max(1));
-        let is_similar = new.submap != old.submap && share < MIN_SHARE;
-        let needed = match by {
-            By::Words => self.config.min_inliers,
-            By::Pose => MIN_FOUND,
-        };
-        report.inliers as usize >= needed && !is_similar
     }
 
     /// The motion on which most pairs of points agree.
@@ -155,7 +129,7 @@ impl LoopCloser {
             By::Pose => self.pairs_by_pose(view, new, old),
         };
         let options = RigidOptions {
-            min_inliers: MIN_RIGID_INLIERS,
+            min_inliers: MIN_INLIERS,
             ..RigidOptions::default()
         };
         // Several candidates are tried for one keyframe.
