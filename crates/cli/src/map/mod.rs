@@ -72,7 +72,7 @@ struct MapInfo {
     culled_keyframes: usize,
     landmarks: usize,
     observations: usize,
-    /// Places that were recognised, and are kept as measurements.
+    /// Loops that were closed, kept as measurements.
     loops: usize,
     /// Parts of which it is not known how they lie to each other, the largest first.
     submaps: Vec<SubmapSummary>,

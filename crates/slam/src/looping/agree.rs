@@ -92,21 +92,4 @@ mod tests {
         assert_eq!(count(&[sighting(1, 9, 3.0), sighting(2, 8, -2.0)]), 1);
         assert_eq!(count(&[sighting(1, 9, 0.6), sighting(2, 8, 0.55)]), 3);
     }
-
-    #[test]
-    fn what_a_path_may_have_drifted_grows_with_its_ties() {
-        let map = map(12);
-        let nodes = || Nodes::new(map.view(), SubmapId(0), SubmapId(0));
-        let drift = Drift::new(map.view(), nodes(), &[]);
-        let one = drift.between(3, 4).unwrap();
-        // Nothing is shared: as after frames that were bridged.
-        assert!((one[(0, 0)].sqrt() - 0.05).abs() < 1e-9, "{one}");
-        let six = drift.between(2, 8).unwrap();
-        assert!((six - one * 6.0).amax() < 1e-12, "{six}");
-        assert_eq!(drift.between(8, 2).unwrap(), six);
-        assert_eq!(drift.between(5, 5), Some(Mat6::zeros()));
-        // A loop is a short way.
-        let closed = Drift::new(map.view(), nodes(), &[sighting(2, 8, 0.0)]);
-        assert!(closed.between(2, 8).unwrap()[(0, 0)] < 1e-4);
-    }
 }

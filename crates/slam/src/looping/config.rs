@@ -9,17 +9,17 @@ use serde::{Deserialize, Serialize};
 pub struct LoopingConfig {
     /// Whether loops are closed at all.
     pub enabled: bool,
-    /// Odds from which on a loop is closed: how many times likelier it is, by all that speaks for it, that a place is the same than that it only looks so. 1 takes
-    /// what is likelier than not; from 1000 on submaps are not joined, as equal places cannot be excluded. Range: 1 to 1e9.
+    /// Odds from which on a loop is closed: how many times likelier a place must be the same than only alike.
+    /// Range: 1 to 1e9. From 1000 on no submaps are joined, as nothing there excludes an equal place.
     pub min_odds: f64,
 }
 
 impl Default for LoopingConfig {
     fn default() -> Self {
-        // True loops of simulated walks have 10^3 to 10^7, false ones less than one (decision 46).
+        // Other places than the same come to less than even odds on simulated walks, true loops to a thousand (decision 46).
         Self {
             enabled: true,
-            min_odds: 100.0,
+            min_odds: 20.0,
         }
     }
 }

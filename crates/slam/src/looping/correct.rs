@@ -242,3 +242,6 @@ impl Proposal<'_> {
 fn information(covariance: &Mat6) -> Option<Mat6> {
     pose_covariance(covariance)
 }
+
+#[cfg(test)]
+mod tests;

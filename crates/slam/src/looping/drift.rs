@@ -208,3 +208,6 @@ pub(super) fn between_neighbours(of_a: &Mat6, of_b: &Mat6, a_from_b: &Se3) -> Ma
 pub(super) fn bridged(a_from_b: &Se3) -> Mat6 {
     common(a_from_b, BRIDGED_M, BRIDGED_RAD, BRIDGED_SHARE)
 }
+
+#[cfg(test)]
+mod tests;

@@ -9,10 +9,10 @@ use libm::{exp, lgamma, log};
 use std::f64::consts::{PI, TAU};
 use stillpoint_geometry::Mat6;
 
-/// Odds before any evidence that a candidate with a motion is the same place and not alike by chance: of ten that look alike one is, and of four that the map says are in sight
-/// one. On simulated walks they are at least twice as many (decision 46).
+/// Odds before any evidence that a candidate with a motion is the same place and not alike by chance: of ten that look alike one is, and half of those that the map says
+/// are in sight. On simulated walks more are (decision 46).
 const PRIOR_BY_LOOKS: f64 = 0.1;
-const PRIOR_BY_MAP: f64 = 0.3;
+const PRIOR_BY_MAP: f64 = 0.5;
 /// The same against an equal place: a thousand to one. Equal rooms are rare, and where there are some the place that the map expects tells.
 const PRIOR_EQUAL: f64 = 1000.0;
 /// Share of landmarks that are found of those that should be in sight, as a beta distribution: a quarter of them in the same place, as most are hidden
@@ -26,13 +26,12 @@ const COMMON_SCORE: f64 = 0.02;
 const MOST_LOOKS: f64 = 5.0;
 /// How many times as far as its ties tell a path may have drifted, and which share of paths is taken to: ties know nothing of what all features have in common, and simulated
 /// walks at 6 Hz come to five times as far (decision 46).
-const WORSE: [(f64, f64); 3] = [(1.0, 0.5), (3.0, 0.4), (10.0, 0.1)];
+const WORSE: [(f64, f64); 3] = [(1.0, 0.5), (3.0, 0.45), (10.0, 0.05)];
 /// How far beside the keyframes a place may lie, and how far above or below each other cameras are, m.
 const MARGIN_M: f64 = 1.0;
 const HEIGHT_M: f64 = 1.0;
-/// Where a place that the map names can be found at all, m and rad to both sides: things 2.5 m away move by the reach of the search.
-const REACH_M: f64 = 0.375;
-const REACH_RAD: f64 = super::revisit::REACH_RAD;
+/// Within what a place that the map names can be found at all, m to both sides: things 2.5 m away move by the reach of the search.
+const REACH_M: f64 = 2.5 * super::revisit::REACH_RAD;
 
 /// What speaks for it that a keyframe shows the place of an older one: natural logarithms of likelihood ratios, positive ones for it.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -104,21 +103,19 @@ pub(super) fn witnesses(agreeing: u32) -> f64 {
 /// By the squared distance `cost` between the motion and the map's, for a covariance that allows for drift: the density there, compared with that of places anywhere
 /// on a map whose keyframes are `spread` m from their middle (root mean square), or anywhere within reach of the search.
 pub(super) fn place(cost: f64, covariance: &Mat6, spread: f64, by: By) -> f64 {
-    let (volume, determinant, axes) = match by {
+    let volume = match by {
         By::Words => {
-            // A disc whose points are as far from its middle. Equal rooms are parallel: turns tell nothing for it, and only cost.
+            // A disc whose points are as far from its middle.
             let radius = std::f64::consts::SQRT_2 * spread + MARGIN_M;
-            let of_translation = covariance.fixed_view::<3, 3>(0, 0).determinant();
-            (PI * radius * radius * HEIGHT_M, of_translation, 3.0)
+            PI * radius * radius * HEIGHT_M
         }
-        By::Pose => {
-            let reach = 8.0 * REACH_M.powi(3) * REACH_RAD.powi(3) * 8.0;
-            (reach, covariance.determinant(), 6.0)
-        }
+        By::Pose => 8.0 * REACH_M.powi(3),
     };
+    // Equal rooms are parallel: what a turn should be says nothing for the place, and only costs.
+    let of_translation = covariance.fixed_view::<3, 3>(0, 0).determinant();
     // A path that allows for more than there is does not make a place less likely.
     log_sum(WORSE.map(|(worse, share)| {
-        let known = axes * log(TAU * worse * worse) + log(determinant.max(f64::MIN_POSITIVE));
+        let known = 3.0 * log(TAU * worse * worse) + log(of_translation.max(f64::MIN_POSITIVE));
         let best = (log(volume) - 0.5 * known).max(0.0);
         log(share) + best - 0.5 * cost / (worse * worse)
     }))

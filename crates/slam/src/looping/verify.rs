@@ -215,3 +215,6 @@ impl Search<'_> {
         (by_feature.into_iter().flatten().collect(), expected)
     }
 }
+
+#[cfg(test)]
+mod tests;

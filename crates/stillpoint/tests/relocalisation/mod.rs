@@ -213,7 +213,7 @@ fn equal_rooms_are_not_taken_for_each_other() {
         run.system
             .loops()
             .iter()
-            .any(|l| l.outcome == LoopOutcome::Contradicted)
+            .any(|l| l.outcome == LoopOutcome::Elsewhere)
     );
     assert_eq!(run.system.view().submaps().len(), 1);
     let [poses, real] = run.poses(&simulator, &play, SubmapId(0));

@@ -116,7 +116,9 @@ impl LivePage {
                 }
             }
             Event::Detected(_) => self.now.detections += 1,
-            Event::Looped(_) => self.now.places += 1,
+            Event::Looped(report) => {
+                self.now.set_aside += u32::from(report.outcome.is_set_aside());
+            }
             _ => {}
         }
     }

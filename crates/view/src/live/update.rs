@@ -94,8 +94,8 @@ pub struct Now {
     pub landmarks: u32,
     /// Loops that were closed, and submaps that were joined.
     pub loops: u32,
-    /// Places that were recognised, whether a loop was closed or not.
-    pub places: u32,
+    /// Candidates for loops that were set aside.
+    pub set_aside: u32,
     /// Answers of the detector.
     pub detections: u64,
     /// What became of the newest frame: see [`FrameState`](crate::report::FrameState).

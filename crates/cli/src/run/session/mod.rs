@@ -50,7 +50,7 @@ pub(crate) struct Session {
     pub(crate) detector: DetectorJson,
     /// What the static filter did.
     pub(crate) features: FeaturesJson,
-    /// Places that were recognised.
+    /// What became of the candidates for loops.
     pub(crate) loops: LoopsJson,
     /// The inertial sensor, where there was one.
     pub(crate) inertial: Option<InertialJson>,

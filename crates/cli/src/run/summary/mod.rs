@@ -44,7 +44,7 @@ pub(crate) struct Summary {
     /// The static filter's verdicts.
     #[serde(default)]
     pub(crate) features: FeaturesJson,
-    /// Places that were recognised.
+    /// What became of the candidates for loops.
     #[serde(default)]
     pub(crate) loops: LoopsJson,
     /// The inertial sensor, where there was one.
@@ -164,7 +164,7 @@ impl FeaturesJson {
     }
 }
 
-/// What became of the places that were recognised.
+/// What became of the candidates for loops.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct LoopsJson {
     /// Loops that corrected the map.
@@ -172,8 +172,9 @@ pub(crate) struct LoopsJson {
     /// Submaps that became part of another.
     #[serde(default)]
     pub(crate) joined: u32,
-    /// Keyframes that looked like older ones, where geometry or the map said no.
-    pub(crate) rejected: u32,
+    /// Keyframes that looked like older ones, of which too little said that they show the same place. Most of them do not.
+    #[serde(alias = "rejected")]
+    pub(crate) set_aside: u32,
 }
 
 impl LoopsJson {
@@ -182,7 +183,7 @@ impl LoopsJson {
         match report.outcome {
             LoopOutcome::Closed if report.joined.is_some() => self.joined += 1,
             LoopOutcome::Closed => self.closed += 1,
-            _ => self.rejected += 1,
+            _ => self.set_aside += 1,
         }
     }
 }

@@ -210,7 +210,7 @@ function liveFigures(run, rate) {
   list.push(["Quality of the pose", fixed(now.quality, 2), now.undecided ? "undecided who moves" : sigma, now.lost]);
   list.push(["Keypoints that stand still", `${fixed(100 * now.static_share, 0)} %`, now.detections_age === null ? "" : `detections ${fixed(now.detections_age, 2)} s old`]);
   list.push(["Map", `${now.keyframes} keyframes`, `${now.landmarks} landmarks`]);
-  list.push(["Loops closed", `${now.loops}`, `${now.places} places recognised`]);
+  list.push(["Loops closed", `${now.loops}`, `${now.set_aside} candidates set aside`]);
   if (now.detections) list.push(["Detector", `${now.detections}`, "answers"]);
   return list;
 }

@@ -38,7 +38,7 @@ function figures(run) {
   else if (stage("frame")) list.push(["Tracking (median)", `${fixed(stage("frame").median, 1)} ms`, `99 %: ${fixed(stage("frame").p99, 1)} ms`]);
   if (s.features && s.features.keypoints) list.push(["Keypoints that move", `${fixed(100 * s.features.dynamic_share, 1)} %`, `${fixed(s.features.keypoints / s.frames, 0)} keypoints per frame`]);
   if (s.keyframes !== undefined) list.push(["Map", `${s.keyframes} keyframes`, `${s.landmarks} landmarks`]);
-  if (s.loops) list.push(["Loops closed", `${s.loops.closed + s.loops.joined}`, `${s.loops.rejected} refused`]);
+  if (s.loops) list.push(["Loops closed", `${s.loops.closed + s.loops.joined}`, `${s.loops.set_aside} candidates set aside`]);
   if (s.undecided) list.push(["Undecided who moves", `${s.undecided} frames`, "at the beginning"]);
   if (s.detector && s.detector.kind !== "none") list.push(["Detector", (s.detector.name || s.detector.kind).split("/").pop(), `answered ${s.detector.frames} times`]);
   if (s.peak_memory_bytes) list.push(["Memory (peak)", `${fixed(s.peak_memory_bytes / 2 ** 20, 0)} MB`, ""]);
