@@ -22,6 +22,26 @@ fn go(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Option<Correction>) 
     (reports, None)
 }
 
+/// Walks on after loops, too: all reports, and how far the edges of those that were closed are from the truth, m.
+fn go_on(walk: &mut Walk, keyframes: u32) -> (Vec<LoopReport>, Vec<f64>) {
+    let mut loop_closer = LoopCloser::new(&Config::default());
+    let (mut reports, mut errors) = (Vec::new(), Vec::new());
+    for _ in 0..keyframes {
+        let (id, view) = walk.step();
+        let out = loop_closer.step(LoopCloserMsg::Keyframe { id, view });
+        if let (Some(correction), Some(report)) = (out.correction, &out.report) {
+            walk.map.apply(&correction);
+            let map_version = walk.map.publish().version();
+            loop_closer.step(LoopCloserMsg::Corrected { map_version });
+            let truth = walk.truth(report.with).inverse() * walk.truth(report.keyframe);
+            let off = truth.inverse() * report.edge.unwrap();
+            errors.push(off.translation.norm());
+        }
+        reports.extend(out.report);
+    }
+    (reports, errors)
+}
+
 #[test]
 fn a_path_that_comes_back_is_closed_and_straightened() {
     let around = 150;
@@ -85,34 +105,23 @@ fn an_equal_place_is_no_loop() {
     assert!(tempted.iter().all(|r| r.cost > 500.0), "{tempted:?}");
 }
 
-/// A path with gaps drifts by decimetres, all of it in the gaps, and its ties say so. Control: an equal place on the same path is none.
+/// A path with gaps drifts in them, and its ties say so: what is in sight on both sides is closed, and so is the round. Control: an equal place on the same path is set
+/// aside, whatever the gaps allow for.
 #[test]
 fn a_path_with_gaps_is_closed_and_an_equal_place_on_it_is_not() {
     let around = 150;
     let length = STEP_M * f64::from(around);
     let mut walk = Walk::new(World::new(length)).with_gaps(25);
-    let (reports, correction) = go(&mut walk, around + 30);
-    let closed = reports.last().unwrap();
-    assert!(correction.is_some(), "{closed:?}");
-    assert_eq!(closed.outcome, LoopOutcome::Closed, "{closed:?}");
-    // What the place lacks in witnesses, where it lies and how many landmarks are found make up for.
-    assert!(closed.agreeing <= 2, "{closed:?}");
-    let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;
-    let map = pose(closed.with).inverse() * pose(closed.keyframe);
-    let off = (map.inverse() * closed.edge.unwrap()).translation.norm();
-    assert!(off > 0.05, "{off} m");
-    assert!(closed.cost < 50.0, "{closed:?}");
+    let (reports, errors) = go_on(&mut walk, around + 30);
+    let round = |r: &&LoopReport| r.outcome == LoopOutcome::Closed && r.keyframe.0 > r.with.0 + 100;
+    assert!(reports.iter().any(|r| round(&r)), "{reports:?}");
+    assert!(errors.iter().all(|m| *m < 0.05), "{errors:?}");
+
     let world = World::new(length).with_copy(0.5 * length, 8.0);
-    let (reports, correction) = go(&mut Walk::new(world).with_gaps(25), 120);
-    assert!(correction.is_none(), "{:?}", reports.last());
+    let (reports, errors) = go_on(&mut Walk::new(world).with_gaps(25), 120);
+    assert!(errors.iter().all(|m| *m < 0.05), "{errors:?}");
     let tempted = |r: &&LoopReport| r.outcome == LoopOutcome::Elsewhere;
-    let tempted: Vec<&LoopReport> = reports.iter().filter(tempted).collect();
-    assert!(tempted.len() > 5, "{reports:?}");
-    let least = tempted.iter().map(|r| r.cost).fold(f64::INFINITY, f64::min);
-    println!(
-        "off by {off:.3} m, cost {:.1}; equal place from {least:.1}",
-        closed.cost
-    );
+    assert!(reports.iter().filter(tempted).count() > 5, "{reports:?}");
 }
 
 /// After a gap what lies ahead is still in sight, and mapped a second time, some centimetres beside. Its looks are too fresh to be asked for; where
@@ -133,8 +142,6 @@ fn what_should_be_in_sight_is_looked_for_and_closes_a_gap() {
         closed.keyframe.0 >= gap && closed.with.0 < gap,
         "{closed:?}"
     );
-    // It was found by where it should be.
-    assert!(closed.score == 0.0, "{closed:?}");
     let truth = walk.truth(closed.with).inverse() * walk.truth(closed.keyframe);
     let error = |walk: &Walk| {
         let pose = |id| walk.map.view().keyframe(id).unwrap().world_from_camera;

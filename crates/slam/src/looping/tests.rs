@@ -180,10 +180,13 @@ fn where_a_place_lies_makes_up_for_few_landmarks() {
 #[test]
 fn an_equal_place_elsewhere_is_set_aside_whatever_is_found() {
     let mut map = come_back(96, Some(19));
-    // Six metres from where all of it would have to be, on a path that knows 40 cm.
+    // Twelve metres from where all of it would have to be, at the end of a path that knows 40 cm.
     let (_, believed) = ends();
-    let shift = Se3::new(Default::default(), Vec3::new(12.0, 0.0, 0.0));
-    map.set_pose(KeyframeId(20), shift * believed);
+    for k in 1..=20 {
+        let gone = Se3::new(Default::default(), Vec3::new(0.6 * f64::from(k), 0.0, 0.0));
+        let pose = if k == 20 { gone * believed } else { gone };
+        map.set_pose(KeyframeId(k), pose);
+    }
     let (_, out) = shown(map);
     let report = out.report.unwrap();
     assert_eq!(report.outcome, LoopOutcome::Elsewhere, "{report:?}");
