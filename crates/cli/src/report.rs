@@ -18,7 +18,10 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     text += &s.live.as_ref().map_or_else(String::new, LiveJson::text);
     if s.loops != Default::default() {
         let l = s.loops;
-        text += &format!("loops: {} closed, {} candidates set aside", l.closed, l.set_aside);
+        text += &format!(
+            "loops: {} closed, {} candidates set aside",
+            l.closed, l.set_aside
+        );
         if l.joined > 0 {
             text += &format!("; {} submaps joined to others", l.joined);
         }

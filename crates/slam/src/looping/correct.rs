@@ -37,11 +37,7 @@ pub(super) struct Proposal<'a> {
 
 impl Proposal<'_> {
     /// Merges what is seen twice, and moves keyframes and landmarks to where they fit best.
-    pub(super) fn correct(
-        &self,
-        drift: &Drift<'_>,
-        report: &mut LoopReport,
-    ) -> Option<Correction> {
+    pub(super) fn correct(&self, drift: &Drift<'_>, report: &mut LoopReport) -> Option<Correction> {
         let _span = tracing::info_span!("correct").entered();
         let join = self.join();
         let poses = match join {

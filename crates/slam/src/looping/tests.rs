@@ -38,11 +38,7 @@ fn camera() -> Camera {
 pub(super) fn things() -> Vec<Vec3> {
     let thing = |i: usize| {
         let (x, y) = ((i % 12) as f64, (i / 12) as f64);
-        Vec3::new(
-            0.13 * x - 0.7,
-            0.13 * y - 0.45,
-            1.8 + 0.1 * ((x * y) % 5.0),
-        )
+        Vec3::new(0.13 * x - 0.7, 0.13 * y - 0.45, 1.8 + 0.1 * ((x * y) % 5.0))
     };
     (0..96).map(thing).collect()
 }
@@ -55,10 +51,7 @@ pub(super) fn sight(world_from_camera: &Se3, seen: &[(u64, Vec3)]) -> KeyframeDa
         .iter()
         .map(|(_, p)| world_from_camera.inverse().transform(p))
         .collect();
-    let positions: Vec<[f32; 2]> = points
-        .iter()
-        .map(|p| pixel(p).map(|v| v as f32))
-        .collect();
+    let positions: Vec<[f32; 2]> = points.iter().map(|p| pixel(p).map(|v| v as f32)).collect();
     let descriptor = |number: u64| {
         let mut random = rng(3, number, Purpose(1002));
         let mut word = || (random.unit() * 4_294_967_296.0) as u64;
@@ -116,8 +109,14 @@ pub(super) fn ends() -> (Se3, Se3) {
 pub(super) fn come_back(again: usize, parent: Option<u32>) -> Map {
     let mut map = Map::new(8, 1.2);
     let all: Vec<(u64, Vec3)> = (0..).zip(things()).collect();
-    add(&mut map, (0, None), Se3::identity(), sight(&Se3::identity(), &all));
-    let other = |k: u64| -> Vec<(u64, Vec3)> { all.iter().map(|(n, p)| (n + 1000 * k, *p)).collect() };
+    add(
+        &mut map,
+        (0, None),
+        Se3::identity(),
+        sight(&Se3::identity(), &all),
+    );
+    let other =
+        |k: u64| -> Vec<(u64, Vec3)> { all.iter().map(|(n, p)| (n + 1000 * k, *p)).collect() };
     for k in 1..20 {
         let seen = sight(&Se3::identity(), &other(u64::from(k)));
         add(&mut map, (k, Some(k - 1)), Se3::identity(), seen);
@@ -191,7 +190,10 @@ fn an_equal_place_elsewhere_is_set_aside_whatever_is_found() {
     let report = out.report.unwrap();
     assert_eq!(report.outcome, LoopOutcome::Elsewhere, "{report:?}");
     let evidence = report.evidence.unwrap();
-    assert!(evidence.landmarks > 5.0 && report.inliers > 80, "{report:?}");
+    assert!(
+        evidence.landmarks > 5.0 && report.inliers > 80,
+        "{report:?}"
+    );
 }
 
 /// A motion that is known well.

@@ -22,16 +22,27 @@ fn closed(parent: Option<u32>) -> (Map, LoopReport) {
 
 /// How far the last keyframe is from where it is in truth, m and rad together.
 fn error(map: &Map) -> f64 {
-    let pose = |id| -> Se3 { map.view().keyframe(KeyframeId(id)).unwrap().world_from_camera };
+    let pose = |id| -> Se3 {
+        map.view()
+            .keyframe(KeyframeId(id))
+            .unwrap()
+            .world_from_camera
+    };
     let (truth, _) = ends();
-    (truth.inverse() * pose(0).inverse() * pose(20)).log().norm()
+    (truth.inverse() * pose(0).inverse() * pose(20))
+        .log()
+        .norm()
 }
 
 #[test]
 fn a_loop_brings_its_ends_together_and_merges_what_both_see() {
     let before = error(&come_back(60, Some(19)));
     let (mut map, report) = closed(Some(19));
-    assert!(before > 0.05 && error(&map) < 0.005, "{before}, {}", error(&map));
+    assert!(
+        before > 0.05 && error(&map) < 0.005,
+        "{before}, {}",
+        error(&map)
+    );
     assert!(report.merges >= 50 && report.merges <= 60, "{report:?}");
     // What both see is one landmark now.
     map.refresh_covisibility(KeyframeId(20), 15);

@@ -42,7 +42,11 @@ fn a_path_weighs_rotation_by_how_far_the_map_reaches() {
         let mut map = map(12);
         for k in 0..12 {
             // Those that are between spread, those of the loops stay.
-            let x = if k % 9 == 0 { 0.0 } else { reach * f64::from(k % 2) };
+            let x = if k % 9 == 0 {
+                0.0
+            } else {
+                reach * f64::from(k % 2)
+            };
             let pose = Se3::new(Default::default(), Vec3::new(x, 0.0, 0.0));
             map.set_pose(KeyframeId(k), pose);
         }
@@ -51,16 +55,26 @@ fn a_path_weighs_rotation_by_how_far_the_map_reaches() {
         drift.between(0, 9).unwrap()
     };
     let wide = variance(8.0);
-    assert!(wide[(0, 0)] > 0.04 * 0.04 && wide[(4, 4)] < 0.01 * 0.01, "{wide}");
+    assert!(
+        wide[(0, 0)] > 0.04 * 0.04 && wide[(4, 4)] < 0.01 * 0.01,
+        "{wide}"
+    );
     // Control: where all of it is within a hand's breadth, the better place is the better path.
     let narrow = variance(0.1);
-    assert!(narrow[(0, 0)] < 0.02 * 0.02 && narrow[(4, 4)] > 0.04 * 0.04, "{narrow}");
+    assert!(
+        narrow[(0, 0)] < 0.02 * 0.02 && narrow[(4, 4)] > 0.04 * 0.04,
+        "{narrow}"
+    );
 }
 
 #[test]
 fn the_cost_of_a_loop_is_in_deviations_of_its_path() {
     let map = map(12);
-    let drift = Drift::new(map.view(), Nodes::new(map.view(), SubmapId(0), SubmapId(0)), &[]);
+    let drift = Drift::new(
+        map.view(),
+        Nodes::new(map.view(), SubmapId(0), SubmapId(0)),
+        &[],
+    );
     let off = |metres: f64| LoopEdge {
         old_from_new: Se3::new(Default::default(), Vec3::new(metres, 0.0, 0.0)),
         ..edge(1, 10, [1e-3, 1e-3])

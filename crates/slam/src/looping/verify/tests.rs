@@ -1,9 +1,9 @@
 //! Motions between keyframes that see the same things, and that see others.
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
 
+use super::super::begun;
 use super::super::recognise::Candidate;
 use super::super::tests::{come_back, ends, knowing};
-use super::super::begun;
 use super::*;
 
 /// What verification says of the last keyframe of a map that sees so many things of the first again.
@@ -40,7 +40,10 @@ fn the_motion_between_two_sights_of_the_same_things_is_found() {
 #[test]
 fn few_things_measure_a_motion_and_fewer_none() {
     let (found, report) = verified(14, By::Words);
-    assert!(found.is_ok() && report.inliers >= MIN_INLIERS as u32, "{report:?}");
+    assert!(
+        found.is_ok() && report.inliers >= MIN_INLIERS as u32,
+        "{report:?}"
+    );
     let (found, report) = verified(8, By::Words);
     assert_eq!(found.err(), Some(LoopOutcome::NoRigidMotion), "{report:?}");
     assert!(report.edge.is_none());
