@@ -109,7 +109,7 @@ pub(super) fn place(cost: f64, covariance: &Mat6, spread: f64, by: By) -> f64 {
             let radius = std::f64::consts::SQRT_2 * spread + MARGIN_M;
             PI * radius * radius * HEIGHT_M
         }
-        By::Pose => 8.0 * REACH_M.powi(3),
+        By::Pose => 8.0 * REACH_M * REACH_M * REACH_M,
     };
     // Equal rooms are parallel: what a turn should be says nothing for the place, and only costs.
     let of_translation = covariance.fixed_view::<3, 3>(0, 0).determinant();
