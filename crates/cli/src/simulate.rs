@@ -142,6 +142,7 @@ impl Movers {
         let exact = DetectionNoise {
             drop: 0.0,
             jitter_px: 0.0,
+            from_behind: 0.0,
             ..noise
         };
         Self {

@@ -300,6 +300,7 @@ fn with_black_chair(at: &dyn Fn(usize) -> [f64; 2]) -> Vec<Event> {
             x1: bounds.x1,
             y1: bounds.y1,
             visible_px: 1000,
+            from_behind: false,
             motion: None,
         };
         objects.push(object(&seen, "chair", [1.0, 4.0]));

@@ -6,7 +6,7 @@ use crate::people::Cast;
 use crate::scene::Scene;
 use crate::shutter::Shutter;
 
-const NAMES: [&str; 31] = [
+const NAMES: [&str; 33] = [
     "xyz",
     "rpy",
     "halfsphere",
@@ -36,6 +36,8 @@ const NAMES: [&str; 31] = [
     "crowd_halfsphere",
     "crowd_rpy_60",
     "crowd_rpy_150",
+    "crowd_coat",
+    "crowd_pitch",
     "blocked_turn",
     "blocked_walk",
 ];
@@ -103,6 +105,8 @@ pub(crate) fn build(name: &str, seed: u64) -> Option<(Scene, Path)> {
         ),
         "crowd_rpy_60" => (people(Cast::Crowd), fast(0).farther(0.9)),
         "crowd_rpy_150" => (people(Cast::Crowd), fast(2).farther(0.9)),
+        "crowd_coat" => (people(Cast::Coated), Path::xyz(seed).farther(1.15)),
+        "crowd_pitch" => (people(Cast::Crowd), Path::nodding(seed).farther(0.75)),
         "blocked_turn" | "blocked_walk" => {
             let walks = name == "blocked_walk";
             (people(Cast::Blocking { walks }), Path::blocked(seed, walks))

@@ -21,8 +21,8 @@ pub(crate) struct Path {
 }
 
 enum Kind {
-    /// Translations along the axes, nearly without rotation.
-    Xyz,
+    /// Translations along the axes, nearly without rotation, or with looks down and up again.
+    Xyz { nods: bool },
     /// Rotations about the axes, nearly without translation, faster than the slowest ones by a factor.
     Rpy { pace: f64 },
     /// On half a sphere about the desk, looking at it; the camera's elevation is divided by `flat`.
@@ -59,18 +59,42 @@ pub(crate) fn blocked_turn(t: f64, walks: bool) -> f64 {
     (smooth((t - 3.0) / 3.0) - 0.5) * turn.to_radians()
 }
 
+/// When a camera that nods is turned up fastest, s: at the first moment at which it may be decided who moves.
+const NOD: f64 = 1.2;
+/// How long the turn takes, s, and by how much it turns, rad: 160 deg/s at its fastest.
+const NOD_TIME: f64 = 0.4;
+const NOD_BY: f64 = 0.6;
+
+/// The pitch of a camera that nods, upwards, rad: down at first, a little up from [`NOD`] on.
+fn nod(t: f64) -> f64 {
+    NOD_BY * (smooth((t - NOD) / NOD_TIME + 0.5) - 0.75)
+}
+
 fn wave(t: f64, hertz: f64, phase: f64) -> f64 {
     libm::sin(std::f64::consts::TAU * hertz * t + phase)
 }
 
 impl Path {
-    pub(crate) fn xyz(seed: u64) -> Self {
+    /// A motion as its kind says.
+    fn of(kind: Kind, tremor: Tremor) -> Self {
         Self {
-            kind: Kind::Xyz,
-            tremor: Tremor::new(seed, 3.0),
+            kind,
+            tremor,
             back: 0.0,
             ahead: 0.0,
             jolts: false,
+        }
+    }
+
+    pub(crate) fn xyz(seed: u64) -> Self {
+        Self::of(Kind::Xyz { nods: false }, Tremor::new(seed, 3.0))
+    }
+
+    /// The motion of [`Self::xyz`] of a camera that looks down first, and up at [`NOD`].
+    pub(crate) fn nodding(seed: u64) -> Self {
+        Self {
+            kind: Kind::Xyz { nods: true },
+            ..Self::xyz(seed)
         }
     }
 
@@ -80,13 +104,7 @@ impl Path {
 
     /// The rotations of [`Self::rpy`] over the same angles, faster by a factor.
     pub(crate) fn rpy_at(seed: u64, pace: f64) -> Self {
-        Self {
-            kind: Kind::Rpy { pace },
-            tremor: Tremor::new(seed, 2.0),
-            back: 0.0,
-            ahead: 0.0,
-            jolts: false,
-        }
+        Self::of(Kind::Rpy { pace }, Tremor::new(seed, 2.0))
     }
 
     pub(crate) fn halfsphere(seed: u64) -> Self {
@@ -95,57 +113,27 @@ impl Path {
 
     /// The motion of [`Self::halfsphere`] with the elevation divided by `flat`, so that people are seen from the front.
     pub(crate) fn halfsphere_at(seed: u64, flat: f64) -> Self {
-        Self {
-            kind: Kind::Halfsphere { flat },
-            tremor: Tremor::new(seed, 1.0),
-            back: 0.0,
-            ahead: 0.0,
-            jolts: false,
-        }
+        Self::of(Kind::Halfsphere { flat }, Tremor::new(seed, 1.0))
     }
 
     pub(crate) fn still(seed: u64) -> Self {
-        Self {
-            kind: Kind::Static,
-            tremor: Tremor::new(seed, 0.6),
-            back: 0.0,
-            ahead: 0.0,
-            jolts: false,
-        }
+        Self::of(Kind::Static, Tremor::new(seed, 0.6))
     }
 
     /// A turn, or a walk, of a camera whose view is blocked meanwhile.
     pub(crate) fn blocked(seed: u64, walks: bool) -> Self {
-        Self {
-            kind: Kind::Blocked { walks },
-            tremor: Tremor::new(seed, 1.5),
-            back: 0.0,
-            ahead: 0.0,
-            jolts: false,
-        }
+        Self::of(Kind::Blocked { walks }, Tremor::new(seed, 1.5))
     }
 
     /// Without tremor, from a pose with a constant twist per second in camera coordinates.
     #[cfg(test)]
     pub(crate) fn steady(start: Se3, twist: stillpoint_geometry::Vec6) -> Self {
-        Self {
-            kind: Kind::Steady(start, twist),
-            tremor: Tremor::new(0, 0.0),
-            back: 0.0,
-            ahead: 0.0,
-            jolts: false,
-        }
+        Self::of(Kind::Steady(start, twist), Tremor::new(0, 0.0))
     }
 
     /// A walk along a closed polygon of (x, y) corners, which the path rounds.
     pub(crate) fn walk(seed: u64, corners: &[[f64; 2]]) -> Self {
-        Self {
-            kind: Kind::Loop(Walk::new(corners)),
-            tremor: Tremor::new(seed, 1.5),
-            back: 0.0,
-            ahead: 0.0,
-            jolts: false,
-        }
+        Self::of(Kind::Loop(Walk::new(corners)), Tremor::new(seed, 1.5))
     }
 
     /// The same walk in haste: fast walking, and looking to both sides all the time.
@@ -196,14 +184,19 @@ impl Path {
         let centre = Vec3::from(DESK_CENTRE);
         let t = t + self.ahead;
         let base = match &self.kind {
-            Kind::Xyz => {
+            Kind::Xyz { nods } => {
                 let offset = Vec3::new(
                     0.24 * wave(t, 0.21, 0.0),
                     0.16 * wave(t, 0.14, 1.0),
                     0.13 * wave(t, 0.17, 2.0),
                 );
                 let at = centre + Vec3::new(-0.05, -1.0 - self.back, 0.5) + offset;
-                look_at(at, centre + offset + Vec3::new(-0.05, 0.0, 0.0))
+                let level = look_at(at, centre + offset + Vec3::new(-0.05, 0.0, 0.0));
+                if *nods {
+                    level * Se3::new(so3::exp(&(Vec3::x() * nod(t))), Vec3::zeros())
+                } else {
+                    level
+                }
             }
             Kind::Rpy { pace } => {
                 let t = t * pace;

@@ -5,6 +5,7 @@
 mod detections;
 mod equal_rooms;
 mod geometry;
+mod hard_crowds;
 mod people;
 mod shutter;
 mod simulator;

@@ -19,6 +19,8 @@ pub(crate) struct Dress {
     pub(crate) shoes: usize,
     /// Whether the sleeves reach the wrists.
     pub(crate) long_sleeves: bool,
+    /// Whether the shirt is a coat that reaches the knees.
+    pub(crate) coat: bool,
 }
 
 /// A part in its bone's coordinates.
@@ -40,6 +42,13 @@ const HIPS: [Ring; 7] = [
     off_axis(-0.10, -0.006, 0.096, 0.148),
     ring(-0.13, 0.07, 0.11),
     ring(-0.14, 0.03, 0.06),
+];
+/// A coat from the waist down, about the hips.
+const SKIRT: [Ring; 4] = [
+    off_axis(0.09, -0.006, 0.118, 0.17),
+    off_axis(-0.05, -0.012, 0.136, 0.188),
+    off_axis(-0.3, -0.008, 0.158, 0.206),
+    off_axis(-0.5, 0.0, 0.172, 0.216),
 ];
 const CHEST: [Ring; 10] = [
     off_axis(0.475, -0.005, 0.055, 0.06),
@@ -208,6 +217,9 @@ impl Body {
             let shoe = cloth((Pattern::Shoe, dress.shoes), 128.0, 0.0);
             add(b, &SHOE, 12, square(shoe));
         }
+        if dress.coat {
+            add(b, &SKIRT, 18, square(cloth(shirt, 512.0, 240.0)));
+        }
         Self { parts }
     }
 
@@ -221,7 +233,8 @@ impl Body {
     ) {
         let trunk = [s.hips, s.chest, s.head, s.head, s.head];
         let limbs = s.arms.iter().chain(&s.legs).flatten();
-        for (part, pose) in self.parts.iter().zip(trunk.iter().chain(limbs)) {
+        let poses = trunk.iter().chain(limbs).chain([&s.hips]);
+        for (part, pose) in self.parts.iter().zip(poses) {
             part.mesh.place(pose, part.cover, light, asked, out);
         }
     }

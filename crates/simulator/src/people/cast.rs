@@ -20,6 +20,8 @@ pub(crate) enum Cast {
     Carrying,
     /// Two people walk to and fro between the camera and the desk, from the first frame on.
     Crowd,
+    /// One person in a patterned coat walks close before the camera from the first frame on and shows it the back.
+    Coated,
     /// Two people step before the camera and walk round it as it turns, face to face with it.
     Blocking { walks: bool },
     /// One person comes, lifts a chair that stands before the desk and carries it out of the picture.
@@ -53,6 +55,12 @@ const PLAID: Dress = Dress {
     head: 0,
     shoes: 0,
     long_sleeves: true,
+    coat: false,
+};
+const COAT: Dress = Dress {
+    shirt: (Pattern::Coat, 0),
+    coat: true,
+    ..PLAID
 };
 const PRINT: Dress = Dress {
     shirt: (Pattern::Print, 1),
@@ -60,6 +68,7 @@ const PRINT: Dress = Dress {
     head: 1,
     shoes: 1,
     long_sleeves: false,
+    coat: false,
 };
 
 impl Cast {
@@ -68,9 +77,11 @@ impl Cast {
         match self {
             Self::Walking => [SEAT, [0.9, 1.65, 0.8]],
             Self::Sitting => SEATS,
-            Self::Carrying | Self::Crowd | Self::Blocking { .. } | Self::Fetching => {
-                [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]]
-            }
+            Self::Carrying
+            | Self::Crowd
+            | Self::Coated
+            | Self::Blocking { .. }
+            | Self::Fetching => [[-1.3, 1.6, -0.4], [0.9, 1.65, 0.8]],
         }
     }
 
@@ -97,6 +108,7 @@ impl Cast {
                 (PLAID, [1.01, 1.05], blocker(-BLOCKERS_APART, walks), None),
                 (PRINT, [0.97, 1.0], blocker(BLOCKERS_APART, walks), None),
             ],
+            Self::Coated => vec![(COAT, [1.01, 1.05], coated(), None)],
             Self::Crowd => vec![
                 (PLAID, [1.01, 1.05], near_one(), None),
                 (PRINT, [0.97, 1.0], far_one(), None),
@@ -116,7 +128,12 @@ impl Cast {
                 mover += 1;
                 parts(b, &l, mover)
             });
-            b.people.push(Person { gait, body, load });
+            b.people.push(Person {
+                gait,
+                body,
+                load,
+                from_behind: self == Self::Coated,
+            });
         }
     }
 }
@@ -263,6 +280,23 @@ fn far_one() -> Script {
     let to = |x: f64| Leg::To(x, FAR_LINE, 0.7);
     let stages = vec![to(0.7), to(-0.7), to(0.7), to(-0.7), to(0.7), to(-0.7)];
     ([0.25, FAR_LINE, 0.0], stages)
+}
+
+/// The direction away from the camera, rad.
+const AWAY: f64 = std::f64::consts::FRAC_PI_2;
+
+/// Walks to and fro with the back to the camera, 1.4 to 1.6 m before it.
+fn coated() -> Script {
+    let to = |x: f64, y: f64| Leg::Aside(x, y, 0.45, AWAY);
+    let stages = vec![
+        to(0.45, -0.62),
+        to(-0.45, -0.7),
+        to(0.4, -0.6),
+        to(-0.4, -0.68),
+        to(0.45, -0.62),
+        to(-0.45, -0.68),
+    ];
+    ([-0.3, -0.7, AWAY], stages)
 }
 
 /// How far from the camera they stand who block its view, m ...

@@ -35,6 +35,8 @@ pub(crate) struct Person {
     body: Body,
     /// Parts of the load.
     load: Vec<(Mesh, Cover)>,
+    /// Whether the camera sees the person's back throughout the scene.
+    from_behind: bool,
 }
 
 impl Person {
@@ -42,6 +44,10 @@ impl Person {
     pub(crate) fn movers(&self, stamp: f64) -> impl Iterator<Item = MoverState> {
         let hips = |t| self.gait.posture(t).hips;
         let person = state("person", stamp, |t| Some(hips(t)));
+        let person = person.map(|p| MoverState {
+            from_behind: self.from_behind,
+            ..p
+        });
         let class = self.gait.load.map_or("box", |l| l.class);
         let carried = state(class, stamp, |t| Some(self.gait.load_pose(t)?.translation));
         person.into_iter().chain(carried)
@@ -92,6 +98,7 @@ fn state(class: &'static str, stamp: f64, at: impl Fn(f64) -> Option<Vec3>) -> O
     let (before, after) = (at(stamp - HALF_SPAN)?, at(stamp + HALF_SPAN)?);
     Some(MoverState {
         class,
+        from_behind: false,
         motion: Some(MoverMotion {
             position: at(stamp)?.into(),
             velocity: ((after - before) / (2.0 * HALF_SPAN)).into(),

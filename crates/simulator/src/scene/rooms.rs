@@ -29,11 +29,8 @@ const LYING: [Lying; 11] = {
     ]
 };
 
-/// The desk that the small scenes look at, centred at a place, front to -y.
-fn work_desk(b: &mut Builder, place: &Place) {
-    b.desk(place, [2.0, 1.0], 0);
-    let on = |x: f64, y: f64, yaw: f64| place.then(x, y, DESK, yaw);
-    // Sheets with small things; where they overlap, the later one lies on top.
+/// Sheets with small things on a desk; where they overlap, the later one lies on top.
+fn sheets(b: &mut Builder, place: &Place) {
     for (k, (x, y)) in [
         (-0.9, 0.0),
         (-0.25, 0.1),
@@ -51,6 +48,15 @@ fn work_desk(b: &mut Builder, place: &Place) {
             place.direction(0.0, 0.3, 0.0),
         );
         b.quad(place.point(x, y, z), right, up, skin);
+    }
+}
+
+/// The desk that the small scenes look at, centred at a place, front to -y; `tidy` without sheets and litter.
+fn work_desk(b: &mut Builder, place: &Place, tidy: bool) {
+    b.desk(place, [2.0, 1.0], 0);
+    let on = |x: f64, y: f64, yaw: f64| place.then(x, y, DESK, yaw);
+    if !tidy {
+        sheets(b, place);
     }
     b.monitor(&on(0.1, 0.28, -0.1), [0.52, 0.33], false, 0);
     b.monitor(&on(0.68, 0.25, -0.5), [0.38, 0.33], true, 1);
@@ -72,7 +78,9 @@ fn work_desk(b: &mut Builder, place: &Place) {
     b.mug(&on(-0.17, 0.02, 0.4), 0);
     b.mug(&on(0.86, 0.0, 0.4), 1);
     b.pens(&on(-0.3, 0.08, 0.0), 0);
-    b.litter(place, [1.9, 0.9], 12);
+    if !tidy {
+        b.litter(place, [1.9, 0.9], 12);
+    }
 }
 
 /// The office; people need room, so that they have chairs instead of the second desk.
@@ -90,16 +98,20 @@ pub(super) fn office(seed: u64, cast: Option<Cast>) -> Scene {
     wall(b, [x, y], [x, -y], [0.0, HEIGHT], brick);
     wall(b, [x, -y], [-x, -y], [0.0, HEIGHT], plaster);
     wall(b, [-x, -y], [-x, y], [0.0, HEIGHT], plaster);
+    // The person in a coat has a tidy desk before a bare wall.
+    let bare = cast == Some(Cast::Coated);
     // A crowd needs the room before it.
-    let far = matches!(cast, Some(Cast::Crowd | Cast::Fetching));
+    let far = matches!(cast, Some(Cast::Crowd | Cast::Coated | Cast::Fetching));
     let desk = if far { 0.3 } else { -0.3 };
-    work_desk(b, &Place::new(0.0, desk, 0.0, 0.0));
+    work_desk(b, &Place::new(0.0, desk, 0.0, 0.0), bare);
     match cast {
         None => second_desk(b),
         Some(cast) => cast.enter(b, seed),
     }
-    b.shelf(&Place::new(-1.7, 2.15, 0.0, 0.0), 1.2, 5, 0);
-    b.shelf(&Place::new(1.9, 2.15, 0.0, 0.0), 1.4, 4, 1);
+    if !bare {
+        b.shelf(&Place::new(-1.7, 2.15, 0.0, 0.0), 1.2, 5, 0);
+        b.shelf(&Place::new(1.9, 2.15, 0.0, 0.0), 1.4, 4, 1);
+    }
     b.shelf(
         &Place::new(2.65, 0.2, 0.0, -std::f64::consts::FRAC_PI_2),
         1.2,
@@ -112,7 +124,9 @@ pub(super) fn office(seed: u64, cast: Option<Cast>) -> Scene {
         5,
         3,
     );
-    posters(b, Vec3::new(-0.9, y, 0.0), Vec3::x(), 2.0, 0);
+    if !bare {
+        posters(b, Vec3::new(-0.9, y, 0.0), Vec3::x(), 2.0, 0);
+    }
     posters(b, Vec3::new(x, 2.2, 0.0), -Vec3::y(), 4.5, 2);
     posters(b, Vec3::new(2.6, -y, 0.0), -Vec3::x(), 5.2, 4);
     posters(b, Vec3::new(-x, 0.4, 0.0), Vec3::y(), 2.0, 6);

@@ -145,6 +145,15 @@ pub(super) fn print(rng: &mut Stream) -> Canvas {
     c
 }
 
+/// A coat with a print of small bold shapes all over, so that it has more corners than what stands in a room.
+pub(super) fn coat(rng: &mut Stream) -> Canvas {
+    let mut c = Canvas::new(512, 512, gray(46.0));
+    random_shapes(&mut c, rng, 1800, [3.0, 9.0]);
+    folds(&mut c, rng, 110, 0.3);
+    weave(&mut c, rng, 5.0);
+    c
+}
+
 /// Blue jeans: seams, pockets, worn thighs.
 pub(super) fn denim(rng: &mut Stream) -> Canvas {
     let mut c = Canvas::new(512, 512, [58.0, 76.0, 112.0]);

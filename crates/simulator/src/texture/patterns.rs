@@ -63,6 +63,8 @@ pub(crate) enum Pattern {
     Shoe,
     /// A side of a printed cardboard box.
     Carton,
+    /// A coat with a print of small bold shapes all over.
+    Coat,
 }
 
 const INK: Rgb = [35.0, 35.0, 45.0];
@@ -115,6 +117,7 @@ impl Pattern {
             Self::Clutter => clutter(rng),
             Self::Plaid => clothes::plaid(rng),
             Self::Print => clothes::print(rng),
+            Self::Coat => clothes::coat(rng),
             Self::Denim => clothes::denim(rng),
             Self::Chino => clothes::chino(rng),
             Self::Skin => clothes::skin(rng, seed),
