@@ -1,4 +1,4 @@
-//! Starts in a crowd: simulated scenes that begin among two people who cover half of the image, against exact poses.
+//! Starts in a crowd: simulated scenes that begin among people who cover a quarter to half of the image, against exact poses.
 //!
 //! `cargo run --release -p stillpoint --example crowds -- SEEDS FRAMES [SCENE ...]`: a row per scene and contestant, with the median and the worst of
 //! the seeds. The exit code is 1 where a bar is missed.
@@ -15,15 +15,19 @@ use stillpoint::slam::{Config, Event, Preset, System};
 type Failure = Box<dyn std::error::Error>;
 
 /// All scenes that begin in a crowd: a path each.
-const SCENES: [&str; 5] = [
+const SCENES: [&str; 7] = [
     "crowd_xyz",
     "crowd_static",
     "crowd_halfsphere",
     "crowd_rpy_60",
     "crowd_rpy_150",
+    "crowd_coat",
+    "crowd_pitch",
 ];
 /// A frame that is off by more must not pass for right, m.
 const WRONG: f64 = 0.1;
+/// By how much the final poses of a run may be worse than those known at each frame, mm: what else is refined there errs by as much.
+const WORSE: f64 = 3.0;
 
 /// What is run over each scene.
 #[derive(Clone, Copy, PartialEq)]
@@ -53,6 +57,10 @@ impl Contestant {
 
     /// The worst error that is allowed in a scene, mm, and the least share of frames with a pose.
     fn bars(self, scene: &str) -> (f64, f64) {
+        if scene.ends_with("coat") || scene.ends_with("pitch") {
+            // They are slow, so that no frame needs to be lost.
+            return (if self == Self::Detector { 15.0 } else { 20.0 }, 1.0);
+        }
         let fast = scene.ends_with("150");
         match self {
             Self::Detector => (if fast { 25.0 } else { 15.0 }, 0.97),
@@ -199,10 +207,12 @@ fn print(scene: &str, contestant: Contestant, scores: &[&Score]) -> bool {
     let [at_frame, worst_at_frame] = spread(scores.iter().map(|s| s.online));
     let poses = scores.iter().map(|s| s.poses).fold(1.0, f64::min);
     let wrong: usize = scores.iter().map(|s| s.wrong).sum();
-    let holds = worst <= bar && poses >= least && wrong == 0;
+    let worse = scores.iter().map(|s| s.ate - s.online);
+    let worse = worse.fold(f64::NEG_INFINITY, f64::max);
+    let holds = worst <= bar && poses >= least && wrong == 0 && worse <= WORSE;
     let verdict = if holds { "met" } else { "short" };
     println!(
-        "| `{scene}` | {} | {median:.1} | {worst:.1} | {bar:.0} | {poses:.3} | {wrong} | {at_frame:.1} | {worst_at_frame:.1} | {verdict} |",
+        "| `{scene}` | {} | {median:.1} | {worst:.1} | {bar:.0} | {poses:.3} | {wrong} | {at_frame:.1} | {worst_at_frame:.1} | {worse:+.1} | {verdict} |",
         contestant.name(),
     );
     holds
@@ -222,9 +232,9 @@ fn main() -> Result<ExitCode, Failure> {
         "{seeds} seeds, {frames} frames; ATE in mm, of the final poses and of those known at each frame\n"
     );
     println!(
-        "| scene | run | median | worst | bar | least poses | wrong frames | at each frame: median | worst | |"
+        "| scene | run | median | worst | bar | least poses | wrong frames | at each frame: median | worst | final worse by | |"
     );
-    println!("|---|---|---:|---:|---:|---:|---:|---:|---:|---|");
+    println!("|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---|");
     let mut holds = true;
     for scene in scenes {
         let runs: Result<Vec<Vec<Score>>, Failure> =
