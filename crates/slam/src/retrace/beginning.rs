@@ -26,8 +26,6 @@ pub(super) struct Beginning {
     newest: f64,
     /// The greatest share of keypoints that moved in a frame.
     moved: f64,
-    /// Inliers of each frame before it; none has a lost one.
-    inliers: Vec<u32>,
     /// Frames before the turning point, without colour.
     frames: Vec<RgbdFrame>,
     /// What they take, bytes.
@@ -51,7 +49,6 @@ impl Beginning {
             begun,
             newest: f64::NEG_INFINITY,
             moved: 0.0,
-            inliers: Vec::new(),
             frames: Vec::new(),
             taken: 0,
             detections: BTreeMap::new(),
@@ -70,7 +67,6 @@ impl Beginning {
             if since >= SEEN {
                 self.moved = self.moved.max(tracked.report.counts.moving_share());
             }
-            self.inliers.push(tracked.report.counts.inliers);
             self.taken += frame.gray.data().len() + 4 * frame.depth.data().len();
             self.frames.push(RgbdFrame {
                 id: frame.id,
@@ -93,15 +89,6 @@ impl Beginning {
     /// Whether nothing moves, `since` seconds after the beginning.
     pub(super) fn is_quiet(&self, since: f64) -> bool {
         self.turn.is_none() && since >= QUIET && self.moved < QUIET_SHARE
-    }
-
-    /// Whether one can turn back at the newest frame: a quarter of those before have fewer inliers.
-    pub(super) fn is_sound(&self) -> bool {
-        let Some((newest, before)) = self.inliers.split_last() else {
-            return false;
-        };
-        let weaker = before.iter().filter(|n| *n < newest).count();
-        4 * weaker >= before.len()
     }
 
     /// Whether the frames take more than they may.

@@ -22,8 +22,6 @@ use way_back::WayBack;
 
 /// Who moves is known so long after a map was begun, s: what a person does within it is more than noise.
 const KNOWN: f64 = 1.2;
-/// Until then a frame is waited for that is not among the weakest so far, s: all before hangs on the turning point, and from it on a map has to grow.
-const SOUGHT: f64 = 1.5;
 /// Where the camera is lost until so long after it, the beginning is let go, s: its frames are large.
 const MOST: f64 = 3.0;
 /// From so long after it on there is enough of a map to go back from, s.
@@ -169,7 +167,7 @@ impl Retracer {
         }
         if !beginning.is_known() {
             tracked.report.undecided = Some(since);
-            if since >= SOUGHT || (since >= KNOWN && beginning.is_sound()) {
+            if since >= KNOWN {
                 if tracked.report.is_keyframe
                     && let Some(point) = tracker.turning_point()
                 {

@@ -1,5 +1,4 @@
 #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
-use super::way_back::is_weaker;
 use super::*;
 use crate::config::Config;
 use crate::system::System;
@@ -45,24 +44,6 @@ fn nothing_that_moves_for_most_of_a_second_decides_that_nothing_does() {
     }
 }
 
-/// All before hangs on the frame from which one turns back.
-#[test]
-fn one_does_not_turn_back_at_the_weakest_frame() {
-    let mut beginning = Beginning::at(0.0);
-    let mut said = tracked(0, 100, 90);
-    let mut sound = |inliers: u32, id: u32| {
-        said.report.counts.inliers = inliers;
-        beginning.take(&frame(id, f64::from(id) / 30.0), &said);
-        beginning.is_sound()
-    };
-    for id in 0..36 {
-        // A quarter of the frames are thin.
-        sound(if id % 4 == 0 { 50 } else { 90 }, id);
-    }
-    assert!(!sound(41, 36) && !sound(50, 37));
-    assert!(sound(60, 38) && sound(90, 39) && !sound(0, 40));
-}
-
 #[test]
 fn what_seems_to_move_before_depths_can_be_compared_does_not_count() {
     let mut beginning = Beginning::at(0.0);
@@ -88,21 +69,6 @@ fn a_clock_that_is_set_back_ends_the_beginning() {
     assert!(beginning.take(&frame(1, 0.1), &said).is_some());
     assert!(beginning.take(&frame(2, 0.1), &said).is_none());
     assert!(beginning.take(&frame(3, -7.0), &said).is_none());
-}
-
-/// Of the ways there and back over the first second: the quarter in which each is weakest decides.
-#[test]
-fn a_way_back_that_is_weaker_where_it_is_weak_is_refused() {
-    let way = |weak: u32, strong: u32| [vec![weak; 6], vec![strong; 14]].concat();
-    // Turned fast among people: the way there had some more landmarks.
-    assert!(is_weaker(way(50, 130), way(45, 130)));
-    assert!(is_weaker(way(83, 160), way(67, 92)));
-    assert!(!is_weaker(way(45, 130), way(50, 100)));
-    // Whoever is ridden on has more landmarks than the room, which has enough.
-    assert!(!is_weaker(way(380, 480), way(130, 140)));
-    // A single thin frame is none of a quarter.
-    assert!(!is_weaker(way(100, 130), [vec![20], way(90, 130)].concat()));
-    assert!(!is_weaker(Vec::new(), Vec::new()));
 }
 
 #[test]

@@ -24,9 +24,6 @@ const AGREE_RAD: f64 = 0.026;
 const MAX_JERKS: f64 = 1.0;
 /// How far what is seen lies, m: what a turn moves by as much as a shift.
 const TYPICAL_DEPTH: f64 = 2.0;
-/// Under so many landmarks a pose does not rest on the map alone: as where sensors beside the camera help (`tracking/known.rs`). What the way back has before
-/// the way there is its map.
-const FEW: u32 = 80;
 /// The way back is believed where it poses at least this share of the frames that it speaks about.
 const MIN_POSED: f64 = 0.9;
 
@@ -141,12 +138,6 @@ impl WayBack {
         let last = *back.keys().rev().find(|id| differs(id) == Some(true))?;
         let posed = there.range(..=last).filter(|(id, _)| back.contains_key(id));
         let enough = posed.count() as f64 >= MIN_POSED * there.range(..=last).count() as f64;
-        let asked = there.keys().filter(|id| **id <= last);
-        let pair = |id: &FrameId| Some((there.get(id)?.inliers, back.get(id)?.inliers));
-        let (on_there, on_back): (Vec<u32>, Vec<u32>) = asked.filter_map(pair).unzip();
-        if is_weaker(on_there, on_back) {
-            return None;
-        }
         if !enough || self.jerks(&back) > MAX_JERKS * self.jerks(&there) {
             return None;
         }
@@ -279,17 +270,6 @@ impl WayBack {
     fn mirrored_stamp(&self, stamp: f64) -> f64 {
         2.0 * self.point.stamp - stamp
     }
-}
-
-/// Whether the way back is the weaker one, by the inliers of both in the frames in question: in its weakest quarter it has few, and fewer than the way there
-/// in its own. Fewer alone says nothing, as whoever is taken for the room has many landmarks.
-pub(super) fn is_weaker(there: Vec<u32>, back: Vec<u32>) -> bool {
-    let weakest = |mut inliers: Vec<u32>| {
-        inliers.sort_unstable();
-        inliers.get(inliers.len() / 4).copied().unwrap_or(0)
-    };
-    let (there, back) = (weakest(there), weakest(back));
-    back < FEW && back < there
 }
 
 /// Whether two poses differ by more than both ways err by.
