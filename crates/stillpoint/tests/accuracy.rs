@@ -113,6 +113,42 @@ fn static_scenes_are_tracked() {
     }
 }
 
+/// A long walk about a desk where nothing moves, at 15 Hz. Landmarks that three keyframes confirm are no measure of what is still seen there: by such a rule
+/// the walk had five keyframes, and twice the error.
+#[test]
+fn a_long_static_walk_has_keyframes_where_its_map_needs_them() {
+    let simulator = Simulator::new(&SimulatorConfig {
+        scene: "halfsphere".into(),
+        frames: Some(150),
+        rate: 15.0,
+        ..SimulatorConfig::default()
+    })
+    .unwrap();
+    let mut starved = Config::default();
+    (
+        starved.keyframes.min_tracked_share,
+        starved.keyframes.max_view_angle,
+    ) = (0.1, 3.0);
+    let configs = [Config::default(), starved];
+    let [(system, _), (control, _)] = run_all(&simulator, configs, |_, _| ());
+    hold("sim:halfsphere 150 frames at 15 Hz", &simulator, &system);
+    let [error, without] = [&system, &control].map(|s| ate_mm(&simulator, &final_poses(s)));
+    assert!(
+        without > 1.5 * error,
+        "{error} mm, {without} with hardly a keyframe"
+    );
+    // A camera that stands still has seen all that it will see.
+    let still = Simulator::new(&SimulatorConfig {
+        scene: "static".into(),
+        frames: Some(60),
+        ..SimulatorConfig::default()
+    })
+    .unwrap();
+    let (still, _) = run(&still, Config::default(), |_, _| ());
+    let keyframes = still.view().keyframe_count();
+    assert!(keyframes <= 3, "{keyframes} keyframes of one view");
+}
+
 #[test]
 fn a_late_map_costs_no_frame() {
     let simulator = simulator("xyz", 90);

@@ -13,10 +13,10 @@ fn run(recording: &Recording, preset: Preset) -> Run {
     recording.drive(system.with_log())
 }
 
-/// The first frames, 80 at most, of a scene in which people walk close before the camera from its first frame on.
+/// The first frames, 80 at most, of a scene in which somebody in a coat full of corners walks close before the camera from its first frame on.
 fn crowd(frames: usize) -> Recording {
     static CROWD: LazyLock<Recording> =
-        LazyLock::new(|| Recording::simulated("crowd_xyz", 0..80, 0.0));
+        LazyLock::new(|| Recording::simulated("crowd_coat", 0..80, 0.0));
     Recording {
         frames: CROWD.frames[..frames].to_vec(),
         masks: Vec::new(),
@@ -35,7 +35,7 @@ fn worst_mm(recording: &Recording, poses: &[TimedPose]) -> f64 {
 /// Holds the largest error after the first frames of the crowd against the table of errors.
 #[track_caller]
 fn hold_worst(frames: usize, worst_mm: f64, run: &Run) {
-    let sequence = format!("sim:crowd_xyz {frames} frames: largest error");
+    let sequence = format!("sim:crowd_coat {frames} frames: largest error");
     let found = Figures {
         error_mm: worst_mm,
         frames,
