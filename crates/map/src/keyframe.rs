@@ -59,13 +59,15 @@ impl KeyframeData {
         }
     }
 
-    /// The median of the depths that are known, m; none where none is.
+    /// The median of the depths that are known, m; none where none is. They are sorted in `memory`, which is used again.
     #[must_use]
-    pub fn median_depth(&self) -> Option<f64> {
-        let mut depths: Vec<f32> = self.depths.iter().copied().filter(|z| *z > 0.0).collect();
-        let middle = depths.len() / 2;
-        (!depths.is_empty()).then(|| {
-            let (_, median, _) = depths.select_nth_unstable_by(middle, f32::total_cmp);
+    pub fn median_depth(&self, memory: &mut Vec<f32>) -> Option<f64> {
+        memory.clear();
+        memory.reserve(self.depths.len());
+        memory.extend(self.depths.iter().filter(|z| **z > 0.0));
+        let middle = memory.len() / 2;
+        (!memory.is_empty()).then(|| {
+            let (_, median, _) = memory.select_nth_unstable_by(middle, f32::total_cmp);
             f64::from(*median)
         })
     }

@@ -80,7 +80,7 @@ impl Mapper {
 fn triangulate_pair(a: &Keyframe, b: &Keyframe, scale_factor: f64) -> Vec<(u32, u32, Vec3)> {
     let baseline = (a.centre() - b.centre()).norm();
     // Where no depth is known, a room's scale will do.
-    if baseline < MIN_BASELINE_SHARE * b.data.median_depth().unwrap_or(1.0) {
+    if baseline < MIN_BASELINE_SHARE * b.data.median_depth(&mut Vec::new()).unwrap_or(1.0) {
         return Vec::new();
     }
     let b_from_a = b.world_from_camera.inverse() * a.world_from_camera;

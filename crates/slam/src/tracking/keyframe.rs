@@ -7,7 +7,7 @@ use crate::anchored_pose::AnchoredPose;
 use crate::validation::Checker;
 use serde::{Deserialize, Serialize};
 use stillpoint_geometry::Se3;
-use stillpoint_map::{Keyframe, KeyframeData, MapView};
+use stillpoint_map::{Keyframe, MapView};
 
 /// When a frame becomes a keyframe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -69,18 +69,17 @@ impl Coverage {
         (tracked as f64) < config.min_tracked_share * self.most_tracked as f64
     }
 
-    /// Whether a keyframe is due for the view from `world_from_camera`: neither the last keyframe nor the reference or one that shares
-    /// landmarks with it has seen the scene from there.
+    /// Whether a keyframe is due for the view from `world_from_camera` of a scene at a median `depth`, m: neither the last keyframe nor the
+    /// reference or one that shares landmarks with it has seen it from there.
     pub(super) fn lacks_view(
         &self,
         config: &KeyframeConfig,
-        view: &MapView,
-        reference: &Keyframe,
+        (view, reference): (&MapView, &Keyframe),
         world_from_camera: &Se3,
-        data: &KeyframeData,
+        depth: Option<f64>,
     ) -> bool {
         // Where nothing has a depth, a shift shows nothing new.
-        let depth = data.median_depth().unwrap_or(f64::INFINITY);
+        let depth = depth.unwrap_or(f64::INFINITY);
         let is_new = |from: &Se3| {
             view_angle(&(from.inverse() * *world_from_camera), depth) >= config.max_view_angle
         };
@@ -104,7 +103,7 @@ mod tests {
     use std::sync::Arc;
     use stillpoint_features::FeatureGrid;
     use stillpoint_geometry::{Camera, Vec3, so3};
-    use stillpoint_map::{KeyframeId, Map};
+    use stillpoint_map::{KeyframeData, KeyframeId, Map};
 
     fn at(x: f64, turn: f64) -> Se3 {
         let rotation = so3::exp(&Vec3::new(0.0, turn, 0.0));
@@ -141,7 +140,8 @@ mod tests {
             ..AnchoredPose::default()
         };
         let config = KeyframeConfig::default();
-        Coverage::of(last, 500).lacks_view(&config, &view, reference, pose, &wall(depth))
+        let median = wall(depth).median_depth(&mut Vec::new());
+        Coverage::of(last, 500).lacks_view(&config, (&view, reference), pose, median)
     }
 
     #[test]

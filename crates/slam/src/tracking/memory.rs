@@ -30,6 +30,7 @@ pub(super) struct Memory {
     pub(super) rows: Lists<RowPair>,
     pub(super) sightings: Lists<Sighting>,
     pub(super) landmarks: Lists<Option<LandmarkId>>,
+    pub(super) depths: Vec<f32>,
 }
 
 impl Memory {

@@ -240,9 +240,13 @@ impl Tracker {
         let here = &pose.online_world_from_camera;
         let coverage = &mut self.since_keyframe.coverage;
         coverage.note(tracked);
-        let needed = gap >= config.min_seconds
-            && (coverage.lacks_landmarks(config, tracked)
-                || coverage.lacks_view(config, view, of_reference, here, data));
+        let depths = &mut self.memory.depths;
+        let mut new_view = || {
+            let depth = data.median_depth(depths);
+            coverage.lacks_view(config, (view, of_reference), here, depth)
+        };
+        let needed =
+            gap >= config.min_seconds && (coverage.lacks_landmarks(config, tracked) || new_view());
         let sharper = gap >= config.min_seconds && self.knows_shutter_better();
         let young = self.submap.and_then(|s| s.young);
         let early = young.is_some_and(|n| n < YOUNG_KEYFRAMES) && gap >= YOUNG_SECONDS;
