@@ -1,7 +1,7 @@
 //! What the stages report: of a frame, of a keyframe, of a correction, of a loop. Values, which events carry outward.
 
 use crate::inertial::InertialReport;
-use crate::looping::LoopEvidence;
+use crate::loop_evidence::LoopEvidence;
 use crate::map_shift::MapShift;
 use crate::odometry::OdometryReport;
 use crate::static_filter::{FeatureVerdict, Segments};

@@ -5,7 +5,8 @@
 //! that is weak, or that cannot be had, is made up for by another.
 
 use super::recognise::By;
-use libm::{exp, lgamma, log};
+use crate::loop_evidence::log_sum;
+use libm::{lgamma, log};
 use std::f64::consts::{PI, TAU};
 use stillpoint_geometry::Mat6;
 
@@ -13,8 +14,6 @@ use stillpoint_geometry::Mat6;
 /// are in sight. On simulated walks more are (decision 46).
 const PRIOR_BY_LOOKS: f64 = 0.1;
 const PRIOR_BY_MAP: f64 = 0.5;
-/// The same against an equal place: a thousand to one. Equal rooms are rare, and where there are some the place that the map expects tells.
-const PRIOR_EQUAL: f64 = 1000.0;
 /// Share of landmarks that are found of those that should be in sight, as a beta distribution: a quarter of them in the same place, as most are hidden
 /// or were seen from another side; 4 % elsewhere, and hardly ever more than 12 % (decision 46).
 const SHARE_SAME: [f64; 2] = [2.0, 6.0];
@@ -32,40 +31,6 @@ const MARGIN_M: f64 = 1.0;
 const HEIGHT_M: f64 = 1.0;
 /// Within what a place that the map names can be found at all, m to both sides: things 2.5 m away move by the reach of the search.
 const REACH_M: f64 = 2.5 * super::revisit::REACH_RAD;
-
-/// What speaks for it that a keyframe shows the place of an older one: natural logarithms of likelihood ratios, positive ones for it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LoopEvidence {
-    /// How often a candidate of its kind is the same place.
-    pub prior: f64,
-    /// How unlike the rest of the map the place looks.
-    pub looks: f64,
-    /// Share of landmarks that are found where they should be.
-    pub landmarks: f64,
-    /// Other keyframes that tell the same.
-    pub witnesses: f64,
-    /// How near the place lies to where the map expects it, compared with anywhere on the map.
-    pub place: f64,
-}
-
-impl LoopEvidence {
-    /// Natural logarithm of the odds that it is the same place, neither alike by chance nor equal to it.
-    #[must_use]
-    pub fn log_odds(&self) -> f64 {
-        let all = self.prior + self.looks + self.landmarks + self.witnesses + self.place;
-        -log_sum([-all, -self.against_equal()])
-    }
-
-    /// Whether the place lies where nothing else could make these odds of it.
-    pub(super) fn is_elsewhere(&self, least_log_odds: f64) -> bool {
-        self.place < 0.0 && self.against_equal() < least_log_odds
-    }
-
-    /// Against an equal place only where it lies counts.
-    fn against_equal(&self) -> f64 {
-        log(PRIOR_EQUAL) + self.place
-    }
-}
 
 /// Before anything is known of a candidate.
 pub(super) fn prior(by: By) -> f64 {
@@ -124,15 +89,6 @@ pub(super) fn place(cost: f64, covariance: &Mat6, spread: f64, by: By) -> f64 {
 /// Logarithm of the beta function.
 fn log_beta(a: f64, b: f64) -> f64 {
     lgamma(a) + lgamma(b) - lgamma(a + b)
-}
-
-/// Logarithm of the sum of numbers that are given by theirs.
-fn log_sum<const N: usize>(logs: [f64; N]) -> f64 {
-    let most = logs.into_iter().fold(f64::NEG_INFINITY, f64::max);
-    if !most.is_finite() {
-        return most;
-    }
-    most + log(logs.into_iter().map(|l| exp(l - most)).sum::<f64>())
 }
 
 #[cfg(test)]

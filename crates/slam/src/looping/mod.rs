@@ -16,8 +16,8 @@ mod support;
 mod verify;
 
 pub use config::{LoopCloserSetup, LoopingConfig};
-pub use evidence::LoopEvidence;
 
+use crate::loop_evidence::LoopEvidence;
 use crate::messages::{LoopCloserMsg, LoopCloserOut};
 use crate::report::{LoopOutcome, LoopReport};
 use agree::agreeing;

@@ -14,7 +14,7 @@ use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{Keyframe, KeyframeId, LandmarkId, LoopEdge, MapView};
 
 /// Points of both keyframes that agree on one rigid motion, and landmarks that are found with it, at least: fewer measure no motion. Whether it is that of a place is
-/// for [`LoopEvidence`](super::LoopEvidence) to say.
+/// for [`LoopEvidence`](crate::LoopEvidence) to say.
 const MIN_INLIERS: usize = 10;
 /// Radius of the search around where the motion found from pairs puts a landmark, px on level 0.
 const WIDE_RADIUS_PX: f32 = 8.0;

@@ -1,6 +1,7 @@
 //! How much each kind of evidence says.
 
 use super::*;
+use crate::loop_evidence::LoopEvidence;
 use stillpoint_geometry::Vec6;
 
 /// A path that may have drifted so far along each axis, m and rad.
