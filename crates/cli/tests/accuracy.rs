@@ -9,7 +9,7 @@ use stillpoint_testdata::ate::{self, Figures};
 
 /// The model that detects, where there is one.
 const MODEL: &str = "models/yolox_nano_416.onnx";
-/// What the table calls it.
+/// The name of a run in the table of errors.
 const NETWORK: &str = "yolox_nano_416 every 5";
 
 /// What a run with a preset of the static filter came to: ATE of the final poses; where the camera stands still, so that nothing can be
@@ -63,20 +63,20 @@ fn hold_detected(name: &str, presets: &[&str]) {
     }
 }
 
-/// Where nothing moves the filter costs little.
-fn hold_still(name: &str) {
+/// Where nothing moves the filter costs little: errors of so many times those without it, at most.
+fn hold_still(name: &str, most: f64) {
     let Some([filtered, off]) = hold_alone(name, ["default", "off"]) else {
         return;
     };
     assert!(
-        filtered < 1.15 * off,
+        filtered < most * off,
         "{name}: {filtered} mm, {off} mm without the filter"
     );
 }
 
 #[test]
 fn ate_of_fr1_xyz() {
-    hold_still("fr1_xyz");
+    hold_still("fr1_xyz", 1.05);
     hold_detected("fr1_xyz", &["default"]);
 }
 
@@ -100,7 +100,7 @@ fn ate_of_kitchen() {
 
 #[test]
 fn ate_of_tartanair_office() {
-    hold_still("tartanair_office");
+    hold_still("tartanair_office", 1.15);
 }
 
 #[test]

@@ -35,7 +35,7 @@ pub(crate) struct Boxes {
     pub(crate) newest: Mailbox<Option<Newest>>,
     /// The newest version of the map.
     pub(crate) view: Mailbox<Arc<MapView>>,
-    /// The candidates for loops so far.
+    /// All loop candidates so far.
     pub(crate) loops: Mailbox<Loops>,
     /// Frames tracked since somebody asked for the trajectory: tracking only ever adds to a short list ...
     pub(crate) tracked: Mailbox<NewEntries>,

@@ -177,7 +177,7 @@ impl Watch {
         self.trajectory().smoothed(&self.view())
     }
 
-    /// The candidates for loops so far, with what became of them.
+    /// All loop candidates so far and their outcomes.
     #[must_use]
     pub fn loops(&self) -> Vec<LoopReport> {
         self.boxes.loops.look(|l| l.reports().to_vec())

@@ -59,13 +59,13 @@ pub(crate) fn blocked_turn(t: f64, walks: bool) -> f64 {
     (smooth((t - 3.0) / 3.0) - 0.5) * turn.to_radians()
 }
 
-/// When a camera that nods is turned up fastest, s: at the first moment at which it may be decided who moves.
+/// The moment at which a nodding camera turns fastest, s: just after the first second, in which trackers cannot know who moves.
 const NOD: f64 = 1.2;
-/// How long the turn takes, s, and by how much it turns, rad: 160 deg/s at its fastest.
+/// Duration of the turn, s, and its angle, rad: at most 160 deg/s, about as fast as fr1_rpy turns.
 const NOD_TIME: f64 = 0.4;
 const NOD_BY: f64 = 0.6;
 
-/// The pitch of a camera that nods, upwards, rad: down at first, a little up from [`NOD`] on.
+/// Upward pitch of a nodding camera, rad: it looks down at first and a little up after [`NOD`].
 fn nod(t: f64) -> f64 {
     NOD_BY * (smooth((t - NOD) / NOD_TIME + 0.5) - 0.75)
 }
@@ -75,7 +75,7 @@ fn wave(t: f64, hertz: f64, phase: f64) -> f64 {
 }
 
 impl Path {
-    /// A motion as its kind says.
+    /// The path of a kind of motion.
     fn of(kind: Kind, tremor: Tremor) -> Self {
         Self {
             kind,
@@ -90,7 +90,7 @@ impl Path {
         Self::of(Kind::Xyz { nods: false }, Tremor::new(seed, 3.0))
     }
 
-    /// The motion of [`Self::xyz`] of a camera that looks down first, and up at [`NOD`].
+    /// The motion of [`Self::xyz`] with a camera that nods.
     pub(crate) fn nodding(seed: u64) -> Self {
         Self {
             kind: Kind::Xyz { nods: true },

@@ -214,7 +214,7 @@ const THINGS: u64 = 1 << 32;
 const FALSE_ALARMS: u64 = 1 << 33;
 /// Bursts of misses, beside what else happens to a mover.
 const BURSTS: u64 = 1 << 34;
-/// Bursts of misses of those who are seen from behind.
+/// Bursts of misses of people who are seen from behind: a stream of random numbers of their own, so that other scenes stay as they are.
 const BACKS: u64 = 1 << 36;
 /// False alarms that are things.
 const FALSE_THINGS: u64 = 1 << 35;
@@ -291,7 +291,7 @@ impl ScriptedDetector<'_> {
         self.noise.burst > 0.0 && (first..=self.index).any(begins)
     }
 
-    /// Whether a person is missed for showing the back.
+    /// Whether a person is missed because the camera sees only the back.
     fn misses_back(&self, seen: &MoverBox, number: u64) -> bool {
         let chance = self.noise.from_behind;
         let begins = |index| self.stream(BACKS + number, index).chance(chance);

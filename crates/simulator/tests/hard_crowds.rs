@@ -59,7 +59,7 @@ fn corners(sim: &Simulator, index: usize) -> [f64; 3] {
     [found[0] / pixels[0], found[1] / pixels[1], share]
 }
 
-/// Control: the shirts of a crowd have hardly more corners than what is around them.
+/// Control: shirts of a crowd have about as many corners per pixel as the room.
 #[test]
 fn a_coat_fills_a_quarter_of_the_view_and_has_most_of_its_corners() {
     for seed in [0, 5] {
@@ -76,7 +76,7 @@ fn a_coat_fills_a_quarter_of_the_view_and_has_most_of_its_corners() {
     }
 }
 
-/// Controls: nobody is missed so in another scene, nor by a detector that knows backs.
+/// Controls: another scene, and a detector that finds people from behind as well as from the front.
 #[test]
 fn who_shows_the_back_is_missed_for_long() {
     let found = |scene: &str, from_behind: f64| -> Vec<usize> {
@@ -110,7 +110,7 @@ fn a_camera_that_nods_turns_up_at_people_when_it_is_decided_who_moves() {
         let turn = pitch(&sim, 1.2);
         assert!((140.0..180.0).contains(&turn.x), "{seed}: {turn} deg/s");
         assert!(turn.y.abs() < 40.0 && turn.z.abs() < 40.0, "{seed}: {turn}");
-        // It is over soon, and the start was slow.
+        // Before and after the nod the camera turns slowly.
         for t in [0.3, 0.6, 1.8] {
             assert!(pitch(&sim, t).norm() < 40.0, "{seed} at {t}");
         }

@@ -41,9 +41,8 @@ impl AnchoredPose {
 mod tests {
     use super::*;
     use std::sync::Arc;
-    use stillpoint_features::FeatureGrid;
-    use stillpoint_geometry::{Camera, Vec3};
-    use stillpoint_map::{KeyframeData, Map};
+    use stillpoint_geometry::Vec3;
+    use stillpoint_map::Map;
 
     fn at(x: f64) -> Se3 {
         Se3 {
@@ -53,18 +52,7 @@ mod tests {
     }
 
     fn add(map: &mut Map, id: u32, parent: Option<u32>, x: f64) {
-        let data = KeyframeData {
-            stamp: f64::from(id),
-            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-            keypoints: Vec::new(),
-            positions: Vec::new(),
-            sigma_px: Vec::new(),
-            depths: Vec::new(),
-            depth_sigmas: Vec::new(),
-            descriptors: Arc::default(),
-            mappable: Vec::new(),
-            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
-        };
+        let data = crate::synthetic::blank_keyframe(f64::from(id));
         let parent = parent.map(KeyframeId);
         assert!(map.insert_keyframe(KeyframeId(id), Arc::new(data), at(x), parent));
     }

@@ -65,7 +65,7 @@ pub enum Event {
         /// The new version of the map.
         view: Arc<MapView>,
     },
-    /// A place was recognised, and a loop closed or refused. What applying the correction did comes later: [`Event::Corrected`].
+    /// A place was recognised, and a loop closed or set aside. What applying the correction did comes later: [`Event::Corrected`].
     Looped(Box<LoopReport>),
     /// The correction of a loop is in the map: poses that were known before may have moved.
     Corrected {

@@ -325,7 +325,7 @@ impl Exchange {
         Arc::clone(&self.view)
     }
 
-    /// The candidates for loops so far, with what became of them, in the order of keyframes.
+    /// All loop candidates so far and their outcomes, in the order of keyframes.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.loops.reports()

@@ -1,8 +1,9 @@
-//! What speaks for a loop: the parts of its odds, as the loop closer found them and as reports carry them.
+//! The evidence for a loop: the parts of its odds, as the loop closer finds them and as reports carry them.
 
 use libm::{exp, log};
 
-/// Odds before any evidence that a candidate is the same place and not an equal one: a thousand to one. Equal rooms are rare, and where there are some the place that the map expects tells.
+/// Prior odds that a candidate is the same place and not an equal one. Assumed, not measured: one place in a thousand has an equal. It only matters where
+/// the map does not know where to expect the place.
 const PRIOR_EQUAL: f64 = 1000.0;
 
 /// What speaks for it that a keyframe shows the place of an older one: natural logarithms of likelihood ratios, positive ones for it.
@@ -28,18 +29,18 @@ impl LoopEvidence {
         -log_sum([-all, -self.against_equal()])
     }
 
-    /// Whether the place lies where nothing else could make these odds of it.
+    /// Whether the place lies so far from where the map expects it that no other evidence could reach these odds.
     pub(crate) fn is_elsewhere(&self, least_log_odds: f64) -> bool {
         self.place < 0.0 && self.against_equal() < least_log_odds
     }
 
-    /// Against an equal place only where it lies counts.
+    /// Log odds against an equal place: it differs only in where it lies.
     fn against_equal(&self) -> f64 {
         log(PRIOR_EQUAL) + self.place
     }
 }
 
-/// Logarithm of the sum of numbers that are given by theirs.
+/// Logarithm of a sum, from the logarithms of its terms.
 pub(crate) fn log_sum<const N: usize>(logs: [f64; N]) -> f64 {
     let most = logs.into_iter().fold(f64::NEG_INFINITY, f64::max);
     if !most.is_finite() {

@@ -1,4 +1,4 @@
-//! The candidates for loops of a run, gathered from its events.
+//! The loop candidates of a run, collected from its events.
 
 use crate::event::Event;
 use crate::report::{LoopOutcome, LoopReport};
@@ -9,7 +9,7 @@ use crate::subscriber::Subscriber;
 pub struct Loops(Vec<LoopReport>);
 
 impl Loops {
-    /// The candidates for loops so far, with what became of them, in the order of keyframes.
+    /// All loop candidates so far and their outcomes, in the order of keyframes.
     #[must_use]
     pub fn reports(&self) -> &[LoopReport] {
         &self.0

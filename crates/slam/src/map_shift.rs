@@ -50,24 +50,12 @@ impl MapShift {
 mod tests {
     use super::*;
     use std::sync::Arc;
-    use stillpoint_features::FeatureGrid;
-    use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
-    use stillpoint_map::{KeyframeData, KeyframeId, Map};
+    use stillpoint_geometry::{Se3, Vec3, Vec6};
+    use stillpoint_map::{KeyframeId, Map};
 
     #[test]
     fn what_moved_is_counted_and_the_farthest_is_found() {
-        let data = Arc::new(KeyframeData {
-            stamp: 0.0,
-            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-            keypoints: Vec::new(),
-            positions: Vec::new(),
-            sigma_px: Vec::new(),
-            depths: Vec::new(),
-            depth_sigmas: Vec::new(),
-            descriptors: Arc::default(),
-            mappable: Vec::new(),
-            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
-        });
+        let data = Arc::new(crate::synthetic::blank_keyframe(0.0));
         let mut map = Map::new(8, 1.2);
         for k in 0..4 {
             let parent = (k > 0).then_some(KeyframeId(0));

@@ -192,7 +192,7 @@ impl Replay {
         self.exchange.view()
     }
 
-    /// The candidates for loops so far, with what became of them.
+    /// All loop candidates so far and their outcomes.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.exchange.loops()

@@ -29,6 +29,23 @@ pub(crate) fn camera() -> Camera {
     Camera::pinhole(640, 480, [500.0, 500.0, 319.5, 239.5])
 }
 
+/// A keyframe in which nothing was found.
+pub(crate) fn blank_keyframe(stamp: f64) -> KeyframeData {
+    let camera = camera();
+    KeyframeData {
+        stamp,
+        grid: FeatureGrid::build(&[], &[], KeyframeData::grid_bounds(&camera)),
+        camera,
+        keypoints: Vec::new(),
+        positions: Vec::new(),
+        sigma_px: Vec::new(),
+        depths: Vec::new(),
+        depth_sigmas: Vec::new(),
+        descriptors: Arc::default(),
+        mappable: Vec::new(),
+    }
+}
+
 /// Numbers that look random.
 pub(crate) fn hash(seed: u64) -> u64 {
     let h = seed.wrapping_add(1).wrapping_mul(0x9E37_79B9_7F4A_7C15);

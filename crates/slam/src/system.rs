@@ -301,7 +301,7 @@ impl System {
         self.detector.as_deref()
     }
 
-    /// The candidates for loops so far, with what became of them, in the order of keyframes.
+    /// All loop candidates so far and their outcomes, in the order of keyframes.
     #[must_use]
     pub fn loops(&self) -> &[LoopReport] {
         self.exchange.loops()

@@ -67,7 +67,7 @@ fn a_blocked_view_costs_neither_frame_nor_place() {
         for frame in (0..140).step_by(5) {
             let [m, degrees] = off(&with, &truth, frame).unwrap();
             worst = worst.max(m);
-            assert!(degrees <= 2.5, "{frame} {degrees}");
+            assert!(m <= 0.06 && degrees <= 2.5, "{frame}: {m} m, {degrees}");
         }
         let sequence = format!("sim:{name} 140 frames with wheels: largest error");
         let found = Figures::all_posed(1e3 * worst, 140);
@@ -127,7 +127,7 @@ fn a_beginning_that_rode_on_people_is_posed_anew_by_the_wheels() {
     let sequence = "sim:crowd_xyz 90 frames with wheels: largest error of the beginning";
     let found = Figures::all_posed(1e3 * with, 90);
     ate::hold(sequence, "none", "default", found);
-    assert!(without > 1.5 * with, "{without} m, {with} m with wheels");
+    assert!(without > 0.04, "{without} m, {with} m with wheels");
 }
 
 #[test]

@@ -282,7 +282,7 @@ fn far_one() -> Script {
     ([0.25, FAR_LINE, 0.0], stages)
 }
 
-/// The direction away from the camera, rad.
+/// Heading of a person who faces away from the camera, rad: along +y, as cameras of crowds look.
 const AWAY: f64 = std::f64::consts::FRAC_PI_2;
 
 /// Walks to and fro with the back to the camera, 1.4 to 1.6 m before it.

@@ -1,13 +1,13 @@
-//! How many keyframes tell the same of a place: one motion alone may be a coincidence, also one that fits the map by chance.
+//! How many keyframes agree on a place: a single motion may be a coincidence, even one that fits the map.
 
 use super::drift::{Drift, distance, loop_covariance, moved};
 use stillpoint_geometry::{Mat6, Se3};
 use stillpoint_map::{KeyframeId, LoopEdge, MapView};
 
-/// 99.9 % quantile of chi-square with 6 degrees of freedom: how far two motions may be apart by what is known of them.
+/// 99.9 % quantile of chi-square with 6 degrees of freedom: a bound on the distance between two motions of the same place.
 const GATE: f64 = 22.457_744_484_825_35;
 
-/// How many keyframes told the same as `edge`, each counted once, the one of the edge among them.
+/// Counts the keyframes whose motions agree with `edge`, each once, the edge's own among them.
 pub(super) fn agreeing(
     view: &MapView,
     drift: &Drift<'_>,
@@ -37,7 +37,7 @@ pub(super) fn agreeing(
     agree.len() + 1
 }
 
-/// Covariance of what another sighting lets expect: of the path between the older keyframes, of that between the new ones, and its own.
+/// Covariance of the motion that another sighting predicts: that of the path between the older keyframes, of the path between the new ones, and the sighting's own.
 fn combined(
     drift: &Drift<'_>,
     (a, old): (u32, u32),

@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 pub struct LoopingConfig {
     /// Whether loops are closed at all.
     pub enabled: bool,
-    /// Odds from which on a loop is closed: how many times likelier a place must be the same than only alike.
-    /// Range: 1 to 1e9. From 1000 on no submaps are joined, as nothing there excludes an equal place.
+    /// Odds that close a loop: how much likelier it must be that two keyframes show one place than that two places look alike.
+    /// Range: 1 to 1e9. From 1000 on no submaps are joined, since nothing there rules out an equal place.
     pub min_odds: f64,
 }
 
 impl Default for LoopingConfig {
     fn default() -> Self {
-        // Other places than the same come to less than even odds on simulated walks, true loops to a thousand (decision 46).
+        // On simulated walks other places reach less than even odds, and true loops up to a million (decision 46).
         Self {
             enabled: true,
             min_odds: 20.0,

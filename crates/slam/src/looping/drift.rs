@@ -164,7 +164,7 @@ impl<'a> Drift<'a> {
         self.nodes.motion(a, b)
     }
 
-    /// How uncertain a tie makes a path, m^2. The length by which an error of rotation acts on the far end is how far the nodes lie from their middle.
+    /// Uncertainty that a tie adds to a path, m^2. Rotations count with the nodes' distance from their middle, their lever on the far end.
     fn length(&self, covariance: &Mat6) -> f64 {
         let (d, lever) = (covariance.diagonal(), self.spread);
         d[0] + d[1] + d[2] + lever * lever * (d[3] + d[4] + d[5])

@@ -12,18 +12,7 @@ use stillpoint_map::{KeyframeData, Map, NewLandmark};
 pub(super) fn map(keyframes: u32) -> Map {
     let mut map = Map::new(8, 1.2);
     for k in 0..keyframes {
-        let data = KeyframeData {
-            stamp: f64::from(k),
-            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-            keypoints: Vec::new(),
-            positions: Vec::new(),
-            sigma_px: Vec::new(),
-            depths: Vec::new(),
-            depth_sigmas: Vec::new(),
-            descriptors: Arc::default(),
-            mappable: Vec::new(),
-            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
-        };
+        let data = crate::synthetic::blank_keyframe(f64::from(k));
         let parent = k.checked_sub(1).map(KeyframeId);
         map.insert_keyframe(KeyframeId(k), Arc::new(data), Se3::identity(), parent);
     }

@@ -175,10 +175,9 @@ impl History {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_features::FeatureGrid;
+    use stillpoint_geometry::Vec3;
     use stillpoint_geometry::nalgebra::UnitQuaternion;
-    use stillpoint_geometry::{Camera, Vec3};
-    use stillpoint_map::{KeyframeData, KeyframeId, Map};
+    use stillpoint_map::{KeyframeId, Map};
 
     fn shift(x: f64) -> Se3 {
         Se3::new(UnitQuaternion::identity(), Vec3::new(x, 0.0, 0.0))
@@ -285,18 +284,7 @@ mod tests {
         let x = |pose: Se3| pose.translation.x;
         // No view has the keyframe yet.
         assert!((x(snapshot.world_from_camera(map.view())) - 0.5).abs() < 1e-12);
-        let data = KeyframeData {
-            stamp: 0.0,
-            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-            keypoints: Vec::new(),
-            positions: Vec::new(),
-            sigma_px: Vec::new(),
-            depths: Vec::new(),
-            depth_sigmas: Vec::new(),
-            descriptors: Arc::default(),
-            mappable: Vec::new(),
-            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
-        };
+        let data = crate::synthetic::blank_keyframe(0.0);
         map.insert_keyframe(KeyframeId(0), Arc::new(data), shift(1.0), None);
         assert!((x(snapshot.world_from_camera(map.view())) - 1.1).abs() < 1e-12);
         map.set_pose(KeyframeId(0), shift(2.0));

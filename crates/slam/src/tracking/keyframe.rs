@@ -101,8 +101,7 @@ mod tests {
     #![allow(clippy::unwrap_used)] // A failed helper is a failed test.
     use super::*;
     use std::sync::Arc;
-    use stillpoint_features::FeatureGrid;
-    use stillpoint_geometry::{Camera, Vec3, so3};
+    use stillpoint_geometry::{Vec3, so3};
     use stillpoint_map::{KeyframeData, KeyframeId, Map};
 
     fn at(x: f64, turn: f64) -> Se3 {
@@ -113,16 +112,8 @@ mod tests {
     /// What a camera sees of a wall, m.
     fn wall(depth: f32) -> KeyframeData {
         KeyframeData {
-            stamp: 0.0,
-            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-            keypoints: Vec::new(),
-            positions: Vec::new(),
-            sigma_px: Vec::new(),
             depths: vec![0.0, depth, depth, depth],
-            depth_sigmas: Vec::new(),
-            descriptors: Arc::default(),
-            mappable: Vec::new(),
-            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
+            ..crate::synthetic::blank_keyframe(0.0)
         }
     }
 

@@ -211,8 +211,7 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use stillpoint_features::FeatureGrid;
-    use stillpoint_geometry::{Camera, Vec3};
+    use stillpoint_geometry::Vec3;
 
     fn at(x: f64) -> Se3 {
         Se3 {
@@ -222,18 +221,7 @@ mod tests {
     }
 
     fn last(stamp: f64, x: f64) -> LastFrame {
-        let data = KeyframeData {
-            stamp,
-            camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-            keypoints: Vec::new(),
-            positions: Vec::new(),
-            sigma_px: Vec::new(),
-            depths: Vec::new(),
-            depth_sigmas: Vec::new(),
-            descriptors: Arc::default(),
-            mappable: Vec::new(),
-            grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
-        };
+        let data = crate::synthetic::blank_keyframe(stamp);
         LastFrame {
             stamp,
             time: stamp,

@@ -1,9 +1,7 @@
 use super::*;
 use crate::anchored_pose::AnchoredPose;
 use std::sync::Arc;
-use stillpoint_features::FeatureGrid;
-use stillpoint_geometry::Camera;
-use stillpoint_map::{KeyframeData, Map};
+use stillpoint_map::Map;
 
 fn at(x: f64, turned: f64) -> Se3 {
     Se3 {
@@ -13,18 +11,7 @@ fn at(x: f64, turned: f64) -> Se3 {
 }
 
 fn add(map: &mut Map, id: u32, parent: Option<u32>, pose: Se3) {
-    let data = KeyframeData {
-        stamp: f64::from(id),
-        camera: Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]),
-        keypoints: Vec::new(),
-        positions: Vec::new(),
-        sigma_px: Vec::new(),
-        depths: Vec::new(),
-        depth_sigmas: Vec::new(),
-        descriptors: Arc::default(),
-        mappable: Vec::new(),
-        grid: FeatureGrid::build(&[], &[], [0.0, 0.0, 640.0, 480.0]),
-    };
+    let data = crate::synthetic::blank_keyframe(f64::from(id));
     let parent = parent.map(KeyframeId);
     assert!(map.insert_keyframe(KeyframeId(id), Arc::new(data), pose, parent));
 }

@@ -349,6 +349,8 @@ fn a_map_with_a_limit_stays_useful() {
         let sequence = format!("sim:loop_two_rooms there and back with {what}");
         run.hold(&sequence, &simulator, &play);
     }
+    let [free, bound] = [&free, &bound].map(|r| r.ate_mm(&simulator, &play, SubmapId(0)));
+    assert!(bound < free + 10.0, "{bound} mm, without a limit {free} mm");
 }
 
 #[test]

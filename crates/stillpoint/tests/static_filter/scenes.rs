@@ -17,7 +17,7 @@ struct Bounds {
     kept: f64,
 }
 
-/// What the table of errors calls it.
+/// The name of a run in the table of errors.
 fn sequence(scene: &str) -> String {
     format!("sim:{scene} {FRAMES} frames")
 }
@@ -42,24 +42,35 @@ fn smoothing_helps(scene: &str, name: &str, recording: &Recording, run: &Run) {
     assert!(smoothed_steps < steps, "{scene}, {name}: {smoothed_steps}");
 }
 
-fn holds(scene: &str, bounds: &Bounds) -> Recording {
-    let recording = Recording::simulated(scene, 0..FRAMES, 0.3);
+/// Runs without and with a detector; returns the larger error, mm.
+fn held(scene: &str, recording: &Recording, bounds: &Bounds) -> f64 {
     let alone = recording.run(with(Preset::Default));
     let detected = recording.run_detected(with(Preset::Default));
-    // Control: without the filter the people carry the camera away.
-    let off = recording.run(with(Preset::Off));
-    let off = recording.hold(&sequence(scene), "none", Preset::Off, &off);
-    for (name, run) in [("none", &alone), (DETECTOR, &detected)] {
-        let (error, shares) = check(scene, name, &recording, run);
-        // A map of many keyframes holds the camera among people who go to and fro: three times is the least of the scenes.
-        assert!(
-            off > 3.0 * error,
-            "{scene}, {name}: {error} mm, {off} mm without the filter"
-        );
+    let runs = [("none", &alone), (DETECTOR, &detected)];
+    let errors = runs.map(|(name, run)| {
+        let (error, shares) = check(scene, name, recording, run);
         assert!(shares.moving > 10_000, "{scene}, {name}: {shares:?}");
         assert!(shares.recall > bounds.recall, "{scene}, {name}: {shares:?}");
         assert!(shares.kept > bounds.kept, "{scene}, {name}: {shares:?}");
-    }
+        error
+    });
+    errors[0].max(errors[1])
+}
+
+/// Control: without the filter the people carry the camera away.
+fn carried_away(sequence: &str, recording: &Recording, error: f64) {
+    let off = recording.run(with(Preset::Off));
+    let off = recording.hold(sequence, "none", Preset::Off, &off);
+    assert!(
+        off > 10.0 * error,
+        "{sequence}: {error} mm, {off} mm without the filter"
+    );
+}
+
+fn holds(scene: &str, bounds: &Bounds) -> Recording {
+    let recording = Recording::simulated(scene, 0..FRAMES, 0.3);
+    let error = held(scene, &recording, bounds);
+    carried_away(&sequence(scene), &recording, error);
     recording
 }
 
@@ -94,7 +105,17 @@ fn walking_rpy_is_tracked_past_walking_people() {
 
 #[test]
 fn walking_halfsphere_is_tracked_past_walking_people() {
-    holds("walking_halfsphere", &bounds(0.79, 0.89));
+    let scene = "walking_halfsphere";
+    let recording = Recording::simulated(scene, 0..FRAMES, 0.3);
+    held(scene, &recording, &bounds(0.79, 0.89));
+    let off = recording.run(with(Preset::Off));
+    recording.hold(&sequence(scene), "none", Preset::Off, &off);
+    // In the first half people pass too briefly to carry an unfiltered camera away; in the second they do.
+    let later = Recording::simulated(scene, 148..148 + FRAMES, 0.0);
+    let sequence = format!("{} from 148", sequence(scene));
+    let run = later.run(with(Preset::Default));
+    let error = later.hold(&sequence, "none", Preset::Default, &run);
+    carried_away(&sequence, &later, error);
 }
 
 #[test]
