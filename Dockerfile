@@ -15,5 +15,7 @@ COPY --from=build /stillpoint/LICENSE-MIT /stillpoint/LICENSE-APACHE /usr/share/
 # Models that are pulled stay where recordings and results are.
 ENV XDG_CACHE_HOME=/data/.cache
 WORKDIR /data
+# Nobody: as root, an output named carelessly could replace a device of the machine.
+USER 65532:65532
 ENTRYPOINT ["/usr/local/bin/stillpoint"]
 CMD ["--help"]

@@ -2,7 +2,7 @@
 
 use crate::common::case::Case;
 use crate::common::{check, files, program, shell};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 #[test]
 fn verdicts_and_pictures_that_cannot_be_written() {
@@ -132,6 +132,81 @@ fn a_full_disk_behind_stdout_is_told() {
         );
     }
     assert!(Path::new(room).join("out/summary.json").exists());
+}
+
+/// What a run reads stays as it is, whatever output is named in its place.
+#[test]
+fn outputs_in_the_place_of_the_input() {
+    let case = Case::new();
+    let data = case.room();
+    let held = |folder: &Path| -> Vec<(PathBuf, Vec<u8>)> {
+        let files = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|e| e.unwrap().path());
+        let mut files: Vec<PathBuf> = files.filter(|p| p.is_file()).collect();
+        files.sort();
+        let read = |p: PathBuf| (p.clone(), std::fs::read(p).unwrap());
+        files.into_iter().map(read).collect()
+    };
+    let folders = [data.clone(), data.join("rgb"), data.join("depth")];
+    let before = folders.each_ref().map(|f| held(f));
+    let [all, rgb, depth] = folders.each_ref().map(|f| f.to_str().unwrap());
+    let list = format!("{rgb}/../rgb.txt");
+    for (option, path) in [
+        ("--masks", all),
+        ("--masks", depth),
+        ("--overlay", rgb),
+        ("--save-map", &list),
+        ("--objects", &list),
+        ("--record", &list),
+    ] {
+        case.fails(&[option, path], &["outside of the data set", option]);
+    }
+    let mut command = program();
+    let output = command.arg("run").arg(&data).arg("--out").arg(&data);
+    check(
+        &output.output().unwrap(),
+        2,
+        &["outside of the data set for --out"],
+    );
+    assert_eq!(folders.each_ref().map(|f| held(f)), before);
+    // Control: beside the images there is room for a result.
+    let inner = data.join("result");
+    let output = case.run(&[
+        "-q",
+        "--max-frames",
+        "3",
+        "--masks",
+        inner.to_str().unwrap(),
+    ]);
+    check(&output, 0, &[]);
+    assert_eq!(folders.each_ref().map(|f| held(f)), before);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_recording_in_the_place_of_a_pipe_or_socket() {
+    use std::os::unix::fs::FileTypeExt;
+    let case = Case::new();
+    let socket = case.dir.path().join("socket");
+    let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+    let path = socket.to_str().unwrap();
+    case.fails(&["--record", path], &["a socket", "another name"]);
+    let kind = std::fs::symlink_metadata(&socket).unwrap().file_type();
+    assert!(kind.is_socket());
+    // What a link leads to is replaced, not the link.
+    let [file, link] = ["walk.mcap", "link.mcap"].map(|n| case.dir.path().join(n));
+    std::fs::write(&file, "old").unwrap();
+    std::os::unix::fs::symlink(&file, &link).unwrap();
+    let output = case.run(&[
+        "-q",
+        "--max-frames",
+        "3",
+        "--record",
+        link.to_str().unwrap(),
+    ]);
+    check(&output, 0, &[]);
+    assert!(link.is_symlink() && std::fs::metadata(&file).unwrap().len() > 1000);
 }
 
 #[test]

@@ -3,9 +3,9 @@
 use crate::error::{RecordingError, Result};
 use mcap::records::MessageHeader;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
+use stillpoint_datasets::{AtomicFile, open_regular};
 use stillpoint_ros_messages as ros;
 use stillpoint_ros_messages::{Format, Message, Version, Wire};
 
@@ -30,8 +30,7 @@ const LATCHED: &str = "- history: 1
 /// Writes messages. The file has its name only when [`MessageFile::finish`] has come to its end.
 pub struct MessageFile {
     path: PathBuf,
-    partial: PathBuf,
-    writer: mcap::Writer<BufWriter<File>>,
+    writer: mcap::Writer<BufWriter<AtomicFile>>,
     channels: BTreeMap<String, Channel>,
 }
 
@@ -84,18 +83,23 @@ impl MessageFile {
     /// # Errors
     /// It cannot be written.
     pub fn replace(path: &Path) -> Result<Self> {
-        if path.is_dir() {
+        // A device, pipe or socket can neither be replaced nor written to in several places, as an index needs.
+        if path.exists()
+            && let Err(e) = open_regular(path)
+        {
+            let found = if path.is_dir() {
+                "a folder".to_owned()
+            } else {
+                e.to_string()
+            };
             return Err(RecordingError::format(
                 path,
                 "a file to write to",
-                "a folder",
+                found,
                 "choose another name",
             ));
         }
-        let mut partial = path.as_os_str().to_owned();
-        partial.push(".partial");
-        let partial = PathBuf::from(partial);
-        let file = File::create(&partial).map_err(|e| refused(path, &e))?;
+        let file = AtomicFile::create(path).map_err(|e| refused(path, &e))?;
         let options = mcap::WriteOptions::new()
             .compression(None)
             .profile("ros2")
@@ -105,7 +109,6 @@ impl MessageFile {
             .map_err(|e| refused(path, &e))?;
         Ok(Self {
             path: path.to_owned(),
-            partial,
             writer,
             channels: BTreeMap::new(),
         })
@@ -185,14 +188,10 @@ impl MessageFile {
     /// The system's reason.
     pub fn finish(mut self) -> Result<()> {
         self.writer.finish().map_err(|e| refused(&self.path, &e))?;
-        std::fs::rename(&self.partial, &self.path).map_err(|e| refused(&self.path, &e))
-    }
-}
-
-impl Drop for MessageFile {
-    fn drop(&mut self) {
-        // Gone when it got its name; what was not finished is of no use.
-        let _ = std::fs::remove_file(&self.partial);
+        let file = self.writer.into_inner().into_inner();
+        file.map_err(std::io::IntoInnerError::into_error)
+            .and_then(AtomicFile::commit)
+            .map_err(|e| refused(&self.path, &e))
     }
 }
 

@@ -29,7 +29,7 @@ impl LiveChoice {
 /// What is written, and where to.
 #[derive(Clone, Debug, Default, Args)]
 pub(crate) struct OutputArgs {
-    /// Result folder [default: out/ and the name of PATH; of replay with _replay].
+    /// Result folder [default: out/ and the name of PATH; with _live after a run at camera rate, _replay after replay].
     #[arg(long, value_name = "DIR")]
     pub(crate) out: Option<PathBuf>,
     /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).

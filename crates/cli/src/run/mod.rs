@@ -71,12 +71,17 @@ pub(crate) fn run_on(
     if let (Some(ms), None) = (args.budget_ms, args.live) {
         config = within(&config, ms);
     }
+    let is_device = matches!(dataset, recordings::Input::Device(_));
     let task = Task {
         path: &args.path,
         input: &args.input,
         output: &args.output,
         config,
-        done: "",
+        // A camera's own name is no other run's.
+        done: match args.live {
+            Some(_) if !is_device => "_live",
+            _ => "",
+        },
         log: args.log.as_deref(),
         inputs: args
             .config
@@ -88,7 +93,6 @@ pub(crate) fn run_on(
         recorder,
         timing,
     };
-    let is_device = matches!(dataset, recordings::Input::Device(_));
     let opened = task.with(dataset)?;
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
@@ -323,10 +327,12 @@ pub(crate) fn options(input: &InputArgs) -> OpenOptions {
     }
 }
 
-/// `out/`, the folder's name, and `_` with what was done to it other than `run`.
+/// `out/`, the name of the folder or of the file without its ending, and `_` with what was done to it other than `run`.
 pub(crate) fn default_out(path: &Path, done: &str) -> PathBuf {
     let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     let name = path.file_name().or(full.file_name());
+    let stem = name.and_then(|n| Path::new(n).file_stem());
+    let name = if path.is_file() { stem } else { name };
     let mut name = name.unwrap_or("run".as_ref()).to_owned();
     name.push(done);
     Path::new("out").join(name)
@@ -359,5 +365,12 @@ mod tests {
         let here = std::env::current_dir().unwrap();
         let name = here.file_name().unwrap();
         assert_eq!(default_out(Path::new("."), ""), Path::new("out").join(name));
+        // A file gives its name without the ending, a folder all of it.
+        let dir = tempfile::tempdir().unwrap();
+        let [file, folder] = ["walk.mcap", "walk.bag"].map(|n| dir.path().join(n));
+        std::fs::write(&file, "").unwrap();
+        std::fs::create_dir(&folder).unwrap();
+        assert_eq!(default_out(&file, "_live"), Path::new("out/walk_live"));
+        assert_eq!(default_out(&folder, ""), Path::new("out/walk.bag"));
     }
 }

@@ -5,6 +5,12 @@ use crate::args::run::OutputArgs;
 use crate::failure::Failure;
 use crate::output::is_result_file;
 use std::path::{Component, Path, PathBuf};
+use stillpoint::recordings::Input;
+
+/// Endings of files that data sets are read from. An existing one in a data set is taken for a part of it; other files in its folder may be of a run before.
+const DATA: [&str; 10] = [
+    "txt", "png", "jpg", "jpeg", "yaml", "yml", "bag", "mcap", "db3", "zstd",
+];
 
 /// Refuses two files of a run on one path, and one in the place of one of its result. `log` is that of `--log`, `inputs` are files that
 /// are read, with what they are named by.
@@ -17,14 +23,7 @@ pub(crate) fn check_run(
     log: Option<&Path>,
     inputs: &[(&str, &Path)],
 ) -> Result<(), Failure> {
-    let files = [
-        ("--verdicts", args.verdicts.as_deref()),
-        ("--objects", args.objects.as_deref()),
-        ("--save-map", args.save_map.as_deref()),
-        ("--trace", args.trace.as_deref()),
-        ("--record", args.record.as_deref()),
-        ("--log", log),
-    ];
+    let files = files(args, log);
     check(&files, inputs)?;
     let out = place(out);
     for (option, path) in files.into_iter().filter_map(|(o, p)| Some((o, p?))) {
@@ -60,6 +59,75 @@ pub(crate) fn check(
         taken.push((option, place));
     }
     Ok(())
+}
+
+/// Refuses outputs that would change what is read at `path`: files of the data set or recording, and folders of its images, in which a run replaces
+/// and removes files by their names.
+///
+/// # Errors
+/// The option and the path.
+pub(crate) fn check_input(
+    args: &OutputArgs,
+    (out, log): (&Path, Option<&Path>),
+    path: &Path,
+    input: &Input,
+) -> Result<(), Failure> {
+    let read = place(path);
+    let mut folders: Vec<PathBuf> = Vec::new();
+    if path.is_dir() {
+        folders.push(read.clone());
+    }
+    if let Input::Folder(dataset) = input {
+        let images = dataset.entries().iter().flat_map(|e| [&e.colour, &e.depth]);
+        let mut parents: Vec<&Path> = images.filter_map(|i| i.parent()).collect();
+        parents.dedup();
+        parents.sort_unstable();
+        parents.dedup();
+        folders.extend(parents.into_iter().map(place));
+    }
+    let spoils = |path: &Path, option| {
+        Failure::input(format!(
+            "{}: expected a path outside of the data set for {option}, found one that would replace files of it; name another with {option}",
+            path.display()
+        ))
+    };
+    let results = [
+        ("--out", Some(out)),
+        ("--masks", args.masks.as_deref()),
+        ("--overlay", args.overlay.as_deref()),
+    ];
+    for (option, folder) in results.into_iter().filter_map(|(o, p)| Some((o, p?))) {
+        if folders.contains(&place(folder)) {
+            return Err(spoils(folder, option));
+        }
+    }
+    for (option, file) in files(args, log)
+        .into_iter()
+        .filter_map(|(o, p)| Some((o, p?)))
+    {
+        let place = place(file);
+        let ending = place.extension().and_then(|e| e.to_str()).unwrap_or("");
+        let is_data = DATA.contains(&ending.to_ascii_lowercase().as_str()) && place.is_file();
+        let is_within = place
+            .parent()
+            .is_some_and(|p| folders.iter().any(|f| f == p));
+        if place == read || (is_data && is_within) {
+            return Err(spoils(file, option));
+        }
+    }
+    Ok(())
+}
+
+/// The files that a run writes, by the options that name them.
+fn files<'a>(args: &'a OutputArgs, log: Option<&'a Path>) -> [(&'static str, Option<&'a Path>); 6] {
+    [
+        ("--verdicts", args.verdicts.as_deref()),
+        ("--objects", args.objects.as_deref()),
+        ("--save-map", args.save_map.as_deref()),
+        ("--trace", args.trace.as_deref()),
+        ("--record", args.record.as_deref()),
+        ("--log", log),
+    ]
 }
 
 fn twice(path: &Path, option: &str, other: &str) -> Failure {

@@ -145,6 +145,7 @@ impl<'a> Opened<'a> {
         let out = task.output.out.clone();
         let out = out.unwrap_or_else(|| default_out(task.path, task.done));
         paths::check_run(task.output, &out, task.log, &task.inputs)?;
+        paths::check_input(task.output, (&out, task.log), task.path, &dataset)?;
         let folder = ResultFolder::create(&out)?;
         let recorder = task.recorder.take();
         let mut outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
