@@ -135,7 +135,7 @@ impl PageView {
         console::line(&format!("live page at {}", server.url()));
         if server.is_open() {
             console::warn(
-                "the live page is open to the network: whoever reaches this address sees what the camera sees; without ADDR only this machine does",
+                "the live page is open to the network: everybody who is told this address sees what the camera sees, and it is not encrypted; without ADDR only this machine does",
             );
         }
         Ok(Self {

@@ -24,14 +24,15 @@ const ROOM: usize = 1 << 16;
 const HEADERS: &str = "Connection: close\r\nCache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nX-Frame-Options: DENY\r\nReferrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\nCross-Origin-Opener-Policy: same-origin\r\n";
 
 /// Answers one connection, to its end.
-pub(super) fn serve(mut stream: TcpStream, shared: &Shared) {
+pub(super) fn serve(mut stream: TcpStream, guest: u64, shared: &Shared) {
     // What fails here is that the other side is gone, and there is nobody to tell.
     let _ = stream.set_nodelay(true);
     let head = match read(&mut stream, REQUEST) {
         None => return,
         Some(head) => head,
     };
-    match head.and_then(|head| judge(&head, &shared.name)) {
+    shared.guests.asked(guest);
+    match head.and_then(|head| judge(&head, &shared.name, &shared.root)) {
         Ok(Asked::Page) => drop(answer(
             &mut stream,
             "200 OK",

@@ -1,15 +1,17 @@
 //! Serves one page and what is new in it, to browsers that may be slow, many, or not what they say.
 //!
 //! Answers: who may ask for what, and how nobody who asks holds anything up. Every connection has a thread of its own, which asks for what
-//! is new since it asked last, writes it, and asks again: whoever is slow is told less often, of the newest alone, and nobody waits for
-//! it. Connections, requests and times are bounded. Knows nothing of runs; reads no files.
+//! is new since it asked last, writes it, and asks again: a slow browser is told less often, of the newest alone, and nobody waits for
+//! it. Connections, requests and times are bounded, and connections that ask for nothing make room for new ones. Knows nothing of runs; reads no files.
 
 mod client;
+mod guests;
 mod request;
 #[cfg(test)]
 mod tests;
 
 use crate::failure::Failure;
+use guests::Guests;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream, ToSocketAddrs};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -21,8 +23,6 @@ use std::time::{Duration, Instant};
 const PORT: u16 = 21_328;
 /// Pages that are told what is new, at most.
 const CLIENTS: usize = 8;
-/// Connections, at most.
-const CONNECTIONS: usize = 32;
 /// How long pages are waited for in the end; tests have less time.
 const LAST: Duration = Duration::from_millis(if cfg!(test) { 500 } else { 3000 });
 
@@ -123,11 +123,13 @@ struct Shared {
     html: String,
     /// What the user called this place, where it is a name.
     name: String,
+    /// What every path begins with: a token that others than this machine cannot guess, or nothing.
+    root: String,
     signal: Mutex<Signal>,
     changed: Condvar,
     /// Pages that are told what is new.
     clients: AtomicUsize,
-    connections: AtomicUsize,
+    guests: Guests,
 }
 
 /// The last event: its name and its data.
@@ -175,6 +177,11 @@ impl Server {
         let listener = place.bind()?;
         let address = listener.local_addr().map_err(|e| place.failure(&e))?;
         let is_name = place.host.parse::<IpAddr>().is_err();
+        let root = if address.ip().is_loopback() {
+            String::new()
+        } else {
+            format!("/{}", token()?)
+        };
         let shared = Arc::new(Shared {
             feed,
             html,
@@ -183,10 +190,11 @@ impl Server {
             } else {
                 String::new()
             },
+            root,
             signal: Mutex::default(),
             changed: Condvar::new(),
             clients: AtomicUsize::new(0),
-            connections: AtomicUsize::new(0),
+            guests: Guests::default(),
         });
         let own = Arc::clone(&shared);
         let accepting = std::thread::Builder::new().name("view".to_owned());
@@ -201,12 +209,16 @@ impl Server {
         })
     }
 
-    /// What to open in a browser.
+    /// What to open in a browser: from another machine too, where others than this one reach it.
     pub(crate) fn url(&self) -> String {
-        let name = &self.shared.name;
-        match (name.is_empty(), self.reached()) {
-            (false, at) => format!("http://{name}:{}/", at.port()),
-            (true, at) => format!("http://{at}/"),
+        let Shared { name, root, .. } = &*self.shared;
+        let mut at = self.address;
+        if at.ip().is_unspecified() {
+            at.set_ip(address_for_others(at.ip()).unwrap_or(self.reached().ip()));
+        }
+        match name.is_empty() {
+            false => format!("http://{name}:{}{root}/", at.port()),
+            true => format!("http://{at}{root}/"),
         }
     }
 
@@ -283,20 +295,28 @@ fn accept(listener: &TcpListener, shared: &Arc<Shared>) {
             std::thread::sleep(Duration::from_millis(50));
             continue;
         };
-        if shared.connections.fetch_add(1, Ordering::Relaxed) >= CONNECTIONS {
-            shared.connections.fetch_sub(1, Ordering::Relaxed);
+        let Some(guest) = shared.guests.admit(&stream) else {
             continue;
-        }
+        };
         let own = Arc::clone(shared);
         let thread = std::thread::Builder::new().name("view-client".to_owned());
         let started = thread.spawn(move || {
             // Also where the connection panics.
-            let _counted = Counted(&own.connections);
-            client::serve(stream, &own);
+            let _leaves = Leaves(&own.guests, guest);
+            client::serve(stream, guest, &own);
         });
         if started.is_err() {
-            shared.connections.fetch_sub(1, Ordering::Relaxed);
+            shared.guests.leave(guest);
         }
+    }
+}
+
+/// A guest, for as long as it is there.
+struct Leaves<'a>(&'a Guests, u64);
+
+impl Drop for Leaves<'_> {
+    fn drop(&mut self) {
+        self.0.leave(self.1);
     }
 }
 
@@ -307,4 +327,30 @@ impl Drop for Counted<'_> {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::Relaxed);
     }
+}
+
+/// 128 random bits, as hexadecimal digits.
+fn token() -> Result<String, Failure> {
+    let mut bits = [0; 16];
+    getrandom::fill(&mut bits).map_err(|e| {
+        Failure::input(format!(
+            "--view: expected random numbers of the system for an address that nobody can guess, found none: {e}; leave ADDR out"
+        ))
+    })?;
+    Ok(bits.iter().map(|b| format!("{b:02x}")).collect())
+}
+
+/// An address by which other machines reach this one: that of a network card, of the same kind as the unspecified address that was listened on. IPv6 takes IPv4 in
+/// too, whose addresses are easier to type.
+fn address_for_others(unspecified: IpAddr) -> Option<IpAddr> {
+    let cards = if_addrs::get_if_addrs().unwrap_or_default();
+    let mut found: Vec<IpAddr> = cards
+        .iter()
+        .filter(|card| !card.is_loopback() && !card.is_link_local())
+        .map(if_addrs::Interface::ip)
+        .filter(|ip| ip.is_ipv4() || unspecified.is_ipv6())
+        .collect();
+    // Bridges of containers usually come after the cards of the machine.
+    found.sort_by_key(IpAddr::is_ipv6);
+    found.first().copied()
 }

@@ -53,7 +53,7 @@ const ORIGIN: Refusal = Refusal(
 );
 const PATH: Refusal = Refusal(
     "404 Not Found",
-    "expected / or /events: there is nothing else here",
+    "expected the address that the program prints: there is nothing else here",
 );
 const SLOW: Refusal = Refusal(
     "408 Request Timeout",
@@ -89,8 +89,8 @@ pub(super) fn read(stream: &mut TcpStream, patience: Duration) -> Option<Result<
     }
 }
 
-/// What a request asks for, if it may. `name` is what the user called this place.
-pub(super) fn judge(head: &[u8], name: &str) -> Result<Asked, Refusal> {
+/// What a request asks for, if it may. `name` is what the user called this place, `root` what all paths begin with.
+pub(super) fn judge(head: &[u8], name: &str, root: &str) -> Result<Asked, Refusal> {
     if head.len() > LARGEST {
         return Err(TOO_LARGE);
     }
@@ -131,7 +131,7 @@ pub(super) fn judge(head: &[u8], name: &str) -> Result<Asked, Refusal> {
     }
     let path = request.path.unwrap_or_default();
     let path = path.split_once('?').map_or(path, |(path, _)| path);
-    let asked = match path {
+    let asked = match within(path, root).ok_or(PATH)? {
         "/" => Asked::Page,
         "/events" => Asked::Events,
         _ => return Err(PATH),
@@ -142,6 +142,14 @@ pub(super) fn judge(head: &[u8], name: &str) -> Result<Asked, Refusal> {
         return Err(ORIGIN);
     }
     Ok(asked)
+}
+
+/// The rest of a path that begins with a root; how much of it is right cannot be told from the time that this takes.
+fn within<'a>(path: &'a str, root: &str) -> Option<&'a str> {
+    let (begin, rest) = path.split_at_checked(root.len())?;
+    let pairs = begin.bytes().zip(root.bytes());
+    let differs = pairs.fold(0, |all, (a, b)| all | (a ^ b));
+    (differs == 0).then_some(rest)
 }
 
 /// Whether a `Host` is this place: a number, which nobody can have lead elsewhere, `localhost`, or the name that the user gave. The port
@@ -173,7 +181,7 @@ mod tests {
 
     fn asked(first: &str, headers: &[&str]) -> Result<Asked, &'static str> {
         let head = format!("{first}\r\n{}\r\n\r\n", headers.join("\r\n"));
-        judge(head.as_bytes(), "robot.lan").map_err(|r| &r.0[..3])
+        judge(head.as_bytes(), "robot.lan", "").map_err(|r| &r.0[..3])
     }
 
     #[test]
@@ -276,14 +284,36 @@ mod tests {
         assert_eq!(asked("GET / HTTP/1.1", &many), Err("431"));
         let long = format!("Cookie: {}", "x".repeat(LARGEST));
         assert_eq!(asked("GET / HTTP/1.1", &[host, &long]), Err("431"));
-        let behind = judge(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\nmore", "");
+        let behind = judge(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\nmore", "", "");
         assert_eq!(behind, Err(BODY));
+    }
+
+    #[test]
+    fn only_the_printed_address_leads_to_the_page() {
+        let asked = |path: &str| {
+            let head = format!("GET {path} HTTP/1.1\r\nHost: 192.168.1.7:80\r\n\r\n");
+            judge(head.as_bytes(), "", "/0123abcd").map_err(|r| &r.0[..3])
+        };
+        assert_eq!(asked("/0123abcd/"), Ok(Asked::Page));
+        assert_eq!(asked("/0123abcd/events"), Ok(Asked::Events));
+        for path in [
+            "/",
+            "/events",
+            "/0123abcd",
+            "/0123abce/",
+            "/1123abcd/events",
+            "/0123abcdevents",
+            "//0123abcd/",
+            "/0123abc\u{e4}/",
+        ] {
+            assert!(matches!(asked(path), Err("404" | "400")), "{path}");
+        }
     }
 
     proptest! {
         #[test]
         fn whatever_comes_is_answered(head: Vec<u8>, name in "[a-z.]{0,8}") {
-            let _ = judge(&head, &name);
+            let _ = judge(&head, &name, "/token");
         }
 
         #[test]

@@ -1,5 +1,6 @@
 //! Browsers that are slow, gone, too many, or no browsers at all.
 
+use super::guests::CONNECTIONS;
 use super::*;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::sync::atomic::AtomicU64;
@@ -202,12 +203,74 @@ fn more_pages_than_there_is_room_for_are_told_so() {
         one_less()
     });
     assert!(served.listen().next().is_some());
-    // Connections that ask for nothing are bounded as well, and take no room for long.
-    let idle: Vec<TcpStream> = (0..2 * CONNECTIONS).map(|_| served.connect()).collect();
-    let connections = || served.server.shared.connections.load(Ordering::Relaxed);
+}
+
+#[test]
+fn connections_that_ask_for_nothing_keep_nobody_out() {
+    let served = serve(10);
+    let mut page = served.listen();
+    page.next().unwrap();
+    let connections = || served.server.shared.guests.count();
+    // Each sends a byte now and then, and never a whole request.
+    let mut idle: Vec<TcpStream> = (0..2 * CONNECTIONS).map(|_| served.connect()).collect();
+    until("they are all seen", || connections() == CONNECTIONS);
+    for _ in 0..3 {
+        for stream in &mut idle {
+            let _ = stream.write_all(b"G");
+        }
+        let answer = served.ask("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+        assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    }
     assert!(connections() <= CONNECTIONS);
+    // Whoever has asked stays.
+    served.step();
+    assert!(page.next().is_some());
     drop(idle);
     until("those who left are noticed", || connections() < CLIENTS + 4);
+}
+
+#[test]
+fn a_page_for_others_has_an_address_that_they_can_use_and_cannot_guess() {
+    let open = |host: &str| {
+        let numbers = Numbers {
+            now: AtomicU64::new(1),
+            bytes: 10,
+        };
+        let place = Place {
+            host: host.to_owned(),
+            port: Some(0),
+        };
+        Server::start(&place, "<p>page</p>".to_owned(), Arc::new(numbers), || {}).unwrap()
+    };
+    let (first, second) = (open("0.0.0.0"), open("0.0.0.0"));
+    assert!(first.is_open());
+    let rest = first.url();
+    let (host, path) = rest
+        .strip_prefix("http://")
+        .unwrap()
+        .split_once('/')
+        .unwrap();
+    let address: SocketAddr = host.parse().unwrap();
+    assert!(!address.ip().is_unspecified(), "{host}");
+    let others = if_addrs::get_if_addrs().unwrap();
+    if others.iter().any(|c| !c.is_loopback() && c.ip().is_ipv4()) {
+        assert!(!address.ip().is_loopback(), "{host}");
+    }
+    assert!(path.len() == 33 && path.ends_with('/'), "{path}");
+    assert_ne!(first.shared.root, second.shared.root);
+    let ask = |path: &str| {
+        let mut stream = TcpStream::connect(address).unwrap();
+        let head = format!("GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n");
+        stream.write_all(head.as_bytes()).unwrap();
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        answer
+    };
+    assert!(ask("/").starts_with("HTTP/1.1 404"));
+    assert!(ask("/events").starts_with("HTTP/1.1 404"));
+    assert!(ask(&format!("/{path}")).ends_with("<p>page</p>"));
+    // Control: this machine alone needs none.
+    assert!(open("127.0.0.1").url().ends_with("/") && open("127.0.0.1").shared.root.is_empty());
 }
 
 #[test]
