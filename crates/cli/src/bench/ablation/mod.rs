@@ -279,6 +279,7 @@ mod tests {
             frames: 10,
             evaluated: 10,
             tracked: spread(tracked),
+            dropped: None,
             identical: None,
             ate: scored.then_some(errors),
             rpe_translation: None,

@@ -93,6 +93,8 @@ pub(crate) struct Figures {
     pub(crate) evaluated: usize,
     /// Share of frames with a pose.
     pub(crate) tracked: Spread,
+    /// Share of the frames that arrived and were dropped, in live runs.
+    pub(crate) dropped: Option<Spread>,
     /// True when all runs gave the same trajectory, byte for byte; absent when there was only one run.
     pub(crate) identical: Option<bool>,
     /// Absolute error of the final poses, m.
@@ -262,6 +264,10 @@ pub(crate) fn figures(sequence: &Sequence) -> Option<Figures> {
         frames: first.frames,
         evaluated: evaluated.into_iter().min().unwrap_or(0),
         tracked: Spread::of_tracked(runs),
+        dropped: Spread::of(
+            runs.iter()
+                .filter_map(|r| Some(r.live.as_ref()?.dropped_share)),
+        ),
         identical: sequence.identical,
         ate: Errors::of(&ate),
         rpe_translation: Errors::of(&translation),
@@ -325,6 +331,7 @@ mod tests {
             frames: 10,
             evaluated: 10,
             tracked: spread(tracked),
+            dropped: None,
             identical: None,
             ate: scored.then_some(errors),
             rpe_translation: None,

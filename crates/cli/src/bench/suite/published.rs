@@ -93,7 +93,7 @@ impl System {
 pub(crate) fn sources(systems: &[System], tables: &str) -> String {
     let mut text = format!(
         "Published figures are those of {tables} of {paper}, which quotes the other systems' own papers; none was measured on this \
-         machine. {paper} says that its figures are the best of several runs. Ours are medians.\n\n",
+         machine. {paper} averages its times over ten runs and does not say how many runs its errors are of. Ours are medians over the seeds.\n\n",
         paper = System::Paper.mark()
     );
     for system in System::ALL.iter().filter(|s| systems.contains(s)) {
@@ -320,7 +320,7 @@ mod tests {
                     );
                 }
             }
-            assert!(text.contains("best of several runs"), "{text}");
+            assert!(text.contains("Ours are medians"), "{text}");
             assert_eq!(text.matches("\n- [").count(), 6, "{text}");
         }
         assert_eq!(TUM.of("sitting_static").len(), 5);
