@@ -1,9 +1,9 @@
 //! Image files to images: colour to grey, depth to metres.
 
 use crate::error::{DatasetError, Result};
+use crate::picture::{LARGEST_FILE, decode_image, image_format, image_size};
 use crate::regular::read_regular;
-use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
-use std::io::Cursor;
+use image::{ColorType, DynamicImage, ImageFormat};
 use std::path::Path;
 use stillpoint_imaging::{ColourImage, DepthImage, GrayImage};
 
@@ -21,9 +21,6 @@ fn bad(path: &Path, expected: &str, found: impl Into<String>, advice: &str) -> D
     }
 }
 
-/// Bytes of an image file at most: of a hundred megapixels of noise.
-const LARGEST_FILE: u64 = 1 << 29;
-
 /// Bytes and format of an image file that is there, not empty and of a kind that is read.
 fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     const AGAIN: &str = "copy or export the file again, or take it off the list";
@@ -40,9 +37,9 @@ fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     if bytes.is_empty() {
         return Err(bad(path, expected, "an empty file (0 bytes)", AGAIN));
     }
-    match image::guess_format(&bytes) {
-        Ok(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => Ok((bytes, f)),
-        _ => {
+    match image_format(&bytes) {
+        Some(format) => Ok((bytes, format)),
+        None => {
             let found = other_format(&bytes).map_or("bytes of an unknown format".to_owned(), |f| {
                 format!("a file in the format {f}")
             });
@@ -71,43 +68,23 @@ fn other_format(bytes: &[u8]) -> Option<&'static str> {
 
 fn decode(path: &Path, expected: &str) -> Result<(DynamicImage, ImageFormat)> {
     let (bytes, format) = load(path, expected)?;
-    let broken = |why: &str| {
-        let found = format!(
-            "a broken or truncated file of {} bytes ({why})",
-            bytes.len()
-        );
-        let advice = "copy or export the file again, or take it off the list";
-        bad(path, expected, found, advice)
-    };
-    if format == ImageFormat::Jpeg && !jpeg_is_whole(&bytes) {
-        return Err(broken("no end of image marker"));
-    }
-    ImageReader::with_format(Cursor::new(&bytes), format)
-        .decode()
-        .map(|i| (i, format))
-        .map_err(|e| broken(&e.to_string()))
+    let image = decode_image(&bytes, format).map_err(|why| broken(path, expected, &bytes, &why))?;
+    Ok((image, format))
 }
 
-/// Whether the end marker of a JPEG follows its last scan. The decoder fills what is missing of a truncated file with grey
-/// and reports nothing; within a scan neither marker can occur, so this tells a truncated file for sure.
-fn jpeg_is_whole(bytes: &[u8]) -> bool {
-    let scan = bytes.windows(2).rposition(|w| w == [0xff, 0xda]);
-    scan.is_some_and(|at| bytes[at..].windows(2).any(|w| w == [0xff, 0xd9]))
+fn broken(path: &Path, expected: &str, bytes: &[u8], why: &str) -> DatasetError {
+    let found = format!(
+        "a broken or truncated file of {} bytes ({why})",
+        bytes.len()
+    );
+    let advice = "copy or export the file again, or take it off the list";
+    bad(path, expected, found, advice)
 }
 
 /// Width and height, px, from the head of an image file.
 pub(crate) fn read_size(path: &Path) -> Result<(u32, u32)> {
     let (bytes, format) = load(path, COLOUR_EXPECTED)?;
-    ImageReader::with_format(Cursor::new(&bytes), format)
-        .into_dimensions()
-        .map_err(|e| {
-            bad(
-                path,
-                COLOUR_EXPECTED,
-                format!("a broken head ({e})"),
-                "export the file again",
-            )
-        })
+    image_size(&bytes, format).map_err(|why| broken(path, COLOUR_EXPECTED, &bytes, &why))
 }
 
 /// Reads an image (PNG, JPEG, WebP; 8 or 16 bits; grey or colour, transparency ignored) as RGB.
