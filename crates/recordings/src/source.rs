@@ -1,5 +1,6 @@
 //! The frames of a recording, decoded one after the other.
 
+use crate::budget::one_line;
 use crate::choose::Pair;
 use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
@@ -161,7 +162,7 @@ impl FrameSource for RecordingSource {
         Some(self.read(&entry, id).map_err(|e| {
             self.ended = self.strict;
             SourceError {
-                message: format!("frame {id} ({:.6} s): {e}", entry.stamp),
+                message: one_line(&format!("frame {id} ({:.6} s): {e}", entry.stamp)),
                 recoverable: !self.strict,
             }
         }))
