@@ -66,25 +66,99 @@ fn other_format(bytes: &[u8]) -> Option<&'static str> {
         .map(|k| k.1)
 }
 
-fn decode(path: &Path, expected: &str) -> Result<(DynamicImage, ImageFormat)> {
-    let (bytes, format) = load(path, expected)?;
-    let image = decode_image(&bytes, format).map_err(|why| broken(path, expected, &bytes, &why))?;
-    Ok((image, format))
+/// An image file, read but not decoded.
+pub(crate) struct Picture<'a> {
+    path: &'a Path,
+    expected: &'static str,
+    bytes: Vec<u8>,
+    format: ImageFormat,
 }
 
-fn broken(path: &Path, expected: &str, bytes: &[u8], why: &str) -> DatasetError {
-    let found = format!(
-        "a broken or truncated file of {} bytes ({why})",
-        bytes.len()
-    );
-    let advice = "copy or export the file again, or take it off the list";
-    bad(path, expected, found, advice)
-}
+impl<'a> Picture<'a> {
+    pub(crate) fn of_colour(path: &'a Path) -> Result<Self> {
+        Self::open(path, COLOUR_EXPECTED)
+    }
 
-/// Width and height, px, from the head of an image file.
-pub(crate) fn read_size(path: &Path) -> Result<(u32, u32)> {
-    let (bytes, format) = load(path, COLOUR_EXPECTED)?;
-    image_size(&bytes, format).map_err(|why| broken(path, COLOUR_EXPECTED, &bytes, &why))
+    pub(crate) fn of_depth(path: &'a Path) -> Result<Self> {
+        Self::open(path, DEPTH_EXPECTED)
+    }
+
+    fn open(path: &'a Path, expected: &'static str) -> Result<Self> {
+        let (bytes, format) = load(path, expected)?;
+        Ok(Self {
+            path,
+            expected,
+            bytes,
+            format,
+        })
+    }
+
+    fn bad(&self, found: impl Into<String>, advice: &str) -> DatasetError {
+        bad(self.path, self.expected, found, advice)
+    }
+
+    fn broken(&self, why: &str) -> DatasetError {
+        let found = format!(
+            "a broken or truncated file of {} bytes ({why})",
+            self.bytes.len()
+        );
+        let advice = "copy or export the file again, or take it off the list";
+        self.bad(found, advice)
+    }
+
+    /// Width and height, px, by its head.
+    pub(crate) fn size(&self) -> Result<(u32, u32)> {
+        image_size(&self.bytes, self.format).map_err(|why| self.broken(&why))
+    }
+
+    fn decode(&self) -> Result<DynamicImage> {
+        decode_image(&self.bytes, self.format).map_err(|why| self.broken(&why))
+    }
+
+    /// As RGB.
+    pub(crate) fn colour(&self) -> Result<ColourImage> {
+        self.rgb(self.decode()?)
+    }
+
+    fn rgb(&self, image: DynamicImage) -> Result<ColourImage> {
+        let rgb = image.into_rgb8();
+        let (w, h) = (rgb.width() as usize, rgb.height() as usize);
+        ColourImage::from_vec(w, h, rgb.into_raw())
+            .map_err(|e| self.bad(e.to_string(), "report this"))
+    }
+
+    /// As grey.
+    pub(crate) fn gray(&self) -> Result<GrayImage> {
+        match self.decode()? {
+            DynamicImage::ImageLuma8(gray) => {
+                let (w, h) = (gray.width() as usize, gray.height() as usize);
+                GrayImage::from_vec(w, h, gray.into_raw())
+                    .map_err(|e| self.bad(e.to_string(), "report this"))
+            }
+            other => self.rgb(other).map(|colour| colour.to_gray()),
+        }
+    }
+
+    /// As metres.
+    pub(crate) fn depth(&self, depth_scale: f64) -> Result<DepthImage> {
+        let advice = "export depth as 16-bit PNG (TUM: 5000 per metre)";
+        if self.format != ImageFormat::Png {
+            return Err(self.bad(format!("{:?}", self.format), advice));
+        }
+        let image = self.decode()?;
+        let kind = image.color();
+        let DynamicImage::ImageLuma16(raw) = image else {
+            return Err(self.bad(describe(kind), advice));
+        };
+        let (w, h) = (raw.width() as usize, raw.height() as usize);
+        let to_metres = |v: &u16| {
+            // One rounding: the quotient in f64, then f32. 0 stays 0.
+            let depth = (f64::from(*v) / depth_scale) as f32;
+            if *v == u16::MAX { 0.0 } else { depth }
+        };
+        DepthImage::from_vec(w, h, raw.as_raw().iter().map(to_metres).collect())
+            .map_err(|e| self.bad(e.to_string(), "report this"))
+    }
 }
 
 /// Reads an image (PNG, JPEG, WebP; 8 or 16 bits; grey or colour, transparency ignored) as RGB.
@@ -92,10 +166,7 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32)> {
 /// # Errors
 /// [`DatasetError::Image`] for a file that is missing, empty, truncated or of another format.
 pub fn read_colour(path: &Path) -> Result<ColourImage> {
-    let rgb = decode(path, COLOUR_EXPECTED)?.0.into_rgb8();
-    let (w, h) = (rgb.width() as usize, rgb.height() as usize);
-    ColourImage::from_vec(w, h, rgb.into_raw())
-        .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
+    Picture::of_colour(path)?.colour()
 }
 
 /// Reads an image as [`read_colour`] does, as grey: 8-bit grey files as they are, others by [`ColourImage::to_gray`].
@@ -103,20 +174,7 @@ pub fn read_colour(path: &Path) -> Result<ColourImage> {
 /// # Errors
 /// As [`read_colour`].
 pub fn read_gray(path: &Path) -> Result<GrayImage> {
-    match decode(path, COLOUR_EXPECTED)?.0 {
-        DynamicImage::ImageLuma8(gray) => {
-            let (w, h) = (gray.width() as usize, gray.height() as usize);
-            GrayImage::from_vec(w, h, gray.into_raw())
-                .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
-        }
-        other => {
-            let rgb = other.into_rgb8();
-            let (w, h) = (rgb.width() as usize, rgb.height() as usize);
-            ColourImage::from_vec(w, h, rgb.into_raw())
-                .map(|c| c.to_gray())
-                .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
-        }
-    }
+    Picture::of_colour(path)?.gray()
 }
 
 /// Reads a 16-bit grey PNG of `depth_scale` values per metre as metres. The values 0 and 65535 stand for no measurement
@@ -125,23 +183,7 @@ pub fn read_gray(path: &Path) -> Result<GrayImage> {
 /// # Errors
 /// [`DatasetError::Image`] for a file that is missing, empty, truncated, or no 16-bit grey PNG.
 pub fn read_depth(path: &Path, depth_scale: f64) -> Result<DepthImage> {
-    let (image, format) = decode(path, DEPTH_EXPECTED)?;
-    let advice = "export depth as 16-bit PNG (TUM: 5000 per metre)";
-    if format != ImageFormat::Png {
-        return Err(bad(path, DEPTH_EXPECTED, format!("{format:?}"), advice));
-    }
-    let kind = image.color();
-    let DynamicImage::ImageLuma16(raw) = image else {
-        return Err(bad(path, DEPTH_EXPECTED, describe(kind), advice));
-    };
-    let (w, h) = (raw.width() as usize, raw.height() as usize);
-    let to_metres = |v: &u16| {
-        // One rounding: the quotient in f64, then f32. 0 stays 0.
-        let depth = (f64::from(*v) / depth_scale) as f32;
-        if *v == u16::MAX { 0.0 } else { depth }
-    };
-    DepthImage::from_vec(w, h, raw.as_raw().iter().map(to_metres).collect())
-        .map_err(|e| bad(path, DEPTH_EXPECTED, e.to_string(), "report this"))
+    Picture::of_depth(path)?.depth(depth_scale)
 }
 
 fn describe(kind: ColorType) -> String {

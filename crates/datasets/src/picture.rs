@@ -5,8 +5,8 @@ use image::{DynamicImage, ImageFormat, ImageReader};
 use std::borrow::Cow;
 use std::io::Cursor;
 
-/// Pixels of an image at most. The largest cameras of the kind give twelve million; frames of more would take a gigabyte with what is made of them.
-pub const MOST_PIXELS: u64 = 1 << 24;
+/// Pixels of an image at most, as many as a video of 8K has: with all that is made of it on the way it takes some hundred megabytes.
+pub const MOST_PIXELS: u64 = 1 << 25;
 /// Pixels of a row or column at most: no sensor has as many.
 const LONGEST_SIDE: u32 = 1 << 15;
 /// Bytes of an image file at most: of as many pixels of noise, eight bytes each.

@@ -102,7 +102,7 @@ impl Unpacking {
 }
 
 /// Sentences for the user, and how many more there would be.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Remarks {
     said: Vec<String>,
     more: u64,

@@ -77,9 +77,7 @@ impl Files {
             contents.merge(files.scan_one(at, file, i as u16, &mut unpacking)?);
             temporary.extend(unpacked);
         }
-        for remark in plan.remarks {
-            contents.remarks.add(|| remark);
-        }
+        contents.remarks.merge(plan.remarks);
         files._temporary = Arc::new(temporary);
         if plan.compressed_messages {
             files.look_again(&mut contents)?;

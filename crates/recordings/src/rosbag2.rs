@@ -1,15 +1,18 @@
 //! Folders of rosbag2: which files they hold, and how those are compressed.
 
-use crate::budget::Unpacking;
+use crate::budget::{Remarks, Unpacking};
 use crate::error::{RecordingError, Result};
 use crate::store::blocks::wrong_checksum;
 use crate::store::temporary::Temporary;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Describes a folder.
 const METADATA: &str = "metadata.yaml";
 /// Bytes of it at most.
 const LARGEST: u64 = 1 << 24;
+/// Files of a folder: as many as their numbers tell apart.
+const MOST_FILES: usize = u16::MAX as usize;
 /// Bytes between two looks at how far a file unpacks.
 const STEP: u64 = 1 << 24;
 /// Part of the free space that a file leaves when it is decompressed.
@@ -23,7 +26,7 @@ const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 pub(crate) struct Plan {
     pub(crate) files: Vec<PathBuf>,
     pub(crate) compressed_messages: bool,
-    pub(crate) remarks: Vec<String>,
+    pub(crate) remarks: Remarks,
 }
 
 /// Whether a folder is one of rosbag2.
@@ -46,7 +49,7 @@ pub(crate) fn plan(path: &Path) -> Result<Plan> {
         return Ok(Plan {
             files: vec![path.to_owned()],
             compressed_messages: described.is_some_and(|text| parse(&text).1),
-            remarks: Vec::new(),
+            remarks: Remarks::default(),
         });
     }
     let metadata = path.join(METADATA);
@@ -57,14 +60,17 @@ pub(crate) fn plan(path: &Path) -> Result<Plan> {
         let (names, compressed) = parse(&text);
         plan.compressed_messages = compressed;
         // Only names: a description from elsewhere must not lead out of the folder.
+        // Each once, and no more than are numbered: one that is listed again and again would be read as often.
+        let mut seen = BTreeSet::new();
         let names = names.iter().filter_map(|n| Path::new(n).file_name());
+        let names = names.filter(|n| seen.len() < MOST_FILES && seen.insert(n.to_owned()));
         let (there, gone): (Vec<PathBuf>, Vec<PathBuf>) =
             names.map(|n| path.join(n)).partition(|p| p.is_file());
         plan.files = there;
-        plan.remarks = gone
-            .iter()
-            .map(|p| format!("{} is missing and left out", p.display()))
-            .collect();
+        for path in gone {
+            plan.remarks
+                .add(|| format!("{} is missing and left out", path.display()));
+        }
     }
     if plan.files.is_empty() {
         plan.files = listed(path);
@@ -209,10 +215,11 @@ mod tests {
     fn a_description_does_not_lead_out_of_its_folder() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("a.mcap"), "").unwrap();
-        let text = "relative_file_paths:\n- ../../etc/a.mcap\n- gone.mcap\n";
+        let text = "relative_file_paths:\n- ../../etc/a.mcap\n- gone.mcap\n- a.mcap\n";
         std::fs::write(dir.path().join(METADATA), text).unwrap();
         let plan = plan(dir.path()).unwrap();
         assert_eq!(plan.files, [dir.path().join("a.mcap")]);
-        assert!(plan.remarks[0].contains("gone.mcap is missing"), "{plan:?}");
+        let said = plan.remarks.lines();
+        assert!(said[0].contains("gone.mcap is missing"), "{plan:?}");
     }
 }

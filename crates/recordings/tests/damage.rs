@@ -266,6 +266,28 @@ fn a_jpeg_that_was_cut_off_in_its_message_is_no_image() {
     );
 }
 
+/// What it is refused for is its size, though its pixels do not read either.
+#[test]
+fn an_image_of_another_size_is_not_decoded() {
+    let dir = tempfile::tempdir().unwrap();
+    let larger = |k: usize, data: &mut Vec<u8>| {
+        if k == 3 {
+            let mut out = Cursor::new(Vec::new());
+            let image = RgbImage::from_fn(320, 200, |x, y| image::Rgb([(x * y) as u8; 3]));
+            image.write_to(&mut out, ImageFormat::Png).unwrap();
+            *data = out.into_inner();
+            data.truncate(data.len() / 2);
+        }
+    };
+    let path = put(dir.path(), "one.mcap", &mcap(&compressed(larger), None));
+    let input = open(&path, &OpenOptions::default()).unwrap();
+    let mut source = input.frames(&FrameOptions::default()).unwrap();
+    let all: Vec<_> = std::iter::from_fn(|| source.next_frame()).collect();
+    let said = &all[3].as_ref().unwrap_err().message;
+    assert!(said.contains("found 320 x 200 px"), "{said}");
+    assert_eq!(all.iter().filter(|f| f.is_ok()).count(), FRAMES - 1);
+}
+
 #[test]
 fn samples_that_are_no_numbers_are_counted() {
     let dir = tempfile::tempdir().unwrap();

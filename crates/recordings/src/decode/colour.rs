@@ -3,7 +3,7 @@
 use super::{Bad, Result, rows, size, yuv};
 use image::DynamicImage;
 use std::sync::Arc;
-use stillpoint_datasets::{decode_image, image_format};
+use stillpoint_datasets::{decode_image, image_format, image_size};
 use stillpoint_imaging::{ColourImage, GrayImage};
 use stillpoint_ros_messages::Image;
 
@@ -107,6 +107,11 @@ pub(super) fn decode(data: &[u8], expected: &str) -> Result<DynamicImage> {
     };
     decode_image(data, format)
         .map_err(|why| Bad::new(expected, format!("a broken {format:?} image ({why})")))
+}
+
+/// Width and height of a compressed image by its head, where that reads.
+pub(crate) fn stated_size(data: &[u8]) -> Option<(u32, u32)> {
+    image_size(data, image_format(data)?).ok()
 }
 
 /// A compressed image, which says itself what it is.

@@ -5,7 +5,7 @@ pub(crate) mod depth;
 mod rvl;
 mod yuv;
 
-pub(crate) use colour::{Colour, colour, compressed_colour};
+pub(crate) use colour::{Colour, colour, compressed_colour, stated_size};
 pub(crate) use depth::{compressed_depth, depth};
 
 use stillpoint_datasets::MOST_PIXELS;
