@@ -69,6 +69,11 @@ impl Unpacking {
         Self { free: FREE_FILE }
     }
 
+    #[cfg(test)]
+    pub(crate) fn of(free: u64) -> Self {
+        Self { free }
+    }
+
     /// Bytes that may be unpacked of so many packed ones.
     pub(crate) fn allowed(&self, packed: u64) -> u64 {
         self.free

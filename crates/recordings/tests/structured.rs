@@ -1,11 +1,11 @@
 //! Files that are well formed record by record and wrong in what the records say: mutants of single bytes are mostly refused by a checksum or a length. Each
-//! test keeps 100 fixed seeds; `STILLPOINT_MUTATIONS` makes a campaign of it, as in `mutations.rs`.
+//! test keeps 50 fixed seeds; `STILLPOINT_MUTATIONS` makes a campaign of it, as in `mutations.rs`.
 
 use crate::damage::{chunk, chunk_of, records_of};
 use crate::mutations::{Random, campaign};
 use crate::writers::*;
 
-const SEEDS: usize = 100;
+const SEEDS: usize = 50;
 
 /// Numbers at the ends of what fits, in so many bytes.
 fn extreme(random: &mut Random, bytes: usize) -> Vec<u8> {

@@ -259,4 +259,57 @@ mod tests {
         }
         assert_eq!(kept(&blocks), [6, 7, 8]);
     }
+
+    #[test]
+    fn what_chunks_unpack_to_has_a_common_bound() {
+        use std::io::Write;
+        const SIZE: u64 = 1 << 20;
+        let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+        encoder.write_all(&vec![0; SIZE as usize]).unwrap();
+        let packed = encoder.finish().unwrap();
+        let mut chunk = vec![0; 16];
+        chunk.extend(SIZE.to_le_bytes());
+        chunk.extend([0, 0, 0, 0, 3, 0, 0, 0]);
+        chunk.extend(b"lz4");
+        chunk.extend((packed.len() as u64).to_le_bytes());
+        chunk.extend(&packed);
+        let mut file = super::super::mcap::MAGIC.to_vec();
+        for _ in 0..9 {
+            file.push(6);
+            file.extend((chunk.len() as u64).to_le_bytes());
+            file.extend(&chunk);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("zeros.mcap");
+        std::fs::write(&path, file).unwrap();
+        // Each chunk takes what is beyond a hundred times its packed size.
+        let beyond = SIZE - 100 * packed.len() as u64;
+        let mut unpacking = Unpacking::of(4 * beyond);
+        let bytes = Bytes::open(&path).unwrap();
+        let (store, mut contents) = super::super::mcap::open(bytes, 0, &mut unpacking).unwrap();
+        contents.finish();
+        let said = contents.remarks.lines().join("\n");
+        let at = 8 + 4 * (9 + chunk.len() as u64) + 9;
+        let expected = format!("5 chunks, the first at byte {at}, are left out");
+        assert!(said.contains(&expected), "{said}");
+        // Reading has the same bound.
+        let place = |block: u32| Place {
+            file: 0,
+            block: Some(block),
+            offset: 0,
+            len: 7,
+        };
+        let mut store = store;
+        let mut blocks = Blocks {
+            unpacking: Unpacking::of(beyond),
+            ..Blocks::default()
+        };
+        assert_eq!(store.read(&place(0), &mut blocks).unwrap(), [0; 7]);
+        assert_eq!(store.read(&place(0), &mut blocks).unwrap(), [0; 7]);
+        let refused = store.read(&place(1), &mut blocks).unwrap_err().to_string();
+        assert!(
+            refused.contains("unpacks to at most 100 times"),
+            "{refused}"
+        );
+    }
 }
