@@ -30,6 +30,9 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     } else {
         (open(&args.path, &input)?, args.start)
     };
+    // What no run takes is not looked at: images of any size would take as much time and memory.
+    let camera = input.camera().camera;
+    System::new(Config::default(), camera, Simd::detect()).map_err(Failure::input)?;
     let mut report = look(&input, start, None, args.seconds)?;
     // What is wrong with the geometry or the clocks would be learned as a readout.
     if report.findings.is_empty() {

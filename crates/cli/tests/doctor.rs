@@ -165,3 +165,41 @@ fn odometry_that_is_not_of_the_camera_s_base_is_named() {
     std::fs::write(&file, moving.lines().map(still).collect::<String>()).unwrap();
     named(&right, &["odometry stands still while the camera moves"]);
 }
+
+/// Images of any size would take the doctor's time and memory: those that no run takes are refused by their size.
+#[test]
+fn images_that_no_run_takes_are_not_looked_at() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    simulate(&data, "xyz", 2);
+    let (width, height) = (2600, 1700);
+    let text = std::fs::read_to_string(data.join("camera.toml")).unwrap();
+    let lines = text.lines().map(|line| match line.split(" = ").next() {
+        Some("width") => format!("width = {width}\n"),
+        Some("height") => format!("height = {height}\n"),
+        Some("cx") => "cx = 1299.5\n".to_owned(),
+        Some("cy") => "cy = 849.5\n".to_owned(),
+        _ => format!("{line}\n"),
+    });
+    let large: String = lines.collect();
+    assert_ne!(large, text);
+    let camera = dir.path().join("large.toml");
+    std::fs::write(&camera, large).unwrap();
+    let two_metres = image::Luma([10_000_u16]);
+    let wall: image::ImageBuffer<image::Luma<u16>, Vec<u16>> =
+        image::ImageBuffer::from_pixel(width, height, two_metres);
+    for (folder, image) in [
+        ("rgb", image::DynamicImage::new_luma8(width, height)),
+        ("depth", wall.into()),
+    ] {
+        for entry in std::fs::read_dir(data.join(folder)).unwrap() {
+            image.save(entry.unwrap().path()).unwrap();
+        }
+    }
+    let refused = with_camera("doctor", &data, &camera, &[]);
+    check(
+        &refused,
+        2,
+        &["expected an image of at most", "2600 x 1700"],
+    );
+}

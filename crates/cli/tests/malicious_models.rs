@@ -130,6 +130,28 @@ fn giant_results() {
     refused(&computed, &["found"]);
 }
 
+/// A file of some kilobytes whose values double at every step takes no more than the memory of an ordinary detector.
+#[cfg(target_os = "linux")]
+#[test]
+fn values_that_grow() {
+    let axis = Message::new().field(1, "axis").integer(3, 2).integer(20, 2);
+    let step = |graph: Message, i: usize| {
+        let (from, to) = (format!("x{i}"), format!("x{}", i + 1));
+        let twice = node("Concat", &[&from, &from], &to).message(5, &axis);
+        graph.message(1, &twice)
+    };
+    let first = Message::new().message(1, &node("Relu", &["images"], "x0"));
+    let last = node("ReduceMax", &["x30"], "peak");
+    let graph = (0..30)
+        .fold(first, step)
+        .message(1, &last)
+        .message(1, &node("Add", &["images", "peak"], "output"));
+    refused(
+        &graph,
+        &["ends the process that runs it", "over 0.9 GB or 8 s"],
+    );
+}
+
 /// No score reaches any threshold where none is a number: it would see nothing, for ever and without a word.
 #[test]
 fn networks_that_answer_nan() {

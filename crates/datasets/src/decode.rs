@@ -1,9 +1,9 @@
 //! Image files to images: colour to grey, depth to metres.
 
 use crate::error::{DatasetError, Result};
+use crate::picture::{LARGEST_FILE, decode_image, image_format, image_size};
 use crate::regular::read_regular;
-use image::{ColorType, DynamicImage, ImageFormat, ImageReader};
-use std::io::Cursor;
+use image::{ColorType, DynamicImage, ImageFormat};
 use std::path::Path;
 use stillpoint_imaging::{ColourImage, DepthImage, GrayImage};
 
@@ -21,9 +21,6 @@ fn bad(path: &Path, expected: &str, found: impl Into<String>, advice: &str) -> D
     }
 }
 
-/// Bytes of an image file at most: of a hundred megapixels of noise.
-const LARGEST_FILE: u64 = 1 << 29;
-
 /// Bytes and format of an image file that is there, not empty and of a kind that is read.
 fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     const AGAIN: &str = "copy or export the file again, or take it off the list";
@@ -40,9 +37,9 @@ fn load(path: &Path, expected: &str) -> Result<(Vec<u8>, ImageFormat)> {
     if bytes.is_empty() {
         return Err(bad(path, expected, "an empty file (0 bytes)", AGAIN));
     }
-    match image::guess_format(&bytes) {
-        Ok(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => Ok((bytes, f)),
-        _ => {
+    match image_format(&bytes) {
+        Some(format) => Ok((bytes, format)),
+        None => {
             let found = other_format(&bytes).map_or("bytes of an unknown format".to_owned(), |f| {
                 format!("a file in the format {f}")
             });
@@ -69,45 +66,99 @@ fn other_format(bytes: &[u8]) -> Option<&'static str> {
         .map(|k| k.1)
 }
 
-fn decode(path: &Path, expected: &str) -> Result<(DynamicImage, ImageFormat)> {
-    let (bytes, format) = load(path, expected)?;
-    let broken = |why: &str| {
+/// An image file, read but not decoded.
+pub(crate) struct Picture<'a> {
+    path: &'a Path,
+    expected: &'static str,
+    bytes: Vec<u8>,
+    format: ImageFormat,
+}
+
+impl<'a> Picture<'a> {
+    pub(crate) fn of_colour(path: &'a Path) -> Result<Self> {
+        Self::open(path, COLOUR_EXPECTED)
+    }
+
+    pub(crate) fn of_depth(path: &'a Path) -> Result<Self> {
+        Self::open(path, DEPTH_EXPECTED)
+    }
+
+    fn open(path: &'a Path, expected: &'static str) -> Result<Self> {
+        let (bytes, format) = load(path, expected)?;
+        Ok(Self {
+            path,
+            expected,
+            bytes,
+            format,
+        })
+    }
+
+    fn bad(&self, found: impl Into<String>, advice: &str) -> DatasetError {
+        bad(self.path, self.expected, found, advice)
+    }
+
+    fn broken(&self, why: &str) -> DatasetError {
         let found = format!(
             "a broken or truncated file of {} bytes ({why})",
-            bytes.len()
+            self.bytes.len()
         );
         let advice = "copy or export the file again, or take it off the list";
-        bad(path, expected, found, advice)
-    };
-    if format == ImageFormat::Jpeg && !jpeg_is_whole(&bytes) {
-        return Err(broken("no end of image marker"));
+        self.bad(found, advice)
     }
-    ImageReader::with_format(Cursor::new(&bytes), format)
-        .decode()
-        .map(|i| (i, format))
-        .map_err(|e| broken(&e.to_string()))
-}
 
-/// Whether the end marker of a JPEG follows its last scan. The decoder fills what is missing of a truncated file with grey
-/// and reports nothing; within a scan neither marker can occur, so this tells a truncated file for sure.
-fn jpeg_is_whole(bytes: &[u8]) -> bool {
-    let scan = bytes.windows(2).rposition(|w| w == [0xff, 0xda]);
-    scan.is_some_and(|at| bytes[at..].windows(2).any(|w| w == [0xff, 0xd9]))
-}
+    /// Width and height, px, by its head.
+    pub(crate) fn size(&self) -> Result<(u32, u32)> {
+        image_size(&self.bytes, self.format).map_err(|why| self.broken(&why))
+    }
 
-/// Width and height, px, from the head of an image file.
-pub(crate) fn read_size(path: &Path) -> Result<(u32, u32)> {
-    let (bytes, format) = load(path, COLOUR_EXPECTED)?;
-    ImageReader::with_format(Cursor::new(&bytes), format)
-        .into_dimensions()
-        .map_err(|e| {
-            bad(
-                path,
-                COLOUR_EXPECTED,
-                format!("a broken head ({e})"),
-                "export the file again",
-            )
-        })
+    fn decode(&self) -> Result<DynamicImage> {
+        decode_image(&self.bytes, self.format).map_err(|why| self.broken(&why))
+    }
+
+    /// As RGB.
+    pub(crate) fn colour(&self) -> Result<ColourImage> {
+        self.rgb(self.decode()?)
+    }
+
+    fn rgb(&self, image: DynamicImage) -> Result<ColourImage> {
+        let rgb = image.into_rgb8();
+        let (w, h) = (rgb.width() as usize, rgb.height() as usize);
+        ColourImage::from_vec(w, h, rgb.into_raw())
+            .map_err(|e| self.bad(e.to_string(), "report this"))
+    }
+
+    /// As grey.
+    pub(crate) fn gray(&self) -> Result<GrayImage> {
+        match self.decode()? {
+            DynamicImage::ImageLuma8(gray) => {
+                let (w, h) = (gray.width() as usize, gray.height() as usize);
+                GrayImage::from_vec(w, h, gray.into_raw())
+                    .map_err(|e| self.bad(e.to_string(), "report this"))
+            }
+            other => self.rgb(other).map(|colour| colour.to_gray()),
+        }
+    }
+
+    /// As metres.
+    pub(crate) fn depth(&self, depth_scale: f64) -> Result<DepthImage> {
+        let advice = "export depth as 16-bit PNG (TUM: 5000 per metre)";
+        if self.format != ImageFormat::Png {
+            return Err(self.bad(format!("{:?}", self.format), advice));
+        }
+        let image = self.decode()?;
+        let kind = image.color();
+        let DynamicImage::ImageLuma16(raw) = image else {
+            return Err(self.bad(describe(kind), advice));
+        };
+        let (w, h) = (raw.width() as usize, raw.height() as usize);
+        let to_metres = |v: &u16| {
+            // One rounding: the quotient in f64, then f32. 0 stays 0.
+            let depth = (f64::from(*v) / depth_scale) as f32;
+            if *v == u16::MAX { 0.0 } else { depth }
+        };
+        DepthImage::from_vec(w, h, raw.as_raw().iter().map(to_metres).collect())
+            .map_err(|e| self.bad(e.to_string(), "report this"))
+    }
 }
 
 /// Reads an image (PNG, JPEG, WebP; 8 or 16 bits; grey or colour, transparency ignored) as RGB.
@@ -115,10 +166,7 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32)> {
 /// # Errors
 /// [`DatasetError::Image`] for a file that is missing, empty, truncated or of another format.
 pub fn read_colour(path: &Path) -> Result<ColourImage> {
-    let rgb = decode(path, COLOUR_EXPECTED)?.0.into_rgb8();
-    let (w, h) = (rgb.width() as usize, rgb.height() as usize);
-    ColourImage::from_vec(w, h, rgb.into_raw())
-        .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
+    Picture::of_colour(path)?.colour()
 }
 
 /// Reads an image as [`read_colour`] does, as grey: 8-bit grey files as they are, others by [`ColourImage::to_gray`].
@@ -126,20 +174,7 @@ pub fn read_colour(path: &Path) -> Result<ColourImage> {
 /// # Errors
 /// As [`read_colour`].
 pub fn read_gray(path: &Path) -> Result<GrayImage> {
-    match decode(path, COLOUR_EXPECTED)?.0 {
-        DynamicImage::ImageLuma8(gray) => {
-            let (w, h) = (gray.width() as usize, gray.height() as usize);
-            GrayImage::from_vec(w, h, gray.into_raw())
-                .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
-        }
-        other => {
-            let rgb = other.into_rgb8();
-            let (w, h) = (rgb.width() as usize, rgb.height() as usize);
-            ColourImage::from_vec(w, h, rgb.into_raw())
-                .map(|c| c.to_gray())
-                .map_err(|e| bad(path, COLOUR_EXPECTED, e.to_string(), "report this"))
-        }
-    }
+    Picture::of_colour(path)?.gray()
 }
 
 /// Reads a 16-bit grey PNG of `depth_scale` values per metre as metres. The values 0 and 65535 stand for no measurement
@@ -148,23 +183,7 @@ pub fn read_gray(path: &Path) -> Result<GrayImage> {
 /// # Errors
 /// [`DatasetError::Image`] for a file that is missing, empty, truncated, or no 16-bit grey PNG.
 pub fn read_depth(path: &Path, depth_scale: f64) -> Result<DepthImage> {
-    let (image, format) = decode(path, DEPTH_EXPECTED)?;
-    let advice = "export depth as 16-bit PNG (TUM: 5000 per metre)";
-    if format != ImageFormat::Png {
-        return Err(bad(path, DEPTH_EXPECTED, format!("{format:?}"), advice));
-    }
-    let kind = image.color();
-    let DynamicImage::ImageLuma16(raw) = image else {
-        return Err(bad(path, DEPTH_EXPECTED, describe(kind), advice));
-    };
-    let (w, h) = (raw.width() as usize, raw.height() as usize);
-    let to_metres = |v: &u16| {
-        // One rounding: the quotient in f64, then f32. 0 stays 0.
-        let depth = (f64::from(*v) / depth_scale) as f32;
-        if *v == u16::MAX { 0.0 } else { depth }
-    };
-    DepthImage::from_vec(w, h, raw.as_raw().iter().map(to_metres).collect())
-        .map_err(|e| bad(path, DEPTH_EXPECTED, e.to_string(), "report this"))
+    Picture::of_depth(path)?.depth(depth_scale)
 }
 
 fn describe(kind: ColorType) -> String {

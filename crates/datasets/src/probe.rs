@@ -2,7 +2,7 @@
 
 use crate::camera::CameraModel;
 use crate::dataset::Entry;
-use crate::decode::{read_depth, read_size};
+use crate::decode::Picture;
 use crate::error::{DatasetError, Result};
 
 /// How many frames are looked at, spread evenly over the data set.
@@ -29,7 +29,9 @@ pub(crate) fn probe(
         .map(|k| &entries[k * (entries.len() - 1) / (count - 1).max(1)])
         .collect();
     if model.camera.width == 0 {
-        let sizes = chosen.iter().filter_map(|e| read_size(&e.colour).ok());
+        let sizes = chosen
+            .iter()
+            .filter_map(|e| Picture::of_colour(&e.colour).and_then(|p| p.size()).ok());
         (model.camera.width, model.camera.height) = most_frequent(sizes.collect());
     }
     let (mut first_error, mut depths, mut empty) = (None, Vec::new(), Vec::new());
@@ -70,14 +72,11 @@ fn most_frequent(sizes: Vec<(u32, u32)>) -> (u32, u32) {
 
 /// Depths of every eighth pixel in both directions, m, without the missing ones.
 fn probe_one(entry: &Entry, model: &CameraModel) -> Result<Vec<f64>> {
-    check_size(&entry.colour, "colour", model, read_size(&entry.colour)?)?;
-    let depth = read_depth(&entry.depth, model.depth_scale)?;
-    check_size(
-        &entry.depth,
-        "depth",
-        model,
-        (depth.width() as u32, depth.height() as u32),
-    )?;
+    let colour = Picture::of_colour(&entry.colour)?;
+    check_size(&entry.colour, "colour", model, colour.size()?)?;
+    let depth = Picture::of_depth(&entry.depth)?;
+    check_size(&entry.depth, "depth", model, depth.size()?)?;
+    let depth = depth.depth(model.depth_scale)?;
     Ok((0..depth.height())
         .step_by(8)
         .flat_map(|y| (0..depth.width()).step_by(8).map(move |x| (x, y)))

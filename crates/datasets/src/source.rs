@@ -2,7 +2,7 @@
 
 use crate::camera::CameraModel;
 use crate::dataset::{Dataset, Entry};
-use crate::decode::{read_colour, read_depth, read_gray};
+use crate::decode::Picture;
 use crate::error::{DatasetError, Result};
 use crate::probe::check_size;
 use std::sync::Arc;
@@ -77,25 +77,18 @@ impl DatasetSource {
     }
 
     fn read(&self, entry: &Entry, id: u32) -> Result<RgbdFrame> {
+        // Sizes come first: an image of another one is not decoded.
+        let picture = Picture::of_colour(&entry.colour)?;
+        check_size(&entry.colour, "colour", &self.camera, picture.size()?)?;
         let (gray, colour) = if self.keep_colour {
-            let colour = read_colour(&entry.colour)?;
+            let colour = picture.colour()?;
             (colour.to_gray(), Some(Arc::new(colour)))
         } else {
-            (read_gray(&entry.colour)?, None)
+            (picture.gray()?, None)
         };
-        check_size(
-            &entry.colour,
-            "colour",
-            &self.camera,
-            (gray.width() as u32, gray.height() as u32),
-        )?;
-        let depth = read_depth(&entry.depth, self.camera.depth_scale)?;
-        check_size(
-            &entry.depth,
-            "depth",
-            &self.camera,
-            (depth.width() as u32, depth.height() as u32),
-        )?;
+        let picture = Picture::of_depth(&entry.depth)?;
+        check_size(&entry.depth, "depth", &self.camera, picture.size()?)?;
+        let depth = picture.depth(self.camera.depth_scale)?;
         Ok(RgbdFrame {
             id: FrameId(id),
             stamp: entry.stamp,

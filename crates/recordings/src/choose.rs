@@ -2,6 +2,7 @@
 
 use crate::error::{RecordingError, Result};
 use crate::probe::{Probe, Shows, Stream, base};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Topics that the user named.
@@ -33,6 +34,9 @@ impl Pair {
     }
 }
 
+/// Pairs that a message lists.
+const MOST_LISTED: usize = 10;
+
 /// Names by which drivers say that depth was brought into the colour camera.
 const REGISTERED: [&str; 4] = [
     "aligned_depth_to_color",
@@ -57,7 +61,10 @@ pub(crate) fn choose(path: &Path, probe: &Probe, named: Named<'_>) -> Result<Pai
     let depths = candidates(path, probe, Shows::Depth, named.depth, "--depth-topic")?;
     let mut pairs: Vec<Pair> = colours
         .iter()
-        .flat_map(|c| depths.iter().map(|d| pair(probe, c, d)))
+        .flat_map(|c| {
+            let reached = probe.transforms.reached_from(&c.frame);
+            depths.iter().map(move |d| pair(&reached, c, d))
+        })
         .collect();
     // Equal scores keep the order of the file.
     pairs.sort_by_key(|p| std::cmp::Reverse(p.score));
@@ -66,6 +73,7 @@ pub(crate) fn choose(path: &Path, probe: &Probe, named: Named<'_>) -> Result<Pai
     if let Some(rival) = rivals.first() {
         let several = std::iter::once(&best).chain(rivals.iter().copied());
         let list: Vec<String> = several
+            .take(MOST_LISTED)
             .map(|p| format!("{} with {}", p.colour.topic, p.depth.topic))
             .collect();
         let option = if rival.colour.channel == best.colour.channel {
@@ -76,7 +84,7 @@ pub(crate) fn choose(path: &Path, probe: &Probe, named: Named<'_>) -> Result<Pai
         return Err(RecordingError::topics(
             path,
             "one camera",
-            format!("{}: {}", list.len(), list.join("; ")),
+            format!("{}: {}", rivals.len() + 1, list.join("; ")),
             &format!("name one with {option}"),
         ));
     }
@@ -148,7 +156,7 @@ fn listed(streams: &[&Stream]) -> String {
     each.collect::<Vec<_>>().join(", ")
 }
 
-fn pair(probe: &Probe, colour: &Stream, depth: &Stream) -> Pair {
+fn pair(reached: &BTreeSet<&str>, colour: &Stream, depth: &Stream) -> Pair {
     let (mut score, mut reasons) = (0, Vec::new());
     let mut add = |points: i32, reason: &str, holds: bool| {
         if holds {
@@ -167,7 +175,8 @@ fn pair(probe: &Probe, colour: &Stream, depth: &Stream) -> Pair {
     );
     let same_frame = !colour.frame.is_empty() && colour.frame == depth.frame;
     add(3, "the same frame", same_frame);
-    let chain = !same_frame && probe.transforms.find(&colour.frame, &depth.frame).is_some();
+    let same = colour.frame == depth.frame;
+    let chain = !same_frame && (same || reached.contains(depth.frame.as_str()));
     add(1, "a chain of transforms between them", chain);
     let common = common_parts(&colour.topic, &depth.topic);
     add(2 * common.min(2), "the same name space", common > 0);

@@ -1,5 +1,6 @@
 //! What can be wrong with a recording, said so that the user can correct it.
 
+use crate::budget::one_line;
 use std::path::{Path, PathBuf};
 use stillpoint_datasets::DatasetError;
 use stillpoint_ros_messages::WireError;
@@ -97,6 +98,41 @@ pub enum RecordingError {
 }
 
 impl RecordingError {
+    /// The same without line breaks and what else steers a terminal: names come from files.
+    pub(crate) fn on_one_line(mut self) -> Self {
+        let texts: Vec<&mut String> = match &mut self {
+            Self::Format {
+                expected,
+                found,
+                advice,
+                ..
+            }
+            | Self::Topics {
+                expected,
+                found,
+                advice,
+                ..
+            }
+            | Self::Camera {
+                expected,
+                found,
+                advice,
+                ..
+            } => vec![expected, found, advice],
+            Self::Image {
+                topic,
+                expected,
+                found,
+                ..
+            } => vec![topic, expected, found],
+            _ => Vec::new(),
+        };
+        for text in texts {
+            *text = one_line(text);
+        }
+        self
+    }
+
     pub(crate) fn read(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
         |source| Self::Read {
             path: path.to_owned(),

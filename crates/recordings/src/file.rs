@@ -1,5 +1,6 @@
 //! A recording, opened as an RGB-D camera: its frames, its camera, and what was guessed.
 
+use crate::budget::one_line;
 use crate::choose::{Named, Pair, choose};
 use crate::error::{RecordingError, Result};
 use crate::inertial::{self, Sensor};
@@ -105,8 +106,14 @@ impl FileRecording {
     pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Self> {
         let files = Files::scan(path)?;
         let mut recording = files.open()?;
-        let mut warnings = recording.contents.remarks.clone();
+        let mut warnings = recording.contents.remarks.lines();
         let probe = Probe::new(&mut recording)?;
+        if probe.transforms.beyond() > 0 {
+            warnings.push(format!(
+                "{} transforms are left out: they name more frames than robots have, or frames with very long names",
+                probe.transforms.beyond()
+            ));
+        }
         let named = Named {
             colour: options.colour_topic.as_deref(),
             depth: options.depth_topic.as_deref(),
@@ -161,8 +168,8 @@ impl FileRecording {
             inertial,
             wheels,
             truth,
-            guesses,
-            warnings,
+            guesses: guesses.iter().map(|line| one_line(line)).collect(),
+            warnings: warnings.iter().map(|line| one_line(line)).collect(),
         })
     }
 

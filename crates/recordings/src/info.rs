@@ -1,6 +1,6 @@
 //! What is in a recording, without decoding it.
 
-use crate::error::Result;
+use crate::error::{RecordingError, Result};
 use crate::recording::Files;
 use crate::store::seconds;
 use std::path::Path;
@@ -34,21 +34,21 @@ pub struct Info {
 /// # Errors
 /// What is no recording, or cannot be read.
 pub fn info(path: &Path) -> Result<Info> {
-    let files = Files::scan(path)?;
+    let files = Files::scan(path).map_err(RecordingError::on_one_line)?;
     let contents = &files.contents;
     let all = contents.channels.iter().zip(&contents.counts);
     let mut topics: Vec<Topic> = all
-        .map(|(channel, &(messages, first, last))| Topic {
+        .map(|(channel, count)| Topic {
             name: channel.topic.clone(),
             type_name: channel.type_name.clone(),
-            messages,
-            received: (messages > 0).then(|| (seconds(first), seconds(last))),
+            messages: count.messages,
+            received: (count.messages > 0).then(|| (seconds(count.first), seconds(count.last))),
         })
         .collect();
     topics.sort_by(|a, b| (&a.name, &a.type_name).cmp(&(&b.name, &b.type_name)));
     Ok(Info {
         format: files.format,
         topics,
-        remarks: contents.remarks.clone(),
+        remarks: contents.remarks.lines(),
     })
 }

@@ -1,6 +1,6 @@
 //! One way to open folders and files.
 
-use crate::error::Result;
+use crate::error::{RecordingError, Result};
 use crate::file::FileRecording;
 use crate::source::RecordingSource;
 use std::path::Path;
@@ -100,7 +100,8 @@ pub fn is_recording(path: &Path) -> bool {
 /// [`crate::RecordingError`]: see its variants.
 pub fn open(path: &Path, options: &OpenOptions) -> Result<Input> {
     if path.is_file() || crate::rosbag2::is_folder(path) {
-        return FileRecording::open(path, options).map(|f| Input::File(Box::new(f)));
+        let file = FileRecording::open(path, options).map_err(RecordingError::on_one_line)?;
+        return Ok(Input::File(Box::new(file)));
     }
     let folder = stillpoint_datasets::OpenOptions {
         camera: options.camera.clone(),

@@ -1,5 +1,6 @@
 //! What the image topics of a recording are: one message of each is looked at, and the messages that describe cameras are gathered.
 
+use crate::budget::{LONGEST_NAME, MOST_COEFFICIENTS};
 use crate::decode::{colour::is_colour, depth::is_depth};
 use crate::error::Result;
 use crate::recording::Recording;
@@ -43,12 +44,16 @@ pub(crate) struct Probe {
     /// Values per metre of depth, where a RealSense says so.
     pub(crate) depth_scale: Option<f64>,
     pub(crate) device: Option<String>,
+    /// Transforms that were read.
+    pub(crate) said: usize,
     /// Topics that could not be looked into, and why.
     pub(crate) remarks: Vec<String>,
 }
 
 /// Messages of transforms that are read at most: those of frames that stand still come first.
 const TRANSFORMS: usize = 2000;
+/// Transforms that are read at most: those of three hundred frames in as many messages.
+const MOST_SAID: usize = 600_000;
 
 impl Probe {
     pub(crate) fn new(recording: &mut Recording) -> Result<Self> {
@@ -83,6 +88,11 @@ impl Probe {
             for slot in slots {
                 let bytes = recording.read(&slot)?;
                 match recording.parse::<ros::CameraInfo<'_>>(&slot, &bytes) {
+                    Ok(info) if is_oversized(&info) => self.remarks.push(format!(
+                        "topic {}: a camera info with {} lens coefficients or a name that is too long is left out",
+                        recording.topic(channel),
+                        info.d.len()
+                    )),
                     Ok(info) => {
                         infos.insert(recording.topic(channel).to_owned(), owned(&info));
                         break;
@@ -101,12 +111,16 @@ impl Probe {
             .copied()
             .collect();
         for slot in slots {
+            if self.said > MOST_SAID {
+                break;
+            }
             let bytes = recording.read(&slot)?;
             match recording.parse::<ros::TfMessage<'_>>(&slot, &bytes) {
-                Ok(message) => message
-                    .transforms
-                    .iter()
-                    .for_each(|t| self.transforms.add(t)),
+                Ok(message) => {
+                    self.said += message.transforms.len();
+                    let all = message.transforms.iter();
+                    all.for_each(|t| self.transforms.add(t));
+                }
                 Err(e) => {
                     self.remarks.push(e.to_string());
                     break;
@@ -136,6 +150,12 @@ impl Probe {
                 return Ok(None);
             }
         };
+        if encoding.len().max(frame.len()) > LONGEST_NAME {
+            self.remarks.push(format!(
+                "topic {topic}: an encoding or frame of more than {LONGEST_NAME} bytes"
+            ));
+            return Ok(None);
+        }
         let base = base(&topic).to_owned();
         let of_device = realsense::frame(&topic).or_else(|| orbbec::frame(&topic));
         let frame = of_device.map_or(frame, str::to_owned);
@@ -154,7 +174,7 @@ impl Probe {
             shows,
             frame,
             size,
-            messages: recording.contents.counts[channel as usize].0,
+            messages: recording.contents.counts[channel as usize].messages,
             info,
             topic,
         }))
@@ -212,6 +232,12 @@ pub(crate) fn info_topics(base: &str) -> Vec<String> {
         format!("{above}/info/camera_info"),
         format!("{above}/camera_info"),
     ]
+}
+
+/// Whether a camera info holds more than any camera's: it is copied for every pair of topics.
+pub(crate) fn is_oversized(info: &ros::CameraInfo<'_>) -> bool {
+    let names = info.distortion_model.len().max(info.header.frame_id.len());
+    info.d.len() > MOST_COEFFICIENTS || names > LONGEST_NAME
 }
 
 pub(crate) fn owned(info: &ros::CameraInfo<'_>) -> ros::CameraInfo<'static> {

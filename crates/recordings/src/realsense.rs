@@ -2,7 +2,7 @@
 //! strings of `key=value;`.
 
 use crate::error::Result;
-use crate::probe::Probe;
+use crate::probe::{Probe, is_oversized};
 use crate::recording::Recording;
 use crate::store::Slot;
 use std::collections::BTreeMap;
@@ -34,7 +34,7 @@ pub(crate) fn describe(
         }
         let read = one(recording, &slot, &topic, &type_name)?;
         match read {
-            Some(Said::Info(info)) => drop(infos.insert(topic, *info)),
+            Some(Said::Info(info)) if !is_oversized(&info) => drop(infos.insert(topic, *info)),
             Some(Said::Transform(mut t)) => {
                 // The stream's frame, seen from the device's.
                 let device = topic.split('/').nth(1).unwrap_or_default().to_owned();

@@ -1,14 +1,13 @@
 //! A recording: its files as one, and what their messages say.
 
+use crate::budget::Unpacking;
 use crate::error::{RecordingError, Result};
 use crate::rosbag2;
-use crate::store::blocks::{Block, BlockFile, Bytes, Compression, decompress};
+use crate::store::blocks::{Block, BlockFile, Blocks, Bytes, Compression, decompress};
 #[cfg(feature = "sqlite")]
 use crate::store::sqlite::Sqlite;
 use crate::store::temporary::Temporary;
-use crate::store::{
-    Channel, Contents, HEAD, LARGEST_MESSAGE, Slot, Store, bag, header_stamp, mcap, seconds,
-};
+use crate::store::{Channel, Contents, Place, Slot, Store, bag, largest_message, mcap, seconds};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use stillpoint_ros_messages::{Format, Wire, from_bytes};
@@ -19,6 +18,18 @@ enum Opener {
     Blocks(PathBuf, Vec<Block>),
     #[cfg(feature = "sqlite")]
     Sqlite(PathBuf),
+    /// A file that was left out.
+    None,
+}
+
+/// A file that was left out: no message lies in it.
+#[derive(Debug)]
+struct Nothing;
+
+impl Store for Nothing {
+    fn read(&mut self, _: &Place, _: &mut Blocks) -> Result<Vec<u8>> {
+        Ok(Vec::new())
+    }
 }
 
 /// The scanned files of a recording.
@@ -49,34 +60,49 @@ impl Files {
         };
         let mut contents = Contents::default();
         let mut temporary = Vec::new();
+        let mut unpacking = Unpacking::default();
         for (i, file) in plan.files.iter().enumerate().take(usize::from(u16::MAX)) {
-            let unpacked = rosbag2::unpack(file)?;
+            let unpacked = match rosbag2::unpack(file) {
+                // Of several files the others are as good as they were.
+                Err(e) if plan.files.len() > 1 => {
+                    contents.remarks.add(|| format!("a file is left out: {e}"));
+                    files.openers.push(Opener::None);
+                    continue;
+                }
+                unpacked => unpacked?,
+            };
             let at = unpacked
                 .as_ref()
                 .map_or(file.as_path(), |t| t.path.as_path());
-            contents.merge(files.scan_one(at, file, i as u16)?);
+            contents.merge(files.scan_one(at, file, i as u16, &mut unpacking)?);
             temporary.extend(unpacked);
         }
-        contents.remarks.extend(plan.remarks);
+        contents.remarks.merge(plan.remarks);
         files._temporary = Arc::new(temporary);
         if plan.compressed_messages {
-            files.contents = Arc::new(contents);
-            contents = files.restamped()?;
+            files.look_again(&mut contents)?;
         }
+        contents.finish();
         files.contents = Arc::new(contents);
         Ok(files)
     }
 
     /// Scans one file, which lies `at` a place that need not be that of `named`.
-    fn scan_one(&mut self, at: &Path, named: &Path, index: u16) -> Result<Contents> {
+    fn scan_one(
+        &mut self,
+        at: &Path,
+        named: &Path,
+        index: u16,
+        unpacking: &mut Unpacking,
+    ) -> Result<Contents> {
         let mut bytes = Bytes::open(at)?;
         let head = bytes.get(0, 16)?;
         let (store, contents) = if head.starts_with(mcap::MAGIC) {
             self.format = "MCAP";
-            mcap::open(bytes, index)?
+            mcap::open(bytes, index, unpacking)?
         } else if head.starts_with(bag::MAGIC) {
             self.format = "ROS 1 bag";
-            bag::open(bytes, index)?
+            bag::open(bytes, index, unpacking)?
         } else {
             return self.scan_data_base(at, named, index, &head);
         };
@@ -106,17 +132,15 @@ impl Files {
         Err(unknown(named, head))
     }
 
-    /// The contents with the stamps that are in compressed messages.
-    fn restamped(&self) -> Result<Contents> {
+    /// Looks into messages that are compressed each by itself.
+    fn look_again(&self, contents: &mut Contents) -> Result<()> {
         let mut recording = self.open()?;
-        let mut contents = Contents::clone(&self.contents);
-        for slot in &mut contents.slots {
-            let channel = &self.contents.channels[slot.channel as usize];
-            let stored = recording.stores[usize::from(slot.place.file)].read(&slot.place)?;
-            let (head, _) = decompress(Compression::Zstd, &stored, HEAD as u64);
-            slot.stamp = header_stamp(channel, &head);
-        }
-        Ok(contents)
+        contents.look_again(|slot, head| {
+            let store = &mut recording.stores[usize::from(slot.place.file)];
+            let stored = store.read(&slot.place, &mut recording.blocks)?;
+            // Whether the rest is whole is told when the message is read.
+            Ok(decompress(Compression::Zstd, &stored, head as u64).0)
+        })
     }
 
     /// Opens the files for reading.
@@ -130,6 +154,7 @@ impl Files {
                 }
                 #[cfg(feature = "sqlite")]
                 Opener::Sqlite(path) => Box::new(Sqlite::open(path)?),
+                Opener::None => Box::new(Nothing),
             })
         };
         let stores = self.openers.iter().map(open).collect::<Result<_>>()?;
@@ -137,6 +162,7 @@ impl Files {
             path: self.path.clone(),
             contents: Arc::clone(&self.contents),
             stores,
+            blocks: Blocks::default(),
             files: self.clone(),
         })
     }
@@ -148,6 +174,7 @@ pub(crate) struct Recording {
     pub(crate) path: PathBuf,
     pub(crate) contents: Arc<Contents>,
     stores: Vec<Box<dyn Store>>,
+    blocks: Blocks,
     pub(crate) files: Files,
 }
 
@@ -158,12 +185,26 @@ impl Recording {
 
     /// The bytes of a message.
     pub(crate) fn read(&mut self, slot: &Slot) -> Result<Vec<u8>> {
-        let stored = self.stores[usize::from(slot.place.file)].read(&slot.place)?;
+        let store = &mut self.stores[usize::from(slot.place.file)];
+        let stored = store.read(&slot.place, &mut self.blocks)?;
         if !self.files.compressed {
             return Ok(stored);
         }
-        // What is missing is told when the message is parsed.
-        Ok(decompress(Compression::Zstd, &stored, LARGEST_MESSAGE).0)
+        let channel = self.channel(slot);
+        let largest = largest_message(&channel.type_name);
+        let (bytes, error) = decompress(Compression::Zstd, &stored, largest);
+        if let Some(found) = error {
+            return Err(RecordingError::Image {
+                path: self.path.clone(),
+                topic: channel.topic.clone(),
+                stamp: seconds(slot.logged),
+                expected: "a message that unpacks".to_owned(),
+                found,
+            });
+        }
+        let unpacking = &mut self.blocks.unpacking;
+        unpacking.take(&self.path, stored.len() as u64, bytes.len() as u64)?;
+        Ok(bytes)
     }
 
     /// The message in bytes that [`Self::read`] gave.
@@ -180,10 +221,7 @@ impl Recording {
 
     /// Messages of a channel, in the order of the file.
     pub(crate) fn slots_of(&self, channel: u32) -> impl Iterator<Item = &Slot> {
-        self.contents
-            .slots
-            .iter()
-            .filter(move |s| s.channel == channel)
+        self.contents.slots_of(channel)
     }
 
     /// Channels of a type.

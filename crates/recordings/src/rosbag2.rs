@@ -1,15 +1,23 @@
 //! Folders of rosbag2: which files they hold, and how those are compressed.
 
+use crate::budget::{Remarks, Unpacking};
 use crate::error::{RecordingError, Result};
+use crate::store::blocks::wrong_checksum;
 use crate::store::temporary::Temporary;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Describes a folder.
 const METADATA: &str = "metadata.yaml";
 /// Bytes of it at most.
 const LARGEST: u64 = 1 << 24;
-/// Bytes that a file may have when it is decompressed: that of an hour of raw images.
-const LARGEST_FILE: u64 = 1 << 38;
+/// Files of a folder: as many as their numbers tell apart.
+const MOST_FILES: usize = u16::MAX as usize;
+/// Bytes between two looks at how far a file unpacks.
+const STEP: u64 = 1 << 24;
+/// Part of the free space that a file leaves when it is decompressed.
+#[cfg(unix)]
+const KEPT_FREE: u64 = 20;
 /// First bytes of what Zstandard compressed.
 const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 
@@ -18,7 +26,7 @@ const ZSTD: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
 pub(crate) struct Plan {
     pub(crate) files: Vec<PathBuf>,
     pub(crate) compressed_messages: bool,
-    pub(crate) remarks: Vec<String>,
+    pub(crate) remarks: Remarks,
 }
 
 /// Whether a folder is one of rosbag2.
@@ -41,7 +49,7 @@ pub(crate) fn plan(path: &Path) -> Result<Plan> {
         return Ok(Plan {
             files: vec![path.to_owned()],
             compressed_messages: described.is_some_and(|text| parse(&text).1),
-            remarks: Vec::new(),
+            remarks: Remarks::default(),
         });
     }
     let metadata = path.join(METADATA);
@@ -52,14 +60,17 @@ pub(crate) fn plan(path: &Path) -> Result<Plan> {
         let (names, compressed) = parse(&text);
         plan.compressed_messages = compressed;
         // Only names: a description from elsewhere must not lead out of the folder.
+        // Each once, and no more than are numbered: one that is listed again and again would be read as often.
+        let mut seen = BTreeSet::new();
         let names = names.iter().filter_map(|n| Path::new(n).file_name());
+        let names = names.filter(|n| seen.len() < MOST_FILES && seen.insert(n.to_owned()));
         let (there, gone): (Vec<PathBuf>, Vec<PathBuf>) =
             names.map(|n| path.join(n)).partition(|p| p.is_file());
         plan.files = there;
-        plan.remarks = gone
-            .iter()
-            .map(|p| format!("{} is missing and left out", p.display()))
-            .collect();
+        for path in gone {
+            plan.remarks
+                .add(|| format!("{} is missing and left out", path.display()));
+        }
     }
     if plan.files.is_empty() {
         plan.files = listed(path);
@@ -123,18 +134,70 @@ pub(crate) fn unpack(path: &Path) -> Result<Option<Temporary>> {
     if head != ZSTD {
         return Ok(None);
     }
+    let packed = file.get_ref().metadata().map_or(0, |m| m.len());
     let whole = std::io::Cursor::new(head).chain(file);
-    let broken = |e: String| {
-        RecordingError::format(path, "a file that Zstandard compressed", e, "copy it again")
-    };
-    let decoder =
-        ruzstd::decoding::StreamingDecoder::new(whole).map_err(|e| broken(e.to_string()))?;
+    let mut decoder =
+        ruzstd::decoding::StreamingDecoder::new(whole).map_err(|e| broken(path, e.to_string()))?;
     let (temporary, mut to) = Temporary::create(path, ".unpacked")?;
-    // What was written before an error is scanned as a file that was cut off.
-    match std::io::copy(&mut decoder.take(LARGEST_FILE), &mut to) {
-        Err(e) if e.kind() == std::io::ErrorKind::StorageFull => Err(broken(e.to_string())),
-        _ => Ok(Some(temporary)),
+    let allowed = Unpacking::of_file().allowed(packed);
+    let mut done = 0;
+    loop {
+        let left = room(&temporary.path).min(allowed.saturating_sub(done));
+        if left < STEP {
+            return Err(too_large(path, done, allowed));
+        }
+        // What was written before an error is scanned as a file that was cut off.
+        match std::io::copy(&mut decoder.by_ref().take(STEP), &mut to) {
+            Err(e) if e.kind() == std::io::ErrorKind::StorageFull => {
+                return Err(broken(path, e.to_string()));
+            }
+            Err(_) | Ok(0) => break,
+            Ok(n) => done += n,
+        }
     }
+    match wrong_checksum(&decoder.decoder) {
+        Some(found) => Err(broken(path, found)),
+        None => Ok(Some(temporary)),
+    }
+}
+
+fn broken(path: &Path, found: String) -> RecordingError {
+    RecordingError::format(
+        path,
+        "a file that Zstandard compressed",
+        found,
+        "copy it again",
+    )
+}
+
+fn too_large(path: &Path, done: u64, allowed: u64) -> RecordingError {
+    let (expected, advice) = if done + STEP > allowed {
+        (
+            format!("a recording that unpacks to at most {} MB", allowed >> 20),
+            "unpack it with `zstd -d` if what it holds is real",
+        )
+    } else {
+        (
+            "free space to unpack it".to_owned(),
+            "free some space, or name another folder with TMPDIR",
+        )
+    };
+    let found = format!("more than {} MB", done >> 20);
+    RecordingError::format(path, &expected, found, advice)
+}
+
+/// Bytes that may be written to the file system of a file.
+#[cfg(unix)]
+fn room(path: &Path) -> u64 {
+    rustix::fs::statvfs(path).map_or(u64::MAX, |fs| {
+        let all = fs.f_bavail.saturating_mul(fs.f_frsize);
+        all - all / KEPT_FREE
+    })
+}
+
+#[cfg(not(unix))]
+fn room(_: &Path) -> u64 {
+    u64::MAX
 }
 
 #[cfg(test)]
@@ -152,10 +215,11 @@ mod tests {
     fn a_description_does_not_lead_out_of_its_folder() {
         let dir = tempfile::tempdir().unwrap();
         std::fs::write(dir.path().join("a.mcap"), "").unwrap();
-        let text = "relative_file_paths:\n- ../../etc/a.mcap\n- gone.mcap\n";
+        let text = "relative_file_paths:\n- ../../etc/a.mcap\n- gone.mcap\n- a.mcap\n";
         std::fs::write(dir.path().join(METADATA), text).unwrap();
         let plan = plan(dir.path()).unwrap();
         assert_eq!(plan.files, [dir.path().join("a.mcap")]);
-        assert!(plan.remarks[0].contains("gone.mcap is missing"), "{plan:?}");
+        let said = plan.remarks.lines();
+        assert!(said[0].contains("gone.mcap is missing"), "{plan:?}");
     }
 }

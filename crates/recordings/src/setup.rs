@@ -32,6 +32,14 @@ pub(crate) struct Treatment {
 }
 
 impl Treatment {
+    /// Sizes of the images of colour and depth as they are taken.
+    pub(crate) fn sizes(&self) -> ((usize, usize), (usize, usize)) {
+        let camera = &self.camera.camera;
+        let colour = (camera.width as usize, camera.height as usize);
+        let depth = self.registration.as_ref().map(Registration::depth_size);
+        (colour, depth.unwrap_or(colour))
+    }
+
     /// A frame of two images, which were taken at these times (s).
     ///
     /// # Errors
@@ -74,7 +82,7 @@ impl Treatment {
     }
 }
 
-fn other_size(expected: (usize, usize), found: (usize, usize)) -> Bad {
+pub(crate) fn other_size(expected: (usize, usize), found: (usize, usize)) -> Bad {
     Bad {
         expected: format!("{} x {} px, the size of the camera", expected.0, expected.1),
         found: format!("{} x {} px", found.0, found.1),

@@ -1,5 +1,6 @@
 //! The frames of a recording, decoded one after the other.
 
+use crate::budget::one_line;
 use crate::choose::Pair;
 use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
@@ -7,7 +8,7 @@ use crate::file::{Entry, FileRecording};
 use crate::inertial::Samples;
 use crate::odometry::Stands;
 use crate::recording::Recording;
-use crate::setup::{Side, Treatment};
+use crate::setup::{Side, Treatment, other_size};
 use crate::store::{Slot, seconds};
 use std::sync::Arc;
 use stillpoint_datasets::{DatasetError, FrameOptions};
@@ -66,8 +67,10 @@ impl RecordingSource {
 
     fn read(&mut self, entry: &Entry, id: u32) -> Result<RgbdFrame> {
         let treatment = Arc::clone(&self.treatment);
-        let colour = colour(&mut self.recording, &entry.colour, self.keep_colour)?;
-        let depth = depth(&mut self.recording, &entry.depth, treatment.depth_scale)?;
+        let (seen, deep) = treatment.sizes();
+        let read = &mut self.recording;
+        let colour = colour(read, &entry.colour, self.keep_colour, Some(seen))?;
+        let depth = depth(read, &entry.depth, treatment.depth_scale, Some(deep))?;
         let times = (entry.stamp, entry.depth_stamp);
         treatment
             .frame(FrameId(id), times, colour, depth)
@@ -95,22 +98,35 @@ fn is_compressed(recording: &Recording, slot: &Slot) -> bool {
     recording.channel(slot).type_name == "sensor_msgs/msg/CompressedImage"
 }
 
-fn colour(recording: &mut Recording, slot: &Slot, keep: bool) -> Result<Colour> {
+/// Width and height of images; where they are known, a compressed one of another size is not decoded.
+type Size = Option<(usize, usize)>;
+
+fn check_size(stated: Option<(u32, u32)>, size: Size) -> std::result::Result<(), decode::Bad> {
+    let stated = stated.map(|(w, h)| (w as usize, h as usize));
+    match stated.zip(size) {
+        Some((found, expected)) if found != expected => Err(other_size(expected, found)),
+        _ => Ok(()),
+    }
+}
+
+fn colour(recording: &mut Recording, slot: &Slot, keep: bool, size: Size) -> Result<Colour> {
     let bytes = recording.read(slot)?;
     let decoded = if is_compressed(recording, slot) {
         let m: ros::CompressedImage<'_> = recording.parse(slot, &bytes)?;
-        decode::compressed_colour(&m.data, keep)
+        check_size(decode::stated_size(&m.data), size)
+            .and_then(|()| decode::compressed_colour(&m.data, keep))
     } else {
         decode::colour(&recording.parse(slot, &bytes)?, keep)
     };
     decoded.map_err(|bad| image_error(recording, slot, bad))
 }
 
-fn depth(recording: &mut Recording, slot: &Slot, scale: f64) -> Result<DepthImage> {
+fn depth(recording: &mut Recording, slot: &Slot, scale: f64, size: Size) -> Result<DepthImage> {
     let bytes = recording.read(slot)?;
     let decoded = if is_compressed(recording, slot) {
         let m: ros::CompressedImage<'_> = recording.parse(slot, &bytes)?;
-        decode::compressed_depth(&m.format, &m.data, scale)
+        check_size(decode::depth::stated_size(&m.format, &m.data), size)
+            .and_then(|()| decode::compressed_depth(&m.format, &m.data, scale))
     } else {
         decode::depth(&recording.parse(slot, &bytes)?, scale)
     };
@@ -132,8 +148,8 @@ pub(crate) fn sizes(
     }
     let mut first = None;
     for entry in entries.iter().take(TRIED) {
-        let both = colour(recording, &entry.colour, false)
-            .and_then(|c| Ok((c, depth(recording, &entry.depth, 1000.0)?)));
+        let both = colour(recording, &entry.colour, false, None)
+            .and_then(|c| Ok((c, depth(recording, &entry.depth, 1000.0, None)?)));
         match both {
             Ok((c, d)) => {
                 let size = |w: usize, h: usize| (w as u32, h as u32);
@@ -161,7 +177,7 @@ impl FrameSource for RecordingSource {
         Some(self.read(&entry, id).map_err(|e| {
             self.ended = self.strict;
             SourceError {
-                message: format!("frame {id} ({:.6} s): {e}", entry.stamp),
+                message: one_line(&format!("frame {id} ({:.6} s): {e}", entry.stamp)),
                 recoverable: !self.strict,
             }
         }))

@@ -1,5 +1,6 @@
 //! Where frames stand to each other, as `tf` messages say.
 
+use crate::budget::{LONGEST_NAME, MOST_TRANSFORMS};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
@@ -13,6 +14,9 @@ pub struct Transforms {
     edges: BTreeMap<String, BTreeMap<String, Se3>>,
     /// Pairs, child and parent, of which another transform was said later.
     moving: BTreeSet<(String, String)>,
+    /// Pairs that are kept, and transforms of others, which are not.
+    pairs: usize,
+    beyond: u64,
 }
 
 /// Transforms of one pair that differ by more than this (m, rad) are of frames that move.
@@ -41,10 +45,21 @@ impl Transforms {
         };
         let parent = frame_name(&transform.header.frame_id).to_owned();
         let child = frame_name(&transform.child_frame_id).to_owned();
+        let is_known = self
+            .edges
+            .get(&child)
+            .is_some_and(|e| e.contains_key(&parent));
+        if !is_known
+            && (self.pairs >= MOST_TRANSFORMS || parent.len().max(child.len()) > LONGEST_NAME)
+        {
+            self.beyond += 1;
+            return;
+        }
         let known = self.edges.entry(child.clone()).or_default();
         // The first counts: later ones of frames that move are of other times.
         match known.entry(parent.clone()) {
             Entry::Vacant(new) => {
+                self.pairs += 1;
                 new.insert(pose);
                 let back = pose.inverse();
                 self.edges.entry(parent).or_default().insert(child, back);
@@ -56,6 +71,34 @@ impl Transforms {
                 }
             }
         }
+    }
+
+    /// Transforms that were not taken: there are more pairs of frames than any robot has.
+    pub(crate) fn beyond(&self) -> u64 {
+        self.beyond
+    }
+
+    /// All frames that a chain leads to from one.
+    pub(crate) fn reached_from(&self, frame: &str) -> BTreeSet<&str> {
+        let mut seen = BTreeSet::new();
+        let mut open: Vec<&str> = self
+            .edges
+            .get_key_value(frame_name(frame))
+            .map(|(k, _)| k.as_str())
+            .into_iter()
+            .collect();
+        while let Some(name) = open.pop() {
+            if seen.insert(name) {
+                open.extend(
+                    self.edges
+                        .get(name)
+                        .into_iter()
+                        .flatten()
+                        .map(|(other, _)| other.as_str()),
+                );
+            }
+        }
+        seen
     }
 
     /// Whether a frame is part of any transform.

@@ -1,11 +1,14 @@
 //! Tests of the public interface.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod damage;
 mod files;
+mod hostile;
 mod inertial;
 mod mutations;
 mod odometry;
 mod orbbec;
 #[cfg(feature = "sqlite")]
 mod sqlite;
+mod structured;
 mod writers;

@@ -16,10 +16,10 @@ const LONGEST: Duration = Duration::from_secs(10);
 const MOST_MEMORY: u64 = 1_000_000;
 
 /// Numbers that are the same in every run.
-struct Random(u64);
+pub(crate) struct Random(u64);
 
 impl Random {
-    fn below(&mut self, n: usize) -> usize {
+    pub(crate) fn below(&mut self, n: usize) -> usize {
         self.0 = self
             .0
             .wrapping_mul(6_364_136_223_846_793_005)
@@ -77,13 +77,18 @@ fn peak_memory() -> Option<u64> {
 }
 
 fn mutate(name: &str, whole: &[u8]) {
+    campaign(name, SEEDS, |random| mutated(whole, random));
+}
+
+/// Reads so many files as something makes them.
+pub(crate) fn campaign(name: &str, seeds: usize, mut make: impl FnMut(&mut Random) -> Vec<u8>) {
     let asked = std::env::var("STILLPOINT_MUTATIONS");
     let asked = asked.ok().and_then(|n| n.parse::<usize>().ok());
     let dir = tempfile::tempdir().unwrap();
     let mut random = Random(1);
     let mut slowest = Duration::ZERO;
-    for seed in 0..asked.unwrap_or(SEEDS) {
-        let path = put(dir.path(), name, &mutated(whole, &mut random));
+    for seed in 0..asked.unwrap_or(seeds) {
+        let path = put(dir.path(), name, &make(&mut random));
         let start = Instant::now();
         read(&path);
         slowest = slowest.max(start.elapsed());

@@ -117,12 +117,12 @@ pub(crate) fn odometry(frames: usize) -> Vec<Sent> {
     all
 }
 
-fn text(to: &mut Vec<u8>, text: &str) {
+pub(crate) fn text(to: &mut Vec<u8>, text: &str) {
     to.extend((text.len() as u32).to_le_bytes());
     to.extend(text.as_bytes());
 }
 
-fn record(to: &mut Vec<u8>, op: u8, body: &[u8]) {
+pub(crate) fn record(to: &mut Vec<u8>, op: u8, body: &[u8]) {
     to.push(op);
     to.extend((body.len() as u64).to_le_bytes());
     to.extend(body);
@@ -201,21 +201,21 @@ pub(crate) fn mcap(messages: &[Sent], chunk: Option<(usize, bool)>) -> Vec<u8> {
     file
 }
 
-fn lz4(bytes: &[u8]) -> Vec<u8> {
+pub(crate) fn lz4(bytes: &[u8]) -> Vec<u8> {
     use std::io::Write;
     let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
     encoder.write_all(bytes).unwrap();
     encoder.finish().unwrap()
 }
 
-fn bz2(bytes: &[u8]) -> Vec<u8> {
+pub(crate) fn bz2(bytes: &[u8]) -> Vec<u8> {
     use std::io::Write;
     let mut encoder = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
     encoder.write_all(bytes).unwrap();
     encoder.finish().unwrap()
 }
 
-fn fields(fields: &[(&str, Vec<u8>)]) -> Vec<u8> {
+pub(crate) fn fields(fields: &[(&str, Vec<u8>)]) -> Vec<u8> {
     let mut out = Vec::new();
     for (name, value) in fields {
         out.extend((name.len() as u32 + 1 + value.len() as u32).to_le_bytes());
@@ -226,7 +226,7 @@ fn fields(fields: &[(&str, Vec<u8>)]) -> Vec<u8> {
     out
 }
 
-fn bag_record(to: &mut Vec<u8>, header: &[(&str, Vec<u8>)], data: &[u8]) {
+pub(crate) fn bag_record(to: &mut Vec<u8>, header: &[(&str, Vec<u8>)], data: &[u8]) {
     let header = fields(header);
     to.extend((header.len() as u32).to_le_bytes());
     to.extend(header);

@@ -12,11 +12,17 @@ use stillpoint::imaging::FrameId;
 use stillpoint::inference::sha256_hex;
 use stillpoint::models::known_by_sha256;
 
-/// Bytes of address space that a trial may take beside [`PER_BYTE`]: several times what the largest detectors need.
-const MEMORY: u64 = 6 << 30;
+/// Bytes of memory that a trial may take beside [`PER_BYTE`]: two to three times what detectors of some megabytes need for an input of 1280 x 1280 px.
+const MEMORY: u64 = 850 << 20;
 /// How many more per byte of the model: it is held as read, as patched and as prepared, for two sizes.
 const PER_BYTE: u64 = 12;
-/// How long a trial may take: two loads and three looks. The largest detectors take some seconds for them.
+/// Bytes of address space beside its memory: libraries, and what threads keep for themselves without using it.
+const ADDRESSES: u64 = 5 << 30;
+/// Seconds of processors that a trial may take beside one per [`MEGABYTE`] of the model: on small boards a detector of some megabytes takes some seconds for two
+/// loads and three looks.
+const SECONDS: u64 = 8;
+const MEGABYTE: u64 = 1_000_000;
+/// How long a trial may take by the clock. The largest detectors take some seconds.
 const TIME: Duration = Duration::from_secs(60);
 /// Between two looks at whether it has ended: shorter at first, since most take a fraction of a second.
 const PAUSE: Duration = Duration::from_millis(5);
@@ -51,8 +57,9 @@ pub(crate) fn check(
         Ended::Saying(message) => return Err(Failure::input(message)),
         Ended::Never => format!("one that is not done after {} s", TIME.as_secs()),
         Ended::Dead(status) => format!(
-            "one that ends the process that runs it ({status}), as by asking for over {:.0} GB, or by a graph that is too deep",
-            memory(content.bytes.len()) as f64 * 1e-9
+            "one that ends the process that runs it ({status}), as by asking for over {:.1} GB or {} s of a processor, or by a graph that is too deep",
+            memory(content.bytes.len()) as f64 * 1e-9,
+            seconds(content.bytes.len())
         ),
     };
     Err(Failure::input(format!(
@@ -170,24 +177,30 @@ fn take(mut pipe: impl Read) -> std::io::Result<Content> {
     })
 }
 
-/// Address space for a model of so many bytes.
+/// Memory for a model of so many bytes.
 fn memory(bytes: usize) -> u64 {
     MEMORY + PER_BYTE * bytes as u64
+}
+
+/// Seconds of processors for a model of so many bytes.
+fn seconds(bytes: usize) -> u64 {
+    SECONDS + bytes as u64 / MEGABYTE
 }
 
 /// The child: loads the model that comes in and looks at an image. How it ends is all that it says.
 pub(crate) fn carry_out(name: &str, how: &Running, option: &str) -> Result<Status, Failure> {
     let content = take(std::io::stdin().lock()).map_err(Failure::input)?;
-    limit(memory(content.bytes.len())).map_err(Failure::input)?;
+    let bytes = content.bytes.len();
+    limit(memory(bytes), seconds(bytes)).map_err(Failure::input)?;
     let mut network = load_tried(name, &content, how, option)?;
     // What an image leads to is for who looks at one to say; here it is enough to come back from it.
     let _ = network.detector.detect_image(&grey()?, FrameId(0));
     Ok(Status::Ok)
 }
 
-/// Limits this process's address space; and no picture of its memory is written to the disk should it end by that.
+/// Limits this process's memory and time; and no picture of its memory is written to the disk should it end by that.
 #[cfg(target_os = "linux")]
-fn limit(bytes: u64) -> std::io::Result<()> {
+fn limit(bytes: u64, seconds: u64) -> std::io::Result<()> {
     use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
     let least = |resource, wanted: u64| {
         let maximum = getrlimit(resource).maximum;
@@ -201,12 +214,14 @@ fn limit(bytes: u64) -> std::io::Result<()> {
         )
     };
     least(Resource::Core, 0)?;
-    least(Resource::As, bytes)?;
+    least(Resource::Data, bytes)?;
+    least(Resource::As, bytes + ADDRESSES)?;
+    least(Resource::Cpu, seconds)?;
     Ok(())
 }
 
 #[cfg(not(target_os = "linux"))]
-fn limit(_: u64) -> std::io::Result<()> {
+fn limit(_: u64, _: u64) -> std::io::Result<()> {
     Ok(())
 }
 

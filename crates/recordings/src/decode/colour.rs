@@ -1,9 +1,9 @@
 //! Colour images.
 
 use super::{Bad, Result, rows, size, yuv};
-use image::{DynamicImage, ImageFormat, ImageReader, Limits};
-use std::io::Cursor;
+use image::DynamicImage;
 use std::sync::Arc;
+use stillpoint_datasets::{decode_image, image_format, image_size};
 use stillpoint_imaging::{ColourImage, GrayImage};
 use stillpoint_ros_messages::Image;
 
@@ -99,26 +99,19 @@ pub(crate) fn colour(image: &Image<'_>, keep: bool) -> Result<Colour> {
     Ok(Colour::of_rgb(rgb, keep))
 }
 
-/// Decodes a PNG or JPEG.
+/// Decodes a PNG, JPEG or WebP that is whole.
 pub(super) fn decode(data: &[u8], expected: &str) -> Result<DynamicImage> {
-    let broken = |e: &dyn std::fmt::Display| Bad::new(expected, format!("a broken image ({e})"));
-    let format = match image::guess_format(data) {
-        Ok(f @ (ImageFormat::Png | ImageFormat::Jpeg | ImageFormat::WebP)) => f,
-        _ => {
-            let found = format!("{} bytes of another format", data.len());
-            return Err(Bad::new(expected, found));
-        }
+    let Some(format) = image_format(data) else {
+        let found = format!("{} bytes of another format", data.len());
+        return Err(Bad::new(expected, found));
     };
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(1 << 15);
-    limits.max_image_height = Some(1 << 15);
-    let mut reader = ImageReader::with_format(Cursor::new(data), format);
-    reader.limits(limits.clone());
-    let (width, height) = reader.into_dimensions().map_err(|e| broken(&e))?;
-    size(width, height)?;
-    let mut reader = ImageReader::with_format(Cursor::new(data), format);
-    reader.limits(limits);
-    reader.decode().map_err(|e| broken(&e))
+    decode_image(data, format)
+        .map_err(|why| Bad::new(expected, format!("a broken {format:?} image ({why})")))
+}
+
+/// Width and height of a compressed image by its head, where that reads.
+pub(crate) fn stated_size(data: &[u8]) -> Option<(u32, u32)> {
+    image_size(data, image_format(data)?).ok()
 }
 
 /// A compressed image, which says itself what it is.

@@ -79,6 +79,20 @@ pub(crate) fn depth(image: &Image<'_>, scale: f64) -> Result<DepthImage> {
 /// Bytes before the image: what it is, and two parameters.
 const HEAD: usize = 12;
 
+/// Width and height of such an image by its head, where that reads.
+pub(crate) fn stated_size(format: &str, data: &[u8]) -> Option<(u32, u32)> {
+    let body = data.get(HEAD..)?;
+    if is_rvl(format) {
+        let word = |at: usize| Some(u32::from_le_bytes(body.get(at..at + 4)?.try_into().ok()?));
+        return word(0).zip(word(4));
+    }
+    super::stated_size(body)
+}
+
+fn is_rvl(format: &str) -> bool {
+    format.to_lowercase().contains("rvl")
+}
+
 /// An image of compressed_depth_image_transport: PNG or RVL after twelve bytes. `format` is the message's; where it says 32FC1, values are those
 /// of inverse depth, `a / (value - b)`.
 pub(crate) fn compressed_depth(format: &str, data: &[u8], scale: f64) -> Result<DepthImage> {
@@ -87,12 +101,8 @@ pub(crate) fn compressed_depth(format: &str, data: &[u8], scale: f64) -> Result<
     let (head, body) = data.split_at_checked(HEAD).ok_or_else(short)?;
     let number =
         |at: usize| f32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
-    let (width, height, raw) = if format.to_lowercase().contains("rvl") {
-        let word = |at: usize| {
-            let b = body.get(at..at + 4)?.try_into().ok()?;
-            Some(u32::from_le_bytes(b))
-        };
-        let (w, h) = word(0).zip(word(4)).ok_or_else(short)?;
+    let (width, height, raw) = if is_rvl(format) {
+        let (w, h) = stated_size(format, data).ok_or_else(short)?;
         let (width, height) = size(w, h)?;
         // A pixel takes an eighth of half a byte at least, but for runs of zeros, which take none.
         let raw = rvl::decode(&body[8..], width * height);

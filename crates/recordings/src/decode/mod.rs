@@ -5,8 +5,10 @@ pub(crate) mod depth;
 mod rvl;
 mod yuv;
 
-pub(crate) use colour::{Colour, colour, compressed_colour};
+pub(crate) use colour::{Colour, colour, compressed_colour, stated_size};
 pub(crate) use depth::{compressed_depth, depth};
+
+use stillpoint_datasets::MOST_PIXELS;
 
 /// What an image is not, and what it is instead.
 #[derive(Debug, PartialEq)]
@@ -25,9 +27,6 @@ impl Bad {
 }
 
 type Result<T> = std::result::Result<T, Bad>;
-
-/// Pixels of an image at most.
-const MOST_PIXELS: u64 = 100_000_000;
 
 /// Rows of an image without what pads them: `row` bytes of every `step`; where that is not filled in, nothing pads them.
 fn rows(data: &[u8], height: u32, step: u32, row: usize) -> Result<impl Iterator<Item = &[u8]>> {
@@ -51,7 +50,8 @@ fn size(width: u32, height: u32) -> Result<(usize, usize)> {
     let pixels = u64::from(width) * u64::from(height);
     if pixels == 0 || pixels > MOST_PIXELS {
         let found = format!("{width} x {height} px");
-        return Err(Bad::new("an image of 1 to 100 million pixels", found));
+        let expected = format!("an image of 1 to {MOST_PIXELS} pixels");
+        return Err(Bad::new(expected, found));
     }
     Ok((width as usize, height as usize))
 }

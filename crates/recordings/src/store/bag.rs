@@ -1,9 +1,9 @@
 //! Bags of ROS 1, version 2.0, <https://wiki.ros.org/Bags/Format/2.0>: records one after the other, messages in chunks.
 
-use super::blocks::{Block, BlockFile, Bytes, Compression};
+use super::blocks::{Block, BlockFile, Bytes, Compression, Unpacked};
 use super::cursor::Cursor;
-use super::full_name;
-use super::{Channel, Contents, HEAD, LARGEST_BLOCK, MOST_CHANNELS, Place};
+use super::{Contents, HEAD, Place};
+use crate::budget::{LARGEST_BLOCK, LONGEST_NAME, MOST_NUMBERS, Unpacking};
 use crate::error::{RecordingError, Result};
 use std::collections::BTreeMap;
 use stillpoint_ros_messages::Format;
@@ -22,23 +22,29 @@ const LARGEST_HEADER: u32 = 1 << 16;
 const LARGEST_CONNECTION: u64 = 1 << 24;
 
 /// Scans a file.
-pub(crate) fn open(bytes: Bytes, file: u16) -> Result<(BlockFile, Contents)> {
+pub(crate) fn open(
+    bytes: Bytes,
+    file: u16,
+    unpacking: &mut Unpacking,
+) -> Result<(BlockFile, Contents)> {
     let mut scan = Scan {
         file,
+        contents: Contents::of(bytes.len),
         store: BlockFile::new(bytes),
+        unpacking,
         connections: BTreeMap::new(),
-        contents: Contents::default(),
     };
     let end = scan.store.bytes.len;
     scan.records(MAGIC.len() as u64, end, Level::File)?;
     Ok((scan.store, scan.contents))
 }
 
-struct Scan {
+struct Scan<'b> {
     file: u16,
     store: BlockFile,
-    /// Index in the contents by number.
-    connections: BTreeMap<u32, u32>,
+    unpacking: &'b mut Unpacking,
+    /// Topic and type by number, and the index in the contents; without one it is left out.
+    connections: BTreeMap<u32, (String, String, Option<u32>)>,
     contents: Contents,
 }
 
@@ -84,7 +90,7 @@ impl<'a> Fields<'a> {
     }
 }
 
-impl Scan {
+impl Scan<'_> {
     /// Records that lie in the file as they are, from `at` to `end`.
     fn records(&mut self, mut at: u64, end: u64, level: Level) -> Result<()> {
         while at < end {
@@ -99,7 +105,7 @@ impl Scan {
             let whole = len <= end - data;
             match fields.op() {
                 Some(CHUNK) if level == Level::File => {
-                    self.chunk(&fields, data, len.min(end - data))?
+                    self.chunk(&fields, data, len.min(end - data), whole)?
                 }
                 _ if !whole => {}
                 Some(BAG_HEADER) => self.check(&fields)?,
@@ -108,7 +114,8 @@ impl Scan {
                     self.connection(&fields, &bytes);
                 }
                 Some(MESSAGE) => {
-                    let head = self.store.bytes.get(data, len.min(HEAD as u64))?;
+                    let wanted = self.wanted(&fields) as u64;
+                    let head = self.store.bytes.get(data, len.min(wanted))?;
                     self.message(&fields, &head, None, data, len);
                 }
                 // Indexes: everything is found without them.
@@ -153,28 +160,45 @@ impl Scan {
         }
     }
 
+    /// The first of a number counts: another one is damage.
     fn connection(&mut self, fields: &Fields<'_>, data: &[u8]) {
-        if self.connections.len() >= MOST_CHANNELS {
-            return;
-        }
         let read = (|| {
             let id = fields.u32("conn")?;
             let inner = Fields::parse(data)?;
             let topic = fields.text("topic").or_else(|| inner.text("topic"))?;
-            Some((id, topic, full_name(&inner.text("type")?)))
+            Some((id, topic, inner.text("type")?))
         })();
         let Some((id, topic, type_name)) = read else {
-            let remark = "a connection record does not read and is left out";
-            self.contents.remarks.push(remark.to_owned());
+            self.contents
+                .remarks
+                .add(|| "a connection record does not read and is left out".to_owned());
             return;
         };
-        let channel = Channel {
-            topic,
-            type_name,
-            format: Some(Format::Ros1),
-        };
-        let index = self.contents.channel(channel);
-        self.connections.insert(id, index);
+        if let Some((known, known_type, _)) = self.connections.get(&id) {
+            if (known, known_type) != (&topic, &type_name) {
+                self.contents.remarks.add(|| {
+                    format!("a connection record contradicts an earlier one of number {id} and is left out")
+                });
+            }
+            return;
+        }
+        let index = self
+            .contents
+            .channel(&topic, &type_name, Some(Format::Ros1));
+        if topic.len().max(type_name.len()) <= LONGEST_NAME && self.connections.len() < MOST_NUMBERS
+        {
+            self.connections.insert(id, (topic, type_name, index));
+        }
+    }
+
+    fn index_of(&self, fields: &Fields<'_>) -> Option<u32> {
+        self.connections.get(&fields.u32("conn")?)?.2
+    }
+
+    /// Bytes of a message that are looked at.
+    fn wanted(&self, fields: &Fields<'_>) -> usize {
+        let channel = self.index_of(fields);
+        channel.map_or(HEAD, |c| self.contents.head_of(c))
     }
 
     fn message(
@@ -189,7 +213,7 @@ impl Scan {
             let mut time = Cursor::new(fields.get("time")?);
             let (sec, nanosec) = (time.u32()?, time.u32()?);
             let logged = i64::from(sec) * 1_000_000_000 + i64::from(nanosec);
-            Some((*self.connections.get(&fields.u32("conn")?)?, logged))
+            Some((self.index_of(fields)?, logged))
         })();
         let Some((channel, logged)) = read else {
             return;
@@ -203,8 +227,8 @@ impl Scan {
         self.contents.message(channel, logged, head, place);
     }
 
-    /// A chunk of which `len` bytes are there.
-    fn chunk(&mut self, fields: &Fields<'_>, offset: u64, len: u64) -> Result<()> {
+    /// A chunk of which `len` bytes are there, which is all of it or not.
+    fn chunk(&mut self, fields: &Fields<'_>, offset: u64, len: u64, whole: bool) -> Result<()> {
         let name = fields.text("compression").unwrap_or_default();
         let size = u64::from(fields.u32("size").unwrap_or(0));
         let Some(how) = Compression::named(&name).filter(|how| *how != Some(Compression::Zstd))
@@ -218,33 +242,53 @@ impl Scan {
         let Some(how) = how else {
             return self.records(offset, offset + len, Level::Chunk);
         };
-        if size > LARGEST_BLOCK {
-            self.contents.remarks.push(format!(
-                "the chunk at byte {offset} would have {size} bytes, more than {LARGEST_BLOCK}, and is left out"
-            ));
-            return Ok(());
-        }
-        let block = self.store.blocks.len() as u32;
-        self.store.blocks.push(Block {
+        let block = Block {
             offset,
             stored: len,
             size,
             how,
-        });
-        self.compressed(block, offset)
+        };
+        self.compressed(block, whole)
+    }
+
+    fn compressed(&mut self, block: Block, whole: bool) -> Result<()> {
+        let (at, size) = (block.offset, block.size);
+        if size > LARGEST_BLOCK {
+            self.contents.remarks.add(|| format!(
+                "the chunk at byte {at} would have {size} bytes, more than {LARGEST_BLOCK}, and is left out"
+            ));
+            return Ok(());
+        }
+        let index = self.store.blocks.len() as u32;
+        self.store.blocks.push(block);
+        let (bytes, error) = match self.store.unpack(index, self.unpacking)? {
+            Unpacked::Bytes(bytes, error) => (bytes, error),
+            Unpacked::TooMuch => {
+                self.contents.chunk_beyond(at);
+                return Ok(());
+            }
+        };
+        match error {
+            // One that is all there and does not unpack holds anything.
+            Some(e) if whole => {
+                self.contents
+                    .remarks
+                    .add(|| format!("the chunk at byte {at} is damaged ({e}) and left out"));
+                return Ok(());
+            }
+            Some(e) => self
+                .contents
+                .remarks
+                .add(|| format!("the chunk at byte {at} is cut off ({e}): what is before is used")),
+            None => {}
+        }
+        self.unpacked(&bytes, index, at);
+        Ok(())
     }
 
     /// Records within a compressed chunk, which begins at `at`.
-    fn compressed(&mut self, block: u32, at: u64) -> Result<()> {
-        let (bytes, error) = self.store.load(block)?;
-        // The scan changes what the block belongs to; a chunk is some megabytes at most.
-        let bytes = bytes.to_vec();
-        if let Some(e) = error {
-            self.contents.remarks.push(format!(
-                "the chunk at byte {at} is cut off or damaged ({e}): what is before is used"
-            ));
-        }
-        let mut from = Cursor::new(&bytes);
+    fn unpacked(&mut self, bytes: &[u8], block: u32, at: u64) {
+        let mut from = Cursor::new(bytes);
         let mut done = 0_u64;
         while !from.is_empty() {
             let read = (|| {
@@ -252,22 +296,21 @@ impl Scan {
                 Some((Fields::parse(header)?, header.len() as u64, from.bytes()?))
             })();
             let Some((fields, header, data)) = read else {
-                self.contents.remarks.push(format!(
-                    "the chunk at byte {at} ends within a record: what is before is used"
-                ));
+                self.contents.remarks.add(|| {
+                    format!("the chunk at byte {at} ends within a record: what is before is used")
+                });
                 break;
             };
             let offset = done + 8 + header;
             match fields.op() {
                 Some(CONNECTION) => self.connection(&fields, data),
                 Some(MESSAGE) => {
-                    let head = &data[..data.len().min(HEAD)];
+                    let head = &data[..data.len().min(self.wanted(&fields))];
                     self.message(&fields, head, Some(block), offset, data.len() as u64);
                 }
                 _ => {}
             }
             done = offset + data.len() as u64;
         }
-        Ok(())
     }
 }

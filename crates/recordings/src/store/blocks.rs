@@ -1,6 +1,7 @@
 //! A file with compressed blocks in it: reading at any place, with the blocks that were used last kept decompressed.
 
-use super::{LARGEST_BLOCK, LARGEST_MESSAGE, Place, Store};
+use super::{Place, Store};
+use crate::budget::{LARGEST_BLOCK, LARGEST_IMAGE, MOST_KEPT, SLOW, Unpacking};
 use crate::error::{RecordingError, Result};
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -33,7 +34,8 @@ pub(crate) fn decompress(
     bytes: &[u8],
     largest: u64,
 ) -> (Vec<u8>, Option<String>) {
-    let mut out = Vec::new();
+    // Pages that are not written to take no memory.
+    let mut out = Vec::with_capacity(largest.min(64 * bytes.len() as u64) as usize);
     let mut read = |from: &mut dyn Read| {
         let read = from.take(largest + 1).read_to_end(&mut out);
         let error = read.err().map(|e| e.to_string());
@@ -45,11 +47,23 @@ pub(crate) fn decompress(
         Compression::Lz4 => read(&mut lz4_flex::frame::FrameDecoder::new(bytes)),
         Compression::Bzip2 => read(&mut bzip2::read::MultiBzDecoder::new(bytes)),
         Compression::Zstd => match ruzstd::decoding::StreamingDecoder::new(bytes) {
-            Ok(mut decoder) => read(&mut decoder),
+            Ok(mut decoder) => read(&mut decoder).or_else(|| wrong_checksum(&decoder.decoder)),
             Err(e) => Some(e.to_string()),
         },
     };
     (out, error)
+}
+
+/// What is wrong with a frame of Zstandard that was read to its end and states a checksum: the decoder leaves it to who uses it.
+pub(crate) fn wrong_checksum(decoder: &ruzstd::decoding::FrameDecoder) -> Option<String> {
+    let stated = decoder.get_checksum_from_data()?;
+    let found = decoder.get_calculated_checksum()?;
+    (decoder.is_finished() && stated != found).then(|| wrong_crc("checksum", stated, found))
+}
+
+/// A checksum that does not match, in words.
+pub(crate) fn wrong_crc(which: &str, stated: u32, found: u32) -> String {
+    format!("its {which} is {found:08x} instead of {stated:08x}")
 }
 
 /// A compressed block, where it lies.
@@ -109,6 +123,22 @@ impl Bytes {
         self.fill(offset, &mut out)?;
         Ok(out)
     }
+
+    /// The CRC-32 of `len` bytes from `offset` on, as far as they are there.
+    pub(crate) fn crc(&mut self, offset: u64, len: u64) -> Result<crc32fast::Hasher> {
+        const STEP: u64 = 1 << 20;
+        let mut hasher = crc32fast::Hasher::new();
+        let mut done = 0;
+        while done < len {
+            let step = self.get(offset + done, STEP.min(len - done))?;
+            if step.is_empty() {
+                break;
+            }
+            hasher.update(&step);
+            done += step.len() as u64;
+        }
+        Ok(hasher)
+    }
 }
 
 /// Decompressed blocks that are kept: colour and depth of one moment may lie in two, and their next ones in a third.
@@ -119,8 +149,38 @@ const KEPT: usize = 3;
 pub(crate) struct BlockFile {
     pub(crate) bytes: Bytes,
     pub(crate) blocks: Vec<Block>,
-    /// Those that were used last, the newest last.
-    kept: Vec<(u32, Vec<u8>)>,
+}
+
+/// The decompressed blocks of a recording that were used last, and what may still be decompressed of it.
+#[derive(Debug, Default)]
+pub(crate) struct Blocks {
+    /// By file and number, the newest last.
+    kept: Vec<((u16, u32), Vec<u8>)>,
+    pub(crate) unpacking: Unpacking,
+}
+
+impl Blocks {
+    /// Keeps a block, and of the others the newest that there is room for.
+    fn keep(&mut self, key: (u16, u32), block: Vec<u8>) {
+        let mut bytes = block.len();
+        self.kept.push((key, block));
+        let rest = self.kept.iter().rev().skip(1).take(KEPT - 1);
+        let fits = rest.take_while(|(_, b)| {
+            bytes += b.len();
+            bytes <= MOST_KEPT
+        });
+        let old = self.kept.len() - 1 - fits.count();
+        self.kept.drain(..old);
+    }
+}
+
+/// A block, decompressed.
+#[derive(Debug)]
+pub(crate) enum Unpacked {
+    /// As far as it goes, and what is wrong with it.
+    Bytes(Vec<u8>, Option<String>),
+    /// It would be more than the recording may unpack to.
+    TooMuch,
 }
 
 impl BlockFile {
@@ -128,41 +188,128 @@ impl BlockFile {
         Self {
             bytes,
             blocks: Vec::new(),
-            kept: Vec::new(),
         }
     }
 
-    /// Decompresses a block, and keeps it. What is wrong with it is said in words.
-    pub(crate) fn load(&mut self, index: u32) -> Result<(&[u8], Option<String>)> {
-        let mut error = None;
-        if let Some(at) = self.kept.iter().position(|(i, _)| *i == index) {
-            let found = self.kept.remove(at);
-            self.kept.push(found);
+    /// Decompresses a block.
+    pub(crate) fn unpack(&mut self, index: u32, unpacking: &mut Unpacking) -> Result<Unpacked> {
+        let block = self.blocks[index as usize];
+        let stored = self.bytes.get(block.offset, block.stored)?;
+        let packed = stored.len() as u64;
+        // What it states is held against the budget before it is unpacked, since that takes its time.
+        let effort = if block.how == Compression::Bzip2 {
+            SLOW
         } else {
-            let block = self.blocks[index as usize];
-            let stored = self.bytes.get(block.offset, block.stored)?;
-            let (out, e) = decompress(block.how, &stored, block.size.min(LARGEST_BLOCK));
-            error = e;
-            if self.kept.len() >= KEPT {
-                self.kept.remove(0);
-            }
-            self.kept.push((index, out));
+            1
+        };
+        if block.size.saturating_mul(effort) > unpacking.allowed(packed) {
+            return Ok(Unpacked::TooMuch);
         }
-        let bytes = self.kept.last().map_or(&[][..], |(_, bytes)| bytes);
-        Ok((bytes, error))
+        let (out, error) = decompress(block.how, &stored, block.size.min(LARGEST_BLOCK));
+        unpacking.took(packed, effort * out.len() as u64);
+        let missing = error.is_none() && out.len() as u64 != block.size;
+        let error = error
+            .or_else(|| missing.then(|| format!("{} bytes instead of {}", out.len(), block.size)));
+        Ok(Unpacked::Bytes(out, error))
     }
 }
 
 impl Store for BlockFile {
-    fn read(&mut self, place: &Place) -> Result<Vec<u8>> {
-        let len = u64::from(place.len).min(LARGEST_MESSAGE);
+    fn read(&mut self, place: &Place, blocks: &mut Blocks) -> Result<Vec<u8>> {
+        let len = u64::from(place.len).min(LARGEST_IMAGE);
         let Some(block) = place.block else {
             return self.bytes.get(place.offset, len);
         };
-        let (bytes, _) = self.load(block)?;
+        let key = (place.file, block);
+        if let Some(at) = blocks.kept.iter().position(|(k, _)| *k == key) {
+            let found = blocks.kept.remove(at);
+            blocks.kept.push(found);
+        } else {
+            match self.unpack(block, &mut blocks.unpacking)? {
+                // What is wrong with it was said when it was scanned.
+                Unpacked::Bytes(bytes, _) => blocks.keep(key, bytes),
+                Unpacked::TooMuch => return Err(Unpacking::exceeded(&self.bytes.path)),
+            }
+        }
+        let bytes = blocks.kept.last().map_or(&[][..], |(_, bytes)| bytes);
         let from = usize::try_from(place.offset).unwrap_or(usize::MAX);
         let from = from.min(bytes.len());
         let to = from.saturating_add(len as usize).min(bytes.len());
         Ok(bytes[from..to].to_vec())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kept_blocks_have_one_bound() {
+        let mut blocks = Blocks::default();
+        for i in 0..5 {
+            blocks.keep((0, i), vec![0; 100 << 20]);
+        }
+        let kept = |blocks: &Blocks| blocks.kept.iter().map(|(k, _)| k.1).collect::<Vec<_>>();
+        assert_eq!(kept(&blocks), [3, 4]);
+        // One alone is always kept: what is asked for lies in it.
+        blocks.keep((1, 7), vec![0; MOST_KEPT]);
+        assert_eq!(kept(&blocks), [7]);
+        for i in 0..9 {
+            blocks.keep((2, i), vec![0; 1 << 20]);
+        }
+        assert_eq!(kept(&blocks), [6, 7, 8]);
+    }
+
+    #[test]
+    fn what_chunks_unpack_to_has_a_common_bound() {
+        use std::io::Write;
+        const SIZE: u64 = 1 << 20;
+        let mut encoder = lz4_flex::frame::FrameEncoder::new(Vec::new());
+        encoder.write_all(&vec![0; SIZE as usize]).unwrap();
+        let packed = encoder.finish().unwrap();
+        let mut chunk = vec![0; 16];
+        chunk.extend(SIZE.to_le_bytes());
+        chunk.extend([0, 0, 0, 0, 3, 0, 0, 0]);
+        chunk.extend(b"lz4");
+        chunk.extend((packed.len() as u64).to_le_bytes());
+        chunk.extend(&packed);
+        let mut file = super::super::mcap::MAGIC.to_vec();
+        for _ in 0..9 {
+            file.push(6);
+            file.extend((chunk.len() as u64).to_le_bytes());
+            file.extend(&chunk);
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("zeros.mcap");
+        std::fs::write(&path, file).unwrap();
+        // Each chunk takes what is beyond a hundred times its packed size.
+        let beyond = SIZE - 100 * packed.len() as u64;
+        let mut unpacking = Unpacking::of(4 * beyond);
+        let bytes = Bytes::open(&path).unwrap();
+        let (store, mut contents) = super::super::mcap::open(bytes, 0, &mut unpacking).unwrap();
+        contents.finish();
+        let said = contents.remarks.lines().join("\n");
+        let at = 8 + 4 * (9 + chunk.len() as u64) + 9;
+        let expected = format!("5 chunks, the first at byte {at}, are left out");
+        assert!(said.contains(&expected), "{said}");
+        // Reading has the same bound.
+        let place = |block: u32| Place {
+            file: 0,
+            block: Some(block),
+            offset: 0,
+            len: 7,
+        };
+        let mut store = store;
+        let mut blocks = Blocks {
+            unpacking: Unpacking::of(beyond),
+            ..Blocks::default()
+        };
+        assert_eq!(store.read(&place(0), &mut blocks).unwrap(), [0; 7]);
+        assert_eq!(store.read(&place(0), &mut blocks).unwrap(), [0; 7]);
+        let refused = store.read(&place(1), &mut blocks).unwrap_err().to_string();
+        assert!(
+            refused.contains("unpacks to at most 100 times"),
+            "{refused}"
+        );
     }
 }

@@ -45,6 +45,11 @@ impl<'a> Cursor<'a> {
         Some(String::from_utf8_lossy(bytes).into_owned())
     }
 
+    /// A number and the text after it.
+    pub(crate) fn u16_and_text(&mut self) -> Option<(u16, String)> {
+        Some((self.u16()?, self.text()?))
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.left.is_empty()
     }

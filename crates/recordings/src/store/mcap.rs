@@ -1,9 +1,9 @@
 //! MCAP, <https://mcap.dev/spec>: records one after the other, messages in chunks or between them.
 
-use super::blocks::{Block, BlockFile, Bytes, Compression};
+use super::blocks::{Block, BlockFile, Bytes, Compression, Unpacked, wrong_crc};
 use super::cursor::Cursor;
-use super::full_name;
-use super::{Channel, Contents, HEAD, LARGEST_BLOCK, MOST_CHANNELS, Place};
+use super::{Contents, HEAD, Place};
+use crate::budget::{LARGEST_BLOCK, LONGEST_NAME, Unpacking};
 use crate::error::{RecordingError, Result};
 use std::collections::BTreeMap;
 use stillpoint_ros_messages::Format;
@@ -26,27 +26,44 @@ const MESSAGE_HEAD: u64 = 22;
 const LARGEST_RECORD: u64 = 1 << 24;
 
 /// Scans a file.
-pub(crate) fn open(bytes: Bytes, file: u16) -> Result<(BlockFile, Contents)> {
+pub(crate) fn open(
+    bytes: Bytes,
+    file: u16,
+    unpacking: &mut Unpacking,
+) -> Result<(BlockFile, Contents)> {
     let mut scan = Scan {
         file,
+        contents: Contents::of(bytes.len),
         store: BlockFile::new(bytes),
+        unpacking,
         schemas: BTreeMap::new(),
         channels: BTreeMap::new(),
-        contents: Contents::default(),
+        unchecked: Vec::new(),
     };
     let end = scan.store.bytes.len;
     scan.records(MAGIC.len() as u64, end, Level::File)?;
     Ok((scan.store, scan.contents))
 }
 
-struct Scan {
+struct Scan<'b> {
     file: u16,
     store: BlockFile,
+    unpacking: &'b mut Unpacking,
     /// Name by number.
     schemas: BTreeMap<u16, String>,
-    /// Index in the contents by number.
-    channels: BTreeMap<u16, u32>,
+    /// Topic, schema and encoding by number, and the index in the contents; without one it is left out.
+    channels: BTreeMap<u16, (Declared, Option<u32>)>,
     contents: Contents,
+    /// Which of the messages no checksum of a chunk vouches for.
+    unchecked: Vec<std::ops::Range<usize>>,
+}
+
+/// What a file says of a channel.
+#[derive(Clone, Debug, PartialEq)]
+struct Declared {
+    topic: String,
+    type_name: String,
+    format: Option<Format>,
 }
 
 /// Where records stand. Chunks hold none: a file that says otherwise is damaged.
@@ -63,7 +80,7 @@ enum Next {
     Stop,
 }
 
-impl Scan {
+impl Scan<'_> {
     /// Records that lie in the file as they are, from `at` to `end`.
     fn records(&mut self, mut at: u64, end: u64, level: Level) -> Result<Next> {
         while at < end {
@@ -92,17 +109,29 @@ impl Scan {
 
     fn record(&mut self, op: u8, body: u64, len: u64, level: Level) -> Result<Next> {
         match op {
-            FOOTER | DATA_END => return Ok(Next::Stop),
+            FOOTER => return Ok(Next::Stop),
+            DATA_END => {
+                if level == Level::File {
+                    self.data_end(body, len)?;
+                }
+                return Ok(Next::Stop);
+            }
             SCHEMA | CHANNEL if len <= LARGEST_RECORD => {
                 let bytes = self.store.bytes.get(body, len)?;
                 self.describe(op, &bytes);
             }
             MESSAGE => {
-                let head = self
-                    .store
-                    .bytes
-                    .get(body, len.min(MESSAGE_HEAD + HEAD as u64))?;
+                let before = self.contents.slots.len();
+                let mut head = self.head(body, len, HEAD)?;
+                let channel = Cursor::new(&head).u16().and_then(|id| self.index_of(id));
+                let wanted = channel.map_or(HEAD, |c| self.contents.head_of(c));
+                if wanted > HEAD {
+                    head = self.head(body, len, wanted)?;
+                }
                 self.message(&head, None, body, len);
+                if level == Level::File {
+                    self.is_unchecked(before);
+                }
             }
             CHUNK if level == Level::File => self.chunk(body, len)?,
             // Indexes, attachments, metadata, and what later versions may add.
@@ -111,42 +140,84 @@ impl Scan {
         Ok(Next::Go)
     }
 
-    /// A schema or channel. One that does not read is left out: its messages are as well.
+    /// The first bytes of a message's record: `n` of the message itself.
+    fn head(&mut self, body: u64, len: u64, n: usize) -> Result<Vec<u8>> {
+        self.store.bytes.get(body, len.min(MESSAGE_HEAD + n as u64))
+    }
+
+    /// Notes that no checksum of a chunk vouches for the messages since there were `before`.
+    fn is_unchecked(&mut self, before: usize) {
+        let after = self.contents.slots.len();
+        match self.unchecked.last_mut() {
+            Some(last) if last.end == before => last.end = after,
+            _ if after > before => self.unchecked.push(before..after),
+            _ => {}
+        }
+    }
+
+    /// A schema or channel. One that does not read is left out: its messages are as well. The first of a number counts: another one is damage.
     fn describe(&mut self, op: u8, bytes: &[u8]) {
-        if self.channels.len().max(self.schemas.len()) >= MOST_CHANNELS {
-            return;
-        }
-        let mut from = Cursor::new(bytes);
-        let mut read = || {
-            let id = from.u16()?;
-            if op == SCHEMA {
-                self.schemas.insert(id, full_name(&from.text()?));
-                return Some(());
-            }
-            let schema = from.u16()?;
-            let topic = from.text()?;
-            let encoding = from.text()?;
-            let format = match encoding.as_str() {
-                "cdr" => Some(Format::CdrLittleEndian),
-                "ros1" => Some(Format::Ros1),
-                _ => None,
-            };
-            let type_name = self.schemas.get(&schema).cloned().unwrap_or_default();
-            let channel = Channel {
-                topic,
-                type_name,
-                format,
-            };
-            let index = self.contents.channel(channel);
-            self.channels.insert(id, index);
-            Some(())
+        let known = if op == SCHEMA {
+            let read = Cursor::new(bytes).u16_and_text();
+            read.map(|(id, name)| self.schema(id, name))
+        } else {
+            self.declared(bytes).map(|(id, d)| self.declare(id, d))
         };
-        if read().is_none() {
-            let what = if op == SCHEMA { "schema" } else { "channel" };
-            self.contents
+        let what = if op == SCHEMA { "schema" } else { "channel" };
+        match known {
+            Some(true) => {}
+            Some(false) => self
+                .contents
                 .remarks
-                .push(format!("a {what} record does not read and is left out"));
+                .add(|| format!("a {what} record contradicts an earlier one, or its name is too long, and is left out")),
+            None => self
+                .contents
+                .remarks
+                .add(|| format!("a {what} record does not read and is left out")),
         }
+    }
+
+    fn schema(&mut self, id: u16, name: String) -> bool {
+        if name.len() > LONGEST_NAME {
+            return false;
+        }
+        *self.schemas.entry(id).or_insert_with(|| name.clone()) == name
+    }
+
+    fn declared(&self, bytes: &[u8]) -> Option<(u16, Declared)> {
+        let mut from = Cursor::new(bytes);
+        let id = from.u16()?;
+        let (schema, topic) = from.u16_and_text()?;
+        let format = match from.text()?.as_str() {
+            "cdr" => Some(Format::CdrLittleEndian),
+            "ros1" => Some(Format::Ros1),
+            _ => None,
+        };
+        let type_name = self.schemas.get(&schema).cloned().unwrap_or_default();
+        let declared = Declared {
+            topic,
+            type_name,
+            format,
+        };
+        Some((id, declared))
+    }
+
+    fn declare(&mut self, id: u16, declared: Declared) -> bool {
+        if let Some((known, _)) = self.channels.get(&id) {
+            return *known == declared;
+        }
+        if declared.topic.len() > LONGEST_NAME {
+            return false;
+        }
+        let index = self
+            .contents
+            .channel(&declared.topic, &declared.type_name, declared.format);
+        self.channels.insert(id, (declared, index));
+        true
+    }
+
+    fn index_of(&self, id: u16) -> Option<u32> {
+        self.channels.get(&id).and_then(|(_, index)| *index)
     }
 
     /// A message whose record begins with `head`; its body of `len` bytes begins at `body`.
@@ -156,7 +227,7 @@ impl Scan {
         let Some((((id, _), logged), _)) = ids else {
             return;
         };
-        let Some(&channel) = self.channels.get(&id) else {
+        let Some(channel) = self.index_of(id) else {
             return;
         };
         let place = Place {
@@ -176,17 +247,16 @@ impl Scan {
         let mut from = Cursor::new(&head);
         let read = (|| {
             from.take(16)?;
-            let size = from.u64()?;
-            from.take(4)?;
+            let (size, crc) = (from.u64()?, from.u32()?);
             let name = from.text()?;
-            Some((size, name.clone(), 40 + name.len() as u64, from.u64()?))
+            Some((size, crc, name.clone(), 40 + name.len() as u64, from.u64()?))
         })();
-        let Some((size, name, before, stored)) = read else {
+        let Some((size, crc, name, before, stated)) = read else {
             self.contents.cut(body);
             return Ok(());
         };
         let offset = body + before;
-        let stored = stored.min(len.saturating_sub(before));
+        let stored = stated.min(len.saturating_sub(before));
         let Some(how) = Compression::named(&name).filter(|how| *how != Some(Compression::Bzip2))
         else {
             let expected = "chunks without compression, or with lz4 or zstd";
@@ -195,38 +265,90 @@ impl Scan {
             let path = &self.store.bytes.path;
             return Err(RecordingError::format(path, expected, found, advice));
         };
-        let Some(how) = how else {
-            let end = offset.saturating_add(stored).min(self.store.bytes.len);
-            self.records(offset, end, Level::Chunk)?;
-            return Ok(());
+        let end = offset.saturating_add(stored);
+        let chunk = Chunk {
+            at: body,
+            crc,
+            whole: stored == stated && end <= self.store.bytes.len,
         };
+        let slots = self.contents.slots.len();
+        if let Some(how) = how {
+            let block = Block {
+                offset,
+                stored,
+                size,
+                how,
+            };
+            self.compressed(block, &chunk)?;
+        } else {
+            self.plain(offset, end.min(self.store.bytes.len), &chunk)?;
+        }
+        if crc == 0 || !chunk.whole {
+            self.is_unchecked(slots);
+        }
+        Ok(())
+    }
+
+    /// A chunk that lies in the file as it is.
+    fn plain(&mut self, offset: u64, end: u64, chunk: &Chunk) -> Result<()> {
+        if chunk.whole && chunk.crc != 0 {
+            let found = self.store.bytes.crc(offset, end - offset)?.finalize();
+            if found != chunk.crc {
+                self.damaged(chunk, &wrong_crc("CRC-32", chunk.crc, found));
+                return Ok(());
+            }
+        }
+        self.records(offset, end, Level::Chunk).map(drop)
+    }
+
+    /// Says that a chunk is left out.
+    fn damaged(&mut self, chunk: &Chunk, why: &str) {
+        let at = chunk.at;
+        self.contents
+            .remarks
+            .add(|| format!("the chunk at byte {at} is damaged ({why}) and left out"));
+    }
+
+    fn compressed(&mut self, block: Block, chunk: &Chunk) -> Result<()> {
+        let (at, size) = (chunk.at, block.size);
         if size > LARGEST_BLOCK {
-            self.contents.remarks.push(format!(
-                "the chunk at byte {body} would have {size} bytes, more than {LARGEST_BLOCK}, and is left out"
+            self.contents.remarks.add(|| format!(
+                "the chunk at byte {at} would have {size} bytes, more than {LARGEST_BLOCK}, and is left out"
             ));
             return Ok(());
         }
-        let block = self.store.blocks.len() as u32;
-        self.store.blocks.push(Block {
-            offset,
-            stored,
-            size,
-            how,
+        let index = self.store.blocks.len() as u32;
+        self.store.blocks.push(block);
+        let (bytes, error) = match self.store.unpack(index, self.unpacking)? {
+            Unpacked::Bytes(bytes, error) => (bytes, error),
+            Unpacked::TooMuch => {
+                self.contents.chunk_beyond(at);
+                return Ok(());
+            }
+        };
+        // What is left of a chunk that was cut off is used; one that is all there and does not unpack to what was packed holds anything.
+        let error = error.or_else(|| {
+            let found = (chunk.whole && chunk.crc != 0).then(|| crc32fast::hash(&bytes))?;
+            (found != chunk.crc).then(|| wrong_crc("CRC-32", chunk.crc, found))
         });
-        self.compressed(block, body)
+        match error {
+            Some(e) if chunk.whole => {
+                self.damaged(chunk, &e);
+                return Ok(());
+            }
+            Some(e) => self
+                .contents
+                .remarks
+                .add(|| format!("the chunk at byte {at} is cut off ({e}): what is before is used")),
+            None => {}
+        }
+        self.unpacked(&bytes, index, at);
+        Ok(())
     }
 
     /// Records within a compressed chunk, which begins at `at`.
-    fn compressed(&mut self, block: u32, at: u64) -> Result<()> {
-        let (bytes, error) = self.store.load(block)?;
-        // The scan changes what the block belongs to; a chunk is some megabytes.
-        let bytes = bytes.to_vec();
-        if let Some(e) = error {
-            self.contents.remarks.push(format!(
-                "the chunk at byte {at} is cut off or damaged ({e}): what is before is used"
-            ));
-        }
-        let mut from = Cursor::new(&bytes);
+    fn unpacked(&mut self, bytes: &[u8], block: u32, at: u64) {
+        let mut from = Cursor::new(bytes);
         let mut done = 0;
         while !from.is_empty() {
             let read = (|| {
@@ -235,22 +357,65 @@ impl Scan {
                 Some((op, len, from.take(usize::try_from(len).ok()?)?))
             })();
             let Some((op, len, body)) = read else {
-                self.contents.remarks.push(format!(
-                    "the chunk at byte {at} ends within a record: what is before is used"
-                ));
+                self.contents.remarks.add(|| {
+                    format!("the chunk at byte {at} ends within a record: what is before is used")
+                });
                 break;
             };
             done += RECORD_HEAD;
             match op {
                 SCHEMA | CHANNEL if len <= LARGEST_RECORD => self.describe(op, body),
                 MESSAGE => {
-                    let head = &body[..body.len().min(MESSAGE_HEAD as usize + HEAD)];
+                    let channel = Cursor::new(body).u16().and_then(|id| self.index_of(id));
+                    let wanted = channel.map_or(HEAD, |c| self.contents.head_of(c));
+                    let head = &body[..body.len().min(MESSAGE_HEAD as usize + wanted)];
                     self.message(head, Some(block), done, len);
                 }
                 _ => {}
             }
             done += len;
         }
+    }
+
+    /// The end of the data, which begins at `body`: where its checksum does not match, what no chunk's own checksum vouches for is left out.
+    fn data_end(&mut self, body: u64, len: u64) -> Result<()> {
+        let bytes = self.store.bytes.get(body, len.min(4))?;
+        let stated = Cursor::new(&bytes).u32().unwrap_or(0);
+        if stated == 0 || self.unchecked.is_empty() {
+            return Ok(());
+        }
+        let begin = MAGIC.len() as u64;
+        let mut whole = self.store.bytes.crc(0, begin)?;
+        let data = self.store.bytes.crc(begin, body - RECORD_HEAD - begin)?;
+        whole.combine(&data);
+        let found = whole.finalize();
+        // Of the file from its first byte on, as all writers have it, or from the first record on.
+        if found == stated || data.finalize() == stated {
+            return Ok(());
+        }
+        let before = self.contents.slots.len();
+        let mut index = 0;
+        let unchecked = std::mem::take(&mut self.unchecked);
+        self.contents.slots.retain(|_| {
+            let i = index;
+            index += 1;
+            let range = unchecked.partition_point(|r| r.end <= i);
+            unchecked.get(range).is_none_or(|r| i < r.start)
+        });
+        let gone = before - self.contents.slots.len();
+        let why = wrong_crc("CRC-32", stated, found);
+        self.contents.remarks.add(|| {
+            format!("the data before byte {body} are damaged ({why}) and nothing tells where: {gone} messages that no checksum of a chunk vouches for are left out; `mcap recover` writes a file with all of them")
+        });
         Ok(())
     }
+}
+
+/// A chunk, as its head has it.
+struct Chunk {
+    at: u64,
+    /// Of what it holds, unpacked; 0 for none.
+    crc: u32,
+    /// All of it is in the file.
+    whole: bool,
 }

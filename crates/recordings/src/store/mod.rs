@@ -5,13 +5,18 @@
 
 pub(crate) mod bag;
 pub(crate) mod blocks;
+mod contents;
 pub(crate) mod cursor;
 pub(crate) mod mcap;
 #[cfg(feature = "sqlite")]
 pub(crate) mod sqlite;
 pub(crate) mod temporary;
 
+pub(crate) use contents::Contents;
+
+use crate::budget;
 use crate::error::Result;
+use blocks::Blocks;
 use stillpoint_ros_messages::Format;
 
 /// What is sent under one name.
@@ -48,82 +53,6 @@ pub(crate) struct Place {
     pub(crate) len: u32,
 }
 
-/// What a file holds.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Contents {
-    pub(crate) channels: Vec<Channel>,
-    /// Messages of each channel: how many, and when the first and the last of them was received, ns.
-    pub(crate) counts: Vec<(u64, i64, i64)>,
-    /// Messages of the types that are looked into, in the order of the file.
-    pub(crate) slots: Vec<Slot>,
-    /// What is damaged or missing, one sentence each.
-    pub(crate) remarks: Vec<String>,
-}
-
-impl Contents {
-    /// The index of a channel, which is added where it is new: a channel may be declared again and again.
-    pub(crate) fn channel(&mut self, channel: Channel) -> u32 {
-        let known = self.channels.iter().position(|c| *c == channel);
-        let index = known.unwrap_or_else(|| {
-            self.channels.push(channel);
-            self.counts.push((0, i64::MAX, i64::MIN));
-            self.channels.len() - 1
-        });
-        index as u32
-    }
-
-    /// Counts a message, and keeps where it lies when its type is looked into. `head` are its first bytes.
-    pub(crate) fn message(&mut self, channel: u32, logged: i64, head: &[u8], place: Place) {
-        let declared = &self.channels[channel as usize];
-        let (count, first, last) = &mut self.counts[channel as usize];
-        *count += 1;
-        *first = logged.min(*first);
-        *last = logged.max(*last);
-        if u64::from(place.len) > LARGEST_MESSAGE {
-            let remark = format!(
-                "a message of {} bytes on {} is left out",
-                place.len, declared.topic
-            );
-            self.remarks.push(remark);
-        } else if self.slots.len() < MOST_SLOTS && is_looked_into(&declared.type_name) {
-            self.slots.push(Slot {
-                channel,
-                logged,
-                stamp: header_stamp(declared, head),
-                place,
-            });
-        }
-    }
-
-    /// Adds what another file of the same recording holds.
-    pub(crate) fn merge(&mut self, other: Self) {
-        let declared = other.channels.into_iter().zip(other.counts);
-        let index: Vec<u32> = declared
-            .map(|(channel, (count, first, last))| {
-                let index = self.channel(channel);
-                let known = &mut self.counts[index as usize];
-                *known = (known.0 + count, known.1.min(first), known.2.max(last));
-                index
-            })
-            .collect();
-        self.slots.extend(other.slots.into_iter().map(|slot| Slot {
-            channel: index[slot.channel as usize],
-            ..slot
-        }));
-        self.remarks.extend(other.remarks);
-    }
-
-    /// Says that something is missing from a place on.
-    pub(crate) fn cut(&mut self, at: u64) {
-        self.remarks.push(format!(
-            "the file is cut off or damaged at byte {at}: what is before is used"
-        ));
-    }
-}
-
-/// Messages that are kept at most: half a gigabyte of places, those of ten days of images, or of four hours with an inertial sensor beside them.
-const MOST_SLOTS: usize = 1 << 23;
-
 /// Whether a type tells of cameras, poses or inertial sensors. Points and the rest are counted only.
 pub(crate) fn is_looked_into(type_name: &str) -> bool {
     [
@@ -148,16 +77,25 @@ pub(crate) fn is_looked_into(type_name: &str) -> bool {
 
 /// A file that was scanned.
 pub(crate) trait Store: Send + std::fmt::Debug {
-    /// The bytes of a message.
-    fn read(&mut self, place: &Place) -> Result<Vec<u8>>;
+    /// The bytes of a message. What is decompressed for it is kept in `blocks`.
+    fn read(&mut self, place: &Place, blocks: &mut Blocks) -> Result<Vec<u8>>;
 }
 
-/// Bytes of a message at most: an image of a hundred megapixels.
-pub(crate) const LARGEST_MESSAGE: u64 = 1 << 28;
-/// Bytes of a decompressed block at most.
-pub(crate) const LARGEST_BLOCK: u64 = 1 << 28;
-/// Channels at most.
-pub(crate) const MOST_CHANNELS: usize = 1 << 16;
+/// Bytes of a message of a type that is looked into, at most.
+pub(crate) fn largest_message(type_name: &str) -> u64 {
+    match type_name {
+        "sensor_msgs/msg/Image" | "sensor_msgs/msg/CompressedImage" => budget::LARGEST_IMAGE,
+        _ => budget::LARGEST_MESSAGE,
+    }
+}
+
+/// Bytes of a message that are looked at while its file is scanned: its stamp, and all values of a sensor.
+pub(crate) fn head_of(type_name: &str) -> usize {
+    match type_name {
+        "sensor_msgs/msg/Imu" | "nav_msgs/msg/Odometry" => 2048,
+        _ => HEAD,
+    }
+}
 
 /// The name of a type as ROS 2 has it.
 pub(crate) fn full_name(name: &str) -> String {

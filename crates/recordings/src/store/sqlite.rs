@@ -1,8 +1,13 @@
 //! Data bases of rosbag2 and of librealsense: one table of topics, one of messages.
 
-use super::{Channel, Contents, HEAD, MOST_CHANNELS, Place, Store, full_name, is_looked_into};
+use super::blocks::Blocks;
+use super::{Contents, Place, Store, is_looked_into};
+use crate::budget::{LARGEST_IMAGE, LONGEST_NAME, MOST_NUMBERS};
 use crate::error::{RecordingError, Result};
 use crate::store::temporary::Temporary;
+use rusqlite::blob::Blob;
+use rusqlite::config::DbConfig;
+use rusqlite::limits::Limit;
 use rusqlite::{Connection, OpenFlags};
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -13,6 +18,8 @@ use stillpoint_ros_messages::Format;
 #[derive(Debug)]
 pub(crate) struct Sqlite {
     path: PathBuf,
+    /// Of the file and its log.
+    bytes: u64,
     connection: Connection,
     /// Copies, where the place of the file cannot be written to.
     _copies: Vec<Temporary>,
@@ -40,10 +47,13 @@ impl Sqlite {
         let mut log = path.as_os_str().to_owned();
         log.push("-wal");
         let log = PathBuf::from(log);
-        let has_log = std::fs::metadata(&log).is_ok_and(|m| m.len() > 0);
+        let size = |path: &Path| std::fs::metadata(path).map_or(0, |m| m.len());
+        let has_log = size(&log) > 0;
+        let bytes = size(path) + size(&log);
         let open = |path: &Path, has_log: bool| {
-            let connection = Connection::open_with_flags(uri(path, has_log), flags)?;
-            connection.query_row("SELECT count(*) FROM topics", [], |_| Ok(()))?;
+            let mut connection = Connection::open_with_flags(uri(path, has_log), flags)?;
+            confine(&mut connection, bytes)?;
+            connection.query_row("SELECT count(*) FROM main.sqlite_schema", [], |_| Ok(()))?;
             Ok(connection)
         };
         let (connection, copies) = match open(path, has_log) {
@@ -62,8 +72,12 @@ impl Sqlite {
             }
             Err(e) => return Err(error(path)(e)),
         };
+        for table in ["topics", "messages"] {
+            plain_table(&connection, path, table)?;
+        }
         Ok(Self {
             path: path.to_owned(),
+            bytes,
             connection,
             _copies: copies,
         })
@@ -71,31 +85,43 @@ impl Sqlite {
 
     /// Topics and messages.
     pub(crate) fn scan(&self, file: u16) -> Result<Contents> {
-        let mut contents = Contents::default();
+        let mut contents = Contents::of(self.bytes);
         let topics = self.topics(&mut contents).map_err(error(&self.path))?;
         // A data base that is damaged farther behind gives what is before.
         if let Err(e) = self.messages(&topics, file, &mut contents) {
-            contents.remarks.push(format!(
-                "the data base is cut off or damaged ({e}): what is before is used"
-            ));
+            contents.remarks.add(|| {
+                format!("the data base is cut off or damaged ({e}): what is before is used")
+            });
         }
         Ok(contents)
     }
 
     fn topics(&self, contents: &mut Contents) -> rusqlite::Result<BTreeMap<i64, u32>> {
-        let sql = "SELECT id, name, type, serialization_format FROM topics ORDER BY id";
+        // A text that is too long is not loaded: its length is known without it.
+        let sql = "SELECT id,
+            CASE WHEN octet_length(name) <= ?1 THEN name END,
+            CASE WHEN octet_length(type) <= ?1 THEN type END,
+            serialization_format = 'cdr' FROM topics ORDER BY id";
         let mut statement = self.connection.prepare(sql)?;
-        let mut rows = statement.query([])?;
+        let mut rows = statement.query([LONGEST_NAME as i64])?;
         let mut topics = BTreeMap::new();
         while let Some(row) = rows.next()? {
-            let serialised: String = row.get(3)?;
-            let channel = Channel {
-                topic: row.get(1)?,
-                type_name: full_name(&row.get::<_, String>(2)?),
-                format: (serialised == "cdr").then_some(Format::CdrLittleEndian),
+            let (name, kind): (Option<String>, Option<String>) = (row.get(1)?, row.get(2)?);
+            let Some((name, kind)) = name.zip(kind) else {
+                contents.remarks.add(|| {
+                    format!(
+                        "a topic without a name or type of at most {LONGEST_NAME} bytes is left out"
+                    )
+                });
+                continue;
             };
-            if topics.len() < MOST_CHANNELS {
-                topics.insert(row.get(0)?, contents.channel(channel));
+            let is_cdr: Option<bool> = row.get(3)?;
+            let format = is_cdr.unwrap_or(false).then_some(Format::CdrLittleEndian);
+            let index = contents.channel(&name, &kind, format);
+            if let Some(index) = index
+                && topics.len() < MOST_NUMBERS
+            {
+                topics.insert(row.get(0)?, index);
             }
         }
         Ok(topics)
@@ -107,9 +133,10 @@ impl Sqlite {
         file: u16,
         contents: &mut Contents,
     ) -> rusqlite::Result<()> {
-        let sql = "SELECT id, topic_id, timestamp, length(data) FROM messages ORDER BY id";
+        let sql = "SELECT id, topic_id, timestamp, octet_length(data) FROM messages ORDER BY id";
         let mut statement = self.connection.prepare(sql)?;
         let mut rows = statement.query([])?;
+        let mut blob = None;
         while let Some(row) = rows.next()? {
             let (id, topic, logged): (i64, i64, i64) = (row.get(0)?, row.get(1)?, row.get(2)?);
             let Some(&channel) = topics.get(&topic) else {
@@ -118,11 +145,11 @@ impl Sqlite {
             let len = row.get::<_, Option<i64>>(3)?.unwrap_or(0);
             let mut head = Vec::new();
             if is_looked_into(&contents.channels[channel as usize].type_name) && len > 0 {
-                let blob = self
-                    .connection
-                    .blob_open("main", "messages", "data", id, true)?;
+                let found = self.blob(&mut blob, id)?;
                 // Too few bytes are told when the message is read.
-                let _ = blob.take(HEAD as u64).read_to_end(&mut head);
+                let _ = found
+                    .take(contents.head_of(channel) as u64)
+                    .read_to_end(&mut head);
             }
             let place = Place {
                 file,
@@ -134,6 +161,83 @@ impl Sqlite {
         }
         Ok(())
     }
+
+    /// The message of a row, by the handle of the one before where there is one: to open one anew takes several times longer.
+    fn blob<'b, 'c>(
+        &'c self,
+        kept: &'b mut Option<Blob<'c>>,
+        row: i64,
+    ) -> rusqlite::Result<&'b mut Blob<'c>> {
+        if kept.as_mut().is_none_or(|blob| blob.reopen(row).is_err()) {
+            let anew = self
+                .connection
+                .blob_open("main", "messages", "data", row, true)?;
+            return Ok(kept.insert(anew));
+        }
+        kept.as_mut().ok_or(rusqlite::Error::QueryReturnedNoRows)
+    }
+}
+
+/// Instructions of SQLite's machine that a file of any size may take: some seconds of them.
+const FREE_STEPS: u64 = 100_000_000;
+/// Instructions between two looks at how many there were.
+const STEPS: i32 = 100_000;
+
+/// Leaves nothing to a data base but to hold rows: views, triggers and functions of its schema are those of whoever wrote the file, and run when they are read.
+/// What SQLite does is bounded by the size of the file: scanning takes some ten instructions for each message.
+fn confine(connection: &mut Connection, bytes: u64) -> rusqlite::Result<()> {
+    for (what, on) in [
+        (DbConfig::SQLITE_DBCONFIG_DEFENSIVE, true),
+        (DbConfig::SQLITE_DBCONFIG_TRUSTED_SCHEMA, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_TRIGGER, false),
+        (DbConfig::SQLITE_DBCONFIG_ENABLE_VIEW, false),
+    ] {
+        connection.set_db_config(what, on)?;
+    }
+    for (what, most) in [
+        (Limit::SQLITE_LIMIT_LENGTH, LARGEST_IMAGE as i32),
+        // Of a statement that made a table.
+        (Limit::SQLITE_LIMIT_SQL_LENGTH, 1 << 20),
+        (Limit::SQLITE_LIMIT_COLUMN, 100),
+        (Limit::SQLITE_LIMIT_EXPR_DEPTH, 50),
+        (Limit::SQLITE_LIMIT_VDBE_OP, 10_000),
+        (Limit::SQLITE_LIMIT_ATTACHED, 0),
+        (Limit::SQLITE_LIMIT_TRIGGER_DEPTH, 1),
+        (Limit::SQLITE_LIMIT_WORKER_THREADS, 0),
+    ] {
+        connection.set_limit(what, most)?;
+    }
+    let mut left = FREE_STEPS.saturating_add(bytes);
+    connection.progress_handler(
+        STEPS,
+        Some(move || {
+            left = left.saturating_sub(STEPS as u64);
+            left == 0
+        }),
+    )
+}
+
+/// Refuses what is no table whose rows lie in the file: a view, a virtual table, a column that is computed.
+fn plain_table(connection: &Connection, path: &Path, table: &str) -> Result<()> {
+    let kind = "SELECT type, rootpage > 0 FROM main.sqlite_schema
+        WHERE name = ?1 COLLATE NOCASE AND type IN ('table', 'view')";
+    let kind = connection.query_row(kind, [table], |row| {
+        Ok((row.get::<_, String>(0)?, row.get::<_, bool>(1)?))
+    });
+    let computed = "SELECT count(*) FROM pragma_table_xinfo(?1) WHERE hidden <> 0";
+    let computed = || connection.query_row(computed, [table], |row| row.get::<_, i64>(0));
+    let found = match kind {
+        Err(rusqlite::Error::QueryReturnedNoRows) => "none".to_owned(),
+        Ok((kind, true)) if kind == "table" => match computed().map_err(error(path))? {
+            0 => return Ok(()),
+            n => format!("a table with {n} columns that are computed"),
+        },
+        Ok((kind, _)) => format!("a {kind} that is computed"),
+        Err(e) => return Err(error(path)(e)),
+    };
+    let expected = format!("a data base of rosbag2 with a table of {table}");
+    let advice = "record it again, or copy its rows into a new data base if you trust it";
+    Err(RecordingError::format(path, &expected, found, advice))
 }
 
 /// The file as SQLite's name of it. One without a log is not going to change, and then nothing is written beside it.
@@ -155,7 +259,7 @@ fn uri(path: &Path, has_log: bool) -> String {
 }
 
 impl Store for Sqlite {
-    fn read(&mut self, place: &Place) -> Result<Vec<u8>> {
+    fn read(&mut self, place: &Place, _: &mut Blocks) -> Result<Vec<u8>> {
         let row = place.offset as i64;
         let read = || {
             let mut blob = self
