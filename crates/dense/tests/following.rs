@@ -243,7 +243,7 @@ fn space_before_a_surface_is_free_and_behind_it_unknown() {
     let mesh = map.mesh(&MeshOptions::default());
     let eye = desk().poses[0].world_from_camera.translation;
     let mut counts = [0; 4];
-    for i in (0..mesh.positions.len() as u32) {
+    for i in 0..mesh.positions.len() as u32 {
         let p = mesh.position(i);
         // Where the surface is carried on beyond what was measured, the grid knows nothing.
         if map.distance(&p).is_none() {
