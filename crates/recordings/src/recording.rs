@@ -11,6 +11,7 @@ use crate::store::{
 };
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use stillpoint_datasets::SetBack;
 use stillpoint_ros_messages::{Format, Wire, from_bytes};
 
 /// How a file is opened once more without being scanned.
@@ -138,6 +139,7 @@ impl Files {
             contents: Arc::clone(&self.contents),
             stores,
             files: self.clone(),
+            set_back: Vec::new(),
         })
     }
 }
@@ -149,6 +151,8 @@ pub(crate) struct Recording {
     pub(crate) contents: Arc<Contents>,
     stores: Vec<Box<dyn Store>>,
     pub(crate) files: Files,
+    /// Where the clock was set back that stamped the images, as far as that is known.
+    pub(crate) set_back: Vec<SetBack>,
 }
 
 impl Recording {
