@@ -39,6 +39,8 @@ const MIN_EDGES: usize = 2000;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Moving {
     pub(crate) axis: Axis,
+    /// Whether the surface ends towards the beginning of the axis.
+    pub(crate) backwards: bool,
     pub(crate) x: u16,
     pub(crate) y: u16,
     /// Depth, m.
