@@ -24,6 +24,9 @@ const ROUNDING: f32 = 0.001;
 const SMOOTH: f32 = 3e-4;
 /// Where more than this share of them is not, there is noise: rendered depth has up to 0.15, structured light, stereo and time of flight 0.35 and more.
 const NOISY: f32 = 0.25;
+/// A surface ends where depth changes by this share from pixel to pixel; one in so many pixels has to show that.
+const EDGE: f32 = 0.1;
+const EDGES: usize = 2000;
 /// Rows between two whose noise is judged.
 const ROWS: usize = 4;
 /// Share of the pixels that an image has to hold beside its most simple content (one grey level, no depth): a covered lens repeats itself by right.
@@ -140,7 +143,11 @@ impl StillWatch {
         self.depth.note(same_depth, &before);
         self.colour.note(same_colour, &before);
         if let Some(first) = &self.depth.first {
-            self.depth.stale |= !same_colour && has_changed(&first.gray, &frame.gray);
+            let stale = self.depth.stale || {
+                let changed = !same_colour && has_changed(&first.gray, &frame.gray);
+                changed && (has_noise(&frame.depth) || has_edges(&frame.depth))
+            };
+            self.depth.stale = stale;
         }
         if let Some(first) = self.colour.first.as_ref().filter(|_| !same_depth) {
             self.colour.stale = self.colour.stale || {
@@ -213,6 +220,13 @@ fn steps(images: [&DepthImage; 3]) -> [f32; 2] {
         }
     }
     [all, step]
+}
+
+/// Whether surfaces end in a depth image: along a plane without noise a camera can move and measure the same.
+fn has_edges(depth: &DepthImage) -> bool {
+    let pairs = depth.data().windows(2).step_by(STRIDE);
+    let ends = pairs.filter(|w| w[0] > 0.0 && w[1] > 0.0 && (w[0] - w[1]).abs() > EDGE * w[0]);
+    ends.count() * EDGES > depth.data().len()
 }
 
 /// Whether depth is rougher than surfaces are.
@@ -391,6 +405,12 @@ mod tests {
         let still = |noise| (0..12).map(|i| frame(i, (0, 0), noise)).collect::<Vec<_>>();
         assert_eq!(watched(&still((4.0, 0.0))), [None; 12]);
         assert_eq!(watched(&still((0.0, 0.01))), [None; 12]);
+    }
+
+    #[test]
+    fn a_camera_that_moves_along_a_plane_without_noise_measures_the_same() {
+        let frames: Vec<_> = (0..12).map(|i| frame(i, (i, 0), (3.0, 0.0))).collect();
+        assert_eq!(watched(&frames), [None; 12]);
     }
 
     #[test]

@@ -212,6 +212,18 @@ fn tell_still(stretches: &[StillStretch]) {
     }
 }
 
+/// Says in which frames there is no pose, and why, and in which images stood still.
+fn tell_stretches(s: &Summary) {
+    let unexplained = |l: &&LostStretch| !s.still.iter().any(|still| still.explains(l));
+    for stretch in s.lost.iter().filter(unexplained) {
+        console::warn(&format!(
+            "no pose in frames {} to {} ({:.2} s): {}; then {}",
+            stretch.first, stretch.last, stretch.seconds, stretch.reason, stretch.then
+        ));
+    }
+    tell_still(&s.still);
+}
+
 /// Says what went wrong, if anything did.
 pub(crate) fn verdict(summary: &Summary) -> Status {
     let s = summary;
@@ -221,14 +233,7 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
             s.frames
         ));
     }
-    let unexplained = |l: &&LostStretch| !s.still.iter().any(|still| still.explains(l));
-    for stretch in s.lost.iter().filter(unexplained) {
-        console::warn(&format!(
-            "no pose in frames {} to {} ({:.2} s): {}; then {}",
-            stretch.first, stretch.last, stretch.seconds, stretch.reason, stretch.then
-        ));
-    }
-    tell_still(&s.still);
+    tell_stretches(s);
     for submap in s.submaps.iter().skip(1) {
         console::warn(&format!(
             "{} frames are in a submap that was not recognised as part of the first: their poses are in {}, in a frame of reference of their own",
