@@ -5,14 +5,19 @@ use crate::args::doctor::DoctorArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
 use crate::realsense;
-use crate::run::{open, options};
+use crate::run::{open, options, priority};
 use std::path::Path;
+use std::thread::JoinHandle;
 use stillpoint::datasets::FrameOptions;
-use stillpoint::doctor::{Figure, Report, Setup, examine, judge_inertial, judge_odometry};
+use stillpoint::doctor::{
+    Figure, Report, Setup, examine, judge_clock, judge_inertial, judge_odometry,
+};
 use stillpoint::geometry::Se3;
 use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, Simd};
+use stillpoint::live::Stage;
 use stillpoint::recordings::{self, Input};
 use stillpoint::slam::{Config, Event, System};
+use tracing::subscriber::NoSubscriber;
 
 /// Stands for the camera that is connected.
 const LIVE: &str = "live";
@@ -34,6 +39,10 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     let camera = input.camera().camera;
     System::new(Config::default(), camera, Simd::detect()).map_err(Failure::input)?;
     let mut report = look(&input, start, None, args.seconds)?;
+    judge_clock(
+        input.set_back().iter().map(|at| (at.index, at.by)),
+        &mut report,
+    );
     // What is wrong with the geometry or the clocks would be learned as a readout.
     if report.findings.is_empty() {
         let followed = follow(&input, start, args.seconds)?;
@@ -80,7 +89,7 @@ fn look(
     let mut frames = input.frames(&FrameOptions {
         start,
         max_frames: max_frames.map(|n| n as usize),
-        keep_colour: true,
+        keep_colour: false,
     })?;
     examine(&mut frames, setup, seconds).map_err(Failure::input)
 }
@@ -147,11 +156,25 @@ const SECONDS: f64 = 3.0;
 /// Findings that are told at most; the first do most harm.
 const TOLD: usize = 3;
 
-/// The short form after a run: a line for each thing that is wrong with its input, the most harmful first, and nothing where nothing is.
-pub(crate) fn after_run(path: &Path, input: &InputArgs) {
+/// Looks at the input of a run beside it, on a thread that gives way to the run's own, so that what is wrong is said in its first seconds. None where nobody would hear of it.
+pub(crate) fn beside_run(path: &Path, input: &InputArgs) -> Option<JoinHandle<()>> {
     if console::is_quiet() {
-        return;
+        return None;
     }
+    let (path, input) = (path.to_owned(), input.clone());
+    let work = move || {
+        priority::lower(Stage::Detection);
+        // What is measured and traced is the run alone.
+        tracing::subscriber::with_default(NoSubscriber::default(), || tell(&path, &input));
+    };
+    std::thread::Builder::new()
+        .name("doctor".to_owned())
+        .spawn(work)
+        .ok()
+}
+
+/// The short form: a line for each thing that is wrong with an input, the most harmful first, and nothing where nothing is.
+fn tell(path: &Path, input: &InputArgs) {
     // The run has said what cannot be read.
     let Ok(opened) = recordings::open(path, &options(input)) else {
         return;

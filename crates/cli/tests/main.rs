@@ -7,6 +7,7 @@ mod accuracy;
 mod bad_arguments;
 mod bad_input;
 mod bad_output;
+mod clocks;
 mod common;
 mod config_docs;
 mod demo;

@@ -4,6 +4,8 @@ use crate::associate::DEFAULT_MAX_DT;
 use crate::camera::{self, CameraChoice, CameraModel};
 use crate::error::{DatasetError, Result};
 use crate::layout::{self, Layout};
+use crate::lists::Said;
+use crate::set_back::SetBack;
 use crate::source::{DatasetSource, FrameOptions};
 use crate::trajectory::StampedPose;
 use crate::{ground_truth, imu, odometry, presets, probe};
@@ -92,6 +94,8 @@ pub struct Dataset {
     strict: bool,
     guesses: Vec<String>,
     warnings: Vec<String>,
+    /// Where the clock was set back.
+    set_back: Vec<SetBack>,
     /// What the inertial sensor measured.
     inertial: Arc<[ImuSample]>,
     /// What the wheels did.
@@ -119,7 +123,10 @@ impl Dataset {
                 layout
             }
         };
-        let (entries, counts) = layout::index(path, &names, layout, options.max_dt)?;
+        let mut said = Said::default();
+        let (entries, counts) = layout::index(path, &names, layout, options.max_dt, &mut said)?;
+        guesses.append(&mut said.guesses);
+        warnings.append(&mut said.warnings);
         guesses.push(format!(
             "frames: {} of {} colour images have one of {} depth images within {} ms",
             counts.frames,
@@ -154,6 +161,7 @@ impl Dataset {
             strict: options.strict,
             guesses,
             warnings,
+            set_back: said.set_back,
             inertial,
             odometry,
         })
@@ -232,6 +240,12 @@ impl Dataset {
         &self.warnings
     }
 
+    /// Where the clock was set back while the images were taken.
+    #[must_use]
+    pub fn set_back(&self) -> &[SetBack] {
+        &self.set_back
+    }
+
     /// True when an unreadable frame ends the stream.
     #[must_use]
     pub(crate) fn is_strict(&self) -> bool {
@@ -251,6 +265,14 @@ impl Dataset {
     /// # Errors
     /// As [`crate::trajectory::read`].
     pub fn ground_truth(&self) -> Result<Option<Vec<StampedPose>>> {
+        Ok(self.ground_truth_said()?.map(|(poses, _)| poses))
+    }
+
+    /// The same, and in a sentence each what was found out about its file.
+    ///
+    /// # Errors
+    /// As [`crate::trajectory::read`].
+    pub fn ground_truth_said(&self) -> Result<Option<(Vec<StampedPose>, Vec<String>)>> {
         ground_truth::read(&self.path, self.layout)
     }
 }

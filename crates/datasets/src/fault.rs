@@ -1,12 +1,11 @@
 //! What is wrong with a whole stream when a camera, its driver or its calibration was set up wrongly.
 //!
 //! Answers: what a stream would have been with another depth scale, with depth that was not registered to colour or was taken at another time than
-//! its stamps say, with red and blue exchanged, or with one of both images mirrored. For tests of what looks for such mistakes.
+//! its stamps say, or with one of both images mirrored. For tests of what looks for such mistakes.
 
 use std::collections::VecDeque;
-use std::sync::Arc;
 use stillpoint_geometry::{Camera, Vec2, Vec3};
-use stillpoint_imaging::{ColourImage, DepthImage, FrameSource, RgbdFrame, SourceError};
+use stillpoint_imaging::{DepthImage, FrameSource, RgbdFrame, SourceError};
 
 /// What is wrong.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,8 +23,6 @@ pub enum Fault {
     },
     /// Depth images get stamps that are so much later, s, and are paired anew.
     DepthLate(f64),
-    /// Red and blue are exchanged, before the grey image is made.
-    RedAndBlue,
     /// Depth images are mirrored from left to right.
     MirroredDepth,
 }
@@ -114,15 +111,6 @@ fn apply(fault: &Fault, frame: &mut RgbdFrame) {
             baseline,
         } => frame.depth = image(seen_from(&frame.depth, colour, depth, *baseline)),
         Fault::DepthLate(_) => {}
-        Fault::RedAndBlue => {
-            let Some(colour) = &frame.colour else { return };
-            let mut data = colour.data().to_vec();
-            data.chunks_exact_mut(3).for_each(|p| p.swap(0, 2));
-            let colour = ColourImage::from_vec(colour.width(), colour.height(), data);
-            let colour = colour.unwrap_or_default();
-            frame.gray = colour.to_gray();
-            frame.colour = Some(Arc::new(colour));
-        }
         Fault::MirroredDepth => {
             let mut data = frame.depth.data().to_vec();
             data.chunks_exact_mut(w.max(1)).for_each(<[f32]>::reverse);
@@ -176,14 +164,13 @@ mod tests {
             self.0 += 1;
             let mut depth = vec![0.0; 64 * 4];
             (0..4).for_each(|y| depth[64 * y + 8] = id as f32 + 1.0);
-            let colour = ColourImage::from_vec(64, 4, [10, 20, 30].repeat(64 * 4)).unwrap();
             (id < 40).then(|| {
                 Ok(RgbdFrame {
                     id: FrameId(id),
                     stamp,
                     depth_stamp: stamp,
                     gray: GrayImage::new(64, 4),
-                    colour: Some(Arc::new(colour)),
+                    colour: None,
                     depth: DepthImage::from_vec(64, 4, depth).unwrap(),
                 })
             })
@@ -211,10 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn channels_scales_and_places_are_changed() {
-        let swapped = &all(Fault::RedAndBlue)[0];
-        assert_eq!(swapped.colour.as_ref().unwrap().at(0, 0), [30, 20, 10]);
-        assert_eq!(swapped.gray, swapped.colour.as_ref().unwrap().to_gray());
+    fn scales_and_places_are_changed() {
         assert_eq!(all(Fault::DepthScale(5.0))[1].depth.at(8, 2), 10.0);
         assert_eq!(all(Fault::MirroredDepth)[0].depth.at(55, 2), 1.0);
         let camera = Camera::pinhole(64, 4, [100.0, 100.0, 31.5, 1.5]);

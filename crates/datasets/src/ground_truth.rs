@@ -25,14 +25,17 @@ pub(crate) fn find(folder: &Path, layout: Layout) -> Result<Option<PathBuf>> {
     })
 }
 
+/// Ground truth with what was found out about its file.
+type Said = (Vec<StampedPose>, Vec<String>);
+
 /// Reads the ground truth of a folder, in order of time.
-pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Vec<StampedPose>>> {
+pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Said>> {
     let Some(path) = find(folder, layout)? else {
         return Ok(None);
     };
-    let mut poses = match layout {
-        Layout::SevenScenes => return read_seven_scenes(folder).map(Some),
-        _ => trajectory::read(&path)?,
+    let (mut poses, said) = match layout {
+        Layout::SevenScenes => return Ok(Some((read_seven_scenes(folder)?, Vec::new()))),
+        _ => trajectory::read_said(&path)?,
     };
     match layout {
         Layout::Bonn => {
@@ -51,7 +54,7 @@ pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Vec<StampedPo
         }
         Layout::Tum | Layout::SevenScenes => {}
     }
-    Ok(Some(poses))
+    Ok(Some((poses, said)))
 }
 
 /// The rotation next to a 3x3 matrix that is nearly one up to a positive scale; `None` when it is far from that.

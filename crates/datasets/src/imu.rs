@@ -5,6 +5,7 @@
 use crate::error::Result;
 use crate::lists::{Line, parse_numbers};
 use crate::samples::{self, TableError};
+use crate::units::Unit;
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -90,10 +91,10 @@ pub(crate) fn read(
     samples::read(&folder.join(FILE), unknown, warnings, sample)
 }
 
-fn sample(line: &Line<'_>, path: &Path) -> Result<ImuSample> {
+fn sample(line: &Line<'_>, path: &Path, unit: Unit) -> Result<ImuSample> {
     let [stamp, x, y, z, u, v, w] = parse_numbers::<7>(line, path, EXPECTED)?;
     Ok(ImuSample {
-        stamp,
+        stamp: stamp / unit.per_second(),
         angular_rate: [x, y, z],
         specific_force: [u, v, w],
     })
@@ -165,6 +166,24 @@ mod tests {
             let e = parse(text, Path::new("imu.csv")).unwrap_err().to_string();
             assert!(e.contains(part) && e.contains("imu.csv:"), "{e}");
         }
+    }
+
+    #[test]
+    fn stamps_in_nanoseconds_become_seconds() {
+        let text: String = (0..9_u64)
+            .map(|i| {
+                format!(
+                    "{},0,0,0,0,0,9.8\n",
+                    1_305_031_102_000_000_000 + i * 5_000_000
+                )
+            })
+            .collect();
+        let read = parse(&text, Path::new("imu.csv")).unwrap();
+        assert!(
+            (read[8].stamp - 1_305_031_102.04).abs() < 1e-6,
+            "{}",
+            read[8].stamp
+        );
     }
 
     proptest! {

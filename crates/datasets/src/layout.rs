@@ -3,7 +3,9 @@
 use crate::associate::associate;
 use crate::dataset::{Counts, Entry};
 use crate::error::{DatasetError, Result};
-use crate::lists::{Associations, ImageList, parse_associations, parse_image_list, read_text};
+use crate::lists::{
+    Associations, ImageList, Said, parse_associations, parse_image_list, read_text,
+};
 use std::path::{Path, PathBuf};
 
 /// The layouts that are understood.
@@ -173,21 +175,22 @@ fn guess_is_possible(names: &[String]) -> bool {
         || names.iter().any(|n| n.ends_with(".color.png"))
 }
 
-/// The frames of a folder in the order of time, and the counts of what was left over.
+/// The frames of a folder in the order of time, and the counts of what was left over. What lists say beside that goes to `said`.
 pub(crate) fn index(
     folder: &Path,
     names: &[String],
     layout: Layout,
     max_dt: f64,
+    said: &mut Said,
 ) -> Result<(Vec<Entry>, Counts)> {
     match layout {
         Layout::Tum | Layout::Bonn => match (has_lists(names), association_file(names)) {
-            (false, Some(file)) => index_associations(&folder.join(file), layout, max_dt),
-            _ if has(names, "rgb.txt") => index_lists(folder, names, max_dt),
+            (false, Some(file)) => index_associations(&folder.join(file), layout, max_dt, said),
+            _ if has(names, "rgb.txt") => index_lists(folder, names, max_dt, said),
             _ => Err(unknown(folder, names)),
         },
         Layout::IclNuim => match association_file(names) {
-            Some(file) => index_associations(&folder.join(file), layout, max_dt),
+            Some(file) => index_associations(&folder.join(file), layout, max_dt, said),
             None => index_numbered(folder),
         },
         Layout::SevenScenes => index_seven_scenes(folder, names),
@@ -207,7 +210,12 @@ fn read_list(path: &Path) -> Result<ImageList> {
     Ok(list)
 }
 
-fn index_lists(folder: &Path, names: &[String], max_dt: f64) -> Result<(Vec<Entry>, Counts)> {
+fn index_lists(
+    folder: &Path,
+    names: &[String],
+    max_dt: f64,
+    said: &mut Said,
+) -> Result<(Vec<Entry>, Counts)> {
     if !has(names, "depth.txt") {
         return Err(DatasetError::NoDepth {
             path: folder.to_owned(),
@@ -215,9 +223,10 @@ fn index_lists(folder: &Path, names: &[String], max_dt: f64) -> Result<(Vec<Entr
             found: "rgb.txt only".into(),
         });
     }
-    let colour = read_list(&folder.join("rgb.txt"))?;
+    let colour_path = folder.join("rgb.txt");
+    let mut colour = read_list(&colour_path)?;
     let depth_path = folder.join("depth.txt");
-    let depth = parse_image_list(&read_text(&depth_path)?, &depth_path)?;
+    let mut depth = parse_image_list(&read_text(&depth_path)?, &depth_path)?;
     if depth.stamps.is_empty() {
         return Err(DatasetError::NoDepth {
             path: depth_path,
@@ -225,6 +234,15 @@ fn index_lists(folder: &Path, names: &[String], max_dt: f64) -> Result<(Vec<Entr
             found: "none".into(),
         });
     }
+    colour.bring_to_seconds(&colour_path, said);
+    depth.bring_to_seconds(&depth_path, said);
+    let set_back = colour.in_order(&colour_path, &[], said).set_back;
+    let of_depth = depth.in_order(&depth_path, &set_back, said).set_back;
+    said.set_back = if set_back.is_empty() {
+        of_depth
+    } else {
+        set_back
+    };
     let pairs = associate(&colour.stamps, &depth.stamps, max_dt);
     if pairs.is_empty() {
         let range = |l: &ImageList| {
@@ -261,20 +279,38 @@ fn index_lists(folder: &Path, names: &[String], max_dt: f64) -> Result<(Vec<Entr
 }
 
 /// Pairs as the file states them; ICL-NUIM states frame numbers instead of seconds.
-fn index_associations(path: &Path, layout: Layout, max_dt: f64) -> Result<(Vec<Entry>, Counts)> {
+fn index_associations(
+    path: &Path,
+    layout: Layout,
+    max_dt: f64,
+    said: &mut Said,
+) -> Result<(Vec<Entry>, Counts)> {
     let list = parse_associations(&read_text(path)?, path)?;
     let numbered = layout == Layout::IclNuim && list.is_numbered();
     let rate = if numbered { NUMBERED_RATE } else { 1.0 };
-    let Associations { colour, depth, .. } = list;
+    let Associations {
+        mut colour,
+        mut depth,
+        ..
+    } = list;
+    if !numbered {
+        colour.bring_to_seconds(path, said);
+        depth.bring_to_seconds(path, &mut Said::default());
+    }
     let total = colour.stamps.len();
     let folder = path.parent().unwrap_or(Path::new("."));
-    let entries: Vec<Entry> = (0..total)
-        .filter(|&i| (colour.stamps[i] - depth.stamps[i]).abs() / rate < max_dt)
-        .map(|i| Entry {
-            stamp: colour.stamps[i] / rate,
-            colour: folder.join(&colour.files[i]),
-            depth_stamp: depth.stamps[i] / rate,
-            depth: folder.join(&depth.files[i]),
+    let written = colour.stamps.clone();
+    let mended = colour.in_order(path, &[], said);
+    said.set_back.extend(&mended.set_back);
+    // Depth follows the colour image in whose line it is.
+    let lines = mended.stamps.iter().zip(&colour.files);
+    let entries: Vec<Entry> = lines
+        .filter(|((_, i), _)| (written[*i] - depth.stamps[*i]).abs() / rate < max_dt)
+        .map(|((stamp, i), file)| Entry {
+            stamp: stamp / rate,
+            colour: folder.join(file),
+            depth_stamp: (depth.stamps[*i] + (stamp - written[*i])) / rate,
+            depth: folder.join(&depth.files[*i]),
         })
         .collect();
     if entries.is_empty() {

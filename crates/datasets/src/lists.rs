@@ -2,6 +2,8 @@
 
 use crate::error::{DatasetError, Result, quote};
 use crate::regular::read_regular;
+use crate::set_back::{Mended, SetBack, mend};
+use crate::units::{BETWEEN_IMAGES, Unit};
 use std::path::{Path, PathBuf};
 
 /// A line that holds data.
@@ -80,6 +82,20 @@ pub(crate) fn parse_numbers<const N: usize>(
             format!("{count} columns: {}", quote(line.text)),
         ));
     }
+    parse_first_numbers(line, path, expected)
+}
+
+/// The first N numbers of a line that holds at least as many columns; all N are finite.
+pub(crate) fn parse_first_numbers<const N: usize>(
+    line: &Line<'_>,
+    path: &Path,
+    expected: &str,
+) -> Result<[f64; N]> {
+    let count = line.columns().count();
+    if count < N {
+        let found = format!("{count} columns: {}", quote(line.text));
+        return Err(line.malformed(path, expected, found));
+    }
     let mut numbers = [0.0; N];
     for (slot, word) in numbers.iter_mut().zip(line.columns()) {
         *slot = parse_number(line, word, path, expected)?;
@@ -87,32 +103,70 @@ pub(crate) fn parse_numbers<const N: usize>(
     Ok(numbers)
 }
 
-/// A list of images with their stamps, s, and their paths relative to the folder of the list.
+/// A list of images with their stamps, s, ascending, and their paths relative to the folder of the list.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct ImageList {
     pub(crate) stamps: Vec<f64>,
     pub(crate) files: Vec<PathBuf>,
+    /// The number of the line of each, from 1.
+    lines: Vec<usize>,
+}
+
+/// What is said of lists: how they were read, what looks wrong, and where the clock was set back.
+#[derive(Debug, Default)]
+pub(crate) struct Said {
+    pub(crate) guesses: Vec<String>,
+    pub(crate) warnings: Vec<String>,
+    pub(crate) set_back: Vec<SetBack>,
 }
 
 impl ImageList {
-    fn push(&mut self, line: &Line<'_>, path: &Path, stamp: f64, file: &str) -> Result<()> {
-        if let Some(&previous) = self.stamps.last()
-            && stamp <= previous
-        {
-            return Err(DatasetError::StampOrder {
-                path: path.to_owned(),
-                line: line.number,
-                previous,
-                found: stamp,
-            });
-        }
+    fn push(&mut self, line: &Line<'_>, stamp: f64, file: &str) {
         self.stamps.push(stamp);
         self.files.push(PathBuf::from(file));
-        Ok(())
+        self.lines.push(line.number);
+    }
+
+    /// Brings the stamps to seconds.
+    pub(crate) fn bring_to_seconds(&mut self, path: &Path, said: &mut Said) {
+        let unit = Unit::of(&self.stamps, BETWEEN_IMAGES);
+        self.stamps.iter_mut().for_each(|t| *t /= unit.per_second());
+        said.guesses.extend(unit.remark(path));
+    }
+
+    /// Brings the lines into an order in which they can be played, and says what was out of order. `like` is where the clock was set back by another list. Gives the
+    /// lines' places in the file.
+    pub(crate) fn in_order(&mut self, path: &Path, like: &[SetBack], said: &mut Said) -> Mended {
+        let mended = mend(&self.stamps, |_| None, like);
+        let path = path.display();
+        for at in &mended.set_back {
+            let line = self.lines[at.index];
+            said.warnings
+                .push(Mended::remark(at, &format!("{path}:{line}")));
+        }
+        if mended.late > 0 {
+            said.warnings.push(format!(
+                "{path}: lines out of order by their stamps: {}; all are sorted",
+                mended.late
+            ));
+        }
+        if mended.repeats > 0 {
+            said.warnings.push(format!(
+                "{path}: lines that repeat a stamp and are left out: {}",
+                mended.repeats
+            ));
+        }
+        self.stamps = mended.stamps.iter().map(|s| s.0).collect();
+        self.files = mended
+            .stamps
+            .iter()
+            .map(|s| std::mem::take(&mut self.files[s.1]))
+            .collect();
+        mended
     }
 }
 
-/// Parses `rgb.txt` or `depth.txt`: `timestamp filename` per line.
+/// Parses `rgb.txt` or `depth.txt`: `timestamp filename` per line, in the order of the lines.
 pub(crate) fn parse_image_list(text: &str, path: &Path) -> Result<ImageList> {
     const EXPECTED: &str = "a timestamp and a file name";
     let mut list = ImageList::default();
@@ -125,7 +179,7 @@ pub(crate) fn parse_image_list(text: &str, path: &Path) -> Result<ImageList> {
             return Err(line.malformed(path, EXPECTED, quote(line.text)));
         };
         let stamp = parse_number(&line, stamp, path, EXPECTED)?;
-        list.push(&line, path, stamp, file.trim())?;
+        list.push(&line, stamp, file.trim());
     }
     Ok(list)
 }
@@ -170,8 +224,8 @@ pub(crate) fn parse_associations(text: &str, path: &Path) -> Result<Associations
         } else {
             ((stamp_a, file_a), (stamp_b, file_b))
         };
-        a.colour.push(&line, path, c.0, c.1)?;
-        a.depth.push(&line, path, d.0, d.1)?;
+        a.colour.push(&line, c.0, c.1);
+        a.depth.push(&line, d.0, d.1);
     }
     Ok(a)
 }
@@ -204,14 +258,65 @@ mod tests {
             ),
             ("1 a.png\nx b.png\n", ["rgb.txt:2:", "\"x\""]),
             ("nan a.png\n", ["rgb.txt:1:", "finite"]),
-            ("2 a.png\n1 b.png\n", ["rgb.txt:2:", "goes back"]),
-            ("2 a.png\n2 b.png\n", ["rgb.txt:2:", "repeats"]),
         ] {
             let e = parse_image_list(text, Path::new("rgb.txt"))
                 .unwrap_err()
                 .to_string();
             assert!(parts.iter().all(|p| e.contains(p)), "{e}");
         }
+    }
+
+    /// The list as it is played, and what is said of it.
+    fn settled(lines: &[(&str, &str)]) -> (ImageList, Said) {
+        let text: String = lines.iter().map(|(t, f)| format!("{t} {f}\n")).collect();
+        let path = Path::new("rgb.txt");
+        let mut said = Said::default();
+        let mut list = parse_image_list(&text, path).unwrap();
+        list.bring_to_seconds(path, &mut said);
+        list.in_order(path, &[], &mut said);
+        (list, said)
+    }
+
+    #[test]
+    fn lines_out_of_order_are_sorted_and_repeats_left_out() {
+        let (list, said) = settled(&[("2", "b"), ("1", "a"), ("3", "c"), ("3", "d"), ("4", "e")]);
+        assert_eq!(list.stamps, [1.0, 2.0, 3.0, 4.0]);
+        assert_eq!(list.files, ["a", "b", "c", "e"].map(PathBuf::from));
+        let all = said.warnings.join("\n");
+        assert!(
+            all.contains("out of order by their stamps: 1") && all.contains("left out: 1"),
+            "{all}"
+        );
+    }
+
+    #[test]
+    fn lines_after_a_clock_was_set_back_keep_their_order() {
+        let stamps: Vec<String> = (0..40)
+            .map(|i| format!("{:.3}", f64::from(i) * 0.1 - if i < 20 { 0.0 } else { 1.0 }))
+            .collect();
+        let lines: Vec<(&str, &str)> = stamps.iter().map(|t| (t.as_str(), "x")).collect();
+        let (list, said) = settled(&lines);
+        assert!((list.stamps[39] - 3.9).abs() < 1e-6, "{:?}", list.stamps);
+        assert!(
+            said.warnings[0].contains("rgb.txt:21: stamps go back by 0.900 s"),
+            "{:?}",
+            said.warnings
+        );
+    }
+
+    #[test]
+    fn stamps_of_another_unit_are_said_and_become_seconds() {
+        let stamps: Vec<String> = (0..9)
+            .map(|i| format!("{}", 1_305_031_102_175_304_000_u64 + i * 33_333_333))
+            .collect();
+        let lines: Vec<(&str, &str)> = stamps.iter().map(|t| (t.as_str(), "x")).collect();
+        let (list, said) = settled(&lines);
+        assert!((list.stamps[0] - 1_305_031_102.175_304).abs() < 1e-6);
+        assert!(
+            said.guesses[0].contains("nanoseconds"),
+            "{:?}",
+            said.guesses
+        );
     }
 
     #[test]

@@ -5,6 +5,7 @@
 use crate::error::Result;
 use crate::lists::{Line, parse_numbers};
 use crate::samples::{self, TableError};
+use crate::units::Unit;
 use std::fmt::Write;
 use std::path::Path;
 use std::sync::Arc;
@@ -84,7 +85,7 @@ pub(crate) fn read(
     samples::read(&folder.join(FILE), unknown, warnings, sample)
 }
 
-fn sample(line: &Line<'_>, path: &Path) -> Result<OdometrySample> {
+fn sample(line: &Line<'_>, path: &Path, unit: Unit) -> Result<OdometrySample> {
     let mut sigmas = None;
     let stand = match line.columns().count() {
         10 => {
@@ -97,7 +98,7 @@ fn sample(line: &Line<'_>, path: &Path) -> Result<OdometrySample> {
     };
     let [stamp, x, y, z, i, j, k, w] = stand;
     let sample = OdometrySample {
-        stamp,
+        stamp: stamp / unit.per_second(),
         position: [x, y, z],
         orientation: [i, j, k, w],
         sigmas,

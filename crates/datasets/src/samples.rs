@@ -2,6 +2,7 @@
 
 use crate::error::{DatasetError, Result};
 use crate::lists::{Line, data_lines, read_text};
+use crate::units::{BETWEEN_SAMPLES, Unit};
 use std::path::Path;
 use std::sync::Arc;
 use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
@@ -13,7 +14,7 @@ pub(crate) fn read<T: Stamped>(
     path: &Path,
     unknown: Option<&str>,
     warnings: &mut Vec<String>,
-    sample: impl Fn(&Line<'_>, &Path) -> Result<T>,
+    sample: impl Fn(&Line<'_>, &Path, Unit) -> Result<T>,
 ) -> Result<Arc<[T]>> {
     if !path.is_file() {
         return Ok(Arc::default());
@@ -22,18 +23,28 @@ pub(crate) fn read<T: Stamped>(
         warnings.push(format!("{} is not used: {advice}", path.display()));
         return Ok(Arc::default());
     }
-    parse(&read_text(path)?, path, sample)
+    let text = read_text(path)?;
+    warnings.extend(unit(&text).remark(path));
+    parse(&text, path, sample)
+}
+
+/// The unit of the stamps, which are the first column; what does not read is told later.
+fn unit(text: &str) -> Unit {
+    let stamp = |line: Line<'_>| line.columns().next()?.parse().ok();
+    let stamps: Vec<f64> = data_lines(text).filter_map(stamp).collect();
+    Unit::of(&stamps, BETWEEN_SAMPLES)
 }
 
 /// The samples of a text, which must be in order of time.
 pub(crate) fn parse<T: Stamped>(
     text: &str,
     path: &Path,
-    sample: impl Fn(&Line<'_>, &Path) -> Result<T>,
+    sample: impl Fn(&Line<'_>, &Path, Unit) -> Result<T>,
 ) -> Result<Arc<[T]>> {
+    let unit = unit(text);
     let mut samples: Vec<T> = Vec::new();
     for line in data_lines(text) {
-        let next = sample(&line, path)?;
+        let next = sample(&line, path, unit)?;
         let found = next.stamp();
         if let Some(before) = samples.last().filter(|s| found <= s.stamp()) {
             return Err(DatasetError::StampOrder {

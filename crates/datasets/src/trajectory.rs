@@ -1,7 +1,8 @@
-//! Trajectories in the TUM format: `timestamp tx ty tz qx qy qz qw`, one pose per line, seconds and metres.
+//! Trajectories in the TUM format: `timestamp tx ty tz qx qy qz qw`, one pose per line, seconds and metres. Those of EuRoC are read as well.
 
 use crate::error::{DatasetError, Result, quote};
-use crate::lists::{Line, data_lines, parse_numbers, read_text};
+use crate::lists::{Line, data_lines, read_text};
+use crate::pose_form::PoseForm;
 use crate::write::write_atomic;
 use std::fmt::Write;
 use std::path::Path;
@@ -17,28 +18,39 @@ pub struct StampedPose {
     pub world_from_camera: Se3,
 }
 
-/// What a line of a trajectory holds.
-const COLUMNS: &str = "8 numbers: timestamp tx ty tz qx qy qz qw";
-
-/// Reads a TUM trajectory. Lines that are blank or start with `#` are skipped; columns are separated by blanks or commas;
-/// quaternions are brought to unit length.
+/// Reads a trajectory in the TUM format. Lines that are blank or start with `#` are skipped; columns are separated by blanks or commas;
+/// quaternions are brought to unit length. What [`read_said`] recognises is read as well.
 ///
 /// # Errors
 /// [`DatasetError::Read`], [`DatasetError::Malformed`] for a line that does not hold eight finite numbers or whose
 /// quaternion is zero, [`DatasetError::StampOrder`] for stamps that go back or repeat. A file without poses gives an
 /// empty list.
 pub fn read(path: &Path) -> Result<Vec<StampedPose>> {
-    parse(&read_text(path)?, path)
+    read_said(path).map(|(poses, _)| poses)
 }
 
-/// Reads a TUM trajectory from text; `path` is named in errors. See [`read`].
+/// The same, and in a sentence each what was found out about the file: stamps in milliseconds, microseconds or nanoseconds, EuRoC's columns, quaternions that a
+/// header names with w first.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_said(path: &Path) -> Result<(Vec<StampedPose>, Vec<String>)> {
+    parse_said(&read_text(path)?, path)
+}
+
+/// Reads a trajectory from text; `path` is named in errors. See [`read`].
 ///
 /// # Errors
 /// As [`read`], without [`DatasetError::Read`].
 pub fn parse(text: &str, path: &Path) -> Result<Vec<StampedPose>> {
+    parse_said(text, path).map(|(poses, _)| poses)
+}
+
+pub(crate) fn parse_said(text: &str, path: &Path) -> Result<(Vec<StampedPose>, Vec<String>)> {
+    let form = PoseForm::of(text);
     let mut poses: Vec<StampedPose> = Vec::new();
-    for line in data_lines(text) {
-        let pose = parse_line(&line, path)?;
+    for line in data_lines(text).filter(|l| Some(l.number) != form.header) {
+        let pose = parse_line(&line, path, &form)?;
         if let Some(last) = poses.last()
             && pose.stamp <= last.stamp
         {
@@ -51,12 +63,16 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<StampedPose>> {
         }
         poses.push(pose);
     }
-    Ok(poses)
+    Ok((poses, form.remarks(path)))
 }
 
-fn parse_line(line: &Line<'_>, path: &Path) -> Result<StampedPose> {
-    let [stamp, x, y, z, qx, qy, qz, qw] = parse_numbers::<8>(line, path, COLUMNS)?;
-    let q = Quaternion::new(qw, qx, qy, qz);
+fn parse_line(line: &Line<'_>, path: &Path, form: &PoseForm) -> Result<StampedPose> {
+    let [stamp, x, y, z, a, b, c, d] = form.numbers(line, path)?;
+    let q = if form.w_first {
+        Quaternion::new(a, b, c, d)
+    } else {
+        Quaternion::new(d, a, b, c)
+    };
     // Below this the direction of the four numbers is noise; a quaternion of a file has a norm near 1.
     if !(1e-6..1e6).contains(&q.norm()) {
         return Err(DatasetError::Malformed {
@@ -68,7 +84,7 @@ fn parse_line(line: &Line<'_>, path: &Path) -> Result<StampedPose> {
         });
     }
     Ok(StampedPose {
-        stamp,
+        stamp: stamp / form.unit.per_second(),
         world_from_camera: Se3::new(UnitQuaternion::new_normalize(q), Vec3::new(x, y, z)),
     })
 }

@@ -82,10 +82,17 @@ fn lists_with_bad_lines_and_stamps() {
     let f = Folder::tum("x", 3);
     f.text("rgb.txt", "# c\n0.0 rgb/0.png\n0.1\n");
     f.fails(&["rgb.txt:3:", "a timestamp and a file name", "\"0.1\""]);
-    f.text("rgb.txt", "0.2 rgb/0.png\n0.1 rgb/1.png\n");
-    f.fails(&["rgb.txt:2:", "goes back"]);
-    f.text("rgb.txt", "0.1 rgb/0.png\n0.1 rgb/1.png\n");
-    f.fails(&["rgb.txt:2:", "repeats"]);
+    f.text("rgb.txt", "0.2 rgb/2.png\n0.1 rgb/1.png\n0.1 rgb/0.png\n");
+    let sorted = f.open();
+    let stamps: Vec<f64> = sorted.entries().iter().map(|e| e.stamp).collect();
+    assert_eq!(stamps, [0.1, 0.2]);
+    assert!(sorted.entries()[0].colour.ends_with("1.png"));
+    let said = sorted.warnings().join("; ");
+    assert!(said.contains("out of order by their stamps: 1"), "{said}");
+    assert!(
+        said.contains("repeat a stamp and are left out: 1"),
+        "{said}"
+    );
     f.text("rgb.txt", "100 rgb/0.png\n");
     f.fails(&["within 0.02 s", "100.000 to 100.000", "same clock"]);
     f.bytes("rgb.txt", b"\xff\xfe\x00garbage");

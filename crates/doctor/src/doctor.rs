@@ -1,12 +1,12 @@
 //! The examination: frames in, a report out.
 
 use crate::edges::{Edge, FrameEdges, MeanProfile};
-use crate::finding::Report;
+use crate::finding::{Figure, Finding, Report, Symptom};
 use crate::gradient::{Axis, Gradient, PROFILE};
 use crate::registration::Registered;
 use crate::sync::{Delay, Moving};
 use crate::tracks::{Motion, Tracks};
-use crate::{colour, depth_scale, focal, images, lens, registration, stamps, sync};
+use crate::{depth_scale, focal, images, lens, registration, stamps, standstill, sync};
 use stillpoint_geometry::Camera;
 use stillpoint_imaging::{FrameSource, RgbdFrame, SourceError};
 
@@ -33,7 +33,7 @@ pub struct Doctor {
     setup: Setup,
     tracks: Tracks,
     depths: depth_scale::Depths,
-    colours: colour::Colours,
+    still: standstill::Standstills,
     images: images::Images,
     stamps: Vec<f64>,
     /// Silhouettes of the last frame, whose motion is known with the next one.
@@ -52,7 +52,7 @@ impl Doctor {
             setup,
             tracks: Tracks::new(),
             depths: depth_scale::Depths::default(),
-            colours: colour::Colours::default(),
+            still: standstill::Standstills::default(),
             images: images::Images::default(),
             stamps: Vec::new(),
             last: None,
@@ -63,15 +63,13 @@ impl Doctor {
         }
     }
 
-    /// Looks at the next frame; with its colour image, if the channels are to be judged. Keeps some 300 kB of each.
+    /// Looks at the next frame. Keeps some 300 kB of each.
     pub fn look(&mut self, frame: &RgbdFrame) {
         let number = self.stamps.len() as u32;
         self.stamps.push(frame.stamp);
         self.size = [frame.gray.width(), frame.gray.height()];
         self.depths.add(frame.stamp, &frame.depth);
-        if let Some(colour) = &frame.colour {
-            self.colours.add(frame.stamp, colour);
-        }
+        self.still.add(frame);
         self.tracks.step(frame);
         self.settle(number);
         let gradient = Gradient::new(&frame.gray);
@@ -92,6 +90,7 @@ impl Doctor {
             };
             self.edges.push(Moving {
                 axis: edge.axis,
+                backwards: edge.backwards,
                 x: edge.x,
                 y: edge.y,
                 z: edge.z,
@@ -145,7 +144,7 @@ impl Doctor {
         }
         stamps::judge(&self.stamps, &mut report);
         images::judge(&mut self.images, &mut report);
-        colour::judge(&self.colours, &mut report);
+        standstill::judge(&self.still, &mut report);
         report.findings.sort_by_key(|f| f.symptom);
         report
     }
@@ -192,17 +191,20 @@ fn velocity(edge: &Edge, motions: &[Motion]) -> Option<f32> {
     (spread <= AGREE + AGREE_SHARE * median.abs()).then_some(median)
 }
 
-/// Looks at so many seconds of a stream; frames that cannot be read are passed over.
+/// One frame in so many may be unreadable: a few damaged images are part of life.
+const READABLE: usize = 10;
+
+/// Looks at so many seconds of a stream. Frames that cannot be read are passed over, and where they are many that is found.
 ///
 /// # Errors
-/// The error that ended the stream before a frame was seen.
+/// The first error of a stream of which no frame can be read.
 pub fn examine(
     source: &mut dyn FrameSource,
     setup: Setup,
     seconds: f64,
 ) -> Result<Report, SourceError> {
     let mut doctor = Doctor::new(setup);
-    let mut first = None;
+    let (mut first, mut unread, mut error) = (None, 0_usize, None);
     while let Some(item) = source.next_frame() {
         match item {
             Ok(frame) => {
@@ -212,10 +214,40 @@ pub fn examine(
                 }
                 doctor.look(&frame);
             }
-            Err(e) if e.recoverable => {}
-            Err(_) if first.is_some() => break,
-            Err(e) => return Err(e),
+            Err(e) => {
+                unread += 1;
+                let ended = !e.recoverable;
+                error.get_or_insert(e);
+                if ended || (first.is_none() && unread >= MOST_UNREAD) {
+                    break;
+                }
+            }
         }
     }
-    Ok(doctor.report())
+    if first.is_none() {
+        return Err(error.unwrap_or_else(|| SourceError {
+            message: "expected frames, found none; record again".to_owned(),
+            recoverable: false,
+        }));
+    }
+    let mut report = doctor.report();
+    if let Some(error) = error.filter(|_| unread * READABLE > unread + report.frames) {
+        unreadable(unread, &error, &mut report);
+    }
+    Ok(report)
+}
+
+/// Frames after which a stream of which none could be read is given up.
+const MOST_UNREAD: usize = 300;
+
+fn unreadable(unread: usize, first: &SourceError, report: &mut Report) {
+    let all = unread + report.frames;
+    let finding = Finding {
+        symptom: Symptom::Unreadable,
+        message: format!("{unread} of {all} frames cannot be read, first: {first}"),
+        remedy: "copy or export the recording again; what is said below is of the other frames"
+            .into(),
+        evidence: vec![Figure::new("frames that cannot be read", unread as f64, "")],
+    };
+    report.findings.insert(0, finding);
 }

@@ -21,8 +21,9 @@ const QUOTA: usize = 250;
 /// A pixel at which a surface ends.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Edge {
-    /// The axis along which it ends.
+    /// The axis along which it ends, and whether that is towards the beginning of the axis.
     pub(crate) axis: Axis,
+    pub(crate) backwards: bool,
     pub(crate) x: u16,
     pub(crate) y: u16,
     /// Depth of the surface, m.
@@ -96,19 +97,26 @@ impl FrameEdges {
                 at.retain(|&(x, y)| gradient.has_room(x, y));
                 let stride = at.len().div_ceil(QUOTA).max(1);
                 for &(x, y) in at.iter().step_by(stride) {
-                    found.add(gradient, axis, [x, y], depth.at(x, y));
+                    found.add(gradient, (axis, backwards), [x, y], depth.at(x, y));
                 }
             }
         }
         found
     }
 
-    fn add(&mut self, gradient: &Gradient, axis: Axis, [x, y]: [usize; 2], z: f32) {
+    fn add(
+        &mut self,
+        gradient: &Gradient,
+        (axis, backwards): (Axis, bool),
+        [x, y]: [usize; 2],
+        z: f32,
+    ) {
         let mut profile = [0.0_f32; PROFILE];
         gradient.profile(axis, x, y, &mut profile);
         self.profiles.extend_from_slice(&profile);
         self.edges.push(Edge {
             axis,
+            backwards,
             x: x as u16,
             y: y as u16,
             z,

@@ -7,6 +7,8 @@ use serde::Serialize;
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Symptom {
+    /// Frames cannot be read.
+    Unreadable,
     /// The lens model cannot be inverted, or the camera's figures are none.
     Lens,
     /// Depth is too large or too small by a factor.
@@ -17,6 +19,8 @@ pub enum Symptom {
     Registration,
     /// The focal length is wrong.
     FocalLength,
+    /// The depth image or the colour image stands still while the other goes on.
+    Standstill,
     /// Colour and depth were taken at other times than their stamps say.
     Synchronisation,
     /// Stamps run backwards, stand still or jump.
@@ -33,8 +37,6 @@ pub enum Symptom {
     DepthHoles,
     /// Frames are missing.
     DroppedFrames,
-    /// Red and blue are exchanged.
-    RedAndBlue,
 }
 
 /// A number that was measured.

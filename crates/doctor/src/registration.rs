@@ -22,6 +22,10 @@ const BETTER: f64 = 1.25;
 /// Without a shift contours are stronger than this at silhouettes of registered depth, even where frames and shadows run beside them: 1.5 and more
 /// on real and simulated streams; with depth of a camera 25 mm aside they were not stronger than 1.1.
 const REGISTERED: f64 = 1.3;
+/// So many silhouettes of surfaces that end towards one end of the axis, and of those that end towards the other, are each better with the model than without by this factor: a ledge
+/// that runs beside an edge has its second contour at one side of it.
+const MIN_ONE_WAY: usize = 200;
+const BETTER_ONE_WAY: f64 = 1.1;
 /// It shifts half of the silhouettes by more than this, px.
 const MIN_SHIFT: f64 = 4.0;
 /// A shift that is the same at all times agrees better than a delay by this factor where it is the cause.
@@ -71,6 +75,8 @@ struct AxisResult {
     /// Median of the model's shift and of its size, px.
     shift: f64,
     size: f64,
+    /// Whether surfaces that end towards either end of the axis bear the model out.
+    both_ways: bool,
 }
 
 /// What was seen of registration.
@@ -120,7 +126,11 @@ pub(crate) fn judge(
         report.measure(Figure::new(name, result.here, "times those around"));
     }
     let off = |r: &&AxisResult| {
-        r.here < REGISTERED && r.best >= HOLDS && r.best >= BETTER * r.here && r.size > MIN_SHIFT
+        r.both_ways
+            && r.here < REGISTERED
+            && r.best >= HOLDS
+            && r.best >= BETTER * r.here
+            && r.size > MIN_SHIFT
     };
     let worst = judged
         .iter()
@@ -213,6 +223,15 @@ fn examine(
     let model = fit(&samples);
     let second = samples.iter().skip(1).step_by(2);
     let best = model.agreement(second) / mean;
+    let one_way = |backwards: bool| {
+        let side = || samples.iter().filter(|s| s.edge.backwards == backwards);
+        let without = (-NEAR..=NEAR)
+            .map(|c| constant(c).agreement(side()))
+            .fold(0.0, f64::max);
+        let with = model.agreement(side());
+        side().count() >= MIN_ONE_WAY && with >= BETTER_ONE_WAY * without
+    };
+    let both_ways = one_way(false) && one_way(true);
     let mut shifts: Vec<f64> = samples.iter().map(|s| f64::from(model.of(s))).collect();
     let shift = median(&mut shifts)?;
     shifts.iter_mut().for_each(|s| *s = s.abs());
@@ -221,6 +240,7 @@ fn examine(
         best,
         shift,
         size: median(&mut shifts)?,
+        both_ways,
     })
 }
 

@@ -63,6 +63,29 @@ pub(crate) fn judge(stamps: &[f64], report: &mut Report) {
     }
 }
 
+/// Judges the places at which the clock was set back that stamped the images: by how much, s, and at which of them in the order of writing, from 0.
+pub fn judge_clock(set_back: impl IntoIterator<Item = (usize, f64)>, report: &mut Report) {
+    let all: Vec<(usize, f64)> = set_back.into_iter().collect();
+    let Some((index, by)) = all.first() else {
+        return;
+    };
+    let again = match all.len() - 1 {
+        0 => String::new(),
+        n => format!(", and {n} times more"),
+    };
+    let finding = Finding {
+        symptom: Symptom::Stamps,
+        message: format!(
+            "the clock was set back while this was recorded: stamps go back by {by:.3} s at image {}{again}",
+            index + 1
+        ),
+        remedy: "use the device's stamps, or let no other clock set the recording computer's while it records; images are taken in the order in which they were written, and later stamps go on from there".into(),
+        evidence: vec![Figure::new("stamps go back by", *by, "s")],
+    };
+    report.findings.push(finding);
+    report.findings.sort_by_key(|f| f.symptom);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

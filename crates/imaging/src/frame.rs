@@ -30,6 +30,23 @@ pub struct RgbdFrame {
     pub depth: DepthImage,
 }
 
+impl RgbdFrame {
+    /// The same frame as of a camera that measured no depth.
+    #[must_use]
+    pub fn without_depth(&self) -> Self {
+        let (width, height) = (self.depth.width(), self.depth.height());
+        let nothing = DepthImage::from_vec(width, height, vec![0.0; width * height]);
+        Self {
+            id: self.id,
+            stamp: self.stamp,
+            depth_stamp: self.depth_stamp,
+            gray: self.gray.clone(),
+            colour: self.colour.clone(),
+            depth: nothing.unwrap_or_default(),
+        }
+    }
+}
+
 /// A stream of frames failed.
 #[derive(Debug)]
 pub struct SourceError {

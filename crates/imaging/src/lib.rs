@@ -18,6 +18,7 @@ mod pyramid;
 mod resize;
 mod samples;
 mod simd;
+mod standstill;
 pub mod workers;
 
 pub use blur::Blur;
@@ -29,4 +30,5 @@ pub use odometry::{OdometrySample, OdometryTrack};
 pub use pyramid::Pyramid;
 pub use samples::{SampleTrack, Stamped};
 pub use simd::Simd;
+pub use standstill::{Standstill, Still, StillWatch};
 pub use workers::Workers;

@@ -16,7 +16,9 @@ use crate::truth;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use stillpoint_datasets::{CameraModel, FrameOptions, StampedPose, associate};
+use stillpoint_datasets::{
+    CameraModel, FrameOptions, Mended, SetBack, StampedPose, associate, mend,
+};
 
 /// A frame: a colour image and the depth image that belongs to it.
 #[derive(Clone, Copy, Debug)]
@@ -98,6 +100,7 @@ pub struct FileRecording {
     pub(crate) inertial: Option<Sensor>,
     pub(crate) wheels: Option<Wheels>,
     truth: Option<Vec<StampedPose>>,
+    set_back: Vec<SetBack>,
     guesses: Vec<String>,
     warnings: Vec<String>,
 }
@@ -168,6 +171,7 @@ impl FileRecording {
             inertial,
             wheels,
             truth,
+            set_back: recording.set_back,
             guesses: guesses.iter().map(|line| one_line(line)).collect(),
             warnings: warnings.iter().map(|line| one_line(line)).collect(),
         })
@@ -200,6 +204,12 @@ impl FileRecording {
     #[must_use]
     pub fn warnings(&self) -> &[String] {
         &self.warnings
+    }
+
+    /// Where the clock was set back that stamped the images.
+    #[must_use]
+    pub fn set_back(&self) -> &[SetBack] {
+        &self.set_back
     }
 
     /// Poses of the topic that was named, if one was.
@@ -248,18 +258,31 @@ fn stamped(
             stamp(s).unwrap_or(s.logged)
         }
     };
-    let mut found: Vec<(i64, Slot)> = all.into_iter().map(|s| (time(s), *s)).collect();
-    let before = found.len();
-    found.sort_by_key(|(ns, _)| *ns);
-    found.dedup_by_key(|(ns, _)| *ns);
-    if found.len() < before {
+    let slots: Vec<Slot> = all.iter().map(|s| **s).collect();
+    let stamps: Vec<f64> = all.into_iter().map(|s| seconds(time(s))).collect();
+    let mended = in_order(&stamps, &slots, &recording.set_back);
+    for at in &mended.set_back {
+        let place = format!("topic {}, message {}", stream.topic, at.index + 1);
+        warnings.push(Mended::remark(at, &place));
+    }
+    if mended.repeats > 0 {
         warnings.push(format!(
             "topic {}: {} images repeat a stamp and are left out",
-            stream.topic,
-            before - found.len()
+            stream.topic, mended.repeats
         ));
     }
-    Ok(found.into_iter().map(|(ns, s)| (seconds(ns), s)).collect())
+    // What else was stamped by this clock goes on as the first stream does.
+    if recording.set_back.is_empty() {
+        recording.set_back = mended.set_back;
+    }
+    let stamps = mended.stamps.into_iter();
+    Ok(stamps.map(|(t, i)| (t, slots[i])).collect())
+}
+
+/// Stamps (s) of messages that stand in the order of the file, brought into one in which they can be played; `like` is where the clock was set back by another stream.
+pub(crate) fn in_order(stamps: &[f64], slots: &[Slot], like: &[SetBack]) -> Mended {
+    let step = |i: usize| Some(seconds(slots[i].logged.checked_sub(slots[i - 1].logged)?));
+    mend(stamps, step, like)
 }
 
 /// The pairs of a recording whose images were all written in pairs, each at one time: as [`crate::McapRecorder`] writes frames. `None` where one image has no

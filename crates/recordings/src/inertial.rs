@@ -4,6 +4,7 @@
 
 use crate::choose::common_parts;
 use crate::error::{RecordingError, Result};
+use crate::file::in_order;
 use crate::probe::{Probe, Stream};
 use crate::realsense;
 use crate::recording::Recording;
@@ -232,6 +233,11 @@ pub(crate) fn stamped(recording: &Recording, channel: u32, by_arrival: bool) -> 
         (seconds(own.unwrap_or(s.logged)), *s)
     };
     let mut all: Vec<(f64, Slot)> = recording.slots_of(channel).map(time).collect();
+    if !recording.set_back.is_empty() {
+        let (stamps, slots): (Vec<f64>, Vec<Slot>) = all.into_iter().unzip();
+        let mended = in_order(&stamps, &slots, &recording.set_back).stamps;
+        return mended.into_iter().map(|(t, i)| (t, slots[i])).collect();
+    }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     all.dedup_by(|a, b| a.0 == b.0);
     all.into()

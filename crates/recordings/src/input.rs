@@ -5,7 +5,7 @@ use crate::file::FileRecording;
 use crate::source::RecordingSource;
 use std::path::Path;
 use stillpoint_datasets::{
-    CameraChoice, CameraModel, Dataset, DatasetSource, FrameOptions, StampedPose,
+    CameraChoice, CameraModel, Dataset, DatasetSource, FrameOptions, SetBack, StampedPose,
 };
 use stillpoint_geometry::{ImuModel, OdometryModel};
 use stillpoint_imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError};
@@ -209,14 +209,32 @@ impl Input {
         })
     }
 
+    /// Where the clock was set back that stamped the images.
+    #[must_use]
+    pub fn set_back(&self) -> &[SetBack] {
+        match self {
+            Self::Folder(d) => d.set_back(),
+            Self::File(f) => f.set_back(),
+            Self::Device(_) => &[],
+        }
+    }
+
     /// The ground truth as poses `world_from_camera` of the colour camera, if there is any.
     ///
     /// # Errors
     /// As [`Dataset::ground_truth`].
     pub fn ground_truth(&self) -> Result<Option<Vec<StampedPose>>> {
+        Ok(self.ground_truth_said()?.map(|(poses, _)| poses))
+    }
+
+    /// The same, and in a sentence each what was found out about its file.
+    ///
+    /// # Errors
+    /// As [`Dataset::ground_truth`].
+    pub fn ground_truth_said(&self) -> Result<Option<(Vec<StampedPose>, Vec<String>)>> {
         match self {
-            Self::Folder(d) => Ok(d.ground_truth()?),
-            Self::File(f) => Ok(f.ground_truth()),
+            Self::Folder(d) => Ok(d.ground_truth_said()?),
+            Self::File(f) => Ok(f.ground_truth().map(|poses| (poses, Vec::new()))),
             Self::Device(_) => Ok(None),
         }
     }

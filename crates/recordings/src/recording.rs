@@ -10,6 +10,7 @@ use crate::store::temporary::Temporary;
 use crate::store::{Channel, Contents, Place, Slot, Store, bag, largest_message, mcap, seconds};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use stillpoint_datasets::SetBack;
 use stillpoint_ros_messages::{Format, Wire, from_bytes};
 
 /// How a file is opened once more without being scanned.
@@ -164,6 +165,7 @@ impl Files {
             stores,
             blocks: Blocks::default(),
             files: self.clone(),
+            set_back: Vec::new(),
         })
     }
 }
@@ -176,6 +178,8 @@ pub(crate) struct Recording {
     stores: Vec<Box<dyn Store>>,
     blocks: Blocks,
     pub(crate) files: Files,
+    /// Where the clock was set back that stamped the images, as far as that is known.
+    pub(crate) set_back: Vec<SetBack>,
 }
 
 impl Recording {

@@ -223,6 +223,7 @@ mod tests {
             segments: Segments::default(),
             objects: [].into(),
             counts: FrameCounts::default(),
+            still: None,
             is_keyframe: false,
             submap: pose.map(|_| SubmapId(0)),
             map_version: version,

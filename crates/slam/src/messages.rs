@@ -20,6 +20,13 @@ pub struct Tracked {
     pub keyframe: Option<NewKeyframe>,
 }
 
+impl Tracked {
+    /// Whether the frame was no new view.
+    pub(crate) fn is_passed_over(&self) -> bool {
+        self.report.still.is_some_and(|s| s.what.is_no_view())
+    }
+}
+
 /// A frame that shall become a keyframe.
 #[derive(Clone, Debug)]
 pub struct NewKeyframe {

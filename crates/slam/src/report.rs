@@ -8,7 +8,7 @@ use crate::static_filter::{FeatureVerdict, Segments};
 use std::sync::Arc;
 use stillpoint_detection::Object;
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::FrameId;
+use stillpoint_imaging::{FrameId, Standstill};
 use stillpoint_map::{Join, KeyframeId, SubmapId};
 
 /// What became of a frame's pose.
@@ -55,6 +55,8 @@ pub enum LostReason {
     AgainstGyro,
     /// What was seen moves otherwise than the wheels, and these could not carry the camera any longer.
     AgainstOdometry,
+    /// The colour image is that of the frame before: no new view.
+    Repeated,
 }
 
 impl std::fmt::Display for LostReason {
@@ -66,6 +68,7 @@ impl std::fmt::Display for LostReason {
             Self::FewInliers => "too few matches agree on a pose",
             Self::AgainstGyro => "what is seen turns otherwise than the gyroscope",
             Self::AgainstOdometry => "what is seen moves otherwise than the wheels",
+            Self::Repeated => "the image is that of the frame before",
         })
     }
 }
@@ -95,6 +98,8 @@ pub struct FrameReport {
     pub objects: Arc<[Object]>,
     /// Counts of each step.
     pub counts: FrameCounts,
+    /// What of the frame stands still: it is tracked without a depth image that does, and has no pose where the colour image does.
+    pub still: Option<Standstill>,
     /// The frame became a keyframe.
     pub is_keyframe: bool,
     /// The submap that the pose is in, by what was known at this frame; none without a pose.

@@ -21,7 +21,10 @@ pub fn track(
     frame: &Arc<RgbdFrame>,
 ) -> (Event, Option<MapperMsg>) {
     let mut tracked = tracker.track(frame);
-    retracer.follow(tracker, frame, &mut tracked);
+    let frame = &tracker.as_tracked(frame);
+    if !tracked.is_passed_over() {
+        retracer.follow(tracker, frame, &mut tracked);
+    }
     let health = health.judge(frame, &tracked);
     let Tracked {
         report, keyframe, ..

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 /// Look at a few seconds of a recording and say what is wrong with it and what to do.
 ///
 /// In order of harm: lens model, depth scale, mirrored images, registration of depth to colour, focal length, synchronisation,
-/// stamps, exposure, blur, holes in the depth, dropped frames, red and blue exchanged. What these seconds do not show, such as
+/// stamps, images that stand still, exposure, blur, holes in the depth, dropped frames. What these seconds do not show, such as
 /// the focal length while the camera does not turn, is listed as not judged.
 #[derive(Debug, Args)]
 #[command(

@@ -12,6 +12,9 @@ use stillpoint::evaluation::Delta;
 /// --truth-topic of its poses. ATE is taken after alignment by SE(3), with --scale by Sim(3). RPE is taken over
 /// --delta: seconds as the TUM script with a fixed delta, or frames as evo over all pairs.
 ///
+/// Stamps in ms, us or ns are recognised, and so is EuRoC's data.csv. Where another offset between both
+/// clocks fits far better, that is said; --time-offset applies one, --find-offset the best.
+///
 /// --objects compares the table of run --objects with boxes.csv by HOTA, MOTA and IDF1 as trackeval
 /// does, and says for each class how fast its tracks are. Tracks that were seen once do not count.
 /// With both trajectories it also compares velocities and positions, not speeds alone.
@@ -22,6 +25,7 @@ use stillpoint::evaluation::Delta;
   stillpoint eval groundtruth.txt out/desk/trajectory.txt
   stillpoint eval groundtruth.txt trajectory.txt --delta 30f --json
   stillpoint eval groundtruth.txt trajectory.txt --plot errors.svg
+  stillpoint eval groundtruth.txt trajectory.txt --time-offset -0.25
   stillpoint eval desk.bag out/desk/trajectory.txt --truth-topic /vrpn/camera/pose
   stillpoint eval --objects objects.csv walking/boxes.csv
   stillpoint eval groundtruth.txt trajectory.txt --objects objects.csv boxes.csv --json"
@@ -49,6 +53,19 @@ pub(crate) struct EvalArgs {
     /// Align with scale: Sim(3) instead of SE(3).
     #[arg(long)]
     pub(crate) scale: bool,
+    /// Add this to the stamps of the estimate, s.
+    #[arg(
+        long,
+        value_name = "S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true,
+        value_parser = offset,
+        requires = "ground_truth"
+    )]
+    pub(crate) time_offset: f64,
+    /// Find the offset with which the estimate fits best, and score it with that.
+    #[arg(long, requires = "ground_truth", conflicts_with = "time_offset")]
+    pub(crate) find_offset: bool,
     /// What RPE is taken over: seconds (1s) or frames (30f).
     #[arg(long, value_name = "DELTA", default_value = "1s")]
     pub(crate) delta: Delta,
@@ -95,6 +112,12 @@ pub(crate) struct ObjectEvalArgs {
     /// Speed above which a track is too fast, m/s.
     #[arg(long, value_name = "M/S", default_value_t = 2.5, value_parser = positive, requires = "objects")]
     pub(crate) max_speed: f64,
+}
+
+/// A finite number of seconds.
+fn offset(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|x: &f64| x.is_finite());
+    number.ok_or_else(|| "expected a number of seconds".to_owned())
 }
 
 /// A number above 0 up to 1.

@@ -1,6 +1,7 @@
 //! `eval`: the score of a trajectory file against a ground truth file, and of tracks against boxes.
 
 mod objects;
+pub(crate) mod offset;
 mod tracks;
 
 use crate::args::eval::EvalArgs;
@@ -13,6 +14,9 @@ use std::path::Path;
 use stillpoint::datasets::{CameraChoice, StampedPose, trajectory};
 use stillpoint::evaluation::{EvalOptions, Score, score};
 use stillpoint::recordings::{self, OpenOptions, TRUTH_TOPIC};
+
+/// What applies an offset between two clocks.
+const OPTION: &str = "--time-offset";
 
 /// `eval`.
 pub(crate) fn eval(args: &EvalArgs) -> Result<Status, Failure> {
@@ -74,23 +78,33 @@ fn score_files(
         ("the estimate", estimate_file),
     ];
     paths::check(&[("--plot", args.plot.as_deref())], &inputs)?;
-    let reference = reference(ground_truth, args.truth_topic.as_deref())?;
-    let estimate = trajectory::read(estimate_file)?;
+    let reference = timed(&reference(ground_truth, args.truth_topic.as_deref())?);
+    let mut estimate = timed(&said(trajectory::read_said(estimate_file)?));
+    let seconds = if args.find_offset {
+        offset::best(&reference, &estimate, args.scale)?
+    } else {
+        args.time_offset
+    };
+    estimate.iter_mut().for_each(|p| p.stamp += seconds);
     let options = EvalOptions {
         with_scale: args.scale,
         delta: args.delta,
         ..EvalOptions::default()
     };
-    let score = score(&timed(&reference), &timed(&estimate), &options).map_err(|e| {
+    let score = score(&reference, &estimate, &options).map_err(|e| {
+        let hint = offset::hint(&e, &reference, &estimate, (args.scale, seconds));
         Failure::input(format!(
-            "{} against {}: {e}",
+            "{} against {}: {e}{hint}",
             estimate_file.display(),
             ground_truth.display()
         ))
     })?;
+    if !args.find_offset {
+        offset::remark(&reference, &estimate, (args.scale, seconds), OPTION);
+    }
     if let (Some(path), Some(format)) = (&args.plot, format) {
         let title = estimate_file.display().to_string();
-        let figure = score_figure(&title, &score, &timed(&estimate));
+        let figure = score_figure(&title, &score, &estimate);
         let bytes = match format {
             PlotFormat::Svg => figure.to_svg().into_bytes(),
             PlotFormat::Png => figure.to_png().map_err(Failure::input)?,
@@ -98,6 +112,12 @@ fn score_files(
         output::write_file(path, &bytes)?;
     }
     Ok((score, [reference.len(), estimate.len()]))
+}
+
+/// Says what was found out about a file of poses.
+pub(crate) fn said((poses, remarks): (Vec<StampedPose>, Vec<String>)) -> Vec<StampedPose> {
+    remarks.iter().for_each(|r| console::info(r));
+    poses
 }
 
 /// The ground truth of a file of poses, of a data set folder, or of a recording.
@@ -109,7 +129,7 @@ fn reference(path: &Path, topic: Option<&str>) -> Result<Vec<StampedPose>, Failu
                 "--truth-topic: expected a recording, found {}; leave the option out",
                 path.display()
             ))),
-            None => Ok(trajectory::read(path)?),
+            None => Ok(said(trajectory::read_said(path)?)),
         };
     }
     let options = OpenOptions {
@@ -133,8 +153,8 @@ fn reference(path: &Path, topic: Option<&str>) -> Result<Vec<StampedPose>, Failu
         }
         other => Some(other?),
     };
-    let truth = input.map(|i| i.ground_truth()).transpose()?.flatten();
-    truth.ok_or_else(|| {
+    let truth = input.map(|i| i.ground_truth_said()).transpose()?.flatten();
+    truth.map(said).ok_or_else(|| {
         let what = if is_recording {
             "name the topic of its poses: --truth-topic"
         } else {

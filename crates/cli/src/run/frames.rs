@@ -1,10 +1,10 @@
 //! What became of every frame: `frames.csv`, and the stretches in which tracking was lost.
 
 use crate::run::submaps::{Submap, by_submap, is_posed};
-use crate::run::summary::LostStretch;
+use crate::run::summary::{LostStretch, StillStretch};
 use std::collections::BTreeMap;
 use stillpoint::datasets::StampedPose;
-use stillpoint::imaging::FrameId;
+use stillpoint::imaging::{FrameId, Standstill, Still};
 use stillpoint::map::{MapView, SubmapId};
 use stillpoint::slam::{FrameReport, Outcome, Trajectory};
 
@@ -53,6 +53,8 @@ struct Line {
     submap: Option<SubmapId>,
     inliers: u32,
     is_keyframe: bool,
+    /// What of it stands still.
+    still: Option<Standstill>,
 }
 
 impl Line {
@@ -90,6 +92,7 @@ impl Frames {
             submap: report.submap.filter(|_| !lost),
             inliers,
             is_keyframe: report.is_keyframe,
+            still: report.still,
         });
     }
 
@@ -152,6 +155,32 @@ impl Frames {
         stretches
     }
 
+    /// The stretches in which images stood still.
+    pub(crate) fn still(&self) -> Vec<StillStretch> {
+        let mut stretches: Vec<StillStretch> = Vec::new();
+        let mut open: Option<(Still, FrameId)> = None;
+        for line in &self.0 {
+            let Some(still) = line.still else {
+                open = None;
+                continue;
+            };
+            let what = (still.what, still.since);
+            if open.replace(what) != Some(what) {
+                stretches.push(StillStretch {
+                    what: still.what.into(),
+                    first: line.frame.0,
+                    ..StillStretch::default()
+                });
+            }
+            if let Some(stretch) = stretches.last_mut() {
+                stretch.last = line.frame.0;
+                stretch.frames = still.frames;
+                stretch.seconds = still.seconds;
+            }
+        }
+        stretches
+    }
+
     /// The poses by submap of the final map, in the order of [`by_submap`].
     pub(crate) fn submaps(&self, trajectory: &Trajectory, view: &MapView) -> Vec<Submap> {
         let keyframes: BTreeMap<SubmapId, usize> = view.submaps().into_iter().collect();
@@ -189,9 +218,10 @@ impl Frames {
             let entry = entries.binary_search_by_key(&line.frame, |e| e.frame).ok();
             let last = entry.and_then(|i| view.submap_of(entries[i].pose.reference));
             let id = |submap: Option<SubmapId>| submap.map_or_else(String::new, |p| p.to_string());
-            let reason = match &line.state {
-                State::Lost(reason) => reason,
-                _ => "",
+            let reason = match (&line.state, line.still) {
+                (State::Lost(reason), _) => reason.clone(),
+                (_, Some(still)) => format!("{} stands still", still.what.name()),
+                _ => String::new(),
             };
             text += &format!(
                 "{},{:.6},{},{},{},{},{},{reason}\n",
@@ -226,6 +256,7 @@ mod tests {
                 inliers,
                 ..FrameCounts::default()
             },
+            still: None,
             is_keyframe: frame == 0,
             undecided: None,
             inertial: None,
@@ -323,6 +354,41 @@ mod tests {
         let lost = frames.lost();
         assert_eq!((lost.len(), lost[0].first, lost[0].last), (1, 1, 1));
         assert!(lost[0].reason.contains("withdrawn"), "{}", lost[0].reason);
+    }
+
+    #[test]
+    fn stretches_that_stand_still_are_counted_and_said() {
+        let mut frames = Frames::default();
+        for i in 0..9 {
+            let mut report = report(i, Outcome::Tracked, Some(0), 100);
+            let since = if i < 6 { 1 } else { 7 };
+            report.still = [2, 3, 4, 8].contains(&i).then(|| Standstill {
+                what: Still::Depth,
+                since: FrameId(since),
+                frames: i - since,
+                seconds: f64::from(i - since) / 10.0,
+            });
+            frames.take(&report);
+        }
+        let found = frames.still();
+        let listed: Vec<_> = found.iter().map(|s| (s.first, s.last, s.frames)).collect();
+        assert_eq!(listed, [(2, 4, 3), (8, 8, 1)]);
+        assert!((found[0].seconds - 0.3).abs() < 1e-9);
+        assert!(
+            found[0]
+                .to_string()
+                .contains("frames 2 to 4 (3 frames, 0.30 s)"),
+            "{}",
+            found[0]
+        );
+        let csv = frames.to_csv(&Trajectory::default(), &MapView::default());
+        let lines: Vec<&str> = csv.lines().collect();
+        assert!(
+            lines[3].ends_with("the depth image stands still"),
+            "{}",
+            lines[3]
+        );
+        assert!(lines[2].ends_with(','), "{}", lines[2]);
     }
 
     #[test]

@@ -93,6 +93,7 @@ pub(crate) fn run_on(
         recorder,
         timing,
     };
+    let beside = (!is_device).then(|| doctor::beside_run(&args.path, &args.input));
     let opened = task.with(dataset)?;
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
@@ -134,8 +135,9 @@ pub(crate) fn run_on(
     about.dense = session.dense.as_ref().map(|d| d.logged.clone());
     about.things = session.things.as_ref().and_then(|t| t.frames.clone());
     let status = begun.end(&session, outputs, || run_log(&session, &about, log_file))?;
-    if !session.interrupted && !is_device {
-        doctor::after_run(&args.path, &args.input);
+    if let Some(beside) = beside.flatten().filter(|_| !session.interrupted) {
+        // A panic there has been said, and takes nothing from the result.
+        let _ = beside.join();
     }
     last(session, status)
 }

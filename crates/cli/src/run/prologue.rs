@@ -5,6 +5,7 @@ use crate::args::run::OutputArgs;
 use crate::config;
 use crate::console;
 use crate::dense::{Fusion, Logged, Wish};
+use crate::eval::said;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
@@ -114,7 +115,7 @@ impl<'a> Opened<'a> {
             simd,
             dataset,
         } = self;
-        let truth = dataset.ground_truth()?;
+        let truth = dataset.ground_truth_said()?.map(said);
         let source = frames(&task, &dataset, colour)?;
         let remaining = source.remaining();
         let ids = adds_ids.then(|| remaining.unwrap_or(dataset.stamps().len()));

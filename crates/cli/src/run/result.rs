@@ -3,13 +3,17 @@
 
 use crate::args::run::OutputArgs;
 use crate::console;
+use crate::eval::offset;
 use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
 use crate::page::{self, data};
 use crate::run::session::Session;
 use crate::run::submaps;
-use crate::run::summary::{Accuracy, Input, ReadoutJson, ScoreJson, StageTiming, Summary};
+use crate::run::summary::{
+    Accuracy, Input, LostStretch, ReadoutJson, ScoreJson, StageTiming, StillJson, StillStretch,
+    Summary,
+};
 use crate::run::view::PageView;
 use crate::timing::Timing;
 use crate::{config, report};
@@ -186,6 +190,40 @@ fn unread(summary: &Summary) -> bool {
     summary.skipped * READABLE > summary.frames + summary.skipped
 }
 
+/// Stretches that are told one by one at most, and frames that each of them has at least.
+const TOLD: usize = 5;
+const LONG: u32 = 3;
+
+/// Says for how long images stood still.
+fn tell_still(stretches: &[StillStretch]) {
+    let (long, short): (Vec<_>, Vec<_>) = stretches.iter().partition(|s| s.frames >= LONG);
+    for stretch in long.iter().take(TOLD) {
+        match stretch.what {
+            StillJson::Rest => console::info(&stretch.to_string()),
+            _ => console::warn(&stretch.to_string()),
+        }
+    }
+    let others: Vec<_> = long.into_iter().skip(TOLD).chain(short).collect();
+    if !others.is_empty() {
+        let frames: u32 = others.iter().map(|s| s.frames).sum();
+        console::warn(&format!(
+            "frames that repeat an image of the one before, in other places: {frames}; frames.csv says where, and what became of them"
+        ));
+    }
+}
+
+/// Says in which frames there is no pose, and why, and in which images stood still.
+fn tell_stretches(s: &Summary) {
+    let unexplained = |l: &&LostStretch| !s.still.iter().any(|still| still.explains(l));
+    for stretch in s.lost.iter().filter(unexplained) {
+        console::warn(&format!(
+            "no pose in frames {} to {} ({:.2} s): {}; then {}",
+            stretch.first, stretch.last, stretch.seconds, stretch.reason, stretch.then
+        ));
+    }
+    tell_still(&s.still);
+}
+
 /// Says what went wrong, if anything did.
 pub(crate) fn verdict(summary: &Summary) -> Status {
     let s = summary;
@@ -195,12 +233,7 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
             s.frames
         ));
     }
-    for stretch in &s.lost {
-        console::warn(&format!(
-            "no pose in frames {} to {} ({:.2} s): {}; then {}",
-            stretch.first, stretch.last, stretch.seconds, stretch.reason, stretch.then
-        ));
-    }
+    tell_stretches(s);
     for submap in s.submaps.iter().skip(1) {
         console::warn(&format!(
             "{} frames are in a submap that was not recognised as part of the first: their poses are in {}, in a frame of reference of their own",
@@ -225,7 +258,15 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
             s.frames + s.skipped
         ));
     }
-    let missing = s.frames - s.tracked;
+    let passed_over: usize = s.still.iter().map(StillStretch::passed_over).sum();
+    let stood_still = passed_over * READABLE > s.frames;
+    if stood_still {
+        console::line(&format!(
+            "{passed_over} of {} frames are no new views, more than one in {READABLE}: the result is not of the whole recording",
+            s.frames
+        ));
+    }
+    let missing = (s.frames - s.tracked).saturating_sub(passed_over);
     if missing > 0 {
         console::line(&format!(
             "{missing} of {} frames have no pose in trajectory.txt",
@@ -233,7 +274,8 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
         ));
     }
     let broken = s.live.as_ref().map_or(0, |live| live.tell());
-    if missing > 0 || unread || s.tracked < 2 || s.interrupted || d.never_answered() || broken > 0 {
+    let incomplete = missing > 0 || unread || stood_still;
+    if incomplete || s.tracked < 2 || s.interrupted || d.never_answered() || broken > 0 {
         Status::Failed
     } else {
         Status::Ok
@@ -244,7 +286,14 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
 fn scores(truth: &[StampedPose], session: &Session) -> Option<(Score, Score)> {
     let truth = timed(truth);
     let options = EvalOptions::default();
-    let both = score(&truth, &timed(&session.final_poses), &options)
+    let poses = timed(&session.final_poses);
+    offset::remark(
+        &truth,
+        &poses,
+        (false, 0.0),
+        "stillpoint eval GROUNDTRUTH trajectory.txt --time-offset",
+    );
+    let both = score(&truth, &poses, &options)
         .and_then(|f| Ok((f, score(&truth, &timed(&session.online_poses), &options)?)));
     both.map_err(|e| console::warn(&format!("no score: {e}")))
         .ok()
@@ -262,6 +311,7 @@ fn summarise(setup: &Setup<'_>, session: &Session, scores: Option<&(Score, Score
             sigma: session.timing.readout_sigma,
         },
         lost: session.lost.clone(),
+        still: session.still.clone(),
         submaps: session.submaps.clone(),
         detector: session.detector.clone(),
         features: session.features,

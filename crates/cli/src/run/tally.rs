@@ -129,6 +129,7 @@ impl Tally {
             undecided: self.each.undecided(),
             timing: end.timing,
             lost: self.each.lost(),
+            still: self.each.still(),
             frames_csv: self.each.to_csv(end.trajectory, &view),
             submaps: described,
             other_submaps,
@@ -221,6 +222,7 @@ mod tests {
                 detections_without_pose: 1,
                 ..FrameCounts::default()
             },
+            still: None,
             is_keyframe: true,
             inertial: None,
             odometry: None,

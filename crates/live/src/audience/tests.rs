@@ -37,6 +37,7 @@ fn tracked(n: u32) -> Event {
             segments: Segments::default(),
             objects: [].into(),
             counts: FrameCounts::default(),
+            still: None,
             is_keyframe: false,
             submap: None,
             map_version: 0,
@@ -55,6 +56,7 @@ fn tracked(n: u32) -> Event {
             map_age: None,
             undecided: false,
             loss: None,
+            still: None,
         },
     }))
 }

@@ -79,6 +79,8 @@ pub enum LossCause {
         /// Those without which there is no pose.
         needed: u32,
     },
+    /// The image is that of the frame before.
+    Repeated,
     /// Matches do not agree on one pose.
     Contradiction {
         /// Matches that agree.
@@ -103,6 +105,7 @@ impl LossCause {
                 "turn the camera to surfaces within reach of its depth sensor"
             }
             Self::Crowd { .. } => "let them pass or turn the camera away from them",
+            Self::Repeated => "start the camera or its driver again if that lasts",
             Self::Unknown { .. } => "go back to a place that it has seen",
             Self::Contradiction { .. } => "hold the camera still at a place that it has seen",
         }
@@ -154,6 +157,7 @@ impl std::fmt::Display for LossCause {
                 "people or things that move fill the image: {} % of the keypoints are on them",
                 percent(moving)
             ),
+            Self::Repeated => write!(f, "the image stands still: it is that of the frame before"),
             Self::Unknown { matches, needed } => write!(
                 f,
                 "what is seen is not known ({matches} matches; {needed} needed)"
@@ -249,6 +253,7 @@ pub(super) fn cause(clues: &Clues<'_>) -> LossCause {
         return LossCause::Dazzled { keypoints, needed };
     }
     match reason {
+        LostReason::Repeated => LossCause::Repeated,
         LostReason::FewFeatures => LossCause::Blank { keypoints, needed },
         _ if look.depth < NO_DEPTH => LossCause::NoDepth { pixels: look.depth },
         LostReason::FewDepths => LossCause::FewDepths {

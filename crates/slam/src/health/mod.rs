@@ -24,7 +24,7 @@ use quality::Measured;
 use stillpoint_detection::{Detections, MotionWeights};
 use stillpoint_estimation::pose_covariance;
 use stillpoint_geometry::{Mat6, Se3};
-use stillpoint_imaging::{FrameId, RgbdFrame};
+use stillpoint_imaging::{FrameId, RgbdFrame, Standstill};
 
 /// How fast a pose is carried that rides on somebody, per axis, m/s and rad/s: one standard deviation. People walk at 1 m/s, and one start in
 /// some rides.
@@ -62,6 +62,8 @@ pub struct Health {
     pub undecided: bool,
     /// Why there is no pose; none when there is one.
     pub loss: Option<Loss>,
+    /// What of the frame stands still.
+    pub still: Option<Standstill>,
     /// Whether the inertial sensor is believed; none where there is none.
     pub inertial: Option<InertialState>,
     /// Whether the odometry is believed; none where there is none.
@@ -125,6 +127,9 @@ impl std::fmt::Display for Health {
             write!(f, " | undecided who moves")?;
         }
         write!(f, " | static {} %", percent(self.static_share))?;
+        if let Some(still) = &self.still {
+            write!(f, " | {still}")?;
+        }
         if let Some(age) = self.detections_age {
             write!(f, " | detection {age:.2} s ago")?;
         }
@@ -223,6 +228,7 @@ impl HealthMonitor {
             detections_age: self.crowd.detected().map(age),
             map_age: self.mapped.map(age),
             loss: None,
+            still: report.still,
             inertial: report.inertial.map(|i| i.state),
             odometry: report.odometry.map(|o| o.state),
         };

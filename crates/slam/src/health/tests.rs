@@ -36,6 +36,7 @@ fn report(frame: &RgbdFrame, outcome: Outcome, map_version: u64) -> FrameReport 
             released: 5,
             ..FrameCounts::default()
         },
+        still: None,
         is_keyframe: false,
         submap: None,
         map_version,

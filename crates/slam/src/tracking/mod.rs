@@ -65,7 +65,7 @@ use statistics::Sightings;
 use std::sync::Arc;
 use stillpoint_features::OrbConfig;
 use stillpoint_geometry::{Camera, Mat6, Se3};
-use stillpoint_imaging::{RgbdFrame, Simd, Workers};
+use stillpoint_imaging::{FrameId, RgbdFrame, Simd, Standstill, Still, StillWatch, Workers};
 use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, MapView};
 use vote::Vote;
 
@@ -106,8 +106,11 @@ pub struct Tracker {
     pace: Pace,
     /// Share of the keypoints that moved in the frame before.
     moving_share: f64,
-    /// The frame before, whatever became of it.
+    /// The frame before that was a new view, whatever became of it.
     previous: Option<Arc<RgbdFrame>>,
+    /// Which images stand still, and the first frame without a new view.
+    watch: StillWatch,
+    repeated: Option<FrameId>,
     trajectory: Trajectory,
     simd: Simd,
     workers: Workers,
@@ -133,6 +136,7 @@ pub struct Tracker {
 /// What is noted of a frame on its way.
 #[derive(Clone, Default)]
 struct Notes {
+    still: Option<Standstill>,
     counts: FrameCounts,
     judgement: Judgement,
     /// The static filter as of this frame, once it was asked: it takes the place of the one before when the frame ends.
@@ -190,6 +194,8 @@ impl Tracker {
             pace: Pace::default(),
             moving_share: 0.0,
             previous: None,
+            watch: StillWatch::default(),
+            repeated: None,
             trajectory: Trajectory::default(),
             simd,
             workers: Workers::default(),
@@ -230,7 +236,16 @@ impl Tracker {
         self.handle_clock(frame.stamp);
         self.pace.next(frame);
         self.front_end.clock.take(frame);
-        let mut notes = Notes::default();
+        let mut notes = Notes {
+            still: self.watch(frame),
+            ..Notes::default()
+        };
+        let frame = match notes.still.map(|s| s.what) {
+            Some(Still::Colour | Still::Frame) => return self.pass_over(frame, notes),
+            Some(Still::Depth) => &Arc::new(frame.without_depth()),
+            Some(Still::Rest) | None => frame,
+        };
+        self.repeated = None;
         let data = self.observe(frame, &mut notes);
         let ending = if self.is_first() {
             self.begin_submap(frame, &data, &mut notes)
@@ -247,6 +262,20 @@ impl Tracker {
         };
         self.previous = Some(Arc::clone(frame));
         self.conclude(frame, notes, ending)
+    }
+
+    /// What of a frame stands still. Frames that come newest first were judged on their way here.
+    fn watch(&mut self, frame: &Arc<RgbdFrame>) -> Option<Standstill> {
+        if self.goes_back {
+            return None;
+        }
+        self.watch.look(frame)
+    }
+
+    /// The frame that was tracked last, as it was tracked: without a depth image that stands still.
+    pub(crate) fn as_tracked(&self, frame: &Arc<RgbdFrame>) -> Arc<RgbdFrame> {
+        let own = self.previous.as_ref().filter(|p| p.id == frame.id);
+        Arc::clone(own.unwrap_or(frame))
     }
 
     /// Whether there is nothing yet that a frame could be tracked in.

@@ -311,6 +311,16 @@ impl Tracker {
         }
     }
 
+    /// Passes over a frame that shows what the one before did: nothing tells where it was taken, and the camera is followed from the frame before.
+    pub(super) fn pass_over(&mut self, frame: &RgbdFrame, notes: Notes) -> Tracked {
+        let first = *self.repeated.get_or_insert(frame.id);
+        let since = self.state.lost_since().unwrap_or(first);
+        let moving_share = self.moving_share;
+        let tracked = self.conclude(frame, notes, Ending::lost(since, LostReason::Repeated));
+        self.moving_share = moving_share;
+        tracked
+    }
+
     /// Ends the frame, whatever became of it, and says what did.
     pub(super) fn conclude(
         &mut self,
@@ -323,6 +333,7 @@ impl Tracker {
         // A frame that begins a map had no landmarks to agree with, which says nothing about how many keypoints the next one needs.
         let agreed = match ending.outcome {
             Outcome::Initialised => None,
+            _ if self.repeated.is_some() => None,
             _ => has_map.then_some(notes.counts.inliers),
         };
         self.front_end.note_inliers(agreed);
@@ -353,6 +364,7 @@ impl Tracker {
             objects: notes.judgement.objects,
             segments: notes.judgement.segments,
             counts: notes.counts,
+            still: notes.still,
             is_keyframe: ending.place.is_some_and(|p| p.anchored.keyframe.is_some()),
             submap: submap.map(|s| s.id),
             map_version: self.map.view.version(),

@@ -116,6 +116,8 @@ pub struct Now {
     pub map_age: Option<f64>,
     /// Why there is no pose, and what helps.
     pub loss: Option<String>,
+    /// What of the newest frame stands still, and for how long.
+    pub still: Option<String>,
     /// What is measured.
     pub measured: Measured,
 }
@@ -131,6 +133,7 @@ impl Now {
         self.static_share = health.static_share;
         self.detections_age = health.detections_age;
         self.map_age = health.map_age;
+        self.still = health.still.as_ref().map(ToString::to_string);
         self.loss = health.loss.as_ref().map(ToString::to_string);
     }
 }

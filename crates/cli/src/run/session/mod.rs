@@ -19,7 +19,8 @@ pub(crate) use crate::run::session::outputs::Outputs;
 use crate::run::session::outputs::Writers;
 use crate::run::submaps::Submap;
 use crate::run::summary::{
-    DetectorJson, FeaturesJson, InertialJson, LoopsJson, LostStretch, OdometryJson, SubmapJson,
+    DetectorJson, FeaturesJson, InertialJson, LoopsJson, LostStretch, OdometryJson, StillStretch,
+    SubmapJson,
 };
 use crate::run::tally::{End, Tally};
 use crate::things::Gathered;
@@ -46,6 +47,8 @@ pub(crate) struct Session {
     pub(crate) timing: stillpoint::slam::Timing,
     /// Stretches of frames without a pose.
     pub(crate) lost: Vec<LostStretch>,
+    /// Stretches of frames that repeat an image.
+    pub(crate) still: Vec<StillStretch>,
     /// What the detector was and did.
     pub(crate) detector: DetectorJson,
     /// What the static filter did.

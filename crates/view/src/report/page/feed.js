@@ -113,6 +113,7 @@ function showNow(run) {
   const rate = last[0] > first[0] ? 1e3 * (last[1] - first[1]) / (last[0] - first[0]) : NaN;
   fillFigures(liveFigures(run, rate));
   const warnings = [...m.troubles.map((t) => `A thread is in trouble: ${t}.`)];
+  if (now.still) warnings.push(`${now.still[0].toUpperCase()}${now.still.slice(1)}.`);
   if (m.silent_s > 1) warnings.push(`No frame for ${fixed(m.silent_s, 0)} s.`);
   byId("warnings").hidden = !warnings.length;
   byId("warnings").replaceChildren(...warnings.map((w) => element("li", {}, w)));

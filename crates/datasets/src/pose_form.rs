@@ -1,0 +1,165 @@
+//! The form of a file of poses: which columns it has, in which unit its stamps are, and where w stands in its quaternions.
+//!
+//! Answers: how the lines of a file are to be read whose poses are those of the TUM format, or of EuRoC (`data.csv`: nanoseconds, place, quaternion with w first,
+//! and perhaps velocities and biases behind it). What tells is a header with the names of the columns, the number of columns, and the stamps.
+
+use crate::error::Result;
+use crate::lists::{Line, data_lines, parse_first_numbers, parse_numbers};
+use crate::units::{BETWEEN_POSES, Unit};
+use std::path::Path;
+
+/// What a line of a trajectory holds.
+const COLUMNS: &str = "8 numbers: timestamp tx ty tz qx qy qz qw";
+/// Columns of the TUM format, and of EuRoC's state estimates.
+const POSE: usize = 8;
+const EUROC: usize = 17;
+/// Lines by which the unit of the stamps is judged.
+const JUDGED: usize = 1000;
+
+/// How the lines of a file of poses are to be read.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PoseForm {
+    pub(crate) unit: Unit,
+    /// The quaternion is qw qx qy qz.
+    pub(crate) w_first: bool,
+    /// There are columns behind the pose.
+    more: bool,
+    /// The number of a line, from 1, that names the columns and is no comment.
+    pub(crate) header: Option<usize>,
+}
+
+impl PoseForm {
+    /// The form of a file by its text.
+    pub(crate) fn of(text: &str) -> Self {
+        let names_it = |l: &Line<'_>| w_first_by(l.text).is_some();
+        let header = data_lines(text).next().filter(names_it).map(|l| l.number);
+        let named = header.and_then(|n| text.lines().nth(n - 1));
+        let comments = text.trim_start_matches('\u{feff}').lines();
+        let comments = comments.take_while(|l| l.trim_start().starts_with('#'));
+        let by_name = named.into_iter().chain(comments).find_map(w_first_by);
+        let lines = || data_lines(text).filter(|l| Some(l.number) != header);
+        let columns = lines().next().map_or(POSE, |l| l.columns().count());
+        let stamp = |l: Line<'_>| l.columns().next()?.parse().ok();
+        let stamps: Vec<f64> = lines().take(JUDGED).filter_map(stamp).collect();
+        let unit = Unit::of(&stamps, BETWEEN_POSES);
+        let commas = lines().next().is_some_and(|l| l.text.contains(','));
+        // EuRoC's files have names of columns; where they were cut off, commas and nanoseconds are left.
+        let as_euroc = columns == EUROC || (commas && unit == Unit::Nanoseconds);
+        Self {
+            unit,
+            w_first: by_name.unwrap_or(as_euroc),
+            more: columns == EUROC || (columns > POSE && by_name.is_some()),
+            header,
+        }
+    }
+
+    /// Stamp, place and quaternion of a line.
+    pub(crate) fn numbers(&self, line: &Line<'_>, path: &Path) -> Result<[f64; POSE]> {
+        if self.more {
+            parse_first_numbers(line, path, COLUMNS)
+        } else {
+            parse_numbers(line, path, COLUMNS)
+        }
+    }
+
+    /// What was found out, a sentence each.
+    pub(crate) fn remarks(&self, path: &Path) -> Vec<String> {
+        let mut remarks: Vec<String> = self.unit.remark(path).into_iter().collect();
+        if self.w_first {
+            let form = if self.more { "EuRoC's columns, " } else { "" };
+            remarks.push(format!(
+                "{}: {form}quaternions with w first (qw qx qy qz)",
+                path.display()
+            ));
+        }
+        remarks
+    }
+}
+
+/// Whether the names of columns in a line have w before x in the quaternion; none where it names no quaternion.
+fn w_first_by(line: &str) -> Option<bool> {
+    let line = line.trim_start().trim_start_matches('#').to_lowercase();
+    let separator = if line.contains(',') { ',' } else { ' ' };
+    let place = |of: char| {
+        line.split(separator).position(|name| {
+            let name = name.split(['[', '(']).next().unwrap_or_default();
+            let name: String = name.chars().filter(char::is_ascii_alphabetic).collect();
+            name.starts_with('q') && name.ends_with(of)
+        })
+    };
+    Some(place('w')? < place('x')?)
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::trajectory;
+    use std::path::Path;
+
+    const EUROC: &str = "#timestamp, p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z [], v_RS_R_x [m s^-1], v_RS_R_y [m s^-1], v_RS_R_z [m s^-1], b_w_RS_S_x [rad s^-1], b_w_RS_S_y [rad s^-1], b_w_RS_S_z [rad s^-1], b_a_RS_S_x [m s^-2], b_a_RS_S_y [m s^-2], b_a_RS_S_z [m s^-2]";
+
+    /// The first pose: stamp, x, and w of the quaternion.
+    fn first(text: &str) -> (f64, f64, f64) {
+        let poses = trajectory::parse(text, Path::new("data.csv")).unwrap();
+        let p = &poses[0];
+        let q = p.world_from_camera.rotation;
+        (p.stamp, p.world_from_camera.translation.x, q.w)
+    }
+
+    #[test]
+    fn eurocs_files_are_read_with_and_without_header() {
+        let row = "1403636580838555648,4.5,-1.6,0.8,0.6,0,0.8,0,1,2,3,4,5,6,7,8,9";
+        let expected = (1_403_636_580.838_555_6, 4.5, 0.6);
+        for text in [format!("{EUROC}\n{row}\n"), format!("{row}\n")] {
+            let found = first(&text);
+            assert!((found.0 - expected.0).abs() < 1e-6, "{found:?}");
+            assert_eq!((found.1, found.2), (expected.1, expected.2));
+        }
+        let short = "1403636580838555648,4.5,-1.6,0.8,0.6,0,0.8,0\n";
+        assert_eq!(first(short).2, 0.6);
+    }
+
+    #[test]
+    fn a_header_tells_where_w_stands() {
+        let rows = "1.5 1 2 3 0.6 0 0.8 0\n2.5 1 2 3 0.6 0 0.8 0\n";
+        for (header, w) in [
+            ("# timestamp tx ty tz qw qx qy qz\n", 0.6),
+            ("timestamp tx ty tz qw qx qy qz\n", 0.6),
+            ("# ground truth\n# time x y z q_w q_x q_y q_z\n", 0.6),
+            ("# timestamp tx ty tz qx qy qz qw\n", 0.0),
+            ("", 0.0),
+        ] {
+            assert_eq!(first(&format!("{header}{rows}")), (1.5, 1.0, w), "{header}");
+        }
+    }
+
+    #[test]
+    fn units_of_stamps_are_recognised_and_said() {
+        for (scale, word) in [
+            (1e3, "milliseconds"),
+            (1e6, "microseconds"),
+            (1e9, "nanoseconds"),
+        ] {
+            let text: String = (0..9)
+                .map(|i| {
+                    format!(
+                        "{} 1 2 3 0 0 0 1\n",
+                        (130_503_110_200_u64 + i) as f64 / 100.0 * scale
+                    )
+                })
+                .collect();
+            let (poses, said) = trajectory::parse_said(&text, Path::new("t")).unwrap();
+            assert!((poses[8].stamp - 1_305_031_102.08).abs() < 1e-6, "{word}");
+            assert!(said.len() == 1 && said[0].contains(word), "{said:?}");
+        }
+    }
+
+    #[test]
+    fn other_columns_are_refused() {
+        for text in ["1 2 3 4 5 6 7 8 9 10 11 12\n", "1 2 3\n"] {
+            let e = trajectory::parse(text, Path::new("t"))
+                .unwrap_err()
+                .to_string();
+            assert!(e.contains("8 numbers") && e.contains("columns"), "{e}");
+        }
+    }
+}

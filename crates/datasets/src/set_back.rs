@@ -1,0 +1,272 @@
+//! Stamps in the order in which they were written, where the clock that made them was set back.
+//!
+//! Answers: whether a stamp that is older than the one before came late, and belongs between earlier ones, or was made by a clock that was set back
+//! meanwhile. What came late fills a hole that earlier stamps left; after a clock was set back stamps fall among those that are there. By stamps alone two times
+//! would then be played in turn, so the order of writing is kept and the stamps from there on go on where the others ended.
+
+use std::collections::BTreeSet;
+
+/// A stamp that is behind by less than so many steps may be late by a moment: it is put in its place.
+const MOMENT: f64 = 1.5;
+/// Stamps in a row that are behind where a clock was set back, at least.
+const ROW: usize = 2;
+/// A list with more places of this kind is in no order at all, and is sorted.
+const MOST: usize = 10;
+/// Two parts of a list that follow each other within so many steps were written in the wrong order.
+const SEAM: f64 = 5.0;
+/// A step by the clock of the writer that is taken for one between two images at most, s.
+const LONGEST_STEP: f64 = 10.0;
+/// Two streams of one clock differ in what they were set back by at most by this share of it and so many steps: images may be missing there.
+const ALIKE: f64 = 0.5;
+const ALIKE_STEPS: f64 = 3.0;
+
+/// A place at which a clock was set back.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SetBack {
+    /// The first stamp after it, in the order of writing, from 0.
+    pub index: usize,
+    /// By how much that stamp is older than the newest before, s.
+    pub by: f64,
+    /// What is added to the stamps from there on beside what was added before, s.
+    pub added: f64,
+}
+
+/// Stamps in an order in which they can be played.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mended {
+    /// Stamps, s, ascending and without repeats, each with its place in the order of writing.
+    pub stamps: Vec<(f64, usize)>,
+    /// How many repeated one, and are left out.
+    pub repeats: usize,
+    /// How many came late, and are put in their places.
+    pub late: usize,
+    /// Where the clock was set back.
+    pub set_back: Vec<SetBack>,
+}
+
+impl Mended {
+    /// What is said of a place at which the clock was set back, which `place` names.
+    #[must_use]
+    pub fn remark(at: &SetBack, place: &str) -> String {
+        format!(
+            "{place}: stamps go back by {:.3} s, as the clock was set back; images are taken in the order in which they were written, and stamps from there on are {:.3} s later",
+            at.by, at.added
+        )
+    }
+}
+
+/// Brings stamps (s, in the order of writing) into an order in which they can be played. `step` is the time between a stamp and the one before by another
+/// clock, where there is one; `like` is where the clock was set back by another stream that it stamped.
+#[must_use]
+pub fn mend(stamps: &[f64], step: impl Fn(usize) -> Option<f64>, like: &[SetBack]) -> Mended {
+    let own = places(stamps, &step);
+    let usual = usual_step(stamps);
+    let alike = own.len() == like.len()
+        && own
+            .iter()
+            .zip(like)
+            .all(|(a, b)| (a.added - b.added).abs() < ALIKE * b.by + ALIKE_STEPS * usual);
+    let set_back: Vec<SetBack> = own
+        .iter()
+        .enumerate()
+        .map(|(k, at)| SetBack {
+            added: if alike { like[k].added } else { at.added },
+            ..*at
+        })
+        .collect();
+    let mut next = set_back.iter().peekable();
+    let mut added = 0.0;
+    let mut mended: Vec<(f64, usize)> = Vec::with_capacity(stamps.len());
+    for (i, stamp) in stamps.iter().enumerate() {
+        if let Some(at) = next.next_if(|at| at.index == i) {
+            added += at.added;
+        }
+        mended.push((stamp + added, i));
+    }
+    let late = mended.windows(2).filter(|w| w[1].0 < w[0].0).count();
+    mended.sort_by(|a, b| a.0.total_cmp(&b.0));
+    mended.dedup_by(|a, b| a.0 == b.0);
+    Mended {
+        repeats: stamps.len() - mended.len(),
+        stamps: mended,
+        late,
+        set_back,
+    }
+}
+
+/// The places at which a clock was set back; none of a list that is in no order.
+fn places(stamps: &[f64], step: &impl Fn(usize) -> Option<f64>) -> Vec<SetBack> {
+    let usual = usual_step(stamps);
+    let mut found: Vec<SetBack> = Vec::new();
+    let Some(&first) = stamps.first().filter(|_| usual > 0.0) else {
+        return found;
+    };
+    // Those before, with what was added to them, ns.
+    let mut before = BTreeSet::from([nanoseconds(first)]);
+    let (mut newest, mut added) = (first, 0.0);
+    // What is before this place was judged with the row that it is in.
+    let mut judged = 0;
+    for (i, raw) in stamps.iter().enumerate().skip(1) {
+        let stamp = raw + added;
+        if i >= judged && newest - stamp > MOMENT * usual {
+            let row = stamps[i..].iter().map(|t| t + added);
+            let row: Vec<f64> = row.take_while(|t| *t <= newest).collect();
+            judged = i + row.len();
+            if falls_among(&row, &before, usual) {
+                let ahead = step(i).filter(|s| *s > 0.0 && *s < LONGEST_STEP);
+                let more = newest + ahead.unwrap_or(usual) - stamp;
+                found.push(SetBack {
+                    index: i,
+                    by: newest - stamp,
+                    added: more,
+                });
+                if found.len() > MOST {
+                    return Vec::new();
+                }
+                added += more;
+                judged = i;
+            }
+        }
+        let stamp = raw + added;
+        newest = newest.max(stamp);
+        before.insert(nanoseconds(stamp));
+    }
+    found
+}
+
+/// Whether a row of stamps that are behind falls among those before, or lies before all of them, and fills no hole.
+fn falls_among(row: &[f64], before: &BTreeSet<i64>, usual: f64) -> bool {
+    let fold = |of: fn(f64, f64) -> f64| row.iter().copied().reduce(of).unwrap_or(0.0);
+    let (low, high) = (nanoseconds(fold(f64::min)), nanoseconds(fold(f64::max)));
+    if row.len() < ROW {
+        return false;
+    }
+    let among = before.range(low..=high).take(row.len()).count();
+    if 2 * among >= row.len() {
+        return true;
+    }
+    let first = before.first().copied().unwrap_or(high);
+    high < first && (first - high) as f64 > SEAM * usual * 1e9
+}
+
+fn nanoseconds(stamp: f64) -> i64 {
+    (stamp * 1e9) as i64
+}
+
+/// The median step ahead, s; 0 where there is none.
+fn usual_step(stamps: &[f64]) -> f64 {
+    let steps = stamps.iter().zip(stamps.iter().skip(1));
+    let mut steps: Vec<f64> = steps.map(|(a, b)| b - a).filter(|s| *s > 0.0).collect();
+    if steps.is_empty() {
+        return 0.0;
+    }
+    let middle = steps.len() / 2;
+    *steps.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const RATE: f64 = 30.0;
+
+    fn steady(count: usize) -> Vec<f64> {
+        (0..count).map(|i| 100.0 + i as f64 / RATE).collect()
+    }
+
+    fn mended(stamps: &[f64]) -> Mended {
+        mend(stamps, |_| None, &[])
+    }
+
+    fn order(m: &Mended) -> Vec<usize> {
+        m.stamps.iter().map(|s| s.1).collect()
+    }
+
+    #[test]
+    fn a_clock_that_was_set_back_keeps_the_order_of_writing() {
+        for by in [0.1, 0.5, 1.7, 3600.0] {
+            let mut stamps = steady(90);
+            stamps[40..].iter_mut().for_each(|t| *t -= by);
+            let m = mended(&stamps);
+            assert_eq!(order(&m), (0..90).collect::<Vec<_>>(), "{by}");
+            let [at] = m.set_back[..] else {
+                panic!("{by}: {:?}", m.set_back);
+            };
+            assert_eq!(at.index, 40);
+            assert!((at.by - (by - 1.0 / RATE)).abs() < 1e-6, "{by}: {}", at.by);
+            for (k, (stamp, _)) in m.stamps.iter().enumerate() {
+                assert!((stamp - (100.0 + k as f64 / RATE)).abs() < 1e-6);
+            }
+        }
+        // Twice, once over the first part, and at the very end.
+        let mut stamps = steady(90);
+        stamps[30..].iter_mut().for_each(|t| *t -= 0.4);
+        stamps[60..].iter_mut().for_each(|t| *t -= 100.0);
+        stamps[88..].iter_mut().for_each(|t| *t -= 0.7);
+        let m = mended(&stamps);
+        let places: Vec<usize> = m.set_back.iter().map(|s| s.index).collect();
+        assert_eq!(places, [30, 60, 88]);
+        assert_eq!(order(&m), (0..90).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn what_comes_late_is_put_in_its_place() {
+        let mut swapped = steady(60);
+        swapped.swap(10, 11);
+        swapped.swap(20, 22);
+        let mut late = steady(60);
+        let one = late.remove(12);
+        late.insert(40, one);
+        let mut burst = steady(60);
+        let held: Vec<f64> = burst.drain(10..25).collect();
+        burst.splice(30..30, held);
+        let mut parts = steady(60);
+        parts.rotate_left(35);
+        // As names of files without leading zeros are sorted.
+        let mut names: Vec<usize> = (0..60).collect();
+        names.sort_by_key(usize::to_string);
+        let by_name: Vec<f64> = names.iter().map(|i| steady(60)[*i]).collect();
+        for stamps in [swapped, late, burst, parts, by_name] {
+            let m = mended(&stamps);
+            assert!(m.set_back.is_empty() && m.late > 0, "{:?}", m.set_back);
+            let found: Vec<f64> = m.stamps.iter().map(|s| s.0).collect();
+            assert_eq!(found, steady(60));
+        }
+    }
+
+    #[test]
+    fn repeats_are_left_out_and_another_clock_tells_the_step() {
+        let m = mended(&[1.0, 1.1, 1.1, 1.2]);
+        assert_eq!((m.repeats, order(&m)), (1, vec![0, 1, 3]));
+        let mut stamps = steady(40);
+        stamps[20..].iter_mut().for_each(|t| *t -= 0.5);
+        let m = mend(&stamps, |i| Some(if i == 20 { 0.2 } else { 0.0 }), &[]);
+        let step = m.stamps[20].0 - m.stamps[19].0;
+        assert!((step - 0.2).abs() < 1e-9, "{step}");
+        // The other stream goes on by the same.
+        let depth: Vec<f64> = stamps.iter().map(|t| t + 0.004).collect();
+        let like = mend(&depth, |_| None, &m.set_back);
+        assert_eq!(like.set_back[0].added, m.set_back[0].added);
+    }
+
+    proptest! {
+        #[test]
+        fn stamps_ascend_and_none_is_lost(steps in proptest::collection::vec(-2.0..2.0f64, 0..80)) {
+            let mut t = 0.0;
+            let stamps: Vec<f64> = steps.iter().map(|s| { t += s; t }).collect();
+            let m = mended(&stamps);
+            prop_assert!(m.stamps.windows(2).all(|w| w[0].0 < w[1].0));
+            prop_assert_eq!(m.stamps.len() + m.repeats, stamps.len());
+        }
+
+        #[test]
+        fn stamps_in_order_stay_as_they_are(steps in proptest::collection::vec(1e-3..2.0f64, 0..80)) {
+            let mut t = 1.3e9;
+            let stamps: Vec<f64> = steps.iter().map(|s| { t += s; t }).collect();
+            let m = mended(&stamps);
+            let found: Vec<f64> = m.stamps.iter().map(|s| s.0).collect();
+            prop_assert_eq!(found, stamps);
+        }
+    }
+}

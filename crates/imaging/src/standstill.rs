@@ -1,0 +1,439 @@
+//! Images that stand still: a stream that hands out one image again and again with new stamps.
+//!
+//! Answers: whether the depth image or the colour image of a frame is no measurement, since it is that of the frame before to the last pixel while the other one shows that
+//! time went on. Sensors are noisy, so a repeated image alone tells of a driver that hangs. Simulators may be without noise in one or both of their images, so it also takes
+//! a change of what the other image shows. Where both images repeat, noise decides: a sensor with noise never says the same twice, so its stream hangs; without noise the camera
+//! is at rest, or the stream was paused.
+
+use crate::{DepthImage, FrameId, GrayImage, RgbdFrame};
+use std::sync::Arc;
+
+/// Side of the blocks whose means are compared, px, and stride within them.
+const BLOCK: usize = 8;
+const STRIDE: usize = 2;
+/// A block of the colour image has changed by more than this, grey levels, beyond what all have: noise of 8 levels leaves a quarter of it.
+const CHANGED: f32 = 4.0;
+/// Share of the blocks that have changed where the camera moved, or something in its view.
+const MOVED: f32 = 0.01;
+/// Depth that goes on from an image by so much more than from frame to frame is that of a camera that moves: noise alone gives 1.
+const GOES_ON: f32 = 1.3;
+/// The same of one step, where the colour image still changed at the step before: a camera that moves goes on.
+const GOES_ON_AS_BEFORE: f32 = 0.7;
+/// Depth without noise is as smooth as surfaces are: of three neighbours the middle one is where the others have it, within its rounding (at most this, m) and this share of it.
+const ROUNDING: f32 = 0.001;
+const SMOOTH: f32 = 3e-4;
+/// Where more than this share of them is not, there is noise: rendered depth has up to 0.15, structured light, stereo and time of flight 0.35 and more.
+const NOISY: f32 = 0.25;
+/// A surface ends where depth changes by this share from pixel to pixel; one in so many pixels has to show that.
+const EDGE: f32 = 0.1;
+const EDGES: usize = 2000;
+/// Rows between two whose noise is judged.
+const ROWS: usize = 4;
+/// Share of the pixels that an image has to hold beside its most simple content (one grey level, no depth): a covered lens repeats itself by right.
+const CONTENT: usize = 100;
+
+/// What stands still.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Still {
+    /// The depth image: it is no measurement of this frame.
+    Depth,
+    /// The colour image: it is no new view.
+    Colour,
+    /// Both, of a sensor with noise: its stream hangs, and the frame is no new view.
+    Frame,
+    /// Both, of a source without noise: the camera is at rest, or the stream was paused.
+    Rest,
+}
+
+/// An image that stands still.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Standstill {
+    /// Which one.
+    pub what: Still,
+    /// The frame whose image is repeated.
+    pub since: FrameId,
+    /// How often, this frame included.
+    pub frames: u32,
+    /// For how long, s.
+    pub seconds: f64,
+}
+
+impl Still {
+    /// Whether nothing tells where the frame was taken.
+    #[must_use]
+    pub fn is_no_view(self) -> bool {
+        matches!(self, Self::Colour | Self::Frame)
+    }
+
+    /// What it is, in words.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Depth => "the depth image",
+            Self::Colour => "the colour image",
+            Self::Frame | Self::Rest => "the whole frame",
+        }
+    }
+}
+
+/// E.g. `the depth image has stood still for 0.40 s (12 frames)`.
+impl std::fmt::Display for Standstill {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let frames = if self.frames == 1 { "frame" } else { "frames" };
+        write!(
+            f,
+            "{} has stood still for {:.2} s ({} {frames})",
+            self.what.name(),
+            self.seconds,
+            self.frames
+        )
+    }
+}
+
+/// Watches the images of a stream. Costs a comparison that ends at the first pixel that differs; keeps two to four frames.
+#[derive(Clone, Debug, Default)]
+pub struct StillWatch {
+    before: Option<Arc<RgbdFrame>>,
+    /// The one before that.
+    earlier: Option<Arc<RgbdFrame>>,
+    depth: Repeats,
+    colour: Repeats,
+    /// Whether depth that is repeated with its colour image has noise.
+    noisy: Option<bool>,
+}
+
+/// How often an image was repeated.
+#[derive(Clone, Debug, Default)]
+struct Repeats {
+    /// The frame that had it first; none where it is not repeated.
+    first: Option<Arc<RgbdFrame>>,
+    frames: u32,
+    /// Whether the other image has shown that time went on.
+    stale: bool,
+}
+
+impl Repeats {
+    fn note(&mut self, repeats: bool, before: &Arc<RgbdFrame>) {
+        if !repeats {
+            *self = Self::default();
+            return;
+        }
+        self.first.get_or_insert_with(|| Arc::clone(before));
+        self.frames += 1;
+    }
+
+    fn standstill(&self, what: Still, frame: &RgbdFrame) -> Option<Standstill> {
+        let first = self.first.as_ref()?;
+        Some(Standstill {
+            what,
+            since: first.id,
+            frames: self.frames,
+            seconds: (frame.stamp - first.stamp).max(0.0),
+        })
+    }
+}
+
+impl StillWatch {
+    /// Looks at the next frame: what of it stands still.
+    pub fn look(&mut self, frame: &Arc<RgbdFrame>) -> Option<Standstill> {
+        let before = self.before.replace(Arc::clone(frame))?;
+        let earlier = self.earlier.replace(Arc::clone(&before));
+        let same_depth = frame.depth.data() == before.depth.data() && has_depth(&frame.depth);
+        let same_colour = frame.gray.data() == before.gray.data() && has_contrast(&frame.gray);
+        self.depth.note(same_depth, &before);
+        self.colour.note(same_colour, &before);
+        if let Some(first) = &self.depth.first {
+            let stale = self.depth.stale || {
+                let changed = !same_colour && has_changed(&first.gray, &frame.gray);
+                changed && (has_noise(&frame.depth) || has_edges(&frame.depth))
+            };
+            self.depth.stale = stale;
+        }
+        if let Some(first) = self.colour.first.as_ref().filter(|_| !same_depth) {
+            self.colour.stale = self.colour.stale || {
+                let [all, step] = steps([&first.depth, &before.depth, &frame.depth]);
+                self.colour.frames > 1 && all > GOES_ON * step
+                    || earlier.is_some_and(|earlier| goes_on_as_before(&earlier, &before, frame))
+            };
+        }
+        let both = same_depth && same_colour;
+        let noisy = both.then(|| self.noisy.unwrap_or_else(|| has_noise(&frame.depth)));
+        self.noisy = noisy;
+        match noisy {
+            _ if self.depth.stale => self.depth.standstill(Still::Depth, frame),
+            _ if self.colour.stale => self.colour.standstill(Still::Colour, frame),
+            None => None,
+            Some(noisy) => {
+                let what = if noisy { Still::Frame } else { Still::Rest };
+                // Both repeat since the later of their first frames.
+                let fewer = self.depth.frames < self.colour.frames;
+                let shorter = if fewer { &self.depth } else { &self.colour };
+                shorter.standstill(what, frame)
+            }
+        }
+    }
+}
+
+/// Whether a share of the pixels has depth.
+fn has_depth(depth: &DepthImage) -> bool {
+    let data = depth.data();
+    data.iter().filter(|z| **z > 0.0).count() * CONTENT > data.len()
+}
+
+/// Whether a share of the pixels differs from the first one.
+fn has_contrast(gray: &GrayImage) -> bool {
+    let data = gray.data();
+    let first = data.first().copied().unwrap_or_default();
+    data.iter().filter(|v| **v != first).count() * CONTENT > data.len()
+}
+
+/// Whether something moved from one image to the other, whatever became of the light.
+fn has_changed(a: &GrayImage, b: &GrayImage) -> bool {
+    let means = |image: &GrayImage| blocks(image.width(), image.data(), |v| Some(f32::from(*v)));
+    let differences = means(a).into_iter().zip(means(b));
+    let differences: Vec<f32> = differences.filter_map(|(a, b)| Some(b? - a?)).collect();
+    let count = differences.len().max(1) as f32;
+    let mean = differences.iter().sum::<f32>() / count;
+    let changed = differences.iter().filter(|d| (*d - mean).abs() > CHANGED);
+    changed.count() as f32 > MOVED * count
+}
+
+/// Whether depth goes on as it did when the colour image still changed.
+fn goes_on_as_before(earlier: &RgbdFrame, before: &RgbdFrame, last: &RgbdFrame) -> bool {
+    if !has_changed(&earlier.gray, &before.gray) {
+        return false;
+    }
+    let [_, step] = steps([&earlier.depth, &before.depth, &last.depth]);
+    let [_, step_before] = steps([&last.depth, &earlier.depth, &before.depth]);
+    step > GOES_ON_AS_BEFORE * step_before
+}
+
+/// By what share depth changes from the first image to the last, and from the one before to the last, summed over all blocks.
+fn steps(images: [&DepthImage; 3]) -> [f32; 2] {
+    let measured = |z: &f32| (*z > 0.0).then_some(*z);
+    let [first, before, last] = images.map(|i| blocks(i.width(), i.data(), measured));
+    let (mut all, mut step) = (0.0, 0.0);
+    for ((first, before), last) in first.into_iter().zip(before).zip(last) {
+        if let (Some(first), Some(before), Some(last)) = (first, before, last) {
+            all += (last - first).abs() / last;
+            step += (last - before).abs() / last;
+        }
+    }
+    [all, step]
+}
+
+/// Whether surfaces end in a depth image: along a plane without noise a camera can move and measure the same.
+fn has_edges(depth: &DepthImage) -> bool {
+    let pairs = depth.data().windows(2).step_by(STRIDE);
+    let ends = pairs.filter(|w| w[0] > 0.0 && w[1] > 0.0 && (w[0] - w[1]).abs() > EDGE * w[0]);
+    ends.count() * EDGES > depth.data().len()
+}
+
+/// Whether depth is rougher than surfaces are.
+fn has_noise(depth: &DepthImage) -> bool {
+    let rows = || depth.data().chunks(depth.width().max(1)).step_by(ROWS);
+    let near = |a: f32, c: f32| a > 0.0 && c > 0.0 && (a - c).abs() < 0.05 * a;
+    let differences = rows().flat_map(|row| row.windows(2).map(|w| (w[0] - w[1]).abs()));
+    let step = differences.filter(|d| *d > 0.0).fold(ROUNDING, f32::min);
+    let (mut rough, mut count) = (0_u32, 0_u32);
+    for w in rows().flat_map(|row| row.windows(3)) {
+        let [a, b, c] = [w[0], w[1], w[2]];
+        if b <= 0.0 || !near(a, c) {
+            continue;
+        }
+        // Along a line of a plane it is the inverse that is linear.
+        let off = (1.0 / a - 2.0 / b + 1.0 / c).abs() * b * b;
+        count += 1;
+        rough += u32::from(off > (1.1 * step).max(SMOOTH * b));
+    }
+    rough as f32 > NOISY * count.max(1) as f32
+}
+
+/// Means of blocks of an image, over the values that count; none of a block without one.
+fn blocks<T>(width: usize, data: &[T], value: impl Fn(&T) -> Option<f32>) -> Vec<Option<f32>> {
+    let columns = width.div_ceil(BLOCK);
+    let mut means = Vec::new();
+    for rows in data.chunks((BLOCK * width).max(1)) {
+        let mut sums = vec![(0.0_f32, 0_u32); columns];
+        for row in rows.chunks(width.max(1)).step_by(STRIDE) {
+            for (cell, sum) in row.chunks(BLOCK).zip(&mut sums) {
+                for v in cell.iter().step_by(STRIDE).filter_map(&value) {
+                    *sum = (sum.0 + v, sum.1 + 1);
+                }
+            }
+        }
+        means.extend(
+            sums.iter()
+                .map(|(sum, n)| (*n > 0).then(|| sum / *n as f32)),
+        );
+    }
+    means
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: (usize, usize) = (64, 48);
+
+    /// What pixels of a noisy image are off by, from -1 to 1.
+    fn noise(seed: usize) -> f32 {
+        let mixed = (seed as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        ((mixed >> 40) % 2001) as f32 / 1000.0 - 1.0
+    }
+
+    /// A wall with a pattern, seen from `colour_at` and `depth_at` (steps of 1 px and of 1 %), with noise of `levels` and `share`.
+    fn frame(
+        id: u32,
+        (colour_at, depth_at): (u32, u32),
+        (levels, share): (f32, f32),
+    ) -> Arc<RgbdFrame> {
+        let (w, h) = SIZE;
+        let pixel = |i: usize| {
+            let x = i % w + colour_at as usize;
+            let pattern = if (x / 5 + i / w / 5).is_multiple_of(2) {
+                60.0
+            } else {
+                180.0
+            };
+            (pattern + levels * noise(i + 7919 * id as usize)) as u8
+        };
+        let z = |i: usize| {
+            let wall = 2.0 + 0.02 * depth_at as f32;
+            wall * (1.0 + share * noise(i + 104_729 * id as usize))
+        };
+        Arc::new(RgbdFrame {
+            id: FrameId(id),
+            stamp: f64::from(id) / 10.0,
+            depth_stamp: f64::from(id) / 10.0,
+            gray: GrayImage::from_vec(w, h, (0..w * h).map(pixel).collect()).unwrap(),
+            colour: None,
+            depth: DepthImage::from_vec(w, h, (0..w * h).map(z).collect()).unwrap(),
+        })
+    }
+
+    /// With the depth of one frame or the grey image of one.
+    fn with(
+        frame: &RgbdFrame,
+        depth: Option<&RgbdFrame>,
+        gray: Option<&RgbdFrame>,
+    ) -> Arc<RgbdFrame> {
+        Arc::new(RgbdFrame {
+            depth: depth.unwrap_or(frame).depth.clone(),
+            gray: gray.unwrap_or(frame).gray.clone(),
+            ..frame.clone()
+        })
+    }
+
+    fn watched(frames: &[Arc<RgbdFrame>]) -> Vec<Option<Still>> {
+        let mut watch = StillWatch::default();
+        frames
+            .iter()
+            .map(|f| watch.look(f).map(|s| s.what))
+            .collect()
+    }
+
+    /// Frames of a sensor with noise.
+    fn moving() -> Vec<Arc<RgbdFrame>> {
+        (0..12).map(|i| frame(i, (i, i), (3.0, 0.01))).collect()
+    }
+
+    #[test]
+    fn depth_that_is_repeated_is_none_and_goes_on_later() {
+        let mut frames = moving();
+        assert_eq!(watched(&frames), [None; 12]);
+        for i in 4..9 {
+            frames[i] = with(&frames[i], Some(&frames[3].clone()), None);
+        }
+        let found = watched(&frames);
+        for (i, what) in found.iter().enumerate() {
+            assert_eq!(*what, (4..9).contains(&i).then_some(Still::Depth), "{i}");
+        }
+        let mut watch = StillWatch::default();
+        let looks: Vec<_> = frames[..9].iter().map(|f| watch.look(f)).collect();
+        let last = looks[8].unwrap();
+        assert_eq!((last.since, last.frames), (FrameId(3), 5));
+        assert_eq!(
+            last.to_string(),
+            "the depth image has stood still for 0.50 s (5 frames)"
+        );
+        // A colour image that is repeated meanwhile does not make the depth one of its frame.
+        frames[7] = with(&frames[7], None, Some(&frames[6].clone()));
+        assert_eq!(watched(&frames)[7], Some(Still::Depth));
+    }
+
+    #[test]
+    fn a_colour_image_that_is_repeated_is_no_new_view() {
+        let mut frames = moving();
+        for i in 4..9 {
+            frames[i] = with(&frames[i], None, Some(&frames[3].clone()));
+        }
+        let found = watched(&frames);
+        for (i, what) in found.iter().enumerate() {
+            assert_eq!(*what, (4..9).contains(&i).then_some(Still::Colour), "{i}");
+        }
+    }
+
+    #[test]
+    fn colour_at_half_the_rate_of_depth_is_a_view_every_second_time() {
+        let frames = moving();
+        let halved: Vec<_> = (0..12)
+            .map(|i| with(&frames[i], None, Some(&frames[i - i % 2])))
+            .collect();
+        let found = watched(&halved);
+        for (i, what) in found.iter().enumerate().skip(2) {
+            assert_eq!(*what, (i % 2 == 1).then_some(Still::Colour), "{i}");
+        }
+    }
+
+    #[test]
+    fn noise_tells_a_stream_that_hangs_from_a_camera_at_rest() {
+        for (share, expected) in [(0.01, Still::Frame), (0.0, Still::Rest)] {
+            let mut frames: Vec<_> = (0..12).map(|i| frame(i, (i, i), (3.0, share))).collect();
+            let third = frames[3].clone();
+            for frame in &mut frames[4..9] {
+                *frame = with(frame, Some(&third), Some(&third));
+            }
+            for (i, what) in watched(&frames).iter().enumerate() {
+                assert_eq!(*what, (4..9).contains(&i).then_some(expected), "{i}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_camera_at_rest_may_have_one_image_without_noise() {
+        let still = |noise| (0..12).map(|i| frame(i, (0, 0), noise)).collect::<Vec<_>>();
+        assert_eq!(watched(&still((4.0, 0.0))), [None; 12]);
+        assert_eq!(watched(&still((0.0, 0.01))), [None; 12]);
+    }
+
+    #[test]
+    fn a_camera_that_moves_along_a_plane_without_noise_measures_the_same() {
+        let frames: Vec<_> = (0..12).map(|i| frame(i, (i, 0), (3.0, 0.0))).collect();
+        assert_eq!(watched(&frames), [None; 12]);
+    }
+
+    #[test]
+    fn what_shows_nothing_is_not_repeated() {
+        let blank = |i| {
+            let (w, h) = SIZE;
+            let frame = frame(i, (i, i), (3.0, 0.01));
+            let depth = DepthImage::from_vec(w, h, vec![0.0; w * h]).unwrap();
+            let covered = RgbdFrame {
+                gray: GrayImage::new(w, h),
+                ..RgbdFrame::clone(&frame)
+            };
+            [
+                Arc::new(covered),
+                Arc::new(RgbdFrame {
+                    depth,
+                    ..RgbdFrame::clone(&frame)
+                }),
+            ]
+        };
+        for k in 0..2 {
+            let frames: Vec<_> = (0..6).map(|i| blank(i)[k].clone()).collect();
+            assert_eq!(watched(&frames), [None; 6]);
+        }
+    }
+}
