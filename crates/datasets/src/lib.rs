@@ -76,6 +76,7 @@ pub use disturb::{Disturbance, Disturbed};
 pub use error::{DatasetError, Result};
 pub use fault::{Fault, Faulty};
 pub use layout::Layout;
+pub use probe::ScaleDoubt;
 pub use read_ahead::ReadAhead;
 pub use recorder::{ColourFormat, MoverRow, Recorder};
 pub use regular::{open_regular, read_regular, read_regular_text};

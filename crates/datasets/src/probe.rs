@@ -4,13 +4,14 @@ use crate::camera::CameraModel;
 use crate::dataset::Entry;
 use crate::decode::{read_depth, read_size};
 use crate::error::{DatasetError, Result};
+use stillpoint_imaging::DepthImage;
 
 /// How many frames are looked at, spread evenly over the data set.
 const PROBES: usize = 5;
 /// Median depths outside of this, m, are no indoor scene at the right scale.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.1..=50.0;
-/// Factors that depth images come in: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m.
-const FACTORS: [f64; 6] = [1000.0, 5000.0, 5208.0, 10_000.0, 100.0, 256.0];
+/// Factors that depth images come in: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m, metres.
+const FACTORS: [f64; 7] = [1000.0, 5000.0, 5208.0, 10_000.0, 100.0, 256.0, 1.0];
 /// Depth, m, that an indoor scene has in the middle.
 const TYPICAL: f64 = 2.0;
 
@@ -33,8 +34,9 @@ pub(crate) fn probe(
         (model.camera.width, model.camera.height) = most_frequent(sizes.collect());
     }
     let (mut first_error, mut depths, mut empty) = (None, Vec::new(), Vec::new());
+    let mut other_size = None;
     for entry in chosen {
-        match probe_one(entry, model) {
+        match probe_one(entry, model, &mut other_size) {
             Ok(values) if values.is_empty() => empty.push(entry),
             Ok(values) => depths.extend(values),
             Err(e) => first_error = first_error.or(Some(e)),
@@ -53,11 +55,14 @@ pub(crate) fn probe(
             None => Ok(()),
         };
     }
-    depths.sort_unstable_by(f64::total_cmp);
-    let median = depths[depths.len() / 2];
-    if !PLAUSIBLE.contains(&median) {
-        warnings.push(scale_warning(median, model.depth_scale));
+    if let Some((width, height)) = other_size {
+        warnings.push(format!(
+            "depth images have {width} x {height} px: they are taken for the view of the colour images, {} x {} px, in other pixels",
+            model.camera.width, model.camera.height
+        ));
     }
+    let doubt = ScaleDoubt::new(&mut depths, model.depth_scale);
+    warnings.extend(doubt.map(|d| d.said("set depth_scale in a camera file")));
     Ok(())
 }
 
@@ -69,21 +74,40 @@ fn most_frequent(sizes: Vec<(u32, u32)>) -> (u32, u32) {
 }
 
 /// Depths of every eighth pixel in both directions, m, without the missing ones.
-fn probe_one(entry: &Entry, model: &CameraModel) -> Result<Vec<f64>> {
+fn probe_one(
+    entry: &Entry,
+    model: &CameraModel,
+    other_size: &mut Option<(usize, usize)>,
+) -> Result<Vec<f64>> {
     check_size(&entry.colour, "colour", model, read_size(&entry.colour)?)?;
     let depth = read_depth(&entry.depth, model.depth_scale)?;
-    check_size(
-        &entry.depth,
-        "depth",
-        model,
-        (depth.width() as u32, depth.height() as u32),
-    )?;
-    Ok((0..depth.height())
-        .step_by(8)
-        .flat_map(|y| (0..depth.width()).step_by(8).map(move |x| (x, y)))
-        .map(|(x, y)| f64::from(depth.at(x, y)))
-        .filter(|z| *z > 0.0)
-        .collect())
+    let size = (depth.width(), depth.height());
+    let depth = in_camera(&entry.depth, depth, model)?;
+    if size != (depth.width(), depth.height()) {
+        *other_size = Some(size);
+    }
+    let mut values = Vec::new();
+    ScaleDoubt::sample(&depth, &mut values);
+    Ok(values)
+}
+
+/// A depth image in the pixels of the colour camera. Phones measure the colour camera's view in fewer pixels; one of other proportions has another view.
+pub(crate) fn in_camera(
+    path: &std::path::Path,
+    depth: DepthImage,
+    model: &CameraModel,
+) -> Result<DepthImage> {
+    let (width, height) = (model.camera.width as usize, model.camera.height as usize);
+    let found = (depth.width(), depth.height());
+    let same_view = found.0 as u64 * height as u64 == found.1 as u64 * width as u64;
+    if found != (width, height)
+        && same_view
+        && let Some(resampled) = depth.resampled(width, height)
+    {
+        return Ok(resampled);
+    }
+    check_size(path, "depth", model, (found.0 as u32, found.1 as u32))?;
+    Ok(depth)
 }
 
 /// Holds an image's size against the camera's.
@@ -108,19 +132,62 @@ pub(crate) fn check_size(
     })
 }
 
-fn scale_warning(median: f64, scale: f64) -> String {
-    let raw = median * scale;
-    let off = |factor: f64| (raw / factor / TYPICAL).max(TYPICAL * factor / raw);
-    let likely = FACTORS
-        .into_iter()
-        .min_by(|a, b| off(*a).total_cmp(&off(*b)))
-        .unwrap_or(5000.0);
-    format!(
-        "depth scale: expected a median depth of {} to {} m, found {median:.3} m at {scale} values per metre; the likely factor is {likely} (median {:.2} m): set depth_scale in a camera file",
-        PLAUSIBLE.start(),
-        PLAUSIBLE.end(),
-        raw / likely
-    )
+/// Depths of no indoor scene, and the number of values per metre that would make them one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScaleDoubt {
+    /// Median depth, m.
+    pub median: f64,
+    /// Values per metre by which it was read.
+    pub scale: f64,
+    /// Values per metre that fit best of those in use.
+    pub likely: f64,
+}
+
+impl ScaleDoubt {
+    /// Adds depths of every eighth pixel in both directions, m, without the missing ones.
+    pub fn sample(depth: &DepthImage, values: &mut Vec<f64>) {
+        let rows = (0..depth.height()).step_by(8);
+        let places = rows.flat_map(|y| (0..depth.width()).step_by(8).map(move |x| (x, y)));
+        let all = places.map(|(x, y)| f64::from(depth.at(x, y)));
+        values.extend(all.filter(|z| *z > 0.0));
+    }
+
+    /// Of depths, m, that were read at a number of values per metre; `None` where nothing is odd about them.
+    #[must_use]
+    pub fn new(depths: &mut [f64], scale: f64) -> Option<Self> {
+        depths.sort_unstable_by(f64::total_cmp);
+        let median = *depths.get(depths.len() / 2)?;
+        if PLAUSIBLE.contains(&median) {
+            return None;
+        }
+        let raw = median * scale;
+        let off = |factor: f64| (raw / factor / TYPICAL).max(TYPICAL * factor / raw);
+        let likely = FACTORS
+            .into_iter()
+            .min_by(|a, b| off(*a).total_cmp(&off(*b)))
+            .unwrap_or(scale);
+        Some(Self {
+            median,
+            scale,
+            likely,
+        })
+    }
+
+    /// In words; `advice` is what sets the likely factor.
+    #[must_use]
+    pub fn said(&self, advice: &str) -> String {
+        let Self {
+            median,
+            scale,
+            likely,
+        } = self;
+        format!(
+            "depth scale: expected a median depth of {} to {} m, found {median:.3} m at {scale} values per metre; the likely factor is {likely} (median {:.2} m): {advice}",
+            PLAUSIBLE.start(),
+            PLAUSIBLE.end(),
+            median * scale / likely
+        )
+    }
 }
 
 #[cfg(test)]
@@ -131,11 +198,18 @@ mod tests {
     fn the_likely_factor_is_that_of_an_indoor_scene() {
         // Depth of 2 m in millimetres, read at 5000000 and at 5 per metre.
         for scale in [5e6, 5.0] {
-            let w = scale_warning(2000.0 / scale, scale);
+            let doubt = ScaleDoubt::new(&mut [2000.0 / scale], scale).unwrap();
+            let w = doubt.said("set it");
             assert!(
                 w.contains("the likely factor is 1000 (median 2.00 m)"),
                 "{w}"
             );
         }
+        // Floats in centimetres, and in metres though a scale was named.
+        for (median, scale, likely) in [(180.0, 1.0, 100.0), (0.0018, 1000.0, 1.0)] {
+            let doubt = ScaleDoubt::new(&mut [median], scale).unwrap();
+            assert_eq!(doubt.likely, likely);
+        }
+        assert_eq!(ScaleDoubt::new(&mut [1.0, 2.0, 300.0], 1.0), None);
     }
 }

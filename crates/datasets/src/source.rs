@@ -4,7 +4,7 @@ use crate::camera::CameraModel;
 use crate::dataset::{Dataset, Entry};
 use crate::decode::{read_colour, read_depth, read_gray};
 use crate::error::{DatasetError, Result};
-use crate::probe::check_size;
+use crate::probe::{check_size, in_camera};
 use std::sync::Arc;
 use stillpoint_imaging::{
     FrameId, FrameSource, ImuSample, ImuTrack, OdometrySample, OdometryTrack, RgbdFrame,
@@ -90,12 +90,7 @@ impl DatasetSource {
             (gray.width() as u32, gray.height() as u32),
         )?;
         let depth = read_depth(&entry.depth, self.camera.depth_scale)?;
-        check_size(
-            &entry.depth,
-            "depth",
-            &self.camera,
-            (depth.width() as u32, depth.height() as u32),
-        )?;
+        let depth = in_camera(&entry.depth, depth, &self.camera)?;
         Ok(RgbdFrame {
             id: FrameId(id),
             stamp: entry.stamp,

@@ -22,8 +22,10 @@ const TYPICAL: f64 = 1.5;
 const FAR_MEDIAN: f64 = 7.0;
 const FAR_MOST: f64 = 13.0;
 const NEAR_MOST: f64 = 0.45;
-/// Factors between the scales in use (1000, 5000, 4000 and 10000 values per metre; metres taken for millimetres and the other way round).
-const FACTORS: [f64; 6] = [4.0, 5.0, 10.0, 2.5, 2.0, 1000.0];
+/// Factors between the scales in use (1000, 5000, 4000 and 10000 values per metre; metres taken for millimetres or centimetres and the other way round).
+const FACTORS: [f64; 7] = [4.0, 5.0, 10.0, 2.5, 2.0, 100.0, 1000.0];
+/// Values per metre that can be stated.
+const SCALES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 /// Calibrations of cameras of one kind differ by less than this, as a share.
 const MATCH: f64 = 0.15;
 
@@ -131,14 +133,19 @@ pub(crate) fn judge(depths: &mut Depths, depth_scale: f64, report: &mut Report) 
     } else {
         format!("{times:.1}")
     };
+    let remedy = if SCALES.contains(&right) {
+        format!(
+            "the images hold about {right} values per metre, not {depth_scale}: run with --depth-scale {right}; for a folder, write depth_scale = {right} to its camera file (--camera camera.toml)"
+        )
+    } else {
+        "no usual number of values per metre makes distances of a room of them: are they distances (--depth-topic), and is a scale stated that is none?".to_owned()
+    };
     report.find(Finding {
         symptom: Symptom::DepthScale,
         message: format!(
             "depth is too {much} by a factor of about {times}: half of it lies beyond {middle:.2} m and a twentieth beyond {most:.2} m"
         ),
-        remedy: format!(
-            "the images hold about {right} values per metre, not {depth_scale}: run with --depth-scale {right}; for a folder, write depth_scale = {right} to its camera file (--camera camera.toml)"
-        ),
+        remedy,
         evidence: figures,
     });
     false
@@ -162,7 +169,7 @@ fn factor(step: Option<f64>, middle: f64, most: f64) -> Option<f64> {
         return None;
     }
     // Nothing but the distances: the usual confusion that makes them most usual.
-    let of = [5.0, 10.0, 1000.0]
+    let of = [5.0, 10.0, 100.0, 1000.0]
         .into_iter()
         .map(|k| if far { k } else { 1.0 / k });
     of.min_by(|a, b| odd(middle / a).total_cmp(&odd(middle / b)))
@@ -170,7 +177,7 @@ fn factor(step: Option<f64>, middle: f64, most: f64) -> Option<f64> {
 
 /// A scale in use near the one that was estimated, or that to two digits.
 fn usual_scale(scale: f64) -> f64 {
-    let usual = [1.0, 1000.0, 2000.0, 4000.0, 5000.0, 10000.0];
+    let usual = [1.0, 100.0, 1000.0, 2000.0, 4000.0, 5000.0, 10000.0];
     let near = usual.iter().find(|u| libm::log(*u / scale).abs() < 0.2);
     near.copied().unwrap_or_else(|| {
         let digit = libm::pow(10.0, libm::floor(libm::log10(scale)) - 1.0);
@@ -224,6 +231,26 @@ mod tests {
         assert_eq!(factor(Some(STRUCTURED_LIGHT * 5.0), 0.4, 0.8), Some(0.2));
         assert_eq!(factor(None, 1500.0, 4000.0), Some(1000.0));
         assert_eq!(factor(None, 0.0015, 0.004), Some(0.001));
+        assert_eq!(factor(None, 160.0, 420.0), Some(100.0));
+    }
+
+    /// Floats, read as metres or by a scale that was stated, and what the remedy leads to: a scale under which nothing is found.
+    #[test]
+    fn the_scale_that_is_named_is_the_last_one() {
+        for (per_metre, stated) in [(1000.0, 1.0), (100.0, 1.0), (1.0, 1000.0)] {
+            let look = |scale: f64| {
+                let mut depths = Depths::default();
+                let raw = |i: u32| per_metre * (0.7 + 1e-4 * f64::from(i % 33_000));
+                depths.values = (0..100_000).map(|i| (raw(i) / scale) as f32).collect();
+                let mut report = Report::default();
+                judge(&mut depths, scale, &mut report);
+                report.findings.pop().map(|f| f.remedy)
+            };
+            let remedy = look(stated).unwrap();
+            let option = format!("--depth-scale {per_metre};");
+            assert!(remedy.contains(&option), "{remedy}");
+            assert_eq!(look(per_metre), None);
+        }
     }
 
     #[test]

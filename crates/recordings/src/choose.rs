@@ -48,6 +48,74 @@ pub fn says_registered(topic: &str) -> bool {
     REGISTERED.iter().any(|name| topic.contains(name))
 }
 
+/// What a name says of an image that could be one of depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Says {
+    Depth,
+    /// Something that comes in encodings of depth and is none.
+    Other,
+}
+
+/// Parts of names of depth images. Drivers of stereo cameras call theirs after the method.
+const DEPTH_PARTS: [&str; 1] = ["depth"];
+const DEPTH_WORDS: [&str; 5] = ["range", "distance", "tof", "stereo", "z16"];
+/// Parts and words of names of what else comes as 16UC1, mono16 or 32FC1.
+const OTHER_PARTS: [&str; 13] = [
+    "confidence",
+    "disparity",
+    "infra",
+    "amplitude",
+    "intensity",
+    "reflec",
+    "thermal",
+    "variance",
+    "uncertain",
+    "segment",
+    "semantic",
+    "label",
+    "validity",
+];
+const OTHER_WORDS: [&str; 20] = [
+    "conf", "disp", "ir", "ir1", "ir2", "nir", "nearir", "swir", "lwir", "amp", "ambient",
+    "signal", "noise", "std", "stddev", "error", "mask", "flags", "cost", "score",
+];
+/// Words of the images that depth is computed from; of depth they say whose it is.
+const SOURCE_WORDS: [&str; 5] = ["left", "right", "gray", "grey", "mono"];
+
+/// What the last part of a topic's name that says anything says.
+fn says(topic: &str) -> Option<Says> {
+    let topic = topic.to_lowercase();
+    base(&topic).rsplit('/').find_map(|part| {
+        // Depth that was brought into another camera is named after both.
+        let part = part.split("_to_").next().unwrap_or(part);
+        let has = |parts: &[&str], words: &[&str]| {
+            parts.iter().any(|p| part.contains(p))
+                || part.split(['_', '-', '.']).any(|w| words.contains(&w))
+        };
+        if has(&OTHER_PARTS, &OTHER_WORDS) {
+            Some(Says::Other)
+        } else if has(&DEPTH_PARTS, &DEPTH_WORDS) {
+            Some(Says::Depth)
+        } else {
+            has(&[], &SOURCE_WORDS).then_some(Says::Other)
+        }
+    })
+}
+
+/// Whether the name of a topic says that its images are of depth.
+pub(crate) fn says_depth(topic: &str) -> bool {
+    says(topic) == Some(Says::Depth)
+}
+
+/// Whether a stream may be taken for depth without being named. An encoding alone is no evidence: confidences, disparities and infrared images have the same. Two transports carry nothing else than depth.
+fn may_be_depth(stream: &Stream) -> bool {
+    let by_device = crate::orbbec::frame(&stream.topic).is_some();
+    match says(&stream.topic) {
+        Some(says) => says == Says::Depth,
+        None => by_device || stream.encoding.contains("compressedDepth"),
+    }
+}
+
 /// Chooses a pair.
 ///
 /// # Errors
@@ -96,7 +164,14 @@ fn candidates<'p>(
     named: Option<&str>,
     option: &str,
 ) -> Result<Vec<&'p Stream>> {
-    let all: Vec<&Stream> = probe.streams.iter().filter(|s| s.shows == shows).collect();
+    // The user's word stands above what an image is taken for by its encoding.
+    let deep = |s: &&Stream| {
+        shows == Shows::Depth
+            && named.is_some()
+            && (s.encoding.starts_with("mono16") || s.encoding.contains("png"))
+    };
+    let all = probe.streams.iter();
+    let all: Vec<&Stream> = all.filter(|s| s.shows == shows || deep(s)).collect();
     let what = if shows == Shows::Depth {
         "depth"
     } else {
@@ -116,6 +191,10 @@ fn candidates<'p>(
             )
         });
     }
+    let all: Vec<&Stream> = match shows {
+        Shows::Depth => all.into_iter().filter(|s| may_be_depth(s)).collect(),
+        _ => all,
+    };
     if all.is_empty() {
         let found = format!(
             "none among {}",
@@ -125,12 +204,19 @@ fn candidates<'p>(
             .remarks
             .first()
             .map_or(String::new(), |r| format!(" ({r})"));
-        let advice = "record colour and depth of one camera";
+        let encoded = |s: &&Stream| s.shows == shows;
+        let advice = match probe.streams.iter().find(encoded) {
+            Some(stream) => format!(
+                "no name says that its images are distances: record depth, or if {} is depth name it with {option}",
+                stream.topic
+            ),
+            None => "record colour and depth of one camera".to_owned(),
+        };
         return Err(RecordingError::topics(
             path,
             &format!("a topic of {what} images"),
             found + &remark,
-            advice,
+            &advice,
         ));
     }
     // One of the same images raw and compressed: the raw one loses nothing and is read faster.
@@ -180,8 +266,6 @@ fn pair(probe: &Probe, colour: &Stream, depth: &Stream) -> Pair {
         .any(|n| colour.topic.to_lowercase().contains(n));
     let grey = colour.encoding.starts_with("mono");
     score -= 3 * i32::from(infrared) + 2 * i32::from(grey);
-    // Disparities and confidences have encodings of depth.
-    score -= 3 * i32::from(!crate::probe::says_depth(&depth.topic));
     Pair {
         colour: colour.clone(),
         depth: depth.clone(),
@@ -213,6 +297,7 @@ mod tests {
             size: (640, 480),
             messages: 10,
             info: None,
+            empty_infos: 0,
         }
     }
 
@@ -332,6 +417,55 @@ mod tests {
             refused.contains("--depth-topic") && refused.contains("/rear/depth/image_raw"),
             "{refused}"
         );
+    }
+
+    #[test]
+    fn names_tell_depth_from_what_is_encoded_alike() {
+        for topic in [
+            "/camera/depth/image_rect_raw",
+            "/camera/aligned_depth_to_infra1/image_raw",
+            "/depth_to_rgb/image_raw/compressed",
+            "/kinect2/hd/image_depth_rect",
+            "/device_0/sensor_0/Depth_0/image/data",
+            "/infra1/depth",
+            "/oak/stereo/image_raw",
+            "/depth_camera_left/image_raw",
+            "/o3r/distance_image",
+            "/data_throttled_image_depth/compressedDepth",
+        ] {
+            assert!(says_depth(topic), "{topic}");
+        }
+        for topic in [
+            "/zed/zed_node/confidence/confidence_map",
+            "/camera/depth/confidence",
+            "/camera/depth_confidence/image",
+            "/stereo/disparity",
+            "/camera/infra1/image_rect_raw",
+            "/ir/image_raw",
+            "/tof/amplitude_image",
+            "/depth/intensity/image_raw",
+            "/stereo/left/image_raw",
+            "/thermal/image_raw",
+            "/camera/image_raw",
+        ] {
+            assert!(!says_depth(topic), "{topic}");
+            let streams = [("/rgb/image", "rgb8", "a"), (topic, "32FC1", "a")];
+            let refused = chosen(&streams, Named::default()).unwrap_err();
+            for part in ["a topic of depth images", topic, "--depth-topic"] {
+                assert!(refused.contains(part), "{refused}");
+            }
+            let named = Named {
+                depth: Some(topic),
+                ..Named::default()
+            };
+            assert_eq!(chosen(&streams, named), both("/rgb/image", topic));
+            // Beside depth nobody has to choose.
+            let with_depth = [streams[0], streams[1], ("/depth/image", "16UC1", "b")];
+            assert_eq!(
+                chosen(&with_depth, Named::default()),
+                both("/rgb/image", "/depth/image")
+            );
+        }
     }
 
     #[test]

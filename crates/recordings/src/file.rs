@@ -9,7 +9,7 @@ use crate::probe::{Probe, Stream};
 use crate::realsense;
 use crate::recording::{Files, Recording};
 use crate::setup::{Setup, Treatment};
-use crate::source::RecordingSource;
+use crate::source::{RecordingSource, doubt};
 use crate::store::{Slot, seconds};
 use crate::truth;
 use std::collections::BTreeMap;
@@ -134,6 +134,8 @@ impl FileRecording {
             warnings: &mut warnings,
         };
         let treatment = setup.treatment(&mut recording, &entries)?;
+        let scale = treatment.camera.depth_scale;
+        warnings.extend(doubt(&mut recording, &entries, treatment.unit, scale));
         let beside = Beside {
             options,
             probe: &probe,

@@ -18,6 +18,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod calibration;
 mod choose;
 #[cfg(test)]
 mod d435;
@@ -54,6 +55,7 @@ pub use info::{Info, Topic, info};
 pub use input::{Device, Input, OpenOptions, Source, Taken, is_recording, open};
 pub use messages::{MessageFile, TopicInfo};
 pub use odometry::odometry_sample;
+pub use optics::is_calibrated;
 pub use raw::{Pair, RawFrames};
 pub use source::RecordingSource;
 pub use stillpoint_datasets::FrameOptions;

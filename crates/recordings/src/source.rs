@@ -1,6 +1,7 @@
 //! The frames of a recording, decoded one after the other.
 
 use crate::choose::Pair;
+use crate::decode::depth::Unit;
 use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::{Entry, FileRecording};
@@ -10,7 +11,7 @@ use crate::recording::Recording;
 use crate::setup::{Side, Treatment};
 use crate::store::{Slot, seconds};
 use std::sync::Arc;
-use stillpoint_datasets::{DatasetError, FrameOptions};
+use stillpoint_datasets::{DatasetError, FrameOptions, ScaleDoubt};
 use stillpoint_imaging::{
     DepthImage, FrameId, FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError,
 };
@@ -67,7 +68,7 @@ impl RecordingSource {
     fn read(&mut self, entry: &Entry, id: u32) -> Result<RgbdFrame> {
         let treatment = Arc::clone(&self.treatment);
         let colour = colour(&mut self.recording, &entry.colour, self.keep_colour)?;
-        let depth = depth(&mut self.recording, &entry.depth, treatment.depth_scale)?;
+        let depth = depth(&mut self.recording, &entry.depth, treatment.unit)?;
         let times = (entry.stamp, entry.depth_stamp);
         treatment
             .frame(FrameId(id), times, colour, depth)
@@ -106,13 +107,13 @@ fn colour(recording: &mut Recording, slot: &Slot, keep: bool) -> Result<Colour> 
     decoded.map_err(|bad| image_error(recording, slot, bad))
 }
 
-fn depth(recording: &mut Recording, slot: &Slot, scale: f64) -> Result<DepthImage> {
+fn depth(recording: &mut Recording, slot: &Slot, unit: Unit) -> Result<DepthImage> {
     let bytes = recording.read(slot)?;
     let decoded = if is_compressed(recording, slot) {
         let m: ros::CompressedImage<'_> = recording.parse(slot, &bytes)?;
-        decode::compressed_depth(&m.format, &m.data, scale)
+        decode::compressed_depth(&m.format, &m.data, unit)
     } else {
-        decode::depth(&recording.parse(slot, &bytes)?, scale)
+        decode::depth(&recording.parse(slot, &bytes)?, unit)
     };
     decoded.map_err(|bad| image_error(recording, slot, bad))
 }
@@ -133,7 +134,7 @@ pub(crate) fn sizes(
     let mut first = None;
     for entry in entries.iter().take(TRIED) {
         let both = colour(recording, &entry.colour, false)
-            .and_then(|c| Ok((c, depth(recording, &entry.depth, 1000.0)?)));
+            .and_then(|c| Ok((c, depth(recording, &entry.depth, Unit::default())?)));
         match both {
             Ok((c, d)) => {
                 let size = |w: usize, h: usize| (w as u32, h as u32);
@@ -147,6 +148,30 @@ pub(crate) fn sizes(
     Err(first.unwrap_or_else(|| {
         RecordingError::topics(&recording.path, "images", "none", "record it again")
     }))
+}
+
+/// What a look at some depth images, spread over the recording, finds wrong with their unit. Images that do not read are reported when their frames come.
+pub(crate) fn doubt(
+    recording: &mut Recording,
+    entries: &[Entry],
+    unit: Unit,
+    scale: f64,
+) -> Option<String> {
+    const LOOKED_AT: usize = 3;
+    let mut values = Vec::new();
+    for k in 0..LOOKED_AT.min(entries.len()) {
+        let entry = &entries[k * (entries.len() - 1) / (LOOKED_AT - 1)];
+        if let Ok(image) = depth(recording, &entry.depth, unit) {
+            ScaleDoubt::sample(&image, &mut values);
+        }
+    }
+    scale_doubt(&mut values, scale)
+}
+
+/// The same of values, m, that were read at a scale.
+pub(crate) fn scale_doubt(values: &mut [f64], scale: f64) -> Option<String> {
+    let doubt = ScaleDoubt::new(values, scale)?;
+    Some(doubt.said(&format!("--depth-scale {}", doubt.likely)))
 }
 
 impl FrameSource for RecordingSource {

@@ -1,6 +1,7 @@
 //! Tests of the public interface.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod cameras;
 mod files;
 mod inertial;
 mod mutations;
