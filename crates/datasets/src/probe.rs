@@ -10,8 +10,10 @@ use stillpoint_imaging::DepthImage;
 const PROBES: usize = 5;
 /// Median depths outside of this, m, are no indoor scene at the right scale.
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.1..=50.0;
-/// Factors that depth images come in: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m, metres.
-const FACTORS: [f64; 7] = [1000.0, 5000.0, 5208.0, 10_000.0, 100.0, 256.0, 1.0];
+/// Factors that depth images come in: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m.
+const FACTORS: [f64; 6] = [1000.0, 5000.0, 5208.0, 10_000.0, 100.0, 256.0];
+/// The same of images that hold floats: millimetres, centimetres, metres.
+const FLOAT_FACTORS: [f64; 3] = [1000.0, 100.0, 1.0];
 /// Depth, m, that an indoor scene has in the middle.
 const TYPICAL: f64 = 2.0;
 
@@ -61,7 +63,7 @@ pub(crate) fn probe(
             model.camera.width, model.camera.height
         ));
     }
-    let doubt = ScaleDoubt::new(&mut depths, model.depth_scale);
+    let doubt = ScaleDoubt::new(&mut depths, model.depth_scale, &FACTORS);
     warnings.extend(doubt.map(|d| d.said("set depth_scale in a camera file")));
     Ok(())
 }
@@ -152,9 +154,14 @@ impl ScaleDoubt {
         values.extend(all.filter(|z| *z > 0.0));
     }
 
-    /// Of depths, m, that were read at a number of values per metre; `None` where nothing is odd about them.
+    /// Of depths, m, of images that hold whole numbers or floats, read at a number of values per metre; `None` where nothing is odd about them.
     #[must_use]
-    pub fn new(depths: &mut [f64], scale: f64) -> Option<Self> {
+    pub fn of_message(depths: &mut [f64], scale: f64, is_float: bool) -> Option<Self> {
+        let factors: &[f64] = if is_float { &FLOAT_FACTORS } else { &FACTORS };
+        Self::new(depths, scale, factors)
+    }
+
+    fn new(depths: &mut [f64], scale: f64, factors: &[f64]) -> Option<Self> {
         depths.sort_unstable_by(f64::total_cmp);
         let median = *depths.get(depths.len() / 2)?;
         if PLAUSIBLE.contains(&median) {
@@ -162,8 +169,9 @@ impl ScaleDoubt {
         }
         let raw = median * scale;
         let off = |factor: f64| (raw / factor / TYPICAL).max(TYPICAL * factor / raw);
-        let likely = FACTORS
-            .into_iter()
+        let likely = factors
+            .iter()
+            .copied()
             .min_by(|a, b| off(*a).total_cmp(&off(*b)))
             .unwrap_or(scale);
         Some(Self {
@@ -198,18 +206,23 @@ mod tests {
     fn the_likely_factor_is_that_of_an_indoor_scene() {
         // Depth of 2 m in millimetres, read at 5000000 and at 5 per metre.
         for scale in [5e6, 5.0] {
-            let doubt = ScaleDoubt::new(&mut [2000.0 / scale], scale).unwrap();
+            let doubt = ScaleDoubt::new(&mut [2000.0 / scale], scale, &FACTORS).unwrap();
             let w = doubt.said("set it");
             assert!(
                 w.contains("the likely factor is 1000 (median 2.00 m)"),
                 "{w}"
             );
         }
-        // Floats in centimetres, and in metres though a scale was named.
-        for (median, scale, likely) in [(180.0, 1.0, 100.0), (0.0018, 1000.0, 1.0)] {
-            let doubt = ScaleDoubt::new(&mut [median], scale).unwrap();
+        // Floats in centimetres and millimetres, and in metres though a scale was named.
+        for (median, scale, likely) in [
+            (180.0, 1.0, 100.0),
+            (960.0, 1.0, 1000.0),
+            (0.0018, 1000.0, 1.0),
+        ] {
+            let doubt = ScaleDoubt::of_message(&mut [median], scale, true).unwrap();
             assert_eq!(doubt.likely, likely);
         }
-        assert_eq!(ScaleDoubt::new(&mut [1.0, 2.0, 300.0], 1.0), None);
+        let few = ScaleDoubt::of_message(&mut [1.0, 2.0, 300.0], 1.0, true);
+        assert_eq!(few, None);
     }
 }

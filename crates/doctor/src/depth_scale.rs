@@ -119,7 +119,7 @@ pub(crate) fn judge(depths: &mut Depths, depth_scale: f64, report: &mut Report) 
         figures.push(Figure::new("step of depth at 1 m", 1000.0 * step, "mm"));
     }
     report.measured.extend(figures.iter().cloned());
-    let Some(factor) = factor(step, middle, most) else {
+    let Some(factor) = factor(step, middle, most, depth_scale) else {
         return true;
     };
     let (much, times) = if factor > 1.0 {
@@ -151,8 +151,8 @@ pub(crate) fn judge(depths: &mut Depths, depth_scale: f64, report: &mut Report) 
     false
 }
 
-/// By what depth is too large, if it is.
-fn factor(step: Option<f64>, middle: f64, most: f64) -> Option<f64> {
+/// By what depth is too large, if it is, when it was read at `stated` values per metre.
+fn factor(step: Option<f64>, middle: f64, most: f64, stated: f64) -> Option<f64> {
     let odd = |z: f64| libm::log(z / TYPICAL).abs();
     let by_step = step.map(|s| STRUCTURED_LIGHT / s);
     let known = by_step.and_then(|f| {
@@ -169,9 +169,13 @@ fn factor(step: Option<f64>, middle: f64, most: f64) -> Option<f64> {
         return None;
     }
     // Nothing but the distances: the usual confusion that makes them most usual.
-    let of = [5.0, 10.0, 100.0, 1000.0]
-        .into_iter()
-        .map(|k| if far { k } else { 1.0 / k });
+    // What was read as metres is in centimetres or millimetres.
+    let usual: &[f64] = if far && stated == 1.0 {
+        &[100.0, 1000.0]
+    } else {
+        &[5.0, 10.0, 100.0, 1000.0]
+    };
+    let of = usual.iter().map(|k| if far { *k } else { 1.0 / k });
     of.min_by(|a, b| odd(middle / a).total_cmp(&odd(middle / b)))
 }
 
@@ -219,19 +223,29 @@ mod tests {
     #[test]
     fn distances_of_a_room_are_not_odd_whatever_the_camera() {
         for middle in [0.6, 1.0, 2.0, 4.0] {
-            assert_eq!(factor(None, middle, 2.5 * middle), None);
-            assert_eq!(factor(Some(STRUCTURED_LIGHT), middle, 2.5 * middle), None);
+            assert_eq!(factor(None, middle, 2.5 * middle, 1000.0), None);
+            assert_eq!(
+                factor(Some(STRUCTURED_LIGHT), middle, 2.5 * middle, 1000.0),
+                None
+            );
             // Half the step: another camera's.
             assert_eq!(
-                factor(Some(0.5 * STRUCTURED_LIGHT), middle, 2.5 * middle),
+                factor(Some(0.5 * STRUCTURED_LIGHT), middle, 2.5 * middle, 1000.0),
                 None
             );
         }
-        assert_eq!(factor(Some(STRUCTURED_LIGHT / 5.0), 5.0, 12.0), Some(5.0));
-        assert_eq!(factor(Some(STRUCTURED_LIGHT * 5.0), 0.4, 0.8), Some(0.2));
-        assert_eq!(factor(None, 1500.0, 4000.0), Some(1000.0));
-        assert_eq!(factor(None, 0.0015, 0.004), Some(0.001));
-        assert_eq!(factor(None, 160.0, 420.0), Some(100.0));
+        assert_eq!(
+            factor(Some(STRUCTURED_LIGHT / 5.0), 5.0, 12.0, 1000.0),
+            Some(5.0)
+        );
+        assert_eq!(
+            factor(Some(STRUCTURED_LIGHT * 5.0), 0.4, 0.8, 1000.0),
+            Some(0.2)
+        );
+        assert_eq!(factor(None, 1500.0, 4000.0, 1.0), Some(1000.0));
+        assert_eq!(factor(None, 0.0015, 0.004, 1000.0), Some(0.001));
+        assert_eq!(factor(None, 45.0, 90.0, 1.0), Some(100.0));
+        assert_eq!(factor(None, 160.0, 420.0, 1.0), Some(100.0));
     }
 
     /// Floats, read as metres or by a scale that was stated, and what the remedy leads to: a scale under which nothing is found.

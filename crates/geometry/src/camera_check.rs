@@ -110,7 +110,7 @@ impl CameraError {
                 size: [width, height],
                 ..
             } => format!(
-                "a principal point with {figure} from {low:.0} to {high:.0} px, in an image of {width} x {height} px"
+                "a principal point {figure} from {low:.0} to {high:.0} px, in an image of {width} x {height} px"
             ),
             Self::Coefficients { .. } => "finite distortion coefficients".to_owned(),
             Self::Fold { .. } => "a lens model that can be inverted within the image".to_owned(),

@@ -20,6 +20,8 @@ struct Readout {
     corner: [u32; 2],
     size: [u32; 2],
     binning: [u32; 2],
+    /// Size of what it is a part of.
+    of: [u32; 2],
 }
 
 impl Readout {
@@ -37,6 +39,7 @@ impl Readout {
                 side(roi.height, roi.y_offset, info.height),
             ],
             binning: [info.binning_x.max(1), info.binning_y.max(1)],
+            of: [info.width, info.height],
         }
     }
 
@@ -48,8 +51,8 @@ impl Readout {
         })
     }
 
-    fn fits_into(&self, size: [u32; 2]) -> bool {
-        (0..2).all(|i| u64::from(self.corner[i]) + u64::from(self.size[i]) <= u64::from(size[i]))
+    fn fits(&self) -> bool {
+        (0..2).all(|i| u64::from(self.corner[i]) + u64::from(self.size[i]) <= u64::from(self.of[i]))
     }
 
     /// The camera of what was read out, as image_geometry computes it.
@@ -67,11 +70,15 @@ impl Readout {
 impl std::fmt::Display for Readout {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let ([w, h], [x, y], [bx, by]) = (self.size, self.corner, self.binning);
-        write!(f, "a region of interest of {w} x {h} px at ({x}, {y})")?;
-        if [bx, by] == [1, 1] {
-            return Ok(());
+        let region = self.size != self.of || self.corner != [0, 0];
+        if region {
+            write!(f, "a region of interest of {w} x {h} px at ({x}, {y})")?;
         }
-        write!(f, " with binning {bx} x {by}")
+        match [bx, by] {
+            [1, 1] => Ok(()),
+            _ if region => write!(f, " with binning {bx} x {by}"),
+            _ => write!(f, "a binning of {bx} x {by}"),
+        }
     }
 }
 
@@ -131,6 +138,7 @@ fn read_out(
         corner: [0, 0],
         size: stated,
         binning: [1, 1],
+        of: stated,
     };
     if readout == all && (stated == size || stated == [0, 0]) {
         return Ok(found);
@@ -150,7 +158,7 @@ fn read_out(
         return Err(Bad::new(expected, format!("{width} x {height} px")));
     }
     let applied = of_size(readout.apply(&whole));
-    if readout.fits_into(stated) || stated == [0, 0] {
+    if readout.fits() || stated == [0, 0] {
         found.optics = applied;
         found
             .guesses
@@ -244,7 +252,11 @@ mod tests {
         // Images of the whole size in spite of a binning.
         let whole = of(&info([0; 4], 2), (640, 480)).unwrap();
         assert_eq!(whole.optics.k[0], 520.0);
-        assert!(whole.warnings[0].contains("not applied"), "{whole:?}");
+        assert!(
+            whole.warnings[0].contains("a binning of 2 x 2")
+                && whole.warnings[0].contains("not applied"),
+            "{whole:?}"
+        );
         // A region that is larger than what it is of.
         let mut cropped = info([80, 40, 240, 200], 1);
         (cropped.width, cropped.height) = (240, 200);

@@ -1,6 +1,7 @@
 //! Which topics are the camera's: pairs of colour and depth are scored by what they have in common.
 
 use crate::error::{RecordingError, Result};
+use crate::names::{Says, says, says_registered};
 use crate::probe::{Probe, Shows, Stream, base};
 use std::path::Path;
 
@@ -31,80 +32,6 @@ impl Pair {
             score: 0,
         }
     }
-}
-
-/// Names by which drivers say that depth was brought into the colour camera.
-const REGISTERED: [&str; 4] = [
-    "aligned_depth_to_color",
-    "depth_registered",
-    "depth_to_rgb",
-    "depth2rgb",
-];
-
-/// Whether the name of a topic of depth images says that they were brought into the colour camera.
-#[must_use]
-pub fn says_registered(topic: &str) -> bool {
-    let topic = topic.to_lowercase();
-    REGISTERED.iter().any(|name| topic.contains(name))
-}
-
-/// What a name says of an image that could be one of depth.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Says {
-    Depth,
-    /// Something that comes in encodings of depth and is none.
-    Other,
-}
-
-/// Parts of names of depth images. Drivers of stereo cameras call theirs after the method.
-const DEPTH_PARTS: [&str; 1] = ["depth"];
-const DEPTH_WORDS: [&str; 5] = ["range", "distance", "tof", "stereo", "z16"];
-/// Parts and words of names of what else comes as 16UC1, mono16 or 32FC1.
-const OTHER_PARTS: [&str; 13] = [
-    "confidence",
-    "disparity",
-    "infra",
-    "amplitude",
-    "intensity",
-    "reflec",
-    "thermal",
-    "variance",
-    "uncertain",
-    "segment",
-    "semantic",
-    "label",
-    "validity",
-];
-const OTHER_WORDS: [&str; 20] = [
-    "conf", "disp", "ir", "ir1", "ir2", "nir", "nearir", "swir", "lwir", "amp", "ambient",
-    "signal", "noise", "std", "stddev", "error", "mask", "flags", "cost", "score",
-];
-/// Words of the images that depth is computed from; of depth they say whose it is.
-const SOURCE_WORDS: [&str; 5] = ["left", "right", "gray", "grey", "mono"];
-
-/// What the last part of a topic's name that says anything says.
-fn says(topic: &str) -> Option<Says> {
-    let topic = topic.to_lowercase();
-    base(&topic).rsplit('/').find_map(|part| {
-        // Depth that was brought into another camera is named after both.
-        let part = part.split("_to_").next().unwrap_or(part);
-        let has = |parts: &[&str], words: &[&str]| {
-            parts.iter().any(|p| part.contains(p))
-                || part.split(['_', '-', '.']).any(|w| words.contains(&w))
-        };
-        if has(&OTHER_PARTS, &OTHER_WORDS) {
-            Some(Says::Other)
-        } else if has(&DEPTH_PARTS, &DEPTH_WORDS) {
-            Some(Says::Depth)
-        } else {
-            has(&[], &SOURCE_WORDS).then_some(Says::Other)
-        }
-    })
-}
-
-/// Whether the name of a topic says that its images are of depth.
-pub(crate) fn says_depth(topic: &str) -> bool {
-    says(topic) == Some(Says::Depth)
 }
 
 /// Whether a stream may be taken for depth without being named. An encoding alone is no evidence: confidences, disparities and infrared images have the same. Two transports carry nothing else than depth.
@@ -204,7 +131,9 @@ fn candidates<'p>(
             .remarks
             .first()
             .map_or(String::new(), |r| format!(" ({r})"));
-        let encoded = |s: &&Stream| s.shows == shows;
+        let encoded = |s: &&Stream| {
+            s.shows == shows || (shows == Shows::Depth && s.encoding.starts_with("mono16"))
+        };
         let advice = match probe.streams.iter().find(encoded) {
             Some(stream) => format!(
                 "no name says that its images are distances: record depth, or if {} is depth name it with {option}",
@@ -420,35 +349,12 @@ mod tests {
     }
 
     #[test]
-    fn names_tell_depth_from_what_is_encoded_alike() {
+    fn what_is_encoded_like_depth_has_to_be_named() {
         for topic in [
-            "/camera/depth/image_rect_raw",
-            "/camera/aligned_depth_to_infra1/image_raw",
-            "/depth_to_rgb/image_raw/compressed",
-            "/kinect2/hd/image_depth_rect",
-            "/device_0/sensor_0/Depth_0/image/data",
-            "/infra1/depth",
-            "/oak/stereo/image_raw",
-            "/depth_camera_left/image_raw",
-            "/o3r/distance_image",
-            "/data_throttled_image_depth/compressedDepth",
-        ] {
-            assert!(says_depth(topic), "{topic}");
-        }
-        for topic in [
-            "/zed/zed_node/confidence/confidence_map",
-            "/camera/depth/confidence",
-            "/camera/depth_confidence/image",
-            "/stereo/disparity",
-            "/camera/infra1/image_rect_raw",
-            "/ir/image_raw",
-            "/tof/amplitude_image",
-            "/depth/intensity/image_raw",
-            "/stereo/left/image_raw",
-            "/thermal/image_raw",
+            "/zed/confidence/confidence_map",
+            "/infra1/image_raw",
             "/camera/image_raw",
         ] {
-            assert!(!says_depth(topic), "{topic}");
             let streams = [("/rgb/image", "rgb8", "a"), (topic, "32FC1", "a")];
             let refused = chosen(&streams, Named::default()).unwrap_err();
             for part in ["a topic of depth images", topic, "--depth-topic"] {
@@ -461,10 +367,8 @@ mod tests {
             assert_eq!(chosen(&streams, named), both("/rgb/image", topic));
             // Beside depth nobody has to choose.
             let with_depth = [streams[0], streams[1], ("/depth/image", "16UC1", "b")];
-            assert_eq!(
-                chosen(&with_depth, Named::default()),
-                both("/rgb/image", "/depth/image")
-            );
+            let expected = both("/rgb/image", "/depth/image");
+            assert_eq!(chosen(&with_depth, Named::default()), expected);
         }
     }
 

@@ -134,8 +134,8 @@ impl FileRecording {
             warnings: &mut warnings,
         };
         let treatment = setup.treatment(&mut recording, &entries)?;
-        let scale = treatment.camera.depth_scale;
-        warnings.extend(doubt(&mut recording, &entries, treatment.unit, scale));
+        let encoding = &pair.depth.encoding;
+        warnings.extend(doubt(&mut recording, &entries, treatment.unit, encoding));
         let beside = Beside {
             options,
             probe: &probe,

@@ -179,7 +179,11 @@ impl Incoming {
         if let Ok(image) = depth.message.depth(treatment.unit) {
             ScaleDoubt::sample(&image, &mut values);
         }
-        warnings.extend(scale_doubt(&mut values, treatment.camera.depth_scale));
+        warnings.extend(scale_doubt(
+            &mut values,
+            treatment.unit,
+            depth.message.encoding(),
+        ));
         Ok(Self {
             treatment,
             guesses,

@@ -157,6 +157,11 @@ pub fn is_calibrated(info: &CameraInfo<'_>) -> bool {
     figures(&info.k, 3).is_some() || figures(&info.p, 4).is_some()
 }
 
+/// Whether its figures can be those of a camera of the size that it states.
+pub(crate) fn is_plausible(info: &CameraInfo<'_>) -> bool {
+    Optics::new(info, false).is_ok_and(|optics| optics.check().is_ok())
+}
+
 impl Optics {
     /// Of a camera info, as if it had no region and no binning; `rectified` says that the images were undistorted already, so that the projection matrix holds.
     ///

@@ -1,10 +1,10 @@
 //! What the image topics of a recording are: one message of each is looked at, and the messages that describe cameras are gathered.
 
-use crate::choose::says_depth;
 use crate::decode::colour::{has_planes, is_colour};
 use crate::decode::depth::{is_compressed_depth, is_deep_png, is_depth};
 use crate::error::Result;
-use crate::optics::is_calibrated;
+use crate::names::says_depth;
+use crate::optics::{is_calibrated, is_plausible};
 use crate::recording::Recording;
 use crate::store::Slot;
 use crate::transforms::{Transforms, frame_name};
@@ -90,7 +90,7 @@ impl Probe {
         Ok(probe)
     }
 
-    /// The first camera info of each topic that is calibrated, else the first; `empty` counts those before.
+    /// The first camera info of each topic that can be a camera's, else the first that holds a calibration, else the first; `empty` counts those before.
     fn infos(
         &mut self,
         recording: &mut Recording,
@@ -103,20 +103,27 @@ impl Probe {
             let mut broken = 0;
             for (i, slot) in slots.into_iter().enumerate() {
                 let bytes = recording.read(&slot)?;
-                match recording.parse::<ros::CameraInfo<'_>>(&slot, &bytes) {
-                    Ok(info) if is_calibrated(&info) => {
-                        empty.insert(topic.clone(), i - broken);
-                        infos.insert(topic, owned(&info));
-                        break;
-                    }
-                    Ok(info) => drop(infos.entry(topic.clone()).or_insert_with(|| owned(&info))),
+                let info = match recording.parse::<ros::CameraInfo<'_>>(&slot, &bytes) {
+                    Ok(info) => info,
                     Err(e) => {
                         broken += 1;
                         self.remarks.push(e.to_string());
                         if broken == MOST_BROKEN {
                             break;
                         }
+                        continue;
                     }
+                };
+                let rank = |i: &ros::CameraInfo<'_>| (is_calibrated(i), is_plausible(i));
+                if infos
+                    .get(&topic)
+                    .is_none_or(|best| rank(&info) > rank(best))
+                {
+                    empty.insert(topic.clone(), i - broken);
+                    infos.insert(topic.clone(), owned(&info));
+                }
+                if is_plausible(&info) {
+                    break;
                 }
             }
         }

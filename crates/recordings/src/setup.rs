@@ -1,13 +1,14 @@
 //! What is done to the images of a recording: its camera, the unit of depth, rectification and registration.
 
 use crate::calibration::{self, Calibration};
-use crate::choose::{Pair, says_registered};
+use crate::choose::Pair;
 use crate::decode::depth::Unit;
 use crate::decode::{Bad, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::Entry;
 use crate::input::OpenOptions;
 use crate::optics::{Optics, is_calibrated};
+use crate::placement::Placed;
 use crate::probe::{Probe, Stream};
 use crate::recording::Recording;
 use crate::rectify::Rectifier;
@@ -210,7 +211,7 @@ impl<'a> Setup<'a> {
     }
 
     /// What a camera info says of images of this size; what has to be known of it is said.
-    fn calibrated(
+    pub(crate) fn calibrated(
         &mut self,
         info: &CameraInfo<'_>,
         rectified: bool,
@@ -248,7 +249,7 @@ impl<'a> Setup<'a> {
         if let Some((stream, info)) = own.and_then(|s| Some((s, s.info.clone()?))) {
             if stream.empty_infos > 0 {
                 self.guesses.push(format!(
-                    "the first {} camera infos beside {} hold no calibration: the one after them is used",
+                    "the first {} camera infos beside {} are empty or cannot be a camera's: the one after them is used",
                     stream.empty_infos, stream.topic
                 ));
             }
@@ -279,7 +280,7 @@ impl<'a> Setup<'a> {
     }
 
     /// The only camera info of the frame and size of images that have none beside them.
-    fn info_elsewhere(
+    pub(crate) fn info_elsewhere(
         &self,
         stream: &Stream,
         size: (u32, u32),
@@ -350,107 +351,10 @@ impl<'a> Setup<'a> {
         }
         unit
     }
-
-    fn is_registered(&self) -> bool {
-        let (colour, depth) = (&self.pair.colour, &self.pair.depth);
-        let same_frame = !colour.frame.is_empty() && colour.frame == depth.frame;
-        says_registered(&depth.topic) || same_frame
-    }
-
-    /// How depth comes into the colour camera.
-    fn placed(&mut self, optics: &Optics, depth_size: (u32, u32)) -> Result<Placed> {
-        let (colour, depth) = (&self.pair.colour, &self.pair.depth);
-        let size = (optics.width, optics.height);
-        let same_size = depth_size == size;
-        let registered = self.is_registered();
-        if registered && same_size {
-            return Ok(Placed::Registered);
-        }
-        // A phone has depth of the colour camera's view in fewer pixels.
-        let same_view = u64::from(depth_size.0) * u64::from(size.1)
-            == u64::from(depth_size.1) * u64::from(size.0);
-        let pose = self.probe.transforms.find(&colour.frame, &depth.frame);
-        let own = depth.info.as_ref().filter(|info| is_calibrated(info));
-        let elsewhere = || {
-            let found = self.info_elsewhere(depth, depth_size).ok().flatten();
-            found.map(|(_, info)| info)
-        };
-        let info = own.or_else(elsewhere).cloned();
-        let describes = |info: &CameraInfo<'_>| calibration::fits(info, depth_size);
-        if registered && same_view && !info.as_ref().is_some_and(describes) {
-            self.guesses.push(in_other_pixels(depth, depth_size, size));
-            return Ok(Placed::Resampled);
-        }
-        let Some((pose, info)) = pose.zip(info) else {
-            let missing = if depth.info.is_none() {
-                "camera info"
-            } else {
-                "transform"
-            };
-            if same_size || same_view {
-                self.warnings.push(format!(
-                    "no {missing} says where {} stands to the colour camera: depth is taken as registered to it",
-                    depth.topic
-                ));
-            }
-            if same_size {
-                return Ok(Placed::Registered);
-            }
-            if same_view {
-                self.guesses.push(in_other_pixels(depth, depth_size, size));
-                return Ok(Placed::Resampled);
-            }
-            let expected = format!(
-                "depth of the colour images' proportions, or a {missing} by which it can be registered"
-            );
-            let found = format!("depth images of {} x {} px", depth_size.0, depth_size.1);
-            return Err(RecordingError::topics(
-                self.path,
-                &expected,
-                found,
-                "record camera infos and /tf_static as well, or registered depth",
-            ));
-        };
-        let topic = depth.topic.clone();
-        let name = format!("camera info of {topic}");
-        let source = self.calibrated(&info, is_rectified(&topic), &name, depth_size)?;
-        // Some devices register by themselves, and say so by describing one camera twice.
-        let apart = pose.translation.norm() > 1e-6 || pose.rotation.angle() > 1e-6;
-        if !apart && source == *optics {
-            self.guesses
-                .push("depth is in the colour camera: both are described alike".to_owned());
-            return Ok(Placed::Registered);
-        }
-        self.guesses.push(format!(
-            "depth is registered to the colour camera, {:.1} mm beside",
-            pose.translation.norm() * 1e3
-        ));
-        // Into the camera of the frames, which has no distortion where images are rectified.
-        let target = Optics::of_camera(&optics.camera());
-        let registration = Registration::new(&source, &target, &pose);
-        Ok(Placed::Apart(Box::new(registration)))
-    }
-}
-
-/// How depth images lie to the colour camera.
-enum Placed {
-    /// In its pixels.
-    Registered,
-    /// In its view, which has another number of pixels.
-    Resampled,
-    /// In a camera of their own.
-    Apart(Box<Registration>),
-}
-
-fn in_other_pixels(depth: &Stream, (w, h): (u32, u32), (width, height): (u32, u32)) -> String {
-    format!(
-        "{}: its images of {w} x {h} px are taken for the view of the colour images, {width} x {height} px, in other pixels",
-        depth.topic
-    )
 }
 
 /// Whether the images of a topic were undistorted, as image_proc names them.
-fn is_rectified(topic: &str) -> bool {
+pub(crate) fn is_rectified(topic: &str) -> bool {
     topic.to_lowercase().contains("rect") && !topic.to_lowercase().contains("image_rect_raw")
         || topic.to_lowercase().contains("undistorted")
 }

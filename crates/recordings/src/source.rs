@@ -1,7 +1,7 @@
 //! The frames of a recording, decoded one after the other.
 
 use crate::choose::Pair;
-use crate::decode::depth::Unit;
+use crate::decode::depth::{Unit, is_float};
 use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::{Entry, FileRecording};
@@ -155,7 +155,7 @@ pub(crate) fn doubt(
     recording: &mut Recording,
     entries: &[Entry],
     unit: Unit,
-    scale: f64,
+    encoding: &str,
 ) -> Option<String> {
     const LOOKED_AT: usize = 3;
     let mut values = Vec::new();
@@ -165,12 +165,12 @@ pub(crate) fn doubt(
             ScaleDoubt::sample(&image, &mut values);
         }
     }
-    scale_doubt(&mut values, scale)
+    scale_doubt(&mut values, unit, encoding)
 }
 
-/// The same of values, m, that were read at a scale.
-pub(crate) fn scale_doubt(values: &mut [f64], scale: f64) -> Option<String> {
-    let doubt = ScaleDoubt::new(values, scale)?;
+/// The same of values, m.
+pub(crate) fn scale_doubt(values: &mut [f64], unit: Unit, encoding: &str) -> Option<String> {
+    let doubt = ScaleDoubt::of_message(values, unit.of(encoding), is_float(encoding))?;
     Some(doubt.said(&format!("--depth-scale {}", doubt.likely)))
 }
 

@@ -2,6 +2,8 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod cameras;
+mod edited;
+mod encodings;
 mod files;
 mod inertial;
 mod mutations;

@@ -42,7 +42,7 @@ impl Unit {
 }
 
 /// Whether an encoding, or the format of a compressed image, says that values are floats.
-fn is_float(encoding: &str) -> bool {
+pub(crate) fn is_float(encoding: &str) -> bool {
     encoding.trim_start().starts_with("32FC1")
 }
 
@@ -119,6 +119,7 @@ pub(crate) fn depth(image: &Image<'_>, unit: Unit) -> Result<DepthImage> {
 /// Bytes before the image: what it is, and two parameters.
 const HEAD: usize = 12;
 const PNG: &[u8] = b"\x89PNG";
+const JPEG: &[u8] = &[0xff, 0xd8, 0xff];
 /// Side of an image at most, px: what lies beyond is no size, but a head.
 const MAX_SIDE: u32 = 1 << 15;
 
@@ -134,7 +135,7 @@ fn head<'d>(format: &str, data: &'d [u8]) -> Result<(Option<&'d [u8]>, &'d [u8])
     let is_alone = if is_rvl(format) {
         two_words(data).is_some_and(is_size)
     } else {
-        data.starts_with(PNG)
+        data.starts_with(PNG) || data.starts_with(JPEG)
     };
     if is_alone {
         return Ok((None, data));
@@ -266,16 +267,17 @@ mod tests {
         assert_eq!(found.data(), [1.0, 0.0, 0.0, 0.0]);
     }
 
-    fn png(image: DynamicImage) -> Vec<u8> {
+    fn encoded(image: &DynamicImage, format: image::ImageFormat) -> Vec<u8> {
         let mut bytes = std::io::Cursor::new(Vec::new());
-        image.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
+        image.write_to(&mut bytes, format).unwrap();
         bytes.into_inner()
     }
 
     #[test]
     fn images_are_read_with_and_without_the_head() {
         let deep = image::ImageBuffer::from_raw(2, 1, vec![1000_u16, 2500]).unwrap();
-        let alone = png(DynamicImage::ImageLuma16(deep));
+        let deep = DynamicImage::ImageLuma16(deep);
+        let alone = encoded(&deep, image::ImageFormat::Png);
         assert!(is_deep_png(&alone) && !is_deep_png(&alone[..20]));
         let after = [&[0; HEAD][..], &alone].concat();
         for (format, bytes) in [
@@ -288,13 +290,13 @@ mod tests {
         }
         let lost = compressed_depth("32FC1; compressedDepth", &alone, Unit::default());
         assert!(lost.unwrap_err().found.contains("record raw images"));
-        let flat = png(DynamicImage::new_luma8(2, 1));
-        let lost = compressed_depth("16UC1; jpeg compressed ", &flat, Unit::default());
-        let said = lost.unwrap_err().found;
-        assert!(
-            said.contains("8 bits") && said.contains("compressedDepth"),
-            "{said}"
-        );
+        for format in [image::ImageFormat::Png, image::ImageFormat::Jpeg] {
+            let flat = encoded(&DynamicImage::new_luma8(2, 1), format);
+            let lost = compressed_depth("16UC1; jpeg compressed ", &flat, Unit::default());
+            let said = lost.unwrap_err().found;
+            let parts = ["8 bits", "compressedDepth"];
+            assert!(parts.iter().all(|p| said.contains(p)), "{said}");
+        }
         // RVL: one pixel of the value 60, with and without the head.
         let rvl = [1_u32, 1, 0x018f_1000].map(u32::to_le_bytes).concat();
         for head in [0, HEAD] {
