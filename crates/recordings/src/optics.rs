@@ -170,7 +170,7 @@ impl Optics {
     pub(crate) fn new(info: &CameraInfo<'_>, rectified: bool) -> Result<Self, String> {
         let (own, projection) = (figures(&info.k, 3), figures(&info.p, 4));
         let (k, lens) = match (own, projection) {
-            (_, Some(p)) if rectified => (p, Lens::Brown(BrownConrady::default())),
+            (_, Some(k)) | (Some(k), None) if rectified => (k, Lens::Brown(BrownConrady::default())),
             // Of a camera alone both are the same where K was left out.
             (Some(k), _) | (None, Some(k)) => (k, Lens::new(&info.distortion_model, &info.d)?),
             (None, None) => {
@@ -279,6 +279,23 @@ mod tests {
                 assert!((back - p).norm() < 1e-9, "{model}: {p:?} {back:?}");
             }
         }
+    }
+
+    #[test]
+    fn undistorted_images_have_no_lens() {
+        let mut info = CameraInfo {
+            distortion_model: "plumb_bob".into(),
+            d: vec![0.1, -0.2, 0.0, 0.0, 0.0],
+            k: [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0],
+            ..CameraInfo::default()
+        };
+        let of = |info: &CameraInfo<'_>, rectified| {
+            let optics = Optics::new(info, rectified).unwrap();
+            (optics.k[0], optics.lens == Lens::Brown(BrownConrady::default()))
+        };
+        assert_eq!((of(&info, false), of(&info, true)), ((600.0, false), (600.0, true)));
+        (info.p[0], info.p[5]) = (580.0, 580.0);
+        assert_eq!((of(&info, false), of(&info, true)), ((600.0, false), (580.0, true)));
     }
 
     #[test]

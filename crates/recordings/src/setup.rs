@@ -353,8 +353,25 @@ impl<'a> Setup<'a> {
     }
 }
 
-/// Whether the images of a topic were undistorted, as image_proc names them.
+/// Whether the images of a topic were undistorted, as image_proc names them. RealSense calls raw ones so, too.
 pub(crate) fn is_rectified(topic: &str) -> bool {
-    topic.to_lowercase().contains("rect") && !topic.to_lowercase().contains("image_rect_raw")
-        || topic.to_lowercase().contains("undistorted")
+    let topic = topic.to_lowercase();
+    let mut words = topic.split(['/', '_', '-']);
+    words.any(|w| w == "rect" || w.starts_with("rectif") || w == "undistorted")
+        && !topic.contains("image_rect_raw")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_rectified;
+
+    #[test]
+    fn names_say_what_is_undistorted() {
+        for topic in ["/left/image_rect_color", "/rgb/image_rect", "/cam/rectified/image", "/undistorted/image"] {
+            assert!(is_rectified(topic), "{topic}");
+        }
+        for topic in ["/camera/depth/image_rect_raw", "/direct/image_raw", "/rgb/image_raw"] {
+            assert!(!is_rectified(topic), "{topic}");
+        }
+    }
 }
