@@ -154,13 +154,22 @@ fn candidates<'p>(
 }
 
 fn listed(streams: &[&Stream]) -> String {
-    if streams.is_empty() {
-        return "no image topics".to_owned();
-    }
     let each = streams
         .iter()
         .map(|s| format!("{} ({}, {} messages)", s.topic, s.encoding, s.messages));
-    each.collect::<Vec<_>>().join(", ")
+    few(each, "no image topics")
+}
+
+/// A list that can be read, whatever a file holds; `none` where there is nothing in it.
+pub(crate) fn few(mut all: impl Iterator<Item = String>, none: &str) -> String {
+    const MOST: usize = 12;
+    let first: Vec<String> = all.by_ref().take(MOST).collect();
+    let more = all.count();
+    match (first.len(), more) {
+        (0, _) => none.to_owned(),
+        (_, 0) => first.join(", "),
+        _ => format!("{} and {more} more", first.join(", ")),
+    }
 }
 
 fn pair(probe: &Probe, colour: &Stream, depth: &Stream) -> Pair {
@@ -379,6 +388,9 @@ mod tests {
             refused.contains("a topic of depth images") && refused.contains("/a (rgb8"),
             "{refused}"
         );
+        let many = [("/a", "rgb8", ""); 20];
+        let refused = chosen(&many, Named::default()).unwrap_err();
+        assert!(refused.contains("and 8 more"), "{refused}");
         let refused = chosen(&[], Named::default()).unwrap_err();
         assert!(refused.contains("no image topics"), "{refused}");
     }

@@ -170,7 +170,9 @@ impl Optics {
     pub(crate) fn new(info: &CameraInfo<'_>, rectified: bool) -> Result<Self, String> {
         let (own, projection) = (figures(&info.k, 3), figures(&info.p, 4));
         let (k, lens) = match (own, projection) {
-            (_, Some(k)) | (Some(k), None) if rectified => (k, Lens::Brown(BrownConrady::default())),
+            (_, Some(k)) | (Some(k), None) if rectified => {
+                (k, Lens::Brown(BrownConrady::default()))
+            }
             // Of a camera alone both are the same where K was left out.
             (Some(k), _) | (None, Some(k)) => (k, Lens::new(&info.distortion_model, &info.d)?),
             (None, None) => {
@@ -291,11 +293,20 @@ mod tests {
         };
         let of = |info: &CameraInfo<'_>, rectified| {
             let optics = Optics::new(info, rectified).unwrap();
-            (optics.k[0], optics.lens == Lens::Brown(BrownConrady::default()))
+            (
+                optics.k[0],
+                optics.lens == Lens::Brown(BrownConrady::default()),
+            )
         };
-        assert_eq!((of(&info, false), of(&info, true)), ((600.0, false), (600.0, true)));
+        assert_eq!(
+            (of(&info, false), of(&info, true)),
+            ((600.0, false), (600.0, true))
+        );
         (info.p[0], info.p[5]) = (580.0, 580.0);
-        assert_eq!((of(&info, false), of(&info, true)), ((600.0, false), (580.0, true)));
+        assert_eq!(
+            (of(&info, false), of(&info, true)),
+            ((600.0, false), (580.0, true))
+        );
     }
 
     #[test]

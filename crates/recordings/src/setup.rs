@@ -1,7 +1,7 @@
 //! What is done to the images of a recording: its camera, the unit of depth, rectification and registration.
 
 use crate::calibration::{self, Calibration};
-use crate::choose::Pair;
+use crate::choose::{Pair, few};
 use crate::decode::depth::Unit;
 use crate::decode::{Bad, Colour};
 use crate::error::{RecordingError, Result};
@@ -320,19 +320,13 @@ impl<'a> Setup<'a> {
 
     /// Camera infos in words.
     fn listed(&self, wanted: impl Fn(&CameraInfo<'_>) -> bool) -> String {
-        const MOST: usize = 12;
-        let all: Vec<String> = self
-            .probe
-            .infos
-            .iter()
-            .filter(|(_, info)| wanted(info))
-            .map(|(topic, i)| format!("{topic} ({} x {} px, fx {:.1})", i.width, i.height, i.k[0]))
-            .collect();
-        match all.len() {
-            0 => "none".to_owned(),
-            n if n > MOST => format!("{} and {} more", all[..MOST].join(", "), n - MOST),
-            _ => all.join(", "),
-        }
+        let all = self.probe.infos.iter().filter(|(_, info)| wanted(info));
+        few(
+            all.map(|(topic, i)| {
+                format!("{topic} ({} x {} px, fx {:.1})", i.width, i.height, i.k[0])
+            }),
+            "none",
+        )
     }
 
     fn unit(&mut self) -> Unit {
@@ -367,10 +361,19 @@ mod tests {
 
     #[test]
     fn names_say_what_is_undistorted() {
-        for topic in ["/left/image_rect_color", "/rgb/image_rect", "/cam/rectified/image", "/undistorted/image"] {
+        for topic in [
+            "/left/image_rect_color",
+            "/rgb/image_rect",
+            "/cam/rectified/image",
+            "/undistorted/image",
+        ] {
             assert!(is_rectified(topic), "{topic}");
         }
-        for topic in ["/camera/depth/image_rect_raw", "/direct/image_raw", "/rgb/image_raw"] {
+        for topic in [
+            "/camera/depth/image_rect_raw",
+            "/direct/image_raw",
+            "/rgb/image_raw",
+        ] {
             assert!(!is_rectified(topic), "{topic}");
         }
     }
