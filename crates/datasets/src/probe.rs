@@ -36,9 +36,8 @@ pub(crate) fn probe(
         (model.camera.width, model.camera.height) = most_frequent(sizes.collect());
     }
     let (mut first_error, mut depths, mut empty) = (None, Vec::new(), Vec::new());
-    let mut other_size = None;
     for entry in chosen {
-        match probe_one(entry, model, &mut other_size) {
+        match probe_one(entry, model) {
             Ok(values) if values.is_empty() => empty.push(entry),
             Ok(values) => depths.extend(values),
             Err(e) => first_error = first_error.or(Some(e)),
@@ -57,12 +56,6 @@ pub(crate) fn probe(
             None => Ok(()),
         };
     }
-    if let Some((width, height)) = other_size {
-        warnings.push(format!(
-            "depth images have {width} x {height} px: they are taken for the view of the colour images, {} x {} px, in other pixels",
-            model.camera.width, model.camera.height
-        ));
-    }
     let doubt = ScaleDoubt::new(&mut depths, model.depth_scale, &FACTORS);
     warnings.extend(doubt.map(|d| d.said("set depth_scale in a camera file")));
     Ok(())
@@ -76,40 +69,14 @@ fn most_frequent(sizes: Vec<(u32, u32)>) -> (u32, u32) {
 }
 
 /// Depths of every eighth pixel in both directions, m, without the missing ones.
-fn probe_one(
-    entry: &Entry,
-    model: &CameraModel,
-    other_size: &mut Option<(usize, usize)>,
-) -> Result<Vec<f64>> {
+fn probe_one(entry: &Entry, model: &CameraModel) -> Result<Vec<f64>> {
     check_size(&entry.colour, "colour", model, read_size(&entry.colour)?)?;
     let depth = read_depth(&entry.depth, model.depth_scale)?;
-    let size = (depth.width(), depth.height());
-    let depth = in_camera(&entry.depth, depth, model)?;
-    if size != (depth.width(), depth.height()) {
-        *other_size = Some(size);
-    }
+    let size = (depth.width() as u32, depth.height() as u32);
+    check_size(&entry.depth, "depth", model, size)?;
     let mut values = Vec::new();
     ScaleDoubt::sample(&depth, &mut values);
     Ok(values)
-}
-
-/// A depth image in the pixels of the colour camera. Phones measure the colour camera's view in fewer pixels; one of other proportions has another view.
-pub(crate) fn in_camera(
-    path: &std::path::Path,
-    depth: DepthImage,
-    model: &CameraModel,
-) -> Result<DepthImage> {
-    let (width, height) = (model.camera.width as usize, model.camera.height as usize);
-    let found = (depth.width(), depth.height());
-    let same_view = found.0 as u64 * height as u64 == found.1 as u64 * width as u64;
-    if found != (width, height)
-        && same_view
-        && let Some(resampled) = depth.resampled(width, height)
-    {
-        return Ok(resampled);
-    }
-    check_size(path, "depth", model, (found.0 as u32, found.1 as u32))?;
-    Ok(depth)
 }
 
 /// Holds an image's size against the camera's.
@@ -123,6 +90,13 @@ pub(crate) fn check_size(
     if (width, height) == (c.width, c.height) {
         return Ok(());
     }
+    let same_view =
+        u64::from(width) * u64::from(c.height) == u64::from(height) * u64::from(c.width);
+    let advice = if what == "depth" && same_view {
+        "name the camera that took it, and register depth to the colour image; where depth shows the same view in other pixels, as phones measure it, bring it to this size by nearest neighbours"
+    } else {
+        "name the camera that took it, and register depth to the colour image"
+    };
     Err(DatasetError::Image {
         path: path.to_owned(),
         expected: format!(
@@ -130,7 +104,7 @@ pub(crate) fn check_size(
             c.width, c.height, model.name
         ),
         found: format!("{width} x {height} px"),
-        advice: "name the camera that took it, and register depth to the colour image".into(),
+        advice: advice.into(),
     })
 }
 

@@ -4,7 +4,7 @@ use crate::camera::CameraModel;
 use crate::dataset::{Dataset, Entry};
 use crate::decode::{read_colour, read_depth, read_gray};
 use crate::error::{DatasetError, Result};
-use crate::probe::{check_size, in_camera};
+use crate::probe::check_size;
 use std::sync::Arc;
 use stillpoint_imaging::{
     FrameId, FrameSource, ImuSample, ImuTrack, OdometrySample, OdometryTrack, RgbdFrame,
@@ -90,7 +90,8 @@ impl DatasetSource {
             (gray.width() as u32, gray.height() as u32),
         )?;
         let depth = read_depth(&entry.depth, self.camera.depth_scale)?;
-        let depth = in_camera(&entry.depth, depth, &self.camera)?;
+        let size = (depth.width() as u32, depth.height() as u32);
+        check_size(&entry.depth, "depth", &self.camera, size)?;
         Ok(RgbdFrame {
             id: FrameId(id),
             stamp: entry.stamp,
