@@ -213,6 +213,15 @@ def test_cameras_of_other_libraries() -> None:
     for change in ({"D": [0.1] * 8, "distortion_model": "rational_polynomial"}, {"D": [0.1, 0.1, 0, 0], "distortion_model": "equidistant"}):
         with pytest.raises(ValueError, match="camera"):
             sp.Camera.from_info({**info, **change})
+    # REP 104: what was read out of the sensor; K left out; figures that no camera has.
+    roi = {"x_offset": 80, "y_offset": 40, "width": 480, "height": 360}
+    part = sp.Camera.from_info({**info, "binning_x": 2, "binning_y": 2, "roi": roi})
+    assert (part.width, part.height) == (240, 180) and np.allclose(part.k[0], [262.5, 0, 119.75])
+    projection = [520.0, 0, 318.0, 0, 0, 521.0, 241.0, 0, 0, 0, 1, 0]
+    assert sp.Camera.from_info({**info, "K": [0.0] * 9, "P": projection}).fy == 521.0
+    for change, said in (({"roi": {**roi, "width": 640}}, "640 x 360 px at"), ({"K": [525.0, 0, 0, 0, 525.0, 0, 0, 0, 1]}, "cx = 0.0")):
+        with pytest.raises(ValueError, match=said):
+            sp.Camera.from_info({**info, **change})
     assert "tum_fr1" in sp.Camera.presets() and sp.Camera.preset("fr1") == sp.Camera.preset("tum_fr1")
 
 

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use stillpoint::geometry::{ImuModel, OdometryModel, Se3};
 use stillpoint::recordings::{
-    ImageMessage, Incoming, IncomingTopic, OpenOptions, Transforms, says_registered,
+    ImageMessage, Incoming, IncomingTopic, OpenOptions, Transforms, is_calibrated, says_registered,
 };
 use stillpoint::ros_messages as ros;
 use stillpoint::ros_messages::Format;
@@ -101,6 +101,10 @@ impl CameraState {
     pub fn take_info(&mut self, is_depth: bool, bytes: Vec<u8>) -> Result<bool, String> {
         let info: ros::CameraInfo<'_> = ros::from_bytes(&bytes, Format::CdrLittleEndian)
             .map_err(|e| format!("camera info: {e}"))?;
+        // A driver that is not ready fills in zeros.
+        if !is_calibrated(&info) {
+            return Ok(false);
+        }
         let known = if is_depth {
             &mut self.depth_info
         } else {
@@ -108,15 +112,11 @@ impl CameraState {
         };
         let before = known.as_deref().and_then(read_info);
         let differs = before.is_some_and(|b| {
-            (b.width, b.height, &b.distortion_model, &b.d, b.k, b.p)
-                != (
-                    info.width,
-                    info.height,
-                    &info.distortion_model,
-                    &info.d,
-                    info.k,
-                    info.p,
-                )
+            let same = (b.width, b.height) == (info.width, info.height)
+                && (&b.distortion_model, &b.d) == (&info.distortion_model, &info.d)
+                && (b.k, b.p) == (info.k, info.p)
+                && (b.binning_x, b.binning_y, &b.roi) == (info.binning_x, info.binning_y, &info.roi);
+            !same
         });
         *known = Some(bytes);
         Ok(differs)
@@ -197,7 +197,7 @@ impl CameraState {
         let registered = of_colour == of_depth || says_registered(&self.topics.depth);
         if info.is_none() && !(registered && depth_info.is_some()) {
             return Err(NotReady::Waiting(format!(
-                "the camera's calibration: no CameraInfo on {}",
+                "the camera's calibration: no CameraInfo that holds one on {}",
                 self.topics.colour_info
             )));
         }

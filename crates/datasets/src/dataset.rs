@@ -112,13 +112,15 @@ impl Dataset {
         let folder_name = folder_name(path);
         let mut guesses = Vec::new();
         let mut warnings = Vec::new();
-        let asked_bonn =
-            matches!(&options.camera, Some(CameraChoice::Preset(p)) if p.starts_with("bonn"));
-        let looks_like_bonn = asked_bonn || folder_name.to_lowercase().contains("bonn");
+        let asked = |data_set: &str| matches!(&options.camera, Some(CameraChoice::Preset(p)) if p.starts_with(data_set));
+        let looks_like_bonn = asked("bonn") || folder_name.to_lowercase().contains("bonn");
         let layout = match options.layout {
             Some(layout) => layout,
             None => {
-                let (layout, why) = layout::guess(path, &names, looks_like_bonn)?;
+                let (mut layout, why) = layout::guess(path, &names, looks_like_bonn)?;
+                if layout == Layout::Numbered && asked("icl") {
+                    layout = Layout::IclNuim;
+                }
                 guesses.push(format!("layout: {layout} ({why})"));
                 layout
             }
@@ -314,12 +316,16 @@ fn guess_camera(path: &Path, folder_name: &str, layout: Layout) -> Result<(Camer
         }
     }
     let (preset, why) = match layout {
-        Layout::SevenScenes => ("seven_scenes", "the layout says so".to_owned()),
+        // Others name their images so, too; the folders are called seq-01 and so on in 7-Scenes.
+        Layout::SevenScenes if folder_name.to_lowercase().starts_with("seq-") => {
+            ("seven_scenes", "the layout says so".to_owned())
+        }
         Layout::IclNuim => ("icl_nuim", "the layout says so".to_owned()),
         Layout::Tum | Layout::Bonn => match presets::preset_for_folder(folder_name) {
             Some((part, preset)) => (preset, format!("\"{part}\" in the folder's name")),
             None => return Err(camera::unknown_for_folder(path)),
         },
+        Layout::SevenScenes | Layout::Numbered => return Err(camera::unknown_for_folder(path)),
     };
     Ok((
         CameraModel::preset(preset)?,

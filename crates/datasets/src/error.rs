@@ -35,7 +35,7 @@ pub enum DatasetError {
         found: String,
     },
     /// None of the layouts fits.
-    #[error("{}: expected rgb.txt and depth.txt or an associations file (TUM, Bonn), rgb/0.png and depth/0.png (ICL-NUIM), or frame-000000.color.png (7-Scenes); found {found}; {advice}", path.display())]
+    #[error("{}: expected rgb.txt and depth.txt or an associations file (TUM, Bonn), rgb/0.png and depth/0.png (ICL-NUIM, and others with a camera file), or frame-000000.color.png (7-Scenes); found {found}; {advice}", path.display())]
     UnknownLayout {
         /// The folder.
         path: PathBuf,

@@ -21,7 +21,9 @@ pub(crate) fn find(folder: &Path, layout: Layout) -> Result<Option<PathBuf>> {
             .or_else(|| Some("groundtruth.txt".to_owned()))
             .map(|n| folder.join(n))
             .filter(|p| p.is_file()),
-        Layout::Tum | Layout::Bonn => Some(folder.join("groundtruth.txt")).filter(|p| p.is_file()),
+        Layout::Tum | Layout::Bonn | Layout::Numbered => {
+            Some(folder.join("groundtruth.txt")).filter(|p| p.is_file())
+        }
     })
 }
 
@@ -52,7 +54,7 @@ pub(crate) fn read(folder: &Path, layout: Layout) -> Result<Option<Said>> {
                 p.world_from_camera = mirror_y(&p.world_from_camera);
             }
         }
-        Layout::Tum | Layout::SevenScenes => {}
+        Layout::Tum | Layout::Numbered | Layout::SevenScenes => {}
     }
     Ok(Some((poses, said)))
 }

@@ -17,6 +17,8 @@ pub enum Layout {
     Bonn,
     /// ICL-NUIM in the TUM-compatible form: numbered images, left-handed ground truth.
     IclNuim,
+    /// `rgb/0.png` and `depth/0.png` and so on, of any camera: pairs by number.
+    Numbered,
     /// Microsoft 7-Scenes: `frame-000000.color.png`, `.depth.png`, `.pose.txt`.
     SevenScenes,
 }
@@ -27,6 +29,7 @@ impl std::fmt::Display for Layout {
             Self::Tum => "TUM",
             Self::Bonn => "Bonn",
             Self::IclNuim => "ICL-NUIM",
+            Self::Numbered => "numbered images",
             Self::SevenScenes => "7-Scenes",
         })
     }
@@ -34,15 +37,16 @@ impl std::fmt::Display for Layout {
 
 impl std::str::FromStr for Layout {
     type Err = String;
-    /// From `tum`, `bonn`, `icl` (or `icl-nuim`), `7scenes` (or `7-scenes`).
+    /// From `tum`, `bonn`, `icl` (or `icl-nuim`), `numbered`, `7scenes` (or `7-scenes`).
     fn from_str(s: &str) -> std::result::Result<Self, String> {
         match s.to_lowercase().as_str() {
             "tum" => Ok(Self::Tum),
             "bonn" => Ok(Self::Bonn),
             "icl" | "icl-nuim" | "icl_nuim" => Ok(Self::IclNuim),
+            "numbered" => Ok(Self::Numbered),
             "7scenes" | "7-scenes" | "seven_scenes" => Ok(Self::SevenScenes),
             _ => Err(format!(
-                "expected a layout (tum, bonn, icl, 7scenes), found \"{s}\""
+                "expected a layout (tum, bonn, icl, numbered, 7scenes), found \"{s}\""
             )),
         }
     }
@@ -131,7 +135,8 @@ pub(crate) fn guess(
     } else if has(names, "rgb.txt") {
         "rgb.txt"
     } else if numbered(&folder.join("rgb")).is_ok_and(|l| l.first().is_some_and(|f| f.0 < 2)) {
-        return Ok((Layout::IclNuim, "images rgb/0.png, rgb/1.png, ...".into()));
+        // Half of the world names its images so: that tells nothing of the camera.
+        return Ok((Layout::Numbered, "images rgb/0.png, rgb/1.png, ...".into()));
     } else {
         return Err(unknown(folder, names));
     };
@@ -193,6 +198,7 @@ pub(crate) fn index(
             Some(file) => index_associations(&folder.join(file), layout, max_dt, said),
             None => index_numbered(folder),
         },
+        Layout::Numbered => index_numbered(folder),
         Layout::SevenScenes => index_seven_scenes(folder, names),
     }
 }

@@ -9,12 +9,13 @@
 //! |---|---|---|---|
 //! | TUM | `rgb.txt` and `depth.txt`, else `associations.txt` | s | `groundtruth.txt` |
 //! | Bonn | as TUM, with "bonn" in the folder's name or the camera | s | of a marker, converted to the camera |
-//! | ICL-NUIM | `*.gt.freiburg`, or associations that list depth first and frame numbers, or `rgb/0.png` | number / 30 Hz | left-handed, mirrored |
+//! | ICL-NUIM | `*.gt.freiburg`, or associations that list depth first and frame numbers, or `rgb/0.png` with the preset `icl_nuim` | number / 30 Hz | left-handed, mirrored |
+//! | numbered images | `rgb/0.png` and `depth/0.png`, with a camera that is given | number / 30 Hz | `groundtruth.txt` |
 //! | 7-Scenes | `frame-000000.color.png`, `.depth.png`, `.pose.txt` | number / 30 Hz | one matrix per frame |
 //!
 //! # Camera files
-//! The camera is the one asked for, else `camera.toml` or `camera.txt` in the folder, else that of the layout (ICL-NUIM,
-//! 7-Scenes), else a preset when the folder's name contains `freiburg1` or `fr1`, `freiburg2` or `fr2`, `freiburg3` or `fr3`, or
+//! The camera is the one asked for, else `camera.toml` or `camera.txt` in the folder, else that of the layout (ICL-NUIM;
+//! 7-Scenes in a folder `seq-NN`), else a preset when the folder's name contains `freiburg1` or `fr1`, `freiburg2` or `fr2`, `freiburg3` or `fr3`, or
 //! `bonn`. A `camera.txt` holds one line `fx fy cx cy depth_scale` and comments that start with `#`. A `camera.toml`:
 //!
 //! ```toml
@@ -81,6 +82,7 @@ pub use error::{DatasetError, Result};
 pub use fault::{Fault, Faulty};
 pub use layout::Layout;
 pub use picture::{MOST_PIXELS, decode_image, image_format, image_size};
+pub use probe::ScaleDoubt;
 pub use read_ahead::ReadAhead;
 pub use recorder::{ColourFormat, MoverRow, Recorder};
 pub use regular::{open_regular, read_regular, read_regular_text};

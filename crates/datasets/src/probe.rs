@@ -4,6 +4,7 @@ use crate::camera::CameraModel;
 use crate::dataset::Entry;
 use crate::decode::Picture;
 use crate::error::{DatasetError, Result};
+use stillpoint_imaging::DepthImage;
 
 /// How many frames are looked at, spread evenly over the data set.
 const PROBES: usize = 5;
@@ -11,6 +12,8 @@ const PROBES: usize = 5;
 const PLAUSIBLE: std::ops::RangeInclusive<f64> = 0.1..=50.0;
 /// Factors that depth images come in: millimetres, TUM, fr2, tenths of millimetres, centimetres, 1/256 m.
 const FACTORS: [f64; 6] = [1000.0, 5000.0, 5208.0, 10_000.0, 100.0, 256.0];
+/// The same of images that hold floats: millimetres, centimetres, metres.
+const FLOAT_FACTORS: [f64; 3] = [1000.0, 100.0, 1.0];
 /// Depth, m, that an indoor scene has in the middle.
 const TYPICAL: f64 = 2.0;
 
@@ -55,11 +58,8 @@ pub(crate) fn probe(
             None => Ok(()),
         };
     }
-    depths.sort_unstable_by(f64::total_cmp);
-    let median = depths[depths.len() / 2];
-    if !PLAUSIBLE.contains(&median) {
-        warnings.push(scale_warning(median, model.depth_scale));
-    }
+    let doubt = ScaleDoubt::new(&mut depths, model.depth_scale, &FACTORS);
+    warnings.extend(doubt.map(|d| d.said("set depth_scale in a camera file")));
     Ok(())
 }
 
@@ -77,12 +77,9 @@ fn probe_one(entry: &Entry, model: &CameraModel) -> Result<Vec<f64>> {
     let depth = Picture::of_depth(&entry.depth)?;
     check_size(&entry.depth, "depth", model, depth.size()?)?;
     let depth = depth.depth(model.depth_scale)?;
-    Ok((0..depth.height())
-        .step_by(8)
-        .flat_map(|y| (0..depth.width()).step_by(8).map(move |x| (x, y)))
-        .map(|(x, y)| f64::from(depth.at(x, y)))
-        .filter(|z| *z > 0.0)
-        .collect())
+    let mut values = Vec::new();
+    ScaleDoubt::sample(&depth, &mut values);
+    Ok(values)
 }
 
 /// Holds an image's size against the camera's.
@@ -96,6 +93,13 @@ pub(crate) fn check_size(
     if (width, height) == (c.width, c.height) {
         return Ok(());
     }
+    let same_view =
+        u64::from(width) * u64::from(c.height) == u64::from(height) * u64::from(c.width);
+    let advice = if what == "depth" && same_view {
+        "name the camera that took it, and register depth to the colour image; where depth shows the same view in other pixels, as phones measure it, bring it to this size by nearest neighbours"
+    } else {
+        "name the camera that took it, and register depth to the colour image"
+    };
     Err(DatasetError::Image {
         path: path.to_owned(),
         expected: format!(
@@ -103,23 +107,72 @@ pub(crate) fn check_size(
             c.width, c.height, model.name
         ),
         found: format!("{width} x {height} px"),
-        advice: "name the camera that took it, and register depth to the colour image".into(),
+        advice: advice.into(),
     })
 }
 
-fn scale_warning(median: f64, scale: f64) -> String {
-    let raw = median * scale;
-    let off = |factor: f64| (raw / factor / TYPICAL).max(TYPICAL * factor / raw);
-    let likely = FACTORS
-        .into_iter()
-        .min_by(|a, b| off(*a).total_cmp(&off(*b)))
-        .unwrap_or(5000.0);
-    format!(
-        "depth scale: expected a median depth of {} to {} m, found {median:.3} m at {scale} values per metre; the likely factor is {likely} (median {:.2} m): set depth_scale in a camera file",
-        PLAUSIBLE.start(),
-        PLAUSIBLE.end(),
-        raw / likely
-    )
+/// Depths of no indoor scene, and the number of values per metre that would make them one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScaleDoubt {
+    /// Median depth, m.
+    pub median: f64,
+    /// Values per metre by which it was read.
+    pub scale: f64,
+    /// Values per metre that fit best of those in use.
+    pub likely: f64,
+}
+
+impl ScaleDoubt {
+    /// Adds depths of every eighth pixel in both directions, m, without the missing ones.
+    pub fn sample(depth: &DepthImage, values: &mut Vec<f64>) {
+        let rows = (0..depth.height()).step_by(8);
+        let places = rows.flat_map(|y| (0..depth.width()).step_by(8).map(move |x| (x, y)));
+        let all = places.map(|(x, y)| f64::from(depth.at(x, y)));
+        values.extend(all.filter(|z| *z > 0.0));
+    }
+
+    /// Of depths, m, of images that hold whole numbers or floats, read at a number of values per metre; `None` where nothing is odd about them.
+    #[must_use]
+    pub fn of_message(depths: &mut [f64], scale: f64, is_float: bool) -> Option<Self> {
+        let factors: &[f64] = if is_float { &FLOAT_FACTORS } else { &FACTORS };
+        Self::new(depths, scale, factors)
+    }
+
+    fn new(depths: &mut [f64], scale: f64, factors: &[f64]) -> Option<Self> {
+        depths.sort_unstable_by(f64::total_cmp);
+        let median = *depths.get(depths.len() / 2)?;
+        if PLAUSIBLE.contains(&median) {
+            return None;
+        }
+        let raw = median * scale;
+        let off = |factor: f64| (raw / factor / TYPICAL).max(TYPICAL * factor / raw);
+        let likely = factors
+            .iter()
+            .copied()
+            .min_by(|a, b| off(*a).total_cmp(&off(*b)))
+            .unwrap_or(scale);
+        Some(Self {
+            median,
+            scale,
+            likely,
+        })
+    }
+
+    /// In words; `advice` is what sets the likely factor.
+    #[must_use]
+    pub fn said(&self, advice: &str) -> String {
+        let Self {
+            median,
+            scale,
+            likely,
+        } = self;
+        format!(
+            "depth scale: expected a median depth of {} to {} m, found {median:.3} m at {scale} values per metre; the likely factor is {likely} (median {:.2} m): {advice}",
+            PLAUSIBLE.start(),
+            PLAUSIBLE.end(),
+            median * scale / likely
+        )
+    }
 }
 
 #[cfg(test)]
@@ -130,11 +183,23 @@ mod tests {
     fn the_likely_factor_is_that_of_an_indoor_scene() {
         // Depth of 2 m in millimetres, read at 5000000 and at 5 per metre.
         for scale in [5e6, 5.0] {
-            let w = scale_warning(2000.0 / scale, scale);
+            let doubt = ScaleDoubt::new(&mut [2000.0 / scale], scale, &FACTORS).unwrap();
+            let w = doubt.said("set it");
             assert!(
                 w.contains("the likely factor is 1000 (median 2.00 m)"),
                 "{w}"
             );
         }
+        // Floats in centimetres and millimetres, and in metres though a scale was named.
+        for (median, scale, likely) in [
+            (180.0, 1.0, 100.0),
+            (960.0, 1.0, 1000.0),
+            (0.0018, 1000.0, 1.0),
+        ] {
+            let doubt = ScaleDoubt::of_message(&mut [median], scale, true).unwrap();
+            assert_eq!(doubt.likely, likely);
+        }
+        let few = ScaleDoubt::of_message(&mut [1.0, 2.0, 300.0], 1.0, true);
+        assert_eq!(few, None);
     }
 }

@@ -164,6 +164,72 @@ fn icl_nuim_by_its_associations() {
     assert_eq!((c.frames, c.unmatched_colour), (2, 1));
 }
 
+/// Numbered images alone are nobody's.
+#[test]
+fn numbered_images_ask_for_their_camera() {
+    let f = Folder::tum("mine", 3);
+    for name in ["rgb.txt", "depth.txt", "camera.txt"] {
+        f.remove(name);
+    }
+    f.fails(&["no camera.toml or camera.txt", "icl_nuim"]);
+    f.text("camera.txt", "30 30 16 12 1000\n");
+    f.text("groundtruth.txt", "0.0 1 2 3 0 0 0 1\n");
+    let d = f.open();
+    assert_eq!((d.layout(), d.counts().frames), (Layout::Numbered, 3));
+    let all = frames(&d, &FrameOptions::default());
+    assert!((all[1].stamp - 1.0 / 30.0).abs() < 1e-12);
+    assert_eq!(all[1].depth.at(3, 3), 10.0);
+    // Nothing is mirrored.
+    let truth = d.ground_truth().unwrap().unwrap();
+    assert_eq!(
+        truth[0].world_from_camera.translation,
+        Vec3::new(1.0, 2.0, 3.0)
+    );
+    // The user's word, which is refused for the size of the images.
+    let named = OpenOptions {
+        camera: Some(CameraChoice::from_argument("icl_nuim")),
+        ..OpenOptions::default()
+    };
+    let refused = Dataset::open(&f.path, &named).unwrap_err().to_string();
+    assert!(
+        refused.contains("the size of the camera icl_nuim"),
+        "{refused}"
+    );
+}
+
+/// As phones have it: nothing in a folder says that the view is the same.
+#[test]
+fn depth_in_fewer_pixels_is_refused_with_what_to_do() {
+    let f = Folder::tum("phone", 2);
+    for (size, part) in [
+        ([16, 12], "by nearest neighbours"),
+        ([16, 16], "register depth"),
+    ] {
+        let of = image::ImageBuffer::from_pixel(size[0], size[1], image::Luma([5000_u16]));
+        let small = DynamicImage::ImageLuma16(of);
+        for i in 0..2 {
+            f.image(&format!("depth/{i}.png"), &small);
+        }
+        f.fails(&["32 x 24 px", &format!("16 x {} px", size[1]), part]);
+    }
+}
+
+#[test]
+fn a_camera_that_cannot_be_is_refused_when_the_size_is_known() {
+    let f = Folder::tum("x", 2);
+    for (camera, part) in [
+        ("30 30 0 0 5000", "cx = 0.0"),
+        ("30 30 16 1 5000", "cy = 1.0"),
+        ("2 2 16 12 5000", "fx = 2.0"),
+        ("900 900 16 12 5000", "fx = 900.0"),
+    ] {
+        f.text("camera.txt", camera);
+        f.fails(&[part, "an image of 32 x 24 px", "camera.txt"]);
+    }
+    f.text("camera.txt", "30 1e-300 16 12 5000");
+    f.fails(&["fy = 1e-300"]);
+}
+
 #[test]
 fn seven_scenes() {
     let f = Folder::empty("seq-01");
@@ -190,6 +256,11 @@ fn seven_scenes() {
     );
     let all = frames(&d, &FrameOptions::default());
     assert_eq!((all[2].depth.at(0, 0), all[2].depth.at(7, 7)), (1.5, 0.0));
+    let other = f.path.with_file_name("scan");
+    std::fs::rename(&f.path, &other).unwrap();
+    let refused = Dataset::open(&other, &OpenOptions::default()).unwrap_err();
+    assert!(refused.to_string().contains("seven_scenes"), "{refused}");
+    std::fs::rename(&other, &f.path).unwrap();
     let gt = d.ground_truth().unwrap().unwrap();
     assert_eq!(gt.len(), 3);
     assert_eq!(

@@ -22,8 +22,10 @@ const TYPICAL: f64 = 1.5;
 const FAR_MEDIAN: f64 = 7.0;
 const FAR_MOST: f64 = 13.0;
 const NEAR_MOST: f64 = 0.45;
-/// Factors between the scales in use (1000, 5000, 4000 and 10000 values per metre; metres taken for millimetres and the other way round).
-const FACTORS: [f64; 6] = [4.0, 5.0, 10.0, 2.5, 2.0, 1000.0];
+/// Factors between the scales in use (1000, 5000, 4000 and 10000 values per metre; metres taken for millimetres or centimetres and the other way round).
+const FACTORS: [f64; 7] = [4.0, 5.0, 10.0, 2.5, 2.0, 100.0, 1000.0];
+/// Values per metre that can be stated.
+const SCALES: std::ops::RangeInclusive<f64> = 1e-3..=1e6;
 /// Calibrations of cameras of one kind differ by less than this, as a share.
 const MATCH: f64 = 0.15;
 
@@ -117,7 +119,7 @@ pub(crate) fn judge(depths: &mut Depths, depth_scale: f64, report: &mut Report) 
         figures.push(Figure::new("step of depth at 1 m", 1000.0 * step, "mm"));
     }
     report.measured.extend(figures.iter().cloned());
-    let Some(factor) = factor(step, middle, most) else {
+    let Some(factor) = factor(step, middle, most, depth_scale) else {
         return true;
     };
     let (much, times) = if factor > 1.0 {
@@ -131,21 +133,26 @@ pub(crate) fn judge(depths: &mut Depths, depth_scale: f64, report: &mut Report) 
     } else {
         format!("{times:.1}")
     };
+    let remedy = if SCALES.contains(&right) {
+        format!(
+            "the images hold about {right} values per metre, not {depth_scale}: run with --depth-scale {right}; for a folder, write depth_scale = {right} to its camera file (--camera camera.toml)"
+        )
+    } else {
+        "no usual number of values per metre makes distances of a room of them: are they distances (--depth-topic), and is a scale stated that is none?".to_owned()
+    };
     report.find(Finding {
         symptom: Symptom::DepthScale,
         message: format!(
             "depth is too {much} by a factor of about {times}: half of it lies beyond {middle:.2} m and a twentieth beyond {most:.2} m"
         ),
-        remedy: format!(
-            "the images hold about {right} values per metre, not {depth_scale}: run with --depth-scale {right}; for a folder, write depth_scale = {right} to its camera file (--camera camera.toml)"
-        ),
+        remedy,
         evidence: figures,
     });
     false
 }
 
-/// By what depth is too large, if it is.
-fn factor(step: Option<f64>, middle: f64, most: f64) -> Option<f64> {
+/// By what depth is too large, if it is, when it was read at `stated` values per metre.
+fn factor(step: Option<f64>, middle: f64, most: f64, stated: f64) -> Option<f64> {
     let odd = |z: f64| libm::log(z / TYPICAL).abs();
     let by_step = step.map(|s| STRUCTURED_LIGHT / s);
     let known = by_step.and_then(|f| {
@@ -162,15 +169,19 @@ fn factor(step: Option<f64>, middle: f64, most: f64) -> Option<f64> {
         return None;
     }
     // Nothing but the distances: the usual confusion that makes them most usual.
-    let of = [5.0, 10.0, 1000.0]
-        .into_iter()
-        .map(|k| if far { k } else { 1.0 / k });
+    // What was read as metres is in centimetres or millimetres.
+    let usual: &[f64] = if far && stated == 1.0 {
+        &[100.0, 1000.0]
+    } else {
+        &[5.0, 10.0, 100.0, 1000.0]
+    };
+    let of = usual.iter().map(|k| if far { *k } else { 1.0 / k });
     of.min_by(|a, b| odd(middle / a).total_cmp(&odd(middle / b)))
 }
 
 /// A scale in use near the one that was estimated, or that to two digits.
 fn usual_scale(scale: f64) -> f64 {
-    let usual = [1.0, 1000.0, 2000.0, 4000.0, 5000.0, 10000.0];
+    let usual = [1.0, 100.0, 1000.0, 2000.0, 4000.0, 5000.0, 10000.0];
     let near = usual.iter().find(|u| libm::log(*u / scale).abs() < 0.2);
     near.copied().unwrap_or_else(|| {
         let digit = libm::pow(10.0, libm::floor(libm::log10(scale)) - 1.0);
@@ -212,18 +223,48 @@ mod tests {
     #[test]
     fn distances_of_a_room_are_not_odd_whatever_the_camera() {
         for middle in [0.6, 1.0, 2.0, 4.0] {
-            assert_eq!(factor(None, middle, 2.5 * middle), None);
-            assert_eq!(factor(Some(STRUCTURED_LIGHT), middle, 2.5 * middle), None);
+            assert_eq!(factor(None, middle, 2.5 * middle, 1000.0), None);
+            assert_eq!(
+                factor(Some(STRUCTURED_LIGHT), middle, 2.5 * middle, 1000.0),
+                None
+            );
             // Half the step: another camera's.
             assert_eq!(
-                factor(Some(0.5 * STRUCTURED_LIGHT), middle, 2.5 * middle),
+                factor(Some(0.5 * STRUCTURED_LIGHT), middle, 2.5 * middle, 1000.0),
                 None
             );
         }
-        assert_eq!(factor(Some(STRUCTURED_LIGHT / 5.0), 5.0, 12.0), Some(5.0));
-        assert_eq!(factor(Some(STRUCTURED_LIGHT * 5.0), 0.4, 0.8), Some(0.2));
-        assert_eq!(factor(None, 1500.0, 4000.0), Some(1000.0));
-        assert_eq!(factor(None, 0.0015, 0.004), Some(0.001));
+        assert_eq!(
+            factor(Some(STRUCTURED_LIGHT / 5.0), 5.0, 12.0, 1000.0),
+            Some(5.0)
+        );
+        assert_eq!(
+            factor(Some(STRUCTURED_LIGHT * 5.0), 0.4, 0.8, 1000.0),
+            Some(0.2)
+        );
+        assert_eq!(factor(None, 1500.0, 4000.0, 1.0), Some(1000.0));
+        assert_eq!(factor(None, 0.0015, 0.004, 1000.0), Some(0.001));
+        assert_eq!(factor(None, 45.0, 90.0, 1.0), Some(100.0));
+        assert_eq!(factor(None, 160.0, 420.0, 1.0), Some(100.0));
+    }
+
+    /// Floats, read as metres or by a scale that was stated, and what the remedy leads to: a scale under which nothing is found.
+    #[test]
+    fn the_scale_that_is_named_is_the_last_one() {
+        for (per_metre, stated) in [(1000.0, 1.0), (100.0, 1.0), (1.0, 1000.0)] {
+            let look = |scale: f64| {
+                let mut depths = Depths::default();
+                let raw = |i: u32| per_metre * (0.7 + 1e-4 * f64::from(i % 33_000));
+                depths.values = (0..100_000).map(|i| (raw(i) / scale) as f32).collect();
+                let mut report = Report::default();
+                judge(&mut depths, scale, &mut report);
+                report.findings.pop().map(|f| f.remedy)
+            };
+            let remedy = look(stated).unwrap();
+            let option = format!("--depth-scale {per_metre};");
+            assert!(remedy.contains(&option), "{remedy}");
+            assert_eq!(look(per_metre), None);
+        }
     }
 
     #[test]

@@ -6,6 +6,19 @@ use crate::{BrownConrady, Camera, Vec2};
 const MAX_SIDE: u32 = 1 << 15;
 /// Focal lengths and principal points beyond this are no figures in px.
 const MAX_PX: f64 = 1e7;
+/// Focal length at least, px: an image of a few pixels has one of some pixels.
+const MIN_FOCAL: f64 = 1.0;
+/// Factor between fx and fy at most. Pixels of depth cameras are square; of the others that are in use, those of one field of an interlaced image are the
+/// flattest, twice as high as wide.
+const MAX_ASPECT: f64 = 2.0;
+/// Focal length over the image's side at least: 152 degrees along it. Lenses that keep lines straight end at 130 degrees (0.23); a fisheye of 220 degrees whose
+/// circle is as high as an image of 16:9 has 0.146 of the width.
+const MIN_FOCAL_SHARE: f64 = 0.125;
+/// Focal length over the longer side at most: 5.7 degrees. Depth cameras for small parts see 15 degrees and more; below 6 no turn is told from a shift.
+const MAX_FOCAL_SHARE: f64 = 10.0;
+/// Distance of the principal point from a border at least, as a share of the side. Of a whole sensor it is within some per cent of the middle, of an image that was cropped to half its
+/// sides at a quarter or more; a driver that leaves it out leaves 0.
+const MIN_MARGIN: f64 = 0.1;
 /// Samples along each side of the image, at which the lens is tried.
 const SAMPLES: u32 = 32;
 /// Samples along the way from the lens' axis to each of them.
@@ -30,6 +43,33 @@ pub enum CameraError {
         /// fx, fy, cx, cy, px.
         found: [f64; 4],
     },
+    /// fx and fy are not those of one lens.
+    Aspect {
+        /// fx and fy, px.
+        found: [f64; 2],
+    },
+    /// No lens has this field of view.
+    FieldOfView {
+        /// `fx` or `fy`.
+        figure: &'static str,
+        /// What was found, px.
+        found: f64,
+        /// What can be, px.
+        plausible: [f64; 2],
+        /// Width and height, px.
+        size: [u32; 2],
+    },
+    /// The principal point is at a border of the image, or outside.
+    PrincipalPoint {
+        /// `cx` or `cy`.
+        figure: &'static str,
+        /// What was found, px.
+        found: f64,
+        /// What can be, px.
+        plausible: [f64; 2],
+        /// Width and height, px.
+        size: [u32; 2],
+    },
     /// A coefficient of the lens is not finite.
     Coefficients {
         /// What was found.
@@ -51,7 +91,26 @@ impl CameraError {
         match self {
             Self::Size { .. } => format!("an image of 1 to {MAX_SIDE} px per side"),
             Self::Intrinsics { .. } => format!(
-                "focal lengths fx and fy above 0 px and a principal point cx cy, all up to {MAX_PX} px"
+                "focal lengths fx and fy from {MIN_FOCAL} px on and a principal point cx cy, all up to {MAX_PX} px"
+            ),
+            Self::Aspect { .. } => {
+                format!("focal lengths fx and fy within a factor of {MAX_ASPECT}")
+            }
+            Self::FieldOfView {
+                figure,
+                plausible: [low, high],
+                size: [width, height],
+                ..
+            } => format!(
+                "a focal length {figure} of {low:.0} to {high:.0} px, in an image of {width} x {height} px"
+            ),
+            Self::PrincipalPoint {
+                figure,
+                plausible: [low, high],
+                size: [width, height],
+                ..
+            } => format!(
+                "a principal point {figure} from {low:.0} to {high:.0} px, in an image of {width} x {height} px"
             ),
             Self::Coefficients { .. } => "finite distortion coefficients".to_owned(),
             Self::Fold { .. } => "a lens model that can be inverted within the image".to_owned(),
@@ -66,6 +125,9 @@ impl CameraError {
             Self::Intrinsics {
                 found: [fx, fy, cx, cy],
             } => format!("fx = {fx:?}, fy = {fy:?}, cx = {cx:?}, cy = {cy:?}"),
+            Self::Aspect { found: [fx, fy] } => format!("fx = {fx:?}, fy = {fy:?}"),
+            Self::FieldOfView { figure, found, .. }
+            | Self::PrincipalPoint { figure, found, .. } => format!("{figure} = {found:?}"),
             Self::Coefficients { found } => coefficients(found),
             Self::Fold {
                 found,
@@ -107,6 +169,7 @@ impl Camera {
     /// [`CameraError`], the first thing that is wrong.
     pub fn check(&self) -> Result<(), CameraError> {
         self.check_figures()?;
+        self.check_view()?;
         if self.distortion.is_zero() {
             return Ok(());
         }
@@ -127,7 +190,7 @@ impl Camera {
         Ok(())
     }
 
-    /// As [`Self::check`], but for the lens model's inverse, which needs the size of the image.
+    /// The part of [`Self::check`] for which any size of the image will do.
     ///
     /// # Errors
     /// [`CameraError`], the first thing that is wrong.
@@ -140,17 +203,50 @@ impl Camera {
             });
         }
         let Self { fx, fy, cx, cy, .. } = *self;
-        let focal = |f: f64| f > 0.0 && f <= MAX_PX;
+        let focal = |f: f64| (MIN_FOCAL..=MAX_PX).contains(&f);
         if !(focal(fx) && focal(fy) && cx.abs() <= MAX_PX && cy.abs() <= MAX_PX) {
             return Err(CameraError::Intrinsics {
                 found: [fx, fy, cx, cy],
             });
+        }
+        if fx.max(fy) > MAX_ASPECT * fx.min(fy) {
+            return Err(CameraError::Aspect { found: [fx, fy] });
         }
         let BrownConrady { k1, k2, p1, p2, k3 } = self.distortion;
         if ![k1, k2, p1, p2, k3].iter().all(|k| k.is_finite()) {
             return Err(CameraError::Coefficients {
                 found: self.distortion,
             });
+        }
+        Ok(())
+    }
+
+    /// Focal lengths and principal point against the size of the image.
+    fn check_view(&self) -> Result<(), CameraError> {
+        let size = [self.width, self.height];
+        let longer = f64::from(self.width.max(self.height));
+        for (figure, found, side) in [("fx", self.fx, self.width), ("fy", self.fy, self.height)] {
+            let plausible = [MIN_FOCAL_SHARE * f64::from(side), MAX_FOCAL_SHARE * longer];
+            if !(plausible[0]..=plausible[1]).contains(&found) {
+                return Err(CameraError::FieldOfView {
+                    figure,
+                    found,
+                    plausible,
+                    size,
+                });
+            }
+        }
+        for (figure, found, side) in [("cx", self.cx, self.width), ("cy", self.cy, self.height)] {
+            let last = f64::from(side) - 1.0;
+            let plausible = [MIN_MARGIN * last, (1.0 - MIN_MARGIN) * last];
+            if !(plausible[0]..=plausible[1]).contains(&found) {
+                return Err(CameraError::PrincipalPoint {
+                    figure,
+                    found,
+                    plausible,
+                    size,
+                });
+            }
         }
         Ok(())
     }

@@ -77,3 +77,80 @@ fn figures_that_are_no_camera_are_refused() {
         assert!(width > 0 || !camera.contains(Vec2::new(0.0, 0.0)));
     }
 }
+
+#[test]
+fn figures_that_no_lens_has_are_refused_by_their_names() {
+    let fr1 = || fr1().rectified();
+    for (camera, parts) in [
+        (
+            Camera {
+                cx: 0.0,
+                cy: 0.0,
+                ..fr1()
+            },
+            ["cx = 0.0", "64 to 575 px"],
+        ),
+        (Camera { cy: 3.0, ..fr1() }, ["cy = 3.0", "48 to 431 px"]),
+        (
+            Camera { cx: 639.0, ..fr1() },
+            ["cx = 639.0", "principal point"],
+        ),
+        (
+            Camera { cx: -1e6, ..fr1() },
+            ["cx = -1000000.0", "principal point"],
+        ),
+        (Camera { fy: 1.0, ..fr1() }, ["fy = 1.0", "factor of 2"]),
+        (
+            Camera {
+                fx: 1600.0,
+                ..fr1()
+            },
+            ["fx = 1600.0", "factor of 2"],
+        ),
+        (
+            Camera {
+                fx: 1e-300,
+                fy: 1e-300,
+                ..fr1()
+            },
+            ["fx = 1e-300", "from 1 px on"],
+        ),
+        (
+            Camera {
+                fx: 60.0,
+                fy: 60.0,
+                ..fr1()
+            },
+            ["fx = 60.0", "80 to 6400 px"],
+        ),
+        (
+            Camera {
+                fx: 2e4,
+                fy: 2e4,
+                ..fr1()
+            },
+            ["fx = 20000.0", "640 x 480 px"],
+        ),
+    ] {
+        let said = camera.check().unwrap_err().to_string();
+        assert!(parts.iter().all(|p| said.contains(p)), "{said}");
+    }
+}
+
+#[test]
+fn unusual_cameras_are_allowed() {
+    for (size, k) in [
+        // A fisheye of 190 degrees on 848 x 800, and one of 220 whose circle is as high as the image.
+        ([848, 800], [286.0, 286.0, 424.0, 400.0]),
+        ([1280, 720], [187.5, 187.5, 640.0, 360.0]),
+        // Cropped: the principal point off by a third of the sides, and a strip.
+        ([320, 240], [520.0, 520.0, 266.0, 40.0]),
+        ([640, 64], [520.0, 520.0, 320.0, 30.0]),
+        // One field of an interlaced image; a lens of 12 degrees.
+        ([640, 240], [520.0, 260.0, 320.0, 120.0]),
+        ([1280, 1024], [6000.0, 6000.0, 640.0, 512.0]),
+    ] {
+        let camera = Camera::pinhole(size[0], size[1], k);
+        assert_eq!(camera.check(), Ok(()), "{size:?} {k:?}");
+    }
+}

@@ -243,6 +243,27 @@ impl DepthImage {
         &self.data
     }
 
+    /// The same view in another number of pixels: each has the depth of the one at its place, since between two surfaces there is none. `None` for a size of no pixels.
+    #[must_use]
+    pub fn resampled(&self, width: usize, height: usize) -> Option<Self> {
+        if width == 0 || height == 0 || self.data.is_empty() {
+            return None;
+        }
+        // The middle of a pixel, in pixels of the other image.
+        let place = |i: usize, to: usize, from: usize| (2 * i + 1) * from / (2 * to);
+        let columns: Vec<usize> = (0..width).map(|x| place(x, width, self.width)).collect();
+        let mut data = Vec::with_capacity(width * height);
+        for y in 0..height {
+            let row = place(y, height, self.height) * self.width;
+            data.extend(columns.iter().map(|x| self.data[row + x]));
+        }
+        Some(Self {
+            width,
+            height,
+            data,
+        })
+    }
+
     /// Depth of one pixel, m, or 0 for none. Panics when outside.
     #[must_use]
     pub fn at(&self, x: usize, y: usize) -> f32 {
@@ -254,6 +275,20 @@ impl DepthImage {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn depth_is_resampled_about_the_middle_of_its_pixels() {
+        let small = DepthImage::from_vec(2, 1, vec![1.0, 2.0]).unwrap();
+        let large = small.resampled(6, 2).unwrap();
+        let row = [1.0, 1.0, 1.0, 2.0, 2.0, 2.0];
+        assert_eq!(large.data(), [row, row].concat());
+        assert_eq!(large.resampled(2, 1).unwrap(), small);
+        assert_eq!(
+            small.resampled(5, 1).unwrap().data(),
+            [1.0, 1.0, 2.0, 2.0, 2.0]
+        );
+        assert!(small.resampled(0, 1).is_none());
+    }
 
     /// All weights of all values, at every place of a block and beside its ends.
     #[test]

@@ -1,6 +1,7 @@
 //! Which topics are the camera's: pairs of colour and depth are scored by what they have in common.
 
 use crate::error::{RecordingError, Result};
+use crate::names::{Says, says, says_registered};
 use crate::probe::{Probe, Shows, Stream, base};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -37,19 +38,13 @@ impl Pair {
 /// Pairs that a message lists.
 const MOST_LISTED: usize = 10;
 
-/// Names by which drivers say that depth was brought into the colour camera.
-const REGISTERED: [&str; 4] = [
-    "aligned_depth_to_color",
-    "depth_registered",
-    "depth_to_rgb",
-    "depth2rgb",
-];
-
-/// Whether the name of a topic of depth images says that they were brought into the colour camera.
-#[must_use]
-pub fn says_registered(topic: &str) -> bool {
-    let topic = topic.to_lowercase();
-    REGISTERED.iter().any(|name| topic.contains(name))
+/// Whether a stream may be taken for depth without being named. An encoding alone is no evidence: confidences, disparities and infrared images have the same. Two transports carry nothing else than depth.
+fn may_be_depth(stream: &Stream) -> bool {
+    let by_device = crate::orbbec::frame(&stream.topic).is_some();
+    match says(&stream.topic) {
+        Some(says) => says == Says::Depth,
+        None => by_device || stream.encoding.contains("compressedDepth"),
+    }
 }
 
 /// Chooses a pair.
@@ -104,7 +99,14 @@ fn candidates<'p>(
     named: Option<&str>,
     option: &str,
 ) -> Result<Vec<&'p Stream>> {
-    let all: Vec<&Stream> = probe.streams.iter().filter(|s| s.shows == shows).collect();
+    // The user's word stands above what an image is taken for by its encoding.
+    let deep = |s: &&Stream| {
+        shows == Shows::Depth
+            && named.is_some()
+            && (s.encoding.starts_with("mono16") || s.encoding.contains("png"))
+    };
+    let all = probe.streams.iter();
+    let all: Vec<&Stream> = all.filter(|s| s.shows == shows || deep(s)).collect();
     let what = if shows == Shows::Depth {
         "depth"
     } else {
@@ -124,6 +126,10 @@ fn candidates<'p>(
             )
         });
     }
+    let all: Vec<&Stream> = match shows {
+        Shows::Depth => all.into_iter().filter(|s| may_be_depth(s)).collect(),
+        _ => all,
+    };
     if all.is_empty() {
         let found = format!(
             "none among {}",
@@ -133,12 +139,21 @@ fn candidates<'p>(
             .remarks
             .first()
             .map_or(String::new(), |r| format!(" ({r})"));
-        let advice = "record colour and depth of one camera";
+        let encoded = |s: &&Stream| {
+            s.shows == shows || (shows == Shows::Depth && s.encoding.starts_with("mono16"))
+        };
+        let advice = match probe.streams.iter().find(encoded) {
+            Some(stream) => format!(
+                "no name says that its images are distances: record depth, or if {} is depth name it with {option}",
+                stream.topic
+            ),
+            None => "record colour and depth of one camera".to_owned(),
+        };
         return Err(RecordingError::topics(
             path,
             &format!("a topic of {what} images"),
             found + &remark,
-            advice,
+            &advice,
         ));
     }
     // One of the same images raw and compressed: the raw one loses nothing and is read faster.
@@ -147,13 +162,22 @@ fn candidates<'p>(
 }
 
 fn listed(streams: &[&Stream]) -> String {
-    if streams.is_empty() {
-        return "no image topics".to_owned();
-    }
     let each = streams
         .iter()
         .map(|s| format!("{} ({}, {} messages)", s.topic, s.encoding, s.messages));
-    each.collect::<Vec<_>>().join(", ")
+    few(each, "no image topics")
+}
+
+/// A list that can be read, whatever a file holds; `none` where there is nothing in it.
+pub(crate) fn few(mut all: impl Iterator<Item = String>, none: &str) -> String {
+    const MOST: usize = 12;
+    let first: Vec<String> = all.by_ref().take(MOST).collect();
+    let more = all.count();
+    match (first.len(), more) {
+        (0, _) => none.to_owned(),
+        (_, 0) => first.join(", "),
+        _ => format!("{} and {more} more", first.join(", ")),
+    }
 }
 
 fn pair(reached: &BTreeSet<&str>, colour: &Stream, depth: &Stream) -> Pair {
@@ -189,8 +213,6 @@ fn pair(reached: &BTreeSet<&str>, colour: &Stream, depth: &Stream) -> Pair {
         .any(|n| colour.topic.to_lowercase().contains(n));
     let grey = colour.encoding.starts_with("mono");
     score -= 3 * i32::from(infrared) + 2 * i32::from(grey);
-    // Disparities and confidences have encodings of depth.
-    score -= 3 * i32::from(!crate::probe::says_depth(&depth.topic));
     Pair {
         colour: colour.clone(),
         depth: depth.clone(),
@@ -222,6 +244,7 @@ mod tests {
             size: (640, 480),
             messages: 10,
             info: None,
+            empty_infos: 0,
         }
     }
 
@@ -344,12 +367,39 @@ mod tests {
     }
 
     #[test]
+    fn what_is_encoded_like_depth_has_to_be_named() {
+        for topic in [
+            "/zed/confidence/confidence_map",
+            "/infra1/image_raw",
+            "/camera/image_raw",
+        ] {
+            let streams = [("/rgb/image", "rgb8", "a"), (topic, "32FC1", "a")];
+            let refused = chosen(&streams, Named::default()).unwrap_err();
+            for part in ["a topic of depth images", topic, "--depth-topic"] {
+                assert!(refused.contains(part), "{refused}");
+            }
+            let named = Named {
+                depth: Some(topic),
+                ..Named::default()
+            };
+            assert_eq!(chosen(&streams, named), both("/rgb/image", topic));
+            // Beside depth nobody has to choose.
+            let with_depth = [streams[0], streams[1], ("/depth/image", "16UC1", "b")];
+            let expected = both("/rgb/image", "/depth/image");
+            assert_eq!(chosen(&with_depth, Named::default()), expected);
+        }
+    }
+
+    #[test]
     fn what_is_missing_is_said() {
         let refused = chosen(&[("/a", "rgb8", "")], Named::default()).unwrap_err();
         assert!(
             refused.contains("a topic of depth images") && refused.contains("/a (rgb8"),
             "{refused}"
         );
+        let many = [("/a", "rgb8", ""); 20];
+        let refused = chosen(&many, Named::default()).unwrap_err();
+        assert!(refused.contains("and 8 more"), "{refused}");
         let refused = chosen(&[], Named::default()).unwrap_err();
         assert!(refused.contains("no image topics"), "{refused}");
     }

@@ -1,7 +1,7 @@
 //! A recording of a RealSense D435, in both of the formats that librealsense writes.
 
 use crate::choose::{Named, choose};
-use crate::decode;
+use crate::decode::{self, depth::Unit};
 use crate::optics::Optics;
 use crate::probe::Probe;
 use crate::realsense::device_stamps;
@@ -29,9 +29,9 @@ fn depth(recording: &mut Recording, slot: &Slot) -> DepthImage {
         .ends_with("CompressedImage")
     {
         let m: ros::CompressedImage<'_> = recording.parse(slot, &bytes).unwrap();
-        decode::compressed_depth(&m.format, &m.data, 1000.0).unwrap()
+        decode::compressed_depth(&m.format, &m.data, Unit::default()).unwrap()
     } else {
-        decode::depth(&recording.parse(slot, &bytes).unwrap(), 1000.0).unwrap()
+        decode::depth(&recording.parse(slot, &bytes).unwrap(), Unit::default()).unwrap()
     }
 }
 

@@ -10,7 +10,7 @@ use crate::probe::{Probe, Stream};
 use crate::realsense;
 use crate::recording::{Files, Recording};
 use crate::setup::{Setup, Treatment};
-use crate::source::RecordingSource;
+use crate::source::{RecordingSource, doubt};
 use crate::store::{Slot, seconds};
 use crate::truth;
 use std::collections::BTreeMap;
@@ -144,6 +144,8 @@ impl FileRecording {
             warnings: &mut warnings,
         };
         let treatment = setup.treatment(&mut recording, &entries)?;
+        let encoding = &pair.depth.encoding;
+        warnings.extend(doubt(&mut recording, &entries, treatment.unit, encoding));
         let beside = Beside {
             options,
             probe: &probe,

@@ -4,15 +4,18 @@
 //! which were recorded are the frames that were tracked, bit for bit.
 
 use crate::choose::Pair;
-use crate::decode::{self, Bad, Colour, colour::is_colour, depth::is_depth};
+use crate::decode::colour::is_colour;
+use crate::decode::depth::{Unit, is_compressed_depth, is_depth};
+use crate::decode::{self, Bad, Colour};
 use crate::error::Result;
 use crate::input::OpenOptions;
 use crate::probe::{Probe, Shows, Stream, base, info_topics, owned};
 use crate::setup::{Setup, Side, Treatment};
+use crate::source::scale_doubt;
 use crate::store::seconds;
 use crate::transforms::{Transforms, frame_name};
 use std::path::Path;
-use stillpoint_datasets::CameraModel;
+use stillpoint_datasets::{CameraModel, ScaleDoubt};
 use stillpoint_imaging::{DepthImage, FrameId, RgbdFrame};
 use stillpoint_ros_messages as ros;
 use stillpoint_ros_messages::{Format, WireError};
@@ -65,10 +68,10 @@ impl<'a> ImageMessage<'a> {
         }
     }
 
-    fn depth(&self, scale: f64) -> std::result::Result<DepthImage, Bad> {
+    fn depth(&self, unit: Unit) -> std::result::Result<DepthImage, Bad> {
         match self {
-            Self::Raw(image) => decode::depth(image, scale),
-            Self::Compressed(image) => decode::compressed_depth(&image.format, &image.data, scale),
+            Self::Raw(image) => decode::depth(image, unit),
+            Self::Compressed(image) => decode::compressed_depth(&image.format, &image.data, unit),
         }
     }
 
@@ -78,7 +81,7 @@ impl<'a> ImageMessage<'a> {
             Self::Raw(image) if is_depth(&image.encoding) => Shows::Depth,
             Self::Raw(image) if is_colour(&image.encoding) => Shows::Colour,
             Self::Raw(_) => Shows::Other,
-            Self::Compressed(image) if image.format.contains("compressedDepth") => Shows::Depth,
+            Self::Compressed(image) if is_compressed_depth(&image.format) => Shows::Depth,
             Self::Compressed(_) => Shows::Colour,
         }
     }
@@ -129,6 +132,7 @@ impl IncomingTopic<'_> {
             },
             messages: 1,
             info: self.info.map(owned),
+            empty_infos: 0,
         }
     }
 }
@@ -171,6 +175,15 @@ impl Incoming {
             warnings: &mut warnings,
         };
         let treatment = setup.treatment_of(sizes)?;
+        let mut values = Vec::new();
+        if let Ok(image) = depth.message.depth(treatment.unit) {
+            ScaleDoubt::sample(&image, &mut values);
+        }
+        warnings.extend(scale_doubt(
+            &mut values,
+            treatment.unit,
+            depth.message.encoding(),
+        ));
         Ok(Self {
             treatment,
             guesses,
@@ -218,7 +231,7 @@ impl Incoming {
             .colour(keep_colour)
             .map_err(|bad| told("colour", &bad))?;
         let depth = depth
-            .depth(self.treatment.depth_scale)
+            .depth(self.treatment.unit)
             .map_err(|bad| told("depth", &bad))?;
         let frame = self.treatment.frame(id, stamps, colour, depth);
         frame.map_err(|(shows, bad)| match shows {
@@ -254,7 +267,7 @@ fn sizes(
         .map_err(|e| refuse(colour, e))?;
     let deep = depth
         .message
-        .depth(decode::depth::MILLIMETRES)
+        .depth(Unit::default())
         .map_err(|e| refuse(depth, e))?;
     let size = |w: usize, h: usize| (w as u32, h as u32);
     Ok((

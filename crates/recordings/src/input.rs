@@ -23,6 +23,8 @@ pub struct OpenOptions {
     pub colour_topic: Option<String>,
     /// The topic of depth images; `None` guesses it.
     pub depth_topic: Option<String>,
+    /// The topic of the colour camera's calibration; `None` takes the one beside the images, else the only one of their frame and size.
+    pub info_topic: Option<String>,
     /// A topic of poses or odometry that is ground truth; `None` for no ground truth.
     pub truth_topic: Option<String>,
     /// The topic of the inertial sensor's angular rates; `None` takes the camera's own where it is known how it is mounted.
@@ -33,7 +35,7 @@ pub struct OpenOptions {
     pub odometry_topic: Option<String>,
     /// No odometry, of a folder neither.
     pub no_odometry: bool,
-    /// Depth image values per metre; `None` for what the device says, else 1000.
+    /// Depth image values per metre; `None` for what the device says, else 1000, and 1 of floats.
     pub depth_scale: Option<f64>,
 }
 
@@ -46,6 +48,7 @@ impl Default for OpenOptions {
             max_dt: folders.max_dt,
             colour_topic: None,
             depth_topic: None,
+            info_topic: None,
             truth_topic: None,
             imu_topic: None,
             no_imu: false,

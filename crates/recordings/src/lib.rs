@@ -19,6 +19,7 @@
 //! ```
 
 mod budget;
+mod calibration;
 mod choose;
 #[cfg(test)]
 mod d435;
@@ -30,9 +31,11 @@ mod inertial;
 mod info;
 mod input;
 mod messages;
+mod names;
 mod odometry;
 mod optics;
 mod orbbec;
+mod placement;
 mod probe;
 mod raw;
 mod realsense;
@@ -47,14 +50,15 @@ mod transforms;
 mod truth;
 mod writer;
 
-pub use choose::says_registered;
 pub use error::{RecordingError, Result};
 pub use file::FileRecording;
 pub use incoming::{ImageMessage, Incoming, IncomingTopic, camera_info_topic, stamp_seconds};
 pub use info::{Info, Topic, info};
 pub use input::{Device, Input, OpenOptions, Source, Taken, is_recording, open};
 pub use messages::{MessageFile, TopicInfo};
+pub use names::says_registered;
 pub use odometry::odometry_sample;
+pub use optics::is_calibrated;
 pub use raw::{Pair, RawFrames};
 pub use source::RecordingSource;
 pub use stillpoint_datasets::FrameOptions;

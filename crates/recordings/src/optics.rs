@@ -1,5 +1,6 @@
 //! Cameras as recordings describe them: projection by each lens model.
 
+use crate::decode::Bad;
 use stillpoint_geometry::{BrownConrady, Camera, Vec2};
 use stillpoint_ros_messages::CameraInfo;
 
@@ -90,14 +91,30 @@ impl Lens {
         }
     }
 
-    fn solve(&self, p: Vec2) -> Vec2 {
+    /// The derivative of [`Self::distort`] along x and along y, by differences.
+    fn slopes(&self, q: Vec2) -> (Vec2, Vec2) {
         const STEP: f64 = 1e-6;
+        let along = |step: Vec2| (self.distort(q + step) - self.distort(q - step)) / (2.0 * STEP);
+        (along(Vec2::new(STEP, 0.0)), along(Vec2::new(0.0, STEP)))
+    }
+
+    /// Whether rays up to this one are seen in the order in which they come, and none far from where a lens without distortion would show it. A model that folds has its own inverse up to
+    /// the fold, where the determinant of its derivative becomes 0.
+    fn is_sound_to(&self, ray: Vec2) -> bool {
+        (1..=STEPS).all(|k| {
+            let q = ray * (f64::from(k) / f64::from(STEPS));
+            let (u, v) = self.slopes(q);
+            let stretch = self.distort(q).norm() / q.norm().max(f64::MIN_POSITIVE);
+            // No number is no inverse; a mirror image would have a positive determinant as well.
+            u.x * v.y - u.y * v.x > 0.0 && u.x + v.y > 0.0 && stretch <= MAX_STRETCH
+        })
+    }
+
+    fn solve(&self, p: Vec2) -> Vec2 {
         let mut q = p;
         for _ in 0..20 {
             let e = self.distort(q) - p;
-            let along =
-                |step: Vec2| (self.distort(q + step) - self.distort(q - step)) / (2.0 * STEP);
-            let (u, v) = (along(Vec2::new(STEP, 0.0)), along(Vec2::new(0.0, STEP)));
+            let (u, v) = self.slopes(q);
             let det = u.x * v.y - u.y * v.x;
             let step = Vec2::new(v.y * e.x - v.x * e.y, u.x * e.y - u.y * e.x) / det;
             if !step.iter().all(|s| s.is_finite()) {
@@ -122,32 +139,82 @@ pub(crate) struct Optics {
     pub(crate) lens: Lens,
 }
 
+/// Samples along each side of the image, at which a lens is tried, and along the way from its axis to each of them.
+const SAMPLES: u32 = 32;
+const STEPS: u32 = 16;
+/// By what share a lens stretches an image beyond what a pinhole would show, at most. Those that stretch most, wide ones whose corners are drawn out, reach 1.2.
+const MAX_STRETCH: f64 = 1.5;
+
+/// fx, fy, cx, cy of a matrix K or P, whose rows are so long; `None` where focal lengths are not filled in.
+fn figures(matrix: &[f64], row: usize) -> Option<[f64; 4]> {
+    let k = [matrix[0], matrix[row + 1], matrix[2], matrix[row + 2]];
+    (k[0] > 0.0 && k[1] > 0.0).then_some(k)
+}
+
+/// Whether a camera info holds a calibration; drivers that are not ready fill in zeros.
+#[must_use]
+pub fn is_calibrated(info: &CameraInfo<'_>) -> bool {
+    figures(&info.k, 3).is_some() || figures(&info.p, 4).is_some()
+}
+
+/// Whether its figures can be those of a camera of the size that it states.
+pub(crate) fn is_plausible(info: &CameraInfo<'_>) -> bool {
+    Optics::new(info, false).is_ok_and(|optics| optics.check().is_ok())
+}
+
 impl Optics {
-    /// Of a camera info; `rectified` says that the images were undistorted already, so that the projection matrix holds.
+    /// Of a camera info, as if it had no region and no binning; `rectified` says that the images were undistorted already, so that the projection matrix holds.
     ///
     /// # Errors
     /// What is there instead of a calibration.
     pub(crate) fn new(info: &CameraInfo<'_>, rectified: bool) -> Result<Self, String> {
-        let (k, lens) = if rectified && info.p[0] > 0.0 {
-            let p = &info.p;
-            (
-                [p[0], p[5], p[2], p[6]],
-                Lens::Brown(BrownConrady::default()),
-            )
-        } else {
-            let k = &info.k;
-            let lens = Lens::new(&info.distortion_model, &info.d)?;
-            ([k[0], k[4], k[2], k[5]], lens)
+        let (own, projection) = (figures(&info.k, 3), figures(&info.p, 4));
+        let (k, lens) = match (own, projection) {
+            (_, Some(k)) | (Some(k), None) if rectified => {
+                (k, Lens::Brown(BrownConrady::default()))
+            }
+            // Of a camera alone both are the same where K was left out.
+            (Some(k), _) | (None, Some(k)) => (k, Lens::new(&info.distortion_model, &info.d)?),
+            (None, None) => {
+                return Err(format!(
+                    "fx = {:?}, fy = {:?} px in K and fx = {:?}, fy = {:?} px in P",
+                    info.k[0], info.k[4], info.p[0], info.p[5]
+                ));
+            }
         };
-        if !(k.iter().all(|v| v.is_finite()) && k[0] > 0.0 && k[1] > 0.0) {
-            return Err(format!("focal lengths of {} and {} px", k[0], k[1]));
-        }
         Ok(Self {
             width: info.width,
             height: info.height,
             k,
             lens,
         })
+    }
+
+    /// Checks the figures, and that the lens is one to one for what is looked up through it.
+    ///
+    /// # Errors
+    /// The first thing that no camera has.
+    pub(crate) fn check(&self) -> Result<(), Bad> {
+        let checked = self.camera().check();
+        checked.map_err(|e| Bad::new(e.expected(), e.found()))?;
+        if !self.needs_rectifying() {
+            return Ok(());
+        }
+        let [fx, fy, cx, cy] = self.k;
+        let place = |i: u32, side: u32| f64::from(i) / f64::from(SAMPLES) * f64::from(side - 1);
+        for j in 0..=SAMPLES {
+            for i in 0..=SAMPLES {
+                let (u, v) = (place(i, self.width), place(j, self.height));
+                let ray = Vec2::new((u - cx) / fx, (v - cy) / fy);
+                if !self.lens.is_sound_to(ray) {
+                    return Err(Bad::new(
+                        "a lens model that can be inverted within the image",
+                        format!("one that cannot at pixel ({u:.0}, {v:.0}), {:?}", self.lens),
+                    ));
+                }
+            }
+        }
+        Ok(())
     }
 
     pub(crate) fn of_camera(camera: &Camera) -> Self {
@@ -217,6 +284,32 @@ mod tests {
     }
 
     #[test]
+    fn undistorted_images_have_no_lens() {
+        let mut info = CameraInfo {
+            distortion_model: "plumb_bob".into(),
+            d: vec![0.1, -0.2, 0.0, 0.0, 0.0],
+            k: [600.0, 0.0, 320.0, 0.0, 600.0, 240.0, 0.0, 0.0, 1.0],
+            ..CameraInfo::default()
+        };
+        let of = |info: &CameraInfo<'_>, rectified| {
+            let optics = Optics::new(info, rectified).unwrap();
+            (
+                optics.k[0],
+                optics.lens == Lens::Brown(BrownConrady::default()),
+            )
+        };
+        assert_eq!(
+            (of(&info, false), of(&info, true)),
+            ((600.0, false), (600.0, true))
+        );
+        (info.p[0], info.p[5]) = (580.0, 580.0);
+        assert_eq!(
+            (of(&info, false), of(&info, true)),
+            ((600.0, false), (580.0, true))
+        );
+    }
+
+    #[test]
     fn models_are_told_by_name_and_coefficients() {
         let none = Lens::Brown(BrownConrady::default());
         assert_eq!(Lens::new("equidistant", &[0.0; 4]), Ok(none));
@@ -229,6 +322,51 @@ mod tests {
         assert!(Lens::new("ftheta", &[0.1]).is_err());
         assert!(Lens::new("plumb_bob", &[0.1, 0.0, 0.0, 0.0, 0.0, 0.2]).is_err());
         assert!(Lens::new("plumb_bob", &[f64::NAN]).is_err());
+    }
+
+    #[test]
+    fn lenses_without_an_inverse_are_refused() {
+        let of = |model: &str, d: &[f64]| {
+            let optics = Optics {
+                width: 160,
+                height: 120,
+                k: [150.0, 150.0, 79.5, 59.5],
+                lens: Lens::new(model, d).unwrap(),
+            };
+            optics.check()
+        };
+        for (model, d) in [
+            ("equidistant", &FISHEYE[..]),
+            ("rational_polynomial", &RATIONAL),
+            ("inverse_brown_conrady", &[0.1, -0.2, 0.001, 0.002, 0.05]),
+        ] {
+            assert_eq!(of(model, d), Ok(()), "{model}");
+        }
+        for (model, d) in [
+            // Stretches nearly three times, folds, has a pole, folds the other way.
+            ("equidistant", &[10.0, -20.0, 30.0, -40.0][..]),
+            ("equidistant", &[-2.0, 0.0, 0.0, 0.0]),
+            (
+                "rational_polynomial",
+                &[0.0, 0.0, 0.0, 0.0, 0.0, -4.0, 0.0, 0.0],
+            ),
+            ("inverse_brown_conrady", &[-3.0, 0.0, 0.0, 0.0, 0.0]),
+        ] {
+            let said = of(model, d).unwrap_err();
+            assert!(
+                said.expected.contains("can be inverted"),
+                "{model}: {said:?}"
+            );
+            assert!(said.found.contains(&format!("{:?}", d[0])), "{said:?}");
+        }
+        // A fisheye that sees half the world, of which the rectified image shows 127 degrees.
+        let wide = Optics {
+            width: 848,
+            height: 800,
+            k: [286.0, 286.0, 424.0, 400.0],
+            lens: Lens::Equidistant([-0.008, 0.045, -0.042, 0.008]),
+        };
+        assert_eq!(wide.check(), Ok(()));
     }
 
     #[test]

@@ -1,8 +1,11 @@
 //! What the image topics of a recording are: one message of each is looked at, and the messages that describe cameras are gathered.
 
 use crate::budget::{LONGEST_NAME, MOST_COEFFICIENTS};
-use crate::decode::{colour::is_colour, depth::is_depth};
+use crate::decode::colour::{has_planes, is_colour};
+use crate::decode::depth::{is_compressed_depth, is_deep_png, is_depth};
 use crate::error::Result;
+use crate::names::says_depth;
+use crate::optics::{is_calibrated, is_plausible};
 use crate::recording::Recording;
 use crate::store::Slot;
 use crate::transforms::{Transforms, frame_name};
@@ -34,12 +37,16 @@ pub(crate) struct Stream {
     pub(crate) size: (u32, u32),
     pub(crate) messages: u64,
     pub(crate) info: Option<ros::CameraInfo<'static>>,
+    /// Camera infos before that one which hold no calibration.
+    pub(crate) empty_infos: usize,
 }
 
 /// What a recording says of its cameras.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Probe {
     pub(crate) streams: Vec<Stream>,
+    /// Camera infos by topic.
+    pub(crate) infos: BTreeMap<String, ros::CameraInfo<'static>>,
     pub(crate) transforms: Transforms,
     /// Values per metre of depth, where a RealSense says so.
     pub(crate) depth_scale: Option<f64>,
@@ -54,11 +61,16 @@ pub(crate) struct Probe {
 const TRANSFORMS: usize = 2000;
 /// Transforms that are read at most: those of three hundred frames in as many messages.
 const MOST_SAID: usize = 600_000;
+/// Camera infos of a topic that do not read, after which the others are not tried.
+const MOST_BROKEN: usize = 3;
+/// Camera infos of a topic among which one is looked for that holds a calibration: half a minute of those of a driver that is not ready.
+const INFOS: usize = 1000;
 
 impl Probe {
     pub(crate) fn new(recording: &mut Recording) -> Result<Self> {
         let mut probe = Self::default();
-        let mut infos = probe.infos(recording)?;
+        let mut empty = BTreeMap::new();
+        let mut infos = probe.infos(recording, &mut empty)?;
         for type_name in ["tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"] {
             for channel in recording.channels_of(type_name) {
                 probe.transforms(recording, channel)?;
@@ -69,35 +81,65 @@ impl Probe {
         for type_name in ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"] {
             for channel in recording.channels_of(type_name) {
                 let compressed = type_name.ends_with("CompressedImage");
-                if let Some(stream) = probe.stream(recording, channel, compressed, &infos)? {
+                if let Some(mut stream) = probe.stream(recording, channel, compressed)? {
+                    let beside = info_topics(&stream.base);
+                    if let Some(topic) = beside.iter().find(|t| infos.contains_key(*t)) {
+                        stream.info = infos.get(topic).cloned();
+                        stream.empty_infos = empty.get(topic).copied().unwrap_or(0);
+                    }
                     probe.streams.push(stream);
                 }
             }
         }
+        probe.infos = infos;
         Ok(probe)
     }
 
-    /// The first camera info of each topic that is calibrated.
+    /// The first camera info of each topic that can be a camera's, else the first that holds a calibration, else the first; `empty` counts those before.
     fn infos(
         &mut self,
         recording: &mut Recording,
+        empty: &mut BTreeMap<String, usize>,
     ) -> Result<BTreeMap<String, ros::CameraInfo<'static>>> {
         let mut infos = BTreeMap::new();
         for channel in recording.channels_of("sensor_msgs/msg/CameraInfo") {
-            let slots: Vec<Slot> = recording.slots_of(channel).take(3).copied().collect();
-            for slot in slots {
+            let slots: Vec<Slot> = recording.slots_of(channel).take(INFOS).copied().collect();
+            let topic = recording.topic(channel).to_owned();
+            let mut broken = 0;
+            for (i, slot) in slots.into_iter().enumerate() {
                 let bytes = recording.read(&slot)?;
-                match recording.parse::<ros::CameraInfo<'_>>(&slot, &bytes) {
-                    Ok(info) if is_oversized(&info) => self.remarks.push(format!(
-                        "topic {}: a camera info with {} lens coefficients or a name that is too long is left out",
-                        recording.topic(channel),
-                        info.d.len()
-                    )),
-                    Ok(info) => {
-                        infos.insert(recording.topic(channel).to_owned(), owned(&info));
-                        break;
+                let info = match recording.parse::<ros::CameraInfo<'_>>(&slot, &bytes) {
+                    Ok(info) if is_oversized(&info) => {
+                        self.remarks.push(format!(
+                            "topic {topic}: a camera info with {} lens coefficients or a name that is too long is left out",
+                            info.d.len()
+                        ));
+                        broken += 1;
+                        if broken == MOST_BROKEN {
+                            break;
+                        }
+                        continue;
                     }
-                    Err(e) => self.remarks.push(e.to_string()),
+                    Ok(info) => info,
+                    Err(e) => {
+                        broken += 1;
+                        self.remarks.push(e.to_string());
+                        if broken == MOST_BROKEN {
+                            break;
+                        }
+                        continue;
+                    }
+                };
+                let rank = |i: &ros::CameraInfo<'_>| (is_calibrated(i), is_plausible(i));
+                if infos
+                    .get(&topic)
+                    .is_none_or(|best| rank(&info) > rank(best))
+                {
+                    empty.insert(topic.clone(), i - broken);
+                    infos.insert(topic.clone(), owned(&info));
+                }
+                if is_plausible(&info) {
+                    break;
                 }
             }
         }
@@ -135,7 +177,6 @@ impl Probe {
         recording: &mut Recording,
         channel: u32,
         compressed: bool,
-        infos: &BTreeMap<String, ros::CameraInfo<'static>>,
     ) -> Result<Option<Stream>> {
         let topic = recording.topic(channel).to_owned();
         let Some(slot) = recording.slots_of(channel).next().copied() else {
@@ -162,10 +203,6 @@ impl Probe {
         // Grey and depth share an encoding: names tell.
         let grey = shows == Shows::Depth && encoding == "mono16" && !says_depth(&topic);
         let shows = orbbec::shows(&topic, if grey { Shows::Colour } else { shows });
-        let info = info_topics(&base)
-            .iter()
-            .find_map(|t| infos.get(t))
-            .cloned();
         Ok(Some(Stream {
             channel,
             base,
@@ -175,7 +212,8 @@ impl Probe {
             frame,
             size,
             messages: recording.contents.counts[channel as usize].messages,
-            info,
+            info: None,
+            empty_infos: 0,
             topic,
         }))
     }
@@ -187,7 +225,9 @@ fn look(recording: &Recording, slot: &Slot, bytes: &[u8], compressed: bool) -> R
     let topic = &recording.channel(slot).topic;
     if compressed {
         let m: ros::CompressedImage<'_> = recording.parse(slot, bytes)?;
-        let deep = m.format.contains("compressedDepth") || topic.ends_with("/compressedDepth");
+        let deep = is_compressed_depth(&m.format)
+            || topic.ends_with("/compressedDepth")
+            || is_deep_png(&m.data) && says_depth(topic);
         let shows = if deep { Shows::Depth } else { Shows::Colour };
         let frame = frame_name(&m.header.frame_id).to_owned();
         return Ok((m.format.into_owned(), shows, frame, (0, 0)));
@@ -201,11 +241,12 @@ fn look(recording: &Recording, slot: &Slot, bytes: &[u8], compressed: bool) -> R
         Shows::Other
     };
     let frame = frame_name(&m.header.frame_id).to_owned();
-    Ok((m.encoding.into_owned(), shows, frame, (m.width, m.height)))
-}
-
-pub(crate) fn says_depth(topic: &str) -> bool {
-    topic.to_lowercase().contains("depth")
+    let size = if has_planes(&m.encoding) {
+        (0, 0)
+    } else {
+        (m.width, m.height)
+    };
+    Ok((m.encoding.into_owned(), shows, frame, size))
 }
 
 /// The topic that an image transport began with.

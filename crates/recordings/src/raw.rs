@@ -1,6 +1,7 @@
 //! Images as a driver hands them over, made into frames as those of a recording are.
 
-use crate::decode::{self, Bad, depth::MILLIMETRES};
+use crate::calibration;
+use crate::decode::{self, Bad, depth::Unit};
 use crate::optics::Optics;
 use crate::rectify::Rectifier;
 use crate::register::Registration;
@@ -37,32 +38,31 @@ impl RawFrames {
     /// # Errors
     /// What is wrong with one of the cameras.
     pub fn new(pair: &Pair<'_>) -> Result<Self, String> {
-        let of = |info, which: &str| {
-            Optics::new(info, false)
-                .map_err(|found| format!("{which}: expected a calibrated camera, found {found}"))
+        let of = |info: &ros::CameraInfo<'_>, which: &str| {
+            let size = (info.width, info.height);
+            let found = calibration::of_images(info, false, "its description", size);
+            let refused =
+                |bad: Bad| format!("{which}: expected {}, found {}", bad.expected, bad.found);
+            found.map(|c| c.optics).map_err(refused)
         };
         let (colour, depth) = (of(&pair.colour, "colour")?, of(&pair.depth, "depth")?);
+        let mut unit = Unit::default();
+        unit.whole = pair.depth_scale.unwrap_or(unit.whole);
         let model = CameraModel {
             name: pair.name.clone(),
             camera: colour.camera(),
-            depth_scale: pair.depth_scale.unwrap_or(MILLIMETRES),
+            depth_scale: unit.whole,
             nominal: false,
             imu: None,
             odometry: None,
         };
-        model.camera.check().map_err(|e| {
-            format!(
-                "colour: expected a camera with {}, found {}",
-                e.expected(),
-                e.found()
-            )
-        })?;
         let target = Optics::of_camera(&model.camera);
         let registration = pair.colour_from_depth.as_ref();
         Ok(Self {
             treatment: Treatment {
-                depth_scale: model.depth_scale,
+                unit,
                 camera: model,
+                resampled_from: None,
                 rectifier: colour.needs_rectifying().then(|| Rectifier::new(&colour)),
                 registration: registration.map(|pose| Registration::new(&depth, &target, pose)),
             },
@@ -95,8 +95,8 @@ impl RawFrames {
         keep_colour: bool,
     ) -> Result<RgbdFrame, String> {
         let colour = decode::colour(colour, keep_colour).map_err(|bad| told(Side::Colour, &bad))?;
-        let depth = decode::depth(depth, self.treatment.depth_scale)
-            .map_err(|bad| told(Side::Depth, &bad))?;
+        let depth =
+            decode::depth(depth, self.treatment.unit).map_err(|bad| told(Side::Depth, &bad))?;
         let frame = self.treatment.frame(id, stamps, colour, depth);
         frame.map_err(|(shows, bad)| told(shows, &bad))
     }

@@ -26,6 +26,9 @@ struct Target {
     lens: Option<[f32; 5]>,
 }
 
+/// How far a pixel may be from where its ray is seen, px: far above what an inverse leaves that was found.
+const MAX_ERROR: f64 = 1e-2;
+
 /// Where the patches of a row of depth pixels fall: the pixels of their two corners, and their depth, m.
 #[derive(Clone, Debug, Default)]
 struct Patches {
@@ -83,7 +86,12 @@ impl Registration {
         let mut corners: [Vec<f32>; 3] = Default::default();
         for i in 0..(width + 1) * (height + 1) {
             let (x, y) = (i % (width + 1), i / (width + 1));
-            let ray = depth.ray(Vec2::new(x as f64 - 0.5, y as f64 - 0.5));
+            let px = Vec2::new(x as f64 - 0.5, y as f64 - 0.5);
+            let mut ray = depth.ray(px);
+            // Corners of a fisheye's image may be seen along no ray; what is measured there is left out.
+            if (depth.project(ray) - px).norm() > MAX_ERROR {
+                ray = Vec2::new(f64::NAN, f64::NAN);
+            }
             let turned = rotation * Vec3::new(ray.x, ray.y, 1.0);
             for (list, value) in corners.iter_mut().zip(turned.iter()) {
                 list.push(*value as f32);

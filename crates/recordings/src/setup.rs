@@ -1,18 +1,23 @@
 //! What is done to the images of a recording: its camera, the unit of depth, rectification and registration.
 
-use crate::choose::{Pair, says_registered};
+use crate::calibration::{self, Calibration};
+use crate::choose::{Pair, few};
+use crate::decode::depth::Unit;
 use crate::decode::{Bad, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::Entry;
 use crate::input::OpenOptions;
-use crate::optics::Optics;
-use crate::probe::Probe;
+use crate::optics::{Optics, is_calibrated};
+use crate::placement::Placed;
+use crate::probe::{Probe, Stream};
 use crate::recording::Recording;
 use crate::rectify::Rectifier;
 use crate::register::Registration;
+use crate::transforms::frame_name;
 use std::path::Path;
 use stillpoint_datasets::CameraModel;
 use stillpoint_imaging::{DepthImage, FrameId, RgbdFrame};
+use stillpoint_ros_messages::CameraInfo;
 
 /// One of the two images of a frame.
 #[derive(Clone, Copy, Debug)]
@@ -25,10 +30,11 @@ pub(crate) enum Side {
 #[derive(Debug)]
 pub(crate) struct Treatment {
     pub(crate) camera: CameraModel,
-    /// Values per metre of depth images.
-    pub(crate) depth_scale: f64,
+    pub(crate) unit: Unit,
     pub(crate) rectifier: Option<Rectifier>,
     pub(crate) registration: Option<Registration>,
+    /// Width and height of depth images that show the colour images' view in another number of pixels.
+    pub(crate) resampled_from: Option<(usize, usize)>,
 }
 
 impl Treatment {
@@ -37,7 +43,7 @@ impl Treatment {
         let camera = &self.camera.camera;
         let colour = (camera.width as usize, camera.height as usize);
         let depth = self.registration.as_ref().map(Registration::depth_size);
-        (colour, depth.unwrap_or(colour))
+        (colour, depth.or(self.resampled_from).unwrap_or(colour))
     }
 
     /// A frame of two images, which were taken at these times (s).
@@ -62,6 +68,11 @@ impl Treatment {
             let wanted = registration.depth_size();
             let registered = registration.register(&depth);
             depth = registered.ok_or_else(|| (Side::Depth, other_size(wanted, found)))?;
+        } else if let Some(wanted) = self.resampled_from {
+            if found != wanted {
+                return Err((Side::Depth, other_size(wanted, found)));
+            }
+            depth = depth.resampled(expected.0, expected.1).unwrap_or(depth);
         } else if found != expected {
             return Err((Side::Depth, other_size(expected, found)));
         }
@@ -99,7 +110,7 @@ pub(crate) struct Setup<'a> {
     pub(crate) warnings: &'a mut Vec<String>,
 }
 
-impl Setup<'_> {
+impl<'a> Setup<'a> {
     pub(crate) fn treatment(
         &mut self,
         recording: &mut Recording,
@@ -111,34 +122,22 @@ impl Setup<'_> {
 
     /// For images of colour and depth of these sizes.
     pub(crate) fn treatment_of(&mut self, sizes: ((u32, u32), (u32, u32))) -> Result<Treatment> {
-        let (mut optics, name, nominal) = self.colour_optics()?;
-        if (optics.width, optics.height) == (0, 0) {
-            (optics.width, optics.height) = sizes.0;
-        }
-        if (optics.width, optics.height) != sizes.0 {
-            let expected = format!(
-                "images of {} x {} px, the size of {name}",
-                optics.width, optics.height
-            );
-            return Err(self.camera_error(expected, format!("{} x {} px", sizes.0.0, sizes.0.1)));
-        }
-        let depth_scale = self.depth_scale();
+        let (optics, name, nominal) = self.colour_optics(sizes.0)?;
+        let unit = self.unit();
         let named = self.named()?;
         let model = CameraModel {
             name,
             camera: optics.camera(),
-            depth_scale,
+            depth_scale: unit.of(&self.pair.depth.encoding),
             nominal,
             imu: named.as_ref().and_then(|m| m.imu),
             odometry: named.and_then(|m| m.odometry),
         };
-        model.camera.check().map_err(|e| {
-            self.camera_error(
-                format!("a camera with {}", e.expected()),
-                format!("{} with {}", model.name, e.found()),
-            )
-        })?;
-        let registration = self.registration(&optics, sizes.1)?;
+        let (registration, resampled_from) = match self.placed(&optics, sizes.1)? {
+            Placed::Registered => (None, None),
+            Placed::Resampled => (None, Some((sizes.1.0 as usize, sizes.1.1 as usize))),
+            Placed::Apart(registration) => (Some(*registration), None),
+        };
         // Depth that is registered is registered to the camera without distortion at once.
         let rectifier = optics.needs_rectifying().then(|| Rectifier::new(&optics));
         if rectifier.is_some() {
@@ -147,9 +146,10 @@ impl Setup<'_> {
         }
         Ok(Treatment {
             camera: model,
-            depth_scale,
+            unit,
             rectifier,
             registration,
+            resampled_from,
         })
     }
 
@@ -158,7 +158,9 @@ impl Setup<'_> {
             path: self.path.to_owned(),
             expected,
             found,
-            advice: "name a preset or a camera file with --camera".to_owned(),
+            advice:
+                "correct it where it comes from, or name a preset or a camera file with --camera"
+                    .to_owned(),
         }
     }
 
@@ -168,13 +170,13 @@ impl Setup<'_> {
         Ok(file.transpose()?)
     }
 
-    /// The colour camera, its name, and whether it is nominal.
-    fn colour_optics(&mut self) -> Result<(Optics, String, bool)> {
+    /// The colour camera of images of this size, its name, and whether it is nominal.
+    fn colour_optics(&mut self, size: (u32, u32)) -> Result<(Optics, String, bool)> {
         if let Some(choice) = &self.options.camera {
             let model = CameraModel::choose(choice)?;
-            let own = &self.pair.colour.info;
-            if !model.nominal || own.as_ref().is_none_or(|info| info.k[0] <= 0.0) {
-                let optics = Optics::of_camera(&model.camera);
+            let own = self.pair.colour.info.as_ref();
+            if !model.nominal || !own.is_some_and(is_calibrated) {
+                let optics = self.named_optics(&model, size)?;
                 return Ok((optics, model.name, model.nominal));
             }
             self.guesses.push(format!(
@@ -182,29 +184,12 @@ impl Setup<'_> {
                 model.name
             ));
         }
-        let colour = &self.pair.colour;
-        let registered = &self.pair.depth;
-        // Depth in the colour camera has its matrix.
-        let own = colour.info.as_ref().map(|info| (info, &colour.topic));
-        let same = self
-            .is_registered()
-            .then_some(registered.info.as_ref())
-            .flatten();
-        let Some((info, topic)) = own.or(same.map(|info| (info, &registered.topic))) else {
-            let expected = format!("a camera info beside {}", colour.topic);
-            return Err(self.camera_error(expected, "none".to_owned()));
-        };
-        let rectified = is_rectified(&colour.topic);
-        let optics = Optics::new(info, rectified);
-        let optics = optics.map_err(|found| {
-            self.camera_error(format!("a calibrated camera beside {topic}"), found)
-        })?;
-        let device = self
-            .probe
-            .device
-            .as_ref()
-            .map_or(String::new(), |d| format!("{d}: "));
+        let (info, topic) = self.colour_info(size)?;
+        let device = self.probe.device.as_ref();
+        let device = device.map_or(String::new(), |d| format!("{d}: "));
         let name = format!("{device}camera info of {topic}");
+        let rectified = is_rectified(&self.pair.colour.topic);
+        let optics = self.calibrated(&info, rectified, &name, size)?;
         let [fx, fy, cx, cy] = optics.k;
         self.guesses.push(format!(
             "camera: {name} (fx {fx:.1}, fy {fy:.1}, cx {cx:.1}, cy {cy:.1} px)"
@@ -212,90 +197,192 @@ impl Setup<'_> {
         Ok((optics, name, false))
     }
 
-    fn depth_scale(&mut self) -> f64 {
-        if let Some(scale) = self.options.depth_scale {
-            return scale;
+    /// The camera that the user named, of images of this size.
+    fn named_optics(&self, model: &CameraModel, size: (u32, u32)) -> Result<Optics> {
+        let mut optics = Optics::of_camera(&model.camera);
+        if (optics.width, optics.height) == (0, 0) {
+            (optics.width, optics.height) = size;
         }
+        if (optics.width, optics.height) != size {
+            let name = &model.name;
+            let expected = format!(
+                "images of {} x {} px, the size of {name}",
+                optics.width, optics.height
+            );
+            return Err(self.camera_error(expected, format!("{} x {} px", size.0, size.1)));
+        }
+        optics.check().map_err(|bad| {
+            let found = format!("{} with {}", model.name, bad.found);
+            self.camera_error(format!("a camera with {}", bad.expected), found)
+        })?;
+        Ok(optics)
+    }
+
+    /// What a camera info says of images of this size; what has to be known of it is said.
+    pub(crate) fn calibrated(
+        &mut self,
+        info: &CameraInfo<'_>,
+        rectified: bool,
+        name: &str,
+        size: (u32, u32),
+    ) -> Result<Optics> {
+        let found = calibration::of_images(info, rectified, name, size);
+        let Calibration {
+            optics,
+            guesses,
+            warnings,
+        } = found.map_err(|bad| self.camera_error(bad.expected, bad.found))?;
+        self.guesses.extend(guesses);
+        self.warnings.extend(warnings);
+        Ok(optics)
+    }
+
+    /// The camera info of the colour images, and the topic that it is named after.
+    fn colour_info(&mut self, size: (u32, u32)) -> Result<(CameraInfo<'static>, String)> {
+        let (colour, depth) = (&self.pair.colour, &self.pair.depth);
+        if let Some(topic) = &self.options.info_topic {
+            let info = self.probe.infos.get(topic).ok_or_else(|| {
+                let expected = "--info-topic to name a topic of camera infos";
+                let found = format!("{topic}, and of camera infos {}", self.listed(|_| true));
+                RecordingError::topics(self.path, expected, found, "name one of these")
+            })?;
+            return Ok((info.clone(), topic.clone()));
+        }
+        // Depth in the colour camera has its matrix.
+        let streams = [Some(colour), self.is_registered().then_some(depth)];
+        let beside = streams.into_iter().flatten();
+        let own = beside
+            .clone()
+            .find(|s| s.info.as_ref().is_some_and(is_calibrated));
+        if let Some((stream, info)) = own.and_then(|s| Some((s, s.info.clone()?))) {
+            if stream.empty_infos > 0 {
+                self.guesses.push(format!(
+                    "the first {} camera infos beside {} are empty or cannot be a camera's: the one after them is used",
+                    stream.empty_infos, stream.topic
+                ));
+            }
+            return Ok((info, stream.topic.clone()));
+        }
+        if let Some((topic, info)) = self.info_elsewhere(colour, size)? {
+            self.guesses.push(format!(
+                "no camera info with a calibration lies beside {}: that of {topic} is used, the only one of its frame and size",
+                colour.topic
+            ));
+            return Ok((info.clone(), topic.clone()));
+        }
+        // One without a calibration: that is what is wrong.
+        let empty = beside
+            .clone()
+            .find_map(|s| Some((s.info.clone()?, s.topic.clone())));
+        empty.ok_or_else(|| {
+            let expected = format!("a camera info beside {}", colour.topic);
+            let found = format!("camera infos {}", self.listed(|_| true));
+            RecordingError::Camera {
+                path: self.path.to_owned(),
+                expected,
+                found,
+                advice: "name one with --info-topic, or a preset or a camera file with --camera"
+                    .to_owned(),
+            }
+        })
+    }
+
+    /// The only camera info of the frame and size of images that have none beside them.
+    pub(crate) fn info_elsewhere(
+        &self,
+        stream: &Stream,
+        size: (u32, u32),
+    ) -> Result<Option<(&'a String, &'a CameraInfo<'static>)>> {
+        let fits = |info: &CameraInfo<'_>| {
+            frame_name(&info.header.frame_id) == stream.frame
+                && is_calibrated(info)
+                && calibration::fits(info, size)
+        };
+        let mut all = self.probe.infos.iter().filter(|(_, info)| fits(info));
+        let Some(first) = all.next() else {
+            return Ok(None);
+        };
+        let figures = |i: &CameraInfo<'_>| {
+            (
+                i.k,
+                i.p,
+                i.d.clone(),
+                i.roi.clone(),
+                i.binning_x,
+                i.binning_y,
+            )
+        };
+        if all.all(|(_, other)| figures(other) == figures(first.1)) {
+            return Ok(Some(first));
+        }
+        Err(RecordingError::topics(
+            self.path,
+            &format!(
+                "a camera info beside {}, or one of its frame \"{}\" and size",
+                stream.topic, stream.frame
+            ),
+            format!("several: {}", self.listed(fits)),
+            "name one with --info-topic",
+        ))
+    }
+
+    /// Camera infos in words.
+    fn listed(&self, wanted: impl Fn(&CameraInfo<'_>) -> bool) -> String {
+        let all = self.probe.infos.iter().filter(|(_, info)| wanted(info));
+        few(
+            all.map(|(topic, i)| {
+                format!("{topic} ({} x {} px, fx {:.1})", i.width, i.height, i.k[0])
+            }),
+            "none",
+        )
+    }
+
+    fn unit(&mut self) -> Unit {
+        if let Some(scale) = self.options.depth_scale {
+            return Unit {
+                whole: scale,
+                float: scale,
+            };
+        }
+        let mut unit = Unit::default();
         if let Some(scale) = self.probe.depth_scale {
             self.guesses.push(format!(
                 "depth: {scale} values per metre, as the device says"
             ));
-            return scale;
+            unit.whole = scale;
         }
-        crate::decode::depth::MILLIMETRES
-    }
-
-    fn is_registered(&self) -> bool {
-        let (colour, depth) = (&self.pair.colour, &self.pair.depth);
-        let same_frame = !colour.frame.is_empty() && colour.frame == depth.frame;
-        says_registered(&depth.topic) || same_frame
-    }
-
-    /// What brings depth into the colour camera; nothing where it is there already.
-    fn registration(
-        &mut self,
-        optics: &Optics,
-        depth_size: (u32, u32),
-    ) -> Result<Option<Registration>> {
-        let (colour, depth) = (&self.pair.colour, &self.pair.depth);
-        let same_size = depth_size == (optics.width, optics.height);
-        if self.is_registered() && same_size {
-            return Ok(None);
-        }
-        let pose = self.probe.transforms.find(&colour.frame, &depth.frame);
-        let Some((pose, info)) = pose.zip(depth.info.as_ref()) else {
-            let missing = if depth.info.is_none() {
-                "camera info"
-            } else {
-                "transform"
-            };
-            if same_size {
-                self.warnings.push(format!(
-                    "no {missing} says where {} stands to the colour camera: depth is taken as registered to it",
-                    depth.topic
-                ));
-                return Ok(None);
-            }
-            let expected = format!(
-                "depth of the size of the colour images, or a {missing} by which it can be registered"
-            );
-            let found = format!("depth images of {} x {} px", depth_size.0, depth_size.1);
-            return Err(RecordingError::topics(
-                self.path,
-                &expected,
-                found,
-                "record camera infos and /tf_static as well, or registered depth",
-            ));
-        };
-        let source = Optics::new(info, is_rectified(&depth.topic));
-        let source = source.map_err(|found| {
-            self.camera_error(format!("a calibrated camera beside {}", depth.topic), found)
-        })?;
-        if (source.width, source.height) != depth_size {
-            let expected = format!("depth images of {} x {} px", source.width, source.height);
-            return Err(
-                self.camera_error(expected, format!("{} x {} px", depth_size.0, depth_size.1))
-            );
-        }
-        // Some devices register by themselves, and say so by describing one camera twice.
-        let apart = pose.translation.norm() > 1e-6 || pose.rotation.angle() > 1e-6;
-        if !apart && source == *optics {
-            self.guesses
-                .push("depth is in the colour camera: both are described alike".to_owned());
-            return Ok(None);
-        }
-        self.guesses.push(format!(
-            "depth is registered to the colour camera, {:.1} mm beside",
-            pose.translation.norm() * 1e3
-        ));
-        // Into the camera of the frames, which has no distortion where images are rectified.
-        let target = Optics::of_camera(&optics.camera());
-        Ok(Some(Registration::new(&source, &target, &pose)))
+        unit
     }
 }
 
-/// Whether the images of a topic were undistorted, as image_proc names them.
-fn is_rectified(topic: &str) -> bool {
-    topic.to_lowercase().contains("rect") && !topic.to_lowercase().contains("image_rect_raw")
-        || topic.to_lowercase().contains("undistorted")
+/// Whether the images of a topic were undistorted, as image_proc names them. RealSense calls raw ones so, too.
+pub(crate) fn is_rectified(topic: &str) -> bool {
+    let topic = topic.to_lowercase();
+    let mut words = topic.split(['/', '_', '-']);
+    words.any(|w| w == "rect" || w.starts_with("rectif") || w == "undistorted")
+        && !topic.contains("image_rect_raw")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_rectified;
+
+    #[test]
+    fn names_say_what_is_undistorted() {
+        for topic in [
+            "/left/image_rect_color",
+            "/rgb/image_rect",
+            "/cam/rectified/image",
+            "/undistorted/image",
+        ] {
+            assert!(is_rectified(topic), "{topic}");
+        }
+        for topic in [
+            "/camera/depth/image_rect_raw",
+            "/direct/image_raw",
+            "/rgb/image_raw",
+        ] {
+            assert!(!is_rectified(topic), "{topic}");
+        }
+    }
 }

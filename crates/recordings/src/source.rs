@@ -2,6 +2,7 @@
 
 use crate::budget::one_line;
 use crate::choose::Pair;
+use crate::decode::depth::{Unit, is_float};
 use crate::decode::{self, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::{Entry, FileRecording};
@@ -11,7 +12,7 @@ use crate::recording::Recording;
 use crate::setup::{Side, Treatment, other_size};
 use crate::store::{Slot, seconds};
 use std::sync::Arc;
-use stillpoint_datasets::{DatasetError, FrameOptions};
+use stillpoint_datasets::{DatasetError, FrameOptions, ScaleDoubt};
 use stillpoint_imaging::{
     DepthImage, FrameId, FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError,
 };
@@ -70,7 +71,7 @@ impl RecordingSource {
         let (seen, deep) = treatment.sizes();
         let read = &mut self.recording;
         let colour = colour(read, &entry.colour, self.keep_colour, Some(seen))?;
-        let depth = depth(read, &entry.depth, treatment.depth_scale, Some(deep))?;
+        let depth = depth(read, &entry.depth, treatment.unit, Some(deep))?;
         let times = (entry.stamp, entry.depth_stamp);
         treatment
             .frame(FrameId(id), times, colour, depth)
@@ -121,14 +122,14 @@ fn colour(recording: &mut Recording, slot: &Slot, keep: bool, size: Size) -> Res
     decoded.map_err(|bad| image_error(recording, slot, bad))
 }
 
-fn depth(recording: &mut Recording, slot: &Slot, scale: f64, size: Size) -> Result<DepthImage> {
+fn depth(recording: &mut Recording, slot: &Slot, unit: Unit, size: Size) -> Result<DepthImage> {
     let bytes = recording.read(slot)?;
     let decoded = if is_compressed(recording, slot) {
         let m: ros::CompressedImage<'_> = recording.parse(slot, &bytes)?;
         check_size(decode::depth::stated_size(&m.format, &m.data), size)
-            .and_then(|()| decode::compressed_depth(&m.format, &m.data, scale))
+            .and_then(|()| decode::compressed_depth(&m.format, &m.data, unit))
     } else {
-        decode::depth(&recording.parse(slot, &bytes)?, scale)
+        decode::depth(&recording.parse(slot, &bytes)?, unit)
     };
     decoded.map_err(|bad| image_error(recording, slot, bad))
 }
@@ -149,7 +150,7 @@ pub(crate) fn sizes(
     let mut first = None;
     for entry in entries.iter().take(TRIED) {
         let both = colour(recording, &entry.colour, false, None)
-            .and_then(|c| Ok((c, depth(recording, &entry.depth, 1000.0, None)?)));
+            .and_then(|c| Ok((c, depth(recording, &entry.depth, Unit::default(), None)?)));
         match both {
             Ok((c, d)) => {
                 let size = |w: usize, h: usize| (w as u32, h as u32);
@@ -163,6 +164,30 @@ pub(crate) fn sizes(
     Err(first.unwrap_or_else(|| {
         RecordingError::topics(&recording.path, "images", "none", "record it again")
     }))
+}
+
+/// What a look at some depth images, spread over the recording, finds wrong with their unit. Images that do not read are reported when their frames come.
+pub(crate) fn doubt(
+    recording: &mut Recording,
+    entries: &[Entry],
+    unit: Unit,
+    encoding: &str,
+) -> Option<String> {
+    const LOOKED_AT: usize = 3;
+    let mut values = Vec::new();
+    for k in 0..LOOKED_AT.min(entries.len()) {
+        let entry = &entries[k * (entries.len() - 1) / (LOOKED_AT - 1)];
+        if let Ok(image) = depth(recording, &entry.depth, unit, None) {
+            ScaleDoubt::sample(&image, &mut values);
+        }
+    }
+    scale_doubt(&mut values, unit, encoding)
+}
+
+/// The same of values, m.
+pub(crate) fn scale_doubt(values: &mut [f64], unit: Unit, encoding: &str) -> Option<String> {
+    let doubt = ScaleDoubt::of_message(values, unit.of(encoding), is_float(encoding))?;
+    Some(doubt.said(&format!("--depth-scale {}", doubt.likely)))
 }
 
 impl FrameSource for RecordingSource {

@@ -1,7 +1,10 @@
 //! Tests of the public interface.
 #![allow(missing_docs, clippy::unwrap_used)]
 
+mod cameras;
 mod damage;
+mod edited;
+mod encodings;
 mod files;
 mod hostile;
 mod inertial;

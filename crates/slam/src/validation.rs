@@ -38,17 +38,18 @@ const MIN_SIDE: u32 = 16;
 
 /// Checks the camera of a run.
 pub(crate) fn check_camera(camera: &Camera) -> Result<(), ConfigError> {
-    let problem = match camera.check() {
-        Err(e) => e.to_string(),
-        Ok(()) if u64::from(camera.width) * u64::from(camera.height) > MAX_PIXELS => format!(
-            "expected an image of at most {MAX_PIXELS} px, found {} x {}: scale the images down",
-            camera.width, camera.height
-        ),
-        Ok(()) if camera.width.min(camera.height) < MIN_SIDE => format!(
-            "expected an image of at least {MIN_SIDE} px per side, found {} x {}",
-            camera.width, camera.height
-        ),
-        Ok(()) => return Ok(()),
+    let (width, height) = (camera.width, camera.height);
+    // Sizes first: other figures of an image that is too large are most often right.
+    let problem = if u64::from(width) * u64::from(height) > MAX_PIXELS {
+        format!(
+            "expected an image of at most {MAX_PIXELS} px, found {width} x {height}: scale the images down"
+        )
+    } else if width.min(height) < MIN_SIDE {
+        format!("expected an image of at least {MIN_SIDE} px per side, found {width} x {height}")
+    } else if let Err(e) = camera.check() {
+        e.to_string()
+    } else {
+        return Ok(());
     };
     Err(ConfigError(vec![ConfigProblem {
         path: "camera".to_owned(),

@@ -53,6 +53,34 @@ def _lens(info: object) -> list[float]:
     return k[:5]
 
 
+def _read_out(info: object, size: tuple[Any, Any], figures: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Width, height, fx, fy, cx, cy of the images, by REP 104: binning and region of interest are stated of the whole sensor's image, as the rest is."""
+    roi = _get(info, "roi")
+
+    def whole(of: object, name: str) -> int:
+        found = None if of is None else _get(of, name)
+        value = 0.0 if found is None else sum(_numbers(name, found)[:1])
+        if not 0 <= value <= 1 << 15 or value % 1:
+            raise ValueError(f"camera: expected a whole number of px for {name}, found {value}")
+        return int(value)
+
+    binning = [max(1, whole(info, name)) for name in ("binning_x", "binning_y")]
+    corner = [whole(roi, name) for name in ("x_offset", "y_offset")]
+    region = [whole(roi, name) for name in ("width", "height")]
+    if binning == [1, 1] and not any(corner) and not any(region):
+        return (*size, *figures)
+    sides = [whole(info, name) for name in ("width", "height")]
+    region = [r or max(0, s - c) for r, s, c in zip(region, sides, corner)]
+    if any(c + r > s for c, r, s in zip(corner, region, sides)):
+        raise ValueError(
+            f"camera: expected a region of interest within the size that is stated, {sides[0]} x {sides[1]} px, "
+            f"found {region[0]} x {region[1]} px at ({corner[0]}, {corner[1]})"
+        )
+    fx, fy, cx, cy = _numbers("fx, fy, cx, cy", figures)
+    (x, y), (bx, by) = corner, binning
+    return (region[0] // bx, region[1] // by, fx / bx, fy / by, (cx - x) / bx, (cy - y) / by)
+
+
 def from_info(info: object, depth_scale: float | None = None) -> Camera:
     """The camera that `info` describes; see ``Camera.from_info``."""
     width, height = _get(info, "width"), _get(info, "height")
@@ -66,11 +94,17 @@ def from_info(info: object, depth_scale: float | None = None) -> Camera:
         k = _numbers("K", matrix)
         if len(k) != 9:
             raise ValueError(f"camera: expected nine numbers for K, found {len(k)}")
+        projection = _get(info, "P", "p")
+        if not any(k[:6]) and projection is not None:
+            # Some drivers fill in the projection matrix alone.
+            p = _numbers("P", projection)
+            k = [*p[:3], *p[4:7], *p[8:11]] if len(p) == 12 else k
         fx, fy, cx, cy = k[0], k[4], k[2], k[5]
     else:
         found = [_get(info, *names) for names in (("fx",), ("fy",), ("cx", "ppx"), ("cy", "ppy"))]
         if any(f is None for f in found):
             raise ValueError("camera: expected K, or fx, fy, cx and cy, found neither")
         fx, fy, cx, cy = found
+    width, height, fx, fy, cx, cy = _read_out(info, (width, height), (fx, fy, cx, cy))
     scale = _get(info, "depth_scale") if depth_scale is None else depth_scale
     return Camera(width, height, fx, fy, cx, cy, distortion=_lens(info) or None, depth_scale=scale)

@@ -155,6 +155,9 @@ pub(crate) struct TopicArgs {
     /// Topic of the depth images of a recording; guessed when not given.
     #[arg(long, value_name = "TOPIC")]
     pub(crate) depth_topic: Option<String>,
+    /// Topic of the camera info of the colour images [default: the one beside them, else the only one of their frame and size].
+    #[arg(long, value_name = "TOPIC")]
+    pub(crate) info_topic: Option<String>,
     /// Topic of poses or odometry in a recording that is ground truth [default: no ground truth].
     #[arg(long, value_name = "TOPIC")]
     pub(crate) truth_topic: Option<String>,
@@ -172,7 +175,7 @@ pub(crate) struct TopicArgs {
     /// Use no wheel odometry, of a recording or a data set folder.
     #[arg(long, conflicts_with = "odometry_topic")]
     pub(crate) no_odometry: bool,
-    /// Depth values per metre of a recording [default: what the device says, else 1000].
+    /// Depth values per metre of a recording [default: what the device says, else 1000, and 1 of floats].
     #[arg(long, value_name = "N", value_parser = depth_scale)]
     pub(crate) depth_scale: Option<f64>,
 }
@@ -181,8 +184,8 @@ pub(crate) struct TopicArgs {
 fn depth_scale(text: &str) -> Result<f64, String> {
     let scale = text.parse().ok();
     scale
-        .filter(|s| (1.0..=1e6).contains(s))
-        .ok_or_else(|| "expected 1 to 1000000 values per metre".to_owned())
+        .filter(|s| (1e-3..=1e6).contains(s))
+        .ok_or_else(|| "expected 0.001 to 1000000 values per metre".to_owned())
 }
 
 impl InputArgs {

@@ -214,6 +214,7 @@ impl Plan<'_> {
         for (option, topic) in [
             ("--color-topic", &topics.color_topic),
             ("--depth-topic", &topics.depth_topic),
+            ("--info-topic", &topics.info_topic),
             ("--truth-topic", &topics.truth_topic),
             ("--imu-topic", &topics.imu_topic),
             ("--odometry-topic", &topics.odometry_topic),
@@ -309,6 +310,7 @@ mod tests {
             topics: TopicArgs {
                 color_topic: Some("/c".into()),
                 depth_topic: Some("/d".into()),
+                info_topic: Some("/f".into()),
                 truth_topic: Some("/t".into()),
                 imu_topic: Some("/i".into()),
                 no_imu: true,
@@ -336,7 +338,7 @@ mod tests {
         };
         let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
                         --detector-threads 2 --config my.toml \
-                        --set a.b=1 --set a.c=2 --seed 9 --color-topic /c --depth-topic /d --truth-topic /t \
+                        --set a.b=1 --set a.c=2 --seed 9 --color-topic /c --depth-topic /d --info-topic /f --truth-topic /t \
                         --imu-topic /i --odometry-topic /o --depth-scale 5000 --no-imu --no-odometry --strict";
         let found: Vec<String> = plan
             .arguments(Path::new("a"))

@@ -26,6 +26,8 @@ pub(crate) struct About {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) depth_topic: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) info_topic: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) truth_topic: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) imu_topic: Option<String>,
@@ -84,6 +86,7 @@ impl About {
             }),
             color_topic: input.topics.color_topic.clone(),
             depth_topic: input.topics.depth_topic.clone(),
+            info_topic: input.topics.info_topic.clone(),
             truth_topic: input.topics.truth_topic.clone(),
             imu_topic: input.topics.imu_topic.clone(),
             no_imu: input.topics.no_imu,

@@ -319,6 +319,7 @@ pub(crate) fn options(input: &InputArgs) -> OpenOptions {
         strict: input.strict,
         colour_topic: input.topics.color_topic.clone(),
         depth_topic: input.topics.depth_topic.clone(),
+        info_topic: input.topics.info_topic.clone(),
         truth_topic: input.topics.truth_topic.clone(),
         imu_topic: input.topics.imu_topic.clone(),
         no_imu: input.topics.no_imu,

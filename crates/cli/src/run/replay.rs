@@ -26,6 +26,7 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
         topics: TopicArgs {
             color_topic: about.color_topic,
             depth_topic: about.depth_topic,
+            info_topic: about.info_topic,
             truth_topic: about.truth_topic,
             imu_topic: about.imu_topic,
             no_imu: about.no_imu,

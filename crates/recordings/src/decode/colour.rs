@@ -1,6 +1,6 @@
 //! Colour images.
 
-use super::{Bad, Result, rows, size, yuv};
+use super::{Bad, Result, bayer, rows, size, yuv};
 use image::DynamicImage;
 use std::sync::Arc;
 use stillpoint_datasets::{decode_image, image_format, image_size};
@@ -8,8 +8,7 @@ use stillpoint_imaging::{ColourImage, GrayImage};
 use stillpoint_ros_messages::Image;
 
 /// Encodings that are read, for messages.
-const KNOWN: &str =
-    "rgb8, bgr8, rgba8, bgra8, mono8, mono16, yuv422, yuv422_yuy2, uyvy, yuyv or mjpg";
+const KNOWN: &str = "rgb8, bgr8, rgba8, bgra8, mono8, the same of 16 bits, bayer_* of 8 or 16 bits, yuv422, yuv422_yuy2, uyvy, yuyv, nv12, nv21, nv24, i420, yv12 or mjpg";
 
 /// A decoded colour image.
 #[derive(Clone, Debug, PartialEq)]
@@ -39,7 +38,16 @@ impl Colour {
 
 /// Whether an encoding is one of colour or grey images; those of depth are others.
 pub(crate) fn is_colour(encoding: &str) -> bool {
-    layout(encoding).is_some() || yuv::order(encoding).is_some() || is_jpeg(encoding)
+    layout(encoding).is_some()
+        || yuv::order(encoding).is_some()
+        || bayer::mosaic(encoding).is_some()
+        || has_planes(encoding)
+        || is_jpeg(encoding)
+}
+
+/// Whether the height that a message states may be that of several planes.
+pub(crate) fn has_planes(encoding: &str) -> bool {
+    yuv::planes(encoding).is_some()
 }
 
 /// Cameras that send JPEG leave it as it is, though it is in no message of compressed images.
@@ -47,15 +55,19 @@ fn is_jpeg(encoding: &str) -> bool {
     matches!(encoding, "mjpg" | "mjpeg" | "MJPG" | "jpeg")
 }
 
-/// Bytes per pixel, and where red, green and blue are in them; one place for grey.
-fn layout(encoding: &str) -> Option<(usize, [usize; 3])> {
+/// Channels, which of them are red, green and blue, and the bytes of each; one channel for grey.
+fn layout(encoding: &str) -> Option<(usize, [usize; 3], usize)> {
     Some(match encoding {
-        "rgb8" | "8UC3/rgb" => (3, [0, 1, 2]),
-        "bgr8" | "8UC3" => (3, [2, 1, 0]),
-        "rgba8" => (4, [0, 1, 2]),
-        "bgra8" | "8UC4" => (4, [2, 1, 0]),
-        "mono8" | "8UC1" => (1, [0; 3]),
-        "mono16" => (2, [0; 3]),
+        "rgb8" | "8UC3/rgb" => (3, [0, 1, 2], 1),
+        "bgr8" | "8UC3" => (3, [2, 1, 0], 1),
+        "rgba8" => (4, [0, 1, 2], 1),
+        "bgra8" | "8UC4" => (4, [2, 1, 0], 1),
+        "mono8" | "8UC1" => (1, [0; 3], 1),
+        "rgb16" => (3, [0, 1, 2], 2),
+        "bgr16" | "16UC3" => (3, [2, 1, 0], 2),
+        "rgba16" => (4, [0, 1, 2], 2),
+        "bgra16" | "16UC4" => (4, [2, 1, 0], 2),
+        "mono16" => (1, [0; 3], 2),
         _ => return None,
     })
 }
@@ -73,30 +85,62 @@ pub(crate) fn colour(image: &Image<'_>, keep: bool) -> Result<Colour> {
         let rgb = ColourImage::from_vec(width, height, rgb).map_err(report)?;
         return Ok(Colour::of_rgb(rgb, keep));
     }
-    let Some((bytes, places)) = layout(&image.encoding) else {
+    if let Some(planes) = yuv::planes(&image.encoding) {
+        let found = planes.rgb(&image.data, (width, height), image.step as usize);
+        let (rgb, height) = found.ok_or_else(|| {
+            let expected = format!("{} of {width} x {height} px", image.encoding);
+            let found = format!("{} bytes in rows of {}", image.data.len(), image.step);
+            Bad::new(expected, found)
+        })?;
+        let rgb = ColourImage::from_vec(width, height, rgb).map_err(report)?;
+        return Ok(Colour::of_rgb(rgb, keep));
+    }
+    if let Some((mosaic, bytes)) = bayer::mosaic(&image.encoding) {
+        let values = channels(image, bytes, width)?.collect::<Vec<u8>>();
+        let rgb = bayer::rgb(&values, width, height, mosaic);
+        let rgb = ColourImage::from_vec(width, height, rgb).map_err(report)?;
+        return Ok(Colour::of_rgb(rgb, keep));
+    }
+    let Some((count, places, bytes)) = layout(&image.encoding) else {
         return Err(Bad::new(KNOWN, format!("encoding \"{}\"", image.encoding)));
     };
-    let lines = rows(&image.data, image.height, image.step, bytes * width)?;
-    if bytes < 3 {
-        // Of two bytes the more significant one.
-        let at = usize::from(bytes == 2 && image.is_bigendian == 0);
-        let data = lines.flat_map(|r| r.chunks_exact(bytes).map(move |p| p[at]));
-        let gray = GrayImage::from_vec(width, height, data.collect()).map_err(report)?;
+    if count == 1 {
+        let data = channels(image, bytes, width)?.collect();
+        let gray = GrayImage::from_vec(width, height, data).map_err(report)?;
         return Ok(Colour::of_gray(gray, keep));
     }
+    let pixel = count * bytes;
+    let lines = rows(&image.data, image.height, image.step, pixel * width)?;
+    let places = places.map(|channel| channel * bytes + significant(image, bytes));
     let mut rgb = Vec::with_capacity(3 * width * height);
     for line in lines {
-        if bytes == 3 && places == [0, 1, 2] {
+        if pixel == 3 && places == [0, 1, 2] {
             rgb.extend_from_slice(line);
         } else {
             rgb.extend(
-                line.chunks_exact(bytes)
+                line.chunks_exact(pixel)
                     .flat_map(|p| places.map(|at| p[at])),
             );
         }
     }
     let rgb = ColourImage::from_vec(width, height, rgb).map_err(report)?;
     Ok(Colour::of_rgb(rgb, keep))
+}
+
+/// Of two bytes the place of the more significant one.
+fn significant(image: &Image<'_>, bytes: usize) -> usize {
+    usize::from(bytes == 2 && image.is_bigendian == 0)
+}
+
+/// The more significant byte of each pixel of an image of one channel.
+fn channels<'i>(
+    image: &'i Image<'_>,
+    bytes: usize,
+    width: usize,
+) -> Result<impl Iterator<Item = u8> + 'i> {
+    let at = significant(image, bytes);
+    let lines = rows(&image.data, image.height, image.step, bytes * width)?;
+    Ok(lines.flat_map(move |row| row.chunks_exact(bytes).map(move |p| p[at])))
 }
 
 /// Decodes a PNG, JPEG or WebP that is whole.

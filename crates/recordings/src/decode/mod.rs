@@ -1,5 +1,6 @@
 //! Messages to images: colour to grey and RGB, depth to metres.
 
+mod bayer;
 pub(crate) mod colour;
 pub(crate) mod depth;
 mod rvl;
@@ -18,7 +19,7 @@ pub(crate) struct Bad {
 }
 
 impl Bad {
-    fn new(expected: impl Into<String>, found: impl Into<String>) -> Self {
+    pub(crate) fn new(expected: impl Into<String>, found: impl Into<String>) -> Self {
         Self {
             expected: expected.into(),
             found: found.into(),

@@ -1,4 +1,4 @@
-//! Packed YUV 4:2:2, as cameras send it over USB.
+//! YUV, as cameras send it over USB and phones keep it: pairs of pixels in a row (4:2:2), or luminance in one plane and chroma behind it.
 
 /// Where the two luminances and the chroma of a pair of pixels are.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,7 +25,15 @@ pub(super) fn order(encoding: &str) -> Option<Order> {
     }
 }
 
-/// Rows of pairs of pixels as RGB, by ITU-R BT.601 with luminance from 16 to 235.
+/// RGB by ITU-R BT.601, with luminance from 16 to 235.
+fn pixel(luma: u8, blue: u8, red: u8) -> [u8; 3] {
+    let (u, v) = (i32::from(blue) - 128, i32::from(red) - 128);
+    let y = 298 * (i32::from(luma) - 16) + 128;
+    let channels = [y + 409 * v, y - 100 * u - 208 * v, y + 516 * u];
+    channels.map(|c| (c >> 8).clamp(0, 255) as u8)
+}
+
+/// Rows of pairs of pixels as RGB.
 pub(super) fn rgb<'a>(
     rows: impl Iterator<Item = &'a [u8]>,
     width: usize,
@@ -37,17 +45,104 @@ pub(super) fn rgb<'a>(
         let end = out.len() + 3 * width;
         for pair in row.chunks(4) {
             // An odd width leaves half a pair, whose second chroma is missing.
-            let at = |i: usize| i32::from(pair.get(i).copied().unwrap_or(128));
-            let (u, v) = (at(order.blue) - 128, at(order.red) - 128);
+            let at = |i: usize| pair.get(i).copied().unwrap_or(128);
             for luma in order.luma {
-                let y = 298 * (at(luma) - 16) + 128;
-                let channels = [y + 409 * v, y - 100 * u - 208 * v, y + 516 * u];
-                out.extend(channels.map(|c| (c >> 8).clamp(0, 255) as u8));
+                out.extend(pixel(at(luma), at(order.blue), at(order.red)));
             }
         }
         out.resize(end, 0);
     }
     out
+}
+
+/// Chroma behind the plane of luminance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Planes {
+    /// Pixels along each side that share a chroma.
+    shared: usize,
+    /// Both of a pixel beside each other; else in two planes.
+    together: bool,
+    red_first: bool,
+}
+
+/// The planes of an encoding: names of ROS, and those of the drivers that have others.
+pub(super) fn planes(encoding: &str) -> Option<Planes> {
+    let of = |shared, together, red_first| {
+        Some(Planes {
+            shared,
+            together,
+            red_first,
+        })
+    };
+    match encoding.to_lowercase().as_str() {
+        "nv12" => of(2, true, false),
+        "nv21" => of(2, true, true),
+        "nv24" => of(1, true, false),
+        "i420" | "yuv420" | "yuv420p" => of(2, false, false),
+        "yv12" => of(2, false, true),
+        _ => None,
+    }
+}
+
+impl Planes {
+    /// Bytes of a row of chroma, and of all of it, behind rows of luminance of `step` bytes.
+    fn chroma(&self, height: usize, step: usize) -> (usize, usize) {
+        let rows = height.div_ceil(self.shared);
+        let row = step.div_ceil(self.shared);
+        if self.together {
+            (2 * row, 2 * row * rows)
+        } else {
+            (row, 2 * row * rows)
+        }
+    }
+
+    /// Height of the image, where the bytes are there. Some drivers state the rows of chroma with those of luminance, and send as many bytes as that.
+    fn height(&self, bytes: usize, stated: usize, step: usize) -> Option<usize> {
+        let size = |height: usize| height * step + self.chroma(height, step).1;
+        if size(stated) <= bytes {
+            return Some(stated);
+        }
+        // Luminance is two thirds of what is sent, or a third.
+        let of_all = if self.shared == 2 { [2, 3] } else { [1, 3] };
+        let height = stated * of_all[0] / of_all[1];
+        let all = stated * step;
+        (height > 0 && bytes == all && size(height) == all).then_some(height)
+    }
+
+    /// The image as RGB, and its height; `None` where bytes are missing.
+    pub(super) fn rgb(
+        &self,
+        data: &[u8],
+        (width, height): (usize, usize),
+        step: usize,
+    ) -> Option<(Vec<u8>, usize)> {
+        let step = if step == 0 { width } else { step };
+        if step < width {
+            return None;
+        }
+        let height = self.height(data.len(), height, step)?;
+        let (luma, chroma) = data.split_at(height * step);
+        let (row, all) = self.chroma(height, step);
+        let (first, second, apart) = if self.together {
+            (chroma, &chroma[1..], 2)
+        } else {
+            (chroma, &chroma[all / 2..], 1)
+        };
+        let (blue, red) = if self.red_first {
+            (second, first)
+        } else {
+            (first, second)
+        };
+        let mut out = Vec::with_capacity(3 * width * height);
+        for y in 0..height {
+            let start = y / self.shared * row;
+            for (x, luma) in luma[y * step..][..width].iter().enumerate() {
+                let at = start + x / self.shared * apart;
+                out.extend(pixel(*luma, blue[at], red[at]));
+            }
+        }
+        Some((out, height))
+    }
 }
 
 #[cfg(test)]
@@ -68,5 +163,42 @@ mod tests {
                 assert!(f.abs_diff(e) <= 1, "{encoding}: {found:?}");
             }
         }
+    }
+
+    #[test]
+    fn chroma_behind_the_image_is_found() {
+        // 4 x 2 px: red on the left, white on the right; rows of chroma for two rows of luminance.
+        let luma = [81, 81, 235, 235, 81, 81, 235, 235];
+        let near = |found: &[u8], name: &str| {
+            for (i, p) in found.chunks(3).enumerate() {
+                let expected = if i % 4 < 2 { [254, 0, 0] } else { [255; 3] };
+                let off = p.iter().zip(expected).map(|(f, e)| f.abs_diff(e)).max();
+                assert!(off <= Some(1), "{name}: {found:?}");
+            }
+        };
+        for (name, chroma) in [
+            ("nv12", vec![90, 240, 128, 128]),
+            ("NV21", vec![240, 90, 128, 128]),
+            ("i420", vec![90, 128, 240, 128]),
+            ("yv12", vec![240, 128, 90, 128]),
+            ("nv24", [90, 240, 90, 240, 128, 128, 128, 128].repeat(2)),
+        ] {
+            let planes = planes(name).unwrap();
+            let bytes = [&luma[..], &chroma].concat();
+            let (found, height) = planes.rgb(&bytes, (4, 2), 4).unwrap();
+            assert_eq!(height, 2);
+            near(&found, name);
+            // With the rows of chroma in the height.
+            let rows = bytes.len() / 4;
+            let (found, height) = planes.rgb(&bytes, (4, rows), 4).unwrap();
+            assert_eq!(height, 2, "{name}");
+            near(&found, name);
+            assert!(planes.rgb(&bytes[..bytes.len() - 1], (4, 2), 4).is_none());
+            assert!(planes.rgb(&bytes, (5, 2), 4).is_none());
+        }
+        // Odd sides: the last column and row have a chroma of their own.
+        let bytes = [&[235; 9][..], &[128; 8]].concat();
+        let (found, _) = planes("nv12").unwrap().rgb(&bytes, (3, 3), 3).unwrap();
+        assert_eq!(found, [255; 27]);
     }
 }

@@ -162,7 +162,7 @@ fn maps_of_more_cameras_than_any_run_has_are_not_written() {
         for i in 0..cameras {
             let mut k = (*one).clone();
             (k.id, k.parent) = (KeyframeId(i), None);
-            Arc::make_mut(&mut k.data).camera.fx = 500.0 + f64::from(i);
+            Arc::make_mut(&mut k.data).camera.fx = 500.0 + 0.01 * f64::from(i);
             slots.set(i as usize, KeyframeSlot::Live(Arc::new(k)));
         }
         map.view.keyframes = slots;

@@ -1,0 +1,118 @@
+//! What the names of image topics say of their images.
+
+use crate::probe::base;
+
+/// Names by which drivers say that depth was brought into the colour camera.
+const REGISTERED: [&str; 4] = [
+    "aligned_depth_to_color",
+    "depth_registered",
+    "depth_to_rgb",
+    "depth2rgb",
+];
+
+/// Whether the name of a topic of depth images says that they were brought into the colour camera.
+#[must_use]
+pub fn says_registered(topic: &str) -> bool {
+    let topic = topic.to_lowercase();
+    REGISTERED.iter().any(|name| topic.contains(name))
+}
+
+/// What a name says of an image that could be one of depth.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Says {
+    Depth,
+    /// Something that comes in encodings of depth and is none.
+    Other,
+}
+
+/// Parts of names of depth images. Drivers of stereo cameras call theirs after the method.
+const DEPTH_PARTS: [&str; 1] = ["depth"];
+const DEPTH_WORDS: [&str; 5] = ["range", "distance", "tof", "stereo", "z16"];
+/// Parts and words of names of what else comes as 16UC1, mono16 or 32FC1.
+const OTHER_PARTS: [&str; 13] = [
+    "confidence",
+    "disparity",
+    "infra",
+    "amplitude",
+    "intensity",
+    "reflec",
+    "thermal",
+    "variance",
+    "uncertain",
+    "segment",
+    "semantic",
+    "label",
+    "validity",
+];
+const OTHER_WORDS: [&str; 20] = [
+    "conf", "disp", "ir", "ir1", "ir2", "nir", "nearir", "swir", "lwir", "amp", "ambient",
+    "signal", "noise", "std", "stddev", "error", "mask", "flags", "cost", "score",
+];
+/// Words of the images that depth is computed from; of depth they say whose it is.
+const SOURCE_WORDS: [&str; 5] = ["left", "right", "gray", "grey", "mono"];
+
+/// What the last part of a topic's name that says anything says.
+pub(crate) fn says(topic: &str) -> Option<Says> {
+    let topic = base(topic).to_lowercase();
+    topic.rsplit('/').find_map(|part| {
+        // Depth that was brought into another camera is named after both.
+        let part = part.split("_to_").next().unwrap_or(part);
+        let has = |parts: &[&str], words: &[&str]| {
+            parts.iter().any(|p| part.contains(p))
+                || part.split(['_', '-', '.']).any(|w| words.contains(&w))
+        };
+        if has(&OTHER_PARTS, &OTHER_WORDS) {
+            Some(Says::Other)
+        } else if has(&DEPTH_PARTS, &DEPTH_WORDS) {
+            Some(Says::Depth)
+        } else {
+            has(&[], &SOURCE_WORDS).then_some(Says::Other)
+        }
+    })
+}
+
+/// Whether the name of a topic says that its images are of depth.
+pub(crate) fn says_depth(topic: &str) -> bool {
+    says(topic) == Some(Says::Depth)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_tell_depth_from_what_is_encoded_alike() {
+        for topic in [
+            "/camera/depth/image_rect_raw",
+            "/camera/aligned_depth_to_infra1/image_raw",
+            "/depth_to_rgb/image_raw/compressed",
+            "/kinect2/hd/image_depth_rect",
+            "/device_0/sensor_0/Depth_0/image/data",
+            "/infra1/depth",
+            "/oak/stereo/image_raw",
+            "/depth_camera_left/image_raw",
+            "/o3r/distance_image",
+            "/data_throttled_image_depth/compressedDepth",
+        ] {
+            assert!(says_depth(topic), "{topic}");
+        }
+        for topic in [
+            "/zed/zed_node/confidence/confidence_map",
+            "/camera/depth/confidence",
+            "/camera/depth_confidence/image",
+            "/stereo/disparity",
+            "/camera/infra1/image_rect_raw",
+            "/ir/image_raw",
+            "/infra1/image_rect_raw/compressedDepth",
+            "/tof/amplitude_image",
+            "/depth/intensity/image_raw",
+            "/stereo/left/image_raw",
+            "/thermal/image_raw",
+            "/camera/image_raw",
+        ] {
+            assert!(!says_depth(topic), "{topic}");
+        }
+        assert!(says_registered("/camera/aligned_depth_to_color/image_raw"));
+        assert!(!says_registered("/camera/depth/image_rect_raw"));
+    }
+}
