@@ -7,8 +7,10 @@ use crate::finding::{Figure, Finding, Report, Symptom};
 use std::sync::Arc;
 use stillpoint_imaging::{RgbdFrame, Standstill, Still, StillWatch};
 
-/// Frames without which nothing is said: a driver repeats one now and then.
+/// Frames in a row from which on a stream stands still: where a frame was dropped, its neighbour is paired twice.
 const FEW: u32 = 3;
+/// Share of frames from which on single repeats are said, too: such a stream is slower than its stamps say.
+const OFTEN: f64 = 0.1;
 
 /// What was seen of it.
 #[derive(Default)]
@@ -59,7 +61,8 @@ pub(crate) fn judge(seen: &Standstills, report: &mut Report) {
         (Still::Colour, "depth goes on", seen.colour),
         (Still::Frame, "its stamps go on", seen.frame),
     ] {
-        if seen.frames < FEW {
+        let often = f64::from(seen.frames) >= OFTEN * report.frames.max(1) as f64;
+        if seen.frames == 0 || (seen.most < FEW && !often) {
             continue;
         }
         report.find(Finding {

@@ -139,7 +139,8 @@ fn image_topics_have_a_bound() {
     let mut records = Vec::new();
     schema(&mut records, 1, "sensor_msgs/msg/Image");
     for i in 0..400 {
-        channel(&mut records, i, 1, &format!("/c/{i}/image"));
+        let shows = ["image", "depth"][usize::from(i % 2)];
+        channel(&mut records, i, 1, &format!("/c/{i}/{shows}"));
         let image = Image {
             width: 1,
             height: 1,
