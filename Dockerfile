@@ -11,7 +11,7 @@ RUN cargo build --profile dist --locked --package stillpoint-cli
 # The C library and nothing else: no shell, no packages.
 FROM gcr.io/distroless/cc-debian12
 COPY --from=build /stillpoint/target/dist/stillpoint /usr/local/bin/stillpoint
-COPY --from=build /stillpoint/LICENSE-MIT /stillpoint/LICENSE-APACHE /usr/share/doc/stillpoint/
+COPY --from=build /stillpoint/LICENSE-MIT /stillpoint/LICENSE-APACHE /stillpoint/NOTICES.md /usr/share/doc/stillpoint/
 # Models that are pulled stay where recordings and results are.
 ENV XDG_CACHE_HOME=/data/.cache
 WORKDIR /data

@@ -131,7 +131,7 @@ def look_at(wheel: Path, is_local: bool) -> None:
     if "linux" in wheel.name and not is_local:
         holds("it is for every Linux with a C library of 2014 or later", LINUX in wheel.name, wheel.name)
     holds("NumPy is all it needs", [re.split(r"\W", n)[0] for n in needs] == ["numpy"], str(needs))
-    holds("stubs and licences are in it", {"py.typed", "_native.pyi", "LICENSE-MIT", "LICENSE-APACHE"} <= names, f"{len(names)} files")
+    holds("stubs and licences are in it", {"py.typed", "_native.pyi", "LICENSE-MIT", "LICENSE-APACHE", "NOTICES.md"} <= names, f"{len(names)} files")
 
 
 def in_environment(version: str, python: Path, wheel: Path, work: Path) -> Path:

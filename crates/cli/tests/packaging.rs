@@ -80,3 +80,51 @@ fn what_cannot_be_written_or_completed_is_said() {
     check(&stillpoint(["man", path]), 2, &[path, "expected a folder"]);
     check(&stillpoint(["completions", "nosh"]), 2, &["nosh", "elvish"]);
 }
+
+/// Everything that the program links is named with its licence, and nothing that it no longer does.
+#[test]
+fn notices_are_of_what_is_linked() {
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let read = |name: &str| std::fs::read_to_string(format!("{root}/{name}")).unwrap();
+    let (notices, lock) = (read("NOTICES.md"), read("Cargo.lock"));
+    let output = Command::new(env!("CARGO"))
+        .current_dir(root)
+        .args([
+            "tree",
+            "-p",
+            "stillpoint-cli",
+            "-e",
+            "normal",
+            "--prefix",
+            "none",
+        ])
+        .args(["--locked", "--offline", "-f", "{p}"])
+        .output()
+        .unwrap();
+    check(&output, 0, &[]);
+    let text = stdout(&output);
+    let mut linked = 0;
+    for line in text.lines().filter(|l| !l.starts_with("stillpoint")) {
+        let mut words = line.split(' ');
+        let (name, version) = (words.next().unwrap(), words.next().unwrap());
+        let entry = format!("- {name} {}", version.trim_start_matches('v'));
+        assert!(
+            notices
+                .lines()
+                .any(|l| l == entry || l.starts_with(&format!("{entry} "))),
+            "NOTICES.md lacks {name} {version}: run tools/notices"
+        );
+        linked += 1;
+    }
+    assert!(linked > 100, "{text}");
+    for line in notices.lines().filter_map(|l| l.strip_prefix("- ")) {
+        let mut words = line.split(' ');
+        let (name, version) = (words.next().unwrap(), words.next().unwrap_or(""));
+        let entry = format!("name = \"{name}\"\nversion = \"{version}\"\n");
+        assert!(
+            lock.contains(&entry),
+            "NOTICES.md has {name} {version}, which is not linked: run tools/notices"
+        );
+    }
+    assert!(notices.contains("SQLite") && notices.contains("Roboto"));
+}
