@@ -35,7 +35,7 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     } else {
         (open(&args.path, &input)?, args.start)
     };
-    // What no run takes is not looked at: images of any size would take as much time and memory.
+    // An input that `run` refuses is refused here too: images of any size would take any amount of time and memory.
     let camera = input.camera().camera;
     System::new(Config::default(), camera, Simd::detect()).map_err(Failure::input)?;
     let mut report = look(&input, start, None, args.seconds)?;
@@ -156,7 +156,7 @@ const SECONDS: f64 = 3.0;
 /// Findings that are told at most; the first do most harm.
 const TOLD: usize = 3;
 
-/// Looks at the input of a run beside it, on a thread that gives way to the run's own, so that what is wrong is said in its first seconds. None where nobody would hear of it.
+/// Examines the input on a thread of lower priority while the run begins, so that faults are told in its first seconds. None where the console is quiet.
 pub(crate) fn beside_run(path: &Path, input: &InputArgs) -> Option<JoinHandle<()>> {
     if console::is_quiet() {
         return None;
@@ -164,7 +164,7 @@ pub(crate) fn beside_run(path: &Path, input: &InputArgs) -> Option<JoinHandle<()
     let (path, input) = (path.to_owned(), input.clone());
     let work = move || {
         priority::lower(Stage::Detection);
-        // What is measured and traced is the run alone.
+        // Spans of this thread stay out of the run's times and trace.
         tracing::subscriber::with_default(NoSubscriber::default(), || tell(&path, &input));
     };
     std::thread::Builder::new()

@@ -1,4 +1,4 @@
-//! Clocks of ground truth and estimate that are apart: the offset that is asked for, and what is said of one that nobody asked for.
+//! The offset between the clocks of ground truth and estimate: applied where the user gives it, searched where the user asks, and suggested where another one fits far better.
 
 use crate::console;
 use crate::failure::Failure;

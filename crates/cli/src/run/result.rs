@@ -190,7 +190,7 @@ fn unread(summary: &Summary) -> bool {
     summary.skipped * READABLE > summary.frames + summary.skipped
 }
 
-/// Stretches that are told one by one at most, and frames that each of them has at least.
+/// At most so many stretches are listed, each of at least so many frames: the longest fit on a screen, and a driver repeats single images now and then.
 const TOLD: usize = 5;
 const LONG: u32 = 3;
 
