@@ -17,8 +17,8 @@ from PIL import Image, ImageOps
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
 LARGEST = 200_000  # bytes of a picture: pages open fast, and the repository stays small
-FRAME = 60  # of walking_xyz: somebody walks past the desk
-BROWSER = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--run-all-compositor-stages-before-draw", "--window-size=1280,1000"]
+FRAME = 70  # of walking_xyz: somebody walks past the desk
+BROWSER = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--run-all-compositor-stages-before-draw", "--window-size=1280,1500"]
 
 
 def keep(image: Image.Image, name: str, width: int) -> None:
@@ -63,13 +63,13 @@ def make(program: str, work: Path) -> None:
     call("simulate", "--scene", "walking_xyz", "--frames", "240", "--out", "room")
     call("run", "room", "--detector", "scripted:room/detections.csv", "--dense", "--overlay", "overlay", "--masks", "masks", "--out", "out")
     page = f"file://{out / 'report.html'}#frame={FRAME}"
+    # Without figures of speed: they are those of a machine that also draws the pages.
     report = shot(work, page, "--virtual-time-budget=8000")
-    keep(report, "report.png", 960)
-    keep(report.crop((16, 478, 823, 970)), "surface.png", 720)
-    above = shot(work, f"{page}&view=top", "--virtual-time-budget=8000")
-    keep(above.crop((16, 478, 823, 970)), "map.png", 720)
-    # Without its figures: they are those of a machine that also draws the page.
-    keep(live(program, work, room).crop((0, 385, 1280, 1000)), "live.png", 960)
+    keep(report.crop((0, 340, 1280, 1415)), "report.png", 900)
+    view = (16, 458, 823, 965)
+    keep(report.crop(view), "surface.png", 720)
+    keep(shot(work, f"{page}&view=top", "--virtual-time-budget=8000").crop(view), "map.png", 720)
+    keep(live(program, work, room).crop((0, 385, 1280, 1015)), "live.png", 900)
     keep(Image.open(work / "overlay" / f"{FRAME:06}.png"), "overlay.png", 640)
     colour = sorted((room / "rgb").iterdir())[FRAME]
     pair = Image.new("RGB", (1290, 480), "white")
@@ -77,7 +77,7 @@ def make(program: str, work: Path) -> None:
     pair.paste(Image.open(work / "masks" / colour.name).convert("RGB"), (650, 0))
     keep(pair, "masks.png", 900)
     plan = ImageOps.expand(Image.open(out / "grid.pgm"), 2, 128)
-    keep(plan.resize((plan.width * 5, plan.height * 5), Image.Resampling.NEAREST), "plan.png", 720)
+    keep(plan.resize((plan.width * 4, plan.height * 4), Image.Resampling.NEAREST), "plan.png", 480)
     keep(Image.open(out / "plot.png"), "errors.png", 900)
     call("simulate", "--scene", "crowd_coat", "--frames", "30", "--out", "coat")
     keep(Image.open(sorted((work / "coat" / "rgb").iterdir())[-1]), "coat.png", 480)
