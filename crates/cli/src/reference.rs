@@ -23,17 +23,24 @@ fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference")
 }
 
-/// Text of the help as Markdown that shows the same characters.
+/// Text of the help as Markdown that shows the same characters, options as code.
 fn escaped(text: &str) -> String {
-    let mut out = String::new();
-    for c in text.chars() {
-        match c {
-            '<' => out.push_str("&lt;"),
-            '*' | '|' | '[' => out.extend(['\\', c]),
-            _ => out.push(c),
+    let word = |word: &str| {
+        let option = word.trim_start_matches('(');
+        let option = option.trim_end_matches([',', ';', ':', '.', ')', ']']);
+        if option.starts_with("--") {
+            return word.replace(option, &code(option));
         }
-    }
-    out
+        word.chars().fold(String::new(), |mut out, c| {
+            match c {
+                '<' => out.push_str("&lt;"),
+                '*' | '|' | '[' => out.extend(['\\', c]),
+                _ => out.push(c),
+            }
+            out
+        })
+    };
+    text.split(' ').map(word).collect::<Vec<_>>().join(" ")
 }
 
 /// A cell of a table.
