@@ -27,6 +27,8 @@ mod packaging;
 mod page;
 mod realsense;
 mod recording;
+#[cfg(test)]
+mod reference;
 mod report;
 mod run;
 mod serve;

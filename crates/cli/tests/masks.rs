@@ -1,6 +1,6 @@
 //! One filter behind both: the masks of `run --masks` and those of the library.
 
-#![allow(clippy::print_stdout)] // What was measured is what docs/masks.md holds.
+#![allow(clippy::print_stdout)] // What was measured is what docs/evidence/people.md holds.
 
 use crate::common::{check, files, program, simulate};
 use std::path::{Path, PathBuf};

@@ -1,6 +1,6 @@
 //! The static filter without SLAM, against the simulator's exact masks.
 
-#![allow(clippy::print_stdout)] // What was measured is what docs/masks.md holds.
+#![allow(clippy::print_stdout)] // What was measured is what docs/evidence/people.md holds.
 
 use std::sync::{Arc, LazyLock};
 use stillpoint_detection::{BoundingBox, ClassId, Detection, Detections};

@@ -81,6 +81,7 @@ fn every_link_leads_somewhere() {
         "ARCHITECTURE.md",
         "CONTRIBUTING.md",
         "CHANGELOG.md",
+        "python/README.md",
     ] {
         files.push(root.join(name));
     }
@@ -140,6 +141,24 @@ fn the_book_has_every_document_once() {
     );
     let book = fs::read_to_string(root().join("book.toml")).unwrap();
     assert!(book.contains("src = \"docs\""));
+}
+
+/// Words of a page of the manual at most: what one reads before one goes on.
+const LONGEST: usize = 600;
+
+#[test]
+fn pages_of_the_manual_begin_with_what_to_type_and_are_short() {
+    let pages = markdown(&root().join("docs/manual"));
+    assert!((1..=12).contains(&pages.len()), "{} pages", pages.len());
+    for page in pages {
+        let text = fs::read_to_string(&page).unwrap();
+        let shown = page.display();
+        let mut lines = text.lines();
+        assert!(lines.next().unwrap().starts_with("# "), "{shown}");
+        assert!(lines.next().unwrap().starts_with("```"), "{shown}");
+        let words = text.split_whitespace().filter(|w| *w != "|").count();
+        assert!(words <= LONGEST, "{shown}: {words} words");
+    }
 }
 
 #[test]

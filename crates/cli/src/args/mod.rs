@@ -303,10 +303,11 @@ mod tests {
     fn commands_in_documents_and_examples_can_be_typed() {
         let mut texts = Vec::new();
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-        let documents = std::fs::read_dir(root.join("docs")).unwrap();
-        let documents = documents.map(|entry| entry.unwrap().path());
-        for path in documents.chain([root.join("README.md")]) {
-            if path.extension().is_some_and(|e| e == "md") {
+        let mut open = vec![root.join("docs"), root.join("README.md")];
+        while let Some(path) = open.pop() {
+            if path.is_dir() {
+                open.extend(std::fs::read_dir(path).unwrap().map(|e| e.unwrap().path()));
+            } else if path.extension().is_some_and(|e| e == "md") {
                 texts.push(std::fs::read_to_string(path).unwrap());
             }
         }

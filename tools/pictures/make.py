@@ -1,0 +1,94 @@
+#!/usr/bin/env python3
+"""Makes the pictures of the manual from simulated rooms: python make.py STILLPOINT [WORK]. Needs Chromium on the path, and Pillow of PyPI.
+
+STILLPOINT is the program, WORK a folder for what it writes (default: a temporary one). The pictures are docs/images/*.png, but for demo.png and rerun.png.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from PIL import Image, ImageOps
+
+IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
+LARGEST = 200_000  # bytes of a picture: pages open fast, and the repository stays small
+FRAME = 70  # of walking_xyz: somebody walks past the desk
+BROWSER = ["--headless=new", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--run-all-compositor-stages-before-draw", "--window-size=1280,1500"]
+
+
+def keep(image: Image.Image, name: str, width: int) -> None:
+    """Writes a picture of at most this width, in as many colours as its size allows."""
+    image = image.convert("RGB")
+    if image.width > width:
+        image = image.resize((width, round(image.height * width / image.width)), Image.Resampling.LANCZOS)
+    path = IMAGES / name
+    for colours in (256, 128, 64, 32):
+        image.quantize(colours, dither=Image.Dither.NONE).save(path, optimize=True)
+        if path.stat().st_size <= LARGEST:
+            break
+    print(f"{path.name}: {image.width}x{image.height}, {path.stat().st_size} bytes")
+
+
+def shot(work: Path, url: str, *options: str) -> Image.Image:
+    """What Chromium shows of an address."""
+    program = shutil.which("chromium") or shutil.which("google-chrome") or sys.exit("expected chromium on the path, found none; install it")
+    path = work / "shot.png"
+    command = [program, *BROWSER, f"--user-data-dir={work / 'browser'}", *options, f"--screenshot={path}", url]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, timeout=120)
+    return Image.open(path).copy()
+
+
+def live(program: str, work: Path, room: Path) -> Image.Image:
+    """The page of a live run, some seconds after its start. A browser that draws by software may be late: of several pictures that with the most in it."""
+    command = [program, "live", "file", str(room), "--detector", f"scripted:{room}/detections.csv", "--dense", "--view", "127.0.0.1:21399", "--out", str(work / "live")]
+    pictures = []
+    for wait in (4000, 5000, 6000):
+        with subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as run:
+            time.sleep(0.5)
+            pictures.append(shot(work, "http://127.0.0.1:21399/", f"--timeout={wait}"))
+            run.wait()
+    return max(pictures, key=Image.Image.entropy)
+
+
+def make(program: str, work: Path) -> None:
+    def call(*arguments: str) -> None:
+        subprocess.run([program, *arguments, "--quiet"], check=True, cwd=work)
+
+    room, out = work / "room", work / "out"
+    call("simulate", "--scene", "walking_xyz", "--frames", "240", "--out", "room")
+    call("run", "room", "--detector", "scripted:room/detections.csv", "--dense", "--overlay", "overlay", "--masks", "masks", "--out", "out")
+    page = f"file://{out / 'report.html'}#frame={FRAME}"
+    # Without figures of speed: they are those of a machine that also draws the pages.
+    report = shot(work, page, "--virtual-time-budget=8000")
+    keep(report.crop((0, 340, 1280, 1415)), "report.png", 900)
+    view = (16, 458, 823, 965)
+    keep(report.crop(view), "surface.png", 720)
+    keep(shot(work, f"{page}&view=top", "--virtual-time-budget=8000").crop(view), "map.png", 720)
+    keep(live(program, work, room).crop((0, 385, 1280, 1015)), "live.png", 900)
+    keep(Image.open(work / "overlay" / f"{FRAME:06}.png"), "overlay.png", 640)
+    colour = sorted((room / "rgb").iterdir())[FRAME]
+    pair = Image.new("RGB", (1290, 480), "white")
+    pair.paste(Image.open(colour), (0, 0))
+    pair.paste(Image.open(work / "masks" / colour.name).convert("RGB"), (650, 0))
+    keep(pair, "masks.png", 900)
+    plan = ImageOps.expand(Image.open(out / "grid.pgm"), 2, 128)
+    keep(plan.resize((plan.width * 4, plan.height * 4), Image.Resampling.NEAREST), "plan.png", 480)
+    keep(Image.open(out / "plot.png"), "errors.png", 900)
+    call("simulate", "--scene", "crowd_coat", "--frames", "30", "--out", "coat")
+    keep(Image.open(sorted((work / "coat" / "rgb").iterdir())[-1]), "coat.png", 480)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3):
+        sys.exit(__doc__)
+    if len(sys.argv) == 3:
+        Path(sys.argv[2]).mkdir(parents=True, exist_ok=True)
+        make(str(Path(sys.argv[1]).resolve()), Path(sys.argv[2]).resolve())
+    else:
+        with tempfile.TemporaryDirectory() as folder:
+            make(str(Path(sys.argv[1]).resolve()), Path(folder))
