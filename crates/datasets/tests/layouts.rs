@@ -202,7 +202,7 @@ fn numbered_images_ask_for_their_camera() {
 fn depth_in_fewer_pixels_is_refused_with_what_to_do() {
     let f = Folder::tum("phone", 2);
     for (size, part) in [
-        ([16, 12], "by nearest neighbours"),
+        ([16, 12], "mogrify -sample '32x24!'"),
         ([16, 16], "register depth"),
     ] {
         let of = image::ImageBuffer::from_pixel(size[0], size[1], image::Luma([5000_u16]));
