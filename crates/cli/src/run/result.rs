@@ -181,7 +181,7 @@ pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -
     }
 }
 
-/// One frame in so many may be unreadable. A few damaged images are part of life, and tracking goes on behind them; with more than
+/// One frame in so many may be unreadable, as for the doctor. A few damaged images are part of life, and tracking goes on behind them; with more than
 /// that something is wrong with the recording as a whole, and poses are far apart.
 const READABLE: usize = 10;
 
