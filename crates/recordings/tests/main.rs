@@ -2,6 +2,7 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod cameras;
+mod clocks;
 mod damage;
 mod edited;
 mod encodings;

@@ -3,7 +3,7 @@
 
 use crate::args::run::OutputArgs;
 use crate::console;
-use crate::eval::offset;
+use crate::eval::{offset, order};
 use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
@@ -287,6 +287,7 @@ fn scores(truth: &[StampedPose], session: &Session) -> Option<(Score, Score)> {
     let truth = timed(truth);
     let options = EvalOptions::default();
     let poses = timed(&session.final_poses);
+    order::remark(&truth, &poses);
     offset::remark(
         &truth,
         &poses,
