@@ -45,12 +45,12 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
     );
     // What is wrong with the geometry or the clocks would be learned as a readout.
     if report.findings.is_empty() {
-        let followed = follow(&input, start, args.seconds)?;
+        let followed = follow(&input, start, report.frames)?;
         match followed.readout {
             Some(figure) => report.measured.push(figure),
             None => report
                 .not_judged
-                .push("the readout of a rolling shutter: the camera moves too little".into()),
+                .push("the readout of a rolling shutter: these seconds do not tell it".into()),
         }
         if let Some(imu) = input.imu() {
             let turn = |p: &(f64, Se3)| (p.0, p.1.rotation);
@@ -112,8 +112,8 @@ struct Followed {
     wheels: Vec<OdometrySample>,
 }
 
-/// Tracks the same frames.
-fn follow(input: &Input, start: usize, seconds: f64) -> Result<Followed, Failure> {
+/// Tracks the same frames, as many as were looked at.
+fn follow(input: &Input, start: usize, count: usize) -> Result<Followed, Failure> {
     let camera = input.camera().camera;
     let mut system =
         System::new(Config::default(), camera, Simd::detect()).map_err(Failure::input)?;
@@ -121,14 +121,13 @@ fn follow(input: &Input, start: usize, seconds: f64) -> Result<Followed, Failure
         start,
         ..FrameOptions::default()
     })?;
-    let (mut first, mut samples, mut wheels, mut poses) =
-        (None, Vec::new(), Vec::new(), Vec::new());
-    while let Some(Ok(frame)) = frames.next_frame() {
+    let (mut samples, mut wheels, mut poses) = (Vec::new(), Vec::new(), Vec::new());
+    for _ in 0..count {
+        let Some(Ok(frame)) = frames.next_frame() else {
+            break;
+        };
         samples.extend(frames.take_inertial());
         wheels.extend(frames.take_odometry());
-        if frame.stamp - *first.get_or_insert(frame.stamp) > seconds {
-            break;
-        }
         for event in system.step(frame) {
             if let Event::Frame(frame) = event {
                 let report = &frame.report;

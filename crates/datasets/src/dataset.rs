@@ -3,6 +3,7 @@
 use crate::associate::DEFAULT_MAX_DT;
 use crate::camera::{self, CameraChoice, CameraModel};
 use crate::error::{DatasetError, Result};
+use crate::index::index;
 use crate::layout::{self, Layout};
 use crate::lists::Said;
 use crate::set_back::SetBack;
@@ -126,7 +127,7 @@ impl Dataset {
             }
         };
         let mut said = Said::default();
-        let (entries, counts) = layout::index(path, &names, layout, options.max_dt, &mut said)?;
+        let (entries, counts) = index(path, &names, layout, options.max_dt, &mut said)?;
         guesses.append(&mut said.guesses);
         warnings.append(&mut said.warnings);
         guesses.push(format!(

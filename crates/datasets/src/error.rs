@@ -79,7 +79,7 @@ pub enum DatasetError {
         advice: String,
     },
     /// A stamp is not later than the one before it.
-    #[error("{}:{line}: expected a stamp after {previous:.6}, found {found:.6}, which {}; sort the lines by stamp and remove repeats", path.display(), if found < previous { "goes back" } else { "repeats" })]
+    #[error("{}:{line}: expected a stamp after {previous:.6}, found {found:.6}, which {}", path.display(), behind(*previous, *found))]
     StampOrder {
         /// The file.
         path: PathBuf,
@@ -177,6 +177,18 @@ impl DatasetError {
             Self::Malformed { line, .. } | Self::StampOrder { line, .. } => Some(*line),
             _ => None,
         }
+    }
+}
+
+/// How a stamp is behind the one before, and what to do.
+fn behind(previous: f64, found: f64) -> String {
+    if found < previous {
+        format!(
+            "goes back by {:.6} s; where the clock was set back, add that and a usual step to the stamps from there on, else sort the lines by stamp",
+            previous - found
+        )
+    } else {
+        "repeats; keep one line of each stamp".to_owned()
     }
 }
 

@@ -1,7 +1,8 @@
 //! Ground truth in this project's conventions: `world_from_camera` of the colour camera, x right, y down, z forward.
 
 use crate::error::{DatasetError, Result};
-use crate::layout::{Layout, NUMBERED_RATE, icl_ground_truth, names_in, seven_scenes_number};
+use crate::index::{NUMBERED_RATE, seven_scenes_number};
+use crate::layout::{Layout, icl_ground_truth, names_in};
 use crate::lists::{data_lines, parse_numbers, read_text};
 use crate::trajectory::{self, StampedPose};
 use std::path::{Path, PathBuf};

@@ -53,6 +53,7 @@ mod error;
 mod fault;
 mod ground_truth;
 mod imu;
+mod index;
 mod layout;
 mod lists;
 mod odometry;

@@ -7,9 +7,9 @@ use std::io::Cursor;
 
 /// Pixels of an image at most, as many as a video of 8K has: with all that is made of it on the way it takes some hundred megabytes.
 pub const MOST_PIXELS: u64 = 1 << 25;
-/// Pixels of a row or column at most: no sensor has as many.
+/// Pixels of a row or column at most: four times those of 8K.
 const LONGEST_SIDE: u32 = 1 << 15;
-/// Bytes of an image file at most: of as many pixels of noise, eight bytes each.
+/// Bytes of an image file at most: of as many pixels of noise, eight bytes each, as 16-bit RGBA has.
 pub(crate) const LARGEST_FILE: u64 = 1 << 28;
 
 /// The format of an image, where it is one that is read: PNG, JPEG or WebP.
@@ -70,9 +70,9 @@ fn webp_is_whole(bytes: &[u8]) -> bool {
     stated.is_some_and(|b| u64::from(u32::from_le_bytes(b)) + 8 <= bytes.len() as u64)
 }
 
-/// First bytes of a PNG.
+/// Bytes of a PNG's signature (PNG specification, section 5.2).
 const PNG: usize = 8;
-/// Length, name and checksum of a chunk of a PNG.
+/// Bytes of length, name and checksum around the data of a chunk of a PNG (section 5.3).
 const AROUND: usize = 12;
 
 /// What of an image its pixels need. Of a PNG these are four kinds of chunks: others may be profiles and texts that unpack to gigabytes, and the decoder unpacks

@@ -1,12 +1,14 @@
 //! The form of a file of poses: which columns it has, in which unit its stamps are, and where w stands in its quaternions.
 //!
 //! Answers: how the lines of a file are to be read whose poses are those of the TUM format, or of EuRoC (`data.csv`: nanoseconds, place, quaternion with w first,
-//! and perhaps velocities and biases behind it). What tells is a header with the names of the columns, the number of columns, and the stamps.
+//! and perhaps velocities and biases behind it). What tells is a header with the names of the columns, the number of columns, the stamps, and the signs of quaternions.
 
 use crate::error::Result;
 use crate::lists::{Line, data_lines, parse_first_numbers, parse_numbers};
+use crate::trajectory::StampedPose;
 use crate::units::{BETWEEN_POSES, Unit};
 use std::path::Path;
+use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
 
 /// What a line of a trajectory holds.
 const COLUMNS: &str = "8 numbers: timestamp tx ty tz qx qy qz qw";
@@ -26,7 +28,12 @@ pub(crate) struct PoseForm {
     more: bool,
     /// The number of a line, from 1, that names the columns and is no comment.
     pub(crate) header: Option<usize>,
+    /// Neither names of columns nor their number tell where w stands.
+    undecided: bool,
 }
+
+/// Quaternions whose w is kept from being negative show by it where w stands, if their camera turned so far that this was needed: its largest value at least.
+const CLEAR: f64 = 0.1;
 
 impl PoseForm {
     /// The form of a file by its text.
@@ -50,6 +57,29 @@ impl PoseForm {
             w_first: by_name.unwrap_or(as_euroc),
             more: columns == EUROC || (columns > POSE && by_name.is_some()),
             header,
+            undecided: by_name.is_none() && !as_euroc,
+        }
+    }
+
+    /// Takes the quaternions of poses that were read with w last for such with w first where their signs tell: between two lines all signs are exchanged, and yet
+    /// the first number is never negative, as many programs write w.
+    pub(crate) fn judge_signs(&mut self, poses: &mut [StampedPose]) {
+        if !self.undecided {
+            return;
+        }
+        let numbers = |p: &StampedPose| p.world_from_camera.rotation.coords;
+        let lowest = |at: usize| poses.iter().map(|p| numbers(p)[at]).fold(1.0, f64::min);
+        let highest = poses.iter().map(|p| numbers(p)[0]).fold(0.0, f64::max);
+        // Two poses in a row are alike: were signs kept, so would be their numbers.
+        let exchanged = |w: &[StampedPose]| numbers(&w[0]).dot(&numbers(&w[1])) < -0.5;
+        self.w_first = lowest(0) >= 0.0
+            && highest > CLEAR
+            && lowest(3) < 0.0
+            && poses.windows(2).any(exchanged);
+        for p in poses.iter_mut().filter(|_| self.w_first) {
+            let q = numbers(p);
+            p.world_from_camera.rotation =
+                UnitQuaternion::new_normalize(Quaternion::new(q[0], q[1], q[2], q[3]));
         }
     }
 
@@ -67,8 +97,13 @@ impl PoseForm {
         let mut remarks: Vec<String> = self.unit.remark(path).into_iter().collect();
         if self.w_first {
             let form = if self.more { "EuRoC's columns, " } else { "" };
+            let signs = if self.undecided {
+                ", as the signs tell: the first number is never negative, though all signs are exchanged between two lines"
+            } else {
+                ""
+            };
             remarks.push(format!(
-                "{}: {form}quaternions with w first (qw qx qy qz)",
+                "{}: {form}quaternions with w first (qw qx qy qz){signs}",
                 path.display()
             ));
         }
@@ -130,6 +165,43 @@ mod tests {
         ] {
             assert_eq!(first(&format!("{header}{rows}")), (1.5, 1.0, w), "{header}");
         }
+    }
+
+    /// Poses of a camera that turns about itself, w never negative; the numbers of the quaternions from the place `first` on, in a ring of w, x, y, z.
+    fn turning(first: usize, clear: f64) -> String {
+        let row = |k: u32| {
+            let half = 0.05 * f64::from(k);
+            let q = [half.cos(), clear * half.sin(), 0.0, half.sin()];
+            let sign = if q[0] < 0.0 { -1.0 } else { 1.0 };
+            let n: Vec<String> = (0..4)
+                .map(|i| (sign * q[(first + i) % 4]).to_string())
+                .collect();
+            format!("{}.5 1 2 3 {}\n", k, n.join(" "))
+        };
+        (0..90).map(row).collect()
+    }
+
+    #[test]
+    fn signs_tell_where_w_stands() {
+        for clear in [0.0, 0.5] {
+            let parsed = |first| trajectory::parse_said(&turning(first, clear), Path::new("t"));
+            let (poses, said) = parsed(0).unwrap();
+            assert!(said.len() == 1 && said[0].contains("w first"), "{said:?}");
+            let (same, nothing) = parsed(1).unwrap();
+            assert!(nothing.is_empty(), "{nothing:?}");
+            for (a, b) in poses.iter().zip(&same) {
+                let between = a.world_from_camera.rotation.inverse() * b.world_from_camera.rotation;
+                assert!(between.angle() < 1e-6, "{a:?} {b:?}");
+            }
+        }
+        // Signs that nobody kept: nothing is told.
+        let kept: String = turning(0, 0.5)
+            .lines()
+            .take(30)
+            .collect::<Vec<_>>()
+            .join("\n");
+        let (_, said) = trajectory::parse_said(&kept, Path::new("t")).unwrap();
+        assert!(said.is_empty(), "{said:?}");
     }
 
     #[test]

@@ -96,9 +96,13 @@ pub(crate) fn check_size(
     let same_view =
         u64::from(width) * u64::from(c.height) == u64::from(height) * u64::from(c.width);
     let advice = if what == "depth" && same_view {
-        "name the camera that took it, and register depth to the colour image; where depth shows the same view in other pixels, as phones measure it, bring it to this size by nearest neighbours"
+        let folder = path.parent().unwrap_or(path).display();
+        format!(
+            "name the camera that took it, and register depth to the colour image; where depth shows the same view in other pixels, as phones measure it, bring copies of the images to this size by nearest neighbours, by ImageMagick for instance: mogrify -sample '{}x{}!' '{folder}'/*.png",
+            c.width, c.height
+        )
     } else {
-        "name the camera that took it, and register depth to the colour image"
+        "name the camera that took it, and register depth to the colour image".to_owned()
     };
     Err(DatasetError::Image {
         path: path.to_owned(),
@@ -107,7 +111,7 @@ pub(crate) fn check_size(
             c.width, c.height, model.name
         ),
         found: format!("{width} x {height} px"),
-        advice: advice.into(),
+        advice,
     })
 }
 

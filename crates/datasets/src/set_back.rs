@@ -6,17 +6,18 @@
 
 use std::collections::BTreeSet;
 
-/// A stamp that is behind by less than so many steps may be late by a moment: it is put in its place.
+/// A stamp that is behind by less than so many steps may be late by a moment: it is put in its place. Two images that two threads write in the wrong order are one step apart.
 const MOMENT: f64 = 1.5;
-/// Stamps in a row that are behind where a clock was set back, at least.
+/// Stamps in a row that are behind where a clock was set back, at least: one alone may be late.
 const ROW: usize = 2;
-/// A list with more places of this kind is in no order at all, and is sorted.
+/// A list with more places of this kind is in no order at all, and is sorted: NTP sets a clock some times in a recording at most.
 const MOST: usize = 10;
-/// Two parts of a list that follow each other within so many steps were written in the wrong order.
+/// Two parts of a list that follow each other within so many usual steps were written in the wrong order; some images may be missing between them.
 const SEAM: f64 = 5.0;
-/// A step by the clock of the writer that is taken for one between two images at most, s.
+/// A step by the clock of the writer that is taken for one between two images at most, s: beyond that the writer's clock was set, or a recording was paused.
 const LONGEST_STEP: f64 = 10.0;
-/// Two streams of one clock differ in what they were set back by at most by this share of it and so many steps: images may be missing there.
+/// Two streams of one clock differ in what they were set back by at most by this share of it and so many usual steps: each lacks up to a step at either side of that moment,
+/// and images may be missing there.
 const ALIKE: f64 = 0.5;
 const ALIKE_STEPS: f64 = 3.0;
 
@@ -49,7 +50,7 @@ impl Mended {
     #[must_use]
     pub fn remark(at: &SetBack, place: &str) -> String {
         format!(
-            "{place}: stamps go back by {:.3} s, as the clock was set back; images are taken in the order in which they were written, and stamps from there on are {:.3} s later",
+            "{place}: stamps go back by {:.3} s, as the clock was set back; the order of writing is kept, and stamps from there on are {:.3} s later",
             at.by, at.added
         )
     }

@@ -29,8 +29,8 @@ pub fn read(path: &Path) -> Result<Vec<StampedPose>> {
     read_said(path).map(|(poses, _)| poses)
 }
 
-/// The same, and in a sentence each what was found out about the file: stamps in milliseconds, microseconds or nanoseconds, EuRoC's columns, quaternions that a
-/// header names with w first.
+/// The same, and in a sentence each what was found out about the file: stamps in milliseconds, microseconds or nanoseconds, EuRoC's columns, quaternions with
+/// w first that a header names or their signs betray.
 ///
 /// # Errors
 /// As [`read`].
@@ -47,7 +47,7 @@ pub fn parse(text: &str, path: &Path) -> Result<Vec<StampedPose>> {
 }
 
 pub(crate) fn parse_said(text: &str, path: &Path) -> Result<(Vec<StampedPose>, Vec<String>)> {
-    let form = PoseForm::of(text);
+    let mut form = PoseForm::of(text);
     let mut poses: Vec<StampedPose> = Vec::new();
     for line in data_lines(text).filter(|l| Some(l.number) != form.header) {
         let pose = parse_line(&line, path, &form)?;
@@ -63,6 +63,7 @@ pub(crate) fn parse_said(text: &str, path: &Path) -> Result<(Vec<StampedPose>, V
         }
         poses.push(pose);
     }
+    form.judge_signs(&mut poses);
     Ok((poses, form.remarks(path)))
 }
 

@@ -6,8 +6,6 @@ use proptest::prelude::*;
 use stillpoint_datasets::{Dataset, OpenOptions, read_colour, read_depth, read_gray};
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
     #[test]
     fn mutated_images_never_panic(
         changes in proptest::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),

@@ -1,17 +1,13 @@
-//! Layouts, cameras, frames and ground truth of small data sets; recording; reading ahead.
+//! Layouts, cameras, frames and ground truth of small data sets; recording.
 
 use crate::common::{Folder, H, W, depth, gray};
 use image::{DynamicImage, ImageFormat};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use stillpoint_datasets::{
-    CameraChoice, ColourFormat, Dataset, FrameOptions, Layout, OpenOptions, ReadAhead, Recorder,
-    read_depth,
+    CameraChoice, ColourFormat, Dataset, FrameOptions, Layout, OpenOptions, Recorder, read_depth,
 };
 use stillpoint_geometry::{Camera, Se3, Vec3, so3};
-use stillpoint_imaging::{
-    ColourImage, DepthImage, FrameId, FrameSource, GrayImage, RgbdFrame, SourceError,
-};
+use stillpoint_imaging::{ColourImage, DepthImage, FrameId, FrameSource, GrayImage, RgbdFrame};
 
 fn frames(dataset: &Dataset, options: &FrameOptions) -> Vec<RgbdFrame> {
     let mut source = dataset.frames(options).unwrap();
@@ -202,7 +198,7 @@ fn numbered_images_ask_for_their_camera() {
 fn depth_in_fewer_pixels_is_refused_with_what_to_do() {
     let f = Folder::tum("phone", 2);
     for (size, part) in [
-        ([16, 12], "by nearest neighbours"),
+        ([16, 12], "mogrify -sample '32x24!'"),
         ([16, 16], "register depth"),
     ] {
         let of = image::ImageBuffer::from_pixel(size[0], size[1], image::Luma([5000_u16]));
@@ -269,7 +265,7 @@ fn seven_scenes() {
     );
 }
 
-fn frame(i: u32, colour: bool) -> RgbdFrame {
+pub(crate) fn frame(i: u32, colour: bool) -> RgbdFrame {
     let (w, h) = (16, 12);
     let gray = GrayImage::from_vec(
         w,
@@ -354,89 +350,4 @@ fn saturated_depth_is_no_measurement() {
         read_depth(&f.path.join("d.png"), 1000.0).unwrap().at(0, 0),
         0.0
     );
-}
-
-/// Yields frames and errors by a script: `f`rame, `r`ecoverable error, `e`nd with error, `p`anic.
-struct Scripted {
-    script: std::vec::IntoIter<char>,
-    read: Arc<AtomicUsize>,
-}
-
-impl FrameSource for Scripted {
-    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
-        let i = self.read.fetch_add(1, Ordering::SeqCst) as u32;
-        let error = |recoverable| {
-            Some(Err(SourceError {
-                message: "scripted".into(),
-                recoverable,
-            }))
-        };
-        match self.script.next()? {
-            'f' => Some(Ok(frame(i, false))),
-            'r' => error(true),
-            'e' => error(false),
-            _ => panic!("scripted panic"),
-        }
-    }
-
-    fn remaining(&self) -> Option<usize> {
-        Some(self.script.len())
-    }
-}
-
-fn scripted(script: &str) -> (Scripted, Arc<AtomicUsize>) {
-    let read = Arc::new(AtomicUsize::new(0));
-    let script = script.chars().collect::<Vec<_>>().into_iter();
-    (
-        Scripted {
-            script,
-            read: read.clone(),
-        },
-        read,
-    )
-}
-
-/// What comes out: `f`, `r`, or the message of the error that ends the stream.
-fn drain(mut source: impl FrameSource) -> Vec<String> {
-    let mut all = Vec::new();
-    while let Some(item) = source.next_frame() {
-        all.push(match item {
-            Ok(f) => format!("f{}", f.id),
-            Err(e) if e.recoverable => "r".into(),
-            Err(e) => e.message,
-        });
-    }
-    assert_eq!(source.remaining(), Some(0));
-    assert!(source.next_frame().is_none());
-    all
-}
-
-#[test]
-fn read_ahead_passes_everything_on_in_order() {
-    for n in [1, 2, 8] {
-        let out = |script| drain(ReadAhead::with_capacity(scripted(script).0, n));
-        assert_eq!(out("ffrf"), ["f0", "f1", "r", "f3"]);
-        assert_eq!(out("feff"), ["f0", "scripted"]);
-        let panicked = out("ffp");
-        assert_eq!(panicked[..2], ["f0", "f1"]);
-        assert!(
-            panicked[2].contains("panicked: scripted panic"),
-            "{}",
-            panicked[2]
-        );
-        assert!(out("").is_empty());
-    }
-    let source = ReadAhead::new(scripted("ffff").0);
-    assert_eq!(source.remaining(), Some(4));
-}
-
-#[test]
-fn read_ahead_is_bounded_and_stops_when_dropped() {
-    let (source, read) = scripted(&"f".repeat(1000));
-    let mut ahead = ReadAhead::with_capacity(source, 3);
-    ahead.next_frame().unwrap().unwrap();
-    drop(ahead);
-    // One taken, three ready, one or two in the hands of the thread; the rest was never read.
-    let n = read.load(Ordering::SeqCst);
-    assert!((1..=6).contains(&n), "{n}");
 }

@@ -7,6 +7,7 @@ mod common;
 mod disturb;
 mod fuzz;
 mod layouts;
+mod read_ahead;
 mod real_data;
 mod scripted;
 mod splice;

@@ -194,7 +194,12 @@ fn velocity(edge: &Edge, motions: &[Motion]) -> Option<f32> {
 /// One frame in so many may be unreadable: a few damaged images are part of life.
 const READABLE: usize = 10;
 
-/// Looks at so many seconds of a stream. Frames that cannot be read are passed over, and where they are many that is found.
+/// Pixels that are looked at for each second that was asked for: those of 1280 x 720 px at 30 Hz. Three seconds of them take some seconds of a processor, and more of
+/// larger images would take minutes.
+const PIXELS_PER_SECOND: f64 = 1280.0 * 720.0 * 30.0;
+
+/// Looks at so many seconds of a stream, or at less of them where images are large, which the report says. Frames that cannot be read are passed over, and where they are
+/// many that is found.
 ///
 /// # Errors
 /// The first error of a stream of which no frame can be read.
@@ -205,14 +210,17 @@ pub fn examine(
 ) -> Result<Report, SourceError> {
     let mut doctor = Doctor::new(setup);
     let (mut first, mut unread, mut error) = (None, 0_usize, None);
+    let most = seconds * PIXELS_PER_SECOND;
+    let mut pixels = 0.0;
     while let Some(item) = source.next_frame() {
         match item {
             Ok(frame) => {
                 let begin = *first.get_or_insert(frame.stamp);
-                if frame.stamp - begin > seconds {
+                if frame.stamp - begin > seconds || pixels >= most {
                     break;
                 }
                 doctor.look(&frame);
+                pixels += frame.gray.data().len() as f64;
             }
             Err(e) => {
                 unread += 1;
@@ -231,6 +239,15 @@ pub fn examine(
         }));
     }
     let mut report = doctor.report();
+    if pixels >= most {
+        report.pass_over(format!(
+            "what comes after {:.1} s: images of {} x {} px are so large that {:.0} megapixels of {seconds} s are looked at, and no more; ask for more seconds",
+            report.seconds,
+            doctor.size[0],
+            doctor.size[1],
+            1e-6 * most
+        ));
+    }
     if let Some(error) = error.filter(|_| unread * READABLE > unread + report.frames) {
         unreadable(unread, &error, &mut report);
     }
@@ -250,4 +267,51 @@ fn unreadable(unread: usize, first: &SourceError, report: &mut Report) {
         evidence: vec![Figure::new("frames that cannot be read", unread as f64, "")],
     };
     report.findings.insert(0, finding);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use stillpoint_imaging::{DepthImage, FrameId, GrayImage};
+
+    /// A wall before a camera at 30 Hz, in images of a size.
+    struct Wall(usize, usize, u32);
+
+    impl FrameSource for Wall {
+        fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
+            let Self(width, height, id) = *self;
+            self.2 += 1;
+            let stamp = f64::from(id) / 30.0;
+            Some(Ok(RgbdFrame {
+                id: FrameId(id),
+                stamp,
+                depth_stamp: stamp,
+                gray: GrayImage::from_vec(width, height, vec![90; width * height]).ok()?,
+                colour: None,
+                depth: DepthImage::from_vec(width, height, vec![2.0; width * height]).ok()?,
+            }))
+        }
+    }
+
+    #[test]
+    fn of_large_images_fewer_are_looked_at_and_that_is_said() {
+        let looked = |width: usize, height: usize| {
+            let setup = Setup {
+                camera: Camera::pinhole(
+                    width as u32,
+                    height as u32,
+                    [width as f64, width as f64, width as f64 / 2.0, height as f64 / 2.0],
+                ),
+                depth_scale: 1000.0,
+            };
+            let report = examine(&mut Wall(width, height, 0), setup, 0.5).ok()?;
+            let said = report.not_judged.iter().find(|s| s.contains("so large"));
+            Some((report.frames, said.cloned()))
+        };
+        // Half a second of 1280 x 720 px are 13.8 megapixels.
+        let (frames, said) = looked(2400, 1600).expect("frames");
+        assert_eq!(frames, 4);
+        assert!(said.is_some_and(|s| s.contains("after 0.1 s: images of 2400 x 1600 px")));
+        assert_eq!(looked(320, 240), Some((16, None)));
+    }
 }

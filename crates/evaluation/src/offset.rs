@@ -6,22 +6,23 @@
 use crate::TimedPose;
 use stillpoint_geometry::{Vec3, align_umeyama};
 
-/// Offsets that are tried to both sides, s: two computers whose clocks nobody set are farther apart, and then nothing overlaps.
+/// Offsets that are tried to both sides, s: delays of networks and clocks that were set from one another are far below it (evo's users name some tenths), and two computers
+/// whose clocks nobody set are so far apart that nothing overlaps.
 const REACH: f64 = 5.0;
-/// The same where nothing overlaps and one trajectory is longer than the other, s.
+/// The same where nothing overlaps and one trajectory is longer than the other, s: by so much recordings of one walk begin apart, at two keyboards.
 const LONGEST_REACH: f64 = 60.0;
-/// Steps between offsets, s: the motion of a hand changes within a quarter of a second.
+/// Steps between offsets, s, each within the one before: the motion of a hand changes within a quarter of a second, and stamps are meant to a millisecond.
 const STEPS: [f64; 3] = [0.05, 0.005, 0.0005];
-/// Poses of the estimate that are compared at most; the others move alike.
+/// Poses of the estimate that are compared at most: some 20 s at 30 Hz, so that 200 offsets take a fraction of a second.
 const MOST_POSES: usize = 600;
-/// Poses of the ground truth are interpolated where they are not farther apart than this, s ...
+/// Poses of the ground truth are interpolated where they are not farther apart than this, s, or than so many of their usual steps: a hand moves on a line for a tenth of a
+/// second to a millimetre or two, and motion capture loses a pose or two now and then.
 const GAP: f64 = 0.1;
-/// ... or than so many of their usual steps.
 const GAP_STEPS: f64 = 3.0;
-/// Share of the poses that have to be compared: fewer fit by chance.
+/// Share of the poses that have to be compared, and their number: fewer fit by chance, as an alignment has six freedoms and the offset is a seventh.
 const MIN_SHARE: f64 = 0.8;
 const MIN_POSES: usize = 10;
-/// An offset fits far better when the error falls below this share, by at least so much, m: delays of a camera's own images make 4 mm.
+/// An offset fits far better when the error falls below this share, by at least so much, m: the delay of a camera's own images (16 ms on fr1) makes 4 mm, and is no fault.
 const FAR_BETTER: f64 = 0.5;
 const BY_AT_LEAST: f64 = 0.005;
 

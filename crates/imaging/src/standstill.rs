@@ -5,32 +5,16 @@
 //! a change of what the other image shows. Where both images repeat, noise decides: a sensor with noise never says the same twice, so its stream hangs; without noise the camera
 //! is at rest, or the stream was paused.
 
-use crate::{DepthImage, FrameId, GrayImage, RgbdFrame};
+mod evidence;
+
+use crate::{FrameId, RgbdFrame};
+use evidence::{
+    goes_on_as_before, has_changed, has_contrast, has_depth, has_edges, has_noise, steps,
+};
 use std::sync::Arc;
 
-/// Side of the blocks whose means are compared, px, and stride within them.
-const BLOCK: usize = 8;
-const STRIDE: usize = 2;
-/// A block of the colour image has changed by more than this, grey levels, beyond what all have: noise of 8 levels leaves a quarter of it.
-const CHANGED: f32 = 4.0;
-/// Share of the blocks that have changed where the camera moved, or something in its view.
-const MOVED: f32 = 0.01;
 /// Depth that goes on from an image by so much more than from frame to frame is that of a camera that moves: noise alone gives 1.
 const GOES_ON: f32 = 1.3;
-/// The same of one step, where the colour image still changed at the step before: a camera that moves goes on.
-const GOES_ON_AS_BEFORE: f32 = 0.7;
-/// Depth without noise is as smooth as surfaces are: of three neighbours the middle one is where the others have it, within its rounding (at most this, m) and this share of it.
-const ROUNDING: f32 = 0.001;
-const SMOOTH: f32 = 3e-4;
-/// Where more than this share of them is not, there is noise: rendered depth has up to 0.15, structured light, stereo and time of flight 0.35 and more.
-const NOISY: f32 = 0.25;
-/// A surface ends where depth changes by this share from pixel to pixel; one in so many pixels has to show that.
-const EDGE: f32 = 0.1;
-const EDGES: usize = 2000;
-/// Rows between two whose noise is judged.
-const ROWS: usize = 4;
-/// Share of the pixels that an image has to hold beside its most simple content (one grey level, no depth): a covered lens repeats itself by right.
-const CONTENT: usize = 100;
 
 /// What stands still.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -174,105 +158,10 @@ impl StillWatch {
     }
 }
 
-/// Whether a share of the pixels has depth.
-fn has_depth(depth: &DepthImage) -> bool {
-    let data = depth.data();
-    data.iter().filter(|z| **z > 0.0).count() * CONTENT > data.len()
-}
-
-/// Whether a share of the pixels differs from the first one.
-fn has_contrast(gray: &GrayImage) -> bool {
-    let data = gray.data();
-    let first = data.first().copied().unwrap_or_default();
-    data.iter().filter(|v| **v != first).count() * CONTENT > data.len()
-}
-
-/// Whether something moved from one image to the other, whatever became of the light.
-fn has_changed(a: &GrayImage, b: &GrayImage) -> bool {
-    let means = |image: &GrayImage| blocks(image.width(), image.data(), |v| Some(f32::from(*v)));
-    let differences = means(a).into_iter().zip(means(b));
-    let differences: Vec<f32> = differences.filter_map(|(a, b)| Some(b? - a?)).collect();
-    let count = differences.len().max(1) as f32;
-    let mean = differences.iter().sum::<f32>() / count;
-    let changed = differences.iter().filter(|d| (*d - mean).abs() > CHANGED);
-    changed.count() as f32 > MOVED * count
-}
-
-/// Whether depth goes on as it did when the colour image still changed.
-fn goes_on_as_before(earlier: &RgbdFrame, before: &RgbdFrame, last: &RgbdFrame) -> bool {
-    if !has_changed(&earlier.gray, &before.gray) {
-        return false;
-    }
-    let [_, step] = steps([&earlier.depth, &before.depth, &last.depth]);
-    let [_, step_before] = steps([&last.depth, &earlier.depth, &before.depth]);
-    step > GOES_ON_AS_BEFORE * step_before
-}
-
-/// By what share depth changes from the first image to the last, and from the one before to the last, summed over all blocks.
-fn steps(images: [&DepthImage; 3]) -> [f32; 2] {
-    let measured = |z: &f32| (*z > 0.0).then_some(*z);
-    let [first, before, last] = images.map(|i| blocks(i.width(), i.data(), measured));
-    let (mut all, mut step) = (0.0, 0.0);
-    for ((first, before), last) in first.into_iter().zip(before).zip(last) {
-        if let (Some(first), Some(before), Some(last)) = (first, before, last) {
-            all += (last - first).abs() / last;
-            step += (last - before).abs() / last;
-        }
-    }
-    [all, step]
-}
-
-/// Whether surfaces end in a depth image: along a plane without noise a camera can move and measure the same.
-fn has_edges(depth: &DepthImage) -> bool {
-    let pairs = depth.data().windows(2).step_by(STRIDE);
-    let ends = pairs.filter(|w| w[0] > 0.0 && w[1] > 0.0 && (w[0] - w[1]).abs() > EDGE * w[0]);
-    ends.count() * EDGES > depth.data().len()
-}
-
-/// Whether depth is rougher than surfaces are.
-fn has_noise(depth: &DepthImage) -> bool {
-    let rows = || depth.data().chunks(depth.width().max(1)).step_by(ROWS);
-    let near = |a: f32, c: f32| a > 0.0 && c > 0.0 && (a - c).abs() < 0.05 * a;
-    let differences = rows().flat_map(|row| row.windows(2).map(|w| (w[0] - w[1]).abs()));
-    let step = differences.filter(|d| *d > 0.0).fold(ROUNDING, f32::min);
-    let (mut rough, mut count) = (0_u32, 0_u32);
-    for w in rows().flat_map(|row| row.windows(3)) {
-        let [a, b, c] = [w[0], w[1], w[2]];
-        if b <= 0.0 || !near(a, c) {
-            continue;
-        }
-        // Along a line of a plane it is the inverse that is linear.
-        let off = (1.0 / a - 2.0 / b + 1.0 / c).abs() * b * b;
-        count += 1;
-        rough += u32::from(off > (1.1 * step).max(SMOOTH * b));
-    }
-    rough as f32 > NOISY * count.max(1) as f32
-}
-
-/// Means of blocks of an image, over the values that count; none of a block without one.
-fn blocks<T>(width: usize, data: &[T], value: impl Fn(&T) -> Option<f32>) -> Vec<Option<f32>> {
-    let columns = width.div_ceil(BLOCK);
-    let mut means = Vec::new();
-    for rows in data.chunks((BLOCK * width).max(1)) {
-        let mut sums = vec![(0.0_f32, 0_u32); columns];
-        for row in rows.chunks(width.max(1)).step_by(STRIDE) {
-            for (cell, sum) in row.chunks(BLOCK).zip(&mut sums) {
-                for v in cell.iter().step_by(STRIDE).filter_map(&value) {
-                    *sum = (sum.0 + v, sum.1 + 1);
-                }
-            }
-        }
-        means.extend(
-            sums.iter()
-                .map(|(sum, n)| (*n > 0).then(|| sum / *n as f32)),
-        );
-    }
-    means
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{DepthImage, GrayImage};
 
     const SIZE: (usize, usize) = (64, 48);
 

@@ -99,7 +99,7 @@ pub struct FileRecording {
     pub(crate) files: Files,
     pub(crate) inertial: Option<Sensor>,
     pub(crate) wheels: Option<Wheels>,
-    truth: Option<Vec<StampedPose>>,
+    truth: Option<truth::Said>,
     set_back: Vec<SetBack>,
     guesses: Vec<String>,
     warnings: Vec<String>,
@@ -217,6 +217,12 @@ impl FileRecording {
     /// Poses of the topic that was named, if one was.
     #[must_use]
     pub fn ground_truth(&self) -> Option<Vec<StampedPose>> {
+        self.ground_truth_said().map(|(poses, _)| poses)
+    }
+
+    /// The same, and in a sentence each what was found out about their stamps.
+    #[must_use]
+    pub fn ground_truth_said(&self) -> Option<(Vec<StampedPose>, Vec<String>)> {
         self.truth.clone()
     }
 

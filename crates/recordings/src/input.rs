@@ -237,7 +237,7 @@ impl Input {
     pub fn ground_truth_said(&self) -> Result<Option<(Vec<StampedPose>, Vec<String>)>> {
         match self {
             Self::Folder(d) => Ok(d.ground_truth_said()?),
-            Self::File(f) => Ok(f.ground_truth().map(|poses| (poses, Vec::new()))),
+            Self::File(f) => Ok(f.ground_truth_said()),
             Self::Device(_) => Ok(None),
         }
     }

@@ -1,11 +1,12 @@
 //! Ground truth from a topic of poses.
 
 use crate::error::{RecordingError, Result};
+use crate::file::in_order;
 use crate::probe::Probe;
 use crate::recording::Recording;
 use crate::store::{Slot, seconds};
 use crate::transforms::{self, frame_name};
-use stillpoint_datasets::StampedPose;
+use stillpoint_datasets::{Mended, StampedPose};
 use stillpoint_geometry::Se3;
 use stillpoint_ros_messages as ros;
 
@@ -16,6 +17,9 @@ const TYPES: [&str; 3] = [
     "nav_msgs/msg/Odometry",
 ];
 
+/// Poses in order of time, and in a sentence each what was found out about their stamps.
+pub(crate) type Said = (Vec<StampedPose>, Vec<String>);
+
 /// Reads the poses of a topic, in order of time, as those of the colour camera, whose frame is `camera`: where transforms lead from what moves to the
 /// camera, they are applied.
 pub(crate) fn read(
@@ -24,7 +28,7 @@ pub(crate) fn read(
     topic: &str,
     camera: &str,
     guesses: &mut Vec<String>,
-) -> Result<Vec<StampedPose>> {
+) -> Result<Said> {
     let channels = TYPES.iter().flat_map(|t| recording.channels_of(t));
     let all: Vec<u32> = channels.collect();
     let Some(channel) = all.iter().copied().find(|c| recording.topic(*c) == topic) else {
@@ -46,11 +50,11 @@ pub(crate) fn read(
         ));
     };
     let slots: Vec<Slot> = recording.slots_of(channel).copied().collect();
-    let mut found: Vec<StampedPose> = Vec::with_capacity(slots.len());
+    let (mut poses, mut read, mut stamps) = (Vec::new(), Vec::new(), Vec::new());
     let mut body = None;
-    for slot in slots {
-        let bytes = recording.read(&slot)?;
-        let (pose, child) = one(recording, &slot, &bytes)?;
+    for slot in &slots {
+        let bytes = recording.read(slot)?;
+        let (pose, child) = one(recording, slot, &bytes)?;
         let Some(world_from_body) = pose else {
             continue;
         };
@@ -66,14 +70,35 @@ pub(crate) fn read(
             });
             known.unwrap_or_else(Se3::identity)
         });
-        found.push(StampedPose {
-            stamp: seconds(slot.stamp.filter(|s| *s != 0).unwrap_or(slot.logged)),
-            world_from_camera: world_from_body * *body_from_camera,
-        });
+        stamps.push(seconds(
+            slot.stamp.filter(|s| *s != 0).unwrap_or(slot.logged),
+        ));
+        poses.push(world_from_body * *body_from_camera);
+        read.push(*slot);
     }
-    found.sort_by(|a, b| a.stamp.total_cmp(&b.stamp));
-    found.dedup_by(|a, b| a.stamp == b.stamp);
-    Ok(found)
+    let mended = in_order(&stamps, &read, &recording.set_back);
+    let said = remarks(&mended, topic);
+    let pose = |(stamp, at): (f64, usize)| StampedPose {
+        stamp,
+        world_from_camera: poses[at],
+    };
+    Ok((mended.stamps.into_iter().map(pose).collect(), said))
+}
+
+/// What is said of stamps that were in no order.
+fn remarks(mended: &Mended, topic: &str) -> Vec<String> {
+    let set_back = mended.set_back.iter().map(|at| {
+        let place = format!("ground truth: topic {topic}, pose {}", at.index + 1);
+        Mended::remark(at, &place)
+    });
+    let count =
+        |n: usize, what: &str| (n > 0).then(|| format!("ground truth: topic {topic}: {what}: {n}"));
+    let late = count(
+        mended.late,
+        "poses that come late by their stamps, all of which are sorted",
+    );
+    let repeats = count(mended.repeats, "poses that repeat a stamp and are left out");
+    set_back.chain(late).chain(repeats).collect()
 }
 
 /// The pose in a message, and the frame that it is of.

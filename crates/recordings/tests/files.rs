@@ -384,37 +384,3 @@ fn a_calibration_of_its_own_wins_over_a_nominal_preset() {
     // Its images have another size than this one's, which shows that it is taken.
     assert!(of("tum_fr1").unwrap_err().to_string().contains("tum_fr1"));
 }
-
-/// The recording computer's clock is set back by half a second: header stamps are older from there on, whatever the times of arrival are.
-#[test]
-fn the_order_of_writing_is_kept_where_a_clock_was_set_back() {
-    let dir = tempfile::tempdir().unwrap();
-    let set_back = |k: usize| arrived(k) - if k < 12 { 0 } else { 500_000_000 };
-    for arrives in [true, false] {
-        let mut messages = stamped_camera("/camera", 24, set_back);
-        let each = messages.len() / 24;
-        for (i, sent) in messages.iter_mut().enumerate().filter(|_| arrives) {
-            sent.time = arrived(i / each);
-        }
-        for (name, bytes) in variants(&messages) {
-            let path = put(dir.path(), name, &bytes);
-            let input = open(&path, &OpenOptions::default()).unwrap();
-            let said = input.warnings().join("; ");
-            assert!(
-                said.contains("message 13: stamps go back by 0.467 s"),
-                "{name}: {said}"
-            );
-            assert_eq!(input.set_back().len(), 1, "{name}");
-            let found = frames(&input);
-            assert_eq!(found.len(), 24, "{name}");
-            for (k, frame) in found.iter().enumerate() {
-                assert_eq!(frame.gray.at(3, 2), grey(k, 3, 2), "{name} {k}");
-                assert!(
-                    (frame.stamp - 5.0 - k as f64 / 30.0).abs() < 1e-3,
-                    "{name} {k}"
-                );
-                assert!((frame.depth_stamp - frame.stamp).abs() < 0.02, "{name} {k}");
-            }
-        }
-    }
-}

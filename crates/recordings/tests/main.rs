@@ -2,12 +2,14 @@
 #![allow(missing_docs, clippy::unwrap_used)]
 
 mod cameras;
+mod clocks;
 mod damage;
 mod edited;
 mod encodings;
 mod files;
 mod hostile;
 mod inertial;
+mod lies;
 mod mutations;
 mod odometry;
 mod orbbec;

@@ -96,8 +96,13 @@ pub(crate) fn stamped_camera(space: &str, frames: usize, stamp: fn(usize) -> u64
 
 /// Poses of a topic `/odom`, one per frame.
 pub(crate) fn odometry(frames: usize) -> Vec<Sent> {
+    stamped_odometry(frames, arrived)
+}
+
+/// The same with stamps, ns; they arrive at those times.
+pub(crate) fn stamped_odometry(frames: usize, stamp: impl Fn(usize) -> u64) -> Vec<Sent> {
     let one = |k: usize| {
-        let time = 5_000_000_000 + k as u64 * 33_333_333;
+        let time = stamp(k);
         let mut m = Odometry::default();
         m.header.stamp.sec = (time / 1_000_000_000) as i64;
         m.header.stamp.nanosec = (time % 1_000_000_000) as u32;

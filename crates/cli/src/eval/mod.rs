@@ -2,6 +2,7 @@
 
 mod objects;
 pub(crate) mod offset;
+pub(crate) mod order;
 mod tracks;
 
 use crate::args::eval::EvalArgs;
@@ -99,6 +100,7 @@ fn score_files(
             ground_truth.display()
         ))
     })?;
+    order::remark(&reference, &estimate);
     if !args.find_offset {
         offset::remark(&reference, &estimate, (args.scale, seconds), OPTION);
     }

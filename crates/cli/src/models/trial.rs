@@ -16,15 +16,15 @@ use stillpoint::models::known_by_sha256;
 const MEMORY: u64 = 850 << 20;
 /// How many more per byte of the model: it is held as read, as patched and as prepared, for two sizes.
 const PER_BYTE: u64 = 12;
-/// Bytes of address space beside its memory: libraries, and what threads keep for themselves without using it.
+/// Bytes of address space beside its memory: libraries, and what threads keep for themselves without using it (glibc: up to 128 MB for the arena of each).
 const ADDRESSES: u64 = 5 << 30;
 /// Seconds of processors that a trial may take beside one per [`MEGABYTE`] of the model: on small boards a detector of some megabytes takes some seconds for two
 /// loads and three looks.
 const SECONDS: u64 = 8;
 const MEGABYTE: u64 = 1_000_000;
-/// How long a trial may take by the clock. The largest detectors take some seconds.
+/// How long a trial may take by the clock: several times its seconds of processors, on a machine that is busy with other things.
 const TIME: Duration = Duration::from_secs(60);
-/// Between two looks at whether it has ended: shorter at first, since most take a fraction of a second.
+/// Between two looks at whether it has ended is a twentieth of the time that has passed, this at least and twenty times this at most: most trials take a fraction of a second.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// Tries a model in a process of its own, unless it is one of those that are known.
@@ -138,7 +138,7 @@ impl Trial {
 
 /// Begins the message that a command ends with.
 const ERROR: &str = "error: ";
-/// Bytes of such a message at most.
+/// Bytes of such a message at most: the longest of our own have some kilobytes.
 const LONGEST: u64 = 1 << 16;
 
 /// Gives the child the card and the model: the lengths of the card's name and text, then all three. A model without a card has an empty
@@ -261,6 +261,51 @@ mod tests {
         }
         let endless = "cat > /dev/null; while :; do :; done";
         assert_eq!(ended(endless, Duration::from_millis(50)), Ended::Never);
+    }
+
+    /// Names the limit, s, of the process that a test starts, and how long it works, s.
+    const LIMIT: &str = "STILLPOINT_TEST_LIMIT";
+
+    /// The process that [`a_limit_of_time_ends_a_process`] starts; without that it does nothing.
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn works_for_some_time() {
+        let Ok(named) = std::env::var(LIMIT) else {
+            return;
+        };
+        let (limited, works) = named.split_once(' ').unwrap();
+        limit(memory(0), limited.parse().unwrap()).unwrap();
+        let works: f64 = works.parse().unwrap();
+        // Hundredths of a second in this process and in the kernel for it, by proc(5).
+        let used = || {
+            let stat = std::fs::read_to_string("/proc/self/stat").unwrap();
+            let fields = stat.rsplit(')').next().unwrap().split_whitespace();
+            let ticks = fields.skip(11).take(2).map(|t| t.parse::<f64>().unwrap());
+            ticks.sum::<f64>() / 100.0
+        };
+        while used() < works {}
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn a_limit_of_time_ends_a_process() {
+        let content = Content {
+            bytes: vec![7],
+            card: None,
+        };
+        let ended = |limit: u64, works: &str| {
+            let mut command = Command::new(std::env::current_exe().unwrap());
+            let name = "models::trial::tests::works_for_some_time";
+            command
+                .args(["--exact", name])
+                .env(LIMIT, format!("{limit} {works}"));
+            let trial = Trial::begin(command, &content).unwrap();
+            trial.end(Duration::from_secs(60)).unwrap()
+        };
+        // The same work, within the limit of a small model and beyond one of a second.
+        assert_eq!(ended(seconds(1), "1.2"), Ended::Well);
+        assert!(matches!(ended(1, "1.2"), Ended::Dead(_)));
+        assert_eq!((seconds(1), seconds(3_500_000)), (8, 11));
     }
 
     #[test]

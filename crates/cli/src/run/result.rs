@@ -3,7 +3,7 @@
 
 use crate::args::run::OutputArgs;
 use crate::console;
-use crate::eval::offset;
+use crate::eval::{offset, order};
 use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
 use crate::output::ResultFolder;
@@ -181,7 +181,7 @@ pub(crate) fn score_figure(title: &str, score: &Score, estimate: &[TimedPose]) -
     }
 }
 
-/// One frame in so many may be unreadable. A few damaged images are part of life, and tracking goes on behind them; with more than
+/// One frame in so many may be unreadable, as for the doctor. A few damaged images are part of life, and tracking goes on behind them; with more than
 /// that something is wrong with the recording as a whole, and poses are far apart.
 const READABLE: usize = 10;
 
@@ -287,6 +287,7 @@ fn scores(truth: &[StampedPose], session: &Session) -> Option<(Score, Score)> {
     let truth = timed(truth);
     let options = EvalOptions::default();
     let poses = timed(&session.final_poses);
+    order::remark(&truth, &poses);
     offset::remark(
         &truth,
         &poses,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Connections, at most: eight pages that are told what is new, and as many that load, with some to spare.
+/// Connections at one time, at most: eight pages, each with the one that tells it what is new and three by which it loads (browsers open up to six to a host).
 pub(super) const CONNECTIONS: usize = 32;
 
 /// All connections, by the order in which they came.

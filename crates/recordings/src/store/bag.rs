@@ -1,9 +1,10 @@
 //! Bags of ROS 1, version 2.0, <https://wiki.ros.org/Bags/Format/2.0>: records one after the other, messages in chunks.
 
-use super::blocks::{Block, BlockFile, Bytes, Compression, Unpacked};
+use super::blocks::{Block, BlockFile, Bytes, Compression};
+use super::chunk::Chunk;
 use super::cursor::Cursor;
 use super::{Contents, HEAD, Place};
-use crate::budget::{LARGEST_BLOCK, LONGEST_NAME, MOST_NUMBERS, Unpacking};
+use crate::budget::{LONGEST_NAME, MOST_NUMBERS, Unpacking};
 use crate::error::{RecordingError, Result};
 use std::collections::BTreeMap;
 use stillpoint_ros_messages::Format;
@@ -248,41 +249,16 @@ impl Scan<'_> {
             size,
             how,
         };
-        self.compressed(block, whole)
-    }
-
-    fn compressed(&mut self, block: Block, whole: bool) -> Result<()> {
-        let (at, size) = (block.offset, block.size);
-        if size > LARGEST_BLOCK {
-            self.contents.remarks.add(|| format!(
-                "the chunk at byte {at} would have {size} bytes, more than {LARGEST_BLOCK}, and is left out"
-            ));
-            return Ok(());
-        }
-        let index = self.store.blocks.len() as u32;
-        self.store.blocks.push(block);
-        let (bytes, error) = match self.store.unpack(index, self.unpacking)? {
-            Unpacked::Bytes(bytes, error) => (bytes, error),
-            Unpacked::TooMuch => {
-                self.contents.chunk_beyond(at);
-                return Ok(());
-            }
+        // A bag has no checksums.
+        let chunk = Chunk {
+            at: offset,
+            crc: 0,
+            whole,
         };
-        match error {
-            // One that is all there and does not unpack holds anything.
-            Some(e) if whole => {
-                self.contents
-                    .remarks
-                    .add(|| format!("the chunk at byte {at} is damaged ({e}) and left out"));
-                return Ok(());
-            }
-            Some(e) => self
-                .contents
-                .remarks
-                .add(|| format!("the chunk at byte {at} is cut off ({e}): what is before is used")),
-            None => {}
+        let (store, contents) = (&mut self.store, &mut self.contents);
+        if let Some((index, bytes)) = chunk.unpack(block, store, self.unpacking, contents)? {
+            self.unpacked(&bytes, index, offset);
         }
-        self.unpacked(&bytes, index, at);
         Ok(())
     }
 

@@ -1,9 +1,10 @@
 //! MCAP, <https://mcap.dev/spec>: records one after the other, messages in chunks or between them.
 
-use super::blocks::{Block, BlockFile, Bytes, Compression, Unpacked, wrong_crc};
+use super::blocks::{Block, BlockFile, Bytes, Compression, wrong_crc};
+use super::chunk::Chunk;
 use super::cursor::Cursor;
 use super::{Contents, HEAD, Place};
-use crate::budget::{LARGEST_BLOCK, LONGEST_NAME, Unpacking};
+use crate::budget::{LONGEST_NAME, Unpacking};
 use crate::error::{RecordingError, Result};
 use std::collections::BTreeMap;
 use stillpoint_ros_messages::Format;
@@ -291,58 +292,19 @@ impl Scan<'_> {
 
     /// A chunk that lies in the file as it is.
     fn plain(&mut self, offset: u64, end: u64, chunk: &Chunk) -> Result<()> {
-        if chunk.whole && chunk.crc != 0 {
-            let found = self.store.bytes.crc(offset, end - offset)?.finalize();
-            if found != chunk.crc {
-                self.damaged(chunk, &wrong_crc("CRC-32", chunk.crc, found));
-                return Ok(());
-            }
+        let sum = || Ok(self.store.bytes.crc(offset, end - offset)?.finalize());
+        if let Some(why) = chunk.wrong_sum(sum)? {
+            chunk.leave_out(&why, &mut self.contents);
+            return Ok(());
         }
         self.records(offset, end, Level::Chunk).map(drop)
     }
 
-    /// Says that a chunk is left out.
-    fn damaged(&mut self, chunk: &Chunk, why: &str) {
-        let at = chunk.at;
-        self.contents
-            .remarks
-            .add(|| format!("the chunk at byte {at} is damaged ({why}) and left out"));
-    }
-
     fn compressed(&mut self, block: Block, chunk: &Chunk) -> Result<()> {
-        let (at, size) = (chunk.at, block.size);
-        if size > LARGEST_BLOCK {
-            self.contents.remarks.add(|| format!(
-                "the chunk at byte {at} would have {size} bytes, more than {LARGEST_BLOCK}, and is left out"
-            ));
-            return Ok(());
+        let (store, contents) = (&mut self.store, &mut self.contents);
+        if let Some((index, bytes)) = chunk.unpack(block, store, self.unpacking, contents)? {
+            self.unpacked(&bytes, index, chunk.at);
         }
-        let index = self.store.blocks.len() as u32;
-        self.store.blocks.push(block);
-        let (bytes, error) = match self.store.unpack(index, self.unpacking)? {
-            Unpacked::Bytes(bytes, error) => (bytes, error),
-            Unpacked::TooMuch => {
-                self.contents.chunk_beyond(at);
-                return Ok(());
-            }
-        };
-        // What is left of a chunk that was cut off is used; one that is all there and does not unpack to what was packed holds anything.
-        let error = error.or_else(|| {
-            let found = (chunk.whole && chunk.crc != 0).then(|| crc32fast::hash(&bytes))?;
-            (found != chunk.crc).then(|| wrong_crc("CRC-32", chunk.crc, found))
-        });
-        match error {
-            Some(e) if chunk.whole => {
-                self.damaged(chunk, &e);
-                return Ok(());
-            }
-            Some(e) => self
-                .contents
-                .remarks
-                .add(|| format!("the chunk at byte {at} is cut off ({e}): what is before is used")),
-            None => {}
-        }
-        self.unpacked(&bytes, index, at);
         Ok(())
     }
 
@@ -409,13 +371,4 @@ impl Scan<'_> {
         });
         Ok(())
     }
-}
-
-/// A chunk, as its head has it.
-struct Chunk {
-    at: u64,
-    /// Of what it holds, unpacked; 0 for none.
-    crc: u32,
-    /// All of it is in the file.
-    whole: bool,
 }

@@ -5,6 +5,7 @@
 
 pub(crate) mod bag;
 pub(crate) mod blocks;
+mod chunk;
 mod contents;
 pub(crate) mod cursor;
 pub(crate) mod mcap;

@@ -3,6 +3,8 @@
 pub(crate) mod detector;
 pub(crate) mod inertial;
 pub(crate) mod odometry;
+pub(crate) mod score;
+pub(crate) mod still;
 
 use crate::dense::DenseJson;
 use crate::machine::Machine;
@@ -11,10 +13,10 @@ use crate::run::live_report::LiveJson;
 pub(crate) use crate::run::summary::detector::DetectorJson;
 pub(crate) use crate::run::summary::inertial::InertialJson;
 pub(crate) use crate::run::summary::odometry::OdometryJson;
+pub(crate) use crate::run::summary::score::{Accuracy, ScoreJson, StatisticsJson};
+pub(crate) use crate::run::summary::still::{StillJson, StillStretch};
 use serde::{Deserialize, Serialize};
 use stillpoint::evaluation::timing::Stats;
-use stillpoint::evaluation::{Drift, Evaluation, Rpe, Score, Statistics};
-use stillpoint::imaging::Still;
 use stillpoint::slam::{FrameCounts, LoopOutcome, LoopReport};
 
 /// All figures of one run.
@@ -127,86 +129,6 @@ pub(crate) struct LostStretch {
     pub(crate) then: String,
 }
 
-/// What stood still.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum StillJson {
-    /// The depth image: its frames were tracked without depth.
-    #[default]
-    Depth,
-    /// The colour image: its frames have no pose.
-    Colour,
-    /// Both: the stream hung, and its frames have no pose.
-    Frame,
-    /// Both, of a source without noise.
-    Rest,
-}
-
-impl From<Still> for StillJson {
-    fn from(what: Still) -> Self {
-        match what {
-            Still::Depth => Self::Depth,
-            Still::Colour => Self::Colour,
-            Still::Frame => Self::Frame,
-            Still::Rest => Self::Rest,
-        }
-    }
-}
-
-/// Frames that repeat an image of the one before.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(crate) struct StillStretch {
-    /// Which image.
-    pub(crate) what: StillJson,
-    /// First frame.
-    pub(crate) first: u32,
-    /// Last frame.
-    pub(crate) last: u32,
-    /// How often the image was repeated.
-    pub(crate) frames: u32,
-    /// For how long, s.
-    pub(crate) seconds: f64,
-}
-
-impl StillStretch {
-    /// Frames without a pose for this reason.
-    pub(crate) fn passed_over(&self) -> usize {
-        let none = matches!(self.what, StillJson::Colour | StillJson::Frame);
-        if none {
-            (self.last - self.first + 1) as usize
-        } else {
-            0
-        }
-    }
-
-    /// Whether it explains why frames have no pose.
-    pub(crate) fn explains(&self, lost: &LostStretch) -> bool {
-        self.passed_over() > 0 && self.first <= lost.first && lost.last <= self.last
-    }
-}
-
-impl std::fmt::Display for StillStretch {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (what, therefore) = match self.what {
-            StillJson::Depth => ("the depth image", "they were tracked without depth"),
-            StillJson::Colour => ("the colour image", "they are no new views and have no pose"),
-            StillJson::Frame => (
-                "the whole frame",
-                "the stream hung; they are no new views and have no pose",
-            ),
-            StillJson::Rest => (
-                "the whole frame",
-                "there is no noise in it, so that the camera was at rest or the stream was paused",
-            ),
-        };
-        write!(
-            f,
-            "{what} stood still in frames {} to {} ({} frames, {:.2} s): {therefore}",
-            self.first, self.last, self.frames, self.seconds
-        )
-    }
-}
-
 /// A submap of the final map, in a frame of reference of its own.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct SubmapJson {
@@ -312,133 +234,6 @@ impl StageTiming {
             p99: self.p99,
             max: self.max,
             mean: self.mean,
-        }
-    }
-}
-
-/// Scores of the final poses and of the poses as known at each frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct Accuracy {
-    /// After all corrections.
-    #[serde(rename = "final")]
-    pub(crate) final_poses: ScoreJson,
-    /// As known at each frame.
-    pub(crate) online: ScoreJson,
-}
-
-/// A score, in metres and degrees.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(untagged)]
-pub(crate) enum ScoreJson {
-    /// The camera moves.
-    Moving(MovingJson),
-    /// The camera stands still in the ground truth.
-    Fixed(FixedJson),
-}
-
-/// Absolute and relative error.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct MovingJson {
-    /// Poses with ground truth.
-    pub(crate) pairs: usize,
-    /// Absolute error, m.
-    pub(crate) ate: StatisticsJson,
-    /// Relative error; absent when the trajectory is shorter than the delta.
-    pub(crate) rpe: Option<RpeJson>,
-    /// Scale of the alignment, when it was asked for.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub(crate) scale: Option<f64>,
-}
-
-/// Drift of a camera that stands still.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct FixedJson {
-    /// Distance from the first pose, m.
-    pub(crate) drift: StatisticsJson,
-    /// Distance from the mean position, m.
-    pub(crate) spread: StatisticsJson,
-    /// Angle to the first pose, degrees.
-    pub(crate) rotation_deg: StatisticsJson,
-}
-
-/// Relative error.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct RpeJson {
-    /// What it was taken over, e.g. `1s`, `30f`.
-    pub(crate) delta: String,
-    /// Pairs of poses.
-    pub(crate) pairs: usize,
-    /// m per delta.
-    pub(crate) translation: StatisticsJson,
-    /// Degrees per delta.
-    pub(crate) rotation_deg: StatisticsJson,
-}
-
-/// Statistics of errors.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct StatisticsJson {
-    /// Root of the mean square.
-    pub(crate) rmse: f64,
-    /// Standard deviation.
-    pub(crate) sd: f64,
-    /// Mean.
-    pub(crate) mean: f64,
-    /// Median.
-    pub(crate) median: f64,
-    /// Largest.
-    pub(crate) max: f64,
-}
-
-impl From<&Statistics> for StatisticsJson {
-    fn from(s: &Statistics) -> Self {
-        Self {
-            rmse: s.rmse,
-            sd: s.sd,
-            mean: s.mean,
-            median: s.median,
-            max: s.max,
-        }
-    }
-}
-
-impl From<&Rpe> for RpeJson {
-    fn from(r: &Rpe) -> Self {
-        Self {
-            delta: r.delta.to_string(),
-            pairs: r.pairs,
-            translation: (&r.translation).into(),
-            rotation_deg: (&r.rotation_deg).into(),
-        }
-    }
-}
-
-impl ScoreJson {
-    /// The scale is reported when it was asked for.
-    pub(crate) fn new(score: &Score, with_scale: bool) -> Self {
-        match score {
-            Score::Moving(e) => Self::Moving(MovingJson::new(e, with_scale)),
-            Score::Fixed(d) => Self::Fixed(FixedJson::from(d)),
-        }
-    }
-}
-
-impl MovingJson {
-    fn new(e: &Evaluation, with_scale: bool) -> Self {
-        Self {
-            pairs: e.pairs,
-            ate: (&e.ate.statistics).into(),
-            rpe: e.rpe.as_ref().map(RpeJson::from),
-            scale: with_scale.then_some(e.ate.alignment.scale),
-        }
-    }
-}
-
-impl From<&Drift> for FixedJson {
-    fn from(d: &Drift) -> Self {
-        Self {
-            drift: (&d.drift).into(),
-            spread: (&d.spread).into(),
-            rotation_deg: (&d.rotation_deg).into(),
         }
     }
 }

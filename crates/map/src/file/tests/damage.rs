@@ -6,8 +6,6 @@ use crate::file::{MapFile, MapFileError, blocks, container};
 use proptest::prelude::*;
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
-
     #[test]
     fn no_bit_can_change_unseen(seed: u64, at: prop::sample::Index, flip in 1u8..) {
         let mut bytes = random_map(seed % 4, 12, 150).to_bytes(&extensions()).unwrap();
