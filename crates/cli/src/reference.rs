@@ -132,7 +132,7 @@ fn table(title: &str, level: &str, args: &[&Arg], page: &mut String) {
 /// A command, and below it those that it holds.
 fn section(command: &Command, level: &str, page: &mut String) {
     let name = command.get_bin_name().unwrap_or_else(|| command.get_name());
-    let _ = write!(page, "{level} {name}\n");
+    let _ = writeln!(page, "{level} {name}");
     let about = command.get_long_about().or_else(|| command.get_about());
     paragraphs(
         &about.map_or_else(String::new, ToString::to_string),
