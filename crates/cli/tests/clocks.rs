@@ -245,3 +245,36 @@ fn a_data_set_of_which_no_image_reads_is_a_fault() {
     depths[3..].iter().for_each(cut);
     check(&doctor(&data), 2, &["error: "]);
 }
+
+#[test]
+fn quaternions_in_the_other_order_are_said() {
+    let dir = tempfile::tempdir().unwrap();
+    let data = dir.path().join("data");
+    simulate(&data, "rpy", 60);
+    let truth = data.join("groundtruth.txt");
+    let rows: String = read_list(&truth)
+        .iter()
+        .map(|(t, pose)| {
+            let p: Vec<&str> = pose.split_whitespace().collect();
+            let [x, y, z] = [p[0], p[1], p[2]];
+            format!("{t:.6} {x} {y} {z} {} {} {} {}\n", p[6], p[3], p[4], p[5])
+        })
+        .collect();
+    let eval = |text: &str| {
+        let other = dir.path().join("other.txt");
+        std::fs::write(&other, text).unwrap();
+        let output = program().arg("eval").args([&other, &truth]).output();
+        output.unwrap()
+    };
+    let header = "# timestamp tx ty tz qw qx qy qz";
+    let seem = "the quaternions of the ground truth seem to have w first";
+    check(&eval(&rows), 0, &[seem, header]);
+    // What it advises helps.
+    let advised = eval(&format!("{header}\n{rows}"));
+    check(&advised, 0, &["w first"]);
+    assert!(
+        !stderr(&advised).contains("seem"),
+        "{}",
+        stderr(&advised)
+    );
+}

@@ -9,6 +9,7 @@ mod encodings;
 mod files;
 mod hostile;
 mod inertial;
+mod lies;
 mod mutations;
 mod odometry;
 mod orbbec;
