@@ -109,26 +109,21 @@ fn lie(m: &mut Sent, random: &mut Random) {
     let bytes = m.cdr.clone();
     let topic = m.topic.clone();
     let format = Format::CdrLittleEndian;
-    *m = match m.type_name {
-        CameraInfo::NAME => {
-            let mut info: CameraInfo<'_> = from_bytes(&bytes, format).unwrap();
-            of_camera(&mut info, random);
-            sent(&topic, m.time, &info)
-        }
-        Image::NAME => {
-            let mut image: Image<'_> = from_bytes(&bytes, format).unwrap();
-            of_image(&mut image, random);
-            sent(&topic, m.time, &image)
-        }
-        Odometry::NAME => {
-            let mut odometry: Odometry<'_> = from_bytes(&bytes, format).unwrap();
-            odometry.header.stamp.sec = pick(&[0, -1, 5, i64::from(i32::MAX)], random);
-            odometry.pose.pose.orientation.w = figure(random);
-            odometry.pose.pose.position.x = figure(random);
-            sent(&topic, m.time, &odometry)
-        }
-        _ => return,
-    };
+    if m.type_name == CameraInfo::NAME {
+        let mut info: CameraInfo<'_> = from_bytes(&bytes, format).unwrap();
+        of_camera(&mut info, random);
+        *m = sent(&topic, m.time, &info);
+    } else if m.type_name == Image::NAME {
+        let mut image: Image<'_> = from_bytes(&bytes, format).unwrap();
+        of_image(&mut image, random);
+        *m = sent(&topic, m.time, &image);
+    } else if m.type_name == Odometry::NAME {
+        let mut odometry: Odometry<'_> = from_bytes(&bytes, format).unwrap();
+        odometry.header.stamp.sec = pick(&[0, -1, 5, i64::from(i32::MAX)], random);
+        odometry.pose.pose.orientation.w = figure(random);
+        odometry.pose.pose.position.x = figure(random);
+        *m = sent(&topic, m.time, &odometry);
+    }
 }
 
 #[test]
