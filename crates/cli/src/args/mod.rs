@@ -51,7 +51,7 @@ pub(crate) struct Arguments {
         display_order = 900
     )]
     pub(crate) quiet: bool,
-    /// Say more; twice for every detail.
+    /// Say what each stage does; twice for every figure of it.
     #[arg(short, long, global = true, action = ArgAction::Count, display_order = 901)]
     pub(crate) verbose: u8,
     #[command(subcommand)]
