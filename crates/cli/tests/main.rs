@@ -32,6 +32,7 @@ mod objects;
 mod packaging;
 mod record;
 mod recordings;
+mod render;
 mod report;
 mod suite;
 mod things;

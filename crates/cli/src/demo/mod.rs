@@ -190,7 +190,7 @@ impl DemoStage<'_> {
 }
 
 /// The exact poses at the colour stamps.
-fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
+pub(crate) fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
     simulator
         .ground_truth()
         .into_iter()
