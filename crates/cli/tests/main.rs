@@ -30,6 +30,7 @@ mod models;
 mod models_pull;
 mod objects;
 mod packaging;
+mod readme;
 mod record;
 mod recordings;
 mod render;
