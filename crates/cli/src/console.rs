@@ -134,6 +134,22 @@ fn columns() -> usize {
     })
 }
 
+/// A count with its noun, whose plural is regular.
+pub(crate) fn counted(n: usize, noun: &str) -> String {
+    match n {
+        1 => format!("1 {noun}"),
+        _ => format!("{n} {noun}s"),
+    }
+}
+
+/// Frames per second; below one, how long each takes.
+pub(crate) fn frame_rate(rate: f64, unit: &str) -> String {
+    if rate < 1.0 {
+        return format!("{:.1} s per frame", 1.0 / rate.max(1e-3));
+    }
+    format!("{rate:.0} {unit}")
+}
+
 /// What is counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unit {
@@ -164,8 +180,10 @@ impl Unit {
     /// A rate, from one per second.
     fn rate(self, rate: f64) -> String {
         match self {
-            Self::Frames => format!("{rate:.0} fps"),
+            Self::Frames => frame_rate(rate, "fps"),
+            Self::Images if rate < 1.0 => format!("{:.1} s each", 1.0 / rate.max(1e-3)),
             Self::Images => format!("{rate:.1} per s"),
+            Self::Bytes if rate < 1e6 => format!("{:.0} kB/s", rate * 1e-3),
             Self::Bytes => format!("{:.1} MB/s", rate * 1e-6),
         }
     }
@@ -303,6 +321,22 @@ mod tests {
         assert_eq!(harmless("a\u{1b}]0;title\u{7}b"), "a\\u{1b}]0;title\\u{7}b");
         assert_eq!(harmless("x\r\u{9b}2Jy"), "x\\r\\u{9b}2Jy");
         assert_eq!(harmless("gnp.\u{202e}exe"), "gnp.\\u{202e}exe");
+    }
+
+    #[test]
+    fn slow_is_not_nothing() {
+        let said = |unit, done| {
+            let progress = Progress {
+                terminal: false,
+                ..Progress::of(unit, None, 0)
+            };
+            progress.text(done, Duration::from_secs(10), "")
+        };
+        assert_eq!(said(Unit::Frames, 4), "4 frames, 2.5 s per frame");
+        assert_eq!(said(Unit::Images, 2), "2 images, 5.0 s each");
+        assert_eq!(said(Unit::Bytes, 400_000), "0.4 MB, 40 kB/s");
+        assert_eq!(counted(1, "frame"), "1 frame");
+        assert_eq!(counted(0, "frame"), "0 frames");
     }
 
     #[test]

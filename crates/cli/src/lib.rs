@@ -29,6 +29,7 @@ mod realsense;
 mod recording;
 #[cfg(test)]
 mod reference;
+mod render;
 mod report;
 mod run;
 mod serve;
@@ -138,6 +139,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Asked::Live(LiveCommand::File(a)) => run::run(&a.as_run(), timing),
         Asked::Live(LiveCommand::Realsense(a)) => realsense::live(a, timing),
         Asked::Replay(a) => run::replay::replay(a, timing),
+        Asked::Render(a) => render::render(a, timing),
         Asked::Report(a) => page::report(a),
         Asked::Eval(a) => eval::eval(a),
         Asked::Simulate(a) => simulate::simulate(a),

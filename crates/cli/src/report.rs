@@ -1,5 +1,6 @@
 //! What `run`, `demo` and `eval` print about a result.
 
+use crate::console::{counted, frame_rate};
 use crate::models::megabytes;
 use crate::run::live_report::LiveJson;
 use crate::run::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
@@ -12,21 +13,9 @@ use stillpoint::evaluation::timing;
 pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     let s = summary;
     let mut text = format!("\n{}: {}\n", s.input.name, headline(s));
-    text += &format!("{} keyframes, {} landmarks\n", s.keyframes, s.landmarks);
+    text += &map_text(s);
     text += &filter_text(s, detailed);
-    text += &beginning_text(s);
     text += &s.live.as_ref().map_or_else(String::new, LiveJson::text);
-    if s.loops != Default::default() {
-        let l = s.loops;
-        text += &format!(
-            "loops: {} closed, {} candidates set aside",
-            l.closed, l.set_aside
-        );
-        if l.joined > 0 {
-            text += &format!("; {} submaps joined to others", l.joined);
-        }
-        text.push('\n');
-    }
     if let Some(i) = &s.inertial {
         text += &format!("{}\n", i.line());
     }
@@ -34,27 +23,53 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
         text += &format!("{}\n", o.line());
     }
     if let Some(d) = &s.dense {
-        text += &d.text();
+        text += &d.text(detailed);
     }
     if let Some(m) = &s.map {
         text += &format!(
-            "map saved to {}: {} keyframes, {} landmarks, {}\n",
+            "map saved to {}: {}, {}, {}\n",
             m.path,
-            m.keyframes,
-            m.landmarks,
+            counted(m.keyframes, "keyframe"),
+            counted(m.landmarks, "landmark"),
             megabytes(m.bytes)
         );
     }
     if let Some(a) = &s.accuracy {
-        text.push('\n');
         let scores = [("final", &a.final_poses), ("online", &a.online)];
-        let scores = &scores[..if detailed { 2 } else { 1 }];
-        text += &score_text(scores, frames_in_all(s));
+        let table = if detailed {
+            format!("\n{}", score_text(&scores, frames_in_all(s)))
+        } else {
+            // The head and the error that stands for all: the others are for who asks.
+            let all = score_text(&scores[..1], frames_in_all(s));
+            all.lines().take(2).map(|line| format!("{line}\n")).collect()
+        };
+        text += &table;
     }
     if detailed {
         text += &timing_text(s);
     }
     text
+}
+
+/// The map and its loops.
+fn map_text(s: &Summary) -> String {
+    let mut text = format!(
+        "{}, {}",
+        counted(s.keyframes, "keyframe"),
+        counted(s.landmarks, "landmark")
+    );
+    if s.loops != Default::default() {
+        let l = s.loops;
+        text += &format!(
+            "; loops: {} closed, {} set aside",
+            l.closed,
+            counted(l.set_aside as usize, "candidate")
+        );
+        if l.joined > 0 {
+            text += &format!("; {} joined to others", counted(l.joined as usize, "submap"));
+        }
+    }
+    text + "\n"
 }
 
 /// Frames of the recording that the run was about: tracked or not, dropped by a camera that was faster, or not to be read.
@@ -65,7 +80,11 @@ fn frames_in_all(summary: &Summary) -> usize {
 
 /// How many frames have a pose, how exact and how fast.
 fn headline(s: &Summary) -> String {
-    let mut text = format!("{} of {} frames tracked", s.tracked, frames_in_all(s));
+    let mut text = format!(
+        "{} of {} tracked",
+        s.tracked,
+        counted(frames_in_all(s), "frame")
+    );
     let dropped = s.live.as_ref().map_or(0, |live| live.dropped);
     for (n, why) in [
         (dropped, "dropped"),
@@ -81,7 +100,7 @@ fn headline(s: &Summary) -> String {
         Some(ScoreJson::Fixed(f)) => format!("; drift {:.1} mm", f.drift.rmse * 1e3),
     };
     let rate = s.frames as f64 / s.seconds.max(1e-3);
-    text + &format!("; {:.1} s ({rate:.0} frames/s)", s.seconds)
+    text + &format!("; {:.1} s ({})", s.seconds, frame_rate(rate, "frames/s"))
 }
 
 /// The time of every stage, and the memory.
@@ -102,8 +121,10 @@ fn filter_text(summary: &Summary, detailed: bool) -> String {
     let detector = match d.kind.as_str() {
         "none" => "none".to_owned(),
         kind => format!(
-            "{kind} {}, {} detections in {} frames",
-            d.name, d.detections, d.frames
+            "{kind} {}, {} in {}",
+            d.name,
+            counted(d.detections, "detection"),
+            counted(d.frames, "frame")
         ),
     };
     let network = d.network().filter(|_| detailed);
@@ -119,7 +140,7 @@ fn filter_text(summary: &Summary, detailed: bool) -> String {
             f.released
         );
     }
-    text + "\n" + &unused_text(d)
+    text + &beginning_text(summary) + "\n" + &unused_text(d)
 }
 
 /// How long it was undecided who moves, and what was taken back then.
@@ -127,19 +148,21 @@ fn beginning_text(summary: &Summary) -> String {
     if summary.undecided == 0 {
         return String::new();
     }
-    let mut text = format!("undecided who moves in {} frames", summary.undecided);
+    let frames = counted(summary.undecided, "frame");
+    let mut text = format!("; undecided who moves in {frames}");
     let revoked = summary.features.revoked_keyframes;
     if revoked > 0 {
-        text += &format!(": the first ones were tracked again, and {revoked} keyframes taken back");
+        let revoked = counted(revoked as usize, "keyframe");
+        text += &format!(": the first ones were tracked again, and {revoked} taken back");
     }
-    text + "\n"
+    text
 }
 
 /// Which answers of the detector were of no use.
 fn unused_text(detector: &DetectorJson) -> String {
     let line = |answers: u64, why: &str| match answers {
         0 => String::new(),
-        n => format!("{n} answers of the detector {why}\n"),
+        n => format!("{} of the detector {why}\n", counted(n as usize, "answer")),
     };
     let left_out = match detector.left_out {
         0 => String::new(),
@@ -175,7 +198,7 @@ pub(crate) fn score_text(scores: &[(&str, &ScoreJson)], frames: usize) -> String
                     label(&format!("ATE (mm{alignment})")),
                     &m.ate,
                     1e3,
-                    format!("{} of {frames} frames", m.pairs),
+                    format!("{} of {}", m.pairs, counted(frames, "frame")),
                 ));
                 if let Some(r) = &m.rpe {
                     let unit = |u: &str| label(&format!("RPE ({u} per {})", r.delta));
@@ -238,6 +261,17 @@ mod tests {
             assert!(!text.contains(part), "{text}");
             assert!(detailed.contains(part), "{detailed}");
         }
+    }
+
+    #[test]
+    fn a_run_of_one_frame_is_told_in_the_singular() {
+        let one = serde_json::json!({"frames": 1, "tracked": 1, "keyframes": 1, "landmarks": 1, "seconds": 2.0,
+            "loops": {"closed": 1, "joined": 0, "set_aside": 1}});
+        let text = run_text(&summary(one), false);
+        assert!(text.contains("1 of 1 frame tracked"), "{text}");
+        assert!(text.contains("(2.0 s per frame)"), "{text}");
+        let map = "\n1 keyframe, 1 landmark; loops: 1 closed, 1 candidate set aside\n";
+        assert!(text.contains(map), "{text}");
     }
 
     #[test]

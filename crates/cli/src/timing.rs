@@ -281,13 +281,14 @@ impl Subscriber for Recorder {
         let mut text = Text::default();
         event.record(&mut text);
         let level = match *event.metadata().level() {
-            Level::ERROR => "error",
-            Level::WARN => "warning",
-            Level::INFO => "info",
-            Level::DEBUG => "debug",
-            Level::TRACE => "trace",
+            Level::ERROR => "error: ",
+            Level::WARN => "warning: ",
+            // A sentence.
+            Level::INFO => "",
+            Level::DEBUG => "debug: ",
+            Level::TRACE => "trace: ",
         };
-        console::line(&format!("{level}: {}{}", text.message, text.fields));
+        console::line(&format!("{level}{}{}", text.message, text.fields));
     }
 
     fn record(&self, _: &Id, _: &Record<'_>) {}
@@ -299,7 +300,7 @@ fn event_level() -> Level {
     match console::verbosity() {
         0 => Level::ERROR,
         1 => Level::WARN,
-        2 => Level::DEBUG,
+        2 => Level::INFO,
         _ => Level::TRACE,
     }
 }

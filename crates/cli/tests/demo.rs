@@ -7,8 +7,12 @@ use std::process::Output;
 
 fn demo(out: &Path, more: &[&str]) -> Output {
     let mut command = program();
-    command.args(["demo", "--frames", "20", "--out"]).arg(out);
+    command.args(["-v", "demo", "--frames", "20", "--out"]).arg(out);
     command.args(more).output().unwrap()
+}
+
+fn text_of(path: &Path) -> &str {
+    path.to_str().unwrap()
 }
 
 fn summary(out: &Path) -> Value {
@@ -71,9 +75,21 @@ fn both_passes_are_reported_and_written_side_by_side() {
         .iter()
         .map(|p| p.file_name().unwrap().to_string_lossy().into_owned())
         .collect();
-    let pictures = ["animation.gif", "comparison.png", "comparison.svg"];
-    assert_eq!(names[..3], pictures);
-    assert_eq!(names[3..], ["off", "on", "side_by_side.png"]);
+    let pictures = [
+        "animation.gif",
+        "comparison.png",
+        "comparison.svg",
+        "demo.webp",
+    ];
+    assert_eq!(names[..4], pictures);
+    assert_eq!(names[4..], ["off", "on", "side_by_side.png"]);
+    assert!(out.join("on").join("mesh.ply").exists());
+    // It can be made again of what the demo left.
+    let again = dir.path().join("again.webp");
+    let output = crate::common::stillpoint(["render", text_of(&out), "-o", text_of(&again)]);
+    check(&output, 0, &[]);
+    let read = |path: &Path| std::fs::read(path).unwrap();
+    assert!(read(&again) == read(&out.join("demo.webp")));
 }
 
 #[test]
@@ -87,6 +103,7 @@ fn the_same_demo_gives_the_same_pictures_and_needs_no_detector() {
         assert_eq!(summary(&out.join("on"))["detector"]["kind"], "none");
         [
             "animation.gif",
+            "demo.webp",
             "side_by_side.png",
             "comparison.svg",
             "on/trajectory.txt",

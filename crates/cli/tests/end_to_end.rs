@@ -1,6 +1,6 @@
 //! The main job on simulated data: results that are complete, right, and the same to the byte every time.
 
-use crate::common::{check, copy, files, isolated, program, simulate, stdout};
+use crate::common::{check, copy, files, isolated, program, simulate, stderr, stdout};
 #[cfg(unix)]
 use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
@@ -222,6 +222,30 @@ fn the_time_of_every_stage_is_for_who_asks() {
         long.contains("online: ATE") && long.contains("filter "),
         "{long}"
     );
+}
+
+#[test]
+fn a_run_is_told_in_ten_lines_and_its_stages_in_words() {
+    let dir = tempfile::tempdir().unwrap();
+    let run = |more: &[&str]| {
+        let mut command = program();
+        command.args(more).arg("run").arg(room()).arg("--out");
+        command.arg(dir.path().join("out"));
+        let output = command.args(["--max-frames", "30", "--dense"]).output();
+        let output = output.unwrap();
+        check(&output, 0, &[]);
+        format!("{}{}", stderr(&output), stdout(&output))
+    };
+    let lines = |text: &str| text.lines().filter(|l| !l.trim().is_empty()).count();
+    let (short, words, all) = (run(&[]), run(&["-v"]), run(&["-vv"]));
+    assert!(lines(&short) <= 10, "{short}");
+    assert!(!short.contains("mapped") && !short.contains("memory"), "{short}");
+    assert!(words.contains("\nmapped keyframe 0: 1 keyframe, "), "{words}");
+    assert!(!words.contains("debug:") && !words.contains(" { "), "{words}");
+    // The memory of the run is said once.
+    assert_eq!(words.matches("peak memory").count(), 1, "{words}");
+    assert!(all.contains("debug: mapped report=MappingReport {"), "{all}");
+    assert!(all.contains("trace: tracked"), "{all}");
 }
 
 #[test]

@@ -29,6 +29,9 @@ pub enum ViewError {
     /// The encoder of animations failed.
     #[error("expected to encode the animation as GIF, found: {0}")]
     Animate(#[from] gif::EncodingError),
+    /// The encoder of animated WebP failed.
+    #[error("expected to encode the pictures as WebP, found: {0}")]
+    Webp(String),
     /// Writing failed.
     #[error("expected to write the picture, found: {0}")]
     Write(#[from] std::io::Error),

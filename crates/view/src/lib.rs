@@ -38,6 +38,7 @@ mod colour;
 mod draw;
 mod encode;
 mod error;
+pub mod film;
 pub mod live;
 mod overlay;
 mod palette;

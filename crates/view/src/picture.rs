@@ -107,6 +107,39 @@ impl Picture {
         }
     }
 
+    /// The picture in another size: each pixel is the mean of the area that it covers.
+    #[must_use]
+    pub fn scaled(&self, width: usize, height: usize) -> Self {
+        if (width, height) == (self.width, self.height) {
+            return self.clone();
+        }
+        let rows = shares(self.height, height);
+        let mut data = Vec::with_capacity(3 * width * height);
+        // One direction after the other: the sums of a row of areas, then those of its columns.
+        let columns = shares(self.width, width);
+        for (y, row) in &rows {
+            let mut sums = vec![0.0f32; 3 * self.width];
+            for (share, line) in row.iter().zip(*y..) {
+                let line = &self.data[3 * line * self.width..][..3 * self.width];
+                for (sum, v) in sums.iter_mut().zip(line) {
+                    *sum += share * f32::from(*v);
+                }
+            }
+            for (x, column) in &columns {
+                for c in 0..3 {
+                    let values = column.iter().zip(*x..);
+                    let sum: f32 = values.map(|(share, x)| share * sums[3 * x + c]).sum();
+                    data.push((sum + 0.5) as u8);
+                }
+            }
+        }
+        Self {
+            width,
+            height,
+            data,
+        }
+    }
+
     fn index(&self, x: i64, y: i64) -> Option<usize> {
         let (x, y) = (usize::try_from(x).ok()?, usize::try_from(y).ok()?);
         (x < self.width && y < self.height).then_some(3 * (y * self.width + x))
@@ -165,6 +198,20 @@ impl Picture {
     }
 }
 
+/// For each of `to` pixels that cover `from`, the first one below it and the share of it and of those that follow.
+fn shares(from: usize, to: usize) -> Vec<(usize, Vec<f32>)> {
+    let step = from as f64 / to.max(1) as f64;
+    let pixel = |i: usize| {
+        let (low, high) = (step * i as f64, step * (i + 1) as f64);
+        let first = (low as usize).min(from.saturating_sub(1));
+        let last = (high.ceil() as usize).clamp(first + 1, from.max(first + 1));
+        let share = |p: usize| ((p + 1) as f64).min(high) - (p as f64).max(low);
+        let shares = (first..last.min(from)).map(|p| (share(p).max(0.0) / step) as f32);
+        (first, shares.collect())
+    };
+    (0..to).map(pixel).collect()
+}
+
 impl From<Picture> for ColourImage {
     fn from(picture: Picture) -> Self {
         // The data of a picture always has the size that its width and height ask for.
@@ -185,6 +232,22 @@ mod tests {
         assert_eq!(half.at(0, 0), Some(Colour(128, 128, 128)));
         assert_eq!(half.at(1, 0), Some(Colour::BLACK));
         assert_eq!(half.at(2, 0), None);
+    }
+
+    #[test]
+    fn scaled_pixels_are_means_of_areas() {
+        let mut p = Picture::new(6, 3, Colour(100, 100, 100));
+        p.fill((0, 0), (3, 3), Colour(200, 0, 100), 1.0);
+        let third = p.scaled(2, 1);
+        assert_eq!(third.at(0, 0), Some(Colour(200, 0, 100)));
+        assert_eq!(third.at(1, 0), Some(Colour(100, 100, 100)));
+        // The pixel in the middle covers a half of each.
+        assert_eq!(p.scaled(3, 2).at(1, 1), Some(Colour(150, 50, 100)));
+        let large = p.scaled(12, 7);
+        assert_eq!((large.width(), large.height()), (12, 7));
+        assert_eq!(large.at(11, 6), Some(Colour(100, 100, 100)));
+        assert_eq!(Picture::new(7, 5, Colour::RIGID).scaled(3, 4).at(2, 3), Some(Colour::RIGID));
+        assert_eq!(Picture::new(0, 0, Colour::RIGID).scaled(2, 2).data(), [0; 12]);
     }
 
     #[test]

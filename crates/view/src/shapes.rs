@@ -43,6 +43,38 @@ pub(crate) fn ring(
     });
 }
 
+/// A line with smooth edges and round ends: its width, px, and how much of the colour is mixed in.
+pub(crate) fn segment(
+    picture: &mut Picture,
+    (ax, ay): (f32, f32),
+    (bx, by): (f32, f32),
+    (width, share): (f32, f32),
+    colour: Colour,
+) {
+    // What is no number, or too far away for any picture, is nowhere.
+    if [ax, ay, bx, by].iter().any(|c| c.is_nan() || c.abs() > 1e5) {
+        return;
+    }
+    let reach = 0.5 * width + 1.0;
+    let range = |a: f32, b: f32, end: usize| {
+        let end = end as f32;
+        let low = (a.min(b) - reach).floor().clamp(0.0, end);
+        low as i64..(a.max(b) + reach).ceil().clamp(0.0, end) as i64
+    };
+    let (dx, dy) = (bx - ax, by - ay);
+    let square = (dx * dx + dy * dy).max(1e-6);
+    for y in range(ay, by, picture.height()) {
+        for x in range(ax, bx, picture.width()) {
+            let (px, py) = (x as f32 - ax, y as f32 - ay);
+            let along = ((px * dx + py * dy) / square).clamp(0.0, 1.0);
+            let (ex, ey) = (px - along * dx, py - along * dy);
+            let distance = (ex * ex + ey * ey).sqrt();
+            let coverage = (0.5 * width + 0.5 - distance).clamp(0.0, 1.0);
+            picture.blend(x, y, colour, share * coverage);
+        }
+    }
+}
+
 /// A line of a frame.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Line {
@@ -198,6 +230,23 @@ mod tests {
             ring(&mut p, point, 3.0, 1.0, Colour::STATIC);
             assert_eq!(p, grey(), "{point:?}");
         }
+    }
+
+    #[test]
+    fn segments_are_as_long_and_wide_as_they_say() {
+        let mut p = grey();
+        segment(&mut p, (10.0, 20.0), (40.0, 20.0), (3.0, 1.0), Colour::STATIC);
+        assert_eq!(p.at(25, 20), Some(Colour::STATIC));
+        let covered = count(&p, Colour::STATIC);
+        assert!((80..=110).contains(&covered), "{covered}");
+        for end in [(f32::NAN, 3.0), (1e30, -1e30)] {
+            let mut p = grey();
+            segment(&mut p, (5.0, 5.0), end, (2.0, 1.0), Colour::STATIC);
+            assert_eq!(p, grey(), "{end:?}");
+        }
+        let mut p = grey();
+        segment(&mut p, (-50.0, -50.0), (-20.0, -9.0), (2.0, 1.0), Colour::STATIC);
+        assert_eq!(p, grey());
     }
 
     #[test]

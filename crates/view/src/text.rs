@@ -25,6 +25,11 @@ impl Text {
         }
     }
 
+    /// Text of a size (its em), px.
+    pub(crate) fn of(size: f32) -> Self {
+        Self { size }
+    }
+
     /// Text of another size than this, by a factor.
     pub(crate) fn scaled(self, by: f32) -> Self {
         Self {

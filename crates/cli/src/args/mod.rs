@@ -7,6 +7,7 @@ pub(crate) mod map;
 pub(crate) mod models;
 pub(crate) mod packaging;
 pub(crate) mod recording;
+pub(crate) mod render;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod simulated;
@@ -18,6 +19,7 @@ use crate::args::map::MapCommand;
 use crate::args::models::{DetectArgs, DetectorArgs, ModelsCommand};
 use crate::args::packaging::{CompletionsArgs, ManArgs};
 use crate::args::recording::RecordingCommand;
+use crate::args::render::RenderArgs;
 use crate::args::report::ReportArgs;
 use crate::args::run::{ReplayArgs, RunArgs};
 use crate::args::simulated::{DemoArgs, SimulateArgs};
@@ -51,7 +53,7 @@ pub(crate) struct Arguments {
         display_order = 900
     )]
     pub(crate) quiet: bool,
-    /// Say more; twice for every detail.
+    /// Say what each stage does; twice for every figure of it.
     #[arg(short, long, global = true, action = ArgAction::Count, display_order = 901)]
     pub(crate) verbose: u8,
     #[command(subcommand)]
@@ -66,6 +68,7 @@ pub(crate) enum Command {
     Live(LiveCommand),
     Replay(ReplayArgs),
     Report(ReportArgs),
+    Render(RenderArgs),
     Eval(EvalArgs),
     Simulate(SimulateArgs),
     Bench(BenchArgs),

@@ -15,8 +15,10 @@ pub(crate) enum DemoDetector {
 
 /// Simulate a room with people in it, run SLAM on it without and with the static filter, and compare.
 ///
-/// Needs no input and no download. The results, as those of `run`, are in off/ and on/ of the result
-/// folder, beside pictures of both: side_by_side.png, animation.gif, comparison.svg and .png.
+/// Needs no input and no download. It ends with demo.webp in the result folder: the view, the surface as it
+/// grows without the people, and both trajectories. The results, as those of `run`, are in off/ and on/
+/// beside it, and so are side_by_side.png, animation.gif, comparison.svg and .png. With -v a table has
+/// every figure of both.
 #[derive(Debug, Args)]
 #[command(
     verbatim_doc_comment,

@@ -4,15 +4,21 @@ pub(crate) mod detector;
 pub(crate) mod pictures;
 pub(crate) mod report;
 
+use crate::args::InputArgs;
 use crate::args::simulated::{DemoArgs, DemoDetector};
 use crate::demo::detector::{SimulatedDetector, errors_in_words};
 use crate::demo::pictures::{Shots, beside};
 use crate::demo::report::Pass;
+use crate::dense::{Fusion, Wish};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
-use crate::output::ResultFolder;
+use crate::output::{ResultFolder, StreamedFile};
 use crate::page::{self, Gathering};
+use crate::render::reel::Reel;
+use crate::render::{self, Format, Named, Scene};
+use crate::run::about::{About, Simulated};
 use crate::run::result::{Setup, verdict, write};
+use crate::run::run_log;
 use crate::run::session::{Driver, Outputs};
 use crate::run::summary::Input;
 use crate::timing::Timing;
@@ -26,13 +32,19 @@ use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Preset};
 
 /// Every file that stands beside the results of the two passes, and the animation of older ones.
-const FILES: [&str; 5] = [
+const FILES: [&str; 6] = [
+    FILM,
     "side_by_side.png",
     "animation.gif",
     "animation.png",
     "comparison.svg",
     "comparison.png",
 ];
+
+/// All of it in motion.
+const FILM: &str = "demo.webp";
+/// Its size, MB, at most.
+const FILM_MB: f64 = 3.0;
 
 /// The ATE RMSE that the pass with the filter must not exceed, m: with the simulator's detections, and without any.
 const BOUND: [f64; 2] = [0.010, 0.015];
@@ -71,23 +83,34 @@ pub(crate) fn demo(args: &DemoArgs, timing: &'static Timing) -> Result<Status, F
     let simulator = stage.simulator()?;
     let folder = ResultFolder::create_of(&args.out, "--out", |name| FILES.contains(&name))?;
     stage.announce(&simulator);
-    let (off, off_shots) = stage.pass("off", off)?;
-    if off.summary.interrupted {
-        return Ok(verdict(&off.summary));
+    let off = stage.pass("off", off)?;
+    if off.pass.summary.interrupted {
+        return Ok(verdict(&off.pass.summary));
     }
-    let (on, on_shots) = stage.pass("on", on)?;
-    let hits = on_shots.against_truth(&simulator);
-    let text = report::text(&off, &on, &hits);
-    stage.draw(folder, (&off, &off_shots), (&on, &on_shots))?;
-    console::report(&text);
-    console::report(&format!(
-        "\nresults in {} and {}; pictures of both beside them: side_by_side.png, animation.gif, comparison.svg\n",
-        args.out.join("off").display(),
-        args.out.join("on").display()
-    ));
-    let status = verdict(&on.summary);
+    let on = stage.pass("on", on)?;
+    let hits = on.shots.against_truth(&simulator);
+    stage.draw(folder, &off, &on)?;
+    let film = stage.film(&off, &on)?;
+    if console::verbosity() > 1 {
+        console::report(&report::text(&off.pass, &on.pass, &hits));
+    }
+    let status = verdict(&on.pass.summary);
     let bound = BOUND[usize::from(args.detector == DemoDetector::None)];
-    Ok(report::judge(&on, bound, status))
+    console::report(&report::lines(
+        (&stage.scene.scene, hits.people > 0),
+        [&off.pass, &on.pass],
+        bound,
+        (&args.out, film),
+    ));
+    Ok(report::judge(&on.pass, bound, status))
+}
+
+/// A pass and what is drawn of it.
+struct Passed {
+    pass: Pass,
+    shots: Shots,
+    /// Of the pass with the filter alone.
+    scene: Option<Scene>,
 }
 
 impl DemoStage<'_> {
@@ -109,7 +132,7 @@ impl DemoStage<'_> {
     }
 
     /// Runs the scene with one configuration and writes the result to a folder of this name.
-    fn pass(&self, name: &str, config: Config) -> Result<(Pass, Shots), Failure> {
+    fn pass(&self, name: &'static str, config: Config) -> Result<Passed, Failure> {
         let out = self.args.out.join(name);
         let folder = ResultFolder::create(&out)?;
         let simulator = self.simulator()?;
@@ -133,15 +156,18 @@ impl DemoStage<'_> {
             detector,
             map: None,
         };
-        let mut outputs = Outputs {
-            shots: Some(Shots::new(simulator.len(), &config.motion_weights)),
-            report: Some(Gathering::default()),
-            ..Outputs::default()
-        };
+        let mut outputs = self.outputs(&simulator, &config)?;
+        let (frames_in_all, camera) = (simulator.len(), *simulator.camera());
         console::info(&format!("static filter {name}"));
         let mut frames = ReadAhead::new(simulator.source().with_colour());
         let session = driver.drive(&mut frames, &mut outputs)?;
         let report = outputs.report.take();
+        let mut about = About::new(&InputArgs::default(), &config, None, &session.detector)?;
+        about.dense = session.dense.as_ref().map(|d| d.logged.clone());
+        about.simulated = Some(Simulated {
+            scene: self.scene.scene.clone(),
+            frames: frames_in_all,
+        });
         let setup = Setup {
             input: Input {
                 name: format!("{}, filter {name}", self.scene.scene),
@@ -152,7 +178,7 @@ impl DemoStage<'_> {
             simd: self.simd,
             timing: self.timing,
             truth: Some(&truth),
-            log: None,
+            log: run_log(&session, &about, None)?,
             report: report.as_ref().map(|g| &g.0),
             view: None,
             command: page::typed(),
@@ -161,15 +187,69 @@ impl DemoStage<'_> {
         let shots = outputs
             .shots
             .unwrap_or_else(|| Shots::new(0, &config.motion_weights));
-        Ok((Pass { summary, score }, shots))
+        let poses = session.final_poses.clone();
+        let scene = outputs.reel.take();
+        let scene = scene.map(|reel| Scene::of(reel, &session, Some(truth), &camera));
+        let pass = Pass {
+            summary,
+            score,
+            poses,
+        };
+        Ok(Passed { pass, shots, scene })
+    }
+
+    /// What is kept of a pass; of the one with the filter, which has no people in its map, surface and views as well.
+    fn outputs(&self, simulator: &Simulator, config: &Config) -> Result<Outputs, Failure> {
+        let mut outputs = Outputs {
+            shots: Some(Shots::new(simulator.len(), &config.motion_weights)),
+            report: Some(Gathering::default()),
+            ..Outputs::default()
+        };
+        if config.static_filter.preset != Preset::Off {
+            let wish = Wish {
+                weights: config.motion_weights.clone(),
+                ..Wish::default()
+            };
+            outputs.dense = Some(Fusion::new(wish, simulator.camera(), self.simd)?);
+            outputs.reel = Some(Reel::new(simulator.len()));
+        }
+        Ok(outputs)
+    }
+
+    /// Both passes in one moving picture; none of a run that was lost from its beginning. Says what it is called.
+    fn film(&self, off: &Passed, on: &Passed) -> Result<Option<&'static str>, Failure> {
+        let Some(scene) = on.scene.as_ref().filter(|_| !on.pass.poses.is_empty()) else {
+            return Ok(None);
+        };
+        let without = Named {
+            name: render::OFF.to_owned(),
+            poses: off.pass.poses.clone(),
+        };
+        let known = usize::from(!without.poses.is_empty());
+        let shot = scene.shoot(&[without][..known])?;
+        let path = self.args.out.join(FILM);
+        let file = StreamedFile::create(&path, "--out")?;
+        let said = render::write(&shot, Format::Webp, FILM_MB, (file, &path))?;
+        if console::verbosity() > 1 {
+            console::info(&said);
+        }
+        Ok(Some(FILM))
     }
 
     /// Pictures of both passes.
     fn draw(
         &self,
         mut folder: ResultFolder,
-        (off, off_shots): (&Pass, &Shots),
-        (on, on_shots): (&Pass, &Shots),
+        Passed {
+            pass: off,
+            shots: off_shots,
+            ..
+        }: &Passed,
+        Passed {
+            pass: on,
+            shots: on_shots,
+            ..
+        }: &Passed,
     ) -> Result<(), Failure> {
         let titles = [("off", off), ("on", on)]
             .map(|(name, pass)| format!("filter {name}: {}", report::error(pass)));
@@ -190,7 +270,7 @@ impl DemoStage<'_> {
 }
 
 /// The exact poses at the colour stamps.
-fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
+pub(crate) fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
     simulator
         .ground_truth()
         .into_iter()

@@ -3,6 +3,7 @@
 pub(crate) mod export;
 pub(crate) mod merge;
 
+use crate::console::counted;
 use crate::failure::Failure;
 use crate::output::ResultFolder;
 use crate::page;
@@ -181,6 +182,11 @@ impl Fused {
         Floor::find(&self.mesh, &self.up)
     }
 
+    /// Away from the floor, as it was seen or else as is known.
+    pub(crate) fn upward(&self) -> Vec3 {
+        self.floor().map_or(self.up, |f| f.up)
+    }
+
     /// The floor plan, where the floor was seen.
     pub(crate) fn plan(&self) -> Option<Plan> {
         self.map.plan(&self.floor()?, &PlanOptions::default())
@@ -188,7 +194,7 @@ impl Fused {
 
     /// Writes mesh and plan into a result folder.
     pub(crate) fn write(&self, folder: &mut ResultFolder) -> Result<(), Failure> {
-        let up = self.floor().map_or(self.up, |f| f.up);
+        let up = self.upward();
         let bytes = |write: &dyn Fn(&mut Vec<u8>) -> std::io::Result<()>| {
             let mut bytes = Vec::new();
             write(&mut bytes).map_err(Failure::input)?;
@@ -249,19 +255,21 @@ impl DenseJson {
         }
     }
 
-    /// A line for the report.
-    pub(crate) fn text(&self) -> String {
-        let megabytes = |bytes: usize| bytes as f64 / 1e6;
+    /// A line for the report. `detailed` adds what it takes of the memory of the run.
+    pub(crate) fn text(&self, detailed: bool) -> String {
         let mut text = format!(
-            "surface: {} frames in voxels of {:.1} cm, {} triangles, {:.1} m2, {:.0} MB",
-            self.integrated,
+            "surface: {} in voxels of {:.1} cm, {}, {:.1} m2",
+            counted(self.integrated, "frame"),
             100.0 * self.voxel,
-            self.triangles,
-            self.area,
-            megabytes(self.memory_bytes)
+            counted(self.triangles, "triangle"),
+            self.area
         );
+        if detailed {
+            text += &format!(", {:.0} MB of the memory", self.memory_bytes as f64 / 1e6);
+        }
         if self.given_up > 0 {
-            text += &format!("; {} frames stayed where they were", self.given_up);
+            let frames = counted(self.given_up, "frame");
+            text += &format!("; {frames} stayed where they were");
         }
         text + "\n"
     }

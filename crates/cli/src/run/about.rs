@@ -57,8 +57,21 @@ pub(crate) struct About {
     /// Numbers of the frames in which a live run looked for things.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) things: Option<Vec<u32>>,
+    /// The scene, of a run that had no recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) simulated: Option<Simulated>,
     /// The whole configuration.
     pub(crate) config: Table,
+}
+
+/// A simulated scene as a run had it; its seed is that of the configuration.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub(crate) struct Simulated {
+    /// Name.
+    pub(crate) scene: String,
+    /// Number of frames.
+    pub(crate) frames: usize,
 }
 
 impl About {
@@ -99,6 +112,7 @@ impl About {
             detector: Some(detector.clone()),
             dense: None,
             things: None,
+            simulated: None,
             config: config::to_table(config)?,
         })
     }

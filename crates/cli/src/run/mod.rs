@@ -143,7 +143,7 @@ pub(crate) fn run_on(
 }
 
 /// The log of a run, for the result folder; where it goes to a file of its own, it is written there.
-fn run_log(
+pub(crate) fn run_log(
     session: &Session,
     about: &About,
     file: Option<StreamedFile>,

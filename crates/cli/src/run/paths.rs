@@ -8,8 +8,8 @@ use std::path::{Component, Path, PathBuf};
 use stillpoint::recordings::Input;
 
 /// Endings of files that data sets are read from. An existing one in a data set is taken for a part of it; other files in its folder may be of a run before.
-const DATA: [&str; 10] = [
-    "txt", "png", "jpg", "jpeg", "yaml", "yml", "bag", "mcap", "db3", "zstd",
+const DATA: [&str; 11] = [
+    "txt", "png", "jpg", "jpeg", "webp", "yaml", "yml", "bag", "mcap", "db3", "zstd",
 ];
 
 /// Refuses two files of a run on one path, and one in the place of one of its result. `log` is that of `--log`, `inputs` are files that
@@ -72,6 +72,24 @@ pub(crate) fn check_input(
     path: &Path,
     input: &Input,
 ) -> Result<(), Failure> {
+    let results = [
+        ("--out", Some(out)),
+        ("--masks", args.masks.as_deref()),
+        ("--overlay", args.overlay.as_deref()),
+    ];
+    check_outputs(&results, &files(args, log), path, input)
+}
+
+/// The same for `results`, which are folders, and `files`, by the options that name them.
+///
+/// # Errors
+/// The option and the path.
+pub(crate) fn check_outputs(
+    results: &[(&str, Option<&Path>)],
+    files: &[(&str, Option<&Path>)],
+    path: &Path,
+    input: &Input,
+) -> Result<(), Failure> {
     let read = place(path);
     let mut folders: Vec<PathBuf> = Vec::new();
     if path.is_dir() {
@@ -91,20 +109,12 @@ pub(crate) fn check_input(
             path.display()
         ))
     };
-    let results = [
-        ("--out", Some(out)),
-        ("--masks", args.masks.as_deref()),
-        ("--overlay", args.overlay.as_deref()),
-    ];
-    for (option, folder) in results.into_iter().filter_map(|(o, p)| Some((o, p?))) {
+    for (option, folder) in results.iter().filter_map(|(o, p)| Some((*o, (*p)?))) {
         if folders.contains(&place(folder)) {
             return Err(spoils(folder, option));
         }
     }
-    for (option, file) in files(args, log)
-        .into_iter()
-        .filter_map(|(o, p)| Some((o, p?)))
-    {
+    for (option, file) in files.iter().filter_map(|(o, p)| Some((*o, (*p)?))) {
         let place = place(file);
         let ending = place.extension().and_then(|e| e.to_str()).unwrap_or("");
         let is_data = DATA.contains(&ending.to_ascii_lowercase().as_str()) && place.is_file();
@@ -116,6 +126,11 @@ pub(crate) fn check_input(
         }
     }
     Ok(())
+}
+
+/// Whether a file is one of a folder, and of none below it.
+pub(crate) fn is_in(file: &Path, folder: &Path) -> bool {
+    place(file).parent() == Some(&*place(folder))
 }
 
 /// The files that a run writes, by the options that name them.

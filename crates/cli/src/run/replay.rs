@@ -20,22 +20,7 @@ const LARGEST: u64 = 1 << 30;
 pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Status, Failure> {
     let (log, bytes) = read(&args.log)?;
     let about = About::read(&log.about, &args.log)?;
-    let frames_of = InputArgs {
-        camera: args.camera.clone().or(about.camera),
-        start: about.start,
-        topics: TopicArgs {
-            color_topic: about.color_topic,
-            depth_topic: about.depth_topic,
-            info_topic: about.info_topic,
-            truth_topic: about.truth_topic,
-            imu_topic: about.imu_topic,
-            no_imu: about.no_imu,
-            odometry_topic: about.odometry_topic,
-            no_odometry: about.no_odometry,
-            depth_scale: about.depth_scale,
-        },
-        ..InputArgs::default()
-    };
+    let frames_of = input_of(&about, args.camera.clone());
     let task = Task {
         path: &args.path,
         input: &frames_of,
@@ -78,6 +63,26 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
     Ok(judge(agrees, status, &place, Voice::of(&args.output)))
 }
 
+/// The frames of a run, of the camera that is named or else that of the run.
+pub(crate) fn input_of(about: &About, camera: Option<String>) -> InputArgs {
+    InputArgs {
+        camera: camera.or_else(|| about.camera.clone()),
+        start: about.start,
+        topics: TopicArgs {
+            color_topic: about.color_topic.clone(),
+            depth_topic: about.depth_topic.clone(),
+            info_topic: about.info_topic.clone(),
+            truth_topic: about.truth_topic.clone(),
+            imu_topic: about.imu_topic.clone(),
+            no_imu: about.no_imu,
+            odometry_topic: about.odometry_topic.clone(),
+            no_odometry: about.no_odometry,
+            depth_scale: about.depth_scale,
+        },
+        ..InputArgs::default()
+    }
+}
+
 /// Says whether the trajectory is that of the run; nothing when not all of it was replayed.
 fn judge(agrees: Option<bool>, status: Status, log: &str, voice: Voice) -> Status {
     match agrees {
@@ -96,7 +101,7 @@ fn judge(agrees: Option<bool>, status: Status, log: &str, voice: Voice) -> Statu
 }
 
 /// Reads a log: what it says, and its bytes.
-fn read(path: &Path) -> Result<(RunLog, Vec<u8>), Failure> {
+pub(crate) fn read(path: &Path) -> Result<(RunLog, Vec<u8>), Failure> {
     let bytes = read_regular(path, LARGEST).map_err(|e| {
         Failure::input(format!(
             "{}: expected the log of a run, found: {e}; check the path",

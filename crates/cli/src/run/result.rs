@@ -2,7 +2,7 @@
 //! in the same way.
 
 use crate::args::run::OutputArgs;
-use crate::console;
+use crate::console::{self, counted};
 use crate::eval::{offset, order};
 use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
@@ -229,8 +229,8 @@ pub(crate) fn verdict(summary: &Summary) -> Status {
     let s = summary;
     if s.interrupted {
         console::line(&format!(
-            "interrupted after {} frames: the result holds what there was",
-            s.frames
+            "interrupted after {}: the result holds what there was",
+            counted(s.frames, "frame")
         ));
     }
     tell_stretches(s);

@@ -1,6 +1,6 @@
 //! Counts while frames go by, whoever drives them, and what a pass gave in the end.
 
-use crate::console;
+use crate::console::{self, counted};
 use crate::run::frames::Frames;
 use crate::run::session::Session;
 use crate::run::submaps;
@@ -28,28 +28,19 @@ pub(crate) struct Tally {
 
 impl Subscriber for Tally {
     fn receive(&mut self, event: &Event) {
+        tell(event);
         match event {
             Event::Frame(frame) => self.take_report(&frame.report),
             Event::Refused(refused) => self.skip(refused),
-            Event::Mapped { report, .. } => tracing::debug!(
-                keyframe = %report.keyframe,
-                version = report.map_version,
-                keyframes = report.keyframes,
-                landmarks = report.landmarks,
-                "mapped"
-            ),
             Event::Rejudged { report, .. } => {
                 self.features.rejudged_landmarks += u64::from(report.landmarks);
             }
             Event::Revoked { report, .. } => {
-                tracing::debug!(?report, "revoked");
                 self.features.revoked_keyframes += u64::from(report.keyframes);
             }
-            Event::Looped(report) => {
-                tracing::debug!(?report, "looped");
-                self.loops.add(report);
-            }
-            Event::Corrected { report, .. } => tracing::debug!(?report, "corrected"),
+            Event::Looped(report) => self.loops.add(report),
+            // What is to be said of them is said above.
+            Event::Mapped { .. } | Event::Corrected { .. } => {}
             Event::Detected(detections) => {
                 self.detector.frames += 1;
                 let count = detections.items.len();
@@ -67,6 +58,50 @@ impl Subscriber for Tally {
     }
 }
 
+/// What a stage did: in words, and with every figure of it for who wants them.
+fn tell(event: &Event) {
+    match event {
+        Event::Frame(frame) => {
+            let report = &frame.report;
+            tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
+        }
+        Event::Mapped { report, .. } => {
+            tracing::info!(
+                "mapped keyframe {}: {}, {}",
+                report.keyframe,
+                counted(report.keyframes, "keyframe"),
+                counted(report.landmarks, "landmark")
+            );
+            tracing::debug!(?report, "mapped");
+        }
+        Event::Revoked { report, .. } => {
+            tracing::info!(
+                "took back {} of the beginning",
+                counted(report.keyframes as usize, "keyframe")
+            );
+            tracing::debug!(?report, "revoked");
+        }
+        Event::Looped(report) => {
+            tracing::info!(
+                "keyframe {} looks like keyframe {}: {}",
+                report.keyframe,
+                report.with,
+                report.outcome
+            );
+            tracing::debug!(?report, "looped");
+        }
+        Event::Corrected { report, .. } => {
+            tracing::info!(
+                "corrected {}, merged {}",
+                counted((report.keyframes + report.propagated) as usize, "keyframe"),
+                counted(report.merged as usize, "landmark")
+            );
+            tracing::debug!(?report, "corrected");
+        }
+        _ => {}
+    }
+}
+
 impl Tally {
     fn take_report(&mut self, report: &FrameReport) {
         self.frames += 1;
@@ -75,7 +110,6 @@ impl Tally {
         OdometryJson::take(&mut self.odometry, report);
         self.detector.too_late += u64::from(report.counts.detections_too_late);
         self.detector.without_pose += u64::from(report.counts.detections_without_pose);
-        tracing::trace!(frame = %report.frame, counts = ?report.counts, outcome = ?report.outcome, "tracked");
         self.each.take(report);
     }
 

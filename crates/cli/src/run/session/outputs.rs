@@ -6,6 +6,7 @@ use crate::dense::{Fused, Fusion};
 use crate::failure::Failure;
 use crate::map::file::MapOutput;
 use crate::page::Gathering;
+use crate::render::reel::Reel;
 use crate::run::masks::MaskFolder;
 use crate::run::objects::ObjectFile;
 use crate::run::overlay::OverlayFolder;
@@ -34,6 +35,8 @@ pub(crate) struct Outputs {
     pub(crate) overlay: Option<OverlayFolder>,
     /// Pictures for the demo.
     pub(crate) shots: Option<Shots>,
+    /// What is shown of a run in motion, of one that is no live run.
+    pub(crate) reel: Option<Reel>,
     /// What the report shows.
     pub(crate) report: Option<Gathering>,
     /// What was found as messages.
@@ -63,6 +66,7 @@ pub(crate) struct Writers {
     masks: Option<Listening<MaskFolder>>,
     overlay: Option<Listening<OverlayFolder>>,
     shots: Option<Listening<Shots>>,
+    reel: Option<Listening<Reel>>,
     report: Option<Listening<Gathering>>,
     record: Option<Listening<RunRecording>>,
     view: Option<Listening<PageView>>,
@@ -78,6 +82,7 @@ impl Subscriber for Writers {
         self.masks.receive(event);
         self.overlay.receive(event);
         self.shots.receive(event);
+        self.reel.receive(event);
         self.report.receive(event);
         self.record.receive(event);
         self.view.receive(event);
@@ -120,6 +125,7 @@ impl Outputs {
             masks: self.masks.take().map(|w| Listening::new(w, stop)),
             overlay: self.overlay.take().map(|w| Listening::new(w, stop)),
             shots: self.shots.take().map(|w| Listening::new(w, stop)),
+            reel: self.reel.take().map(|w| Listening::new(w, stop)),
             report: self.report.take().map(|w| Listening::new(w, stop)),
             record: self.record.take().map(|w| Listening::new(w, stop)),
             view: self.view.take().map(|w| Listening::new(w, stop)),
@@ -139,6 +145,7 @@ impl Outputs {
         self.masks = writers.masks.map(Listening::finish).transpose()?;
         self.overlay = writers.overlay.map(Listening::finish).transpose()?;
         self.shots = writers.shots.map(Listening::finish).transpose()?;
+        self.reel = writers.reel.map(Listening::finish).transpose()?;
         self.report = writers.report.map(Listening::finish).transpose()?;
         self.record = writers.record.map(Listening::finish).transpose()?;
         self.view = writers.view.map(Listening::finish).transpose()?;

@@ -1,0 +1,397 @@
+//! Both halves of a picture and the lines under them.
+
+use super::camera::Viewpoint;
+use super::solid::{Solid, Surface};
+use crate::draw::draw_mark;
+use crate::overlay::Mark;
+use crate::text::Text;
+use crate::{Colour, Picture, shapes};
+use stillpoint_geometry::{Se3, Vec3};
+
+/// Width of a picture, px: what a page of text shows without scaling.
+const WIDTH: usize = 900;
+/// Between both halves, px.
+const GAP: usize = 4;
+/// Size of all text, px.
+const TEXT: f32 = 15.0;
+/// The ground of the right half and of the lines below.
+const GROUND: Colour = Colour::PANEL;
+/// Width of a trajectory, and of the true one, which shows on both sides of one that lies on it, px.
+const LINE: f32 = 2.2;
+const TRUE_LINE: f32 = 5.0;
+/// How far the dark edge reaches that makes a trajectory stand out, px, and how dark it is.
+const EDGE: f32 = 1.2;
+const EDGE_SHARE: f32 = 0.55;
+/// Poses farther apart are not joined by a line, s: nobody knows what was between them.
+const APART: f64 = 0.5;
+/// Length of the drawn camera, px.
+const CAMERA: f64 = 26.0;
+/// Points of the surface by which the place to look from is chosen, at most.
+const SAMPLES: usize = 4000;
+/// The share of them that is nearest to the trajectories and has to be seen: far walls may reach out of the picture, or all that happens
+/// before them would be small.
+const NEAREST: f64 = 0.6;
+
+/// A trajectory.
+#[derive(Clone, Debug)]
+pub struct Track {
+    /// What it is called in the legend.
+    pub name: String,
+    /// What the legend says of it, its error; empty where that is not known.
+    pub note: String,
+    /// Its colour.
+    pub colour: Colour,
+    /// The true one: drawn wide, below the others.
+    pub is_truth: bool,
+    /// Stamp, s, and place, m, in the order of time, in the frame of reference of the surface.
+    pub points: Vec<(f64, Vec3)>,
+}
+
+/// What the right half shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Plot<'a> {
+    /// The surface.
+    pub surface: Surface<'a>,
+    /// Trajectories; the last one is drawn above the others and is that of the camera.
+    pub tracks: &'a [Track],
+    /// Away from the floor.
+    pub up: Vec3,
+    /// Where the camera looked on average.
+    pub heading: Vec3,
+    /// Half width and half height of the camera's image at a distance of 1.
+    pub opening: [f64; 2],
+    /// What the error of a trajectory is called; empty where none is known.
+    pub measure: &'a str,
+    /// Times that it is shown faster than it was recorded.
+    pub speed: f64,
+}
+
+/// One moment.
+#[derive(Clone, Copy, Debug)]
+pub struct Stand<'a> {
+    /// Its number, from 0 on.
+    pub number: u32,
+    /// s.
+    pub stamp: f64,
+    /// What is shown on the left.
+    pub view: &'a Picture,
+    /// The final pose, where there is one.
+    pub pose: Option<&'a Se3>,
+}
+
+/// Draws pictures in the order of time.
+pub struct Film<'a> {
+    plot: Plot<'a>,
+    viewpoint: Viewpoint,
+    solid: Solid,
+    size: (usize, usize),
+    legend: Vec<Vec<Entry>>,
+}
+
+/// A word of the legend and what stands before it.
+#[derive(Clone)]
+struct Entry {
+    sign: Sign,
+    words: String,
+}
+
+#[derive(Clone, Copy)]
+enum Sign {
+    Mark(Mark),
+    Region,
+    Line(Colour, f32),
+    Nothing,
+}
+
+impl<'a> Film<'a> {
+    /// Width of the left half, px.
+    pub const VIEW: usize = (WIDTH - GAP) / 2;
+
+    /// Begins with halves of the height of the left one, px.
+    #[must_use]
+    pub fn new(plot: &Plot<'a>, height: usize) -> Self {
+        let size = (Self::VIEW, height);
+        let positions = plot.surface.positions;
+        let every = positions.len().div_ceil(SAMPLES).max(1);
+        let cut = positions.iter().step_by(every);
+        let mut cut: Vec<Vec3> = cut.map(|p| Vec3::from(p.map(f64::from))).collect();
+        let whole = plot.tracks.iter().flat_map(|t| &t.points);
+        let whole: Vec<Vec3> = whole.map(|p| p.1).collect();
+        let middle = whole.iter().sum::<Vec3>() / whole.len().max(1) as f64;
+        cut.sort_by(|a, b| (a - middle).norm().total_cmp(&(b - middle).norm()));
+        cut.truncate((NEAREST * cut.len() as f64).ceil() as usize);
+        let viewpoint = Viewpoint::fitting(&cut, &whole, (&plot.up, &plot.heading), size);
+        Self {
+            solid: Solid::new(&plot.surface, &viewpoint, size, GROUND),
+            viewpoint,
+            legend: legend(plot),
+            plot: *plot,
+            size,
+        }
+    }
+
+    /// The picture of a moment, which is not before the last one.
+    #[must_use]
+    pub fn picture(&mut self, stand: &Stand<'_>) -> Picture {
+        let mut right = self.solid.picture(&self.plot.surface, stand.number);
+        // All edges first: a trajectory on the true one has that at both of its sides.
+        for edge in [true, false] {
+            for track in self.plot.tracks {
+                self.draw_track(&mut right, track, stand.stamp, edge);
+            }
+        }
+        if let (Some(pose), Some(track)) = (stand.pose, self.plot.tracks.last()) {
+            self.draw_camera(&mut right, pose, track.colour);
+        }
+        let text = Text::of(TEXT);
+        let below = self.legend.len() * text.line() + text.space(0.3);
+        let mut picture = Picture::new(WIDTH, self.size.1 + below, GROUND);
+        picture.paste(stand.view, 0, 0);
+        picture.paste(&right, Self::VIEW + GAP, 0);
+        let mut y = self.size.1 + text.space(0.15);
+        for line in &self.legend {
+            draw_line(&mut picture, y, text, line);
+            y += text.line();
+        }
+        picture
+    }
+
+    /// A trajectory as far as it is known then: its dark edge, or itself.
+    fn draw_track(&self, picture: &mut Picture, track: &Track, until: f64, edge: bool) {
+        let seen = track.points.partition_point(|(stamp, _)| *stamp <= until);
+        let points = &track.points[..seen];
+        let at = |p: &Vec3| {
+            let (x, y, _) = self.viewpoint.project(p)?;
+            Some((x as f32, y as f32))
+        };
+        let (colour, width, share) = if edge {
+            (Colour::BLACK, track.width() + 2.0 * EDGE, EDGE_SHARE)
+        } else {
+            (track.colour, track.width(), 1.0)
+        };
+        for pair in points.windows(2).filter(|p| p[1].0 - p[0].0 <= APART) {
+            if let (Some(a), Some(b)) = (at(&pair[0].1), at(&pair[1].1)) {
+                shapes::segment(picture, a, b, (width, share), colour);
+            }
+        }
+        let head = points.last().and_then(|p| at(&p.1));
+        if let Some(head) = head.filter(|_| !track.is_truth && !edge) {
+            shapes::disc(picture, head, LINE + EDGE, Colour::BLACK);
+            shapes::disc(picture, head, LINE, track.colour);
+        }
+    }
+
+    /// The camera as a pyramid.
+    fn draw_camera(&self, picture: &mut Picture, pose: &Se3, colour: Colour) {
+        let tip = &pose.translation;
+        let Some((x, y, z)) = self.viewpoint.project(tip) else {
+            return;
+        };
+        let length = CAMERA * z / self.viewpoint.focal();
+        let [w, h] = self.plot.opening;
+        let corner = |(sx, sy): (f64, f64)| {
+            let p = Vec3::new(sx * w, sy * h, 1.0) * length;
+            let (x, y, _) = self.viewpoint.project(&pose.transform(&p))?;
+            Some((x as f32, y as f32))
+        };
+        let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(corner);
+        let tip = (x as f32, y as f32);
+        for (i, a) in corners.iter().enumerate() {
+            let (Some(a), Some(b)) = (*a, corners[(i + 1) % 4]) else {
+                continue;
+            };
+            shapes::segment(picture, tip, a, (1.4, 1.0), colour);
+            shapes::segment(picture, a, b, (1.4, 1.0), colour);
+        }
+    }
+}
+
+impl Track {
+    fn width(&self) -> f32 {
+        if self.is_truth { TRUE_LINE } else { LINE }
+    }
+}
+
+/// The lines under both halves: on the left what the marks mean, on the right the trajectories, as many to a line as fit.
+fn legend(plot: &Plot<'_>) -> Vec<Vec<Entry>> {
+    let text = Text::of(TEXT);
+    let entry = |sign, words: &str| Entry {
+        sign,
+        words: words.to_owned(),
+    };
+    let mut left = vec![
+        entry(Sign::Mark(Mark::Static), "used"),
+        entry(Sign::Mark(Mark::Dynamic(Colour::SEMANTIC)), "rejected"),
+        entry(Sign::Region, "moves"),
+    ];
+    if plot.speed > 1.5 {
+        left.push(entry(Sign::Nothing, &format!("{:.0}\u{d7} speed", plot.speed)));
+    }
+    let head = (!plot.measure.is_empty()).then(|| entry(Sign::Nothing, plot.measure));
+    let tracks = plot.tracks.iter().rev();
+    let right: Vec<Entry> = head
+        .into_iter()
+        .chain(tracks.map(|t| {
+            let words = format!("{} {}", t.name, t.note);
+            let words = text.cut(words.trim_end(), Film::VIEW - 3 * text.space(1.0));
+            entry(Sign::Line(t.colour, t.width()), &words)
+        }))
+        .collect();
+    let mut lines = vec![Vec::new()];
+    let mut x = 0;
+    for next in right {
+        let wide = next.width(text);
+        if x > 0 && x + wide > Film::VIEW {
+            lines.push(Vec::new());
+            x = 0;
+        }
+        x += wide;
+        if let Some(line) = lines.last_mut() {
+            line.push(next);
+        }
+    }
+    // The left half's share is in front of the first line.
+    let first = &mut lines[0];
+    left.push(entry(Sign::Nothing, ""));
+    left.append(first);
+    *first = left;
+    for line in lines.iter_mut().skip(1) {
+        line.insert(0, entry(Sign::Nothing, ""));
+    }
+    lines
+}
+
+impl Entry {
+    /// Room for the sign, px.
+    fn room(&self, text: Text) -> usize {
+        match self.sign {
+            Sign::Mark(_) | Sign::Region => text.space(1.15),
+            Sign::Line(..) => text.space(1.9),
+            Sign::Nothing => 0,
+        }
+    }
+
+    /// Width with its words and the space behind them, px.
+    fn width(&self, text: Text) -> usize {
+        self.room(text) + text.width(&self.words) + text.space(0.8)
+    }
+
+    /// Whether the right half begins here.
+    fn is_break(&self) -> bool {
+        self.words.is_empty()
+    }
+}
+
+fn draw_line(picture: &mut Picture, y: usize, text: Text, entries: &[Entry]) {
+    let mut x = text.space(0.5);
+    for entry in entries {
+        if entry.is_break() {
+            x = Film::VIEW + GAP + text.space(0.5);
+            continue;
+        }
+        let room = entry.room(text);
+        let (u, v) = (x as f32 + 0.4 * room as f32, y as f32 + 0.5 * (text.line() - 1) as f32);
+        match entry.sign {
+            Sign::Mark(mark) => draw_mark(picture, (u, v), mark, 1.1),
+            Sign::Region => {
+                let half = 0.36 * TEXT;
+                let corner = |sign: f32| ((u + sign * half) as i64, (v + sign * half) as i64);
+                shapes::plate(picture, corner(-1.0), corner(1.0), Colour::REGION);
+            }
+            Sign::Line(colour, width) => {
+                let half = 0.36 * room as f32;
+                shapes::segment(picture, (u - half, v), (u + half, v), (width, 1.0), colour);
+            }
+            Sign::Nothing => {}
+        }
+        let at = ((x + room) as i64, y as i64);
+        text.write(picture, at, &entry.words, Colour::WHITE);
+        x += entry.width(text);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn track(name: &str, colour: Colour, y: f64) -> Track {
+        Track {
+            name: name.to_owned(),
+            note: "1.0 mm".to_owned(),
+            colour,
+            is_truth: name == "truth",
+            points: (0..40)
+                .map(|i| (0.1 * f64::from(i), Vec3::new(0.1 * f64::from(i), y, 0.0)))
+                .collect(),
+        }
+    }
+
+    fn plot(tracks: &[Track]) -> Plot<'_> {
+        Plot {
+            surface: Surface {
+                positions: &[],
+                normals: &[],
+                colours: &[],
+                triangles: &[],
+                since: &[],
+            },
+            tracks,
+            up: -Vec3::y(),
+            heading: Vec3::z(),
+            opening: [0.5, 0.4],
+            measure: "ATE",
+            speed: 1.0,
+        }
+    }
+
+    fn pixels(picture: &Picture, colour: Colour, columns: std::ops::Range<usize>) -> usize {
+        let all = (0..336).flat_map(|y| columns.clone().map(move |x| (x, y)));
+        all.filter(|(x, y)| picture.at(*x, *y) == Some(colour)).count()
+    }
+
+    #[test]
+    fn trajectories_grow_beside_the_view() {
+        let far = Colour::RIGID;
+        let tracks = [
+            track("truth", Colour::WHITE, 0.1),
+            track("carried away", far, -0.6),
+            track("Stillpoint", Colour::STATIC, 0.0),
+        ];
+        let plot = plot(&tracks);
+        let mut film = Film::new(&plot, 336);
+        let left = Picture::new(Film::VIEW, 336, Colour::SEMANTIC);
+        let mut at = |stamp: f64, number| {
+            let pose = Se3::identity();
+            film.picture(&Stand {
+                number,
+                stamp,
+                view: &left,
+                pose: Some(&pose),
+            })
+        };
+        let (early, late) = (at(1.0, 0), at(3.95, 1));
+        assert_eq!(early.width(), WIDTH);
+        assert!(early.height() > 336 && early.height() < 400);
+        assert_eq!(pixels(&late, Colour::SEMANTIC, 0..Film::VIEW), 336 * Film::VIEW);
+        let right = Film::VIEW + GAP..WIDTH;
+        for colour in [Colour::WHITE, far, Colour::STATIC] {
+            let [few, many] = [&early, &late].map(|p| pixels(p, colour, right.clone()));
+            assert!(few > 10 && many > 2 * few, "{colour:?}: {few} {many}");
+        }
+    }
+
+    #[test]
+    fn a_long_legend_takes_more_lines() {
+        let lines = |n: usize| {
+            let name = |i: usize| format!("system {i}");
+            let tracks: Vec<Track> = (0..n)
+                .map(|i| track(&name(i), Colour::of_number(i as u32), 0.0))
+                .collect();
+            let lines = legend(&plot(&tracks));
+            let entries = lines.iter().flatten().filter(|e| !e.is_break()).count();
+            assert_eq!(entries, 3 + 1 + n);
+            lines.len()
+        };
+        assert_eq!((lines(1), lines(2), lines(4)), (1, 1, 2));
+    }
+}
