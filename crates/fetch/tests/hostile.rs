@@ -2,7 +2,9 @@
 
 use crate::packed::*;
 use std::io::Write;
+use stillpoint_fetch::archive::ArchiveError;
 use stillpoint_fetch::archive::Packing::{TarGz, Zip};
+use stillpoint_testdata::server::Server;
 use tar::EntryType;
 
 #[test]
@@ -139,4 +141,44 @@ fn what_is_no_sequence_is_refused() {
         other[method] = 97;
     }
     refused(other, Zip);
+}
+
+/// One byte of it changed, packed or not: a folder, or an error, and nothing else.
+#[test]
+fn whatever_is_damaged_becomes_a_folder_or_an_error() {
+    let tar = [
+        entry("walk/", EntryType::Directory, b""),
+        file("walk/rgb.txt", b"1.0 rgb/1.png"),
+        file("walk/rgb/1.png", b"picture"),
+        vec![0; 1024],
+    ]
+    .concat();
+    let files: [(&str, &[u8]); 2] = [("walk/rgb.txt", b"1.0 a"), ("walk/rgb/1.png", b"picture")];
+    let (tgz, zip) = (gzip(&tar), zipped(&files));
+    let mut state = 1_u32;
+    let mut random = |below: usize| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (state >> 8) as usize % below
+    };
+    let mut refused = 0;
+    for round in 0..150 {
+        let mut bytes = [&tar, &tgz, &zip][round % 3].clone();
+        let at = random(bytes.len());
+        bytes[at] ^= 1 << random(8);
+        let (bytes, packing) = match round % 3 {
+            0 => (gzip(&bytes), TarGz),
+            1 => (bytes, TarGz),
+            _ => (bytes, Zip),
+        };
+        let (place, server) = (Place::new(), Server::of(bytes.leak()));
+        match place.pull(&server, packing) {
+            Ok(_) => assert_eq!(place.names(), ["rgbd_walk", "walk.bin.sha256"], "{round}"),
+            Err(e) => {
+                assert!(matches!(e, ArchiveError::Unusable { .. }), "{round}: {e}");
+                assert_eq!(place.names(), [""; 0], "{round}");
+                refused += 1;
+            }
+        }
+    }
+    assert!((30..150).contains(&refused), "{refused}");
 }
