@@ -3,13 +3,14 @@
 #   docker build -t stillpoint .
 #   docker run --rm -v "$PWD:/data" -u "$(id -u):$(id -g)" stillpoint run walk.mcap
 #
-FROM rust:1-slim-bookworm AS build
+# Releases are made of these bases as they were when `tools/images` wrote their digests behind the names (docs/release.md).
+FROM rust:1.94-slim-bookworm AS build
 WORKDIR /stillpoint
 COPY . .
 RUN cargo build --profile dist --locked --package stillpoint-cli
 
 # The C library and nothing else: no shell, no packages.
-FROM gcr.io/distroless/cc-debian12
+FROM gcr.io/distroless/cc-debian12:nonroot
 COPY --from=build /stillpoint/target/dist/stillpoint /usr/local/bin/stillpoint
 COPY --from=build /stillpoint/LICENSE-MIT /stillpoint/LICENSE-APACHE /stillpoint/NOTICES.md /usr/share/doc/stillpoint/
 # Models that are pulled stay where recordings and results are.

@@ -10,11 +10,13 @@ mod args;
 mod bench;
 mod config;
 mod console;
+mod datasets;
 mod demo;
 mod dense;
 mod detect;
 mod detector;
 mod doctor;
+mod download;
 mod eval;
 mod failure;
 pub mod front;
@@ -149,6 +151,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Asked::Recording(a) => recording::recording(a),
         Asked::Map(a) => map::map(a),
         Asked::Models(a) => models::models(a),
+        Asked::Datasets(a) => datasets::datasets(a),
         Asked::Config(ConfigCommand::Print(a)) => config::print(a),
         Asked::Completions(a) => Ok(packaging::completions(a)),
         Asked::Man(a) => packaging::man(a),

@@ -12,7 +12,7 @@ use clap_mangen::roff::{Roff, bold, roman};
 
 /// The date on the manual pages, which is that of the last change to what commands take: a page must have one, and the time of
 /// the build would make every build another one.
-const DATE: &str = "2026-11-24";
+const DATE: &str = "2026-11-28";
 
 /// `completions`.
 pub(crate) fn completions(args: &CompletionsArgs) -> Status {

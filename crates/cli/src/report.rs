@@ -1,7 +1,7 @@
 //! What `run`, `demo` and `eval` print about a result.
 
 use crate::console::{counted, frame_rate};
-use crate::models::megabytes;
+use crate::download::megabytes;
 use crate::run::live_report::LiveJson;
 use crate::run::summary::{DetectorJson, ScoreJson, StatisticsJson, Summary};
 use stillpoint::detection::MOST_DETECTIONS;

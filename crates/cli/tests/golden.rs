@@ -39,6 +39,7 @@ fn help_of_every_command() {
         "recording",
         "map",
         "models",
+        "datasets",
         "config",
         "completions",
         "man",
@@ -57,6 +58,10 @@ fn help_of_every_command() {
     ] {
         let name = format!("help_map_{command}.txt");
         golden(&name, &["map", command, "--help"]);
+    }
+    for command in ["list", "pull"] {
+        let name = format!("help_datasets_{command}.txt");
+        golden(&name, &["datasets", command, "--help"]);
     }
     for command in ["list", "pull", "import", "check"] {
         let name = format!("help_models_{command}.txt");
@@ -95,6 +100,9 @@ fn every_help_has_examples() {
         &["models", "pull", "--help"],
         &["models", "import", "--help"],
         &["models", "check", "--help"],
+        &["datasets", "--help"],
+        &["datasets", "list", "--help"],
+        &["datasets", "pull", "--help"],
         &["config", "--help"],
         &["config", "print", "--help"],
         &["completions", "--help"],

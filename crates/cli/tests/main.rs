@@ -10,6 +10,7 @@ mod bad_output;
 mod clocks;
 mod common;
 mod config_docs;
+mod datasets_pull;
 mod demo;
 mod dense;
 mod detect;

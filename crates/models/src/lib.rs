@@ -14,4 +14,4 @@ mod pull;
 
 pub use catalogue::{KnownModel, known, known_by_sha256, known_models, licence};
 #[cfg(feature = "pull")]
-pub use pull::{ByHand, Checksum, Progress, PullError, PullOptions, Pulled, pull};
+pub use pull::{ByHand, Checksum, FetchError, Progress, PullError, PullOptions, Pulled, pull};

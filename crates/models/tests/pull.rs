@@ -5,7 +5,9 @@ use crate::pull_support::*;
 use std::ops::ControlFlow;
 use std::sync::mpsc;
 use stillpoint_inference::{Cache, CacheError, State};
-use stillpoint_models::{Checksum, KnownModel, Progress, PullError, PullOptions, known, pull};
+use stillpoint_models::{
+    Checksum, FetchError, KnownModel, Progress, PullError, PullOptions, known, pull,
+};
 
 #[test]
 fn a_model_arrives_and_is_not_fetched_twice() {
@@ -79,9 +81,9 @@ fn broken_off(
     let e = get(&model, &scratch.cache, &server).unwrap_err();
     assert_eq!(e.part(), Some(scratch.part().as_path()));
     match &e {
-        PullError::BrokenOff {
+        PullError::Fetch(FetchError::BrokenOff {
             received, total, ..
-        } => {
+        }) => {
             assert_eq!(*received, sent as u64);
             assert_eq!(*total, Some(bytes.len() as u64));
         }
@@ -253,7 +255,7 @@ fn stopping_keeps_what_came() {
         },
     )
     .unwrap_err();
-    let PullError::Stopped { received, .. } = e else {
+    let PullError::Fetch(FetchError::Stopped { received, .. }) = e else {
         panic!("{e}");
     };
     assert!(received > 50_000 && received < bytes.len() as u64);
@@ -267,7 +269,10 @@ fn stopping_keeps_what_came() {
     let e = pull(&model, &scratch.cache, &options(&server), &mut |_| {
         ControlFlow::Break(())
     });
-    assert!(matches!(e, Err(PullError::Stopped { received: 0, .. })));
+    assert!(matches!(
+        e,
+        Err(PullError::Fetch(FetchError::Stopped { received: 0, .. }))
+    ));
     assert!(scratch.files().is_empty());
 }
 
@@ -296,7 +301,10 @@ fn two_at_once_do_not_mix() {
         (first.join().unwrap(), second)
     });
     let e = second.unwrap_err();
-    assert!(matches!(e, PullError::Busy { .. }), "{e}");
+    assert!(
+        matches!(e, PullError::Fetch(FetchError::Busy { .. })),
+        "{e}"
+    );
     assert!(e.to_string().contains("made-up"), "{e}");
     assert_eq!(first.unwrap().model.read().unwrap(), bytes);
     // The lock file that stays is no lock.

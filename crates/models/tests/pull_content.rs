@@ -3,7 +3,7 @@
 #![cfg(feature = "pull")]
 use crate::pull_support::*;
 use stillpoint_inference::sha256_hex;
-use stillpoint_models::{Checksum, KnownModel, PullError, PullOptions};
+use stillpoint_models::{Checksum, FetchError, KnownModel, PullError, PullOptions};
 
 #[test]
 fn lengths_are_not_believed() {
@@ -14,7 +14,10 @@ fn lengths_are_not_believed() {
         let e = fails(&model, move |_, _, stream| {
             reply(stream, "200 OK", "", body)
         });
-        assert!(matches!(e, PullError::Size { .. }), "{e}");
+        assert!(
+            matches!(e, PullError::Fetch(FetchError::Size { .. })),
+            "{e}"
+        );
         assert!(e.to_string().contains("expected 200003 bytes"), "{e}");
     }
     // The same without a word: the end of the connection is the end of the file.
@@ -42,7 +45,10 @@ fn lengths_are_not_believed() {
             );
         }
     });
-    assert!(matches!(e, PullError::Size { .. }), "{e}");
+    assert!(
+        matches!(e, PullError::Fetch(FetchError::Size { .. })),
+        "{e}"
+    );
     // A size that no model has, where none is known.
     let e = fails(&unknown(), |_, _, stream| {
         send(
@@ -67,7 +73,10 @@ fn lengths_are_not_believed() {
             b"model",
         );
     });
-    assert!(matches!(e, PullError::Status { status: 206, .. }), "{e}");
+    assert!(
+        matches!(e, PullError::Fetch(FetchError::Status { status: 206, .. })),
+        "{e}"
+    );
 }
 
 #[test]
@@ -107,7 +116,10 @@ fn other_files_are_refused() {
                 page,
             );
         });
-        assert!(matches!(e, PullError::WebPage { .. }), "{e}");
+        assert!(
+            matches!(e, PullError::Fetch(FetchError::WebPage { .. })),
+            "{e}"
+        );
         assert!(e.to_string().contains("asks for a login"), "{e}");
     }
 }
@@ -182,7 +194,10 @@ fn parts_that_nothing_vouches_for_are_not_resumed() {
         });
         assert!(matches!(
             result,
-            Err(PullError::BrokenOff { received: 1000, .. })
+            Err(PullError::Fetch(FetchError::BrokenOff {
+                received: 1000,
+                ..
+            }))
         ));
         let pulled = get(&unknown(), &scratch.cache, &server).unwrap();
         assert_eq!(pulled.model.read().unwrap(), bytes);

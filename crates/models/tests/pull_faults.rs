@@ -4,7 +4,7 @@
 use crate::pull_support::*;
 use std::net::TcpListener;
 use std::time::Duration;
-use stillpoint_models::{PullError, PullOptions};
+use stillpoint_models::{FetchError, PullError, PullOptions};
 
 #[test]
 fn statuses_are_reported() {
@@ -25,7 +25,10 @@ fn statuses_are_reported() {
         let e = fails(&model, move |_, _, stream| {
             reply(stream, status, "", b"model")
         });
-        assert!(matches!(e, PullError::Status { .. }), "{e}");
+        assert!(
+            matches!(e, PullError::Fetch(FetchError::Status { .. })),
+            "{e}"
+        );
         assert!(e.to_string().contains(part), "{e}");
         assert!(e.to_string().contains("stillpoint models import"), "{e}");
     }
@@ -86,7 +89,10 @@ fn odd_redirects_are_refused() {
         let e = fails(&model, move |_, _, stream| {
             reply(stream, "302 Found", location, b"model")
         });
-        assert!(matches!(e, PullError::Redirect { .. }), "{e}");
+        assert!(
+            matches!(e, PullError::Fetch(FetchError::Redirect { .. })),
+            "{e}"
+        );
         assert!(e.to_string().contains(part), "{e}");
     }
     // The body of a redirect is not waited for.
@@ -111,14 +117,20 @@ fn silence_ends() {
     let limit = Duration::from_millis(700);
     let (result, scratch, _server) = fetch_within(limit, &model, |_, _, stream| stall(stream));
     let e = failed(result, &scratch);
-    assert!(matches!(e, PullError::Unreachable { .. }), "{e}");
+    assert!(
+        matches!(e, PullError::Fetch(FetchError::Unreachable { .. })),
+        "{e}"
+    );
     assert!(e.to_string().contains("none in time"), "{e}");
     let (result, scratch, _server) = fetch_within(limit, &model, |_, _, stream| {
         send(stream, b"HTTP/1.1 200 OK\r\nContent-");
         stall(stream);
     });
     let e = failed(result, &scratch);
-    assert!(matches!(e, PullError::Unreachable { .. }), "{e}");
+    assert!(
+        matches!(e, PullError::Fetch(FetchError::Unreachable { .. })),
+        "{e}"
+    );
     let (result, scratch, _server) = fetch_within(limit, &model, |_, _, stream| {
         break_off(bytes, 30_000, "ETag: \"v1\"\r\n", stream);
         stall(stream);
@@ -161,7 +173,10 @@ fn no_server_is_reported() {
             ..PullOptions::default()
         };
         let e = watch(&model, &scratch.cache, &nowhere).0.unwrap_err();
-        assert!(matches!(e, PullError::Unreachable { .. }), "{e}");
+        assert!(
+            matches!(e, PullError::Fetch(FetchError::Unreachable { .. })),
+            "{e}"
+        );
         for part in [
             "HTTPS_PROXY",
             model.url,
@@ -181,7 +196,10 @@ fn no_server_is_reported() {
         ..options(&server)
     };
     let e = watch(&model, &scratch.cache, &secure).0.unwrap_err();
-    assert!(matches!(e, PullError::Unreachable { .. }), "{e}");
+    assert!(
+        matches!(e, PullError::Fetch(FetchError::Unreachable { .. })),
+        "{e}"
+    );
     scratch.assert_older(&[]);
 }
 
@@ -198,7 +216,7 @@ fn what_is_not_http_is_reported() {
             send(stream, answer.as_bytes())
         });
         assert!(
-            matches!(e, PullError::Unreachable { .. }),
+            matches!(e, PullError::Fetch(FetchError::Unreachable { .. })),
             "{answer:?}: {e}"
         );
     }
@@ -211,5 +229,8 @@ fn what_is_not_http_is_reported() {
             );
         }
     });
-    assert!(matches!(e, PullError::Unreachable { .. }), "{e}");
+    assert!(
+        matches!(e, PullError::Fetch(FetchError::Unreachable { .. })),
+        "{e}"
+    );
 }

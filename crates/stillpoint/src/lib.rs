@@ -34,6 +34,9 @@ pub use stillpoint_estimation as estimation;
 pub use stillpoint_evaluation as evaluation;
 /// Keypoints, descriptors, matching.
 pub use stillpoint_features as features;
+/// Downloads and archives.
+#[cfg(feature = "pull")]
+pub use stillpoint_fetch as fetch;
 /// Rotations, rigid motions, cameras.
 pub use stillpoint_geometry as geometry;
 /// Images, pyramids, frames.

@@ -34,8 +34,10 @@ const NORMAL: &[(&str, &[&str])] = &[
     ),
     // Opens files and loads libraries, so that the core does not.
     ("inference", &["detection", "imaging"]),
+    // The network, and nothing of what comes over it.
+    ("fetch", &[]),
     // How a model is read is said beside it in the cache.
-    ("models", &["detection", "inference"]),
+    ("models", &["detection", "inference", "fetch"]),
     // What it draws it is given as values and events.
     ("view", &["geometry", "imaging", "detection", "map", "slam"]),
     // A subscriber that fuses: events and views in, surfaces out.
@@ -60,6 +62,7 @@ const NORMAL: &[(&str, &[&str])] = &[
             "place",
             "detection",
             "inference",
+            "fetch",
             "models",
             "slam",
             "live",
@@ -140,6 +143,7 @@ const CORE: &[&str] = &[
 const OUTSIDE: &[&str] = &[
     "live",
     "inference",
+    "fetch",
     "models",
     "datasets",
     "recordings",

@@ -227,6 +227,73 @@ fn releases_have_the_archives_that_installers_look_for() {
     }
 }
 
+/// Archives, packages and the image have the same documents, and those that a package names are there.
+#[test]
+fn everything_that_is_given_away_has_its_notices() {
+    let packages = published();
+    let cli = packages.iter().find(|p| p["name"] == "stillpoint-cli");
+    let deb = &cli.unwrap()["metadata"]["deb"];
+    let assets: Vec<Vec<&str>> = deb["assets"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(strings)
+        .collect();
+    let folder = root().join("crates/cli");
+    for asset in &assets {
+        // What `tools/package` writes first is not there in a checkout.
+        let written = asset[0].starts_with("target/") || asset[0].starts_with("../../target/");
+        assert!(written || folder.join(asset[0]).is_file(), "{asset:?}");
+    }
+    let (script, image) = (
+        read(&root().join("tools/package")),
+        read(&root().join("Dockerfile")),
+    );
+    for name in ["LICENSE-MIT", "LICENSE-APACHE", "NOTICES.md"] {
+        let source = format!("../../{name}");
+        let packed = assets
+            .iter()
+            .any(|a| a[0] == source && a[1] == "usr/share/doc/stillpoint/");
+        assert!(
+            packed && script.contains(name) && image.contains(name),
+            "{name}"
+        );
+    }
+    for place in [
+        "usr/bin/",
+        "usr/share/man/man1/",
+        "usr/share/bash-completion/completions/stillpoint",
+    ] {
+        assert!(assets.iter().any(|a| a[1] == place), "{place}");
+    }
+}
+
+/// A name that others can point elsewhere is no release of ours: actions are named by their commits, and the image is built by the oldest compiler that we support.
+#[test]
+fn what_releases_are_made_with_is_pinned() {
+    let mut actions = 0;
+    for file in ["ci.yml", "release.yml"] {
+        let workflow = read(&root().join(".github/workflows").join(file));
+        for action in workflow.lines().filter_map(|l| l.split("uses: ").nth(1)) {
+            let commit = action.split(['@', ' ']).nth(1).unwrap_or_default();
+            let is_commit = commit.len() == 40 && commit.chars().all(|c| c.is_ascii_hexdigit());
+            assert!(is_commit, "{file}: {action}");
+            actions += 1;
+        }
+    }
+    assert!(actions > 10, "{actions} actions");
+    let (image, manifest) = (
+        read(&root().join("Dockerfile")),
+        read(&root().join("Cargo.toml")),
+    );
+    let version = manifest.split("rust-version = \"").nth(1).unwrap();
+    let version = version.split('"').next().unwrap();
+    assert!(image.contains(&format!("\nFROM rust:{version}-slim-bookworm")));
+    assert!(image.contains("\nUSER 65532:65532\n"));
+    let workflow = read(&root().join(".github/workflows/release.yml"));
+    assert!(workflow.contains("run: tools/images --check\n"));
+}
+
 /// Networks that panic become errors with a message, which needs panics that unwind.
 #[test]
 fn panics_unwind_in_every_profile() {

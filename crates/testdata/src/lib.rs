@@ -1,10 +1,11 @@
-//! Where tests find what is not committed: recordings, models, pictures. Who asks is counted, with what was missing, where
+//! Where tests find what is not committed: recordings, models, pictures; and a server on loopback. Who asks is counted, with what was missing, where
 //! `STILLPOINT_SKIPS` names a file: the test runner swallows what a passing test prints, so a test that did nothing would
 //! look like one that held. `.ci/run` reads the file.
 //!
 //! A line of it is `used` or `skipped`, the test (crate and name), and what was found or why it was skipped, separated by tabs.
 
 pub mod ate;
+pub mod server;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};

@@ -1,5 +1,6 @@
 //! The command line, as clap reads it. Every command's help ends with examples.
 
+pub(crate) mod datasets;
 pub(crate) mod doctor;
 pub(crate) mod eval;
 pub(crate) mod live;
@@ -12,6 +13,7 @@ pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod simulated;
 
+use crate::args::datasets::DatasetsCommand;
 use crate::args::doctor::DoctorArgs;
 use crate::args::eval::EvalArgs;
 use crate::args::live::LiveCommand;
@@ -80,6 +82,8 @@ pub(crate) enum Command {
     Map(MapCommand),
     #[command(subcommand)]
     Models(ModelsCommand),
+    #[command(subcommand)]
+    Datasets(DatasetsCommand),
     /// Show the configuration.
     #[command(
         subcommand,
@@ -222,7 +226,8 @@ fn positive(text: &str) -> Result<f64, String> {
 /// published, down to three folders below it; those found are run, and suite.md and suite.json
 /// put their errors beside those that were published of other systems, each with its source. A sequence
 /// that fails is listed with its error. Runs differ in their seeds. Of Bonn's depth both factors are
-/// run, unless --camera names one; --ablation and --live add to what is run of each sequence.
+/// run, unless --camera names one; --ablation and --live add to what is run of each sequence. --pull first
+/// gets those that are missing from their official pages into the first PATH (default: data).
 ///
 /// With --ablation, each PATH is run with seven configurations of the static filter: none, objects (O),
 /// epipolar constraint (G), O+G, O+G and depth (O+G+D), as published, preset adapted, and the default one.
@@ -241,6 +246,7 @@ fn positive(text: &str) -> Result<f64, String> {
     after_help = "Examples:
   stillpoint bench rgbd_dataset_freiburg1_xyz
   stillpoint bench data/* --runs 5 --out out/bench
+  stillpoint bench --suite tum-dynamic --pull
   stillpoint bench --suite tum-dynamic ~/data/tum --seeds 5
   stillpoint bench --suite bonn ~/data/bonn --ablation --live --detector yolox-nano
   stillpoint bench --ablation sim:walking_xyz sim:walking_rpy --seeds 5
@@ -252,11 +258,17 @@ Exit code 1 when a frame was lost (of an ablation: by the default filter), a run
 )]
 pub(crate) struct BenchArgs {
     /// Data set folders, or sim:SCENE; with --suite, folders to look in.
-    #[arg(value_name = "PATH", required_unless_present = "document")]
+    #[arg(value_name = "PATH", required_unless_present_any = ["document", "pull"])]
     pub(crate) paths: Vec<PathBuf>,
     /// Run all sequences of a public data set that are found, and compare with published figures.
     #[arg(long, value_name = "NAME", value_enum)]
     pub(crate) suite: Option<Suite>,
+    /// Get the sequences of the suite that are missing, as datasets pull does.
+    #[arg(long, requires = "suite")]
+    pub(crate) pull: bool,
+    /// Server with the same paths to get them from, instead of the official one.
+    #[arg(long, value_name = "URL", requires = "pull")]
+    pub(crate) mirror: Option<String>,
     /// Show what each part of the static filter is worth.
     #[arg(long)]
     pub(crate) ablation: bool,

@@ -9,6 +9,7 @@ pub(crate) mod trial;
 use crate::args::models::ModelsCommand;
 use crate::console;
 use crate::detector::runtime::Libraries;
+use crate::download::megabytes;
 use crate::failure::{Failure, Status};
 use crate::models::cache::Preferred;
 use std::path::Path;
@@ -24,11 +25,6 @@ pub(crate) fn models(command: &ModelsCommand) -> Result<Status, Failure> {
         ModelsCommand::Import(a) => import::import(a),
         ModelsCommand::Check(a) => check::check(a),
     }
-}
-
-/// Bytes as megabytes.
-pub(crate) fn megabytes(bytes: u64) -> String {
-    format!("{:.1} MB", bytes as f64 * 1e-6)
 }
 
 fn list() -> Result<Status, Failure> {

@@ -1,15 +1,15 @@
 //! `models pull`: a known model into the cache.
 
 use crate::args::models::PullArgs;
-use crate::console::{self, Unit};
+use crate::console;
+use crate::download::{Bar, about, came};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::models::cache;
-use crate::models::megabytes;
 use crate::spelling;
 use std::ops::ControlFlow;
 use stillpoint::models::{
-    Checksum, KnownModel, Progress, PullError, PullOptions, Pulled, known, known_models,
+    FetchError, KnownModel, Progress, PullError, PullOptions, Pulled, known, known_models,
     pull as get,
 };
 
@@ -28,7 +28,7 @@ pub(crate) fn pull(args: &PullArgs) -> Result<Status, Failure> {
     let interrupt = Interrupt::listen();
     let mut bar = Bar::default();
     let result = get(model, &cache, &options, &mut |progress| {
-        bar.show(&progress);
+        show(&mut bar, &progress);
         if interrupt.requested() {
             ControlFlow::Break(())
         } else {
@@ -41,7 +41,7 @@ pub(crate) fn pull(args: &PullArgs) -> Result<Status, Failure> {
             console::report(&text(model, &pulled));
             Ok(Status::Ok)
         }
-        Err(e @ PullError::Stopped { .. }) => Err(Failure::criteria(e)),
+        Err(e @ PullError::Fetch(FetchError::Stopped { .. })) => Err(Failure::criteria(e)),
         Err(e) => Err(Failure::input(e)),
     }
 }
@@ -75,23 +75,8 @@ fn licence_note(model: &KnownModel) -> Option<String> {
 /// What was had.
 fn text(model: &KnownModel, pulled: &Pulled) -> String {
     let here = &pulled.model;
-    let checksum = match pulled.checksum {
-        Checksum::Verified => "as published",
-        Checksum::Recorded => {
-            "none is published: it was recorded, and later downloads will be compared with it"
-        }
-        Checksum::MatchesRecord => "none is published: the same as that of the first download",
-    };
-    let came = match (pulled.transferred, pulled.resumed) {
-        (0, _) => "it was here".to_owned(),
-        (bytes, 0) => format!("{} from {}", megabytes(bytes), pulled.url),
-        (bytes, before) => format!(
-            "{} from {}, after {} that were here",
-            megabytes(bytes),
-            pulled.url,
-            megabytes(before)
-        ),
-    };
+    let checksum = about(pulled.checksum);
+    let came = came(pulled.transferred, pulled.resumed, &pulled.url);
     format!(
         "{model}: {came}\nSHA-256 {} ({checksum})\nlicence of the weights: {}\nin {}; use it by --detector {model}\n",
         pulled.sha256,
@@ -101,42 +86,18 @@ fn text(model: &KnownModel, pulled: &Pulled) -> String {
 }
 
 /// How far it is, for the user.
-#[derive(Default)]
-struct Bar {
-    receiving: Option<console::Progress>,
-}
-
-impl Bar {
-    fn show(&mut self, progress: &Progress) {
-        match progress {
-            Progress::Connecting { url } => console::info(&format!("asking {url}")),
-            Progress::Receiving {
-                received,
-                total,
-                resumed,
-            } => {
-                let count = |n: u64| usize::try_from(n).unwrap_or(usize::MAX);
-                let total = total.map(count);
-                self.receiving
-                    .get_or_insert_with(|| {
-                        if *resumed > 0 {
-                            console::info(&format!("going on after {}", megabytes(*resumed)));
-                        }
-                        console::Progress::of(Unit::Bytes, total, count(*resumed))
-                    })
-                    .show(count(*received), "");
-            }
-            Progress::Converting => {
-                self.finish();
-                console::info("turning the checkpoint into ONNX");
-            }
-            _ => self.finish(),
-        }
-    }
-
-    fn finish(&mut self) {
-        if let Some(bar) = self.receiving.take() {
+fn show(bar: &mut Bar, progress: &Progress) {
+    match progress {
+        Progress::Connecting { url } => console::info(&format!("asking {url}")),
+        Progress::Receiving {
+            received,
+            total,
+            resumed,
+        } => bar.receiving(*received, *total, *resumed),
+        Progress::Converting => {
             bar.finish();
+            console::info("turning the checkpoint into ONNX");
         }
+        _ => bar.finish(),
     }
 }

@@ -90,14 +90,6 @@ pub enum CacheError {
     },
 }
 
-impl CacheError {
-    /// What helps when writing to the cache failed for a reason of the system, as part of a message.
-    #[must_use]
-    pub fn write_advice(source: &std::io::Error) -> &'static str {
-        write_advice(source)
-    }
-}
-
 fn write_advice(source: &std::io::Error) -> &'static str {
     use std::io::ErrorKind;
     match source.kind() {

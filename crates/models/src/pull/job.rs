@@ -1,20 +1,25 @@
 //! The steps of a download, from the question whether the model is here to the model in the cache.
 
-use super::address;
 use super::error::{ByHand, PullError};
-use super::http::{self, Answer, Range, page_hint, request};
-use super::part::{Disk, Lock, Part};
 use super::{Checksum, Convert, Progress, PullOptions, Pulled};
 use crate::catalogue::{KnownModel, UPSTREAM};
-use std::io::{ErrorKind, Read, Write};
+use std::fs::File;
+use std::io::{ErrorKind, Read};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
+use stillpoint_fetch::{
+    Disk, FetchError, Fetched, Lock, Part, Waits, Wanted, fetch, page_hint, shown_address,
+};
 use stillpoint_inference::{
-    Cache, CacheError, CachedModel, Form, LARGEST, State, check_name, is_sha256, sha256_hex,
+    Cache, CacheError, CachedModel, Form, LARGEST, State, check_name, is_sha256,
 };
 
 /// What the name of the file ends with that holds the checksum of a first download.
 const CHECKSUM: &str = "sha256";
+/// Room that there must be for a model, in sizes of the published file: that one, and what becomes of it.
+const ROOM: u64 = 2;
+/// Where else models can go, as part of messages.
+const ELSEWHERE: &str = "set STILLPOINT_CACHE to a folder on another disk";
 
 /// One download.
 pub(super) struct Job<'a> {
@@ -28,12 +33,6 @@ pub(super) struct Job<'a> {
 /// Called with the progress; it may break off.
 type Watch<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
-/// How much came, and how much was here.
-struct Transfer {
-    transferred: u64,
-    resumed: u64,
-}
-
 impl Job<'_> {
     /// See [`pull`](super::pull).
     pub(super) fn run(&self, progress: Watch<'_>) -> Result<Pulled, PullError> {
@@ -46,15 +45,13 @@ impl Job<'_> {
         }
         self.cache.make()?;
         let lock = self.cache.file(self.model.name, "lock");
-        let Some(_lock) = Lock::take(&lock)? else {
-            let name = self.model.name.to_owned();
-            return Err(PullError::Busy { name, lock });
-        };
-        let part = Part::of(self.model, self.cache);
-        let transfer = self.download(&part, progress)?;
+        let _lock = Lock::take(&lock, self.model.name, ELSEWHERE)?;
+        let part = Part::new(&self.cache.folder(), self.model.name, ELSEWHERE);
+        let fetched = self.download(&part, progress)?;
         self.tell(&part, progress, Progress::Checking)?;
-        let published = part.read(LARGEST)?;
-        let sha256 = self.verify(&part, &published, expected.as_deref())?;
+        let published = read(&part)?;
+        let sha256 = fetched.sha256;
+        self.verify(&part, &published, &sha256, expected.as_deref())?;
         let model = self.install(&part, &published, &sha256, progress)?;
         if self.model.sha256.is_none() {
             self.record(&sha256)?;
@@ -65,14 +62,14 @@ impl Job<'_> {
             url: self.url(),
             checksum: self.checksum(expected.is_some()),
             sha256,
-            transferred: transfer.transferred,
-            resumed: transfer.resumed,
+            transferred: fetched.transferred,
+            resumed: fetched.resumed,
         })
     }
 
     /// The address for messages and the record, without the password that a mirror's may hold.
     fn url(&self) -> String {
-        address::shown(&self.address())
+        shown_address(&self.address())
     }
 
     /// The address that is asked for.
@@ -83,8 +80,8 @@ impl Job<'_> {
         }
     }
 
-    fn by_hand(&self) -> Box<ByHand> {
-        Box::new(ByHand::new(self.model, self.cache))
+    fn by_hand(&self) -> ByHand {
+        ByHand::new(self.model, self.cache)
     }
 
     fn checksum(&self, expected: bool) -> Checksum {
@@ -162,172 +159,49 @@ impl Job<'_> {
     fn tell(&self, part: &Part, progress: Watch<'_>, state: Progress) -> Result<(), PullError> {
         match progress(state) {
             ControlFlow::Continue(()) => Ok(()),
-            ControlFlow::Break(()) => Err(PullError::Stopped {
-                received: part.len(),
+            ControlFlow::Break(()) => Err(PullError::Fetch(FetchError::Stopped {
+                received: part.bytes(),
                 part: part.path().to_owned(),
-            }),
+            })),
         }
     }
 
     /// Brings the part to its full length.
-    fn download(&self, part: &Part, progress: Watch<'_>) -> Result<Transfer, PullError> {
-        let address = self.address();
-        let mut range = part.range(&address, self.model.sha256.is_some())?;
-        if self.model.bytes.is_some_and(|bytes| range.start > bytes) {
-            part.discard()?;
-            range = Range::default();
-        }
-        if self.model.bytes == Some(range.start) {
-            // All of it came, and then something else failed, as writing the model to a full disk.
-            let resumed = range.start;
-            return Ok(Transfer {
-                transferred: 0,
-                resumed,
-            });
-        }
-        loop {
-            let connecting = Progress::Connecting { url: self.url() };
-            self.tell(part, progress, connecting)?;
-            let answer = request(&address, &range, self.options, &self.by_hand())?;
-            let fits = answer.status == 206
-                && answer.start == Some(range.start)
-                && (answer.total.is_none_or(|total| total > range.start));
-            match answer.status {
-                200 => {
-                    self.check_answer(&answer)?;
-                    part.begin(&address, answer.validator.clone())?;
-                    return self.receive(part, answer, 0, progress);
-                }
-                206 if fits && range.start > 0 => {
-                    self.check_answer(&answer)?;
-                    return self.receive(part, answer, range.start, progress);
-                }
-                // Nothing comes after what is here, and the file is still the same: it was whole.
-                416 if range.start > 0 && answer.total == Some(range.start) => {
-                    let resumed = range.start;
-                    return Ok(Transfer {
-                        transferred: 0,
-                        resumed,
-                    });
-                }
-                // What is here does not fit to what is there: start over, without a range, so that this happens once.
-                _ if range.start > 0 => {
-                    part.discard()?;
-                    range = Range::default();
-                }
-                status => {
-                    return Err(PullError::Status {
-                        url: answer.url,
-                        status,
-                        by_hand: self.by_hand(),
-                    });
-                }
-            }
-        }
-    }
-
-    /// What can be known before the first byte.
-    fn check_answer(&self, answer: &Answer) -> Result<(), PullError> {
-        if answer.is_page {
-            return Err(PullError::WebPage {
-                url: answer.url.clone(),
-                by_hand: self.by_hand(),
-            });
-        }
-        match (answer.total, self.model.bytes) {
-            (Some(total), Some(bytes)) if total != bytes => Err(self.wrong_size(total.to_string())),
-            (Some(total), None) if total > LARGEST => Err(self.wrong_size(total.to_string())),
-            _ => Ok(()),
-        }
-    }
-
-    fn wrong_size(&self, found: String) -> PullError {
-        PullError::Size {
-            url: self.url(),
-            expected: match self.model.bytes {
-                Some(bytes) => format!("{bytes} bytes"),
-                None => format!("at most {LARGEST} bytes"),
+    fn download(&self, part: &Part, progress: Watch<'_>) -> Result<Fetched, FetchError> {
+        let (address, by_hand) = (self.address(), self.by_hand().to_string());
+        let wanted = Wanted {
+            address: &address,
+            bytes: self.model.bytes,
+            largest: LARGEST,
+            vouched: self.model.sha256.is_some(),
+            room: ROOM,
+            by_hand: &by_hand,
+            waits: Waits {
+                connect: self.options.connect_timeout,
+                stall: self.options.stall_timeout,
             },
-            found,
-            by_hand: self.by_hand(),
-        }
-    }
-
-    /// Appends what comes to the part.
-    fn receive(
-        &self,
-        part: &Part,
-        mut answer: Answer,
-        resumed: u64,
-        progress: Watch<'_>,
-    ) -> Result<Transfer, PullError> {
-        let total = self.model.bytes.or(answer.total);
-        let limit = total.unwrap_or(LARGEST);
-        let unwritable = |received, source| PullError::Write {
-            part: part.path().to_owned(),
-            received,
-            source,
         };
-        let mut file = self
-            .disk
-            .append(part.path())
-            .map_err(|e| unwritable(resumed, e))?;
-        let mut received = resumed;
-        let mut buffer = vec![0; 1 << 16];
-        loop {
-            self.tell(
-                part,
-                progress,
-                Progress::Receiving {
-                    received,
-                    total,
-                    resumed,
-                },
-            )?;
-            let n = match answer.body.read(&mut buffer) {
-                Ok(0) => break,
-                Ok(n) => n,
-                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-                Err(e) => return Err(self.broken_off(part, total, broken_by(e))),
-            };
-            if n as u64 > limit - received {
-                drop(file);
-                part.discard()?;
-                return Err(self.wrong_size(format!("more than {limit}")));
-            }
-            file.write_all(&buffer[..n])
-                .map_err(|e| unwritable(part.len(), e))?;
-            received += n as u64;
-        }
-        if total.is_some_and(|total| received < total) {
-            return Err(self.broken_off(part, total, "the end".to_owned()));
-        }
-        Ok(Transfer {
-            transferred: received - resumed,
-            resumed,
-        })
+        fetch(
+            &wanted,
+            part,
+            self.disk,
+            &mut |state| match Progress::of(state) {
+                Some(state) => progress(state),
+                None => ControlFlow::Continue(()),
+            },
+        )
     }
 
-    fn broken_off(&self, part: &Part, total: Option<u64>, reason: String) -> PullError {
-        PullError::BrokenOff {
-            url: self.url(),
-            received: part.len(),
-            total,
-            reason,
-            part: part.path().to_owned(),
-        }
-    }
-
-    /// The checksum of the file, if it is the right one.
+    /// Compares the checksum of the file with the one that it must have.
     fn verify(
         &self,
         part: &Part,
         published: &[u8],
+        found: &str,
         expected: Option<&str>,
-    ) -> Result<String, PullError> {
-        let found = sha256_hex(published);
-        let Some(expected) = expected.filter(|expected| **expected != *found) else {
-            return Ok(found);
+    ) -> Result<(), PullError> {
+        let Some(expected) = expected.filter(|expected| *expected != found) else {
+            return Ok(());
         };
         part.discard()?;
         let hint = page_hint(published);
@@ -349,7 +223,7 @@ impl Job<'_> {
             url: self.url(),
             expected: expected.to_owned(),
             on_record,
-            found,
+            found: found.to_owned(),
             advice,
         })
     }
@@ -382,9 +256,14 @@ impl Job<'_> {
     }
 }
 
-fn broken_by(error: std::io::Error) -> String {
-    match ureq::Error::from(error) {
-        ureq::Error::Timeout(_) => "no more in time".to_owned(),
-        other => http::reason_of(&other),
-    }
+/// The published file, whole.
+fn read(part: &Part) -> Result<Vec<u8>, CacheError> {
+    let mut bytes = Vec::new();
+    File::open(part.path())
+        .and_then(|file| file.take(LARGEST).read_to_end(&mut bytes))
+        .map_err(|source| CacheError::Read {
+            path: part.path().to_owned(),
+            source,
+        })?;
+    Ok(bytes)
 }

@@ -3,27 +3,21 @@
 //! A download that breaks off is kept and resumed; what arrives is compared with its checksum as a whole, and only then it becomes a model. A
 //! checkpoint is turned into ONNX and not kept: the record holds its checksum.
 
-mod address;
 mod error;
-mod http;
 mod job;
-mod part;
 #[cfg(test)]
 mod tests;
-mod tls;
 
 pub use error::{ByHand, PullError};
+pub use stillpoint_fetch::{Checksum, FetchError};
 
 use crate::catalogue::KnownModel;
 use crate::import::import_checkpoint;
 use job::Job;
-use part::RealDisk;
 use std::ops::ControlFlow;
 use std::time::Duration;
+use stillpoint_fetch::{RealDisk, Waits, one_line};
 use stillpoint_inference::{Cache, CachedModel};
-
-/// Most redirects that are followed: a release on GitHub needs one.
-pub(crate) const REDIRECTS: usize = 5;
 
 /// How to download.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,10 +34,11 @@ pub struct PullOptions {
 
 impl Default for PullOptions {
     fn default() -> Self {
+        let Waits { connect, stall } = Waits::default();
         Self {
             base: None,
-            connect_timeout: Duration::from_secs(20),
-            stall_timeout: Duration::from_secs(30),
+            connect_timeout: connect,
+            stall_timeout: stall,
             again: false,
         }
     }
@@ -73,15 +68,24 @@ pub enum Progress {
     Converting,
 }
 
-/// What is known about the published file's checksum.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Checksum {
-    /// It is the one that is known.
-    Verified,
-    /// None is known: that of this first download was recorded, and later ones will be compared with it.
-    Recorded,
-    /// None is known, and it is that of the first download.
-    MatchesRecord,
+impl Progress {
+    /// A download's own; none of what only archives have.
+    fn of(state: stillpoint_fetch::Progress) -> Option<Self> {
+        use stillpoint_fetch::Progress as State;
+        match state {
+            State::Connecting { url } => Some(Self::Connecting { url }),
+            State::Receiving {
+                received,
+                total,
+                resumed,
+            } => Some(Self::Receiving {
+                received,
+                total,
+                resumed,
+            }),
+            _ => None,
+        }
+    }
 }
 
 /// A model that is here now.
@@ -131,9 +135,4 @@ fn convert(checkpoint: &[u8], name: &str) -> Result<(Vec<u8>, String), String> {
         Ok(imported) => Ok((imported.onnx, imported.card.to_toml())),
         Err(e) => Err(one_line(&e.to_string())),
     }
-}
-
-/// Messages of other crates on one line.
-fn one_line(text: &str) -> String {
-    text.split_whitespace().collect::<Vec<_>>().join(" ")
 }

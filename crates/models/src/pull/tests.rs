@@ -1,10 +1,10 @@
 //! What only a full disk and a made-up conversion can show.
 
 use super::job::Job;
-use super::part::{Disk, RealDisk};
 use super::*;
 use std::io::{ErrorKind, Write};
 use std::path::Path;
+use stillpoint_fetch::{Disk, RealDisk};
 use stillpoint_inference::{Form, sha256_hex};
 
 #[path = "../../tests/pull_support/mod.rs"]
@@ -23,6 +23,14 @@ impl Disk for SmallDisk {
     fn append(&self, path: &Path) -> std::io::Result<Box<dyn Write>> {
         let (file, room) = (RealDisk.append(path)?, self.0);
         Ok(Box::new(SmallFile { file, room }))
+    }
+
+    fn create(&self, path: &Path) -> std::io::Result<Box<dyn Write>> {
+        RealDisk.create(path)
+    }
+
+    fn free(&self, _folder: &Path) -> Option<u64> {
+        None
     }
 }
 
@@ -80,7 +88,7 @@ fn a_full_disk_keeps_what_came() {
         let e = run(&model, &scratch, &server, &SmallDisk(room), &mut watch_all).unwrap_err();
         here += room;
         assert_eq!(e.part(), Some(scratch.part().as_path()));
-        let PullError::Write { received, .. } = &e else {
+        let PullError::Fetch(FetchError::Write { received, .. }) = &e else {
             panic!("{e}");
         };
         assert_eq!(*received, here as u64);
@@ -180,7 +188,13 @@ fn a_whole_part_of_unknown_size_is_used() {
         },
     )
     .unwrap_err();
-    assert!(matches!(e, PullError::Stopped { received: 10, .. }), "{e}");
+    assert!(
+        matches!(
+            e,
+            PullError::Fetch(FetchError::Stopped { received: 10, .. })
+        ),
+        "{e}"
+    );
     scratch.assert_older(&["made-up.part", "made-up.part.toml"]);
     let pulled = run(&model, &scratch, &server, &RealDisk, &mut watch_all).unwrap();
     assert_eq!((pulled.transferred, pulled.resumed), (0, 10));

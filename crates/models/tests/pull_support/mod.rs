@@ -1,173 +1,15 @@
-//! A server on loopback whose every answer a test writes by hand, and models that are published there.
-#![allow(dead_code, unreachable_pub)] // Unit tests of `pull` use a part of it.
+//! Models that are published on a server on loopback, whose every answer a test writes by hand.
+#![allow(dead_code, unreachable_pub, unused_imports)] // Unit tests of `pull` use a part of it.
 
-use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
+use std::net::TcpStream;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
-use std::thread::JoinHandle;
 use std::time::Duration;
 use stillpoint_inference::{Cache, Form, sha256_hex};
-use stillpoint_models::{KnownModel, Progress, PullError, PullOptions, Pulled, pull};
-
-/// What a client asked for.
-#[derive(Clone, Debug)]
-pub struct Request {
-    pub path: String,
-    headers: BTreeMap<String, String>,
-}
-
-impl Request {
-    pub fn header(&self, name: &str) -> Option<&str> {
-        self.headers.get(name).map(String::as_str)
-    }
-
-    /// N of `Range: bytes=N-`.
-    pub fn start(&self) -> Option<usize> {
-        let range = self.header("range")?.strip_prefix("bytes=")?;
-        range.strip_suffix('-')?.parse().ok()
-    }
-}
-
-/// Answers requests until it is dropped. Each connection has a thread of its own and ends after one answer.
-pub struct Server {
-    pub base: String,
-    requests: Arc<Mutex<Vec<Request>>>,
-    ended: Arc<AtomicBool>,
-    address: std::net::SocketAddr,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Server {
-    /// `answer` gets the number of the request, from 0, and what was asked.
-    pub fn start(answer: impl Fn(usize, &Request, &mut TcpStream) + Send + Sync + 'static) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = listener.local_addr().unwrap();
-        let requests = Arc::new(Mutex::new(Vec::new()));
-        let ended = Arc::new(AtomicBool::new(false));
-        let (log, end, answer) = (requests.clone(), ended.clone(), Arc::new(answer));
-        let thread = std::thread::spawn(move || {
-            for stream in listener.incoming() {
-                if end.load(Ordering::SeqCst) {
-                    break;
-                }
-                let (mut stream, log, answer) = (stream.unwrap(), log.clone(), answer.clone());
-                std::thread::spawn(move || {
-                    let Some(request) = read_request(&stream) else {
-                        return;
-                    };
-                    let number = {
-                        let mut log = log.lock().unwrap();
-                        log.push(request.clone());
-                        log.len() - 1
-                    };
-                    answer(number, &request, &mut stream);
-                });
-            }
-        });
-        Self {
-            base: format!("http://{address}"),
-            requests,
-            ended,
-            address,
-            thread: Some(thread),
-        }
-    }
-
-    /// One that publishes these bytes as a good server does.
-    pub fn of(bytes: &'static [u8]) -> Self {
-        Self::start(move |_, request, stream| serve(bytes, "\"v1\"", request, stream))
-    }
-
-    pub fn requests(&self) -> Vec<Request> {
-        self.requests.lock().unwrap().clone()
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        self.ended.store(true, Ordering::SeqCst);
-        // Wakes the thread that waits for a connection.
-        let _ = TcpStream::connect(self.address);
-        if let Some(thread) = self.thread.take() {
-            thread.join().unwrap();
-        }
-    }
-}
-
-fn read_request(stream: &TcpStream) -> Option<Request> {
-    let mut lines = BufReader::new(stream).lines();
-    let first = lines.next()?.ok()?;
-    let path = first.split(' ').nth(1)?.to_owned();
-    let mut headers = BTreeMap::new();
-    for line in lines {
-        let line = line.ok()?;
-        if line.is_empty() {
-            return Some(Request { path, headers });
-        }
-        let (name, value) = line.split_once(':')?;
-        headers.insert(name.to_ascii_lowercase(), value.trim().to_owned());
-    }
-    None
-}
-
-/// Sends bytes; the client may have gone.
-pub fn send(stream: &mut TcpStream, bytes: &[u8]) {
-    let _ = stream.write_all(bytes);
-    let _ = stream.flush();
-}
-
-/// A whole answer with these header lines, each ended by `\r\n`.
-pub fn reply(stream: &mut TcpStream, status: &str, headers: &str, body: &[u8]) {
-    let head = format!(
-        "HTTP/1.1 {status}\r\nConnection: close\r\nContent-Length: {}\r\n{headers}\r\n",
-        body.len()
-    );
-    send(stream, head.as_bytes());
-    send(stream, body);
-}
-
-/// The file, or the rest of it if that is asked for and it is still the same.
-pub fn serve(bytes: &[u8], etag: &str, request: &Request, stream: &mut TcpStream) {
-    let same = request.header("if-range").is_none_or(|tag| tag == etag);
-    match request.start().filter(|_| same) {
-        None => reply(stream, "200 OK", &format!("ETag: {etag}\r\n"), bytes),
-        Some(start) if start >= bytes.len() => {
-            let range = format!("Content-Range: bytes */{}\r\n", bytes.len());
-            reply(stream, "416 Range Not Satisfiable", &range, b"");
-        }
-        Some(start) => {
-            let (last, size) = (bytes.len() - 1, bytes.len());
-            let range = format!("ETag: {etag}\r\nContent-Range: bytes {start}-{last}/{size}\r\n");
-            reply(stream, "206 Partial Content", &range, &bytes[start..]);
-        }
-    }
-}
-
-/// Says that all bytes come, sends the first `sent` and hangs up.
-pub fn break_off(bytes: &[u8], sent: usize, headers: &str, stream: &mut TcpStream) {
-    let head = format!(
-        "HTTP/1.1 200 OK\r\nContent-Length: {}\r\n{headers}\r\n",
-        bytes.len()
-    );
-    send(stream, head.as_bytes());
-    send(stream, &bytes[..sent]);
-}
-
-/// Some 200 kB that are the same in every run.
-pub fn made_up_bytes() -> &'static [u8] {
-    let mut state = 1_u32;
-    let bytes: Vec<u8> = (0..200_003)
-        .map(|_| {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            (state >> 24) as u8
-        })
-        .collect();
-    bytes.leak()
-}
+use stillpoint_models::{FetchError, KnownModel, Progress, PullError, PullOptions, Pulled, pull};
+pub use stillpoint_testdata::server::{
+    Request, Server, break_off, made_up_bytes, reply, send, serve, stall,
+};
 
 /// A model of these bytes, with size and checksum known, at `/made/up.onnx`.
 pub fn model(bytes: &[u8]) -> KnownModel {
@@ -333,14 +175,9 @@ pub fn failed(result: Result<Pulled, PullError>, scratch: &Scratch) -> PullError
 pub fn broke_off(result: Result<Pulled, PullError>, scratch: &Scratch) -> (u64, String) {
     scratch.assert_older(&["made-up.part", "made-up.part.toml"]);
     match result.unwrap_err() {
-        PullError::BrokenOff {
+        PullError::Fetch(FetchError::BrokenOff {
             received, reason, ..
-        } => (received, reason),
+        }) => (received, reason),
         other => panic!("{other}"),
     }
-}
-
-/// Waits until the client has gone.
-pub fn stall(stream: &mut TcpStream) {
-    let _ = stream.read(&mut [0; 1]);
 }

@@ -21,6 +21,25 @@ pub(crate) struct Found {
 /// # Errors
 /// A folder that is none; folders without any sequence.
 pub(crate) fn find(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
+    let found = look_in(suite, folders)?;
+    if found.iter().all(|f| f.path.is_none()) {
+        let folders: Vec<_> = folders.iter().map(|f| f.display().to_string()).collect();
+        return Err(Failure::input(format!(
+            "{}: expected folders of the suite {} such as {}, found none down to {DEPTH} folders below; keep the names that \
+             the data set gives its folders, or get them with --pull",
+            folders.join(", "),
+            suite.name(),
+            suite.example()
+        )));
+    }
+    Ok(found)
+}
+
+/// The same, where there may be none.
+///
+/// # Errors
+/// A folder that is none.
+pub(crate) fn look_in(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, Failure> {
     let mut hits = Vec::new();
     for folder in folders {
         if !folder.is_dir() {
@@ -34,16 +53,6 @@ pub(crate) fn find(suite: Suite, folders: &[PathBuf]) -> Result<Vec<Found>, Fail
         let full = folder.canonicalize().unwrap_or_else(|_| folder.clone());
         let name = full.file_name().map(|n| n.to_string_lossy().into_owned());
         look(suite, folder, name.as_deref().unwrap_or(""), 0, &mut hits);
-    }
-    if hits.is_empty() {
-        let folders: Vec<_> = folders.iter().map(|f| f.display().to_string()).collect();
-        return Err(Failure::input(format!(
-            "{}: expected folders of the suite {} such as {}, found none down to {DEPTH} folders below; keep the names that \
-             the data set gives its folders",
-            folders.join(", "),
-            suite.name(),
-            suite.example()
-        )));
     }
     Ok(suite.sequences().iter().map(|k| choose(k, &hits)).collect())
 }

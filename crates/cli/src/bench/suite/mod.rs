@@ -3,6 +3,7 @@
 pub(crate) mod catalogue;
 pub(crate) mod find;
 pub(crate) mod published;
+pub(crate) mod pull;
 pub(crate) mod report;
 
 use crate::args::BenchArgs;
@@ -134,7 +135,10 @@ pub(crate) fn bench(
     args: &BenchArgs,
     interrupt: &Interrupt,
 ) -> Result<Status, Failure> {
-    let found = find(suite, &args.paths)?;
+    if args.pull {
+        pull::missing(suite, args, interrupt)?;
+    }
+    let found = find(suite, &pull::folders(args))?;
     let seeds = seeds(config::resolve(&args.config)?.seed, args.runs);
     // Settled once, so that all runs get the same.
     let settled = detector::settle(&args.input.detector)?;

@@ -1,62 +1,63 @@
 //! One request: redirects followed by our own rules, and what the answer says about the file.
 
-use super::address::{follow, is_loopback, shown};
-use super::error::{ByHand, PullError};
-use super::{PullOptions, REDIRECTS, one_line, tls};
+use crate::address::{follow, is_loopback, shown};
+use crate::download::{Waits, Wanted};
+use crate::error::FetchError;
+use crate::{one_line, tls};
 use std::io::Read;
 use ureq::http::{HeaderMap, header};
 use ureq::tls::RootCerts;
 
+/// Most redirects that are followed: a release on GitHub needs one, and so does TUM's data set.
+pub(crate) const REDIRECTS: usize = 5;
+
 /// What to ask for.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Range {
+pub(crate) struct Range {
     /// The first byte wanted; 0 asks for the whole file.
-    pub(super) start: u64,
+    pub(crate) start: u64,
     /// The rest is wanted only if the file is still the one with this ETag or date.
-    pub(super) validator: Option<String>,
+    pub(crate) validator: Option<String>,
 }
 
 /// What the server is about to send.
-pub(super) struct Answer {
+pub(crate) struct Answer {
     /// HTTP status: 200, 206 or 416.
-    pub(super) status: u16,
+    pub(crate) status: u16,
     /// The address after all redirects, without its query, which may hold a signature.
-    pub(super) url: String,
+    pub(crate) url: String,
     /// The first byte that comes, and the size of the whole file, as the server says.
-    pub(super) start: Option<u64>,
-    pub(super) total: Option<u64>,
+    pub(crate) start: Option<u64>,
+    pub(crate) total: Option<u64>,
     /// Strong ETag, else date: what tells whether the file is still the same.
-    pub(super) validator: Option<String>,
+    pub(crate) validator: Option<String>,
     /// Whether it says that a web page comes.
-    pub(super) is_page: bool,
+    pub(crate) is_page: bool,
     /// The bytes.
-    pub(super) body: Box<dyn Read>,
+    pub(crate) body: Box<dyn Read>,
 }
 
 /// Asks for a file. Statuses other than 200, 206 and 416 are errors.
-pub(super) fn request(
-    url: &str,
-    range: &Range,
-    options: &PullOptions,
-    by_hand: &ByHand,
-) -> Result<Answer, PullError> {
+pub(crate) fn request(wanted: &Wanted<'_>, range: &Range) -> Result<Answer, FetchError> {
+    let (url, by_hand) = (wanted.address, wanted.by_hand);
     let mut at = url.to_owned();
     for _ in 0..=REDIRECTS {
         refuse_without_encryption(&at, tls::missing(), by_hand)?;
-        let response =
-            send(&at, range, options, RootCerts::WebPki).map_err(|e| PullError::Unreachable {
+        let response = send(&at, range, wanted.waits, RootCerts::WebPki).map_err(|e| {
+            FetchError::Unreachable {
                 url: shown(&at),
                 reason: reason_of(&e),
-                by_hand: Box::new(by_hand.clone()),
-            })?;
+                by_hand: by_hand.to_owned(),
+            }
+        })?;
         let status = response.status().as_u16();
         let headers = response.headers();
         match status {
             301 | 302 | 303 | 307 | 308 => {
-                let refused = |found: String| PullError::Redirect {
+                let refused = |found: String| FetchError::Redirect {
                     url: shown(url),
                     found,
-                    by_hand: Box::new(by_hand.clone()),
+                    by_hand: by_hand.to_owned(),
                 };
                 let location = text(headers, header::LOCATION)
                     .ok_or_else(|| refused(format!("status {status} without an address")))?;
@@ -65,18 +66,18 @@ pub(super) fn request(
             }
             200 | 206 | 416 => return Ok(answer(status, &at, response)),
             _ => {
-                return Err(PullError::Status {
+                return Err(FetchError::Status {
                     url: shown(&at),
                     status,
-                    by_hand: Box::new(by_hand.clone()),
+                    by_hand: by_hand.to_owned(),
                 });
             }
         }
     }
-    Err(PullError::Redirect {
+    Err(FetchError::Redirect {
         url: shown(url),
         found: format!("more than {REDIRECTS}"),
-        by_hand: Box::new(by_hand.clone()),
+        by_hand: by_hand.to_owned(),
     })
 }
 
@@ -84,14 +85,14 @@ pub(super) fn request(
 fn refuse_without_encryption(
     url: &str,
     missing: Option<String>,
-    by_hand: &ByHand,
-) -> Result<(), PullError> {
+    by_hand: &str,
+) -> Result<(), FetchError> {
     let scheme = url.split_once("://").map_or("", |(scheme, _)| scheme);
     match missing {
-        Some(missing) if scheme.eq_ignore_ascii_case("https") => Err(PullError::Cpu {
+        Some(missing) if scheme.eq_ignore_ascii_case("https") => Err(FetchError::Cpu {
             url: shown(url),
             missing,
-            by_hand: Box::new(by_hand.clone()),
+            by_hand: by_hand.to_owned(),
         }),
         _ => Ok(()),
     }
@@ -101,7 +102,7 @@ fn refuse_without_encryption(
 fn send(
     url: &str,
     range: &Range,
-    options: &PullOptions,
+    waits: Waits,
     roots: RootCerts,
 ) -> Result<ureq::http::Response<ureq::Body>, ureq::Error> {
     let mut config = ureq::Agent::config_builder()
@@ -109,13 +110,13 @@ fn send(
         .max_redirects(0)
         .accept_encoding("identity")
         .user_agent(concat!("stillpoint/", env!("CARGO_PKG_VERSION")))
-        .timeout_resolve(Some(options.connect_timeout))
+        .timeout_resolve(Some(waits.connect))
         .tls_config(tls::config(roots))
-        .timeout_connect(Some(options.connect_timeout))
-        .timeout_send_request(Some(options.stall_timeout))
-        .timeout_recv_response(Some(options.stall_timeout))
+        .timeout_connect(Some(waits.connect))
+        .timeout_send_request(Some(waits.stall))
+        .timeout_recv_response(Some(waits.stall))
         // A limit for each wait, none for the whole: a slow line may take an hour.
-        .timeout_per_read(Some(options.stall_timeout));
+        .timeout_per_read(Some(waits.stall));
     if is_loopback(url) {
         // A proxy would look for the file on its own machine.
         config = config.proxy(None);
@@ -173,8 +174,9 @@ fn text(headers: &HeaderMap, name: header::HeaderName) -> Option<String> {
     Some(value.trim().to_owned())
 }
 
-/// Networks that ask for a login answer every request with their own page.
-pub(super) fn page_hint(bytes: &[u8]) -> &'static str {
+/// Part of a message on bytes that are not those expected: networks that ask for a login answer every request with their own page.
+#[must_use]
+pub fn page_hint(bytes: &[u8]) -> &'static str {
     let text = bytes.trim_ascii_start();
     let starts = |with: &str| {
         text.get(..with.len())
@@ -190,8 +192,16 @@ pub(super) fn page_hint(bytes: &[u8]) -> &'static str {
     }
 }
 
+/// Why no more came, on one line.
+pub(crate) fn broken_by(error: std::io::Error) -> String {
+    match ureq::Error::from(error) {
+        ureq::Error::Timeout(_) => "no more in time".to_owned(),
+        other => reason_of(&other),
+    }
+}
+
 /// Why no answer came, on one line.
-pub(super) fn reason_of(error: &ureq::Error) -> String {
+pub(crate) fn reason_of(error: &ureq::Error) -> String {
     match error {
         ureq::Error::HostNotFound => "no such host (or no network)".to_owned(),
         ureq::Error::Timeout(_) => "none in time".to_owned(),
@@ -245,11 +255,11 @@ mod tests {
             println!("skipped: this CPU lacks {missing}");
             return;
         }
-        let (range, options) = (Range::default(), PullOptions::default());
-        let certificate = include_bytes!("../../tests/fixtures/tls/authority.crt.der");
+        let (range, waits) = (Range::default(), Waits::default());
+        let certificate = include_bytes!("../tests/fixtures/tls/authority.crt.der");
         let trusted = RootCerts::new_with_certs(&[ureq::tls::Certificate::from_der(certificate)]);
         let (url, server) = encrypted_server();
-        let response = send(&url, &range, &options, trusted).unwrap();
+        let response = send(&url, &range, waits, trusted).unwrap();
         let mut body = String::new();
         let mut reader = answer(200, &url, response).body;
         reader.read_to_string(&mut body).unwrap();
@@ -257,23 +267,22 @@ mod tests {
         assert!(server.join().unwrap());
 
         let (url, server) = encrypted_server();
-        let e = send(&url, &range, &options, RootCerts::WebPki).unwrap_err();
+        let e = send(&url, &range, waits, RootCerts::WebPki).unwrap_err();
         assert!(reason_of(&e).contains("trustworthy encryption"), "{e:?}");
         assert!(!server.join().unwrap(), "nothing was asked for");
     }
 
     #[test]
     fn a_cpu_that_cannot_encrypt_is_reported() {
-        let folder = stillpoint_inference::Cache::at("cache");
-        let by_hand = ByHand::new(crate::known("yolox-nano").unwrap(), &folder);
+        let by_hand = "run `stillpoint models import yolox_nano.onnx`";
         let lacking = || Some("adx, avx2".to_owned());
-        let e = refuse_without_encryption("HTTPS://host/file", lacking(), &by_hand).unwrap_err();
+        let e = refuse_without_encryption("HTTPS://host/file", lacking(), by_hand).unwrap_err();
         let said = e.to_string();
         for part in ["without adx, avx2", "models import yolox_nano.onnx"] {
             assert!(said.contains(part), "{said}");
         }
-        assert!(refuse_without_encryption("http://host/file", lacking(), &by_hand).is_ok());
-        assert!(refuse_without_encryption("https://host/file", None, &by_hand).is_ok());
+        assert!(refuse_without_encryption("http://host/file", lacking(), by_hand).is_ok());
+        assert!(refuse_without_encryption("https://host/file", None, by_hand).is_ok());
     }
 
     #[test]

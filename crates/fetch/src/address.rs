@@ -2,7 +2,7 @@
 
 /// The address that a redirect names, absolute or relative (RFC 3986, section 5, without dot segments); what was found if we do not
 /// go there. From https to http is refused: anyone on the way could then put another file in.
-pub(super) fn follow(base: &str, location: &str) -> Result<String, String> {
+pub(crate) fn follow(base: &str, location: &str) -> Result<String, String> {
     let (scheme, rest) = base
         .split_once("://")
         .ok_or_else(|| format!("an address without a scheme ({})", shown(base)))?;
@@ -46,7 +46,7 @@ fn has_scheme(location: &str) -> bool {
     })
 }
 
-pub(super) fn is_loopback(url: &str) -> bool {
+pub(crate) fn is_loopback(url: &str) -> bool {
     let host = url.split_once("://").map_or("", |(_, rest)| rest);
     let host = host.split(['/', '?', '#']).next().unwrap_or_default();
     let host = host.rsplit_once('@').map_or(host, |(_, h)| h);
@@ -61,7 +61,8 @@ pub(super) fn is_loopback(url: &str) -> bool {
 }
 
 /// An address for a message: without its query, which may be long and hold a signature, and without a password.
-pub(super) fn shown(url: &str) -> String {
+#[must_use]
+pub fn shown(url: &str) -> String {
     const LONGEST: usize = 300;
     let url = url.split(['?', '#']).next().unwrap_or_default();
     let url = match url.split_once("://") {

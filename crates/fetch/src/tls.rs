@@ -3,7 +3,7 @@
 use ureq::tls::{RootCerts, TlsConfig};
 
 /// What this CPU lacks of what the cryptography asks for, as part of a message; `None` where nothing is missing. It would panic.
-pub(super) fn missing() -> Option<String> {
+pub(crate) fn missing() -> Option<String> {
     let missing: Vec<&str> = features()
         .into_iter()
         .filter_map(|(name, is_here)| (!is_here).then_some(name))
@@ -44,7 +44,7 @@ fn features() -> Vec<(&'static str, bool)> {
 
 /// How connections are encrypted, and whose certificates are trusted.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
-pub(super) fn config(roots: RootCerts) -> TlsConfig {
+pub(crate) fn config(roots: RootCerts) -> TlsConfig {
     TlsConfig::builder()
         .unversioned_rustls_crypto_provider(
             std::sync::Arc::new(rustls_graviola::default_provider()),
@@ -55,6 +55,6 @@ pub(super) fn config(roots: RootCerts) -> TlsConfig {
 
 /// Without cryptography: no address with `https` is asked for, see [`missing`].
 #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
-pub(super) fn config(roots: RootCerts) -> TlsConfig {
+pub(crate) fn config(roots: RootCerts) -> TlsConfig {
     TlsConfig::builder().root_certs(roots).build()
 }

@@ -1,0 +1,132 @@
+//! `datasets pull`, and what `bench --suite --pull` takes from it: sequences from their official pages.
+
+use crate::args::datasets::PullArgs;
+use crate::bench::suite::catalogue::Suite;
+use crate::console;
+use crate::datasets::catalogue::{Sequence, named};
+use crate::download::{Bar, about, came, megabytes};
+use crate::failure::{Failure, Status};
+use crate::interrupt::Interrupt;
+use std::ops::ControlFlow;
+use std::path::Path;
+use stillpoint::fetch::archive::{self, Archive, Pulled};
+use stillpoint::fetch::{Progress, RealDisk, Waits, shown_address};
+
+/// A list of frames, which every sequence has.
+const HOLDS: &str = "rgb.txt";
+
+/// `datasets pull`.
+pub(crate) fn pull(args: &PullArgs) -> Result<Status, Failure> {
+    let sequences = named(&args.name)?;
+    let interrupt = Interrupt::listen();
+    let mirror = args.mirror.as_deref();
+    for sequence in &sequences {
+        let pulled = one(*sequence, &args.dir, mirror, &interrupt)?;
+        console::report(&text(*sequence, &pulled, mirror));
+    }
+    console::report(&match (&sequences[..], args.dir.display()) {
+        ([one], dir) => format!("`stillpoint run {dir}/{}` runs it\n", one.folder()),
+        (all, dir) => {
+            let suite = all.first().map_or("", |s| s.suite.name());
+            format!("`stillpoint bench --suite {suite} {dir}` runs them\n")
+        }
+    });
+    Ok(Status::Ok)
+}
+
+/// Gets those of a suite that are asked for into a folder, one after the other. The first that cannot be had ends it: what came is kept.
+pub(crate) fn missing(
+    suite: Suite,
+    is_missing: impl Fn(Sequence) -> bool,
+    (dir, mirror): (&Path, Option<&str>),
+    interrupt: &Interrupt,
+) -> Result<(), Failure> {
+    for sequence in Sequence::of(suite).filter(|s| is_missing(*s)) {
+        let pulled = one(sequence, dir, mirror, interrupt)?;
+        console::info(text(sequence, &pulled, mirror).trim_end());
+    }
+    Ok(())
+}
+
+/// Gets one sequence.
+fn one(
+    sequence: Sequence,
+    dir: &Path,
+    mirror: Option<&str>,
+    interrupt: &Interrupt,
+) -> Result<Pulled, Failure> {
+    let (address, file, folder) = (sequence.address(mirror), sequence.file(), sequence.folder());
+    let origin = sequence.suite.origin();
+    let archive = Archive {
+        address: &address,
+        file: &file,
+        folder: &folder,
+        holds: HOLDS,
+        packing: origin.packing,
+        sha256: None,
+        waits: Waits::default(),
+    };
+    let mut bar = Bar::default();
+    let mut told = None;
+    let result = archive::pull(&archive, dir, &RealDisk, &mut |progress| {
+        match progress {
+            Progress::Connecting { url } => {
+                console::info(&format!(
+                    "{url}\nlicence: {} ({})",
+                    origin.licence, origin.page
+                ));
+            }
+            Progress::Receiving {
+                received,
+                total,
+                resumed,
+            } => {
+                if told.replace("size").is_none() {
+                    console::info(&size(total));
+                }
+                bar.receiving(received, total, resumed);
+            }
+            Progress::Unpacking { done, total } => {
+                if told.replace("unpacking") != Some("unpacking") {
+                    bar.finish();
+                    console::info(&format!("unpacking {file}"));
+                }
+                bar.receiving(done, Some(total), 0);
+            }
+            _ => {}
+        }
+        match interrupt.requested() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    });
+    bar.finish();
+    result.map_err(|e| match e.is_stopped() {
+        true => Failure::criteria(e),
+        false => Failure::input(e),
+    })
+}
+
+/// What the server says of the file.
+fn size(total: Option<u64>) -> String {
+    match total {
+        Some(bytes) => format!("size: {}", megabytes(bytes)),
+        None => "size: not known, the server does not say".to_owned(),
+    }
+}
+
+/// What was had.
+fn text(sequence: Sequence, pulled: &Pulled, mirror: Option<&str>) -> String {
+    let url = shown_address(&sequence.address(mirror));
+    let mut text = format!(
+        "{}: {}, in {}\n",
+        sequence.name(),
+        came(pulled.transferred, pulled.resumed, &url),
+        pulled.folder.display()
+    );
+    if let Some((sha256, checksum)) = &pulled.sha256 {
+        let record = pulled.record.display();
+        text += &format!("SHA-256 {sha256} ({}; {record})\n", about(*checksum));
+    }
+    text
+}

@@ -1,0 +1,148 @@
+//! Lines that break, disks that are full, servers that know no ranges: what came is kept, or comes again.
+
+use crate::packed::*;
+use std::ops::ControlFlow;
+use stillpoint_fetch::archive::{ArchiveError, Packing};
+use stillpoint_fetch::{FetchError, Progress, RealDisk};
+use stillpoint_testdata::server::{Server, break_off, reply, serve};
+
+const TAG: &str = "ETag: \"v1\"\r\n";
+
+#[test]
+fn what_broke_off_goes_on() {
+    let bytes: &'static [u8] = sequence().leak();
+    let server = at_first(
+        move |_, stream| break_off(bytes, 100_000, TAG, stream),
+        move |request, stream| serve(bytes, "\"v1\"", request, stream),
+    );
+    let place = Place::new();
+    let e = place.pull(&server, Packing::TarGz).unwrap_err();
+    assert!(e.to_string().contains("it goes on from"), "{e}");
+    assert_eq!(place.names(), ["walk.bin.part", "walk.bin.part.toml"]);
+    let pulled = place.pull(&server, Packing::TarGz).unwrap();
+    assert_eq!(pulled.resumed, 100_000);
+    assert_eq!(server.requests()[1].start(), Some(100_000));
+    assert_eq!(server.requests()[1].header("if-range"), Some("\"v1\""));
+    place.assert_whole();
+    // The checksum is that of the whole, not of what came last.
+    let whole = Place::new();
+    let at_once = whole.pull(&Server::of(bytes), Packing::TarGz).unwrap();
+    assert_eq!(
+        pulled.sha256.map(|(sum, _)| sum),
+        at_once.sha256.map(|(sum, _)| sum)
+    );
+}
+
+#[test]
+fn a_changed_file_and_a_server_without_ranges_begin_anew() {
+    let bytes: &'static [u8] = sequence().leak();
+    for ranges in [true, false] {
+        let server = at_first(
+            move |_, stream| break_off(&[7; 150_000], 90_000, TAG, stream),
+            move |request, stream| match ranges {
+                true => serve(bytes, "\"v2\"", request, stream),
+                false => reply(stream, "200 OK", "", bytes),
+            },
+        );
+        let place = Place::new();
+        place.pull(&server, Packing::TarGz).unwrap_err();
+        let pulled = place.pull(&server, Packing::TarGz).unwrap();
+        assert_eq!(pulled.resumed, 0);
+        place.assert_whole();
+    }
+}
+
+#[test]
+fn a_file_that_is_not_there_is_said() {
+    let server = Server::start(|_, _, stream| reply(stream, "404 Not Found", "", b""));
+    let place = Place::new();
+    let e = place.pull(&server, Packing::TarGz).unwrap_err().to_string();
+    let by_hand = format!(
+        "/made/walk.bin in another way and unpack it in {}",
+        place.path().display()
+    );
+    for part in ["404 (not found)", &by_hand] {
+        assert!(e.contains(part), "{e}");
+    }
+    assert_eq!(place.names(), [""; 0]);
+}
+
+/// Also where the server knows neither ranges nor versions: all of it is here.
+#[test]
+fn a_disk_that_fills_while_unpacking_loses_nothing() {
+    let bytes: &'static [u8] = sequence().leak();
+    let server = Server::start(move |_, _, stream| reply(stream, "200 OK", "", bytes));
+    let place = Place::new();
+    let full = SmallDisk {
+        room: 100_000,
+        free: None,
+    };
+    let e = place.pull_to(&server, Packing::TarGz, &full).unwrap_err();
+    assert!(matches!(e, ArchiveError::Write { .. }), "{e}");
+    for part in [
+        "1.png",
+        "free some space",
+        "the same command goes on from it",
+    ] {
+        assert!(e.to_string().contains(part), "{e}");
+    }
+    assert_eq!(place.names(), ["walk.bin.part", "walk.bin.part.toml"]);
+    let pulled = place.pull(&server, Packing::TarGz).unwrap();
+    assert_eq!(
+        (pulled.transferred, pulled.resumed),
+        (0, bytes.len() as u64)
+    );
+    assert_eq!(server.requests().len(), 1);
+    place.assert_whole();
+}
+
+#[test]
+fn a_disk_that_is_too_small_is_said_before_the_first_byte() {
+    let bytes: &'static [u8] = sequence().leak();
+    let server = at_first(
+        move |_, stream| break_off(bytes, 100_000, TAG, stream),
+        move |request, stream| serve(bytes, "\"v1\"", request, stream),
+    );
+    let place = Place::new();
+    place.pull(&server, Packing::TarGz).unwrap_err();
+    // Twice the archive, but for what is here.
+    let needed = 2 * bytes.len() as u64 - 100_000;
+    let disk = |free| SmallDisk {
+        room: usize::MAX,
+        free: Some(free),
+    };
+    let e = place.pull_to(&server, Packing::TarGz, &disk(needed - 1));
+    let e = e.unwrap_err();
+    assert!(
+        matches!(e, ArchiveError::Fetch(FetchError::Room { .. })),
+        "{e}"
+    );
+    let said = format!("expected {needed} bytes of free space");
+    assert!(e.to_string().contains(&said), "{e}");
+    assert_eq!(place.names(), ["walk.bin.part", "walk.bin.part.toml"]);
+    let pulled = place
+        .pull_to(&server, Packing::TarGz, &disk(needed))
+        .unwrap();
+    assert_eq!(pulled.resumed, 100_000);
+}
+
+#[test]
+fn stopping_keeps_what_came() {
+    let bytes: &'static [u8] = sequence().leak();
+    let server = Server::of(bytes);
+    let place = Place::new();
+    // While it unpacks, and what a killed process left of that.
+    let mut stop = |state| match state {
+        Progress::Unpacking { .. } => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let e = place.watched(&server, Packing::TarGz, &RealDisk, &mut stop);
+    assert!(e.unwrap_err().is_stopped());
+    assert_eq!(place.names(), ["walk.bin.part", "walk.bin.part.toml"]);
+    let left = place.path().join(".unpacking-rgbd_walk");
+    std::fs::create_dir(&left).unwrap();
+    std::fs::write(left.join("rgb.txt"), "half").unwrap();
+    let pulled = place.pull(&server, Packing::TarGz).unwrap();
+    assert_eq!(pulled.resumed, bytes.len() as u64);
+    place.assert_whole();
+}
