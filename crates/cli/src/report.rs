@@ -41,7 +41,10 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
         } else {
             // The head and the error that stands for all: the others are for who asks.
             let all = score_text(&scores[..1], frames_in_all(s));
-            all.lines().take(2).map(|line| format!("{line}\n")).collect()
+            all.lines()
+                .take(2)
+                .map(|line| format!("{line}\n"))
+                .collect()
         };
         text += &table;
     }
@@ -66,7 +69,10 @@ fn map_text(s: &Summary) -> String {
             counted(l.set_aside as usize, "candidate")
         );
         if l.joined > 0 {
-            text += &format!("; {} joined to others", counted(l.joined as usize, "submap"));
+            text += &format!(
+                "; {} joined to others",
+                counted(l.joined as usize, "submap")
+            );
         }
     }
     text + "\n"

@@ -7,7 +7,9 @@ use std::process::Output;
 
 fn demo(out: &Path, more: &[&str]) -> Output {
     let mut command = program();
-    command.args(["-v", "demo", "--frames", "20", "--out"]).arg(out);
+    command
+        .args(["-v", "demo", "--frames", "20", "--out"])
+        .arg(out);
     command.args(more).output().unwrap()
 }
 

@@ -239,12 +239,24 @@ fn a_run_is_told_in_ten_lines_and_its_stages_in_words() {
     let lines = |text: &str| text.lines().filter(|l| !l.trim().is_empty()).count();
     let (short, words, all) = (run(&[]), run(&["-v"]), run(&["-vv"]));
     assert!(lines(&short) <= 10, "{short}");
-    assert!(!short.contains("mapped") && !short.contains("memory"), "{short}");
-    assert!(words.contains("\nmapped keyframe 0: 1 keyframe, "), "{words}");
-    assert!(!words.contains("debug:") && !words.contains(" { "), "{words}");
+    assert!(
+        !short.contains("mapped") && !short.contains("memory"),
+        "{short}"
+    );
+    assert!(
+        words.contains("\nmapped keyframe 0: 1 keyframe, "),
+        "{words}"
+    );
+    assert!(
+        !words.contains("debug:") && !words.contains(" { "),
+        "{words}"
+    );
     // The memory of the run is said once.
     assert_eq!(words.matches("peak memory").count(), 1, "{words}");
-    assert!(all.contains("debug: mapped report=MappingReport {"), "{all}");
+    assert!(
+        all.contains("debug: mapped report=MappingReport {"),
+        "{all}"
+    );
     assert!(all.contains("trace: tracked"), "{all}");
 }
 

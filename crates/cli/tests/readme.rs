@@ -33,7 +33,11 @@ fn cells(line: &str) -> Vec<String> {
     let plain = |cell: &str| cell.trim().replace(['*', '`'], "");
     match line.trim().strip_prefix('|') {
         Some(rest) => rest.trim_end_matches('|').split('|').map(plain).collect(),
-        None => line.split("  ").map(plain).filter(|c| !c.is_empty()).collect(),
+        None => line
+            .split("  ")
+            .map(plain)
+            .filter(|c| !c.is_empty())
+            .collect(),
     }
 }
 
@@ -93,7 +97,9 @@ fn error_of(file: &str) -> String {
     let truth = Simulator::new(&config).unwrap().ground_truth();
     let truth: Vec<TimedPose> = truth.into_iter().map(pose).collect();
     let poses = trajectory::read(&root(file)).unwrap().into_iter();
-    let poses: Vec<TimedPose> = poses.map(|p| pose((p.stamp, p.world_from_camera))).collect();
+    let poses: Vec<TimedPose> = poses
+        .map(|p| pose((p.stamp, p.world_from_camera)))
+        .collect();
     match score(&truth, &poses, &EvalOptions::default()).unwrap() {
         Score::Moving(e) => format!("{:.1}", e.ate.statistics.rmse * 1e3),
         Score::Fixed(_) => panic!("the camera moves"),
@@ -128,7 +134,10 @@ fn the_figures_of_readme_are_those_of_the_demo() {
     }
     let golden = std::fs::read_to_string(&file).unwrap_or_default();
     let golden: Value = serde_json::from_str(&golden).unwrap_or_default();
-    assert_eq!(found, golden, "the demo gives other figures; if that is intended, renew them: {BLESS}");
+    assert_eq!(
+        found, golden,
+        "the demo gives other figures; if that is intended, renew them: {BLESS}"
+    );
     let size = std::fs::metadata(&picture).unwrap().len();
     assert!((10_000..3_000_000).contains(&size), "{size}");
     let readme = std::fs::read_to_string(root("README.md")).unwrap();

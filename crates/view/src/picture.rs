@@ -246,8 +246,14 @@ mod tests {
         let large = p.scaled(12, 7);
         assert_eq!((large.width(), large.height()), (12, 7));
         assert_eq!(large.at(11, 6), Some(Colour(100, 100, 100)));
-        assert_eq!(Picture::new(7, 5, Colour::RIGID).scaled(3, 4).at(2, 3), Some(Colour::RIGID));
-        assert_eq!(Picture::new(0, 0, Colour::RIGID).scaled(2, 2).data(), [0; 12]);
+        assert_eq!(
+            Picture::new(7, 5, Colour::RIGID).scaled(3, 4).at(2, 3),
+            Some(Colour::RIGID)
+        );
+        assert_eq!(
+            Picture::new(0, 0, Colour::RIGID).scaled(2, 2).data(),
+            [0; 12]
+        );
     }
 
     #[test]

@@ -235,7 +235,13 @@ mod tests {
     #[test]
     fn segments_are_as_long_and_wide_as_they_say() {
         let mut p = grey();
-        segment(&mut p, (10.0, 20.0), (40.0, 20.0), (3.0, 1.0), Colour::STATIC);
+        segment(
+            &mut p,
+            (10.0, 20.0),
+            (40.0, 20.0),
+            (3.0, 1.0),
+            Colour::STATIC,
+        );
         assert_eq!(p.at(25, 20), Some(Colour::STATIC));
         let covered = count(&p, Colour::STATIC);
         assert!((80..=110).contains(&covered), "{covered}");
@@ -245,7 +251,13 @@ mod tests {
             assert_eq!(p, grey(), "{end:?}");
         }
         let mut p = grey();
-        segment(&mut p, (-50.0, -50.0), (-20.0, -9.0), (2.0, 1.0), Colour::STATIC);
+        segment(
+            &mut p,
+            (-50.0, -50.0),
+            (-20.0, -9.0),
+            (2.0, 1.0),
+            Colour::STATIC,
+        );
         assert_eq!(p, grey());
     }
 

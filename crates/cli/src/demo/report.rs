@@ -45,11 +45,21 @@ pub(crate) fn lines(
     (out, film): (&Path, Option<&str>),
 ) -> String {
     let frames = counted(on.summary.frames, "frame");
-    let room = if people { "room with people in it" } else { "room" };
+    let room = if people {
+        "room with people in it"
+    } else {
+        "room"
+    };
     let error = |pass: &Pass| {
         let error = pass.error().map_or_else(
             || "no score".to_owned(),
-            |(name, e)| format!("{name} {:.1} mm, at most {:.1} mm", e.rmse * 1e3, e.max * 1e3),
+            |(name, e)| {
+                format!(
+                    "{name} {:.1} mm, at most {:.1} mm",
+                    e.rmse * 1e3,
+                    e.max * 1e3
+                )
+            },
         );
         let of = counted(pass.summary.frames, "frame");
         format!("{error}; {} of {of} tracked", pass.summary.tracked)

@@ -26,8 +26,8 @@ use std::path::{Path, PathBuf};
 use stillpoint::datasets::{FrameOptions, ReadAhead, StampedPose, read_regular, trajectory};
 use stillpoint::geometry::{Camera, ImuModel, OdometryModel};
 use stillpoint::recordings::Input;
-use stillpoint::slam::{LogEntry, RunLog};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::slam::{LogEntry, RunLog};
 
 /// Bytes that the summary of a result may have.
 const LARGEST: u64 = 1 << 26;
@@ -123,7 +123,11 @@ impl Found {
         inputs.extend(args.also.iter().map(|a| ("--also", &*a.file)));
         inputs.extend(self.others.iter().map(|(name, file)| (*name, &**file)));
         paths::check(&[("--out", Some(args.out.as_path()))], &inputs)?;
-        let name = args.out.file_name().and_then(|n| n.to_str()).unwrap_or_default();
+        let name = args
+            .out
+            .file_name()
+            .and_then(|n| n.to_str())
+            .unwrap_or_default();
         if paths::is_in(&args.out, &self.folder) && is_result_file(name) {
             return Err(Failure::input(format!(
                 "{}: expected a path of its own for --out, found a file of the result; name another with --out",
@@ -136,10 +140,15 @@ impl Found {
     /// Carries out the run once more, and keeps what is to be seen.
     fn repeat(self, args: &RenderArgs, timing: &'static Timing) -> Result<Scene, Failure> {
         let about = &self.about;
-        let mut config = config::resolve_over(&about.config, &self.log_path, &ConfigArgs::default())?;
+        let mut config =
+            config::resolve_over(&about.config, &self.log_path, &ConfigArgs::default())?;
         let footage = match &about.simulated {
             Some(simulated) => Footage::simulated(simulated, config.seed)?,
-            None => Footage::recorded(args.input.as_deref().unwrap_or(&self.input), about, &args.out)?,
+            None => Footage::recorded(
+                args.input.as_deref().unwrap_or(&self.input),
+                about,
+                &args.out,
+            )?,
         };
         let known = KnownMap::of(about.load_map.as_deref(), about.localize.as_deref());
         let known = known.map(|k| k.load(&mut config, &footage.camera, None));

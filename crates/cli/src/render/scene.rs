@@ -75,7 +75,12 @@ impl Scene {
         }
         let tracks = self.tracks(also)?;
         let mesh = &self.mesh;
-        let since = first_seen(&self.camera, &self.looks(), &mesh.positions, &mesh.triangles);
+        let since = first_seen(
+            &self.camera,
+            &self.looks(),
+            &mesh.positions,
+            &mesh.triangles,
+        );
         let ahead = |p: &StampedPose| p.world_from_camera.rotation * Vec3::z();
         let camera = &self.camera;
         let plot = Plot {
@@ -142,7 +147,9 @@ impl Scene {
         let mut tracks = Vec::new();
         // Stamps of the run alone: what was before and after is not shown.
         let span = |p: &StampedPose| {
-            let near = |q: Option<&StampedPose>, sign: f64| q.is_some_and(|q| sign * (p.stamp - q.stamp) >= -0.05);
+            let near = |q: Option<&StampedPose>, sign: f64| {
+                q.is_some_and(|q| sign * (p.stamp - q.stamp) >= -0.05)
+            };
             near(self.poses.first(), 1.0) && near(self.poses.last(), -1.0)
         };
         if let Some(truth) = &self.truth {
@@ -164,7 +171,9 @@ impl Scene {
             tracks.push(track(&other.name, self.note(&other.poses), *colour, points));
         }
         let ours = self.poses.iter();
-        let ours = ours.map(|p| (p.stamp, p.world_from_camera.translation)).collect();
+        let ours = ours
+            .map(|p| (p.stamp, p.world_from_camera.translation))
+            .collect();
         tracks.push(track(OURS, self.note(&self.poses), Colour::STATIC, ours));
         Ok(tracks)
     }
@@ -183,7 +192,8 @@ impl Scene {
             Ok(ate) => points(&|p| ate.alignment.apply(p)),
             // Cameras that stand still: the first common pose says how one lies to the other.
             Err(_) => {
-                let motion = ours[first].world_from_camera * theirs[other].world_from_camera.inverse();
+                let motion =
+                    ours[first].world_from_camera * theirs[other].world_from_camera.inverse();
                 points(&|p| motion.transform(p))
             }
         }

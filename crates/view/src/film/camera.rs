@@ -126,7 +126,13 @@ mod tests {
     #[test]
     fn what_is_to_be_seen_fills_the_panel() {
         let cut: Vec<Vec3> = (0..1000)
-            .map(|i| Vec3::new(f64::from(i % 10), f64::from(i / 100), f64::from(i / 10 % 10)))
+            .map(|i| {
+                Vec3::new(
+                    f64::from(i % 10),
+                    f64::from(i / 100),
+                    f64::from(i / 10 % 10),
+                )
+            })
             .collect();
         let whole = [Vec3::new(-3.0, 2.0, 4.0)];
         let up = -Vec3::y();

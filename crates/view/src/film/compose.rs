@@ -225,7 +225,10 @@ fn legend(plot: &Plot<'_>) -> Vec<Vec<Entry>> {
         entry(Sign::Region, "moves"),
     ];
     if plot.speed > 1.5 {
-        left.push(entry(Sign::Nothing, &format!("{:.0}\u{d7} speed", plot.speed)));
+        left.push(entry(
+            Sign::Nothing,
+            &format!("{:.0}\u{d7} speed", plot.speed),
+        ));
     }
     let head = (!plot.measure.is_empty()).then(|| entry(Sign::Nothing, plot.measure));
     let tracks = plot.tracks.iter().rev();
@@ -290,7 +293,10 @@ fn draw_line(picture: &mut Picture, y: usize, text: Text, entries: &[Entry]) {
             continue;
         }
         let room = entry.room(text);
-        let (u, v) = (x as f32 + 0.4 * room as f32, y as f32 + 0.5 * (text.line() - 1) as f32);
+        let (u, v) = (
+            x as f32 + 0.4 * room as f32,
+            y as f32 + 0.5 * (text.line() - 1) as f32,
+        );
         match entry.sign {
             Sign::Mark(mark) => draw_mark(picture, (u, v), mark, 1.1),
             Sign::Region => {
@@ -346,7 +352,8 @@ mod tests {
 
     fn pixels(picture: &Picture, colour: Colour, columns: std::ops::Range<usize>) -> usize {
         let all = (0..336).flat_map(|y| columns.clone().map(move |x| (x, y)));
-        all.filter(|(x, y)| picture.at(*x, *y) == Some(colour)).count()
+        all.filter(|(x, y)| picture.at(*x, *y) == Some(colour))
+            .count()
     }
 
     #[test]
@@ -372,7 +379,10 @@ mod tests {
         let (early, late) = (at(1.0, 0), at(3.95, 1));
         assert_eq!(early.width(), WIDTH);
         assert!(early.height() > 336 && early.height() < 400);
-        assert_eq!(pixels(&late, Colour::SEMANTIC, 0..Film::VIEW), 336 * Film::VIEW);
+        assert_eq!(
+            pixels(&late, Colour::SEMANTIC, 0..Film::VIEW),
+            336 * Film::VIEW
+        );
         let right = Film::VIEW + GAP..WIDTH;
         for colour in [Colour::WHITE, far, Colour::STATIC] {
             let [few, many] = [&early, &late].map(|p| pixels(p, colour, right.clone()));

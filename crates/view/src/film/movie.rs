@@ -33,7 +33,12 @@ pub fn write_webp(pictures: &[Picture], options: &MovieOptions) -> Result<Vec<u8
         if found != expected {
             return Err(ViewError::Size { expected, found });
         }
-        encoder.add_frame(AnimFrame::from_rgb(picture.data(), width, height, ms(i as f64)));
+        encoder.add_frame(AnimFrame::from_rgb(
+            picture.data(),
+            width,
+            height,
+            ms(i as f64),
+        ));
     }
     // The last one once more: it is only shown longer.
     if let Some(last) = pictures.last() {
@@ -126,7 +131,10 @@ mod tests {
             frames += 1;
         }
         assert_eq!(frames, 3 + 20);
-        let odd = [Picture::new(4, 4, Colour::BLACK), Picture::new(5, 4, Colour::BLACK)];
+        let odd = [
+            Picture::new(4, 4, Colour::BLACK),
+            Picture::new(5, 4, Colour::BLACK),
+        ];
         assert!(write_gif(&odd, &options).is_err());
         assert!(write_webp(&odd, &options).is_err());
     }

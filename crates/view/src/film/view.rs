@@ -28,7 +28,11 @@ pub fn view(frame: &RgbdFrame, report: &FrameReport, width: usize) -> Picture {
     for turn in [false, true] {
         for verdict in report.verdicts.iter().filter(|v| v.dynamic == turn) {
             let [x, y] = verdict.pixel.map(|c| (c + 0.5) * scale - 0.5);
-            let colour = if turn { Colour::SEMANTIC } else { Colour::STATIC };
+            let colour = if turn {
+                Colour::SEMANTIC
+            } else {
+                Colour::STATIC
+            };
             shapes::disc(&mut picture, (x, y), RADIUS + EDGE, Colour::BLACK);
             shapes::disc(&mut picture, (x, y), RADIUS, colour);
         }
