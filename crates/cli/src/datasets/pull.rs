@@ -66,45 +66,57 @@ fn one(
         sha256: None,
         waits: Waits::default(),
     };
-    let mut bar = Bar::default();
-    let mut told = None;
+    let mut shown = Shown::default();
     let result = archive::pull(&archive, dir, &RealDisk, &mut |progress| {
+        shown.show(sequence, progress);
+        match interrupt.requested() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    });
+    shown.bar.finish();
+    result.map_err(|e| match e.is_stopped() {
+        true => Failure::criteria(e),
+        false => Failure::input(e),
+    })
+}
+
+/// What the user has been told of a sequence on its way.
+#[derive(Default)]
+struct Shown {
+    bar: Bar,
+    size: bool,
+    unpacking: bool,
+}
+
+impl Shown {
+    fn show(&mut self, sequence: Sequence, progress: Progress) {
+        let origin = sequence.suite.origin();
         match progress {
             Progress::Connecting { url } => {
-                console::info(&format!(
-                    "{url}\nlicence: {} ({})",
-                    origin.licence, origin.page
-                ));
+                let (licence, page) = (origin.licence, origin.page);
+                console::info(&format!("{url}\nlicence: {licence} ({page})"));
             }
             Progress::Receiving {
                 received,
                 total,
                 resumed,
             } => {
-                if told.replace("size").is_none() {
+                if !std::mem::replace(&mut self.size, true) {
                     console::info(&size(total));
                 }
-                bar.receiving(received, total, resumed);
+                self.bar.receiving(received, total, resumed);
             }
             Progress::Unpacking { done, total } => {
-                if told.replace("unpacking") != Some("unpacking") {
-                    bar.finish();
-                    console::info(&format!("unpacking {file}"));
+                if !std::mem::replace(&mut self.unpacking, true) {
+                    self.bar.finish();
+                    console::info(&format!("unpacking {}", sequence.file()));
                 }
-                bar.receiving(done, Some(total), 0);
+                self.bar.receiving(done, Some(total), 0);
             }
             _ => {}
         }
-        match interrupt.requested() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
-    });
-    bar.finish();
-    result.map_err(|e| match e.is_stopped() {
-        true => Failure::criteria(e),
-        false => Failure::input(e),
-    })
+    }
 }
 
 /// What the server says of the file.
