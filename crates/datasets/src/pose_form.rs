@@ -32,7 +32,8 @@ pub(crate) struct PoseForm {
     undecided: bool,
 }
 
-/// Quaternions whose w is kept from being negative show by it where w stands, if their camera turned so far that this was needed: its largest value at least.
+/// Largest w of a file at least, by which w is told from a number that is always zero, as that of a robot which turns about one axis: w is above it until the camera
+/// turned by 168 degrees.
 const CLEAR: f64 = 0.1;
 
 impl PoseForm {
