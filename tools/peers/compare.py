@@ -18,7 +18,12 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 PACKAGES = ["pyorbslam3==0.1.1", "depthai==3.12.0", "numpy", "opencv-python-headless"]
-NAMES = {"stillpoint": "Stillpoint", "orbslam3": "ORB-SLAM3", "rtabmap": "RTAB-Map (odometry)"}
+# Title, licence, and what the program's own instructions ask for to build it.
+PROGRAMS = {
+    "stillpoint": ("**Stillpoint**", "MIT or Apache-2.0", "a Rust toolchain"),
+    "orbslam3": ("ORB-SLAM3", "GPL-3.0", "OpenCV, Eigen, Pangolin; a vocabulary of 139 MB"),
+    "rtabmap": ("RTAB-Map, odometry", "BSD-3-Clause", "OpenCV, PCL, Eigen, SQLite"),
+}
 
 
 def call(command, **options):
@@ -75,7 +80,7 @@ class Comparison:
     def measure(self, text):
         name, folder, source = self.prepare(text)
         for run in range(self.a.runs):
-            for program in NAMES:
+            for program in PROGRAMS:
                 out = self.out / "runs" / f"{name}.{program}.{run}.txt"
                 kept = out.with_suffix(".json")
                 if kept.exists():
@@ -91,16 +96,40 @@ class Comparison:
 
 
 def table(rows):
-    lines = ["| input | program | ATE (mm) | from, to | frames with a pose | ms per frame | memory (MB) |", "|---|---|---:|---:|---:|---:|---:|"]
-    for name in dict.fromkeys(r["input"] for r in rows):
-        for program, title in NAMES.items():
+    """A row per program: median errors per input (lowest to highest), frames without a pose, times and memory of its worst input."""
+    inputs = list(dict.fromkeys(r["input"] for r in rows))
+    head = ["", *(f"`{name}`" for name in inputs), "ms per frame", "memory", "licence", "built from source with"]
+    lines = [" | ".join(["", *head, ""]).strip(), "|---|" + "---:|" * (len(inputs) + 2) + "---|---|"]
+    for program, (title, licence, needs) in PROGRAMS.items():
+        cells, times, memory = [title], [], []
+        for name in inputs:
             runs = [r for r in rows if (r["input"], r["program"]) == (name, program)]
-            middle = lambda key: statistics.median(r[key] for r in runs)
             errors = sorted(r["ate_mm"] for r in runs)
-            poses = f"{middle('poses'):.0f} of {runs[0]['frames']}"
-            figures = f"{middle('ate_mm'):.1f} | {errors[0]:.1f}, {errors[-1]:.1f} | {poses} | {middle('median_ms'):.1f} | {middle('memory_bytes') / 1e6:.0f}"
-            lines.append(f"| {name} | {title} | {figures} |")
+            lost = max(r["frames"] - r["poses"] for r in runs)
+            span = f" ({errors[0]:.1f} to {errors[-1]:.1f})" if f"{errors[0]:.1f}" != f"{errors[-1]:.1f}" else ""
+            cells.append(f"{statistics.median(errors):.1f}{span}" + (f", {lost} lost" if lost > 1 else ""))
+            times.append(statistics.median(r["median_ms"] for r in runs))
+            memory.append(max(r["memory_bytes"] for r in runs))
+        cells += [f"{min(times):.0f} to {max(times):.0f}", f"{max(memory) / 1e6:.0f} MB", licence, needs]
+        lines.append(" | ".join(["", *cells, ""]).strip())
     return "\n".join(lines)
+
+
+def document(rows, arguments):
+    """The page that README's table is held against."""
+    version = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short=12", "HEAD"], capture_output=True, text=True).stdout.strip()
+    names = " ".join(text if text.startswith("sim:") else f"DIR/{Path(text).name}" for text in arguments.inputs)
+    return f"""# Beside ORB-SLAM3 and RTAB-Map
+```text
+python3 tools/peers/compare.py --document {names}
+```
+
+The same images for all, one program after the other, {arguments.runs} runs each, at commit {version} on {os.cpu_count()} cores. ATE RMSE of the final poses in mm: medians, in brackets the lowest and the highest. A first frame without a pose is
+not counted as lost. Times are those of the tracking call, medians of the fastest and the slowest input. Memory is the largest of all runs. The peers are {PACKAGES[0]} and the node RTABMapVIO of {PACKAGES[1]} from PyPI, with their own parameters and 1000 features; the
+odometry of RTAB-Map closes no loops. Stillpoint runs without a detector.
+
+{table(rows)}
+"""
 
 
 def main():
@@ -113,8 +142,12 @@ def main():
     parser.add_argument("--vocabulary", help="of ORB-SLAM3; default: ORBvoc.txt, downloaded once. vocabulary.py trains a small one")
     parser.add_argument("--environment", type=Path, default=ROOT / "target/peers/environment", help="where the peers are installed")
     parser.add_argument("--out", type=Path, default=ROOT / "target/peers", help="inputs, trajectories and figures; what is there is not run again")
+    parser.add_argument("--document", action="store_true", help="also write docs/evidence/peers.md")
     comparison = Comparison(parser.parse_args())
-    print(table([row for text in comparison.a.inputs for row in comparison.measure(text)]))
+    rows = [row for text in comparison.a.inputs for row in comparison.measure(text)]
+    print(table(rows))
+    if comparison.a.document:
+        (ROOT / "docs/evidence/peers.md").write_text(document(rows, comparison.a))
 
 
 main()

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the pictures of the manual from simulated rooms: python make.py STILLPOINT [WORK]. Needs Chromium on the path, and Pillow of PyPI.
 
-STILLPOINT is the program, WORK a folder for what it writes (default: a temporary one). The pictures are docs/images/*.png, but for demo.png and rerun.png.
+STILLPOINT is the program, WORK a folder for what it writes (default: a temporary one). The pictures are docs/images/*.png, but for rerun.png.
 """
 
 from __future__ import annotations
