@@ -272,9 +272,5 @@ fn quaternions_in_the_other_order_are_said() {
     // What it advises helps.
     let advised = eval(&format!("{header}\n{rows}"));
     check(&advised, 0, &["w first"]);
-    assert!(
-        !stderr(&advised).contains("seem"),
-        "{}",
-        stderr(&advised)
-    );
+    assert!(!stderr(&advised).contains("seem"), "{}", stderr(&advised));
 }

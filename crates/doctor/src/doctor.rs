@@ -300,7 +300,12 @@ mod tests {
                 camera: Camera::pinhole(
                     width as u32,
                     height as u32,
-                    [width as f64, width as f64, width as f64 / 2.0, height as f64 / 2.0],
+                    [
+                        width as f64,
+                        width as f64,
+                        width as f64 / 2.0,
+                        height as f64 / 2.0,
+                    ],
                 ),
                 depth_scale: 1000.0,
             };

@@ -243,7 +243,12 @@ fn images_within_messages() {
             } else {
                 "compressed"
             };
-            let said = ["png", "jpeg", "16UC1; png compressed ", "rgb8; jpeg compressed bgr8"];
+            let said = [
+                "png",
+                "jpeg",
+                "16UC1; png compressed ",
+                "rgb8; jpeg compressed bgr8",
+            ];
             let message = CompressedImage {
                 header: image.header.clone(),
                 format: pick(&said, random).into(),
