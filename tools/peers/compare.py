@@ -18,11 +18,11 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent.parent
 PACKAGES = ["pyorbslam3==0.1.1", "depthai==3.12.0", "numpy", "opencv-python-headless"]
-# Title, licence, and what the program's own instructions ask for to build it.
+# Title and licence.
 PROGRAMS = {
-    "stillpoint": ("**Stillpoint**", "MIT or Apache-2.0", "a Rust toolchain"),
-    "orbslam3": ("ORB-SLAM3", "GPL-3.0", "OpenCV, Eigen, Pangolin; a vocabulary of 139 MB"),
-    "rtabmap": ("RTAB-Map, odometry", "BSD-3-Clause", "OpenCV, PCL, Eigen, SQLite"),
+    "stillpoint": ("**Stillpoint**", "MIT or Apache-2.0"),
+    "orbslam3": ("ORB-SLAM3", "GPL-3.0"),
+    "rtabmap": ("RTAB-Map odometry", "BSD-3-Clause"),
 }
 
 
@@ -50,12 +50,12 @@ class Comparison:
 
     def prepare(self, text):
         """The input as Stillpoint takes it, and the same frames as a folder in TUM's layout for all."""
-        name = text.removeprefix("sim:") if text.startswith("sim:") else Path(text).name
-        folder = self.out / "inputs" / name
+        name = text if text.startswith("sim:") else Path(text).name
+        folder = self.out / "inputs" / name.removeprefix("sim:")
         if not folder.exists():
             if text.startswith("sim:"):
                 limit = ["--frames", self.a.frames] if self.a.frames else []
-                call([self.a.stillpoint, "simulate", "--scene", name, "--out", folder, *limit])
+                call([self.a.stillpoint, "simulate", "--scene", folder.name, "--out", folder, *limit])
             else:
                 limit = ["--max-frames", self.a.frames] if self.a.frames else []
                 call([self.a.stillpoint, "recording", "convert", text, folder, *limit])
@@ -81,7 +81,7 @@ class Comparison:
         name, folder, source = self.prepare(text)
         for run in range(self.a.runs):
             for program in PROGRAMS:
-                out = self.out / "runs" / f"{name}.{program}.{run}.txt"
+                out = self.out / "runs" / f"{folder.name}.{program}.{run}.txt"
                 kept = out.with_suffix(".json")
                 if kept.exists():
                     yield json.loads(kept.read_text())
@@ -96,21 +96,21 @@ class Comparison:
 
 
 def table(rows):
-    """A row per program: median errors per input (lowest to highest), frames without a pose, times and memory of its worst input."""
+    """A row per program: median errors per input (lowest to highest) and frames without a pose, times and memory of its worst input."""
     inputs = list(dict.fromkeys(r["input"] for r in rows))
-    head = ["", *(f"`{name}`" for name in inputs), "ms per frame", "memory", "licence", "built from source with"]
-    lines = [" | ".join(["", *head, ""]).strip(), "|---|" + "---:|" * (len(inputs) + 2) + "---|---|"]
-    for program, (title, licence, needs) in PROGRAMS.items():
+    head = ["", *(f"`{name}`" for name in inputs), "ms per frame", "memory", "licence"]
+    lines = [" | ".join(["", *head, ""]).strip(), "|---|" + "---:|" * (len(inputs) + 2) + "---|"]
+    for program, (title, licence) in PROGRAMS.items():
         cells, times, memory = [title], [], []
         for name in inputs:
             runs = [r for r in rows if (r["input"], r["program"]) == (name, program)]
             errors = sorted(r["ate_mm"] for r in runs)
-            lost = max(r["frames"] - r["poses"] for r in runs)
+            lost = round(statistics.median(r["frames"] - r["poses"] for r in runs))
             span = f" ({errors[0]:.1f} to {errors[-1]:.1f})" if f"{errors[0]:.1f}" != f"{errors[-1]:.1f}" else ""
             cells.append(f"{statistics.median(errors):.1f}{span}" + (f", {lost} lost" if lost > 1 else ""))
             times.append(statistics.median(r["median_ms"] for r in runs))
             memory.append(max(r["memory_bytes"] for r in runs))
-        cells += [f"{min(times):.0f} to {max(times):.0f}", f"{max(memory) / 1e6:.0f} MB", licence, needs]
+        cells += [f"{min(times):.0f} to {max(times):.0f}", f"{max(memory) / 1e6:.0f} MB", licence]
         lines.append(" | ".join(["", *cells, ""]).strip())
     return "\n".join(lines)
 

@@ -59,6 +59,9 @@ def main():
             slam.track_rgbd(rgb, depth, stamp)
     slam.shutdown()
     slam.save_trajectory_tum(a.out)
+    # A frame after a loss may be written twice: its last pose counts.
+    lines = {line.split()[0]: line for line in Path(a.out).read_text().splitlines(keepends=True)}
+    Path(a.out).write_text("".join(sorted(lines.values(), key=lambda line: float(line.split()[0]))))
     print(json.dumps(clock.result(len(folder.pairs))))
 
 

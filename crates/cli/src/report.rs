@@ -13,7 +13,12 @@ use stillpoint::evaluation::timing;
 pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     let s = summary;
     let mut text = format!("\n{}: {}\n", s.input.name, headline(s));
-    text += &map_text(s);
+    let surface = s.dense.as_ref().map(|d| d.text(detailed));
+    // What was mapped is one line where few are wanted.
+    text += &match &surface {
+        Some(surface) if !detailed => format!("{}; {surface}", map_text(s)),
+        _ => map_text(s) + "\n",
+    };
     text += &filter_text(s, detailed);
     text += &s.live.as_ref().map_or_else(String::new, LiveJson::text);
     if let Some(i) = &s.inertial {
@@ -22,9 +27,7 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     if let Some(o) = &s.odometry {
         text += &format!("{}\n", o.line());
     }
-    if let Some(d) = &s.dense {
-        text += &d.text(detailed);
-    }
+    text += &surface.filter(|_| detailed).unwrap_or_default();
     if let Some(m) = &s.map {
         text += &format!(
             "map saved to {}: {}, {}, {}\n",
@@ -75,7 +78,7 @@ fn map_text(s: &Summary) -> String {
             );
         }
     }
-    text + "\n"
+    text
 }
 
 /// Frames of the recording that the run was about: tracked or not, dropped by a camera that was faster, or not to be read.

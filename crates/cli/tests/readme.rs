@@ -175,12 +175,18 @@ fn the_peers_in_readme_are_those_of_the_comparison() {
     let read = |name: &str| std::fs::read_to_string(root(name)).unwrap();
     let (readme, measured) = (read("README.md"), read("docs/evidence/peers.md"));
     let table = peers(&readme);
-    assert!(table.len() == 5 && table[3].contains("ORB-SLAM3"), "{table:?}");
+    assert!(
+        table.len() == 5 && table[3].contains("ORB-SLAM3"),
+        "{table:?}"
+    );
     assert_eq!(
         table,
         peers(&measured),
         "README.md and docs/evidence/peers.md differ; tools/peers/compare.py --document makes the latter, the former quotes it"
     );
     // A figure that drifts is seen.
-    assert_ne!(peers(&readme.replacen("ms per frame", "ms per frame, once", 1)), table);
+    assert_ne!(
+        peers(&readme.replacen("ms per frame", "ms per frame, once", 1)),
+        table
+    );
 }
