@@ -9,7 +9,7 @@ use crate::lists::{
 };
 use std::path::{Path, PathBuf};
 
-/// Rate of data sets that number their frames, Hz.
+/// Rate of data sets that number their frames, Hz: 7-Scenes was recorded with a Kinect at this rate, and ICL-NUIM is rendered at it.
 pub(crate) const NUMBERED_RATE: f64 = 30.0;
 
 /// The frames of a folder in the order of time, and the counts of what was left over. What lists say beside that goes to `said`.

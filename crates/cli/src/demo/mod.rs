@@ -43,7 +43,7 @@ const FILES: [&str; 6] = [
 
 /// All of it in motion.
 const FILM: &str = "demo.webp";
-/// Its size, MB, at most.
+/// Its size, MB, at most: that of the picture in README, which is held to it by a test.
 const FILM_MB: f64 = 3.0;
 
 /// The ATE RMSE that the pass with the filter must not exceed, m: with the simulator's detections, and without any.

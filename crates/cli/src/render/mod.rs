@@ -29,7 +29,7 @@ use stillpoint::recordings::Input;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{LogEntry, RunLog};
 
-/// Bytes that the summary of a result may have.
+/// Bytes that the summary of a result may have: 64 MiB, so that a file of another kind is refused before it fills the memory.
 const LARGEST: u64 = 1 << 26;
 /// What the trajectory of the run is called.
 pub(crate) const OURS: &str = "Stillpoint";
