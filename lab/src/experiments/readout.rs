@@ -1,16 +1,13 @@
 //! What is estimated of a rolling shutter, and what the static filter costs where nothing moves: simulated turns with known readouts.
 //!
-//! `cargo run --release -p stillpoint --example readout -- SEEDS FRAMES [SCENE ...]`: a row per scene and true readout. The exit code is 1 where a bar is
-//! missed.
-#![allow(clippy::print_stdout)]
+//! A row per scene and true readout. The exit code is 1 where a bar is missed.
 
+use crate::Failure;
 use std::process::ExitCode;
 use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Shutter, Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, Preset, System};
-
-type Failure = Box<dyn std::error::Error>;
 
 /// Readouts of the table, s: a global shutter, and rolling ones.
 const READOUTS: [f64; 3] = [0.0, 0.01, 0.02];
@@ -22,6 +19,20 @@ const BIAS: f64 = 3e-3;
 const REJECTED: f64 = 0.02;
 /// ... and cost this factor of the error without it.
 const COST: f64 = 1.03;
+
+/// What is estimated of a rolling shutter, and what the static filter costs where nothing moves.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Seeds of every scene
+    #[arg(long, default_value_t = 10)]
+    seeds: u64,
+    /// Frames of every run
+    #[arg(long, default_value_t = 150)]
+    frames: usize,
+    /// Simulated turns
+    #[arg(default_values = SCENES)]
+    scenes: Vec<String>,
+}
 
 /// A system, and the features that it looked at and rejected.
 struct Contestant {
@@ -65,7 +76,7 @@ struct Row {
     rejected: f64,
 }
 
-fn run(scene: &str, seed: u64, frames: usize, readout: f64) -> Result<Row, Failure> {
+fn measure(scene: &str, seed: u64, frames: usize, readout: f64) -> Result<Row, Failure> {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: scene.to_owned(),
         seed,
@@ -156,18 +167,9 @@ fn print(scene: &str, readout: f64, rows: &[Row]) -> bool {
     missed.is_empty()
 }
 
-fn main() -> Result<ExitCode, Failure> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let number = |at: usize, default: u64| -> Result<u64, Failure> {
-        Ok(words.get(at).map_or(Ok(default), |w| w.parse())?)
-    };
-    let (seeds, frames) = (number(0, 10)?, number(1, 150)?);
-    let named: Vec<&str> = words.iter().skip(2).map(String::as_str).collect();
-    let scenes = if named.is_empty() {
-        &SCENES[..]
-    } else {
-        &named
-    };
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (seeds, frames) = (arguments.seeds, arguments.frames);
+    let scenes = &arguments.scenes;
     println!(
         "{seeds} seeds, {frames} frames, depth's readout 30 ms, exposure 10 ms; readouts in ms: median (least to greatest)\n"
     );
@@ -179,7 +181,7 @@ fn main() -> Result<ExitCode, Failure> {
     for scene in scenes {
         for readout in READOUTS {
             let rows: Result<Vec<Row>, Failure> = (0..seeds)
-                .map(|seed| run(scene, seed, frames as usize, readout))
+                .map(|seed| measure(scene, seed, frames, readout))
                 .collect();
             holds &= print(scene, readout, &rows?);
         }

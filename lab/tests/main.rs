@@ -1,0 +1,2 @@
+//! Tests of the program `lab`, all in one binary.
+#![allow(clippy::unwrap_used)]
