@@ -3,6 +3,7 @@
 use crate::arguments::{number, path, value, wrong_type, yes};
 use crate::camera::Camera;
 use crate::config::Config;
+use crate::detector::Detector as Kept;
 use crate::driver::{Driver, Inline};
 use crate::guard::{Turn, detached};
 use crate::images::{Intake, Order};
@@ -38,6 +39,7 @@ enum Named {
     Nobody,
     Function(Py<PyAny>),
     Words(String),
+    Kept(Py<Kept>),
 }
 
 /// Arguments that all ways to begin have.
@@ -95,6 +97,9 @@ fn named(found: Option<&Bound<'_, PyAny>>) -> PyResult<Named> {
     let Some(found) = found else {
         return Ok(Named::Nobody);
     };
+    if let Ok(kept) = found.cast::<Kept>() {
+        return Ok(Named::Kept(kept.clone().unbind()));
+    }
     if found.extract::<PathBuf>().is_ok() {
         let words = path("detector", found)?;
         return Ok(Named::Words(words.to_string_lossy().into_owned()));
@@ -104,7 +109,7 @@ fn named(found: Option<&Bound<'_, PyAny>>) -> PyResult<Named> {
     }
     Err(wrong_type(
         "detector",
-        "None, a function, or words as --detector takes them",
+        "None, a Detector, a function, or words as --detector takes them",
         found,
     ))
 }
@@ -134,6 +139,10 @@ impl Begin {
                 (Some(called), true, None)
             }
             Named::Function(function) => (None, true, Some(function)),
+            Named::Kept(kept) => {
+                let (detector, looks) = kept.get().parts();
+                (detector, looks, None)
+            }
             Named::Words(words) => {
                 let found = detached(py, || front::detector(&words))?;
                 let (detector, looks) = found.map_err(|e| value("detector", e))?;

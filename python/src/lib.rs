@@ -12,6 +12,7 @@ mod command;
 mod config;
 mod dense;
 mod detections;
+mod detector;
 mod driver;
 mod events;
 mod frame;
@@ -45,6 +46,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<dense::Grid>()?;
     module.add_class::<dense::Mesh>()?;
     module.add_class::<detections::Detection>()?;
+    module.add_class::<detector::Detector>()?;
     module.add_class::<events::Event>()?;
     module.add_class::<events::Events>()?;
     module.add_class::<frame::Frame>()?;
@@ -65,5 +67,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(command::launch_by, module)?)?;
     module.add_function(wrap_pyfunction!(guard::prepare_for_end, module)?)?;
     module.add_function(wrap_pyfunction!(command::main, module)?)?;
+    module.add_function(wrap_pyfunction!(command::input_digest, module)?)?;
     module.add_function(wrap_pyfunction!(score::evaluate, module)?)
 }

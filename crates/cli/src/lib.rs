@@ -7,6 +7,7 @@
 //! command line too. [`run`] is all of it; [`front`] is what other front ends take over, so that the same words mean the same there.
 
 mod args;
+mod batch;
 mod bench;
 mod config;
 mod console;
@@ -46,19 +47,30 @@ use args::{Arguments, Command as Asked, ConfigCommand};
 use clap::Parser;
 use failure::{Failure, Status};
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::process::Command;
 use std::sync::OnceLock;
 
 /// What the process was told, the program's name first.
 static TYPED: OnceLock<Vec<OsString>> = OnceLock::new();
 /// What starts this program once more, before its arguments; nothing where it is an executable of its own.
-static LAUNCHER: OnceLock<Vec<OsString>> = OnceLock::new();
+static LAUNCHER: OnceLock<Launcher> = OnceLock::new();
+
+/// How this program is started by another executable.
+#[derive(Debug)]
+struct Launcher {
+    /// The executable and what it has to be told before the arguments.
+    words: Vec<OsString>,
+    /// The file that holds the program.
+    file: PathBuf,
+}
 
 /// Carries out a command line, the program's name first, and returns the exit code: 0 well, 1 lost frames or failed criteria, 2 unusable
 /// arguments or input. It is the process's only one: it listens to signals, and takes over what panics and spans say.
 #[must_use]
 pub fn run(typed: Vec<OsString>) -> u8 {
     keep_expected_panics_quiet();
+    batch::child::end_with_parent();
     let arguments = Arguments::try_parse_from(&typed);
     // A second command line in one process would be recorded as the first.
     let _ = TYPED.set(typed);
@@ -86,9 +98,9 @@ pub fn run(typed: Vec<OsString>) -> u8 {
 }
 
 /// Says how this program is started once more, as benchmarks and trials of models do, where the process's own executable is another one: that
-/// one, and what it has to be told before the arguments. The first who says so is heard.
-pub fn launch_by(launcher: Vec<OsString>) {
-    let _ = LAUNCHER.set(launcher);
+/// one, and what it has to be told before the arguments. `file` is the library that holds the program. The first who says so is heard.
+pub fn launch_by(words: Vec<OsString>, file: PathBuf) {
+    let _ = LAUNCHER.set(Launcher { words, file });
 }
 
 /// What the user typed after the program's name.
@@ -98,13 +110,24 @@ fn typed() -> impl Iterator<Item = &'static OsString> {
 
 /// This program, to be run in a process of its own.
 fn program() -> std::io::Result<Command> {
-    match LAUNCHER.get().map(Vec::as_slice) {
+    let mut command = match LAUNCHER.get().map(|l| l.words.as_slice()) {
         Some([first, told @ ..]) => {
             let mut command = Command::new(first);
             command.args(told);
-            Ok(command)
+            command
         }
-        _ => std::env::current_exe().map(Command::new),
+        _ => Command::new(std::env::current_exe()?),
+    };
+    // What a batch says to its runs is not for what these start.
+    command.env_remove(batch::child::PARENT);
+    Ok(command)
+}
+
+/// The file whose bytes are this program.
+fn program_file() -> std::io::Result<PathBuf> {
+    match LAUNCHER.get() {
+        Some(launcher) => Ok(launcher.file.clone()),
+        None => std::env::current_exe(),
     }
 }
 
@@ -145,6 +168,7 @@ fn dispatch(arguments: &Arguments) -> Result<Status, Failure> {
         Asked::Report(a) => page::report(a),
         Asked::Eval(a) => eval::eval(a),
         Asked::Simulate(a) => simulate::simulate(a),
+        Asked::Batch(a) => batch::batch(a),
         Asked::Bench(a) => bench::bench(a),
         Asked::Detect(a) => detect::detect(a, timing),
         Asked::Doctor(a) => doctor::doctor(a),

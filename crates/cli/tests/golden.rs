@@ -33,6 +33,7 @@ fn help_of_every_command() {
         "render",
         "eval",
         "simulate",
+        "batch",
         "bench",
         "detect",
         "doctor",
@@ -49,6 +50,7 @@ fn help_of_every_command() {
     golden("help_config_print.txt", &["config", "print", "--help"]);
     golden("help_live_file.txt", &["live", "file", "--help"]);
     golden("help_live_realsense.txt", &["live", "realsense", "--help"]);
+    golden("help_batch_merge.txt", &["batch", "merge", "--help"]);
     for command in ["info", "convert", "cut"] {
         let name = format!("help_recording_{command}.txt");
         golden(&name, &["recording", command, "--help"]);

@@ -7,6 +7,8 @@ mod accuracy;
 mod bad_arguments;
 mod bad_input;
 mod bad_output;
+mod batch;
+mod batch_bad;
 mod clocks;
 mod common;
 mod config_docs;

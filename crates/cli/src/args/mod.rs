@@ -1,8 +1,10 @@
 //! The command line, as clap reads it. Every command's help ends with examples.
 
+pub(crate) mod batch;
 pub(crate) mod datasets;
 pub(crate) mod doctor;
 pub(crate) mod eval;
+pub(crate) mod forward;
 pub(crate) mod live;
 pub(crate) mod map;
 pub(crate) mod models;
@@ -13,6 +15,7 @@ pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod simulated;
 
+use crate::args::batch::BatchArgs;
 use crate::args::datasets::DatasetsCommand;
 use crate::args::doctor::DoctorArgs;
 use crate::args::eval::EvalArgs;
@@ -73,6 +76,7 @@ pub(crate) enum Command {
     Render(RenderArgs),
     Eval(EvalArgs),
     Simulate(SimulateArgs),
+    Batch(BatchArgs),
     Bench(BenchArgs),
     Detect(DetectArgs),
     Doctor(DoctorArgs),

@@ -1,7 +1,6 @@
 //! One data set several times, each run in a fresh process, so that memory and timing are honest.
 
-use crate::args::models::DetectorArgs;
-use crate::args::{ConfigArgs, InputArgs};
+use crate::args::{ConfigArgs, InputArgs, forward};
 use crate::console;
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -10,9 +9,6 @@ use serde::Serialize;
 use std::ffi::OsString;
 use std::path::Path;
 use std::process::{Command, Stdio};
-
-/// Stands for the data set's folder in the name of a detector.
-const PLACE: &str = "{}";
 
 /// All runs of one data set.
 #[derive(Debug, Serialize)]
@@ -160,7 +156,11 @@ impl Plan<'_> {
     ) -> Result<(Summary, Vec<u8>), Failure> {
         // Not every system takes the colon of a simulated scene in the name of a folder.
         let out = self.out.join("runs").join(name.replace(':', "_"));
-        let summary = run_once(&[self.arguments(path), more].concat(), path, &out)?;
+        let summary = run_once(
+            &[forward::typed(self.input, self.config, path), more].concat(),
+            path,
+            &out,
+        )?;
         let file = out.join("trajectory.txt");
         let trajectory = std::fs::read(&file).map_err(|e| {
             Failure::input(format!(
@@ -169,70 +169,6 @@ impl Plan<'_> {
             ))
         })?;
         Ok((summary, trajectory))
-    }
-
-    /// The arguments that a run shares with the bench. Every field is named, so that one which is added cannot be forgotten.
-    fn arguments(&self, path: &Path) -> Vec<OsString> {
-        let InputArgs {
-            camera,
-            start,
-            max_frames,
-            topics,
-            detector:
-                DetectorArgs {
-                    detector,
-                    runtime,
-                    detector_threads,
-                },
-            strict,
-        } = self.input;
-        let ConfigArgs { config, set, seed } = self.config;
-        let mut all: Vec<OsString> = Vec::new();
-        let mut add = |option: &str, value: OsString| all.extend([option.into(), value]);
-        if let Some(camera) = camera {
-            add("--camera", camera.into());
-        }
-        add("--start", start.to_string().into());
-        if let Some(n) = max_frames {
-            add("--max-frames", n.to_string().into());
-        }
-        if let Some(detector) = detector {
-            let detector = detector.replace(PLACE, &path.display().to_string());
-            add("--detector", detector.into());
-        }
-        add("--runtime", runtime.name().into());
-        add("--detector-threads", detector_threads.to_string().into());
-        if let Some(file) = config {
-            add("--config", file.into());
-        }
-        for value in set {
-            add("--set", value.into());
-        }
-        if let Some(seed) = seed {
-            add("--seed", seed.to_string().into());
-        }
-        for (option, topic) in [
-            ("--color-topic", &topics.color_topic),
-            ("--depth-topic", &topics.depth_topic),
-            ("--info-topic", &topics.info_topic),
-            ("--truth-topic", &topics.truth_topic),
-            ("--imu-topic", &topics.imu_topic),
-            ("--odometry-topic", &topics.odometry_topic),
-        ] {
-            if let Some(topic) = topic {
-                add(option, topic.into());
-            }
-        }
-        if let Some(scale) = topics.depth_scale {
-            add("--depth-scale", scale.to_string().into());
-        }
-        let flags = [
-            ("--no-imu", topics.no_imu),
-            ("--no-odometry", topics.no_odometry),
-            ("--strict", *strict),
-        ];
-        all.extend(flags.iter().filter(|f| f.1).map(|f| f.0.into()));
-        all
     }
 }
 
@@ -277,8 +213,6 @@ fn run_once(arguments: &[OsString], path: &Path, out: &Path) -> Result<Summary, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::args::TopicArgs;
-    use crate::args::models::RuntimeChoice;
 
     #[test]
     fn median_and_worst() {
@@ -299,52 +233,5 @@ mod tests {
         assert_eq!(of(&["a"]), None);
         assert_eq!(of(&["a", "a", "a"]), Some(true));
         assert_eq!(of(&["a", "b", "a"]), Some(false));
-    }
-
-    #[test]
-    fn runs_get_the_options_of_the_bench() {
-        let input = InputArgs {
-            camera: Some("tum_fr3".into()),
-            start: 5,
-            max_frames: Some(7),
-            topics: TopicArgs {
-                color_topic: Some("/c".into()),
-                depth_topic: Some("/d".into()),
-                info_topic: Some("/f".into()),
-                truth_topic: Some("/t".into()),
-                imu_topic: Some("/i".into()),
-                no_imu: true,
-                odometry_topic: Some("/o".into()),
-                no_odometry: true,
-                depth_scale: Some(5000.0),
-            },
-            detector: DetectorArgs {
-                detector: Some("scripted:{}/boxes.csv".into()),
-                runtime: RuntimeChoice::Rten,
-                detector_threads: 2,
-            },
-            strict: true,
-        };
-        let config = ConfigArgs {
-            config: Some("my.toml".into()),
-            set: vec!["a.b=1".into(), "a.c=2".into()],
-            seed: Some(9),
-        };
-        let plan = Plan {
-            runs: 1,
-            out: Path::new("out"),
-            input: &input,
-            config: &config,
-        };
-        let expected = "--camera tum_fr3 --start 5 --max-frames 7 --detector scripted:a/boxes.csv --runtime rten \
-                        --detector-threads 2 --config my.toml \
-                        --set a.b=1 --set a.c=2 --seed 9 --color-topic /c --depth-topic /d --info-topic /f --truth-topic /t \
-                        --imu-topic /i --odometry-topic /o --depth-scale 5000 --no-imu --no-odometry --strict";
-        let found: Vec<String> = plan
-            .arguments(Path::new("a"))
-            .iter()
-            .map(|a| a.to_string_lossy().into_owned())
-            .collect();
-        assert_eq!(found.join(" "), expected);
     }
 }

@@ -3,13 +3,14 @@
 pub(crate) mod network;
 pub(crate) mod runtime;
 
+use crate::args::forward::is_of_recording;
 use crate::args::models::DetectorArgs;
 use crate::console;
 use crate::detector::network::{ModelFile, Running};
 use crate::failure::Failure;
 use crate::models::cache::{self, Preferred};
 use std::path::Path;
-use stillpoint::datasets::read_regular_text;
+use stillpoint::datasets::{read_regular, read_regular_text};
 use stillpoint::detection::{Detector, ScriptedDetector};
 use stillpoint::imaging::{DepthImage, FrameId, GrayImage, RgbdFrame};
 
@@ -91,6 +92,27 @@ impl Settled {
     pub(crate) fn announce(&self) {
         if self.reason.is_some() {
             console::info(&format!("detector: {}", self.words()));
+        }
+    }
+
+    /// What makes its results, beside its name: the bytes of a model and its card, or of a script. Nothing where that lies in each recording.
+    ///
+    /// # Errors
+    /// A file that cannot be read.
+    pub(crate) fn content(&self) -> Result<Vec<u8>, Failure> {
+        match &self.choice {
+            Choice::Scripted(file) if !is_of_recording(file) => {
+                read_regular(file.as_ref(), LARGEST_SCRIPT)
+                    .map_err(|e| Failure::input(format!("{OPTION} scripted:{file}: expected a script of detections, found: {e}; check the path")))
+            }
+            Choice::None | Choice::Scripted(_) => Ok(Vec::new()),
+            Choice::Model(model) => {
+                let content = model
+                    .read()
+                    .map_err(|e| Failure::input(format!("{OPTION} {e}")))?;
+                let card = content.card.map(|(_, text)| text).unwrap_or_default();
+                Ok([content.bytes, card.into_bytes()].concat())
+            }
         }
     }
 

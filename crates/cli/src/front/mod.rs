@@ -101,6 +101,15 @@ pub fn detector(argument: &str) -> Result<(Option<Box<dyn Detector>>, bool), Ref
     Ok((loaded.detector, settled.needs_colour()))
 }
 
+/// The digest of a recording, by which a batch knows it, and its bytes.
+///
+/// # Errors
+/// A folder or file that cannot be read.
+pub fn input_digest(path: &Path) -> std::io::Result<(String, u64)> {
+    let digest = crate::batch::digest::of_input(path)?;
+    Ok((digest.sha256, digest.bytes))
+}
+
 /// Reads a map file that a run with this camera begins with, and tells the configuration what it knows of the camera. With it comes the
 /// surface that was kept with it, if there is one.
 ///

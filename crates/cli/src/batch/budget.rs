@@ -1,0 +1,200 @@
+//! What a batch takes of the machine, known before the first run: how many runs at a time, threads of each, and memory of all.
+
+use crate::args::batch::BatchArgs;
+use crate::batch::inputs::Item;
+use crate::console;
+use crate::detector::Settled;
+use std::path::Path;
+use stillpoint::recordings;
+
+/// Memory of a run without its images and map, bytes: program, tables, the report's pictures. Measured: 45 MB (release build on Linux).
+const BASE: u64 = 60_000_000;
+/// Per pixel of an image, bytes: eight frames that are read ahead and those at work, each with grey, colour and depth, and pyramids.
+const PER_PIXEL: u64 = 250;
+/// Per frame of the recording, bytes: map, trajectory and report.
+const PER_FRAME: u64 = 60_000;
+/// Of a detector's network with its runtime, bytes.
+const NETWORK: u64 = 400_000_000;
+/// Of a surface, bytes: a room at 2 cm.
+const SURFACE: u64 = 400_000_000;
+/// Share of the free memory that a batch takes unasked: the rest is left to the disk's cache, without which recordings are read slowly.
+const SHARE: f64 = 0.8;
+/// Threads that share the work on a frame, at most: more gain nothing.
+const MOST_THREADS: usize = 4;
+
+/// What the largest run is expected to hold, and what that was taken from.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Memory {
+    pub(crate) bytes: u64,
+    /// In words.
+    pub(crate) of: String,
+}
+
+/// How many runs at a time.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Budget {
+    pub(crate) workers: usize,
+    /// Threads that share the work on a frame of a run; `None` where the environment says it.
+    pub(crate) threads: Option<usize>,
+}
+
+impl Memory {
+    /// Of the largest of `items`, whose sizes in bytes stand beside them: images as in the first one that opens, frames in proportion to the size.
+    pub(crate) fn estimate(items: &[(Item, u64)], args: &BatchArgs, settled: &Settled) -> Self {
+        let options = crate::run::options(&args.input);
+        let opened = items.iter().take(8).find_map(|(item, bytes)| {
+            let input = recordings::open(&item.path, &options).ok()?;
+            let camera = &input.camera().camera;
+            let frames = input.stamps().len() as u64;
+            Some((item, *bytes, frames, (camera.width, camera.height)))
+        });
+        let Some((item, bytes, frames, (width, height))) = opened else {
+            return Self {
+                bytes: of_run(640 * 480, 10_000, args, settled),
+                of: "10000 frames of 640x480, since none of the first was opened".to_owned(),
+            };
+        };
+        let largest = items.iter().map(|(_, b)| *b).max().unwrap_or(bytes);
+        let longest = (frames as f64 * largest as f64 / bytes.max(1) as f64).ceil() as u64;
+        let most = args.input.max_frames.unwrap_or(u64::MAX);
+        let longest = longest.max(frames).min(most);
+        Self {
+            bytes: of_run(u64::from(width) * u64::from(height), longest, args, settled),
+            of: format!(
+                "{longest} frames of {width}x{height}, as {} has them",
+                item.name
+            ),
+        }
+    }
+}
+
+fn of_run(pixels: u64, frames: u64, args: &BatchArgs, settled: &Settled) -> u64 {
+    let mut bytes = BASE + PER_PIXEL * pixels + PER_FRAME * frames;
+    if settled.needs_colour() {
+        bytes += NETWORK;
+    }
+    if args.each.dense {
+        bytes += SURFACE;
+    }
+    bytes
+}
+
+impl Budget {
+    /// Where nothing is to be run.
+    pub(crate) const NONE: Self = Self {
+        workers: 0,
+        threads: None,
+    };
+
+    /// For `runs` runs that hold `memory` each, and says so.
+    pub(crate) fn plan(runs: usize, memory: &Memory, asked: Option<u16>) -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let free = free_memory();
+        let workers = match asked {
+            Some(n) => usize::from(n),
+            None => affordable(cores, memory.bytes, free),
+        };
+        let workers = workers.min(runs).max(1);
+        let said = std::env::var_os("STILLPOINT_WORKERS").filter(|v| !v.is_empty() && v != "auto");
+        let threads = said.is_none().then(|| threads_of(cores / workers));
+        let all = memory.bytes * workers as u64;
+        console::info(&format!(
+            "{} on {} for {}, {} for each frame and one that reads; memory: {} each at most, estimated for {}, {} of all{}",
+            console::counted(workers, "worker"),
+            console::counted(cores, "core"),
+            console::counted(runs, "recording"),
+            threads.map_or_else(
+                || "threads as STILLPOINT_WORKERS says".to_owned(),
+                |n| console::counted(n, "thread"),
+            ),
+            gigabytes(memory.bytes),
+            memory.of,
+            gigabytes(all),
+            free.map_or_else(String::new, |f| format!(", {} free", gigabytes(f))),
+        ));
+        if free.is_some_and(|f| all > f) {
+            console::warn(
+                "that is more memory than is free: give fewer --workers, or end other programs",
+            );
+        }
+        Self { workers, threads }
+    }
+}
+
+/// Threads that share the work on a frame, of a run that has so many cores: one core reads images ahead, as in a run alone.
+fn threads_of(cores: usize) -> usize {
+    cores.saturating_sub(1).clamp(1, MOST_THREADS)
+}
+
+/// Runs at a time: one per core, as long as there is memory for them.
+fn affordable(cores: usize, each: u64, free: Option<u64>) -> usize {
+    let fit = free.map_or(usize::MAX, |f| (f as f64 * SHARE / each as f64) as usize);
+    cores.min(fit).max(1)
+}
+
+fn gigabytes(bytes: u64) -> String {
+    format!("{:.2} GB", bytes as f64 * 1e-9)
+}
+
+/// Memory that can be had, bytes: what the machine has free, or what its group of processes is left where a scheduler limits that. `None` where the
+/// system does not say.
+fn free_memory() -> Option<u64> {
+    let meminfo = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = meminfo
+        .lines()
+        .find_map(|l| l.strip_prefix("MemAvailable:"))?;
+    let kilobytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    let groups = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    let group = groups.lines().find_map(|l| l.strip_prefix("0::/"));
+    let left = group.and_then(|g| left_of_group(Path::new("/sys/fs/cgroup"), Path::new(g)));
+    Some((kilobytes * 1024).min(left.unwrap_or(u64::MAX)))
+}
+
+/// What a control group and those above it leave.
+fn left_of_group(root: &Path, group: &Path) -> Option<u64> {
+    let number =
+        |path: &Path| -> Option<u64> { std::fs::read_to_string(path).ok()?.trim().parse().ok() };
+    let left = group.ancestors().filter_map(|group| {
+        let folder = root.join(group);
+        // A group without a limit says "max".
+        let most = number(&folder.join("memory.max"))?;
+        Some(most.saturating_sub(number(&folder.join("memory.current"))?))
+    });
+    left.min()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cores_are_shared_among_runs() {
+        assert_eq!([1, 2, 3, 32].map(threads_of), [1, 1, 2, 4]);
+    }
+
+    #[test]
+    fn memory_bounds_the_runs_at_a_time() {
+        assert_eq!(affordable(8, 1_000, None), 8);
+        assert_eq!(affordable(8, 1_000, Some(100_000)), 8);
+        assert_eq!(affordable(8, 1_000, Some(4_000)), 3);
+        assert_eq!(affordable(8, 1_000, Some(10)), 1);
+    }
+
+    #[test]
+    fn the_tightest_group_counts() {
+        let dir = tempfile::tempdir().unwrap();
+        let write = |group: &str, most: &str, now: &str| {
+            let folder = dir.path().join(group);
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(folder.join("memory.max"), most).unwrap();
+            std::fs::write(folder.join("memory.current"), now).unwrap();
+        };
+        write("job", "1000\n", "300\n");
+        write("job/step", "max\n", "200\n");
+        let left = |group: &str| left_of_group(dir.path(), Path::new(group));
+        assert_eq!(left("job/step"), Some(700));
+        assert_eq!(left("other"), None);
+        write("job/step", "250\n", "200\n");
+        assert_eq!(left("job/step"), Some(50));
+    }
+}

@@ -1,0 +1,236 @@
+//! `batch`: many recordings, each run in a process of its own, several at a time; and the tables of several batches joined.
+//!
+//! Answers: which recordings are to be run, how many at a time, and what came of them. Schedules nothing beyond this machine: shards
+//! and the Python package are for engines that do.
+
+mod budget;
+pub(crate) mod child;
+mod columns;
+pub(crate) mod digest;
+mod inputs;
+mod lock;
+mod merge;
+mod page;
+mod pool;
+mod result;
+mod row;
+
+use crate::args::batch::{BatchArgs, BatchCommand};
+use crate::batch::budget::{Budget, Memory};
+use crate::batch::inputs::Item;
+use crate::batch::lock::Lock;
+use crate::batch::pool::{Job, Pool};
+use crate::batch::result::Batch;
+use crate::batch::row::{Method, Row};
+use crate::bench::command_line;
+use crate::failure::{Failure, Status};
+use crate::interrupt::Interrupt;
+use crate::machine::Machine;
+use crate::{config, console, detector};
+use std::path::Path;
+use std::time::Instant;
+
+/// `batch`.
+pub(crate) fn batch(args: &BatchArgs) -> Result<Status, Failure> {
+    if let Some(BatchCommand::Merge(args)) = &args.command {
+        return merge::merge(args);
+    }
+    let interrupt = Interrupt::prepare();
+    // Mistakes in the arguments show here, once, instead of in every run.
+    config::simd()?;
+    let settled = detector::settle(&args.input.detector)?;
+    settled.announce();
+    let method = Method {
+        stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
+        program_sha256: digest::of_program()?,
+        configuration_sha256: digest::of_configuration(
+            &args.config,
+            &args.input,
+            &args.each,
+            &settled,
+        )?,
+    };
+    let items = inputs::share(inputs::find(args)?, args.shard);
+    let _lock = Lock::take(&args.out)?;
+    let sorted = sort(items, args, &method)?;
+    sorted.say();
+    // From here on there is something to be kept.
+    interrupt.begin();
+    let sized: Vec<(Item, u64)> = sorted
+        .jobs
+        .iter()
+        .map(|j| (j.item.clone(), j.row.input_bytes))
+        .collect();
+    let budget = match sized.is_empty() {
+        true => Budget::NONE,
+        false => {
+            let memory = Memory::estimate(&sized, args, &settled);
+            Budget::plan(sized.len(), &memory, args.workers)
+        }
+    };
+    // A model that came into the cache meanwhile is none of this batch.
+    let args = &BatchArgs {
+        input: args.input.with_detector(settled.argument.clone()),
+        ..args.clone()
+    };
+    let begin = Instant::now();
+    let pool = Pool {
+        args,
+        budget: &budget,
+        interrupt: &interrupt,
+    };
+    let ran = pool.run(sorted.jobs);
+    let skipped = sorted.done.len();
+    let mut recordings = [sorted.done, sorted.unreadable, ran.rows].concat();
+    recordings.sort_by(|a, b| a.name.cmp(&b.name));
+    let batch = Batch {
+        command: command_line(),
+        machine: Machine::here(),
+        method,
+        shard: args.shard.map(Into::into),
+        merged: Vec::new(),
+        is_complete: recordings.len() == sorted.all,
+        skipped,
+        workers: budget.workers,
+        seconds: begin.elapsed().as_secs_f64(),
+        recordings,
+    };
+    end(&batch, args, ran.full, &interrupt, sorted.all)
+}
+
+/// Writes and prints what came of it.
+fn end(
+    batch: &Batch,
+    args: &BatchArgs,
+    full: Option<String>,
+    interrupt: &Interrupt,
+    all: usize,
+) -> Result<Status, Failure> {
+    let left = all - batch.recordings.len();
+    let written = batch.write(&args.out);
+    if let Some(reason) = full {
+        return Err(Failure::input(format!(
+            "the disk of {} is full; {} of {all} recordings are done and kept: make room and run the same batch again ({reason})",
+            args.out.display(),
+            all - left
+        )));
+    }
+    written?;
+    let status = batch.print(&args.out, args.json)?;
+    if interrupt.requested() {
+        console::line(&format!(
+            "interrupted: {} left; the same command goes on from here",
+            console::counted(left, "recording")
+        ));
+    }
+    Ok(status)
+}
+
+/// What is to be done with the recordings.
+struct Sorted {
+    all: usize,
+    /// Their results are there.
+    done: Vec<Row>,
+    /// They cannot even be looked at.
+    unreadable: Vec<Row>,
+    jobs: Vec<Job>,
+    /// Of the jobs, those whose recording changed since it was run.
+    changed: usize,
+    /// Of the jobs, those that replace a result of another method.
+    replaced: usize,
+}
+
+impl Sorted {
+    fn say(&self) {
+        if !self.done.is_empty() {
+            console::info(&format!(
+                "{} of {} skipped: the results of the same input, configuration and program are there",
+                self.done.len(),
+                console::counted(self.all, "recording")
+            ));
+        }
+        for (n, why) in [
+            (self.changed, "the recording changed since"),
+            (
+                self.replaced,
+                "the result is of another program or configuration",
+            ),
+        ] {
+            if n > 0 {
+                console::info(&format!(
+                    "{} run again: {why}",
+                    console::counted(n, "recording")
+                ));
+            }
+        }
+    }
+}
+
+/// Tells what is done from what is to be run.
+///
+/// # Errors
+/// A result of another program or configuration, which is not to be replaced.
+fn sort(items: Vec<Item>, args: &BatchArgs, method: &Method) -> Result<Sorted, Failure> {
+    let mut sorted = Sorted {
+        all: items.len(),
+        done: Vec::new(),
+        unreadable: Vec::new(),
+        jobs: Vec::new(),
+        changed: 0,
+        replaced: 0,
+    };
+    for item in items {
+        let folder = args.out.join(&item.name);
+        let input = match digest::of_input(&item.path) {
+            Ok(input) => input,
+            Err(e) => {
+                let reason = format!(
+                    "{}: expected a data set folder or a recording, found: {e}",
+                    item.path.display()
+                );
+                console::line(&format!("{}: failed: {reason}", item.name));
+                let nothing = digest::InputDigest::default();
+                sorted.unreadable.push(Row {
+                    error: Some(reason),
+                    ..Row::new(&item, &nothing, method)
+                });
+                continue;
+            }
+        };
+        let job = Job {
+            row: Row::new(&item, &input, method),
+            item,
+        };
+        match Row::read(&folder) {
+            None => {}
+            Some(row) if row.input_sha256 != input.sha256 => sorted.changed += 1,
+            Some(row) if row.method == *method => {
+                sorted.done.push(row);
+                continue;
+            }
+            Some(_) if args.replace => sorted.replaced += 1,
+            Some(row) => return Err(foreign(&folder, &row, method)),
+        }
+        sorted.jobs.push(job);
+    }
+    Ok(sorted)
+}
+
+/// A result that is not to be lost.
+fn foreign(folder: &Path, row: &Row, method: &Method) -> Failure {
+    let found = if row.method.program_sha256 == method.program_sha256 {
+        "one of another configuration".to_owned()
+    } else {
+        let (version, here) = (&row.method.stillpoint, &method.stillpoint);
+        let same = if version == here {
+            ", built otherwise"
+        } else {
+            ""
+        };
+        format!("one of another program (Stillpoint {version}{same}; this is {here})")
+    };
+    Failure::input(format!(
+        "{}: expected no result, or one of this program and configuration, found {found}; name another folder with --out, or run all of these again with --replace",
+        folder.display()
+    ))
+}
