@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used)]
 
 mod document;
+#[cfg(unix)]
+mod peers;
 mod sweep;
 
 use std::path::PathBuf;
