@@ -20,6 +20,7 @@ mod download;
 mod eval;
 mod failure;
 pub mod front;
+mod input;
 mod interrupt;
 mod machine;
 mod map;
@@ -27,6 +28,7 @@ mod models;
 mod output;
 mod packaging;
 mod page;
+mod priority;
 mod realsense;
 mod recording;
 #[cfg(test)]

@@ -21,9 +21,10 @@ use crate::run::result::{Setup, verdict, write};
 use crate::run::run_log;
 use crate::run::session::{Driver, Outputs};
 use crate::run::summary::Input;
+use crate::simulate::ground_truth;
 use crate::timing::Timing;
 use crate::{config, console};
-use stillpoint::datasets::{ReadAhead, StampedPose};
+use stillpoint::datasets::ReadAhead;
 use stillpoint::detection::Detector;
 use stillpoint::evaluation::Score;
 use stillpoint::evaluation::plot::{Compared, comparison_figure};
@@ -267,16 +268,4 @@ impl DemoStage<'_> {
         }
         folder.commit()
     }
-}
-
-/// The exact poses at the colour stamps.
-pub(crate) fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
-    simulator
-        .ground_truth()
-        .into_iter()
-        .map(|(stamp, world_from_camera)| StampedPose {
-            stamp,
-            world_from_camera,
-        })
-        .collect()
 }

@@ -3,27 +3,18 @@
 use crate::args::map::{MapGridArgs, MapMeshArgs, MapOctomapArgs};
 use crate::console;
 use crate::failure::{Failure, Status};
-use crate::map::file::{self, Loaded};
+use crate::map::{file, kept};
 use crate::output::StreamedFile;
 use crate::run::paths;
 use std::path::{Path, PathBuf};
 use stillpoint::dense::{DenseMap, Floor, MeshOptions, PlanOptions};
 use stillpoint::geometry::Vec3;
-use stillpoint::imaging::Simd;
 use stillpoint::slam::Up;
-
-/// The dense map of a map file, if it has one.
-pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<DenseMap>, Failure> {
-    let bytes = loaded.file.extension(DenseMap::EXTENSION);
-    let map = bytes.map(|b| DenseMap::from_bytes(b, Simd::detect()));
-    map.transpose()
-        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))
-}
 
 /// The dense map of a map file, and which way is up in it, where it says so.
 fn load(path: &Path) -> Result<(DenseMap, Option<Up>), Failure> {
     let loaded = file::load(path)?;
-    let map = of_file(&loaded, path)?.ok_or_else(|| {
+    let map = kept::surface(&loaded, path)?.ok_or_else(|| {
         Failure::input(format!(
             "{}: expected a map with a surface, found one without; run the recording with --dense --save-map",
             path.display()

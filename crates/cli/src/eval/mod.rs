@@ -7,6 +7,7 @@ mod tracks;
 
 use crate::args::eval::EvalArgs;
 use crate::failure::{Failure, Status};
+use crate::input::said;
 use crate::run::paths;
 use crate::run::result::{score_figure, timed};
 use crate::run::summary::ScoreJson;
@@ -114,12 +115,6 @@ fn score_files(
         output::write_file(path, &bytes)?;
     }
     Ok((score, [reference.len(), estimate.len()]))
-}
-
-/// Says what was found out about a file of poses.
-pub(crate) fn said((poses, remarks): (Vec<StampedPose>, Vec<String>)) -> Vec<StampedPose> {
-    remarks.iter().for_each(|r| console::info(r));
-    poses
 }
 
 /// The ground truth of a file of poses, of a data set folder, or of a recording.

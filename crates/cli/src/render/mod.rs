@@ -13,13 +13,15 @@ use crate::config;
 use crate::console;
 use crate::dense::{Fusion, Wish};
 use crate::failure::{Failure, Status};
+use crate::input::{self, said};
 use crate::interrupt::Interrupt;
 use crate::output::{StreamedFile, is_result_file};
 use crate::render::reel::Reel;
 use crate::run::about::{About, Simulated};
 use crate::run::known_map::KnownMap;
 use crate::run::session::{Driver, Outputs};
-use crate::run::{self, paths, replay};
+use crate::run::{paths, replay};
+use crate::simulate::ground_truth;
 use crate::timing::Timing;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -213,7 +215,7 @@ impl Footage {
             camera: *simulator.camera(),
             imu: None,
             odometry: None,
-            truth: Some(crate::demo::ground_truth(&simulator)),
+            truth: Some(ground_truth(&simulator)),
             frames: ReadAhead::new(simulator.source().with_colour()),
         })
     }
@@ -225,17 +227,17 @@ impl Footage {
                 path.display()
             )));
         }
-        let input = replay::input_of(about, None);
-        let dataset = run::open(path, &input)?;
+        let wanted = replay::input_of(about, None);
+        let dataset = input::open(path, &wanted)?;
         if matches!(dataset, Input::Device(_)) {
             return Err(Failure::input(
                 "expected a recording, found a camera: record it, and run on what was recorded",
             ));
         }
         paths::check_outputs(&[], &[("--out", Some(out))], path, &dataset)?;
-        let truth = dataset.ground_truth_said()?.map(crate::eval::said);
+        let truth = dataset.ground_truth_said()?.map(said);
         let frames = dataset.frames(&FrameOptions {
-            start: input.start,
+            start: wanted.start,
             max_frames: None,
             keep_colour: true,
         })?;

@@ -1,15 +1,12 @@
 //! What became of every frame: `frames.csv`, and the stretches in which tracking was lost.
 
-use crate::run::submaps::{Submap, by_submap, is_posed};
+use crate::run::submaps::{MIN_INLIERS, Submap, by_submap, is_posed};
 use crate::run::summary::{LostStretch, StillStretch};
 use std::collections::BTreeMap;
 use stillpoint::datasets::StampedPose;
 use stillpoint::imaging::{FrameId, Standstill, Still};
 use stillpoint::map::{MapView, SubmapId};
 use stillpoint::slam::{FrameReport, Outcome, Trajectory};
-
-/// Fewer landmarks may agree on a pose by chance: such poses are not written.
-pub(crate) const MIN_INLIERS: u32 = 30;
 
 /// Why a frame has no pose any more.
 const WITHDRAWN: &str = "its pose rode on what moves and was withdrawn";

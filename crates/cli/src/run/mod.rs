@@ -9,7 +9,6 @@ pub(crate) mod objects;
 pub(crate) mod overlay;
 pub(crate) mod paths;
 pub(crate) mod played;
-pub(crate) mod priority;
 pub(crate) mod prologue;
 pub(crate) mod recording;
 pub(crate) mod replay;
@@ -21,16 +20,17 @@ pub(crate) mod tally;
 pub(crate) mod verdicts;
 pub(crate) mod view;
 
-use crate::args::InputArgs;
 use crate::args::run::{OutputArgs, RunArgs};
 use crate::config;
 use crate::console;
 use crate::detector::{self, Loaded, Settled};
 use crate::doctor;
 use crate::failure::{Failure, Status};
+use crate::input::open;
 use crate::map::file::MapOutput;
 use crate::output::StreamedFile;
 use crate::page::Gathering;
+use crate::priority;
 use crate::run::about::About;
 use crate::run::known_map::KnownMap;
 use crate::run::masks::MaskFolder;
@@ -45,9 +45,9 @@ use crate::timing::Timing;
 use crate::trace::TraceFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use stillpoint::datasets::{CameraChoice, ReadAhead};
+use stillpoint::datasets::ReadAhead;
 use stillpoint::live::Stage;
-use stillpoint::recordings::{self, OpenOptions};
+use stillpoint::recordings;
 use stillpoint::slam::{Config, CostTable, Plan, Preset};
 
 /// Frames that are read ahead of a live run: a second at 30 Hz, so that what the disk or another program holds up for a moment does
@@ -285,48 +285,6 @@ fn rate(stamps: &[(f64, f64)]) -> f64 {
         rate
     } else {
         30.0
-    }
-}
-
-/// Opens the data set or recording and says what was guessed.
-pub(crate) fn open(path: &Path, input: &InputArgs) -> Result<recordings::Input, Failure> {
-    let dataset = recordings::open(path, &options(input))?;
-    say(&dataset);
-    Ok(dataset)
-}
-
-/// What was guessed about an input.
-pub(crate) fn say(dataset: &recordings::Input) {
-    for guess in dataset.guesses() {
-        console::info(guess);
-    }
-    for warning in dataset.warnings() {
-        console::warn(warning);
-    }
-    let camera = dataset.camera();
-    if camera.nominal {
-        console::warn(&format!(
-            "the camera {} is made of a field of view: lengths and poses err by some per cent; a calibration of your own is better",
-            camera.name
-        ));
-    }
-}
-
-/// How the arguments want it opened.
-pub(crate) fn options(input: &InputArgs) -> OpenOptions {
-    OpenOptions {
-        camera: input.camera.as_deref().map(CameraChoice::from_argument),
-        strict: input.strict,
-        colour_topic: input.topics.color_topic.clone(),
-        depth_topic: input.topics.depth_topic.clone(),
-        info_topic: input.topics.info_topic.clone(),
-        truth_topic: input.topics.truth_topic.clone(),
-        imu_topic: input.topics.imu_topic.clone(),
-        no_imu: input.topics.no_imu,
-        odometry_topic: input.topics.odometry_topic.clone(),
-        no_odometry: input.topics.no_odometry,
-        depth_scale: input.topics.depth_scale,
-        ..OpenOptions::default()
     }
 }
 

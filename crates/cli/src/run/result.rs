@@ -6,10 +6,9 @@ use crate::console::{self, counted};
 use crate::eval::{offset, order};
 use crate::failure::{Failure, Status};
 use crate::machine::{Machine, peak_memory};
-use crate::output::ResultFolder;
+use crate::output::{ResultFolder, submap_file};
 use crate::page::{self, data};
 use crate::run::session::Session;
-use crate::run::submaps;
 use crate::run::summary::{
     Accuracy, Input, LostStretch, ReadoutJson, ScoreJson, StageTiming, StillJson, StillStretch,
     Summary,
@@ -106,7 +105,7 @@ pub(crate) fn write(
     folder.write("trajectory.txt", &poses(&session.final_poses))?;
     folder.write("trajectory_online.txt", &poses(&session.online_poses))?;
     for (i, submap) in session.other_submaps.iter().enumerate() {
-        let name = submaps::file_name(i + 1, submap.id);
+        let name = submap_file(i + 1, submap.id);
         folder.write(&name, &poses(&submap.final_poses))?;
     }
     folder.write("keyframes.txt", &poses(&session.keyframes))?;

@@ -5,7 +5,7 @@
 
 use crate::console;
 use crate::failure::Failure;
-use crate::run::priority;
+use crate::priority;
 use crate::run::session::listeners::Writer;
 use crate::serve::{Feed, Place, Server};
 use std::path::Path;

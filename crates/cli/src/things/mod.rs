@@ -3,24 +3,15 @@
 use crate::args::map::MapObjectsArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
-use crate::map::file::{self, Loaded};
+use crate::map::{file, kept};
 use crate::run::known_map::Known;
 use crate::run::session::listeners::Writer;
 use serde::Serialize;
-use std::path::Path;
 use stillpoint::dense::{Room, Thing, ThingMap, Things, ThingsConfig};
 use stillpoint::geometry::{Camera, Vec3};
 use stillpoint::imaging::FrameId;
 use stillpoint::map::{Extension, MapView};
 use stillpoint::slam::{Config, Event, JoinedMaps, Subscriber};
-
-/// The things of a map file, if it has any.
-pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<ThingMap>, Failure> {
-    let bytes = loaded.file.extension(ThingMap::EXTENSION);
-    let map = bytes.map(ThingMap::from_bytes);
-    map.transpose()
-        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))
-}
 
 /// Gathers while frames go by.
 pub(crate) struct Gatherer(Things);
@@ -189,7 +180,7 @@ fn to_json(rooms: &[Room], things: &[Thing]) -> Result<String, Failure> {
 /// `map objects`.
 pub(crate) fn objects(args: &MapObjectsArgs) -> Result<Status, Failure> {
     let loaded = file::load(&args.file)?;
-    let map = of_file(&loaded, &args.file)?.ok_or_else(|| {
+    let map = kept::things(&loaded, &args.file)?.ok_or_else(|| {
         Failure::input(format!(
             "{}: expected a map with things, found one in which no run has looked for them; run the recording with --things --save-map and a detector",
             args.file.display()

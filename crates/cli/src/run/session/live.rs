@@ -3,9 +3,9 @@
 use crate::args::run::LiveChoice;
 use crate::console;
 use crate::failure::Failure;
+use crate::priority;
 use crate::run::live_report::{LiveJson, LiveRun};
 use crate::run::played::Watched;
-use crate::run::priority;
 use crate::run::session::listeners::{LossLine, ProgressLine, Rounds, Stop};
 use crate::run::session::outputs::{EVENTS, LiveWriters, returned};
 use crate::run::session::{Driver, Outputs, Session};
