@@ -38,6 +38,8 @@ mod report;
 mod run;
 mod serve;
 mod simulate;
+mod sink;
+mod sinks;
 mod spelling;
 mod things;
 mod timing;

@@ -46,7 +46,7 @@ pub(crate) fn mesh(args: &MapMeshArgs) -> Result<Status, Failure> {
             )));
         }
     };
-    paths::check(&[("--out", Some(&args.out))], &[("the map", &args.file)])?;
+    paths::check(&[("--out", &args.out)], &[("the map", &args.file)])?;
     let (map, known_up) = load(&args.file)?;
     let mesh = map.mesh(&MeshOptions {
         min_area: args.min_area,
@@ -84,10 +84,7 @@ pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
     };
     let (image, crossed, distances) = (named(""), named("_crossed"), named("_distance"));
     let files = [&args.out, &image, &crossed, &distances];
-    paths::check(
-        &files.map(|f| ("--out", Some(&**f))),
-        &[("the map", &args.file)],
-    )?;
+    paths::check(&files.map(|f| ("--out", &**f)), &[("the map", &args.file)])?;
     let (map, known_up) = load(&args.file)?;
     let mesh = map.mesh(&MeshOptions::default());
     let floor = Floor::find(&mesh, &up(args.up, known_up)).ok_or_else(|| {
@@ -122,7 +119,7 @@ pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
 
 /// `map octomap`.
 pub(crate) fn octomap(args: &MapOctomapArgs) -> Result<Status, Failure> {
-    paths::check(&[("--out", Some(&args.out))], &[("the map", &args.file)])?;
+    paths::check(&[("--out", &args.out)], &[("the map", &args.file)])?;
     let (map, _) = load(&args.file)?;
     write(&args.out, |to| map.write_octomap(to))?;
     said(&args.out, &format!("cells of {} m", map.cell_side()))

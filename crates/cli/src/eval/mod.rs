@@ -79,7 +79,8 @@ fn score_files(
         ("the ground truth", ground_truth),
         ("the estimate", estimate_file),
     ];
-    paths::check(&[("--plot", args.plot.as_deref())], &inputs)?;
+    let files = paths::named([("--plot", args.plot.as_deref())]);
+    paths::check(&files, &inputs)?;
     let reference = timed(&reference(ground_truth, args.truth_topic.as_deref())?);
     let mut estimate = timed(&said(trajectory::read_said(estimate_file)?));
     let seconds = if args.find_offset {

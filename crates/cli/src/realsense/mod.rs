@@ -7,7 +7,7 @@ use crate::console;
 use crate::failure::{Failure, Status};
 use crate::input;
 use crate::run;
-use crate::run::recording::SharedRecorder;
+use crate::sinks::record::SharedRecorder;
 use crate::timing::Timing;
 use stillpoint::datasets::CameraModel;
 use stillpoint::geometry::ImuModel;
@@ -17,7 +17,7 @@ use stillpoint::recordings::{self, Device, Input, McapRecorder};
 
 /// `live realsense`.
 pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<Status, Failure> {
-    if let Some(path) = args.output.record.as_deref().filter(|p| p.exists()) {
+    if let Some(path) = args.output.record.record.as_deref().filter(|p| p.exists()) {
         return Err(Failure::input(format!(
             "--record: expected a new file, found {}, which exists; choose another name, or remove it",
             path.display()
@@ -34,7 +34,7 @@ pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<
     };
     let camera = RealSense::open(&options).map_err(Failure::input)?;
     let mut device: Box<dyn Device> = Box::new(camera);
-    let Some(path) = &args.output.record else {
+    let Some(path) = &args.output.record.record else {
         return on(device, args, None, timing);
     };
     let recorder = McapRecorder::create(path, &device.camera().camera).map_err(Failure::input)?;
