@@ -2,12 +2,15 @@
 
 use crate::dense::Fused;
 use crate::failure::Failure;
-use crate::run::overlay::{Style, picture};
-use crate::run::session::listeners::Writer;
+use crate::sink::{Ended, Output, Sink, Start, Subscription};
+use crate::sinks::overlay::{Style, picture};
+use clap::Args;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use stillpoint::detection::MotionWeights;
 use stillpoint::geometry::Camera;
+use stillpoint::live::Watch;
+use stillpoint::map::MapView;
 use stillpoint::recordings::{self, McapRecorder, MessageFile, TopicInfo};
 use stillpoint::ros_events::{FrameNames, Outgoing, Publisher, Topic};
 use stillpoint::slam::Event;
@@ -17,6 +20,46 @@ use stillpoint::view::write_jpeg;
 const SPACING: f64 = 0.05;
 /// Quality of the pictures, percent: marks stay sharp.
 const QUALITY: u8 = 80;
+
+/// What is asked for.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct RecordOutput {
+    /// Write what is found to this file, as messages of ROS 2 with the axes of REP-103: transforms map -> odom -> camera_link, odometry,
+    /// path, landmarks, objects, health, and frames with what the static filter said of them. Foxglove, Rerun, PlotJuggler
+    /// and ros2 bag play open it. live realsense writes the camera's frames into it too; run and replay read them.
+    #[arg(long, value_name = "FILE.mcap", verbatim_doc_comment)]
+    pub(crate) record: Option<PathBuf>,
+    /// Write no pictures into the file of --record.
+    #[arg(long, requires = "record")]
+    pub(crate) no_record_images: bool,
+}
+
+impl Output for RecordOutput {
+    /// In a recorder that a camera writes to as well, where one is on the shelf.
+    fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
+        let Some(path) = &self.record else {
+            return Ok(None);
+        };
+        let file = match start.shelf.take() {
+            Some(recorder) => RecordingFile::Shared(recorder),
+            None => RecordingFile::Own(Box::new(
+                MessageFile::replace(path).map_err(Failure::input)?,
+            )),
+        };
+        let draws = !self.no_record_images;
+        let weights = draws.then(|| start.config.motion_weights.clone());
+        let recording = RunRecording::new(path, file, start.camera, weights);
+        Ok(Some(Box::new(recording)))
+    }
+
+    fn files(&self) -> Vec<(&'static str, &Path)> {
+        self.record.iter().map(|f| ("--record", &**f)).collect()
+    }
+
+    fn wants_colour(&self) -> bool {
+        self.record.is_some() && !self.no_record_images
+    }
+}
 
 /// A recorder that a camera and a run write to.
 #[derive(Clone, Debug)]
@@ -45,7 +88,7 @@ impl SharedRecorder {
 }
 
 /// Where messages go.
-pub(crate) enum RecordingFile {
+enum RecordingFile {
     /// A file of its own.
     Own(Box<MessageFile>),
     /// One that a camera writes to too, and that whoever opened it finishes.
@@ -77,7 +120,7 @@ fn info(topic: Topic) -> TopicInfo<'static, impl FnOnce() -> String> {
 }
 
 /// Writes messages while frames go by.
-pub(crate) struct RunRecording {
+struct RunRecording {
     path: PathBuf,
     file: RecordingFile,
     publisher: Publisher,
@@ -88,7 +131,7 @@ pub(crate) struct RunRecording {
 
 impl RunRecording {
     /// For a camera; with pictures where weights of classes are given.
-    pub(crate) fn new(
+    fn new(
         path: &Path,
         file: RecordingFile,
         camera: Camera,
@@ -108,7 +151,7 @@ impl RunRecording {
     }
 
     /// Writes what was fused: points of the surface and the floor plan.
-    pub(crate) fn surface(&mut self, fused: &Fused) -> Result<(), Failure> {
+    fn surface(&mut self, fused: &Fused) -> Result<(), Failure> {
         let mut messages = vec![self.publisher.surface(&fused.mesh.thinned(SPACING))];
         let plan = fused.plan();
         messages.extend(plan.map(|plan| {
@@ -123,21 +166,14 @@ impl RunRecording {
         self.messages += messages.len();
         self.file.write(messages)
     }
-
-    /// Writes what is left and gives the file its name. Returns what there is, for the report.
-    pub(crate) fn finish(mut self) -> Result<String, Failure> {
-        let last = self.publisher.finish();
-        self.add(&last)?;
-        if let RecordingFile::Own(file) = self.file {
-            file.finish().map_err(Failure::input)?;
-        }
-        let (messages, path) = (self.messages, self.path.display());
-        Ok(format!("{messages} messages in {path}\n"))
-    }
 }
 
-impl Writer for RunRecording {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+impl Sink for RunRecording {
+    fn subscribe(&mut self, _: &Arc<MapView>, _: Option<&Watch>) -> Option<Subscription> {
+        Some(Subscription::to_images("record", 1))
+    }
+
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         let _span = tracing::info_span!("record").entered();
         let messages = self.publisher.publish(event);
         self.add(&messages)?;
@@ -151,6 +187,21 @@ impl Writer for RunRecording {
             let messages = self.publisher.picture(jpeg);
             self.add(&messages)?;
         }
+        Ok(())
+    }
+
+    /// Writes the surface, if there is one, and what is left, and gives the file its name.
+    fn finish(mut self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        if let Some(fused) = ended.found.shelf.get::<Fused>() {
+            self.surface(fused)?;
+        }
+        let last = self.publisher.finish();
+        self.add(&last)?;
+        if let RecordingFile::Own(file) = self.file {
+            file.finish().map_err(Failure::input)?;
+        }
+        let (messages, path) = (self.messages, self.path.display());
+        ended.found.said += &format!("{messages} messages in {path}\n");
         Ok(())
     }
 }

@@ -2,10 +2,14 @@
 
 use crate::failure::Failure;
 use crate::output::StreamedFile;
-use crate::run::session::listeners::Writer;
+use crate::sink::{Ended, Output, Sink, Start, Subscription};
+use clap::Args;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use stillpoint::detection::{Motion, Object, ObjectState};
+use stillpoint::live::Watch;
+use stillpoint::map::MapView;
 use stillpoint::slam::{Event, FrameReport};
 
 /// The columns before the covariance: colour stamp, s; number and class of the object; how sure it is, and whether it moves; box in raw
@@ -14,27 +18,62 @@ const HEADER: &str = "timestamp,id,class,score,state,motion,x0,y0,x1,y1,px,py,pz
 /// The six values that the covariance is of.
 const NAMES: [&str; 6] = ["px", "py", "pz", "vx", "vy", "vz"];
 
+const OPTION: &str = "--objects";
+
+/// What is asked for.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct ObjectsOutput {
+    /// Write the objects of every frame: number, class, state, motion (moving, parked, unknown), box (raw pixels), position (m),
+    /// velocity (m/s) and their covariance, in the world of trajectory_online.txt; what is not known is left empty.
+    #[arg(long, value_name = "FILE.csv", verbatim_doc_comment)]
+    pub(crate) objects: Option<PathBuf>,
+}
+
+impl Output for ObjectsOutput {
+    fn begin(&self, _: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
+        let Some(path) = &self.objects else {
+            return Ok(None);
+        };
+        Ok(Some(Box::new(ObjectFile::create(path)?)))
+    }
+
+    fn files(&self) -> Vec<(&'static str, &Path)> {
+        self.objects.iter().map(|f| (OPTION, &**f)).collect()
+    }
+}
+
 /// The table in the making, written row by row as frames go by.
 #[derive(Debug)]
-pub(crate) struct ObjectFile {
+struct ObjectFile {
     file: StreamedFile,
     path: PathBuf,
     rows: usize,
 }
 
-impl Writer for ObjectFile {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+impl Sink for ObjectFile {
+    fn subscribe(&mut self, _: &Arc<MapView>, _: Option<&Watch>) -> Option<Subscription> {
+        Some(Subscription::to_all("objects"))
+    }
+
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         let Some(frame) = event.as_frame() else {
             return Ok(());
         };
         let _span = tracing::info_span!("objects").entered();
         self.add(&frame.report)
     }
+
+    fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        let said = format!("{} rows of objects in {}\n", self.rows, self.path.display());
+        self.file.finish()?;
+        ended.found.said += &said;
+        Ok(())
+    }
 }
 
 impl ObjectFile {
-    pub(crate) fn create(path: &Path) -> Result<Self, Failure> {
-        let mut file = StreamedFile::create(path, "--objects")?;
+    fn create(path: &Path) -> Result<Self, Failure> {
+        let mut file = StreamedFile::create(path, OPTION)?;
         file.write(|w| writeln!(w, "{}", header()))?;
         Ok(Self {
             file,
@@ -50,16 +89,6 @@ impl ObjectFile {
             let mut objects = report.objects.iter();
             objects.try_for_each(|o| writeln!(w, "{}", row(report.stamp, o)))
         })
-    }
-
-    /// Puts the table where it belongs. Returns what there is, for the report.
-    pub(crate) fn finish(self) -> Result<String, Failure> {
-        self.file.finish()?;
-        Ok(format!(
-            "{} rows of objects in {}\n",
-            self.rows,
-            self.path.display()
-        ))
     }
 }
 

@@ -1,13 +1,14 @@
 //! `live realsense`: a camera that runs, and its recording.
 
+pub(crate) mod seconds;
+
 use crate::args::live::{LiveRealsenseArgs, Switch};
 use crate::console;
 use crate::failure::{Failure, Status};
+use crate::input;
 use crate::run;
-use crate::run::recording::SharedRecorder;
+use crate::sinks::record::SharedRecorder;
 use crate::timing::Timing;
-use std::path::PathBuf;
-use std::sync::Arc;
 use stillpoint::datasets::CameraModel;
 use stillpoint::geometry::ImuModel;
 use stillpoint::imaging::{FrameSource, ImuSample, RgbdFrame, SourceError};
@@ -16,7 +17,7 @@ use stillpoint::recordings::{self, Device, Input, McapRecorder};
 
 /// `live realsense`.
 pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<Status, Failure> {
-    if let Some(path) = args.output.record.as_deref().filter(|p| p.exists()) {
+    if let Some(path) = args.output.record.record.as_deref().filter(|p| p.exists()) {
         return Err(Failure::input(format!(
             "--record: expected a new file, found {}, which exists; choose another name, or remove it",
             path.display()
@@ -33,7 +34,7 @@ pub(crate) fn live(args: &LiveRealsenseArgs, timing: &'static Timing) -> Result<
     };
     let camera = RealSense::open(&options).map_err(Failure::input)?;
     let mut device: Box<dyn Device> = Box::new(camera);
-    let Some(path) = &args.output.record else {
+    let Some(path) = &args.output.record.record else {
         return on(device, args, None, timing);
     };
     let recorder = McapRecorder::create(path, &device.camera().camera).map_err(Failure::input)?;
@@ -57,117 +58,9 @@ fn on(
     recorder: Option<SharedRecorder>,
     timing: &'static Timing,
 ) -> Result<Status, Failure> {
-    let input = Input::Device(device);
-    run::say(&input);
-    run::run_on(input, &args.as_run(), recorder, timing)
-}
-
-/// Some seconds of a camera, kept so that they can be looked at more than once; the first frames are left out.
-///
-/// # Errors
-/// No camera, or one that gives nothing.
-pub(crate) fn some_seconds(
-    playback: Option<PathBuf>,
-    start: usize,
-    seconds: f64,
-) -> Result<Input, Failure> {
-    let options = Options {
-        playback,
-        ..Options::default()
-    };
-    let device = RealSense::open(&options).map_err(Failure::input)?;
-    let mut source = device.frames(true)?;
-    let mut kept: Vec<RgbdFrame> = Vec::new();
-    let (mut number, mut samples) = (0, Vec::new());
-    while let Some(next) = source.next_frame() {
-        samples.extend(source.take_inertial());
-        match next {
-            Ok(_) if number < start => number += 1,
-            Ok(frame) => {
-                let since = kept.first().map_or(0.0, |first| frame.stamp - first.stamp);
-                kept.push(frame);
-                if since > seconds {
-                    break;
-                }
-            }
-            Err(e) if kept.is_empty() => return Err(Failure::input(e)),
-            // What came until it was unplugged is looked at.
-            Err(_) => break,
-        }
-    }
-    let device = Kept {
-        device,
-        frames: kept.into(),
-        samples: samples.into(),
-    };
-    let input = Input::Device(Box::new(device));
-    run::say(&input);
-    Ok(input)
-}
-
-/// A camera of which some frames were kept.
-#[derive(Debug)]
-struct Kept {
-    device: RealSense,
-    frames: Arc<[RgbdFrame]>,
-    samples: Arc<[ImuSample]>,
-}
-
-impl Device for Kept {
-    fn kind(&self) -> String {
-        self.device.kind()
-    }
-
-    fn camera(&self) -> &CameraModel {
-        self.device.camera()
-    }
-
-    fn guesses(&self) -> &[String] {
-        self.device.guesses()
-    }
-
-    fn frames(&self, _: bool) -> recordings::Result<Box<dyn FrameSource>> {
-        let frames = Arc::clone(&self.frames);
-        Ok(Box::new(Again {
-            frames,
-            next: 0,
-            samples: Arc::clone(&self.samples),
-            taken: 0,
-        }))
-    }
-}
-
-/// The frames that were kept.
-struct Again {
-    frames: Arc<[RgbdFrame]>,
-    next: usize,
-    samples: Arc<[ImuSample]>,
-    /// Samples that were given.
-    taken: usize,
-}
-
-impl FrameSource for Again {
-    fn next_frame(&mut self) -> Option<Result<RgbdFrame, SourceError>> {
-        let frame = self.frames.get(self.next)?.clone();
-        self.next += 1;
-        Some(Ok(frame))
-    }
-
-    fn take_inertial(&mut self) -> Vec<ImuSample> {
-        let newest = self.next.checked_sub(1).and_then(|i| self.frames.get(i));
-        let Some(newest) = newest.map(|f| f.stamp) else {
-            return Vec::new();
-        };
-        let after = self.samples.partition_point(|s| s.stamp < newest);
-        let end = (after + 1).min(self.samples.len()).max(self.taken);
-        let given = self.samples[self.taken..end].to_vec();
-        self.taken = end;
-        given
-    }
-
-    fn remaining(&self) -> Option<usize> {
-        Some(self.frames.len() - self.next)
-    }
+    let opened = Input::Device(device);
+    input::say(&opened);
+    run::run_on(opened, &args.as_run(), recorder, timing)
 }
 
 /// A camera whose frames are written to a file as they come.

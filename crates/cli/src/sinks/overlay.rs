@@ -2,11 +2,16 @@
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;
-use crate::run::session::listeners::Writer;
+use crate::run::live_report::OVERLAY;
+use crate::sink::{Ended, Output, Sink, Start, Subscription};
+use clap::Args;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use stillpoint::imaging::RgbdFrame;
+use stillpoint::live::Watch;
+use stillpoint::map::MapView;
 use stillpoint::slam::{Event, FrameReport};
 use stillpoint::view::{Animation, AnimationOptions, ViewError, write_png};
 pub(crate) use stillpoint::view::{Style, picture};
@@ -42,9 +47,70 @@ impl From<Labels> for stillpoint::view::Labels {
     }
 }
 
-impl Writer for OverlayFolder {
+/// What is asked for.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct OverlayOutput {
+    /// Write frames as PNG, and an animation of them as GIF, with features, objects and state drawn over them. A legend
+    /// in each picture says what the marks mean. Boxes are dashed where an object is predicted without a detection; a
+    /// speed is shown only where the object moves and the speed is above its own standard deviation.
+    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
+    pub(crate) overlay: Option<PathBuf>,
+    /// Draw every N-th frame only.
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(crate) overlay_every: u32,
+    /// Which objects are labelled: every one, only those of classes that move by themselves or are seen moving, or none.
+    #[arg(long, value_name = "WHICH", value_enum, default_value_t = Labels::Movers, requires = "overlay")]
+    pub(crate) overlay_labels: Labels,
+}
+
+impl Output for OverlayOutput {
+    fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
+        let Some(folder) = &self.overlay else {
+            return Ok(None);
+        };
+        let overlay = OverlayFolder::create(
+            folder,
+            self.overlay_every as usize,
+            start.frames.unwrap_or(start.stamps.len()),
+            rate(start.stamps),
+            Style {
+                labels: self.overlay_labels.into(),
+                weights: start.config.motion_weights.clone(),
+                bare: false,
+            },
+        );
+        Ok(Some(Box::new(overlay?)))
+    }
+
+    fn folders(&self) -> Vec<(&'static str, &Path)> {
+        self.overlay.iter().map(|f| (OPTION, &**f)).collect()
+    }
+
+    fn wants_colour(&self) -> bool {
+        self.overlay.is_some()
+    }
+}
+
+/// Frames per second; 30 where the stamps do not tell.
+fn rate(stamps: &[(f64, f64)]) -> f64 {
+    let (Some((first, _)), Some((last, _))) = (stamps.first(), stamps.last()) else {
+        return 30.0;
+    };
+    let rate = (stamps.len() - 1) as f64 / (last - first);
+    if rate.is_finite() && rate > 0.0 {
+        rate
+    } else {
+        30.0
+    }
+}
+
+impl Sink for OverlayFolder {
+    fn subscribe(&mut self, _: &Arc<MapView>, _: Option<&Watch>) -> Option<Subscription> {
+        Some(Subscription::to_images(OVERLAY, self.every))
+    }
+
     /// Draws every so many frames that were tracked. A live run brings a frame without its image where drawing falls behind.
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         let Some(tracked) = event.as_frame() else {
             return Ok(());
         };
@@ -58,10 +124,25 @@ impl Writer for OverlayFolder {
             _ => Ok(()),
         }
     }
+
+    /// Ends the animation and puts everything where it belongs.
+    fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        let pictures = self.drawn;
+        self.animation
+            .finish()
+            .and_then(|mut sink| Ok(sink.flush().and_then(|()| sink.get_ref().sync_all())?))
+            .map_err(|e| failure(&self.out.join(ANIMATION), &e))?;
+        self.folder.commit()?;
+        ended.found.said += &format!(
+            "{pictures} pictures and {ANIMATION} in {}\n",
+            self.out.display()
+        );
+        Ok(())
+    }
 }
 
 /// A folder of pictures in the making.
-pub(crate) struct OverlayFolder {
+struct OverlayFolder {
     out: PathBuf,
     folder: ResultFolder,
     every: usize,
@@ -74,7 +155,7 @@ pub(crate) struct OverlayFolder {
 
 impl OverlayFolder {
     /// Begins to draw every `every`-th of `frames` frames, of which there are `rate` per second.
-    pub(crate) fn create(
+    fn create(
         out: &Path,
         every: usize,
         frames: usize,
@@ -102,11 +183,6 @@ impl OverlayFolder {
         })
     }
 
-    /// Every so many frames are drawn.
-    pub(crate) fn every(&self) -> usize {
-        self.every
-    }
-
     /// Draws a frame.
     fn add(&mut self, frame: &RgbdFrame, report: &FrameReport) -> Result<(), Failure> {
         let picture = picture(frame, report, &self.style);
@@ -117,20 +193,6 @@ impl OverlayFolder {
             .map_err(|e| failure(&self.out, &e))?;
         self.drawn += 1;
         self.folder.write(&name, &png)
-    }
-
-    /// Ends the animation and puts everything where it belongs. Returns what there is, for the report.
-    pub(crate) fn finish(self) -> Result<String, Failure> {
-        let pictures = self.drawn;
-        self.animation
-            .finish()
-            .and_then(|mut sink| Ok(sink.flush().and_then(|()| sink.get_ref().sync_all())?))
-            .map_err(|e| failure(&self.out.join(ANIMATION), &e))?;
-        self.folder.commit()?;
-        Ok(format!(
-            "{pictures} pictures and {ANIMATION} in {}\n",
-            self.out.display()
-        ))
     }
 }
 

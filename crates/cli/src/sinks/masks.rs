@@ -2,23 +2,58 @@
 
 use crate::failure::Failure;
 use crate::output::ResultFolder;
-use crate::run::session::listeners::Writer;
+use crate::sink::{Ended, Output, Sink, Start, Subscription};
+use clap::Args;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use stillpoint::imaging::RgbdFrame;
-use stillpoint::slam::{Event, FrameReport};
+use stillpoint::live::Watch;
+use stillpoint::map::MapView;
+use stillpoint::slam::{Event, FrameReport, Preset};
 use stillpoint::view::write_mask;
 
 const OPTION: &str = "--masks";
 
+/// What is asked for.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct MasksOutput {
+    /// Write a mask of every frame as PNG of 8 bits, named by its timestamp: 255 where the scene moves, 0 where it stands
+    /// still. A live run leaves out those that it has no time for.
+    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
+    pub(crate) masks: Option<PathBuf>,
+}
+
+impl Output for MasksOutput {
+    fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
+        let Some(folder) = &self.masks else {
+            return Ok(None);
+        };
+        if start.config.static_filter.preset != Preset::Default {
+            return Err(Failure::input(
+                "--masks: expected static_filter.preset \"default\", which judges surfaces; the configuration has another, which judges features alone",
+            ));
+        }
+        Ok(Some(Box::new(MaskFolder::create(folder)?)))
+    }
+
+    fn folders(&self) -> Vec<(&'static str, &Path)> {
+        self.masks.iter().map(|f| (OPTION, &**f)).collect()
+    }
+}
+
 /// A folder of masks in the making.
-pub(crate) struct MaskFolder {
+struct MaskFolder {
     out: PathBuf,
     folder: ResultFolder,
     written: usize,
 }
 
-impl Writer for MaskFolder {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+impl Sink for MaskFolder {
+    fn subscribe(&mut self, _: &Arc<MapView>, _: Option<&Watch>) -> Option<Subscription> {
+        Some(Subscription::to_images("masks", 1))
+    }
+
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         let Some(event) = event.as_frame() else {
             return Ok(());
         };
@@ -29,10 +64,16 @@ impl Writer for MaskFolder {
         let _span = tracing::info_span!("masks").entered();
         self.add(frame, &event.report)
     }
+
+    fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        self.folder.commit()?;
+        ended.found.said += &format!("{} masks in {}\n", self.written, self.out.display());
+        Ok(())
+    }
 }
 
 impl MaskFolder {
-    pub(crate) fn create(out: &Path) -> Result<Self, Failure> {
+    fn create(out: &Path) -> Result<Self, Failure> {
         Ok(Self {
             out: out.to_owned(),
             folder: ResultFolder::create_of(out, OPTION, is_ours)?,
@@ -48,16 +89,6 @@ impl MaskFolder {
             .map_err(|e| Failure::input(format!("{}: {e}", self.out.join(&name).display())))?;
         self.written += 1;
         self.folder.write(&name, &png)
-    }
-
-    /// Puts the masks where they belong. Returns what there is, for the report.
-    pub(crate) fn finish(self) -> Result<String, Failure> {
-        self.folder.commit()?;
-        Ok(format!(
-            "{} masks in {}\n",
-            self.written,
-            self.out.display()
-        ))
     }
 }
 

@@ -1,84 +1,11 @@
-//! Who listens to a session: what counts, writes, draws, and says how far it is.
-//!
-//! Answers: how those that write to files stop a run that cannot be written any more. Each is a subscriber of its own: inline and in a
-//! replay they are called one after the other, in a live run each has a queue and a thread.
+//! What is said while frames go by: how far the run is, and why the camera is lost.
 
 use crate::console::{self, Progress};
-use crate::failure::Failure;
-use crate::run::tally::Tally;
-use crate::timing::Timing;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use stillpoint::imaging::FrameId;
 use stillpoint::live::Watch;
 use stillpoint::slam::{Event, Outcome, Subscriber};
-
-/// The wish of a listener that the run ends, since it cannot go on.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Stop(Arc<AtomicBool>);
-
-impl Stop {
-    pub(crate) fn request(&self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-
-    pub(crate) fn requested(&self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-}
-
-/// Writes what events say.
-pub(crate) trait Writer {
-    /// Writes what is to be written of an event.
-    fn write(&mut self, event: &Event) -> Result<(), Failure>;
-}
-
-/// A writer that listens. After it failed once it writes no more, and asks that the run ends.
-pub(crate) struct Listening<W> {
-    writer: W,
-    failed: Option<Failure>,
-    stop: Stop,
-}
-
-impl<W> Listening<W> {
-    pub(crate) fn new(writer: W, stop: &Stop) -> Self {
-        Self {
-            writer,
-            failed: None,
-            stop: stop.clone(),
-        }
-    }
-
-    /// The writer, or why it could not write.
-    pub(crate) fn finish(self) -> Result<W, Failure> {
-        self.failed.map_or(Ok(self.writer), Err)
-    }
-}
-
-impl<W: Writer> Subscriber for Listening<W> {
-    fn receive(&mut self, event: &Event) {
-        if self.failed.is_some() {
-            return;
-        }
-        if let Err(failure) = self.writer.write(event) {
-            self.failed = Some(failure);
-            self.stop.request();
-        }
-    }
-}
-
-/// A subscriber with a thread of its own: what it takes for an event is measured as a round of that thread.
-pub(crate) struct Rounds<S> {
-    pub(crate) subscriber: S,
-    pub(crate) timing: &'static Timing,
-}
-
-impl<S: Subscriber> Subscriber for Rounds<S> {
-    fn receive(&mut self, event: &Event) {
-        self.subscriber.receive(event);
-        self.timing.end_round();
-    }
-}
 
 /// The progress line.
 pub(crate) struct ProgressLine {
@@ -174,28 +101,5 @@ impl Subscriber for LossLine {
             self.reported = Some(loss.since);
             console::warn(&loss.to_string());
         }
-    }
-}
-
-/// Who listens to a run in one thread, in this order.
-pub(crate) struct Listeners<W> {
-    pub(crate) tally: Tally,
-    pub(crate) writers: W,
-    pub(crate) progress: ProgressLine,
-}
-
-impl<W: Subscriber> Subscriber for Listeners<W> {
-    fn receive(&mut self, event: &Event) {
-        self.tally.receive(event);
-        self.writers.receive(event);
-        self.progress.receive(event);
-    }
-}
-
-impl<W> Listeners<W> {
-    /// Counts a frame that could not be read, and says so.
-    pub(crate) fn skip(&mut self, reason: &dyn std::fmt::Display) {
-        self.tally.skip(reason);
-        self.progress.skipped.fetch_add(1, Ordering::Relaxed);
     }
 }

@@ -5,19 +5,25 @@
 
 use crate::console;
 use crate::failure::Failure;
-use crate::run::priority;
-use crate::run::session::listeners::Writer;
+use crate::priority;
 use crate::serve::{Feed, Place, Server};
+use crate::sink::{Ended, Output, PICTURES, Sink, Start, Subscription};
+use clap::Args;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
-use stillpoint::live::{FrameTiming, LiveHealth, Stage, Watch};
+use stillpoint::dense::Mesh;
+use stillpoint::live::{Delivery, FrameTiming, LiveHealth, Stage, Watch};
 use stillpoint::map::MapView;
 use stillpoint::slam::Event;
 use stillpoint::view::live::{About, LivePage, Measured, to_html};
 use stillpoint::view::report::{RunData, SurfaceColumns};
 
+/// The subscriber that browsers are shown.
+const VIEW: &str = "view";
+/// Events of each kind that wait to be shown, at most: some seconds.
+const SHOWN: usize = 128;
 /// Between two pictures: less than between two updates of a page, so that each finds a fresh one.
 const PICTURE: Duration = Duration::from_millis(60);
 /// Between two looks at the map, at least ...
@@ -96,19 +102,73 @@ fn measured(health: &LiveHealth) -> Measured {
     measured
 }
 
-/// Where the surface of a run is shown while it goes on.
-pub(crate) struct SurfaceView(Arc<Shown>);
+/// What is asked for.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct ViewOutput {
+    /// Show the run in a browser while it goes on: the frames with verdicts and boxes, the map, health and latency. The address to open is
+    /// printed; without ADDR only this machine reaches it. It takes nothing and ends with the run. PATH goes before it.
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = "", verbatim_doc_comment)]
+    pub(crate) view: Option<Place>,
+}
 
-impl SurfaceView {
+impl Output for ViewOutput {
+    /// Says where the run is to be seen, and shows the surface of a run that has one.
+    fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
+        let Some(place) = &self.view else {
+            return Ok(None);
+        };
+        let about = About {
+            name: start.name.clone(),
+            input: format!("{} - camera {}", start.input.layout, start.input.camera),
+            command: start.command.clone(),
+            config: start.config_text.to_owned(),
+            time_is: "latency".to_owned(),
+            frames: start.frames.map(|n| n as u64),
+        };
+        let view = PageView::start(place, about)?;
+        if let Some(window) = start.shelf.get::<SurfaceWindow>() {
+            // It is set once: a run has one page.
+            let _ = window.0.set(Arc::clone(&view.shown));
+        }
+        Ok(Some(Box::new(view)))
+    }
+
+    fn wants_colour(&self) -> bool {
+        self.view.is_some()
+    }
+}
+
+/// Where the surface of a run is shown while it goes on, once there is a page.
+#[derive(Clone, Default)]
+pub(crate) struct SurfaceWindow(Arc<OnceLock<Arc<Shown>>>);
+
+impl SurfaceWindow {
     /// Whether anybody looks.
     pub(crate) fn is_watched(&self) -> bool {
-        self.0.is_watched.load(Ordering::Relaxed)
+        let shown = self.0.get();
+        shown.is_some_and(|s| s.is_watched.load(Ordering::Relaxed))
     }
 
     /// Shows it.
-    pub(crate) fn show(&self, surface: SurfaceColumns) {
-        self.0.page().set_surface(surface);
+    pub(crate) fn show(&self, mesh: &Mesh) {
+        if let Some(shown) = self.0.get() {
+            shown.page().set_surface(surface(mesh));
+        }
     }
+}
+
+/// Triangles that pages show of a surface, at most: 15 to 20 bytes each in the page, and drawn without a graphics card, too.
+const MOST_TRIANGLES: usize = 20_000;
+
+/// A surface as pages show it.
+pub(crate) fn surface(mesh: &Mesh) -> SurfaceColumns {
+    let shown = mesh.with_triangles(MOST_TRIANGLES);
+    SurfaceColumns::new(
+        mesh.triangles.len(),
+        &shown.positions,
+        &shown.colours,
+        &shown.triangles,
+    )
 }
 
 /// Shows a run.
@@ -122,7 +182,7 @@ pub(crate) struct PageView {
 
 impl PageView {
     /// Begins to serve, and says where.
-    pub(crate) fn start(place: &Place, about: About) -> Result<Self, Failure> {
+    fn start(place: &Place, about: About) -> Result<Self, Failure> {
         let html = to_html(&about.name);
         let shown = Arc::new(Shown {
             page: Mutex::new(LivePage::new(about)),
@@ -146,22 +206,6 @@ impl PageView {
         })
     }
 
-    /// Where the surface is to be shown.
-    pub(crate) fn surface(&self) -> SurfaceView {
-        SurfaceView(Arc::clone(&self.shown))
-    }
-
-    /// The map before the first frame, and how a live run is.
-    pub(crate) fn begin(&self, view: Arc<MapView>, watch: Option<Watch>) {
-        if view.keyframe_count() > 0 {
-            self.shown.page().begin_with(view);
-        }
-        if let Some(watch) = watch {
-            // It is set once: a page is of one run.
-            let _ = self.shown.watch.set(watch);
-        }
-    }
-
     /// Tells the report of the run, which is all that there is to know.
     pub(crate) fn report(&self, run: &RunData) {
         if let Ok(json) = serde_json::to_string(run) {
@@ -170,7 +214,7 @@ impl PageView {
     }
 
     /// Ends a page whose run came to its end. Pages that know the report keep it.
-    pub(crate) fn end(self, out: &Path) {
+    pub(crate) fn end(&self, out: &Path) {
         // Of a run without a report this is all that there is.
         self.shown.page().follow_map(true);
         let text = format!("The result is in {}.", out.display());
@@ -190,8 +234,23 @@ impl PageView {
     }
 }
 
-impl Writer for PageView {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+impl Sink for PageView {
+    fn subscribe(&mut self, map: &Arc<MapView>, watch: Option<&Watch>) -> Option<Subscription> {
+        if map.keyframe_count() > 0 {
+            self.shown.page().begin_with(Arc::clone(map));
+        }
+        if let Some(watch) = watch {
+            // It is set once: a page is of one run.
+            let _ = self.shown.watch.set(watch.clone());
+        }
+        Some(Subscription {
+            name: VIEW,
+            // Whoever looks wants to see what is now; no frame waits for that, even where none is dropped.
+            delivery: Delivery::newest(SHOWN).with_images(PICTURES, 2),
+        })
+    }
+
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         let _span = tracing::info_span!("view").entered();
         let is_watched = self.server.is_watched();
         self.shown.is_watched.store(is_watched, Ordering::Relaxed);
@@ -215,6 +274,12 @@ impl Writer for PageView {
         if is_watched && event.as_frame().is_some() {
             self.server.wake();
         }
+        Ok(())
+    }
+
+    /// The page goes on until the result is written: it is told the report.
+    fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        ended.found.shelf.put(*self);
         Ok(())
     }
 }
