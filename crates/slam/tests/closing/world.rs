@@ -1,11 +1,11 @@
 //! A synthetic world along a circle, a walk in it, and the map that a drifting camera makes of it.
 
+use super::estimation::{Purpose, Rng, rng};
+use super::features::{Descriptor, FeatureGrid, Keypoint};
+use super::geometry::{Camera, Se3, Vec3, Vec6};
+use super::map::{KeyframeData, KeyframeId, LandmarkId, Map, MapView, NewLandmark};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use stillpoint_estimation::{Purpose, Rng, rng};
-use stillpoint_features::{Descriptor, FeatureGrid, Keypoint};
-use stillpoint_geometry::{Camera, Se3, Vec3, Vec6};
-use stillpoint_map::{KeyframeData, KeyframeId, LandmarkId, Map, MapView, NewLandmark};
 
 /// Distance between keyframes, m.
 pub(crate) const STEP_M: f64 = 0.2;
@@ -62,7 +62,7 @@ impl World {
     }
 
     /// The same world, in which a keyframe has so many features more, none of which is ever seen again.
-    #[allow(dead_code)] // Only the example needs as many as real images have.
+    #[allow(dead_code)] // Only the laboratory needs as many as real images have.
     pub(crate) fn with_clutter(self, clutter: usize) -> Self {
         Self { clutter, ..self }
     }
@@ -197,14 +197,14 @@ impl Walk {
 
     /// The same walk with gaps, as turns faster than can be followed leave them: every so many keyframes nothing of before is known, and
     /// the camera was off by some 6 cm and 1 degree meanwhile.
-    #[allow(dead_code)] // The example has none.
+    #[allow(dead_code)] // The laboratory has none.
     pub(crate) fn with_gaps(mut self, every: u32) -> Self {
         self.gap = Some(every);
         self
     }
 
     /// The same walk at another pace, m from keyframe to keyframe.
-    #[allow(dead_code)] // The example walks as fast as it can.
+    #[allow(dead_code)] // The laboratory walks as fast as it can.
     pub(crate) fn at_pace(mut self, pace: f64) -> Self {
         self.pace = pace;
         self
@@ -218,7 +218,7 @@ impl Walk {
     }
 
     /// The true pose `world_from_camera` of a keyframe.
-    #[allow(dead_code)] // The example knows no truth.
+    #[allow(dead_code)] // The laboratory knows no truth.
     pub(crate) fn truth(&self, id: KeyframeId) -> Se3 {
         pose(self.pace * f64::from(id.0), self.world.length)
     }

@@ -1,12 +1,12 @@
 //! Recordings, real and simulated, as keyframes whose views are known to overlap or not.
 
+use super::datasets::{Dataset, FrameOptions, OpenOptions, StampedPose};
+use super::features::{Descriptor, Features, OrbConfig, OrbExtractor};
+use super::geometry::{Camera, Se3, Vec2, Vec3};
+use super::imaging::{DepthImage, FrameSource, GrayImage, RgbdFrame, Simd};
+use super::simulator::{Simulator, SimulatorConfig};
 use std::error::Error;
 use std::path::Path;
-use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, StampedPose};
-use stillpoint_features::{Descriptor, Features, OrbConfig, OrbExtractor};
-use stillpoint_geometry::{Camera, Se3, Vec2, Vec3};
-use stillpoint_imaging::{DepthImage, FrameSource, GrayImage, RgbdFrame, Simd};
-use stillpoint_simulator::{Simulator, SimulatorConfig};
 
 /// A camera that has moved this far (m) or turned this far (rad) makes the next keyframe.
 const STEP: [f64; 2] = [0.2, 0.18];
@@ -178,6 +178,7 @@ fn choose(poses: &[(f64, Se3)]) -> Vec<usize> {
 }
 
 /// What to simulate.
+#[allow(dead_code)] // Only the laboratory simulates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Simulated {
     pub(crate) scene: &'static str,
@@ -187,6 +188,7 @@ pub(crate) struct Simulated {
 }
 
 /// The keyframes of a simulated scene.
+#[allow(dead_code)] // Only the laboratory simulates.
 pub(crate) fn simulated(what: &Simulated) -> Result<Vec<Keyframe>, Box<dyn Error>> {
     let sim = Simulator::new(&SimulatorConfig {
         scene: what.scene.to_owned(),
