@@ -1,6 +1,7 @@
 //! `lab EXPERIMENT`: what Stillpoint's methods are worth, measured.
 
 mod experiments;
+mod table;
 
 use clap::{Parser, Subcommand};
 use experiments::readout;
