@@ -1,32 +1,37 @@
-//! What tracking asks the allocator for, per frame that becomes no keyframe, by the parts of a frame.
-//!
-//! `cargo run --release -p stillpoint --example allocations -- [SCENE] [FRAMES]`; 170 frames of `walking_xyz` by default, of which the first 110
-//! are left out: until then the filter's history of 3.2 s fills. Every part is without the parts within it.
-#![allow(clippy::print_stdout)]
+//! What tracking asks the allocator for, per frame that becomes no keyframe, by the parts of a frame: every part without the parts within it.
 
-#[path = "../tests/counting.rs"]
+// The allocator of the whole program: what it adds to others is a count per call (a thousandth of a frame's time).
+#[path = "../../../crates/stillpoint/tests/counting.rs"]
 mod counting;
 
+use crate::Failure;
+use crate::experiments::shared::scene;
+use crate::table::{self, Table, figure};
 use std::collections::BTreeMap;
+use std::process::ExitCode;
 use stillpoint::imaging::Simd;
-use stillpoint::simulator::{Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, System};
 
-/// Frames that are left out.
+/// Frames that are left out: until then the filter's history of 3.2 s fills.
 const STEADY: usize = 110;
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let mut arguments = std::env::args().skip(1);
-    let scene = arguments.next().unwrap_or_else(|| "walking_xyz".to_owned());
-    let count = arguments.next().map_or(Ok(170), |a| a.parse::<usize>())?;
-    let simulator = Simulator::new(&SimulatorConfig {
-        scene: scene.clone(),
-        ..SimulatorConfig::default()
-    })?;
+/// What tracking asks the allocator for, per frame that becomes no keyframe.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Simulated scene
+    #[arg(default_value = "walking_xyz")]
+    scene: String,
+    /// Frames, of which the first 110 are left out
+    #[arg(long, default_value_t = 170)]
+    frames: usize,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let simulator = scene(&arguments.scene, 0, None)?;
     let mut system = System::new(Config::default(), *simulator.camera(), Simd::detect())?;
     let mut sums: BTreeMap<&str, [u64; 2]> = BTreeMap::new();
     let mut frames = 0;
-    for i in 0..count.min(simulator.len()) {
+    for i in 0..arguments.frames.min(simulator.len()) {
         let frame = simulator.frame(i);
         let events = tracing::subscriber::with_default(counting::Spans, || system.step(frame));
         let parts = counting::take();
@@ -41,11 +46,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             *bytes += asked.bytes;
         }
     }
-    println!("{scene}: {frames} frames that became no keyframe, per frame");
-    println!("part         |   calls |      kB");
+    println!(
+        "{}: {frames} frames that became no keyframe, per frame\n",
+        arguments.scene
+    );
+    let mut table = Table::new(["part", "calls", "kB"]);
     for (part, [calls, bytes]) in sums {
-        let per = |sum: u64| sum as f64 / frames.max(1) as f64;
-        println!("{part:12} | {:7.1} | {:7.1}", per(calls), per(bytes) / 1e3);
+        let per = |sum: u64| sum as f64 / f64::from(frames);
+        table.row([
+            part.to_owned(),
+            figure(per(calls), 1),
+            figure(per(bytes) / 1e3, 1),
+        ]);
     }
-    Ok(())
+    table::print(&table);
+    Ok(ExitCode::SUCCESS)
 }

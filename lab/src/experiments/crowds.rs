@@ -1,18 +1,19 @@
 //! Starts in a crowd: simulated scenes that begin among people who cover a quarter to half of the image, against exact poses.
 //!
-//! `cargo run --release -p stillpoint --example crowds -- SEEDS FRAMES [SCENE ...]`: a row per scene and contestant, with the median and the worst of
-//! the seeds. The exit code is 1 where a bar is missed.
-#![allow(clippy::print_stdout)]
+//! A row per scene and contestant, with the median and the worst of the seeds. The exit code is 1 where a bar is missed.
 
+use crate::Failure;
+use crate::experiments::shared::{
+    ate_mm, code, each_seed, final_poses, scene, script, scripted, timed, truth, verdict,
+};
+use crate::table::{self, Align, Table, figure, spread};
 use std::collections::BTreeSet;
 use std::process::ExitCode;
-use stillpoint::detection::{BoundingBox, ClassId, Detection, ScriptRow, ScriptedDetector};
+use stillpoint::detection::ScriptRow;
 use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint::imaging::Simd;
-use stillpoint::simulator::{DetectionNoise, ScriptedDetection, Simulator, SimulatorConfig};
-use stillpoint::slam::{Config, Event, Preset, System};
-
-type Failure = Box<dyn std::error::Error>;
+use stillpoint::simulator::{DetectionNoise, Simulator};
+use stillpoint::slam::{Config, Preset, System};
 
 /// All scenes that begin in a crowd: a path each.
 const SCENES: [&str; 7] = [
@@ -28,6 +29,20 @@ const SCENES: [&str; 7] = [
 const WRONG: f64 = 0.1;
 /// By how much the final poses of a run may be worse than those known at each frame, mm: what else is refined there errs by as much.
 const WORSE: f64 = 3.0;
+
+/// Starts in a crowd against exact poses, with a simulated detector and without.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Seeds of every scene
+    #[arg(long, default_value_t = 10)]
+    seeds: u64,
+    /// Frames of every run
+    #[arg(long, default_value_t = 150)]
+    frames: usize,
+    /// Simulated scenes
+    #[arg(default_values = SCENES)]
+    scenes: Vec<String>,
+}
 
 /// What is run over each scene.
 #[derive(Clone, Copy, PartialEq)]
@@ -83,8 +98,7 @@ impl Contestant {
         }
         let system = System::new(config, *simulator.camera(), Simd::detect())?;
         Ok(if self == Self::Detector {
-            let detector = ScriptedDetector::new("simulated", script.to_vec())?;
-            system.with_detector(Box::new(detector))
+            system.with_detector(scripted(script)?)
         } else {
             system
         })
@@ -103,38 +117,14 @@ struct Score {
     wrong: usize,
 }
 
-fn row(d: ScriptedDetection) -> Result<ScriptRow, Failure> {
-    let class = ClassId::from_name(d.class).ok_or("a class that COCO does not have")?;
-    let bounds = BoundingBox {
-        x0: d.x0,
-        y0: d.y0,
-        x1: d.x1,
-        y1: d.y1,
-    };
-    Ok(ScriptRow {
-        stamp: d.stamp,
-        detection: Detection {
-            class,
-            score: d.score,
-            bounds,
-        },
-    })
-}
-
 /// Runs all contestants over a scene, whose frames are rendered once.
-fn run(scene: &str, seed: u64, frames: usize) -> Result<Vec<Score>, Failure> {
-    let simulator = Simulator::new(&SimulatorConfig {
-        scene: scene.to_owned(),
-        seed,
-        frames: Some(frames),
-        ..SimulatorConfig::default()
-    })?;
+fn measure(name: &str, seed: u64, frames: usize) -> Result<Vec<Score>, Failure> {
+    let simulator = scene(name, seed, Some(frames))?;
     let noise = DetectionNoise {
         seed,
         ..DetectionNoise::default()
     };
-    let said = (0..simulator.len()).flat_map(|i| simulator.detections(i, &noise));
-    let script: Vec<ScriptRow> = said.map(row).collect::<Result<_, _>>()?;
+    let script = script(&simulator, &noise)?;
     let mut runs = Vec::new();
     for contestant in CONTESTANTS {
         let system = contestant.system(&simulator, seed, &script)?;
@@ -143,30 +133,20 @@ fn run(scene: &str, seed: u64, frames: usize) -> Result<Vec<Score>, Failure> {
     for i in 0..simulator.len() {
         let frame = simulator.frame(i);
         for (system, online, undecided) in &mut runs {
-            for event in system.step(frame.clone()) {
-                if let Event::Frame(done) = event {
-                    let report = &done.report;
-                    if report.is_undecided() {
-                        undecided.insert(report.stamp.to_bits());
-                    }
-                    online.extend(report.world_from_camera.map(|p| timed(report.stamp, p)));
+            let events = system.step(frame.clone());
+            for report in events.iter().filter_map(|e| Some(&e.as_frame()?.report)) {
+                if report.is_undecided() {
+                    undecided.insert(report.stamp.to_bits());
                 }
+                online.extend(report.world_from_camera.map(|p| timed((report.stamp, p))));
             }
         }
     }
-    let truth = simulator.ground_truth().into_iter();
-    let truth: Vec<TimedPose> = truth.map(|(stamp, pose)| timed(stamp, pose)).collect();
+    let truth = truth(&simulator);
     let scored = runs
         .into_iter()
         .map(|(system, online, undecided)| score(system, &online, &undecided, &truth));
-    scored.collect()
-}
-
-fn timed(stamp: f64, world_from_camera: stillpoint::geometry::Se3) -> TimedPose {
-    TimedPose {
-        stamp,
-        world_from_camera,
-    }
+    Ok(scored.collect())
 }
 
 fn score(
@@ -174,82 +154,77 @@ fn score(
     online: &[TimedPose],
     undecided: &BTreeSet<u64>,
     truth: &[TimedPose],
-) -> Result<Score, Failure> {
+) -> Score {
     system.finish();
-    let poses = system.corrected_trajectory().into_iter();
-    let poses: Vec<TimedPose> = poses.map(|(e, pose)| timed(e.stamp, pose)).collect();
-    let share = poses.len() as f64 / truth.len() as f64;
+    let poses = final_poses(&system);
     // A run that found hardly a pose has no error, and fails by its poses.
-    let of = |poses: &[TimedPose]| evaluate(truth, poses, &EvalOptions::default()).ok();
-    let done = of(&poses);
+    let done = evaluate(truth, &poses, &EvalOptions::default()).ok();
     let wrong = done.iter().flat_map(|d| &d.ate.pairs);
     let wrong = wrong.filter(|p| p.error > WRONG && !undecided.contains(&p.stamp.to_bits()));
-    Ok(Score {
+    Score {
         wrong: wrong.count(),
         ate: done.map_or(f64::INFINITY, |d| 1e3 * d.ate.statistics.rmse),
-        online: of(online).map_or(f64::INFINITY, |d| 1e3 * d.ate.statistics.rmse),
-        poses: share,
-    })
+        online: ate_mm(truth, online).unwrap_or(f64::INFINITY),
+        poses: poses.len() as f64 / truth.len() as f64,
+    }
 }
 
-/// Median and greatest.
-fn spread(values: impl Iterator<Item = f64>) -> [f64; 2] {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |i: usize| sorted.get(i).copied().unwrap_or(f64::NAN);
-    [at(sorted.len() / 2), at(sorted.len().max(1) - 1)]
-}
-
-/// The row of a contestant, and whether its bars hold.
-fn print(scene: &str, contestant: Contestant, scores: &[&Score]) -> bool {
+/// Adds the row of a contestant; whether its bars hold.
+fn add(table: &mut Table, scene: &str, contestant: Contestant, scores: &[&Score]) -> bool {
     let (bar, least) = contestant.bars(scene);
-    let [median, worst] = spread(scores.iter().map(|s| s.ate));
-    let [at_frame, worst_at_frame] = spread(scores.iter().map(|s| s.online));
-    let poses = scores.iter().map(|s| s.poses).fold(1.0, f64::min);
+    let of = |f: fn(&Score) -> f64| spread(scores.iter().map(|s| f(s)));
+    let [ate, _, worst] = of(|s| s.ate);
+    let [online, _, worst_online] = of(|s| s.online);
+    let [_, poses, _] = of(|s| s.poses);
+    let [_, _, worse] = of(|s| s.ate - s.online);
     let wrong: usize = scores.iter().map(|s| s.wrong).sum();
-    let worse = scores.iter().map(|s| s.ate - s.online);
-    let worse = worse.fold(f64::NEG_INFINITY, f64::max);
     let holds = worst <= bar && poses >= least && wrong == 0 && worse <= WORSE;
-    let verdict = if holds { "met" } else { "short" };
-    println!(
-        "| `{scene}` | {} | {median:.1} | {worst:.1} | {bar:.0} | {poses:.3} | {wrong} | {at_frame:.1} | {worst_at_frame:.1} | {worse:+.1} | {verdict} |",
-        contestant.name(),
-    );
+    table.row([
+        format!("`{scene}`"),
+        contestant.name().to_owned(),
+        figure(ate, 1),
+        figure(worst, 1),
+        figure(bar, 0),
+        figure(poses, 3),
+        wrong.to_string(),
+        figure(online, 1),
+        figure(worst_online, 1),
+        format!("{worse:+.1}"),
+        verdict(holds).to_owned(),
+    ]);
     holds
 }
 
-fn main() -> Result<ExitCode, Failure> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let seeds: u64 = words.first().map_or(Ok(10), |w| w.parse())?;
-    let frames: usize = words.get(1).map_or(Ok(150), |w| w.parse())?;
-    let named: Vec<&str> = words.iter().skip(2).map(String::as_str).collect();
-    let scenes = if named.is_empty() {
-        &SCENES[..]
-    } else {
-        &named
-    };
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (seeds, frames) = (arguments.seeds, arguments.frames);
     println!(
         "{seeds} seeds, {frames} frames; ATE in mm, of the final poses and of those known at each frame\n"
     );
-    println!(
-        "| scene | run | median | worst | bar | least poses | wrong frames | at each frame: median | worst | final worse by | |"
-    );
-    println!("|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+    let mut table = Table::new([
+        "scene",
+        "run",
+        "median",
+        "worst",
+        "bar",
+        "least poses",
+        "wrong frames",
+        "at each frame: median",
+        "worst",
+        "final worse by",
+        "",
+    ])
+    .align(1, Align::Left)
+    .align(10, Align::Left);
     let mut holds = true;
-    for scene in scenes {
-        let runs: Result<Vec<Vec<Score>>, Failure> =
-            (0..seeds).map(|seed| run(scene, seed, frames)).collect();
-        let runs = runs?;
+    for scene in &arguments.scenes {
+        let runs = each_seed(seeds, |seed| measure(scene, seed, frames))?;
         for (k, contestant) in CONTESTANTS.into_iter().enumerate() {
             let scores: Vec<&Score> = runs.iter().map(|scores| &scores[k]).collect();
-            let met = print(scene, contestant, &scores);
+            let met = add(&mut table, scene, contestant, &scores);
             // The control is there to fail.
             holds &= met != (contestant == Contestant::Unfiltered);
         }
     }
-    Ok(if holds {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    table::print(&table);
+    Ok(code(holds))
 }

@@ -1,20 +1,29 @@
-//! How hard the simulated scenes are for a feature tracker, beside a real recording (freiburg1_xyz of the TUM RGB-D
-//! benchmark, when it is there: in the folder of the environment variable STILLPOINT_DATA, else in ../shared/data).
-//!
-//! Run: `cargo run --release -p stillpoint-simulator --example difficulty`. Prints a Markdown table.
+//! How hard the simulated scenes are for a feature tracker, beside a real recording: freiburg1_xyz of the TUM RGB-D benchmark, when it is there.
 
-use std::error::Error;
-use std::path::PathBuf;
-use stillpoint_datasets::{Dataset, FrameOptions, OpenOptions, StampedPose};
-use stillpoint_features::kernels::Stages;
-use stillpoint_features::{Features, OrbConfig, OrbExtractor, match_brute_force};
-use stillpoint_geometry::{Camera, Se3, Vec2};
-use stillpoint_imaging::{FrameSource, RgbdFrame, Simd};
-use stillpoint_simulator::{Simulator, SimulatorConfig, scene_names};
+use crate::Failure;
+use crate::experiments::shared::{data_folder, pose_at, scene};
+use crate::table::{self, Table, figure};
+use std::path::Path;
+use std::process::ExitCode;
+use stillpoint::datasets::{Dataset, FrameOptions, OpenOptions};
+use stillpoint::features::kernels::Stages;
+use stillpoint::features::{Features, OrbConfig, OrbExtractor, match_brute_force};
+use stillpoint::geometry::{Camera, Se3, Vec2};
+use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
+use stillpoint::simulator::scene_names;
 
-/// Sequences are measured in this many windows of as many frames each; tracks end at a window's end.
+/// How hard the simulated scenes are for a feature tracker, beside a real recording.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Frames of each of the five windows in which sequences are measured; tracks end at a window's end
+    #[arg(long, default_value_t = 60)]
+    window: usize,
+    /// Simulated scenes; all of them, and the recording, without any
+    scenes: Vec<String>,
+}
+
+/// Sequences are measured in this many windows.
 const WINDOWS: usize = 5;
-const WINDOW: usize = 60;
 
 /// Sums over the frames of one sequence.
 #[derive(Default)]
@@ -170,51 +179,36 @@ const ROWS: [&str; 8] = [
     "mean grey level",
 ];
 
-fn pose_at(poses: &[StampedPose], stamp: f64) -> Option<Se3> {
-    let k = poses.partition_point(|p| p.stamp < stamp);
-    let (a, b) = (poses.get(k.checked_sub(1)?)?, poses.get(k)?);
-    let share = (stamp - a.stamp) / (b.stamp - a.stamp);
-    Some(a.world_from_camera.interpolate(&b.world_from_camera, share))
-}
-
-fn measure_real(folder: PathBuf) -> Result<Vec<f64>, Box<dyn Error>> {
-    let dataset = Dataset::open(&folder, &OpenOptions::default())?;
+fn measure_real(folder: &Path, window: usize) -> Result<Vec<f64>, Failure> {
+    let dataset = Dataset::open(folder, &OpenOptions::default())?;
     let poses = dataset.ground_truth()?.ok_or("no ground truth")?;
     let mut meter = Meter::new(dataset.camera().camera);
     let mut frames = dataset.frames(&FrameOptions::default())?;
     let mut index = 0;
     while let Some(frame) = frames.next_frame() {
-        if index < WINDOWS * WINDOW {
-            meter.add(frame?, index % WINDOW == 0, &|t| pose_at(&poses, t));
+        if index < WINDOWS * window {
+            meter.add(frame?, index % window == 0, &|t| pose_at(&poses, t));
         }
         index += 1;
     }
     Ok(meter.finish())
 }
 
-fn measure_scene(scene: &str) -> Result<Vec<f64>, Box<dyn Error>> {
-    let sim = Simulator::new(&SimulatorConfig {
-        scene: scene.to_owned(),
-        ..SimulatorConfig::default()
-    })?;
+fn measure_scene(name: &str, window: usize) -> Result<Vec<f64>, Failure> {
+    let sim = scene(name, 0, None)?;
     let mut meter = Meter::new(*sim.camera());
-    for window in 0..WINDOWS {
-        let start = window * sim.len() / WINDOWS;
-        for k in 0..WINDOW {
-            meter.add(sim.frame(start + k), k == 0, &|t| {
-                Some(sim.world_from_camera(t))
-            });
+    for start in (0..WINDOWS).map(|k| k * sim.len() / WINDOWS) {
+        for k in 0..window {
+            let pose = |t: f64| Some(sim.world_from_camera(t));
+            meter.add(sim.frame(start + k), k == 0, &pose);
         }
     }
     Ok(meter.finish())
 }
 
 /// Features per 1000 px on movers and elsewhere, the movers' share of all features and their share of the image.
-fn features_on_movers(scene: &str) -> Result<[f64; 4], Box<dyn Error>> {
-    let sim = Simulator::new(&SimulatorConfig {
-        scene: scene.to_owned(),
-        ..SimulatorConfig::default()
-    })?;
+fn features_on_movers(name: &str) -> Result<[f64; 4], Failure> {
+    let sim = scene(name, 0, None)?;
     let mut extractor = OrbExtractor::new(&OrbConfig::default(), Simd::detect());
     // Features and pixels, elsewhere and on movers.
     let mut sums = [[0.0; 2]; 2];
@@ -236,53 +230,57 @@ fn features_on_movers(scene: &str) -> Result<[f64; 4], Box<dyn Error>> {
     Ok([1e3 * on / on_px, 1e3 * off / off_px, share, cover])
 }
 
-#[allow(clippy::print_stdout)]
-fn main() -> Result<(), Box<dyn Error>> {
-    let data = std::env::var("STILLPOINT_DATA").map_or_else(
-        |_| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data")),
-        PathBuf::from,
-    );
-    let folder = data.join("fr1_xyz");
-    let mut columns = Vec::new();
-    if folder.is_dir() {
-        columns.push(("fr1_xyz (real)", measure_real(folder)?));
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let named: Vec<&str> = arguments.scenes.iter().map(String::as_str).collect();
+    let scenes = if named.is_empty() {
+        scene_names()
     } else {
+        &named[..]
+    };
+    let mut columns = Vec::new();
+    let folder = data_folder().join("fr1_xyz");
+    if named.is_empty() && folder.is_dir() {
+        columns.push(("fr1_xyz (real)", measure_real(&folder, arguments.window)?));
+    } else if named.is_empty() {
         println!(
-            "No folder fr1_xyz in {}: the real recording is left out.\n",
-            data.display()
+            "{} is not there: the real recording is left out.\n",
+            folder.display()
         );
     }
     // Where people walk, the camera's motion does not tell where a point goes.
-    let (still, people): (Vec<&str>, Vec<&str>) = scene_names()
+    let (still, people): (Vec<&str>, Vec<&str>) = scenes
         .iter()
         .partition(|name| !name.contains('_') || name.starts_with("loop"));
     for scene in &still {
-        columns.push((*scene, measure_scene(scene)?));
+        columns.push((*scene, measure_scene(scene, arguments.window)?));
     }
-    let names: Vec<&str> = columns.iter().map(|c| c.0).collect();
-    println!(
-        "| | {} |\n|---|{}",
-        names.join(" | "),
-        "---|".repeat(names.len())
-    );
+    let names = [""].into_iter().chain(columns.iter().map(|c| c.0));
+    let mut table = Table::new(names);
     for (k, row) in ROWS.iter().enumerate() {
-        let cells: Vec<String> = columns
+        let cells = columns
             .iter()
-            .map(|(_, v)| {
-                if v[k] < 10.0 {
-                    format!("{:.2}", v[k])
-                } else {
-                    format!("{:.0}", v[k])
-                }
-            })
-            .collect();
-        println!("| {row} | {} |", cells.join(" | "));
+            .map(|(_, v)| figure(v[k], if v[k] < 10.0 { 2 } else { 0 }));
+        table.row([(*row).to_owned()].into_iter().chain(cells));
     }
-    println!("\n| | on movers | elsewhere | share of all | share of the image |");
-    println!("|---|---|---|---|---|");
+    table::print(&table);
+    let mut table = Table::new([
+        "",
+        "on movers",
+        "elsewhere",
+        "share of all",
+        "share of the image",
+    ]);
     for scene in people {
         let [on, off, share, cover] = features_on_movers(scene)?;
-        println!("| `{scene}` | {on:.1} | {off:.1} | {share:.2} | {cover:.2} |");
+        let cells = [
+            figure(on, 1),
+            figure(off, 1),
+            figure(share, 2),
+            figure(cover, 2),
+        ];
+        table.row([format!("`{scene}`")].into_iter().chain(cells));
     }
-    Ok(())
+    println!();
+    table::print(&table);
+    Ok(ExitCode::SUCCESS)
 }

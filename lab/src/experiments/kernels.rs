@@ -1,12 +1,13 @@
 //! The work of one kernel, several times, on simulated images of 640x480: for those who count what it takes from outside, as `tools/arm/count.sh` does.
 //!
-//! `cargo run --release -p stillpoint --example kernels -- FOLDER KERNEL scalar|vector TIMES`: what is prepared does not depend on TIMES, so that the difference
-//! of two runs is the kernel alone. Says a number that depends on results. `frame` is all of tracking and mapping for TIMES frames of a walk, 24 at most.
-//! `-- FOLDER render` writes the images to FOLDER first, which takes longer than what is counted.
-#![allow(clippy::print_stdout)]
+//! What is prepared does not depend on how many times, so that the difference of two runs is the kernel alone. Says a number that depends on results.
+//! Images are rendered into a folder first, which takes longer than what is counted.
 
+use crate::Failure;
+use crate::experiments::shared::scene;
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::sync::Arc;
 use stillpoint::dense::{DenseConfig, Fuser};
 use stillpoint::features::{
@@ -18,10 +19,43 @@ use stillpoint::imaging::{
     ColourImage, DepthImage, FrameId, Pyramid, RgbdFrame, Simd, kernels::gray,
 };
 use stillpoint::place::Vocabulary;
-use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::simulator::SimulatorConfig;
 use stillpoint::slam::{Config, System};
 
-type Failure = Box<dyn std::error::Error>;
+/// The work of one kernel, several times, to be counted from outside.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Where the images are
+    folder: PathBuf,
+    /// Renders the images; what works on them comes later
+    #[arg(long)]
+    render: bool,
+    #[arg(value_enum, required_unless_present = "render")]
+    kernel: Option<Kernel>,
+    /// Without vectors
+    #[arg(long)]
+    scalar: bool,
+    #[arg(long, default_value_t = 1)]
+    times: usize,
+}
+
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+enum Kernel {
+    Gray,
+    Scale,
+    Smooth,
+    Corners,
+    Orientation,
+    Descriptors,
+    Extract,
+    Flow,
+    Distances,
+    Words,
+    /// Into a surface
+    Fuse,
+    /// Tracking and mapping of as many frames of a walk, 24 at most
+    Frame,
+}
 
 /// Frames that are rendered for `frame`.
 const FRAMES: usize = 24;
@@ -37,46 +71,39 @@ struct Task {
     camera: Camera,
 }
 
-fn main() -> Result<(), Failure> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let (folder, kernel, simd, times) = match &words[..] {
-        [folder, word] if word == "render" => return render(Path::new(folder)),
-        [folder, kernel, simd, times] => (folder, kernel, simd, times),
-        _ => return Err("expected FOLDER render, or FOLDER KERNEL scalar|vector TIMES".into()),
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let Some(kernel) = arguments.kernel.filter(|_| !arguments.render) else {
+        return render(&arguments.folder);
     };
-    let simd = match &simd[..] {
-        "scalar" => Simd::Scalar,
-        "vector" => Simd::detect(),
-        other => return Err(format!("expected scalar or vector, found {other}").into()),
+    let simd = match arguments.scalar {
+        true => Simd::Scalar,
+        false => Simd::detect(),
     };
     let task = Task {
         simd,
-        times: times.parse()?,
-        folder: PathBuf::from(folder),
+        times: arguments.times,
+        folder: arguments.folder.clone(),
         camera: SimulatorConfig::default().camera,
     };
-    let found = match &kernel[..] {
-        "gray" => task.gray()?,
-        "scale" | "smooth" => task.pyramid(kernel == "smooth")?,
-        "corners" | "orientation" | "descriptors" => task.stages(kernel)?,
-        "extract" => task.extract()?,
-        "flow" => task.flow()?,
-        "distances" | "words" => task.descriptors(kernel == "words")?,
-        "fuse" => task.fuse()?,
-        "frame" => task.frames()?,
-        other => return Err(format!("expected a kernel, found {other}").into()),
+    let found = match kernel {
+        Kernel::Gray => task.gray()?,
+        Kernel::Scale => task.pyramid(false)?,
+        Kernel::Smooth => task.pyramid(true)?,
+        Kernel::Corners | Kernel::Orientation | Kernel::Descriptors => task.stages(kernel)?,
+        Kernel::Extract => task.extract()?,
+        Kernel::Flow => task.flow()?,
+        Kernel::Distances => task.descriptors(false)?,
+        Kernel::Words => task.descriptors(true)?,
+        Kernel::Fuse => task.fuse()?,
+        Kernel::Frame => task.frames()?,
     };
-    println!("{kernel} {simd:?}: {found}");
-    Ok(())
+    println!("{kernel:?} {simd:?}: {found}");
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Writes every frame to a file of its own: stamp and pose of its depth, depths, colours.
-fn render(folder: &Path) -> Result<(), Failure> {
-    let simulator = Simulator::new(&SimulatorConfig {
-        scene: "walking_xyz".to_owned(),
-        frames: Some(FRAMES),
-        ..SimulatorConfig::default()
-    })?;
+fn render(folder: &Path) -> Result<ExitCode, Failure> {
+    let simulator = scene("walking_xyz", 0, Some(FRAMES))?;
     std::fs::create_dir_all(folder)?;
     for index in 0..FRAMES {
         let stamp = simulator.depth_stamp(index);
@@ -88,7 +115,7 @@ fn render(folder: &Path) -> Result<(), Failure> {
         bytes.extend(simulator.colour(index).data());
         std::fs::write(folder.join(index.to_string()), bytes)?;
     }
-    Ok(())
+    Ok(ExitCode::SUCCESS)
 }
 
 impl Task {
@@ -98,7 +125,7 @@ impl Task {
         let (width, height) = (self.camera.width as usize, self.camera.height as usize);
         let pixels = width * height;
         if bytes.len() != HEAD + 7 * pixels {
-            return Err("expected images of `render`, found a file of another size".into());
+            return Err("expected images of `--render`, found a file of another size".into());
         }
         let (head, images) = bytes.split_at(HEAD);
         let (depths, colours) = images.split_at(4 * pixels);
@@ -159,7 +186,7 @@ impl Task {
     }
 
     /// On eight levels.
-    fn stages(&self, kernel: &str) -> Result<u64, Failure> {
+    fn stages(&self, kernel: Kernel) -> Result<u64, Failure> {
         let mut pyramid = Pyramid::new(8, 1.2, self.simd);
         pyramid.build(&self.frame(0)?.gray);
         pyramid.smooth_all();
@@ -172,8 +199,8 @@ impl Task {
             let each = stages.iter_mut().enumerate().map(|(level, stages)| {
                 let (image, smooth) = (pyramid.level(level), pyramid.smooth(level));
                 match kernel {
-                    "corners" => stages.fast(image) as u64,
-                    "orientation" => stages.orient(image).to_bits().into(),
+                    Kernel::Corners => stages.fast(image) as u64,
+                    Kernel::Orientation => stages.orient(image).to_bits().into(),
                     _ => stages.describe(smooth).0[0] & 0xffff_ffff,
                 }
             });

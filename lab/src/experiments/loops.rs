@@ -1,21 +1,94 @@
 //! What loop closing gains, and every loop against the truth: rendered scenes or recordings, each with looping and without.
 //!
-//! `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS [EVERY_NTH_FRAME]`, or `... loops -- FOLDER`, or
-//! `... loops -- table SEEDS [MIN_ODDS [SCENE.EVERY|hard]]`: a row per scene, true and false loops and the odds that speak for them. Exit code 1 when a false loop is closed, or when of 100 runs with
-//! few keyframes, fast steps and wide baselines fewer than 95 close a true one.
-#![allow(clippy::print_stdout)]
+//! The table has a row per scene, with true and false loops and the odds that speak for them. Its exit code is 1 when a false loop is closed, or when of 100
+//! runs with few keyframes, fast steps and wide baselines fewer than 95 close a true one.
 
-use std::path::Path;
+use crate::Failure;
+use crate::experiments::shared::{ate_mm, code, each_seed, map_poses, scene, timed, truth};
+use crate::table::{self, ABSENT, Table, spread};
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use stillpoint::datasets::{Dataset, FrameOptions, OpenOptions, ReadAhead};
 use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint::geometry::{Camera, Se3};
 use stillpoint::imaging::{FrameSource, RgbdFrame, Simd};
-use stillpoint::simulator::{Simulator, SimulatorConfig};
+use stillpoint::simulator::Simulator;
 use stillpoint::slam::{Config, LoopOutcome, LoopReport, System};
 
-type Failure = Box<dyn std::error::Error>;
+/// What loop closing gains, and every loop against the truth.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
+
+#[derive(clap::Subcommand)]
+enum What {
+    /// True and false loops of all scenes
+    Table {
+        /// Seeds of every scene
+        #[arg(long, default_value_t = 10)]
+        seeds: u64,
+        /// In place of the setting `looping.min_odds`
+        #[arg(long)]
+        min_odds: Option<f64>,
+        /// Frames of every scene, before some are left out; its own length without it
+        #[arg(long)]
+        frames: Option<usize>,
+        /// One row, as SCENE.EVERY, or `hard` for those in which a loop has to be closed
+        #[arg(long)]
+        only: Option<String>,
+    },
+    /// Every loop of a simulated scene, with looping and without
+    Scene {
+        #[arg(default_value = "loop_two_rooms")]
+        name: String,
+        #[arg(long, default_value_t = 0)]
+        first_seed: u64,
+        #[arg(long, default_value_t = 5)]
+        seeds: u64,
+        /// Frames, before some are left out; the scene's own length without it
+        #[arg(long)]
+        frames: Option<usize>,
+        /// Takes every so many frames
+        #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+        every: u32,
+    },
+    /// Every loop of a data set folder, and whether a second run gives the same bytes
+    Recording { folder: PathBuf },
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    match &arguments.what {
+        What::Table {
+            seeds,
+            min_odds,
+            frames,
+            only,
+        } => {
+            let mut config = Config::default();
+            config.looping.min_odds = min_odds.unwrap_or(config.looping.min_odds);
+            table(*seeds, *frames, &config, only.as_deref())
+        }
+        What::Scene {
+            name,
+            first_seed,
+            seeds,
+            frames,
+            every,
+        } => {
+            let scene = |seed| scene(name, seed, *frames);
+            of_scene(
+                name,
+                *first_seed..first_seed + seeds,
+                *every as usize,
+                &scene,
+            )
+        }
+        What::Recording { folder } => recording(folder),
+    }
+}
 
 /// A system and the time that its steps took.
 struct Contestant {
@@ -44,25 +117,12 @@ impl Contestant {
         self.slowest = self.slowest.max(seconds);
     }
 
-    fn poses(&self, online: bool) -> Vec<TimedPose> {
-        let view = self.system.view();
-        let resolved = self.system.trajectory().resolve(&view);
-        resolved
-            .map(|(entry, pose)| TimedPose {
-                stamp: entry.stamp,
-                world_from_camera: if online {
-                    entry.pose.online_world_from_camera
-                } else {
-                    pose
-                },
-            })
-            .collect()
-    }
-
     fn tell(&self, name: &str, truth: &[TimedPose]) -> Result<f64, Failure> {
-        let poses = self.poses(false);
+        let poses = map_poses(&self.system);
         let last = evaluate(truth, &poses, &EvalOptions::default())?;
-        let online = evaluate(truth, &self.poses(true), &EvalOptions::default())?;
+        let known = self.system.trajectory().entries().iter();
+        let online = known.map(|e| timed((e.stamp, e.pose.online_world_from_camera)));
+        let online = ate_mm(truth, &online.collect::<Vec<_>>())?;
         let steps = poses.windows(2).map(|w| {
             let [a, b] = [&w[0], &w[1]].map(|p| p.world_from_camera.translation);
             (a - b).norm()
@@ -71,7 +131,7 @@ impl Contestant {
         println!(
             "  {name}: ATE {ate:.1} mm, greatest {:.1} mm, online {:.1} mm; {} poses, {} keyframes, {} landmarks, longest step {:.3} m; {:.1} s, slowest {:.2} s",
             last.ate.statistics.max * 1e3,
-            online.ate.statistics.rmse * 1e3,
+            online,
             poses.len(),
             self.system.view().keyframe_count(),
             self.system.view().landmark_count(),
@@ -84,7 +144,7 @@ impl Contestant {
 }
 
 /// Runs of the table: a scene, every so many frames, and whether a true loop has to be closed in it although few keyframes or wide baselines make that hard.
-const TABLE: [(&str, u64, bool); 11] = [
+const TABLE: [(&str, usize, bool); 11] = [
     ("loop_two_rooms", 2, false),
     ("loop_in_haste", 1, false),
     ("loop_in_haste", 2, false),
@@ -119,90 +179,105 @@ impl Edges {
         self.odds.extend(evidence);
     }
 
-    fn odds(&self) -> String {
-        let least = self.odds.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = self.odds.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    /// The least and the greatest of the odds.
+    fn range(&self) -> String {
+        let [_, least, most] = spread(self.odds.iter().copied());
         match self.odds.len() {
-            0 => "0 | -".to_owned(),
-            n => format!("{n} | {least:.1} to {most:.1}"),
+            0 => ABSENT.to_owned(),
+            _ => format!("{least:.1} to {most:.1}"),
         }
     }
 }
 
-/// One run of the table: adds what was found, and returns whether a true loop was closed.
+/// One run of the table: candidates with a motion, and the true one from the keyframe to the one it is with.
 fn run_of_table(
-    (scene, every, seed): (&str, u64, u64),
+    simulator: &Simulator,
+    every: usize,
     config: &Config,
-    right: &mut Edges,
-    wrong: &mut Edges,
-) -> Result<bool, Failure> {
-    let simulator = Simulator::new(&SimulatorConfig {
-        scene: scene.into(),
-        seed,
-        ..SimulatorConfig::default()
-    })?;
+) -> Result<Vec<(Se3, Se3, LoopReport)>, Failure> {
     let mut system = System::new(config.clone(), *simulator.camera(), Simd::detect())?;
-    for i in (0..simulator.len()).step_by(every as usize) {
+    for i in (0..simulator.len()).step_by(every) {
         system.step(simulator.frame(i));
     }
     system.finish();
     let truth = simulator.ground_truth();
-    let before = right.closed;
-    for l in system.loops() {
+    let loops = system.loops().iter().filter_map(|l| {
         let [keyframe, with] = [l.keyframe, l.with].map(|k| truth[k.0 as usize].1);
-        let Some(edge) = l.edge else { continue };
-        if is_true(with.inverse() * keyframe, edge) {
-            right.add(l);
-            continue;
-        }
-        if l.outcome == LoopOutcome::Closed {
-            println!("inexact or false, {scene}, every {every}, seed {seed}:");
-            tell_loop(with.inverse() * keyframe, l);
-        }
-        if (keyframe.inverse() * with * edge).translation.norm() > SAME_PLACE_M {
-            wrong.add(l);
-        } else {
-            right.inexact += usize::from(l.outcome == LoopOutcome::Closed);
-        }
-    }
-    Ok(right.closed > before)
+        Some((with.inverse() * keyframe, l.edge?, l.clone()))
+    });
+    Ok(loops.collect())
 }
 
-/// Prints the table, with so many seeds a row; whether all of its bars are met.
-fn table(seeds: u64, min_odds: Option<f64>, only: Option<&str>) -> Result<bool, Failure> {
-    println!(
-        "| scene | every frame of | runs | with a true loop closed | true edges | their odds, 10^ | inexact ones closed | false edges | their odds, 10^ | false loops closed |"
-    );
-    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
-    let mut config = Config::default();
-    if let Some(odds) = min_odds {
-        config.looping.min_odds = odds;
-    }
+/// Prints the table, with so many seeds a row.
+fn table(
+    seeds: u64,
+    frames: Option<usize>,
+    config: &Config,
+    only: Option<&str>,
+) -> Result<ExitCode, Failure> {
+    let mut table = Table::new([
+        "scene",
+        "every frame of",
+        "runs",
+        "with a true loop closed",
+        "true edges",
+        "their odds, 10^",
+        "inexact ones closed",
+        "false edges",
+        "their odds, 10^",
+        "false loops closed",
+    ]);
     let (mut false_loops, mut hard, mut hard_closed) = (0, 0, 0);
-    for (scene, every, is_hard) in TABLE {
-        if only.is_some_and(|o| o != format!("{scene}.{every}") && (o != "hard" || !is_hard)) {
+    for (name, every, is_hard) in TABLE {
+        if only.is_some_and(|o| o != format!("{name}.{every}") && (o != "hard" || !is_hard)) {
             continue;
         }
+        let runs = each_seed(seeds, |seed| {
+            run_of_table(&scene(name, seed, frames)?, every, config)
+        })?;
         let (mut right, mut wrong, mut with_loop) = (Edges::default(), Edges::default(), 0);
-        for seed in 0..seeds {
-            let run = (scene, every, seed);
-            with_loop += u64::from(run_of_table(run, &config, &mut right, &mut wrong)?);
+        for (seed, loops) in runs.iter().enumerate() {
+            let before = right.closed;
+            for (with_from_keyframe, edge, l) in loops {
+                let closed = l.outcome == LoopOutcome::Closed;
+                if is_true(*with_from_keyframe, *edge) {
+                    right.add(l);
+                    continue;
+                }
+                if closed {
+                    println!("inexact or false, {name}, every {every}, seed {seed}:");
+                    tell_loop(*with_from_keyframe, l);
+                }
+                if (with_from_keyframe.inverse() * *edge).translation.norm() > SAME_PLACE_M {
+                    wrong.add(l);
+                } else {
+                    right.inexact += usize::from(closed);
+                }
+            }
+            with_loop += u64::from(right.closed > before);
         }
         false_loops += wrong.closed;
         if is_hard {
             hard += seeds;
             hard_closed += with_loop;
         }
-        println!(
-            "| `{scene}` | {every} | {seeds} | {with_loop} | {} | {} | {} | {} |",
-            right.odds(),
-            right.inexact,
-            wrong.odds(),
-            wrong.closed
-        );
+        table.row([
+            format!("`{name}`"),
+            every.to_string(),
+            seeds.to_string(),
+            with_loop.to_string(),
+            right.odds.len().to_string(),
+            right.range(),
+            right.inexact.to_string(),
+            wrong.odds.len().to_string(),
+            wrong.range(),
+            wrong.closed.to_string(),
+        ]);
     }
+    table::print(&table);
     println!("{hard_closed} of {hard} hard runs closed a true loop; {false_loops} false loops");
-    Ok(false_loops == 0 && hard_closed as f64 >= BAR * hard as f64)
+    let met = false_loops == 0 && hard_closed as f64 >= BAR * hard as f64;
+    Ok(code(met))
 }
 
 /// Whether an edge is no farther than 10 cm and 5 degrees from the truth.
@@ -247,9 +322,12 @@ fn tell_loop(with_from_keyframe: Se3, l: &LoopReport) -> bool {
 }
 
 /// Runs a recording three times; the third run must give the bytes of the second.
-fn recording(folder: &Path) -> Result<(), Failure> {
+fn recording(folder: &Path) -> Result<ExitCode, Failure> {
     let dataset = Dataset::open(folder, &OpenOptions::default())?;
     let camera = dataset.camera().camera;
+    let truth = dataset.ground_truth()?.ok_or("expected a ground truth")?;
+    let truth = truth.iter().map(|p| timed((p.stamp, p.world_from_camera)));
+    let truth: Vec<TimedPose> = truth.collect();
     let mut open = Contestant::new(camera, false)?;
     let mut closed = [
         Contestant::new(camera, true)?,
@@ -261,15 +339,6 @@ fn recording(folder: &Path) -> Result<(), Failure> {
         open.step(frame.clone());
         closed.iter_mut().for_each(|c| c.step(frame.clone()));
     }
-    let truth: Vec<TimedPose> = dataset
-        .ground_truth()?
-        .ok_or("expected a ground truth")?
-        .into_iter()
-        .map(|p| TimedPose {
-            stamp: p.stamp,
-            world_from_camera: p.world_from_camera,
-        })
-        .collect();
     open.system.finish();
     closed.iter_mut().for_each(|c| drop(c.system.finish()));
     println!("{}", folder.display());
@@ -280,66 +349,37 @@ fn recording(folder: &Path) -> Result<(), Failure> {
             println!("    {l:?}");
         }
     }
-    let bytes = |c: &Contestant| format!("{:?} {:?}", c.poses(false), c.system.loops());
+    let bytes = |c: &Contestant| format!("{:?} {:?}", map_poses(&c.system), c.system.loops());
     let same = bytes(&closed[0]) == bytes(&closed[1]);
     println!("    the same bytes twice: {same}");
-    Ok(())
+    Ok(code(same))
 }
 
-fn median(values: &mut [f64]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
-fn main() -> Result<ExitCode, Failure> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let number = |at: usize, default: u64| -> Result<u64, Failure> {
-        Ok(words.get(at).map_or(Ok(default), |w| w.parse())?)
-    };
-    let scene = words.first().map_or("loop_two_rooms", String::as_str);
-    if Path::new(scene).is_dir() {
-        recording(Path::new(scene))?;
-        return Ok(ExitCode::SUCCESS);
-    }
-    if scene == "table" {
-        let min_odds = words.get(2).map(|w| w.parse()).transpose()?;
-        let only = words.get(3).map(String::as_str);
-        return Ok(if table(number(1, 10)?, min_odds, only)? {
-            ExitCode::SUCCESS
-        } else {
-            ExitCode::FAILURE
-        });
-    }
-    let (first, seeds, every) = (number(1, 0)?, number(2, 5)?, number(3, 1)?);
+/// Runs a scene with looping and without, seed by seed: times are told.
+fn of_scene(
+    name: &str,
+    seeds: std::ops::Range<u64>,
+    every: usize,
+    scene: &dyn Fn(u64) -> Result<Simulator, Failure>,
+) -> Result<ExitCode, Failure> {
     let (mut open_ate, mut closed_ate) = (Vec::new(), Vec::new());
     let (mut closed_loops, mut false_loops) = (Vec::new(), 0);
-    for seed in first..first + seeds {
-        let simulator = Simulator::new(&SimulatorConfig {
-            scene: scene.into(),
-            seed,
-            ..SimulatorConfig::default()
-        })?;
+    for seed in seeds {
+        let simulator = scene(seed)?;
         let mut open = Contestant::new(*simulator.camera(), false)?;
         let mut closed = Contestant::new(*simulator.camera(), true)?;
-        for i in (0..simulator.len()).step_by(every as usize) {
+        for i in (0..simulator.len()).step_by(every) {
             let frame = simulator.frame(i);
             open.step(frame.clone());
             closed.step(frame);
         }
         open.system.finish();
         closed.system.finish();
-        println!("{scene}, seed {seed}, {} frames", simulator.len());
-        let truth = simulator.ground_truth().into_iter();
-        let truth: Vec<TimedPose> = truth
-            .map(|(stamp, world_from_camera)| TimedPose {
-                stamp,
-                world_from_camera,
-            })
-            .collect();
+        println!("{name}, seed {seed}, {} frames", simulator.len());
+        let truth = truth(&simulator);
         open_ate.push(open.tell("without", &truth)?);
         closed_ate.push(closed.tell("with   ", &truth)?);
-        let mut count = 0;
-        let mut unlike = 0;
+        let (mut count, mut unlike) = (0, 0);
         for l in closed.system.loops() {
             if l.outcome == LoopOutcome::NoRigidMotion {
                 unlike += 1;
@@ -354,9 +394,9 @@ fn main() -> Result<ExitCode, Failure> {
         closed_loops.push(count);
     }
     println!(
-        "{scene}: median ATE without {:.1} mm, with {:.1} mm; loops closed per seed {closed_loops:?}, of these {false_loops} false",
-        median(&mut open_ate),
-        median(&mut closed_ate),
+        "{name}: median ATE without {:.1} mm, with {:.1} mm; loops closed per seed {closed_loops:?}, of these {false_loops} false",
+        spread(open_ate)[0],
+        spread(closed_ate)[0],
     );
     Ok(ExitCode::SUCCESS)
 }

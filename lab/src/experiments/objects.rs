@@ -1,20 +1,18 @@
 //! Tracked people against the simulator's truth: scenes with a detector that misses 30 %.
 //!
-//! `cargo run --release -p stillpoint --example objects -- SEEDS FRAMES [alarms] [bursts] [SCENE ...]`: a row per scene, with the median over the seeds and, in
-//! brackets, the worst. With `alarms` the detector has false alarms as well, with `bursts` bursts of misses.
-#![allow(clippy::print_stdout)]
+//! A row per scene, with the median over the seeds and, in brackets, the worst.
 
-use stillpoint::detection::{
-    BoundingBox, ClassId, Detection, ObjectState, ScriptRow, ScriptedDetector,
-};
+use crate::Failure;
+use crate::experiments::shared::{each_seed, scene, script, scripted};
+use crate::table::{self, Table, spread};
+use std::process::ExitCode;
+use stillpoint::detection::{ClassId, ObjectState};
 use stillpoint::evaluation::objects::{
     PointMotion, TrackFrame, TrackOptions, TrackScore, TrackedBox, track_score,
 };
 use stillpoint::imaging::Simd;
-use stillpoint::simulator::{DetectionNoise, FrameTruth, Simulator, SimulatorConfig};
+use stillpoint::simulator::{DetectionNoise, FrameTruth};
 use stillpoint::slam::{Config, Event, FrameReport, System};
-
-type Failure = Box<dyn std::error::Error>;
 
 /// Scenes with people.
 const SCENES: [&str; 7] = [
@@ -29,39 +27,29 @@ const SCENES: [&str; 7] = [
 /// People of whom less is seen need not be found, px: as `eval --objects` has it.
 const LEAST_VISIBLE: usize = 1500;
 
-/// With `alarms`: the probability that a frame has one.
+/// With `--alarms`: the probability that a frame has one.
 const FALSE_ALARM: f64 = 0.1;
-/// With `bursts`: the probability that a burst of misses begins for somebody in a frame, one in 7 s at 30 Hz.
+/// With `--bursts`: the probability that a burst of misses begins for somebody in a frame, one in 7 s at 30 Hz.
 const BURST: f64 = 0.005;
 
-/// What the simulated detector says of a frame.
-fn script(
-    simulator: &Simulator,
-    index: usize,
-    noise: &DetectionNoise,
-) -> Result<Vec<ScriptRow>, Failure> {
-    let row = |d: stillpoint::simulator::ScriptedDetection| {
-        let class = ClassId::from_name(d.class).ok_or("a class that COCO does not have")?;
-        let bounds = BoundingBox {
-            x0: d.x0,
-            y0: d.y0,
-            x1: d.x1,
-            y1: d.y1,
-        };
-        Ok(ScriptRow {
-            stamp: d.stamp,
-            detection: Detection {
-                class,
-                score: d.score,
-                bounds,
-            },
-        })
-    };
-    simulator
-        .detections(index, noise)
-        .into_iter()
-        .map(row)
-        .collect()
+/// Tracks of simulated people, who are missed in 30 % of the frames, against the truth.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Seeds of every scene
+    #[arg(long, default_value_t = 5)]
+    seeds: u64,
+    /// Frames of every run
+    #[arg(long, default_value_t = 300)]
+    frames: usize,
+    /// The detector has false alarms as well
+    #[arg(long)]
+    alarms: bool,
+    /// The detector has bursts of misses as well
+    #[arg(long)]
+    bursts: bool,
+    /// Simulated scenes
+    #[arg(default_values = SCENES)]
+    scenes: Vec<String>,
 }
 
 /// People of the truth and of the report, side by side.
@@ -100,95 +88,66 @@ fn compared(truth: &FrameTruth, report: &FrameReport) -> TrackFrame {
 }
 
 /// How well people were followed in a scene.
-fn run(
-    scene: &str,
+fn measure(
+    name: &str,
     seed: u64,
     frames: usize,
     noise: &DetectionNoise,
 ) -> Result<TrackScore, Failure> {
-    let simulator = Simulator::new(&SimulatorConfig {
-        scene: scene.to_owned(),
-        seed,
-        frames: Some(frames),
-        ..SimulatorConfig::default()
-    })?;
-    let mut rows = Vec::new();
-    for i in 0..simulator.len() {
-        rows.extend(script(&simulator, i, noise)?);
-    }
-    let detector = ScriptedDetector::new("simulated", rows)?;
-    let mut system = System::new(Config::default(), *simulator.camera(), Simd::detect())?
-        .with_detector(Box::new(detector));
+    let simulator = scene(name, seed, Some(frames))?;
+    let detector = scripted(&script(&simulator, noise)?)?;
+    let system = System::new(Config::default(), *simulator.camera(), Simd::detect())?;
+    let mut system = system.with_detector(detector);
     let mut pairs = Vec::new();
     for i in 0..simulator.len() {
-        for event in system.step(simulator.frame(i)) {
-            if let Event::Frame(done) = event {
-                pairs.push(compared(&simulator.truth(i), &done.report));
-            }
-        }
+        let events = system.step(simulator.frame(i));
+        let done = events.iter().filter_map(Event::as_frame);
+        pairs.extend(done.map(|done| compared(&simulator.truth(i), &done.report)));
     }
     Ok(track_score(&pairs, &TrackOptions::default()))
 }
 
-/// Median, and in brackets the worst of some numbers.
-fn spread(mut values: Vec<f64>, better_is_more: bool, digits: usize) -> String {
-    values.sort_by(f64::total_cmp);
-    let worst = if better_is_more {
-        values.first()
-    } else {
-        values.last()
-    };
-    let median = values.get(values.len() / 2);
-    match (median, worst) {
-        (Some(m), Some(w)) => format!("{m:.digits$} ({w:.digits$})"),
-        _ => "-".to_owned(),
-    }
-}
-
-fn main() -> Result<(), Failure> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let seeds: u64 = words.first().map_or(Ok(5), |w| w.parse())?;
-    let frames: usize = words.get(1).map_or(Ok(300), |w| w.parse())?;
-    let mut named: Vec<&str> = words.iter().skip(2).map(String::as_str).collect();
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (seeds, frames) = (arguments.seeds, arguments.frames);
     let mut noise = DetectionNoise::default();
-    let mut asked = |word: &str| {
-        let before = named.len();
-        named.retain(|name| *name != word);
-        named.len() < before
-    };
-    if asked("alarms") {
+    if arguments.alarms {
         noise.false_alarm = FALSE_ALARM;
     }
-    if asked("bursts") {
+    if arguments.bursts {
         noise.burst = BURST;
     }
-    let scenes = if named.is_empty() {
-        &SCENES[..]
-    } else {
-        &named
-    };
     println!("{seeds} seeds, {frames} frames; median (worst)\n");
-    println!(
-        "| scene | MOTA | IDF1 | HOTA | switches | ids of 2 people | ghosts per frame | speed error, m/s |"
-    );
-    println!("|---|---:|---:|---:|---:|---:|---:|---:|");
-    for scene in scenes {
-        let mut scores = Vec::new();
-        for seed in 0..seeds {
-            scores.push(run(scene, seed, frames, &noise)?);
-        }
-        let of = |value: &dyn Fn(&TrackScore) -> f64| scores.iter().map(value).collect::<Vec<_>>();
-        let speed = |s: &TrackScore| s.motion.speed.map_or(f64::NAN, |speed| speed.median);
-        println!(
-            "| `{scene}` | {} | {} | {} | {} | {} | {} | {} |",
-            spread(of(&|s| s.clear.mota), true, 3),
-            spread(of(&|s| s.identity.f1), true, 3),
-            spread(of(&|s| s.hota.hota), true, 3),
-            spread(of(&|s| s.clear.id_switches as f64), false, 0),
-            spread(of(&|s| s.found_ids as f64), false, 0),
-            spread(of(&|s| s.ghosts_per_frame), false, 3),
-            spread(of(&speed), false, 3),
-        );
+    let mut table = Table::new([
+        "scene",
+        "MOTA",
+        "IDF1",
+        "HOTA",
+        "switches",
+        "ids of 2 people",
+        "ghosts per frame",
+        "speed error, m/s",
+    ]);
+    for scene in &arguments.scenes {
+        let scores = each_seed(seeds, |seed| measure(scene, seed, frames, &noise))?;
+        // Of what should be great the least is the worst, and the other way round.
+        let cell = |digits: usize, worst: usize, f: &dyn Fn(&TrackScore) -> f64| {
+            let spread = spread(scores.iter().map(f));
+            format!("{:.digits$} ({:.digits$})", spread[0], spread[worst])
+        };
+        let (least, greatest) = (1, 2);
+        table.row([
+            format!("`{scene}`"),
+            cell(3, least, &|s| s.clear.mota),
+            cell(3, least, &|s| s.identity.f1),
+            cell(3, least, &|s| s.hota.hota),
+            cell(0, greatest, &|s| s.clear.id_switches as f64),
+            cell(0, greatest, &|s| s.found_ids as f64),
+            cell(3, greatest, &|s| s.ghosts_per_frame),
+            cell(3, greatest, &|s| {
+                s.motion.speed.map_or(f64::NAN, |v| v.median)
+            }),
+        ]);
     }
-    Ok(())
+    table::print(&table);
+    Ok(ExitCode::SUCCESS)
 }

@@ -1,31 +1,63 @@
 //! A long run: a simulated camera walks through the same two rooms again and again, in a map with a limit on its keyframes. Tells, for
-//! every minute of camera time, memory, time per frame and error, and whether the last minute is worse than the second.
+//! every minute of camera time, memory, time per frame and error, and whether the last minute is worse than the second: then the exit code is 1.
 //!
-//! `cargo run --release -p stillpoint --example soak -- [MINUTES] [HZ] [MAX_KEYFRAMES] [DENSE_MB] [SEED]`; 10 minutes at 15 Hz with at most 200
-//! keyframes by default, 320x240 px. With DENSE_MB a surface is fused beside it, whose kept frames may take so much; what it
-//! takes is told, and is part of the memory that is judged.
+//! Images have 320x240 px. With a surface fused beside the run, what it takes is told, and is part of the memory that is judged.
 //! The driver is the inline one, so that poses and map are the same on every machine. Time per frame is the time that the thread
-//! was on a processor, where the system tells that, without rendering. Who else uses the machine slows it all the same; so it is compared by
-//! the time that the features of one and the same image take in between.
-#![allow(clippy::print_stdout)]
+//! computed, without rendering. Who else uses the machine slows it all the same; so it is compared by the time that the features of
+//! one and the same image take in between.
 
+use crate::Failure;
+use crate::experiments::shared::process::{computed, memory_mb};
+use crate::experiments::shared::{self, ate_mm, code, map_poses};
 use std::process::ExitCode;
-use std::time::Instant;
 use stillpoint::dense::{Dense, DenseConfig};
-use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint::evaluation::TimedPose;
+use stillpoint::evaluation::timing::Stats;
 use stillpoint::features::{Features, OrbConfig, OrbExtractor};
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameId, GrayImage, Simd};
 use stillpoint::simulator::{Simulator, SimulatorConfig};
-use stillpoint::slam::{Config, Event, Outcome, Subscriber, System};
+use stillpoint::slam::{Config, Subscriber, System};
 
-type Failure = Box<dyn std::error::Error>;
+/// Whether memory, time or error grow on a long walk through the same two rooms.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Minutes of camera time
+    #[arg(long, default_value_t = 10)]
+    minutes: usize,
+    /// Frames per second, of 30 that are simulated
+    #[arg(long, default_value_t = 15.0)]
+    rate: f64,
+    /// Keyframes of the map, at most
+    #[arg(long, default_value_t = 200)]
+    max_keyframes: usize,
+    /// Fuses a surface, whose kept frames may take so many MB
+    #[arg(long)]
+    dense_mb: Option<f64>,
+    /// Seed of the run
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
 
 /// How much worse than the second minute the last one may be.
 const TOLERANCE: f64 = 1.1;
 
 /// Frames per second of the simulator.
 const RATE: f64 = 30.0;
+
+const COLUMNS: [&str; 11] = [
+    "minute",
+    "memory, MB",
+    "median, ms",
+    "p95, ms",
+    "unit, ms",
+    "ATE, mm",
+    "keyframes",
+    "landmarks",
+    "of ever made",
+    "lost",
+    "dense, MB",
+];
 
 /// What was measured in one minute of camera time.
 struct Minute {
@@ -43,43 +75,43 @@ struct Minute {
     dense_mb: f64,
 }
 
-fn main() -> Result<ExitCode, Failure> {
-    let mut arguments = std::env::args().skip(1);
-    let mut next = |default: f64| arguments.next().map_or(Ok(default), |a| a.parse::<f64>());
-    let (minutes, hertz, max_keyframes) = (next(10.0)?, next(15.0)?, next(200.0)?);
-    let (dense_mb, seed) = (next(0.0)?, next(0.0)?);
-    let stride = (RATE / hertz).round().max(1.0) as usize;
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let stride = (RATE / arguments.rate).round().max(1.0) as usize;
+    let max_keyframes = arguments.max_keyframes;
     let mut config = Config {
-        seed: seed as u64,
+        seed: arguments.seed,
         ..Config::default()
     };
-    config.mapping.max_keyframes = max_keyframes as usize;
+    config.mapping.max_keyframes = max_keyframes;
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".to_owned(),
         camera: Camera::pinhole(320, 240, [267.5, 267.5, 159.5, 119.5]),
         ..SimulatorConfig::default()
     })?;
     let mut system = System::new(config, *simulator.camera(), Simd::detect())?;
-    let dense = DenseConfig {
-        depth_budget: (1e6 * dense_mb) as usize,
-        ..DenseConfig::default()
+    let surface = |mb: f64| {
+        let config = DenseConfig {
+            depth_budget: (1e6 * mb) as usize,
+            ..DenseConfig::default()
+        };
+        Dense::new(&config, simulator.camera(), Simd::detect())
     };
-    let mut dense = match dense_mb > 0.0 {
-        true => Some(Dense::new(&dense, simulator.camera(), Simd::detect())?),
-        false => None,
-    };
+    let mut dense = arguments.dense_mb.map(surface).transpose()?;
     println!(
-        "two rooms, one round in {:.0} s, 320x240 px at {:.0} Hz, at most {max_keyframes} keyframes",
+        "two rooms, one round in {:.0} s, 320x240 px at {:.0} Hz, at most {max_keyframes} keyframes\n",
         simulator.len() as f64 / RATE,
         RATE / stride as f64
     );
+    // Rows are printed as they come: a run takes hours.
     println!(
-        "minute | memory MB | median ms | p95 ms | unit ms | ATE mm | keyframes | landmarks | of ever made | lost | dense MB"
+        "| {} |\n|{}",
+        COLUMNS.join(" | "),
+        "---:|".repeat(COLUMNS.len())
     );
     let per_minute = 60 * RATE as usize / stride;
     let mut all = Vec::new();
     let mut unit = Unit::new(simulator.frame(0).gray);
-    for m in 0..minutes as usize {
+    for m in 0..arguments.minutes {
         let first = m * per_minute;
         let minute = walk(
             (&mut system, &mut dense),
@@ -90,7 +122,7 @@ fn main() -> Result<ExitCode, Failure> {
             &mut unit,
         )?;
         println!(
-            "{:6} | {:9.1} | {:9.2} | {:6.2} | {:7.2} | {:6.1} | {:9} | {:9} | {:12} | {:4} | {:.1}",
+            "| {} | {:.1} | {:.2} | {:.2} | {:.2} | {:.1} | {} | {} | {} | {} | {:.1} |",
             m + 1,
             minute.memory_mb,
             minute.median_ms,
@@ -127,47 +159,34 @@ fn walk(
             stamp: frame.stamp,
             world_from_camera: simulator.world_from_camera(frame.stamp),
         });
-        let stopwatch = Stopwatch::start();
+        let start = computed();
         let events = system.step(frame);
-        times.push(1e3 * stopwatch.seconds());
+        times.push(1e3 * (computed() - start));
         if let Some(dense) = dense {
             dense.receive_all(&events);
         }
         if i % 10 == 0 {
             units.push(1e3 * unit.seconds());
         }
-        lost += events.iter().filter(|e| is_lost(e)).count();
+        lost += shared::lost(&events);
     }
-    times.sort_by(f64::total_cmp);
-    units.sort_by(f64::total_cmp);
     let view = system.view();
     let begin = truth.first().map_or(0.0, |p| p.stamp - 1e-6);
-    let poses: Vec<TimedPose> = system
-        .trajectory()
-        .resolve(&view)
-        .filter(|(entry, _)| entry.stamp > begin)
-        .map(|(entry, world_from_camera)| TimedPose {
-            stamp: entry.stamp,
-            world_from_camera,
-        })
-        .collect();
-    let score = evaluate(&truth, &poses, &EvalOptions::default())?;
+    let mut poses = map_poses(system);
+    poses.retain(|p| p.stamp > begin);
+    let times = Stats::of(&times);
     Ok(Minute {
-        memory_mb: memory_mb().unwrap_or(f64::NAN),
-        median_ms: times[times.len() / 2],
-        p95_ms: times[times.len() * 95 / 100],
-        unit_ms: units[units.len() / 2],
-        ate_mm: score.ate.statistics.rmse * 1e3,
+        memory_mb: memory_mb("VmRSS"),
+        median_ms: times.median,
+        p95_ms: times.p95,
+        unit_ms: Stats::of(&units).median,
+        ate_mm: ate_mm(&truth, &poses)?,
         keyframes: view.keyframe_count(),
         landmarks: view.landmark_count(),
         landmark_ids: view.landmark_bound(),
         lost,
         dense_mb: dense.as_ref().map_or(0.0, |d| d.bytes() as f64 / 1e6),
     })
-}
-
-fn is_lost(event: &Event) -> bool {
-    matches!(event, Event::Frame(f) if matches!(f.report.outcome, Outcome::Lost { .. }))
 }
 
 /// Compares the last minute with the second.
@@ -197,11 +216,7 @@ fn verdict(all: &[Minute]) -> ExitCode {
         let word = if fine { "holds" } else { "GROWS" };
         println!("{name}: {ratio:.3} of the second minute's: {word}");
     }
-    if holds {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    }
+    code(holds)
 }
 
 /// Work that is always the same.
@@ -221,40 +236,32 @@ impl Unit {
     }
 
     fn seconds(&mut self) -> f64 {
-        let stopwatch = Stopwatch::start();
+        let start = computed();
         self.extractor.extract(&self.image, &mut self.features);
-        stopwatch.seconds()
+        computed() - start
     }
 }
 
-/// Time of this thread on a processor, or time by the clock where the system does not give that.
-struct Stopwatch(Option<f64>, Instant);
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-impl Stopwatch {
-    fn start() -> Self {
-        Self(processor_seconds(), Instant::now())
+    #[test]
+    fn what_grows_fails() {
+        let minute = |memory_mb: f64| Minute {
+            memory_mb,
+            median_ms: 2.0,
+            p95_ms: 4.0,
+            unit_ms: 1.0,
+            ate_mm: 5.0,
+            keyframes: 10,
+            landmarks: 100,
+            landmark_ids: 200,
+            lost: 0,
+            dense_mb: 0.0,
+        };
+        let of = |memory: [f64; 3]| verdict(&memory.map(minute));
+        assert_eq!(of([50.0, 100.0, 105.0]), ExitCode::SUCCESS);
+        assert_eq!(of([50.0, 100.0, 120.0]), ExitCode::FAILURE);
     }
-
-    fn seconds(&self) -> f64 {
-        let on_processor = processor_seconds()
-            .zip(self.0)
-            .map(|(now, then)| now - then);
-        on_processor.unwrap_or_else(|| self.1.elapsed().as_secs_f64())
-    }
-}
-
-fn processor_seconds() -> Option<f64> {
-    // The kernel counts a running thread's time at its ticks, some milliseconds apart, and whenever it makes way for another.
-    std::thread::yield_now();
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-    let nanoseconds: f64 = text.split_ascii_whitespace().next()?.parse().ok()?;
-    Some(1e-9 * nanoseconds)
-}
-
-/// Resident memory of this process.
-fn memory_mb() -> Option<f64> {
-    let text = std::fs::read_to_string("/proc/self/statm").ok()?;
-    let pages: f64 = text.split_ascii_whitespace().nth(1)?.parse().ok()?;
-    // Linux has pages of 4 KiB on all machines that this is likely to run on.
-    Some(pages * 4096.0 / 1e6)
 }

@@ -1,20 +1,12 @@
 //! Bytes of a map, by kind.
 
-use stillpoint_map::{Keyframe, Landmark, Map};
+use stillpoint::map::{Keyframe, Landmark, Map};
 
 /// What an allocation costs beside its bytes, about: counters of an `Arc`.
 const COUNTERS: usize = 16;
 
-/// A figure of this process in MB, where the system tells.
-pub(crate) fn of_process(which: &str) -> f64 {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let line = status.lines().find(|l| l.starts_with(which));
-    let kb = line.and_then(|l| l.split_whitespace().nth(1)?.parse::<f64>().ok());
-    kb.map_or(f64::NAN, |kb| kb * 1024e-6)
-}
-
 /// Kinds of things and their bytes.
-pub(crate) fn of_map(map: &Map) -> Vec<(&'static str, usize)> {
+pub(super) fn of_map(map: &Map) -> Vec<(&'static str, usize)> {
     let view = map.view();
     let sum =
         |bytes: &dyn Fn(&Keyframe) -> usize| view.keyframes().map(|k| bytes(k)).sum::<usize>();

@@ -1,24 +1,35 @@
 //! Time and memory of closing one loop at the end of a long path: the loop closer alone, on a synthetic map of so many keyframes.
 //!
-//! `cargo run --release -p stillpoint-slam --example closing -- [KEYFRAMES] [FEATURES]`; 2000 keyframes of 1000 features by default. Keyframes are
-//! 0.2 m apart on one circle and see 400 of the points along it, which is twice what real ones see, and the rest of their features once; the
+//! Keyframes are 0.2 m apart on one circle and see 400 of the points along it, which is twice what real ones see, and the rest of their features once; the
 //! last ones see what the first ones saw. Time of each part of closing by its span, parts inside others too: `recognise` and `verify` (finding the place),
 //! `drift` and `straighten` (pose graph), `merge` (fusing), `adjust` (bundle adjustment of all). One run per process, so that its peak memory is its own. Times
 //! are of the processor, which a loaded machine does not stretch; of the clock where the system does not tell.
-#![allow(clippy::unwrap_used, clippy::print_stdout, missing_docs)]
-// The library reads no clock and no file; what measures it has to.
-#![allow(clippy::disallowed_types, clippy::disallowed_methods)]
 
 mod memory;
-mod stages;
+#[path = "../../../../crates/slam/tests/closing/world.rs"]
 mod world;
 
-use stages::{Stages, computed};
-use stillpoint_slam::{Config, LoopCloser, LoopCloserMsg, LoopOutcome};
+use crate::Failure;
+use crate::experiments::shared::process::{computed, memory_mb};
+use crate::experiments::shared::spans::{self, Spans};
+use std::collections::BTreeMap;
+use std::process::ExitCode;
+use stillpoint::slam::{Config, LoopCloser, LoopCloserMsg};
+use stillpoint::{estimation, features, geometry, map};
 use world::{STEP_M, Walk, World};
 
-/// Features of an image, at most.
-const FEATURES: usize = 1000;
+/// Keyframes that see the beginning again.
+const BACK: u32 = 30;
+
+/// Time and memory of closing one loop at the end of a long path.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[arg(default_value_t = 2000, value_parser = clap::value_parser!(u32).range(100..))]
+    keyframes: u32,
+    /// Features of a keyframe
+    #[arg(default_value_t = 1000)]
+    features: usize,
+}
 
 /// What the map takes, by kind, and the process.
 fn tell_memory(walk: &Walk, places: usize, resident: f64) {
@@ -46,25 +57,21 @@ fn tell_memory(walk: &Walk, places: usize, resident: f64) {
     );
 }
 
-fn main() {
-    let mut words = std::env::args().skip(1);
-    let mut next = |default: usize| words.next().map_or(default, |a| a.parse().unwrap());
-    let (count, features) = (next(2000) as u32, next(FEATURES));
-    // A second subscriber would be the caller's mistake, and there is none.
-    let _ = tracing::subscriber::set_global_default(Stages);
-    // The last thirty keyframes see the beginning again.
-    let world = World::new(STEP_M * f64::from(count - 30));
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (count, features) = (arguments.keyframes, arguments.features);
+    Spans::Computed.start()?;
+    let world = World::new(STEP_M * f64::from(count - BACK));
     let mut walk = Walk::new(world.with_clutter(features.saturating_sub(world::SEEN)));
     let mut loop_closer = LoopCloser::new(&Config::default());
     let mut slowest = 0.0f64;
     for k in 0..count {
         let (id, view) = walk.step();
-        let before = memory::of_process("VmRSS");
+        let before = memory_mb("VmRSS");
         let start = computed();
         let out = loop_closer.step(LoopCloserMsg::Keyframe { id, view });
         let seconds = computed() - start;
-        let parts = stages::take();
-        let Some(report) = out.report.filter(|r| r.outcome == LoopOutcome::Closed) else {
+        let parts = spans::take();
+        let (Some(report), Some(correction)) = (&out.report, &out.correction) else {
             slowest = slowest.max(seconds);
             continue;
         };
@@ -72,22 +79,27 @@ fn main() {
         let places = out.places.keys().filter_map(|k| out.places.get(k));
         tell_memory(&walk, places.map(|v| v.bytes()).sum(), before);
         println!("closed at keyframe {k} in {seconds:.2} s, of which");
-        for (stage, seconds) in parts {
+        let mut stages: BTreeMap<&str, f64> = BTreeMap::new();
+        for ((_, stage), seconds) in parts {
+            *stages.entry(stage).or_default() += seconds;
+        }
+        for (stage, seconds) in stages {
             println!("{stage:>22} {seconds:8.3} s");
         }
         println!(
             "steps that close nothing take {:.1} ms at most; memory while closing {:.0} MB at most",
             slowest * 1e3,
-            memory::of_process("VmHWM"),
+            memory_mb("VmHWM"),
         );
         let start = computed();
-        let applied = walk.map.apply(&out.correction.unwrap());
+        let applied = walk.map.apply(correction);
         let seconds = computed() - start;
         println!(
             "applied in {seconds:.3} s, {} landmarks merged",
             applied.merged
         );
-        return;
+        return Ok(ExitCode::SUCCESS);
     }
     println!("no loop was closed in {count} keyframes");
+    Ok(ExitCode::FAILURE)
 }

@@ -1,6 +1,6 @@
 //! What fusing a frame costs.
 
-use crate::Outcome;
+use crate::Failure;
 use std::path::Path;
 use std::sync::Arc;
 use stillpoint::dense::{DenseConfig, DenseMap, Fuser};
@@ -8,8 +8,8 @@ use stillpoint::geometry::{Camera, Se3, nalgebra::Matrix4};
 use stillpoint::imaging::{ColourImage, DepthImage, FrameId, GrayImage, RgbdFrame, Simd};
 
 /// Fuses what was dumped, and says how much processor time of the user's a frame took.
-pub(crate) fn time(dir: &Path, voxel: f64, rounds: usize) -> Outcome<()> {
-    let numbers = |name: &str| -> Outcome<Vec<f64>> {
+pub(super) fn time(dir: &Path, voxel: f64, rounds: usize) -> Result<(), Failure> {
+    let numbers = |name: &str| -> Result<Vec<f64>, Failure> {
         let text = std::fs::read_to_string(dir.join(name))?;
         Ok(text
             .split_whitespace()
@@ -68,7 +68,7 @@ pub(crate) fn time(dir: &Path, voxel: f64, rounds: usize) -> Outcome<()> {
 }
 
 /// Processor time of this process, s, as Linux counts it.
-fn user_seconds() -> Outcome<f64> {
+fn user_seconds() -> Result<f64, Failure> {
     let text = std::fs::read_to_string("/proc/self/stat")?;
     let rest = text.rsplit(')').next().ok_or("no times")?;
     let ticks: f64 = rest.split_whitespace().nth(11).ok_or("no times")?.parse()?;

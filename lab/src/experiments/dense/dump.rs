@@ -1,6 +1,8 @@
 //! Frames and poses for other programs.
 
-use crate::{Outcome, chosen, simulator};
+use super::{Scene, chosen};
+use crate::Failure;
+use crate::experiments::shared::pose_at;
 use std::path::Path;
 use stillpoint::geometry::{Camera, Se3, Vec2};
 use stillpoint::imaging::FrameSource;
@@ -15,7 +17,7 @@ struct Dump<'a> {
 }
 
 impl Dump<'_> {
-    fn add(&mut self, depth: &[f32], rgb: &[u8], pose: &Se3) -> Outcome<()> {
+    fn add(&mut self, depth: &[f32], rgb: &[u8], pose: &Se3) -> Result<(), Failure> {
         let units = depth.iter().map(|z| (z * 5000.0 + 0.5).min(65535.0) as u16);
         let bytes: Vec<u8> = units.flat_map(u16::to_le_bytes).collect();
         std::fs::write(self.dir.join(format!("{}.depth", self.count)), bytes)?;
@@ -31,7 +33,7 @@ impl Dump<'_> {
         Ok(())
     }
 
-    fn finish(self, camera: &Camera) -> Outcome<()> {
+    fn finish(self, camera: &Camera) -> Result<(), Failure> {
         let c = camera;
         let text = format!(
             "{} {} {} {} {} {}\n",
@@ -43,9 +45,9 @@ impl Dump<'_> {
     }
 }
 
-pub(crate) fn dump_simulated(scene: &str, dir: &Path) -> Outcome<()> {
+pub(super) fn dump_simulated(scene: &Scene, dir: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(dir)?;
-    let sim = simulator(scene)?;
+    let sim = scene.simulator()?;
     let mut dump = Dump {
         dir,
         poses: String::new(),
@@ -63,7 +65,7 @@ pub(crate) fn dump_simulated(scene: &str, dir: &Path) -> Outcome<()> {
 }
 
 /// Of a recording with ground truth, without lens distortion, as other programs want it.
-pub(crate) fn dump_recorded(folder: &Path, dir: &Path) -> Outcome<()> {
+pub(super) fn dump_recorded(folder: &Path, dir: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(dir)?;
     let input = recordings::open(folder, &Default::default())?;
     let truth = input.ground_truth()?.ok_or("no ground truth")?;
@@ -88,13 +90,9 @@ pub(crate) fn dump_recorded(folder: &Path, dir: &Path) -> Outcome<()> {
     })?;
     while let Some(frame) = frames.next_frame() {
         let frame = frame?;
-        let after = truth.partition_point(|p| p.stamp < frame.depth_stamp);
-        if after == 0 || after == truth.len() || frame.id.0 % 2 == 1 {
+        let Some(pose) = pose_at(&truth, frame.depth_stamp).filter(|_| frame.id.0 % 2 == 0) else {
             continue;
-        }
-        let (a, b) = (&truth[after - 1], &truth[after]);
-        let share = (frame.depth_stamp - a.stamp) / (b.stamp - a.stamp);
-        let pose = a.world_from_camera.interpolate(&b.world_from_camera, share);
+        };
         let depth: Vec<f32> = table
             .iter()
             .map(|s| s.map_or(0.0, |s| frame.depth.data()[s]))

@@ -1,12 +1,13 @@
 //! How near a surface is to the true one.
 
-use crate::{Outcome, chosen, simulator};
+use super::{Scene, chosen};
+use crate::Failure;
 use stillpoint::geometry::Vec3;
 use stillpoint::simulator::{Simulator, SimulatorConfig, Surfaces};
 
 /// Distances of a surface to the true one, and how much of that it has.
-pub(crate) fn tell(scene: &str, points: &[Vec3]) -> Outcome<()> {
-    let sim = &simulator(scene)?;
+pub(super) fn tell(scene: &Scene, points: &[Vec3]) -> Result<(), Failure> {
+    let sim = scene.simulator()?;
     let faces = Surfaces::new(sim.static_surfaces());
     let mut distances: Vec<f64> = points.iter().map(|p| faces.distance(p)).collect();
     let far = distances.iter().filter(|d| **d > 0.1).count();
@@ -57,10 +58,11 @@ fn completeness(truth: &[Vec3], points: &[Vec3]) -> (usize, usize) {
 }
 
 /// Points of the true surface, so far apart (m), that were measured in three frames at least.
-pub(crate) fn measured(scene: &str, apart: f64) -> Outcome<Vec<Vec3>> {
-    let sim = simulator(scene)?;
+pub(super) fn measured(scene: &Scene, apart: f64) -> Result<Vec<Vec3>, Failure> {
+    let sim = scene.simulator()?;
     let ideal = Simulator::new(&SimulatorConfig {
-        scene: scene.to_owned(),
+        scene: scene.name.clone(),
+        frames: scene.frames,
         noise: false,
         ..SimulatorConfig::default()
     })?;

@@ -1,11 +1,4 @@
 //! Figures of the dense map: how near its surface is to the true one, how much of people is in it, and what fusing a frame costs.
-//!
-//! `dense true SCENE [voxel]`: at true poses. `dense merge SCENE [voxel]`: the same of both halves of the recording, the second in other axes and put to the first. `dense run SCENE [on|off|scripted]`: at our own, with the filter on or off, or a scripted detector.
-//! `dense dump-sim SCENE DIR` and `dense dump-tum FOLDER DIR`: frames and poses for other programs. `dense time DIR [voxel] [rounds]`: fuses
-//! what was dumped. `dense fuse FOLDER FILE`: the surface of a recording at true poses, without what the filter says moves (no detector), as PLY. `dense plan SCENE`: the floor plan at true poses against the true one. `dense points MAP FILE`: what a map says of 10 000
-//! points, as lines x y z and 1 (occupied), 0 (free) or -1 (unknown). `dense score SCENE FILE`: of a surface that another program made, as floats x y z of its points.
-
-#![allow(clippy::print_stdout)] // What an example is for.
 
 mod cost;
 mod dump;
@@ -13,52 +6,131 @@ mod measure;
 mod plan;
 mod recorded;
 
-use cost::time;
-use dump::{dump_recorded, dump_simulated};
+use crate::Failure;
+use crate::experiments::shared::{scene, script, scripted};
 use measure::tell;
-use plan::{plan, points};
-use recorded::fuse;
-use std::error::Error;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::time::Instant;
 use stillpoint::datasets::read_regular;
 use stillpoint::dense::{Dense, DenseConfig, DenseMap, FinalPose, Fuser, Mesh, MeshOptions};
-use stillpoint::detection::{Detector, ScriptedDetector};
 use stillpoint::geometry::{Se3, Vec3, Vec6, align_umeyama};
 use stillpoint::imaging::Simd;
-use stillpoint::simulator::{DetectionNoise, Simulator, SimulatorConfig};
-use stillpoint::slam::{Config, Preset, Stages, Subscriber, System};
+use stillpoint::simulator::{DetectionNoise, Simulator};
+use stillpoint::slam::{Config, Preset, Subscriber, System};
 
-type Outcome<T> = Result<T, Box<dyn Error>>;
+/// Surfaces: how near to the true ones, how much of people is in them, what fusing a frame costs.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    what: What,
+}
 
-fn main() -> Outcome<()> {
-    let args: Vec<String> = std::env::args().skip(1).collect();
-    let args: Vec<&str> = args.iter().map(String::as_str).collect();
-    match args[..] {
-        ["true", scene] => at_true_poses(scene, 0.02),
-        ["true", scene, voxel] => at_true_poses(scene, voxel.parse()?),
-        ["merge", scene] => merged(scene, 0.02),
-        ["merge", scene, voxel] => merged(scene, voxel.parse()?),
-        ["run", scene] => at_own_poses(scene, "on"),
-        ["run", scene, filter] => at_own_poses(scene, filter),
-        ["dump-sim", scene, dir] => dump_simulated(scene, Path::new(dir)),
-        ["dump-tum", folder, dir] => dump_recorded(Path::new(folder), Path::new(dir)),
-        ["time", dir] => time(Path::new(dir), 0.02, 3),
-        ["time", dir, voxel] => time(Path::new(dir), voxel.parse()?, 3),
-        ["time", dir, voxel, rounds] => time(Path::new(dir), voxel.parse()?, rounds.parse()?),
-        ["plan", scene] => plan(scene),
-        ["fuse", folder, file] => fuse(Path::new(folder), Path::new(file)),
-        ["points", map, file] => points(Path::new(map), Path::new(file)),
-        ["score", scene, file] => score_file(scene, Path::new(file)),
-        _ => Err("expected true, merge, run, fuse, dump-sim, dump-tum, time, plan, points or score; see the first lines of the source".into()),
+#[derive(clap::Subcommand)]
+enum What {
+    /// At true poses
+    True {
+        #[command(flatten)]
+        scene: Scene,
+        #[command(flatten)]
+        size: Size,
+    },
+    /// Both halves of a scene at true poses, the second in other axes and put to the first
+    Merge {
+        #[command(flatten)]
+        scene: Scene,
+        #[command(flatten)]
+        size: Size,
+    },
+    /// At estimated poses
+    Run {
+        #[command(flatten)]
+        scene: Scene,
+        #[arg(value_enum, default_value_t = Filter::On)]
+        filter: Filter,
+    },
+    /// The floor plan at true poses against the true one
+    Plan {
+        #[command(flatten)]
+        scene: Scene,
+    },
+    /// The surface of a recording at true poses, without what the filter says moves (no detector), as PLY
+    Fuse { folder: PathBuf, file: PathBuf },
+    /// Frames and poses of a scene for other programs
+    DumpSim {
+        #[command(flatten)]
+        scene: Scene,
+        folder: PathBuf,
+    },
+    /// Frames and poses of a recording for other programs
+    DumpTum { recording: PathBuf, folder: PathBuf },
+    /// Processor time per frame of fusing what was dumped
+    Time {
+        folder: PathBuf,
+        #[command(flatten)]
+        size: Size,
+        #[arg(long, default_value_t = 3)]
+        rounds: usize,
+    },
+    /// What a map says of 10 000 points: lines x y z and 1 (occupied), 0 (free) or -1 (unknown)
+    Points { map: PathBuf, file: PathBuf },
+    /// A surface that another program made of a scene: floats x y z of its points
+    Score {
+        #[command(flatten)]
+        scene: Scene,
+        file: PathBuf,
+    },
+}
+
+#[derive(clap::Args)]
+struct Scene {
+    /// Simulated scene
+    #[arg(id = "scene", value_name = "SCENE")]
+    name: String,
+    /// Frames, of 30 per second; the scene's own length without it
+    #[arg(long)]
+    frames: Option<usize>,
+}
+
+impl Scene {
+    fn simulator(&self) -> Result<Simulator, Failure> {
+        scene(&self.name, 0, self.frames)
     }
 }
 
-fn simulator(scene: &str) -> Outcome<Simulator> {
-    Ok(Simulator::new(&SimulatorConfig {
-        scene: scene.to_owned(),
-        ..SimulatorConfig::default()
-    })?)
+#[derive(clap::Args)]
+struct Size {
+    /// Side of a voxel, m
+    #[arg(long, default_value_t = 0.02)]
+    voxel: f64,
+}
+
+#[derive(Clone, Copy, PartialEq, clap::ValueEnum)]
+enum Filter {
+    On,
+    Off,
+    /// With a detector that misses 30 %
+    Scripted,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    match &arguments.what {
+        What::True { scene, size } => at_true_poses(scene, size.voxel),
+        What::Merge { scene, size } => merged(scene, size.voxel),
+        What::Run { scene, filter } => at_own_poses(scene, *filter),
+        What::Plan { scene } => plan::plan(scene),
+        What::Fuse { folder, file } => recorded::fuse(folder, file),
+        What::DumpSim { scene, folder } => dump::dump_simulated(scene, folder),
+        What::DumpTum { recording, folder } => dump::dump_recorded(recording, folder),
+        What::Time {
+            folder,
+            size,
+            rounds,
+        } => cost::time(folder, size.voxel, *rounds),
+        What::Points { map, file } => plan::points(map, file),
+        What::Score { scene, file } => score_file(scene, file),
+    }?;
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Every second frame: 15 Hz, as a run takes them.
@@ -66,8 +138,8 @@ fn chosen(sim: &Simulator) -> impl Iterator<Item = usize> + use<> {
     (0..sim.len()).step_by(2)
 }
 
-fn at_true_poses(scene: &str, voxel: f64) -> Outcome<()> {
-    let sim = simulator(scene)?;
+fn at_true_poses(scene: &Scene, voxel: f64) -> Result<(), Failure> {
+    let sim = scene.simulator()?;
     let map = fused(&sim, chosen(&sim), voxel, &Se3::identity())?;
     tell(scene, &points_of(&map.mesh(&MeshOptions::default())))
 }
@@ -78,7 +150,7 @@ fn fused(
     frames: impl Iterator<Item = usize>,
     voxel: f64,
     map_from_world: &Se3,
-) -> Outcome<DenseMap> {
+) -> Result<DenseMap, Failure> {
     let config = DenseConfig {
         voxel,
         ..DenseConfig::default()
@@ -93,8 +165,8 @@ fn fused(
 }
 
 /// The first half, the second one, both put together, and all in one run.
-fn merged(scene: &str, voxel: f64) -> Outcome<()> {
-    let sim = simulator(scene)?;
+fn merged(scene: &Scene, voxel: f64) -> Result<(), Failure> {
+    let sim = scene.simulator()?;
     let half = sim.len() / 2;
     let turned = Se3::exp(&Vec6::new(1.3, -0.7, 0.4, 0.4, -1.1, 0.6));
     let own = Se3::identity();
@@ -130,16 +202,16 @@ fn points_of(mesh: &Mesh) -> Vec<Vec3> {
     corners.chain(middles).collect()
 }
 
-fn at_own_poses(scene: &str, filter: &str) -> Outcome<()> {
-    let sim = simulator(scene)?;
+fn at_own_poses(scene: &Scene, filter: Filter) -> Result<(), Failure> {
+    let sim = scene.simulator()?;
     let mut config = Config::default();
-    if filter == "off" {
+    if filter == Filter::Off {
         config.static_filter.preset = Preset::Off;
     }
-    let stages = Stages::new(config, *sim.camera(), Simd::detect())?;
-    let mut system = System::from(stages);
-    if filter == "scripted" {
-        system = system.with_detector(scripted(&sim)?);
+    let mut system = System::new(config, *sim.camera(), Simd::detect())?;
+    if filter == Filter::Scripted {
+        let script = script(&sim, &DetectionNoise::default())?;
+        system = system.with_detector(scripted(&script)?);
     }
     let mut dense = Dense::new(&DenseConfig::default(), sim.camera(), Simd::detect())?;
     for i in 0..sim.len() {
@@ -165,21 +237,8 @@ fn at_own_poses(scene: &str, filter: &str) -> Outcome<()> {
     tell(scene, &points)
 }
 
-fn scripted(sim: &Simulator) -> Outcome<Box<dyn Detector>> {
-    let mut text = String::new();
-    for i in 0..sim.len() {
-        for d in sim.detections(i, &DetectionNoise::default()) {
-            text += &format!(
-                "{},{},{},{},{},{},{}\n",
-                d.stamp, d.class, d.score, d.x0, d.y0, d.x1, d.y1
-            );
-        }
-    }
-    Ok(Box::new(ScriptedDetector::parse("simulator", &text)?))
-}
-
 /// By the positions of the frames.
-fn alignment(sim: &Simulator, poses: &[FinalPose]) -> Outcome<Se3> {
+fn alignment(sim: &Simulator, poses: &[FinalPose]) -> Result<Se3, Failure> {
     let ours: Vec<Vec3> = poses
         .iter()
         .map(|p| p.world_from_camera.translation)
@@ -201,7 +260,7 @@ fn alignment(sim: &Simulator, poses: &[FinalPose]) -> Outcome<Se3> {
     Ok(found.target_from_source)
 }
 
-fn score_file(scene: &str, file: &Path) -> Outcome<()> {
+fn score_file(scene: &Scene, file: &Path) -> Result<(), Failure> {
     let bytes = read_regular(file, 1 << 31)?;
     let floats: Vec<f64> = bytes
         .chunks_exact(4)

@@ -1,7 +1,8 @@
 //! The floor plan against the true one, and what a map says of points.
 
-use crate::measure::measured;
-use crate::{Outcome, chosen, simulator};
+use super::measure::measured;
+use super::{Scene, chosen};
+use crate::Failure;
 use std::path::Path;
 use stillpoint::datasets::read_regular;
 use stillpoint::dense::{DenseConfig, DenseMap, Floor, Fuser, MeshOptions, Occupancy, PlanOptions};
@@ -9,8 +10,8 @@ use stillpoint::geometry::Vec3;
 use stillpoint::imaging::Simd;
 use stillpoint::map::MapFile;
 
-pub(crate) fn plan(scene: &str) -> Outcome<()> {
-    let sim = simulator(scene)?;
+pub(super) fn plan(scene: &Scene) -> Result<(), Failure> {
+    let sim = scene.simulator()?;
     let mut fuser = Fuser::new(&DenseConfig::default(), sim.camera(), Simd::detect())?;
     let mut walked = Vec::new();
     for i in chosen(&sim) {
@@ -92,7 +93,7 @@ pub(crate) fn plan(scene: &str) -> Outcome<()> {
     Ok(())
 }
 
-pub(crate) fn points(map: &Path, file: &Path) -> Outcome<()> {
+pub(super) fn points(map: &Path, file: &Path) -> Result<(), Failure> {
     let loaded = MapFile::from_bytes(&read_regular(map, 1 << 31)?)?;
     let bytes = loaded
         .extension(DenseMap::EXTENSION)

@@ -1,6 +1,7 @@
 //! The surface of a recording at its true poses.
 
-use crate::Outcome;
+use crate::Failure;
+use crate::experiments::shared::pose_at;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
@@ -8,15 +9,14 @@ use stillpoint::datasets::FrameOptions;
 use stillpoint::dense::{Dense, DenseConfig, FinalPose, MeshOptions};
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::recordings;
-use stillpoint::slam::{Config, Stages, Subscriber, System};
+use stillpoint::slam::{Config, Subscriber, System};
 
 /// Runs on a recording with ground truth, and fuses its frames at the true poses: in the world of these.
-pub(crate) fn fuse(folder: &Path, file: &Path) -> Outcome<()> {
+pub(super) fn fuse(folder: &Path, file: &Path) -> Result<(), Failure> {
     let input = recordings::open(folder, &Default::default())?;
     let truth = input.ground_truth()?.ok_or("no ground truth")?;
     let camera = input.camera().camera;
-    let stages = Stages::new(Config::default(), camera, Simd::detect())?;
-    let mut system = System::from(stages);
+    let mut system = System::new(Config::default(), camera, Simd::detect())?;
     let mut dense = Dense::new(&DenseConfig::default(), &camera, Simd::detect())?;
     let mut poses = Vec::new();
     let mut frames = input.frames(&FrameOptions {
@@ -26,16 +26,12 @@ pub(crate) fn fuse(folder: &Path, file: &Path) -> Outcome<()> {
     })?;
     while let Some(frame) = frames.next_frame() {
         let frame = frame?;
-        let after = truth.partition_point(|p| p.stamp < frame.stamp);
-        if after > 0 && after < truth.len() {
-            let (a, b) = (&truth[after - 1], &truth[after]);
-            let share = (frame.stamp - a.stamp) / (b.stamp - a.stamp);
-            poses.push(FinalPose {
-                frame: frame.id,
-                stamp: frame.stamp,
-                world_from_camera: a.world_from_camera.interpolate(&b.world_from_camera, share),
-            });
-        }
+        let pose = pose_at(&truth, frame.stamp);
+        poses.extend(pose.map(|world_from_camera| FinalPose {
+            frame: frame.id,
+            stamp: frame.stamp,
+            world_from_camera,
+        }));
         dense.receive_all(&system.step(frame));
     }
     dense.receive_all(&system.finish());

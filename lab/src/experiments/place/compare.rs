@@ -1,38 +1,38 @@
 //! Ways of recognising places, compared on real and simulated recordings of which the overlap of all views is known.
 //!
-//! Run: `cargo run --release -p stillpoint-place --example compare [VOCABULARY ...]`. Prints a Markdown table; further vocabularies get rows of their own. Some
-//! minutes: it renders more than 2000 images.
-//! Real recordings are looked for in the folder of the environment variable STILLPOINT_DATA, else in ../shared/data.
-// A program that prints, reads files and takes times.
-#![allow(
-    clippy::print_stdout,
-    clippy::disallowed_methods,
-    clippy::disallowed_types
-)]
+//! A row per way; vocabularies that are named get rows of their own. Some minutes: it renders more than 2000 images.
 
-#[path = "../common/mod.rs"]
-mod common;
-mod hamming_tree;
-mod judge;
-mod method;
-mod random_words;
-
-use common::world::{Simulated, recorded, simulated};
-use hamming_tree::HammingTree;
-use judge::{Figures, Trial};
-use method::{BruteForce, Method, Words};
-use random_words::RandomWords;
-use std::error::Error;
+use super::hamming_tree::HammingTree;
+use super::judge::{Figures, Trial};
+use super::keyframes::{Keyframe, Simulated, recorded, simulated};
+use super::method::{BruteForce, Method, Words};
+use super::random_words::RandomWords;
+use crate::Failure;
+use crate::experiments::shared::{data_folder, each_seed};
+use crate::table::{self, ABSENT, Table, figure, spread};
+use std::path::PathBuf;
+use std::process::ExitCode;
 use std::time::Instant;
-use stillpoint_place::Vocabulary;
+use stillpoint::place::Vocabulary;
 
-/// Seeds of the rooms; the vocabulary is trained on others.
-const SEEDS: [u64; 4] = [0, 1, 2, 3];
 /// The real recording, small enough for the yardstick.
 const KITCHEN: &str = "kitchen";
 
-fn main() -> Result<(), Box<dyn Error>> {
-    let trials = trials()?;
+/// Compares ways of recognising places, where the overlap of all views is known
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Rooms, of seeds from 0 on; the vocabulary is trained on others
+    #[arg(long, default_value_t = 4)]
+    seeds: u64,
+    /// Frames of every scene, at most
+    #[arg(long)]
+    frames: Option<usize>,
+    /// Further vocabularies
+    vocabularies: Vec<PathBuf>,
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let trials = trials(arguments)?;
     for (name, trials) in &trials {
         let sum = |f: fn(&Trial) -> usize| trials.iter().map(f).sum::<usize>();
         println!(
@@ -42,20 +42,21 @@ fn main() -> Result<(), Box<dyn Error>> {
             sum(|t| t.elsewhere.len())
         );
     }
-    let names: Vec<&str> = trials.iter().map(|(name, _)| name.as_str()).collect();
-    let names = names.join(" | ");
-    println!("\n| method | {names} | insert ms | query ms | kB per keyframe |");
-    println!("|---|{}---:|---:|---:|", "---|".repeat(trials.len()));
+    let names = trials.iter().map(|(name, _)| name.as_str());
+    let times = ["insert ms", "query ms", "kB per keyframe"];
+    let mut table = Table::new(["method"].into_iter().chain(names).chain(times));
     if trials.iter().any(|(name, _)| name == KITCHEN) {
-        report(&mut BruteForce::default(), &trials, true);
+        report(&mut table, &mut BruteForce::default(), &trials, true);
     }
-    for mut method in methods()? {
-        report(&mut *method, &trials, false);
+    for mut method in methods(&arguments.vocabularies)? {
+        report(&mut table, &mut *method, &trials, false);
     }
-    Ok(())
+    println!();
+    table::print(&table);
+    Ok(ExitCode::SUCCESS)
 }
 
-fn methods() -> Result<Vec<Box<dyn Method>>, Box<dyn Error>> {
+fn methods(files: &[PathBuf]) -> Result<Vec<Box<dyn Method>>, Failure> {
     let words = |name: &str, vocabulary: Vocabulary, features| -> Box<dyn Method> {
         Box::new(Words::new(name, vocabulary, features))
     };
@@ -63,8 +64,9 @@ fn methods() -> Result<Vec<Box<dyn Method>>, Box<dyn Error>> {
         words("vocabulary, words", Vocabulary::embedded(), false),
         words("vocabulary, features", Vocabulary::embedded(), true),
     ];
-    for file in std::env::args().skip(1) {
-        let vocabulary = Vocabulary::from_bytes(&std::fs::read(&file)?)?;
+    for file in files {
+        let vocabulary = Vocabulary::from_bytes(&std::fs::read(file)?)?;
+        let file = file.display();
         methods.push(words(&format!("{file}, words"), vocabulary.clone(), false));
         methods.push(words(&format!("{file}, features"), vocabulary, true));
     }
@@ -77,45 +79,52 @@ fn methods() -> Result<Vec<Box<dyn Method>>, Box<dyn Error>> {
 
 type Trials = Vec<(String, Vec<Trial>)>;
 
-fn trials() -> Result<Trials, Box<dyn Error>> {
+fn trials(arguments: &Arguments) -> Result<Trials, Failure> {
     let mut trials = Vec::new();
-    let kitchen = common::data_folder().join(KITCHEN);
+    let kitchen = data_folder().join(KITCHEN);
     if kitchen.is_dir() {
-        trials.push((
-            KITCHEN.to_owned(),
-            vec![Trial::new(recorded(&kitchen, None)?, Vec::new())],
-        ));
+        let trial = Trial::new(recorded(&kitchen, None)?, Vec::new());
+        trials.push((KITCHEN.to_owned(), vec![trial]));
     } else {
         println!("skipped: {} is not there", kitchen.display());
     }
-    let scene = |scene, seed, frames| {
-        simulated(&Simulated {
-            scene,
+    let of_seed = |seed| -> Result<(Trial, Vec<Trial>), Failure> {
+        let all = |scenes: [&'static str; 3], frames: Option<usize>| {
+            let frames = arguments.frames.or(frames);
+            let scene = |scene| {
+                simulated(&Simulated {
+                    scene,
+                    seed,
+                    frames,
+                })
+            };
+            scenes.into_iter().map(scene).collect()
+        };
+        let walk = simulated(&Simulated {
+            scene: "loop_two_rooms",
             seed,
-            frames,
-        })
-    };
-    let mut two_rooms = Vec::new();
-    let mut people = Vec::new();
-    for seed in SEEDS {
+            frames: arguments.frames,
+        })?;
         // The office of a seed has the posters, chairs and floors of its two rooms, at other places.
-        let mut office = Vec::new();
-        for name in ["halfsphere", "rpy", "xyz"] {
-            office.extend(scene(name, seed, None)?);
-        }
-        two_rooms.push(Trial::new(scene("loop_two_rooms", seed, None)?, office));
-        for name in ["walking_xyz", "walking_rpy", "walking_halfsphere"] {
-            people.push(Trial::new(scene(name, seed, Some(600))?, Vec::new()));
-        }
-    }
+        let office: Result<Vec<Vec<Keyframe>>, Failure> = all(["halfsphere", "rpy", "xyz"], None);
+        let people = ["walking_xyz", "walking_rpy", "walking_halfsphere"];
+        let people: Result<Vec<Vec<Keyframe>>, Failure> = all(people, Some(600));
+        let people = people?.into_iter().map(|k| Trial::new(k, Vec::new()));
+        Ok((
+            Trial::new(walk, office?.into_iter().flatten().collect()),
+            people.collect(),
+        ))
+    };
+    let (two_rooms, people): (Vec<_>, Vec<_>) =
+        each_seed(arguments.seeds, of_seed)?.into_iter().unzip();
     trials.push(("two rooms".to_owned(), two_rooms));
-    trials.push(("people".to_owned(), people));
+    trials.push(("people".to_owned(), people.into_iter().flatten().collect()));
     Ok(trials)
 }
 
-/// Prints a row of the table; of a yardstick the first trial alone, because it takes its time.
-fn report(method: &mut dyn Method, trials: &Trials, yardstick: bool) {
-    print!("| {} |", method.name());
+/// Adds a row; of a yardstick the first trial alone, because it takes its time.
+fn report(table: &mut Table, method: &mut dyn Method, trials: &Trials, yardstick: bool) {
+    let mut row = vec![method.name()];
     let shown = if yardstick { 1 } else { trials.len() };
     for (_, trials) in &trials[..shown] {
         let mut figures = Figures::default();
@@ -125,14 +134,15 @@ fn report(method: &mut dyn Method, trials: &Trials, yardstick: bool) {
         let r = figures.row();
         let [raw, relative, first, ten] =
             [r.safe[0], r.safe[1], r.first, r.ten].map(|share| 100.0 * share);
-        print!(" {raw:.0} / {relative:.0} / {first:.0} / {ten:.0} |");
+        row.push(format!("{raw:.0} / {relative:.0} / {first:.0} / {ten:.0}"));
     }
     if yardstick {
-        println!("{}", " - |".repeat(trials.len() - shown + 3));
-        return;
+        row.resize(trials.len() + 4, ABSENT.to_owned());
+    } else {
+        let (insert, query, kilobytes) = at_1000(method, trials);
+        row.extend([figure(insert, 2), figure(query, 2), figure(kilobytes, 0)]);
     }
-    let (insert, query, kilobytes) = at_1000(method, trials);
-    println!(" {insert:.2} | {query:.2} | {kilobytes:.0} |");
+    table.row(row);
 }
 
 /// Median times of an insertion and of a query at 1000 keyframes, ms, and kB per keyframe.
@@ -148,10 +158,6 @@ fn at_1000(method: &mut dyn Method, trials: &Trials) -> (f64, f64, f64) {
         work();
         start.elapsed().as_secs_f64() * 1e3
     };
-    let median = |mut times: Vec<f64>| {
-        times.sort_by(f64::total_cmp);
-        times[times.len() / 2]
-    };
     let mut inserts = Vec::new();
     for (key, image) in images.iter().enumerate() {
         inserts.push(timed(&mut || method.insert(key, image)));
@@ -161,8 +167,8 @@ fn at_1000(method: &mut dyn Method, trials: &Trials) -> (f64, f64, f64) {
         queries.push(timed(&mut || drop(method.query(image, &|_| true, 10))));
     }
     (
-        median(inserts),
-        median(queries),
+        spread(inserts)[0],
+        spread(queries)[0],
         method.bytes() as f64 / 1e6,
     )
 }

@@ -2,8 +2,8 @@
 //! tree for feature-based visual place recognition", RA-L 2018, from the paper. Inner nodes ask for one bit; a leaf that is full is split by the bit that halves
 //! it best. A descriptor looks for partners in its leaf only, and votes for each keyframe that has one.
 
-use crate::method::{Method, best};
-use stillpoint_features::Descriptor;
+use super::method::{Method, best};
+use stillpoint::features::Descriptor;
 
 /// A leaf with more descriptors is split...
 const LEAF: usize = 100;

@@ -1,7 +1,7 @@
 //! How well a method recognises places whose overlap is known.
 
-use crate::common::world::Keyframe;
-use crate::method::Method;
+use super::keyframes::Keyframe;
+use super::method::Method;
 
 /// Views that share at least this much are the same place...
 const SAME: f64 = 0.3;

@@ -1,8 +1,8 @@
 //! The ways of recognising a place that are compared.
 
 use std::sync::Arc;
-use stillpoint_features::{Descriptor, match_brute_force};
-use stillpoint_place::{PlaceIndex, PlaceVector, Vocabulary};
+use stillpoint::features::{Descriptor, match_brute_force};
+use stillpoint::place::{PlaceIndex, PlaceVector, Vocabulary};
 
 /// A way of recognising a place. Keyframes are named by their numbers.
 pub(crate) trait Method {

@@ -1,8 +1,8 @@
 //! Words that nobody trained: in each of several tables a word is a handful of bits of the descriptor, drawn once (bit sampling: Indyk, Motwani, STOC 1998).
 //! Weights are the document frequencies of what is in the index.
 
-use crate::method::{Method, best};
-use stillpoint_features::Descriptor;
+use super::method::{Method, best};
+use stillpoint::features::Descriptor;
 
 pub(crate) struct RandomWords {
     /// Positions of the bits, by table.

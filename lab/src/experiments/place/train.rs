@@ -4,22 +4,47 @@
 //! descriptor to the nearest centre, each centre to the majority of its descriptors' bits" (Grana et al., "A fast approach for integrating ORB descriptors in
 //! the bag of words model", 2013).
 
-use super::world::{Simulated, recorded, simulated};
-use std::error::Error;
-use stillpoint_features::Descriptor;
+use super::keyframes::{Simulated, recorded, simulated};
+use crate::Failure;
+use crate::experiments::shared::data_folder;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use stillpoint::features::Descriptor;
+use stillpoint::place::Vocabulary;
+
+/// Trains on every 4th image of the recording `fr1_xyz` and every 12th of `corridor_fixed`. `lab place compare` tests on another recording and on rooms of
+/// other seeds, so what is embedded has seen nothing of what it is tested on.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Where the vocabulary goes; without it where it is embedded from
+    file: Option<PathBuf>,
+    /// Trains on images of simulated rooms, of seeds from 1000 on, too
+    #[arg(long)]
+    rooms: bool,
+    /// Trains without the recordings
+    #[arg(long, requires = "rooms")]
+    no_recordings: bool,
+}
+
+/// 4680 centres of 32 bytes, 4096 of which are words. Features are paired within 512 groups of 8 words.
+const SHAPE: Shape = Shape {
+    branching: 8,
+    levels: 4,
+    match_level: 3,
+};
 
 /// Rounds at each node.
 const ROUNDS: usize = 10;
 
 /// The shape of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Shape {
+struct Shape {
     /// Children of each node.
-    pub(crate) branching: u8,
+    branching: u8,
     /// Levels below the root.
-    pub(crate) levels: u8,
+    levels: u8,
     /// Level of the nodes in which features are matched.
-    pub(crate) match_level: u8,
+    match_level: u8,
 }
 
 /// SplitMix64 (Steele, Lea, Flood, OOPSLA 2014).
@@ -34,8 +59,8 @@ impl Random {
     }
 }
 
-/// Trains on the descriptors of images; the bytes are what [`stillpoint_place::Vocabulary::from_bytes`] reads.
-pub(crate) fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Vec<u8> {
+/// Trains on the descriptors of images; the bytes are what [`Vocabulary::from_bytes`] reads.
+fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Result<Vec<u8>, Failure> {
     let all: Vec<Descriptor> = images.iter().flat_map(|i| i.iter().copied()).collect();
     let mut random = Random(seed);
     let mut bytes = b"SPWT\x01".to_vec();
@@ -60,7 +85,7 @@ pub(crate) fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Vec<u8
     let words = nodes.len();
     let mut unweighted = bytes.clone();
     unweighted.resize(bytes.len() + 2 * words, 0);
-    let tree = stillpoint_place::Vocabulary::from_bytes(&unweighted).expect("it was just made");
+    let tree = Vocabulary::from_bytes(&unweighted)?;
     let mut documents = vec![0_u32; words];
     for image in images {
         let mut present = tree.words(image);
@@ -76,7 +101,7 @@ pub(crate) fn train(images: &[&[Descriptor]], shape: Shape, seed: u64) -> Vec<u8
         let idf = libm::log((all + 1.0) / (f64::from(count) + 1.0));
         bytes.extend(((1024.0 * idf).round() as u16).to_le_bytes());
     }
-    bytes
+    Ok(bytes)
 }
 
 fn nearest(descriptor: &Descriptor, centres: &[Descriptor]) -> (usize, u32) {
@@ -146,24 +171,20 @@ fn first_centres(descriptors: &[Descriptor], count: usize, random: &mut Random) 
 }
 
 /// The images to train on.
-pub(crate) fn images(
-    real: bool,
-    simulated_rooms: bool,
-) -> Result<Vec<Vec<Descriptor>>, Box<dyn Error>> {
+fn images(real: bool, simulated_rooms: bool) -> Result<Vec<Vec<Descriptor>>, Failure> {
     let mut keyframes = Vec::new();
     for (name, every) in [("fr1_xyz", 4), ("corridor_fixed", 12)] {
-        let folder = super::data_folder().join(name);
+        let folder = data_folder().join(name);
         if real && folder.is_dir() {
             keyframes.extend(recorded(&folder, Some(every))?);
         }
     }
-    for seed in 0..if simulated_rooms { 4 } else { 0 } {
+    for seed in 1000..if simulated_rooms { 1004 } else { 1000 } {
         for (scene, frames) in [
             ("loop_two_rooms", None),
             ("halfsphere", Some(300)),
             ("rpy", Some(300)),
         ] {
-            let seed = 1000 + seed;
             keyframes.extend(simulated(&Simulated {
                 scene,
                 seed,
@@ -172,4 +193,55 @@ pub(crate) fn images(
         }
     }
     Ok(keyframes.into_iter().map(|k| k.descriptors).collect())
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let images = images(!arguments.no_recordings, arguments.rooms)?;
+    if images.is_empty() {
+        let folder = data_folder();
+        return Err(format!("expected recordings in {}, found none", folder.display()).into());
+    }
+    let images: Vec<&[Descriptor]> = images.iter().map(Vec::as_slice).collect();
+    let bytes = train(&images, SHAPE, 1)?;
+    let embedded = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../crates/place/data/vocabulary.bin"
+    );
+    let file = arguments.file.clone().unwrap_or_else(|| embedded.into());
+    std::fs::write(&file, &bytes)?;
+    println!(
+        "{} images, {} descriptors; {} bytes in {}",
+        images.len(),
+        images.iter().map(|i| i.len()).sum::<usize>(),
+        bytes.len(),
+        file.display()
+    );
+    Ok(ExitCode::SUCCESS)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_trained_reads_back_and_parts_descriptors_that_differ() {
+        let mut random = Random(7);
+        let [low, high] = [0, u64::MAX].map(|base| {
+            // A few bits off a centre.
+            let near = |_| Descriptor([base ^ (1 << (random.bits() % 64)); 4]);
+            (0..40).map(near).collect::<Vec<_>>()
+        });
+        let shape = Shape {
+            branching: 2,
+            levels: 1,
+            match_level: 1,
+        };
+        let bytes = train(&[&low, &high], shape, 1).unwrap();
+        assert_eq!(bytes, train(&[&low, &high], shape, 1).unwrap());
+        let vocabulary = Vocabulary::from_bytes(&bytes).unwrap();
+        let [of_low, of_high] = [&low, &high].map(|all| vocabulary.words(all));
+        assert!(of_low.iter().all(|w| *w == of_low[0]));
+        assert!(of_high.iter().all(|w| *w == of_high[0]));
+        assert_ne!(of_low[0], of_high[0]);
+    }
 }

@@ -1,19 +1,34 @@
-//! Time and memory of pose graph optimisation and full bundle adjustment on large synthetic maps:
-//! `cargo run --release -p stillpoint-estimation --example scale -- path 2000`.
+//! Time and memory of pose graph optimisation and full bundle adjustment on large synthetic maps.
 //!
-//! First argument: `path` (one loop, ever longer), `laps` (the same 40 m again and again) or `graph`. Then keyframes, 0.2 m apart.
-//! Points: 50 for each keyframe. One run per process, so that its peak memory is its own. Times are of the processor.
-#![allow(clippy::unwrap_used, clippy::print_stdout)]
-// The library reads no clock and no file; what measures it has to.
-#![allow(clippy::disallowed_types, clippy::disallowed_methods)]
+//! Keyframes are 0.2 m apart, with 50 points for each. One run per process, so that its peak memory is its own. Times are of the processor.
 
-use std::time::Instant;
-use stillpoint_estimation::{
+use crate::Failure;
+use crate::experiments::shared::process::{computed, memory_mb};
+use std::process::ExitCode;
+use stillpoint::estimation::{
     BundleObservation, BundleOptions, BundleProblem, EdgeKernel, Intrinsics, Measurement,
     PoseGraph, PoseGraphEdge, PoseGraphOptions, Purpose, Rng, adjust_bundle, optimise_pose_graph,
     rng,
 };
-use stillpoint_geometry::{Mat6, Se3, Vec2, Vec3, Vec6};
+use stillpoint::geometry::{Mat6, Se3, Vec2, Vec3, Vec6};
+
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    #[arg(value_enum, default_value_t = Kind::Path)]
+    kind: Kind,
+    #[arg(default_value_t = 500, value_parser = clap::value_parser!(u32).range(2..))]
+    keyframes: u32,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Kind {
+    /// Bundle adjustment of one loop, ever longer
+    Path,
+    /// Bundle adjustment of the same 40 m again and again
+    Laps,
+    /// Pose graph
+    Graph,
+}
 
 const CAMERA: Intrinsics = Intrinsics {
     fx: 520.0,
@@ -24,47 +39,16 @@ const CAMERA: Intrinsics = Intrinsics {
 /// Observations of a keyframe, about.
 const PER_KEYFRAME: f64 = 400.0;
 
-fn main() {
-    let args: Vec<String> = std::env::args().skip(1).collect();
-    let kind = args.first().map_or("path", String::as_str);
-    let keyframes: usize = args.get(1).map_or(500, |a| a.parse().unwrap());
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let keyframes = arguments.keyframes as usize;
     let path_m = 0.2 * keyframes as f64;
-    match kind {
-        "graph" => graph(keyframes),
-        "laps" => bundle(keyframes, path_m.min(40.0)),
-        _ => bundle(keyframes, path_m),
+    match arguments.kind {
+        Kind::Graph => graph(keyframes),
+        Kind::Laps => bundle(keyframes, path_m.min(40.0)),
+        Kind::Path => bundle(keyframes, path_m),
     }
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let peak = status.lines().find(|l| l.starts_with("VmHWM"));
-    println!("{}", peak.unwrap_or("VmHWM: not known on this system"));
-}
-
-/// Seconds of computing: of the processor where the system tells (Linux), which a loaded machine does not stretch; else of the clock.
-struct Watch {
-    start: Instant,
-    processor: Option<f64>,
-}
-
-impl Watch {
-    fn processor() -> Option<f64> {
-        let text = std::fs::read_to_string("/proc/self/schedstat").ok()?;
-        let ns: f64 = text.split_whitespace().next()?.parse().ok()?;
-        Some(1e-9 * ns)
-    }
-
-    fn start() -> Self {
-        Self {
-            start: Instant::now(),
-            processor: Self::processor(),
-        }
-    }
-
-    fn seconds(&self) -> f64 {
-        match (self.processor, Self::processor()) {
-            (Some(before), Some(now)) => now - before,
-            _ => self.start.elapsed().as_secs_f64(),
-        }
-    }
+    println!("memory at most: {:.0} MB", memory_mb("VmHWM"));
+    Ok(ExitCode::SUCCESS)
 }
 
 fn normal(random: &mut Rng) -> f64 {
@@ -167,9 +151,9 @@ fn bundle(keyframes: usize, length: f64) {
         problem.points.len(),
         problem.observations.len()
     );
-    let watch = Watch::start();
+    let start = computed();
     let report = adjust_bundle(&mut problem, &BundleOptions::default());
-    let seconds = watch.seconds();
+    let seconds = computed() - start;
     println!(
         "bundle: {seconds:.2} s, {} iterations, {:?}, {:.2e} products, {} blocks, cost {:.0}, error {before:.1} -> {:.1} mm",
         report.iterations,
@@ -207,11 +191,11 @@ fn graph(keyframes: usize) {
         }
     }
     let mut nodes = vec![truth[0]];
-    for i in 1..keyframes {
-        let step = edges
-            .iter()
-            .find(|e| (e.a as usize, e.b as usize) == (i - 1, i));
-        nodes.push(nodes[i - 1] * step.unwrap().a_from_b);
+    for i in 1..keyframes as u32 {
+        // The edge from the keyframe before is there for each.
+        let step = edges.iter().find(|e| (e.a, e.b) == (i - 1, i));
+        let step = step.map_or(Se3::identity(), |e| e.a_from_b);
+        nodes.push(nodes[i as usize - 1] * step);
     }
     let mut fixed = vec![false; keyframes];
     fixed[0] = true;
@@ -226,9 +210,9 @@ fn graph(keyframes: usize) {
         1000.0 * largest.fold(0.0, f64::max)
     };
     let before = error(&graph);
-    let watch = Watch::start();
+    let start = computed();
     let report = optimise_pose_graph(&mut graph, &PoseGraphOptions::default());
-    let seconds = watch.seconds();
+    let seconds = computed() - start;
     println!(
         "graph: {keyframes} poses, {} edges: {seconds:.3} s, {} iterations, {:?}, factor of {} blocks, worst pose {before:.0} -> {:.1} mm",
         graph.edges.len(),

@@ -1,19 +1,28 @@
 //! Accuracy over the size of the room, the resolution and the frame rate: simulated scenes, each compared with itself at scale 1, 640x480 and 30 Hz.
 //!
-//! `cargo run --release -p stillpoint --example scale -- SEEDS SECONDS [SCENE ...]`: a row per variant, with the median of the error over
-//! the size of the scene, and how that compares.
-#![allow(clippy::print_stdout)]
+//! A row per variant, with the median of the error over the size of the scene, and how that compares.
 
-use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
+use crate::Failure;
+use crate::experiments::shared::{ate_mm, each_seed, final_poses, lost, truth};
+use crate::table::{self, Table, figure, spread};
+use std::process::ExitCode;
 use stillpoint::geometry::Camera;
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Simulator, SimulatorConfig};
-use stillpoint::slam::{Config, Event, Outcome, System};
+use stillpoint::slam::{Config, System};
 
-type Failure = Box<dyn std::error::Error>;
-
-/// Scenes without people and with.
-const SCENES: [&str; 3] = ["xyz", "halfsphere", "walking_xyz"];
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Seeds of every scene
+    #[arg(long, default_value_t = 5)]
+    seeds: u64,
+    /// Seconds of every run
+    #[arg(long, default_value_t = 10.0)]
+    seconds: f64,
+    /// Simulated scenes, without people and with
+    #[arg(default_values = ["xyz", "halfsphere", "walking_xyz"])]
+    scenes: Vec<String>,
+}
 
 /// What differs from the usual.
 #[derive(Clone, Copy)]
@@ -61,8 +70,13 @@ fn camera(variant: &Variant) -> Camera {
     )
 }
 
-/// The error of a run, m, and how many of its frames have no pose.
-fn run(scene: &str, seed: u64, seconds: f64, variant: &Variant) -> Result<(f64, usize), Failure> {
+/// The error of a run, mm, and how many of its frames have no pose.
+fn measure(
+    scene: &str,
+    seed: u64,
+    seconds: f64,
+    variant: &Variant,
+) -> Result<(f64, usize), Failure> {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: scene.to_owned(),
         seed,
@@ -73,77 +87,45 @@ fn run(scene: &str, seed: u64, seconds: f64, variant: &Variant) -> Result<(f64, 
         ..SimulatorConfig::default()
     })?;
     let mut system = System::new(Config::default(), *simulator.camera(), Simd::detect())?;
-    let mut lost = 0;
-    for i in 0..simulator.len() {
-        for event in system.step(simulator.frame(i)) {
-            if let Event::Frame(done) = event {
-                lost += usize::from(matches!(done.report.outcome, Outcome::Lost { .. }));
-            }
-        }
-    }
+    let frames = (0..simulator.len()).map(|i| simulator.frame(i));
+    let lost = frames.map(|frame| lost(&system.step(frame))).sum();
     system.finish();
-    let truth: Vec<TimedPose> = simulator
-        .ground_truth()
-        .into_iter()
-        .map(|(stamp, world_from_camera)| TimedPose {
-            stamp,
-            world_from_camera,
-        })
-        .collect();
-    let poses: Vec<TimedPose> = system
-        .corrected_trajectory()
-        .into_iter()
-        .map(|(entry, world_from_camera)| TimedPose {
-            stamp: entry.stamp,
-            world_from_camera,
-        })
-        .collect();
-    let report = evaluate(&truth, &poses, &EvalOptions::default())?;
-    Ok((report.ate.statistics.rmse, lost))
+    let error = ate_mm(&truth(&simulator), &final_poses(&system))?;
+    Ok((error, lost))
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
-}
-
-fn main() -> Result<(), Failure> {
-    let words: Vec<String> = std::env::args().skip(1).collect();
-    let seeds: u64 = words.first().map_or(Ok(5), |w| w.parse())?;
-    let seconds: f64 = words.get(1).map_or(Ok(10.0), |w| w.parse())?;
-    let named: Vec<&str> = words.iter().skip(2).map(String::as_str).collect();
-    let scenes = if named.is_empty() {
-        &SCENES[..]
-    } else {
-        &named
-    };
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (seeds, seconds) = (arguments.seeds, arguments.seconds);
     println!("{seeds} seeds, {seconds} s; medians, errors divided by the scale\n");
-    println!(
-        "| scene | scale | resolution | rate, Hz | ATE / scale, mm | as to the usual | lost |"
-    );
-    println!("|---|---:|---|---:|---:|---:|---:|");
-    for scene in scenes {
+    let mut table = Table::new([
+        "scene",
+        "scale",
+        "resolution",
+        "rate, Hz",
+        "ATE / scale, mm",
+        "as to the usual",
+        "lost",
+    ]);
+    for scene in &arguments.scenes {
         let mut usual = f64::NAN;
         for variant in variants() {
-            let (mut errors, mut lost) = (Vec::new(), 0);
-            for seed in 0..seeds {
-                let (error, without) = run(scene, seed, seconds, &variant)?;
-                errors.push(1e3 * error / variant.scale);
-                lost += without;
-            }
-            let error = median(errors);
+            let runs = each_seed(seeds, |seed| measure(scene, seed, seconds, &variant))?;
+            let [error, ..] = spread(runs.iter().map(|r| r.0 / variant.scale));
+            let lost: usize = runs.iter().map(|r| r.1).sum();
             if usual.is_nan() {
                 usual = error;
             }
-            println!(
-                "| `{scene}` | {} | {}x{} | {} | {error:.2} | {:.2} | {lost} |",
-                variant.scale,
-                variant.width,
-                variant.height,
-                variant.rate,
-                error / usual,
-            );
+            table.row([
+                format!("`{scene}`"),
+                variant.scale.to_string(),
+                format!("{}x{}", variant.width, variant.height),
+                variant.rate.to_string(),
+                figure(error, 2),
+                figure(error / usual, 2),
+                lost.to_string(),
+            ]);
         }
     }
-    Ok(())
+    table::print(&table);
+    Ok(ExitCode::SUCCESS)
 }

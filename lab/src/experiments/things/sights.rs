@@ -1,6 +1,6 @@
 //! What could be seen of each true thing, and what became of it on the way into the map.
 
-use crate::{Failure, noise};
+use super::noise;
 use stillpoint::detection::{BoundingBox, Motion, ObjectState, ScriptRow};
 use stillpoint::simulator::{MoverBox, Simulator, ThingBox};
 use stillpoint::slam::Event;
@@ -121,33 +121,4 @@ fn is_among(seen: &MoverBox, boxes: &[(&str, BoundingBox)]) -> bool {
     boxes
         .iter()
         .any(|(class, b)| *class == seen.class && b.iou(&own) >= SAME)
-}
-
-/// What the simulated detector says of all frames.
-pub(crate) fn script(simulator: &Simulator, seed: u64) -> Result<Vec<ScriptRow>, Failure> {
-    use stillpoint::detection::{ClassId, Detection};
-    let mut rows = Vec::new();
-    for i in 0..simulator.len() {
-        for d in simulator.detections(i, &noise(seed)) {
-            let class = ClassId::from_name(d.class).ok_or("a class that COCO does not have")?;
-            let bounds = BoundingBox {
-                x0: d.x0,
-                y0: d.y0,
-                x1: d.x1,
-                y1: d.y1,
-            };
-            let detection = Detection {
-                class,
-                score: d.score,
-                bounds,
-            };
-            if bounds.width() >= 1.0 && bounds.height() >= 1.0 {
-                rows.push(ScriptRow {
-                    stamp: d.stamp,
-                    detection,
-                });
-            }
-        }
-    }
-    Ok(rows)
 }
