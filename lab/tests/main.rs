@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod document;
+mod experiments;
 #[cfg(unix)]
 mod peers;
 mod sweep;

@@ -347,9 +347,9 @@ const OTHERS: &str = "## Other measurements\n\n\
     | public data sets beside published figures | `stillpoint bench --suite tum-dynamic DIR`, `--suite bonn` |\n\
     | an ablation with several seeds | `stillpoint bench --ablation PATH... --runs 5` |\n\
     | kernels: pyramid, FAST, descriptors, flow, solvers, decoding, rendering, places, map files | `cargo bench -p stillpoint-features`, also `-imaging`, `-estimation`, `-datasets`, `-simulator`, `-place`, `-map` |\n\
-    | loop closing: error without and with it, true and false loops | `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS` |\n\
-    | closing one loop in a large map | `cargo run --release -p stillpoint-slam --example closing -- KEYFRAMES FEATURES` |\n\
-    | hours of the same two rooms | `cargo run --release -p stillpoint --example soak -- MINUTES HZ MAX_KEYFRAMES` |\n";
+    | loop closing: error without and with it, true and false loops | `cargo run --release --manifest-path lab/Cargo.toml -- loops scene SCENE --first-seed N --seeds N` |\n\
+    | closing one loop in a large map | `cargo run --release --manifest-path lab/Cargo.toml -- closing KEYFRAMES FEATURES` |\n\
+    | hours of the same two rooms | `cargo run --release --manifest-path lab/Cargo.toml -- soak --minutes N --rate HZ --max-keyframes N` |\n";
 
 /// What went wrong.
 fn remarks(sequences: &[Measured]) -> String {
