@@ -200,19 +200,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     println!(
         "{seeds} seeds, {frames} frames; ATE in mm, of the final poses and of those known at each frame\n"
     );
-    let mut table = Table::new([
-        "scene",
-        "run",
-        "median",
-        "worst",
-        "bar",
-        "least poses",
-        "wrong frames",
-        "at each frame: median",
-        "worst",
-        "final worse by",
-        "",
-    ])
+    let mut table = Table::new("scene | run | median | worst | bar | least poses | wrong frames | at each frame: median | worst | final worse by | ".split(" | "))
     .align(1, Align::Left)
     .align(10, Align::Left);
     let mut holds = true;

@@ -92,9 +92,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         image.height(),
         arguments.rounds
     );
-    let header = [
-        "model", "input", "runtime", "threads", "before", "network", "after", "all", "boxes",
-    ];
+    let header =
+        "model | input | runtime | threads | before | network | after | all | boxes".split(" | ");
     let mut table = Table::new(header).align(2, Align::Left);
     for case in &cases {
         table.row(case.row());
@@ -138,7 +137,7 @@ impl Case {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => None,
             Err(error) => return Err(format!("{}: {error}", file.display()).into()),
         };
-        let bytes = std::fs::read(model)?;
+        let bytes = std::fs::read(model).map_err(|e| format!("{model}: {e}"))?;
         let detector = OnnxDetector::with_card(bytes, &name, card.as_ref(), runtime, &options)?;
         Ok(Self {
             model: name,

@@ -263,13 +263,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         table.row([(*row).to_owned()].into_iter().chain(cells));
     }
     table::print(&table);
-    let mut table = Table::new([
-        "",
-        "on movers",
-        "elsewhere",
-        "share of all",
-        "share of the image",
-    ]);
+    let mut table =
+        Table::new(" | on movers | elsewhere | share of all | share of the image".split(" | "));
     for scene in people {
         let [on, off, share, cover] = features_on_movers(scene)?;
         let cells = [

@@ -117,16 +117,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         noise.burst = BURST;
     }
     println!("{seeds} seeds, {frames} frames; median (worst)\n");
-    let mut table = Table::new([
-        "scene",
-        "MOTA",
-        "IDF1",
-        "HOTA",
-        "switches",
-        "ids of 2 people",
-        "ghosts per frame",
-        "speed error, m/s",
-    ]);
+    let mut table = Table::new("scene | MOTA | IDF1 | HOTA | switches | ids of 2 people | ghosts per frame | speed error, m/s".split(" | "));
     for scene in &arguments.scenes {
         let scores = each_seed(seeds, |seed| measure(scene, seed, frames, &noise))?;
         // Of what should be great the least is the worst, and the other way round.

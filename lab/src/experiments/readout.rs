@@ -145,18 +145,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     println!(
         "{seeds} seeds, {frames} frames, depth's readout 30 ms, exposure 10 ms; readouts in ms: median (least to greatest)\n"
     );
-    let mut table = Table::new([
-        "scene",
-        "readout",
-        "estimated, filter on",
-        "its sigma",
-        "filter off",
-        "ATE on, mm",
-        "off, mm",
-        "on / off",
-        "rejected, %",
-        "",
-    ])
+    let mut table = Table::new("scene | readout | estimated, filter on | its sigma | filter off | ATE on, mm | off, mm | on / off | rejected, % | ".split(" | "))
     .align(9, Align::Left);
     let mut holds = true;
     for scene in &arguments.scenes {

@@ -45,20 +45,6 @@ const TOLERANCE: f64 = 1.1;
 /// Frames per second of the simulator.
 const RATE: f64 = 30.0;
 
-const COLUMNS: [&str; 11] = [
-    "minute",
-    "memory, MB",
-    "median, ms",
-    "p95, ms",
-    "unit, ms",
-    "ATE, mm",
-    "keyframes",
-    "landmarks",
-    "of ever made",
-    "lost",
-    "dense, MB",
-];
-
 /// What was measured in one minute of camera time.
 struct Minute {
     memory_mb: f64,

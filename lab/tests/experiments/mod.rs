@@ -80,6 +80,7 @@ fn what_is_wrong_ends_with_code_2_and_says_so() {
         (&["detectors", "not/there.onnx"], "not/there.onnx"),
         (&["place", "train", "out.bin"], "no-data"),
         (&["scale", "maps", "path", "1"], "2.."),
+        (&["loops", "table", "--only", "nowhere.2"], "nowhere.2"),
     ] {
         let done = lab(arguments).with_code(2);
         assert!(done.errors.contains(said), "{arguments:?}: {}", done.errors);

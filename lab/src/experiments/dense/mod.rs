@@ -7,14 +7,14 @@ mod plan;
 mod recorded;
 
 use crate::Failure;
-use crate::experiments::shared::{scene, script, scripted};
+use crate::experiments::shared::{scene, script, scripted, world_from_map};
 use measure::tell;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 use stillpoint::datasets::read_regular;
 use stillpoint::dense::{Dense, DenseConfig, DenseMap, FinalPose, Fuser, Mesh, MeshOptions};
-use stillpoint::geometry::{Se3, Vec3, Vec6, align_umeyama};
+use stillpoint::geometry::{Se3, Vec3, Vec6};
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{DetectionNoise, Simulator};
 use stillpoint::slam::{Config, Preset, Subscriber, System};
@@ -230,34 +230,15 @@ fn at_own_poses(scene: &Scene, filter: Filter) -> Result<(), Failure> {
         .collect();
     println!("{:?}; {} MB", dense.counts(), dense.bytes() / 1_000_000);
     let map = dense.finish(&poses);
-    let truth_from_world = alignment(&sim, &poses)?;
+    let known: Vec<(f64, Se3)> = poses
+        .iter()
+        .map(|p| (p.stamp, p.world_from_camera))
+        .collect();
+    let truth_from_world = world_from_map(&sim, &known);
     let mesh = map.mesh(&MeshOptions::default());
     let points = points_of(&mesh).into_iter();
     let points: Vec<Vec3> = points.map(|p| truth_from_world.transform(&p)).collect();
     tell(scene, &points)
-}
-
-/// By the positions of the frames.
-fn alignment(sim: &Simulator, poses: &[FinalPose]) -> Result<Se3, Failure> {
-    let ours: Vec<Vec3> = poses
-        .iter()
-        .map(|p| p.world_from_camera.translation)
-        .collect();
-    let truth: Vec<Vec3> = poses
-        .iter()
-        .map(|p| sim.world_from_camera(p.stamp).translation)
-        .collect();
-    let spread = truth
-        .iter()
-        .map(|t| (t - truth[0]).norm())
-        .fold(0.0, f64::max);
-    if spread < 0.2 {
-        // A camera that stands still tells no rotation by its positions.
-        let first = &poses[0];
-        return Ok(sim.world_from_camera(first.stamp) * first.world_from_camera.inverse());
-    }
-    let found = align_umeyama(&ours, &truth, false)?;
-    Ok(found.target_from_source)
 }
 
 fn score_file(scene: &Scene, file: &Path) -> Result<(), Failure> {

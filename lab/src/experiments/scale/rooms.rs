@@ -97,15 +97,10 @@ fn measure(
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let (seeds, seconds) = (arguments.seeds, arguments.seconds);
     println!("{seeds} seeds, {seconds} s; medians, errors divided by the scale\n");
-    let mut table = Table::new([
-        "scene",
-        "scale",
-        "resolution",
-        "rate, Hz",
-        "ATE / scale, mm",
-        "as to the usual",
-        "lost",
-    ]);
+    let mut table = Table::new(
+        "scene | scale | resolution | rate, Hz | ATE / scale, mm | as to the usual | lost"
+            .split(" | "),
+    );
     for scene in &arguments.scenes {
         let mut usual = f64::NAN;
         for variant in variants() {

@@ -154,19 +154,7 @@ fn add(table: &mut Table, scene: &str, name: &str, runs: &[&Score], holds: Optio
 }
 
 pub(crate) fn run<S: Sensor>(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let header = [
-        "scene",
-        "sensor",
-        "ATE, mm: median",
-        "worst",
-        "lost",
-        "carried",
-        "at the end: mm",
-        "deg",
-        "slips seen",
-        "it is",
-        "",
-    ];
+    let header = "scene | sensor | ATE, mm: median | worst | lost | carried | at the end: mm | deg | slips seen | it is | ".split(" | ");
     let left = [1, 9, 10].into_iter();
     let mut table = left.fold(Table::new(header), |t, column| t.align(column, Align::Left));
     let named: Vec<&str> = arguments.scenes.iter().map(String::as_str).collect();

@@ -13,7 +13,7 @@ use stillpoint::detection::{
     BoundingBox, ClassId, Detection, Detector, ScriptRow, ScriptedDetector,
 };
 use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
-use stillpoint::geometry::Se3;
+use stillpoint::geometry::{Se3, Vec3, align_umeyama};
 use stillpoint::imaging::{FrameSource, RgbdFrame};
 use stillpoint::simulator::{DetectionNoise, Simulator, SimulatorConfig};
 use stillpoint::slam::{Event, Outcome, System};
@@ -86,6 +86,21 @@ pub(crate) fn map_poses(system: &System) -> Vec<TimedPose> {
     let view = system.view();
     let resolved = system.trajectory().resolve(&view);
     resolved.map(|(e, pose)| timed((e.stamp, pose))).collect()
+}
+
+/// From a map's axes to the simulator's: by the positions of all frames, or by the first pose where the camera hardly moved.
+pub(crate) fn world_from_map(simulator: &Simulator, poses: &[(f64, Se3)]) -> Se3 {
+    let Some((stamp, first)) = poses.first() else {
+        return Se3::identity();
+    };
+    let exact = |stamp: f64| simulator.world_from_camera(stamp).translation;
+    let found: Vec<Vec3> = poses.iter().map(|p| p.1.translation).collect();
+    let truth: Vec<Vec3> = poses.iter().map(|p| exact(p.0)).collect();
+    let reach = truth.iter().map(|t| (t - truth[0]).norm());
+    match align_umeyama(&found, &truth, false) {
+        Ok(aligned) if reach.fold(0.0, f64::max) >= 0.2 => aligned.target_from_source,
+        _ => simulator.world_from_camera(*stamp) * first.inverse(),
+    }
 }
 
 /// RMSE of the absolute trajectory error, mm.

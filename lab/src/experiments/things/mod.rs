@@ -7,13 +7,13 @@
 mod sights;
 
 use crate::Failure;
-use crate::experiments::shared::{code, each_seed, scene, script, scripted};
+use crate::experiments::shared::{code, each_seed, scene, script, scripted, world_from_map};
 use crate::table::{self, Table, figure};
 use sights::{Sight, Sights};
 use std::process::ExitCode;
 use stillpoint::dense::{Thing, Things, ThingsConfig};
 use stillpoint::detection::ClassId;
-use stillpoint::geometry::{Se3, Vec3, align_umeyama};
+use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{DetectionNoise, Simulator, ThingBox};
 use stillpoint::slam::{Config, Subscriber, System};
@@ -45,21 +45,7 @@ const PRECISION: f64 = 0.9;
 const ERROR: f64 = 0.15;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
-    let mut table = Table::new([
-        "scene",
-        "seed",
-        "in sight",
-        "recall",
-        "with depth",
-        "recall",
-        "precision",
-        "mean error, m",
-        "worst, m",
-        "people",
-        "still there though carried away",
-        "rooms",
-        "things in the wrong room",
-    ]);
+    let mut table = Table::new("scene | seed | in sight | recall | with depth | recall | precision | mean error, m | worst, m | people | still there though carried away | rooms | things in the wrong room".split(" | "));
     let mut passed = true;
     let scores = each_seed(arguments.seeds, |seed| measure(arguments, seed))?;
     for (seed, score) in scores.iter().enumerate() {
@@ -175,7 +161,7 @@ fn measure(arguments: &Arguments, seed: u64) -> Result<Score, Failure> {
         .iter()
         .map(|(entry, pose)| (entry.stamp, *pose))
         .collect();
-    let room_from_map = room_from_map(&simulator, &trajectory);
+    let room_from_map = world_from_map(&simulator, &trajectory);
     let mut score = score(&simulator, &listed, &room_from_map, &sights.counts);
     let rooms_said = rooms.iter().map(|r| format!("{r:?}"));
     score.said.splice(0..0, rooms_said);
@@ -194,29 +180,6 @@ fn misplaced(listed: &[Thing], room_from_map: &Se3, two: bool) -> usize {
         t.room.is_none() || other.len() >= same.len()
     };
     listed.iter().filter(wrong).count()
-}
-
-/// From the map to the room: by all frames, or by the first one where the camera hardly moved.
-fn room_from_map(simulator: &Simulator, trajectory: &[(f64, Se3)]) -> Se3 {
-    let pairs: Vec<(Vec3, Vec3)> = trajectory
-        .iter()
-        .map(|(stamp, pose)| {
-            let truth = simulator.world_from_camera(*stamp);
-            (pose.translation, truth.translation)
-        })
-        .collect();
-    let Some((stamp, first)) = trajectory.first() else {
-        return Se3::identity();
-    };
-    let reach = pairs
-        .iter()
-        .map(|p| (p.0 - pairs[0].0).norm())
-        .fold(0.0, f64::max);
-    let (from, to): (Vec<Vec3>, Vec<Vec3>) = pairs.into_iter().unzip();
-    match align_umeyama(&from, &to, false) {
-        Ok(aligned) if reach > 0.15 => aligned.target_from_source,
-        _ => simulator.world_from_camera(*stamp) * first.inverse(),
-    }
 }
 
 fn near(truth: &ThingBox, at: &Vec3) -> Option<f64> {
