@@ -1,4 +1,5 @@
 """A folder in TUM's layout with a camera.toml, as both peers read it."""
+import json
 import resource
 import time
 import tomllib
@@ -49,10 +50,13 @@ class Clock:
     def __exit__(self, *_):
         self.times.append((time.perf_counter() - self.begun) * 1e3)
 
-    def result(self, frames):
-        """What compare.py reads. The first frames build the map and are left out of the median."""
-        return {
+    def write(self, trajectory, frames):
+        """Writes what `lab peers` reads beside a trajectory. The first frames build the map and are left out of the times."""
+        times = self.times[4:] or self.times
+        said = {
             "frames": frames,
-            "median_ms": float(np.median(self.times[4:] or self.times)),
+            "median_ms": float(np.median(times)),
+            "p95_ms": float(np.percentile(times, 95)),
             "memory_bytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024,
         }
+        Path(trajectory).with_suffix(".json").write_text(json.dumps(said))

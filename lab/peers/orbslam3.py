@@ -1,6 +1,5 @@
-"""ORB-SLAM3 (PyPI pyorbslam3) on a folder: orbslam3.py FOLDER OUT.txt [--vocabulary FILE] [--frames N]."""
+"""ORB-SLAM3 (PyPI pyorbslam3) on a folder: orbslam3.py FOLDER OUT.txt [--vocabulary FILE] [--frames N]. Writes OUT.json beside it."""
 import argparse
-import json
 import tempfile
 from pathlib import Path
 
@@ -62,7 +61,7 @@ def main():
     # A frame after a loss may be written twice: its last pose counts.
     lines = {line.split()[0]: line for line in Path(a.out).read_text().splitlines(keepends=True)}
     Path(a.out).write_text("".join(sorted(lines.values(), key=lambda line: float(line.split()[0]))))
-    print(json.dumps(clock.result(len(folder.pairs))))
+    clock.write(a.out, len(folder.pairs))
 
 
 main()

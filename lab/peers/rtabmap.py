@@ -1,11 +1,10 @@
-"""RTAB-Map's RGB-D odometry (node RTABMapVIO of PyPI depthai) on a folder: rtabmap.py FOLDER OUT.txt [--frames N]. Needs g++.
+"""RTAB-Map's RGB-D odometry (node RTABMapVIO of PyPI depthai) on a folder: rtabmap.py FOLDER OUT.txt [--frames N]. Writes OUT.json beside it. Needs g++.
 
 The node asks a connected camera for its calibration. A small library, built and loaded here, answers in the camera's place.
 """
 import argparse
 import datetime
 import importlib.util
-import json
 import os
 import subprocess
 import sys
@@ -49,7 +48,7 @@ def load_stand_in():
         "PEER_CORE": str(cores[0].resolve()),
         "PEER_CALIBRATION": str(scratch / "calibration.json"),
     }
-    os.execve(sys.executable, [sys.executable, *sys.argv], environment)
+    os.execve(sys.executable, [sys.executable, "-B", *sys.argv], environment)
 
 
 def main():
@@ -133,7 +132,7 @@ def main():
         elif number > 8 and not lines:
             sys.exit("RTAB-Map gave no pose for the first nine frames")
     Path(a.out).write_text("".join(lines))
-    print(json.dumps(clock.result(len(folder.pairs))), flush=True)
+    clock.write(a.out, len(folder.pairs))
     os._exit(0)  # depthai's threads do not end by themselves
 
 
