@@ -2,9 +2,9 @@
 
 use crate::Failure;
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use stillpoint_files::sha256_hex;
 
 /// A machine, as tables name it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -94,8 +94,7 @@ pub(crate) fn hash(file: &Path) -> Result<String, Failure> {
             file.display()
         )
     })?;
-    let digest = Sha256::digest(&bytes);
-    Ok(digest[..6].iter().map(|b| format!("{b:02x}")).collect())
+    Ok(sha256_hex(&bytes).chars().take(12).collect())
 }
 
 #[cfg(test)]

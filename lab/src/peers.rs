@@ -322,6 +322,7 @@ fn once(
         key,
         commit: peer.package.to_owned(),
         machine: Machine::here(),
+        renderer: None,
         jobs: 1,
         seconds: begun.elapsed().as_secs_f64(),
         error,

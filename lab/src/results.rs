@@ -75,6 +75,9 @@ pub(crate) struct Run {
     pub(crate) key: Key,
     pub(crate) commit: String,
     pub(crate) machine: Machine,
+    /// The hash of the program that rendered the images; absent of recordings.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) renderer: Option<String>,
     /// Runs at once: times of one that is not alone mean little.
     pub(crate) jobs: usize,
     /// From start to end of the process, s.
@@ -250,6 +253,7 @@ pub(crate) mod tests {
                 cpu: "m".to_owned(),
                 cores: 2,
             },
+            renderer: None,
             jobs: 1,
             seconds: 1.0,
             error: None,

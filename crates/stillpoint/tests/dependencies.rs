@@ -131,7 +131,7 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
 pub(crate) const FRONT_ENDS: &[(&str, &[&str])] = &[
     ("python", &["stillpoint", "cli"]),
     // The laboratory, whose tests drive the command line.
-    ("lab", &["stillpoint", "cli"]),
+    ("lab", &["stillpoint", "files", "cli"]),
 ];
 
 /// What no crate of the core may import, directly or not: threads, files and judges stay outside.

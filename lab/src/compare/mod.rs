@@ -116,6 +116,18 @@ impl Comparison {
     }
 }
 
+/// Inputs whose images are not the same for both sides, in words.
+fn other_images(groups: &[Group]) -> Vec<String> {
+    let differ = |g: &&Group| g.pairs.iter().any(|(a, b)| a.renderer != b.renderer);
+    let said = |g: &Group| {
+        format!(
+            "{}: the images of A and B were rendered by two programs and may differ; `lab sweep --renderer` has one render for both",
+            g.name
+        )
+    };
+    groups.iter().filter(differ).map(said).collect()
+}
+
 /// Pairs of which one side has no error: in words, and whether it is B alone.
 fn broken(groups: &[Group]) -> Vec<(String, bool)> {
     let mut all = Vec::new();
@@ -166,7 +178,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             worse.push(line);
         }
     }
-    for line in &alone {
+    for line in alone.iter().chain(&other_images(&groups)) {
         println!("{line}");
     }
     let list = |what: &[String]| what.join("; ");
@@ -261,6 +273,14 @@ mod tests {
         assert_eq!(timed(1.2, 1).worse, ["x: frame, ms"]);
         assert!(timed(1.04, 1).worse.is_empty() && timed(1.2, 2).worse.is_empty());
         assert!(timed(1.2, 2).table.to_markdown().contains("needs --jobs 1"));
+    }
+
+    #[test]
+    fn images_of_two_programs_are_told() {
+        let mut all = groups(|_| 1.0, 2);
+        assert!(other_images(&all).is_empty());
+        all[0].pairs[1].1.renderer = Some("other".to_owned());
+        assert!(other_images(&all)[0].starts_with("x: the images of A and B"));
     }
 
     #[test]

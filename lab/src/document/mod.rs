@@ -12,6 +12,7 @@ use regions::{Region, replace};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use stillpoint_files::write_atomic;
 
 /// Writes the tables of the documents from the files in lab/results.
 ///
@@ -33,7 +34,9 @@ fn results(root: &Path) -> PathBuf {
 
 /// Writes a result file that documents show, whole or not at all.
 pub(crate) fn save(name: &str, lines: impl Iterator<Item = Line>) -> Result<(), Failure> {
-    let file = results(&origin::root()).join(format!("{name}.jsonl"));
+    let folder = results(&origin::root());
+    std::fs::create_dir_all(&folder)?;
+    let file = folder.join(format!("{name}.jsonl"));
     let mut text = String::new();
     for line in lines {
         text += &serde_json::to_string(&line)?;
@@ -45,17 +48,13 @@ pub(crate) fn save(name: &str, lines: impl Iterator<Item = Line>) -> Result<(), 
 }
 
 fn write(file: &Path, text: &str) -> Result<(), Failure> {
-    let folder = file.parent().unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder)?;
-    let scratch = tempfile::NamedTempFile::new_in(folder)?;
-    std::fs::write(scratch.path(), text)?;
-    // A scratch file is its owner's alone, a document is everybody's.
-    let mode = |f: &Path| std::fs::metadata(f).map(|m| m.permissions());
-    if let Ok(mode) = mode(file).or_else(|_| mode(&origin::root().join("lab/Cargo.toml"))) {
-        std::fs::set_permissions(scratch.path(), mode)?;
-    }
-    scratch.persist(file)?;
-    Ok(())
+    write_atomic(file, text.as_bytes()).map_err(|e| {
+        format!(
+            "{}: expected a file that can be written, found: {e}",
+            file.display()
+        )
+        .into()
+    })
 }
 
 /// All documents: those of the book, and README.

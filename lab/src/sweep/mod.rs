@@ -112,7 +112,9 @@ impl Variant {
 pub(crate) struct Bench {
     pub(crate) program: Program,
     pub(crate) renderer: Program,
+    /// Of the program, and of the one that renders.
     pub(crate) hash: String,
+    pub(crate) renderer_hash: String,
     pub(crate) commit: String,
     pub(crate) machine: Machine,
     pub(crate) jobs: usize,
@@ -142,6 +144,7 @@ impl Bench {
         Ok(Self {
             renderer: program.clone(),
             program,
+            renderer_hash: hash.clone(),
             hash,
             commit: commit.map_or_else(|| origin::commit(folder), str::to_owned),
             machine: Machine::here(),
@@ -162,6 +165,7 @@ impl Bench {
             key,
             commit: self.commit.clone(),
             machine: self.machine.clone(),
+            renderer: prepared.is_scene().then(|| self.renderer_hash.clone()),
             jobs: self.jobs,
             seconds,
             error,
@@ -248,7 +252,8 @@ pub(crate) fn run(a: &Arguments) -> Result<ExitCode, Failure> {
     )?;
     bench.jobs = a.jobs.unwrap_or_else(origin::cores).max(1);
     if let Some(renderer) = &a.renderer {
-        bench.renderer.path = renderer.clone();
+        bench.renderer_hash = origin::hash(renderer)?;
+        bench.renderer.path = renderer.canonicalize()?;
     }
     // Scenes of two sweeps at once are not each other's.
     let scratch = tempfile::Builder::new()

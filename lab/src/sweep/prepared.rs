@@ -82,16 +82,20 @@ impl Prepared {
         Ok(Ready { path, truth })
     }
 
+    /// Whether its images are rendered.
+    pub(crate) fn is_scene(&self) -> bool {
+        matches!(self.input, Input::Scene { .. })
+    }
+
     /// The option that limits the frames of a run: a rendered scene has no more.
     pub(crate) fn limit(&self) -> Option<u64> {
-        self.frames
-            .filter(|_| matches!(self.input, Input::Folder { .. }))
+        self.frames.filter(|_| !self.is_scene())
     }
 }
 
 impl Drop for Prepared {
     fn drop(&mut self) {
-        if !self.keep && matches!(self.input, Input::Scene { .. }) {
+        if !self.keep && self.is_scene() {
             // What cannot be removed takes room in the folder for scratch files, and does no harm.
             let _ = std::fs::remove_dir_all(&self.place);
         }
