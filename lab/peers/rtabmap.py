@@ -51,6 +51,12 @@ def load_stand_in():
     os.execve(sys.executable, [sys.executable, "-B", *sys.argv], environment)
 
 
+def of_camera(q):
+    """The direction of a camera (x right, y down, z forward) whose base (x forward, y left, z up) has the direction q: x, y, z, w."""
+    x, y, z, w = q.qx, q.qy, q.qz, q.qw
+    return [0.5 * v for v in (-w + x - y - z, w + x + y - z, -w + x + y + z, w + x - y + z)]
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder")
@@ -127,8 +133,8 @@ def main():
             depths.send(message(millimetres, dai.ImgFrame.Type.RAW16, stamp, number))
             pose = wait(WAIT if number > 3 else WAIT_AT_FIRST)
         if pose is not None:
-            p, q = pose.getTranslation(), pose.getQuaternion()
-            lines.append(f"{stamp:.6f} {p.x:.6f} {p.y:.6f} {p.z:.6f} {q.qx:.7f} {q.qy:.7f} {q.qz:.7f} {q.qw:.7f}\n")
+            p, (x, y, z, w) = pose.getTranslation(), of_camera(pose.getQuaternion())
+            lines.append(f"{stamp:.6f} {p.x:.6f} {p.y:.6f} {p.z:.6f} {x:.7f} {y:.7f} {z:.7f} {w:.7f}\n")
         elif number > 8 and not lines:
             sys.exit("RTAB-Map gave no pose for the first nine frames")
     Path(a.out).write_text("".join(lines))

@@ -106,7 +106,10 @@ mod tests {
         let found = tables("| a | b |\n|---|---:|\n| x | 1 |\n\n| | c |\n|---|---|\n");
         assert_eq!(found.len(), 2);
         assert_eq!(found[0].columns.words, Vec::<usize>::new());
-        assert_eq!((found[1].columns.words.clone(), found[1].rows.len()), (vec![1], 0));
+        assert_eq!(
+            (found[1].columns.words.clone(), found[1].rows.len()),
+            (vec![1], 0)
+        );
         assert!(tables("| no | rule |\n| x | y |\n").is_empty());
     }
 }

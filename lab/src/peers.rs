@@ -227,7 +227,8 @@ impl Shared {
         let name = input.to_string();
         let work = out.join("inputs");
         std::fs::create_dir_all(&work)?;
-        let prepared = |input: &Input, frames| Prepared::new(input.clone(), 0, frames, (&work, true));
+        let prepared =
+            |input: &Input, frames| Prepared::new(input.clone(), 0, frames, (&work, true));
         let peers = match &input {
             // One rendering for all.
             Input::Scene { .. } => prepared(&input, a.frames),
@@ -329,7 +330,10 @@ fn once(
 }
 
 pub(crate) fn run(a: &Arguments) -> Result<ExitCode, Failure> {
-    let out = a.out.clone().unwrap_or_else(|| origin::root().join("target/peers"));
+    let out = a
+        .out
+        .clone()
+        .unwrap_or_else(|| origin::root().join("target/peers"));
     let bench = Bench::new(
         a.program.as_deref(),
         a.commit.as_deref(),

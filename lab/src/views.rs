@@ -15,7 +15,10 @@ fn rows(runs: &[Run]) -> Vec<Row<'_>> {
     let mut rows: Vec<Row<'_>> = Vec::new();
     for run in runs {
         let (input, variant) = (run.key.input.as_str(), run.key.variant.as_str());
-        match rows.iter_mut().find(|r| (r.input, r.variant) == (input, variant)) {
+        match rows
+            .iter_mut()
+            .find(|r| (r.input, r.variant) == (input, variant))
+        {
             Some(row) => row.runs.push(run),
             None => rows.push(Row {
                 input,
@@ -77,7 +80,10 @@ pub(crate) fn sweep(runs: &[Run]) -> Table {
             row.sum(|f| f.undecided.unwrap_or(0)),
             row.sum(|f| f.wrong),
             figure(spread(row.all(Figures::frame_ms))[0], 1),
-            figure(spread(row.all(|f| f.memory_bytes.map(|b| b as f64 * 1e-6)))[2], 0),
+            figure(
+                spread(row.all(|f| f.memory_bytes.map(|b| b as f64 * 1e-6)))[2],
+                0,
+            ),
         ]);
     }
     table
@@ -102,7 +108,9 @@ pub(crate) fn peers(runs: &[Run], names: &[(&str, &str, &str)]) -> Table {
         let mut cells = vec![(*title).to_owned()];
         let (mut times, mut memory) = (Vec::new(), Vec::new());
         for input in &inputs {
-            let row = rows.iter().find(|r| (r.input, r.variant) == (*input, *program));
+            let row = rows
+                .iter()
+                .find(|r| (r.input, r.variant) == (*input, *program));
             let Some(row) = row else {
                 cells.push(figure(f64::NAN, 0));
                 continue;
@@ -134,7 +142,9 @@ mod tests {
 
     #[test]
     fn rows_hold_medians_sums_and_failures() {
-        let mut runs = [1.0, 3.0, 2.0].map(|ate| run("sim:a", "off", ate as u64, ate)).to_vec();
+        let mut runs = [1.0, 3.0, 2.0]
+            .map(|ate| run("sim:a", "off", ate as u64, ate))
+            .to_vec();
         for (k, r) in runs.iter_mut().enumerate() {
             let figures = r.figures.as_mut().unwrap();
             (figures.lost, figures.wrong) = (k, 2);
@@ -143,26 +153,59 @@ mod tests {
         (broken.figures, broken.error) = (None, Some("no".to_owned()));
         runs.push(broken);
         let text = sweep(&runs).to_markdown();
-        let cells: Vec<&str> = text.lines().nth(2).unwrap().split('|').map(str::trim).collect();
-        let expected = ["`sim:a`", "off", "4, 1 failed", "2.0 (1.0 to 3.0)", "-", "-", "-", "3", "0", "6"];
+        let cells: Vec<&str> = text
+            .lines()
+            .nth(2)
+            .unwrap()
+            .split('|')
+            .map(str::trim)
+            .collect();
+        let expected = [
+            "`sim:a`",
+            "off",
+            "4, 1 failed",
+            "2.0 (1.0 to 3.0)",
+            "-",
+            "-",
+            "-",
+            "3",
+            "0",
+            "6",
+        ];
         assert_eq!(cells[1..11], expected);
     }
 
     #[test]
     fn peers_stand_side_by_side() {
-        let mut runs = vec![run("a", "x", 0, 1.0), run("a", "y", 0, 2.0), run("b", "x", 0, 3.0)];
+        let mut runs = vec![
+            run("a", "x", 0, 1.0),
+            run("a", "y", 0, 2.0),
+            run("b", "x", 0, 3.0),
+        ];
         for r in &mut runs {
             let figures = r.figures.as_mut().unwrap();
             figures.lost = if r.key.variant == "y" { 15 } else { 1 };
-            figures.time_ms.insert("frame".to_owned(), crate::results::Time { median: 5.0, p95: None });
+            figures.time_ms.insert(
+                "frame".to_owned(),
+                crate::results::Time {
+                    median: 5.0,
+                    p95: None,
+                },
+            );
             figures.memory_bytes = Some(7_000_000);
         }
         let text = peers(&runs, &[("x", "X", "MIT"), ("y", "Y", "none")]).to_markdown();
         let cells = |line: usize| -> Vec<String> {
             let line = text.lines().nth(line).unwrap();
-            line.split('|').map(|c| c.trim().to_owned()).filter(|c| !c.is_empty()).collect()
+            line.split('|')
+                .map(|c| c.trim().to_owned())
+                .filter(|c| !c.is_empty())
+                .collect()
         };
         assert_eq!(cells(2), ["X", "1.0", "3.0", "5 to 5", "7 MB", "MIT"]);
-        assert_eq!(cells(3), ["Y", "2.0, 15 lost", "-", "5 to 5", "7 MB", "none"]);
+        assert_eq!(
+            cells(3),
+            ["Y", "2.0, 15 lost", "-", "5 to 5", "7 MB", "none"]
+        );
     }
 }

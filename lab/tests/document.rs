@@ -41,9 +41,16 @@ fn a_document_that_differs_is_found_and_written() {
     assert_eq!(check().0, Some(1));
     // A table that nobody shows, and a region without a file.
     std::fs::write(results.join("other.jsonl"), lines).unwrap();
-    assert!(check().2.contains("lab/results/other.jsonl: no document shows it"));
+    assert!(
+        check()
+            .2
+            .contains("lab/results/other.jsonl: no document shows it")
+    );
     std::fs::remove_file(results.join("speed.jsonl")).unwrap();
     let (code, _, said) = check();
     assert_eq!(code, Some(2), "{said}");
-    assert!(said.contains("docs/speed.md: line 2: ") && said.contains("speed.jsonl"), "{said}");
+    assert!(
+        said.contains("docs/speed.md: line 2: ") && said.contains("speed.jsonl"),
+        "{said}"
+    );
 }

@@ -2,6 +2,9 @@
 #![allow(clippy::unwrap_used)]
 
 mod document;
+mod experiments;
+#[cfg(unix)]
+mod peers;
 mod sweep;
 
 use std::path::PathBuf;

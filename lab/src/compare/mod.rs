@@ -1,17 +1,16 @@
 //! `lab compare`: whether the runs of B are better or worse than those of A, beyond what seeds do.
 
+mod metric;
 mod pairs;
 mod statistics;
 
 use crate::Failure;
-use crate::results::{Figures, Run};
-use crate::table::{self, Align, Table, figure};
+use crate::results::Run;
+use crate::table::{self, Align, Table};
+use metric::{METRICS, Metric, Verdict};
 use pairs::{Group, Pairs};
-use statistics::{Estimate, OUTSIDE, RESAMPLES, Sum, enough, estimate};
+use statistics::{OUTSIDE, RESAMPLES, estimate};
 use std::process::ExitCode;
-
-/// Times and memory that differ by less are the same: two processes of one program do.
-const MARGIN: f64 = 0.05;
 
 /// Says whether the runs of B are better or worse than those of A.
 ///
@@ -24,160 +23,6 @@ pub(crate) struct Arguments {
     b: String,
 }
 
-/// What is compared.
-struct Metric {
-    name: &'static str,
-    of: fn(&Figures) -> Option<f64>,
-    sum: Sum,
-    /// A ratio has to be beyond this share of 1.
-    margin: f64,
-    /// Only of runs that had the machine to themselves.
-    timed: bool,
-    digits: usize,
-}
-
-const METRICS: [Metric; 6] = [
-    Metric {
-        name: "ATE, mm",
-        of: |f| f.ate_mm,
-        sum: Sum::Ratios,
-        margin: 0.0,
-        timed: false,
-        digits: 2,
-    },
-    Metric {
-        name: "ATE at each frame, mm",
-        of: |f| f.online_ate_mm,
-        sum: Sum::Ratios,
-        margin: 0.0,
-        timed: false,
-        digits: 2,
-    },
-    Metric {
-        name: "lost frames",
-        of: |f| Some(f.lost as f64),
-        sum: Sum::Differences,
-        margin: 0.0,
-        timed: false,
-        digits: 1,
-    },
-    Metric {
-        name: "wrong frames",
-        of: |f| Some(f.wrong as f64),
-        sum: Sum::Differences,
-        margin: 0.0,
-        timed: false,
-        digits: 1,
-    },
-    Metric {
-        name: "frame, ms",
-        of: Figures::frame_ms,
-        sum: Sum::Ratios,
-        margin: MARGIN,
-        timed: true,
-        digits: 2,
-    },
-    Metric {
-        name: "memory, MB",
-        of: |f| f.memory_bytes.map(|b| b as f64 * 1e-6),
-        sum: Sum::Ratios,
-        margin: MARGIN,
-        timed: false,
-        digits: 0,
-    },
-];
-
-/// What is said of B.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
-    /// No pair differs.
-    Same,
-    Better,
-    Worse,
-    NoDifference,
-    TooFew,
-    /// Other runs took the machine's time.
-    NotTimed,
-}
-
-impl Verdict {
-    fn words(self) -> &'static str {
-        match self {
-            Self::Same => "the same",
-            Self::Better => "better",
-            Self::Worse => "WORSE",
-            Self::NoDifference => "no difference beyond seeds",
-            Self::TooFew => "too few seeds to tell",
-            Self::NotTimed => "not judged: needs --jobs 1",
-        }
-    }
-}
-
-impl Metric {
-    /// What does not differ.
-    fn neutral(&self) -> f64 {
-        match self.sum {
-            Sum::Ratios => 1.0,
-            Sum::Differences => 0.0,
-        }
-    }
-
-    /// B by A, or B less A; none where one has no figure, or where a ratio is none.
-    fn contrast(&self, (a, b): &(Run, Run)) -> Option<f64> {
-        let of = |r: &Run| r.figures.as_ref().and_then(self.of);
-        let (a, b) = (of(a)?, of(b)?);
-        let value = match self.sum {
-            // Nothing differs from itself, zero neither.
-            Sum::Ratios if a == b => 1.0,
-            Sum::Ratios => b / a,
-            Sum::Differences => b - a,
-        };
-        (value.is_finite() && (self.sum == Sum::Differences || value > 0.0)).then_some(value)
-    }
-
-    fn judge(&self, contrasts: &[Vec<f64>], e: Estimate, outside: f64) -> Verdict {
-        let mut all = contrasts.iter().flatten();
-        let (above, below) = match self.sum {
-            Sum::Ratios => (1.0 + self.margin, 1.0 / (1.0 + self.margin)),
-            Sum::Differences => (0.0, 0.0),
-        };
-        if all.all(|c| *c == self.neutral()) {
-            Verdict::Same
-        } else if !enough(contrasts.iter().map(Vec::len).sum(), outside) {
-            Verdict::TooFew
-        } else if e.low > above {
-            Verdict::Worse
-        } else if e.high < below {
-            Verdict::Better
-        } else {
-            Verdict::NoDifference
-        }
-    }
-
-    /// The median (of counts: the mean) of one side.
-    fn side(&self, runs: impl Iterator<Item = f64>) -> String {
-        let values: Vec<f64> = runs.collect();
-        let value = match self.sum {
-            Sum::Ratios => table::spread(values)[0],
-            Sum::Differences => values.iter().sum::<f64>() / values.len() as f64,
-        };
-        figure(value, self.digits)
-    }
-
-    fn interval(&self, e: Estimate) -> [String; 2] {
-        match self.sum {
-            Sum::Ratios => [
-                format!("{:.3}", e.value),
-                format!("{:.3} to {:.3}", e.low, e.high),
-            ],
-            Sum::Differences => [
-                format!("{:+.1}", e.value),
-                format!("{:+.1} to {:+.1}", e.low, e.high),
-            ],
-        }
-    }
-}
-
 /// What a comparison says.
 struct Comparison {
     table: Table,
@@ -188,7 +33,16 @@ struct Comparison {
 
 /// Compares all metrics, by input and over all.
 fn compare(groups: &[Group]) -> Comparison {
-    let head = ["input", "figure", "pairs", "A", "B", "B / A, B - A", "interval", "B is"];
+    let head = [
+        "input",
+        "figure",
+        "pairs",
+        "A",
+        "B",
+        "B / A, B - A",
+        "interval",
+        "B is",
+    ];
     let mut said = Comparison {
         table: Table::new(head).align(1, Align::Left).align(7, Align::Left),
         worse: Vec::new(),
@@ -199,7 +53,11 @@ fn compare(groups: &[Group]) -> Comparison {
     for metric in &METRICS {
         let mut all: Vec<(Vec<f64>, &Group)> = Vec::new();
         for group in groups {
-            let contrasts: Vec<f64> = group.pairs.iter().filter_map(|p| metric.contrast(p)).collect();
+            let contrasts: Vec<f64> = group
+                .pairs
+                .iter()
+                .filter_map(|p| metric.contrast(p))
+                .collect();
             if !contrasts.is_empty() {
                 said.row(metric, &group.name, &[(contrasts.clone(), group)], each);
                 all.push((contrasts, group));
@@ -221,7 +79,11 @@ impl Comparison {
         let verdict = if metric.timed && shared {
             Verdict::NotTimed
         } else {
-            metric.judge(&contrasts, e, outside)
+            let independent = match of {
+                [(one, _)] => one.len(),
+                several => several.iter().map(|(_, g)| g.independent()).sum(),
+            };
+            metric.judge(&contrasts, independent, (e, outside))
         };
         let what = format!("{name}: {}", metric.name);
         match verdict {
@@ -291,7 +153,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         better,
     } = compare(&groups);
     println!(
-        "A: {}\nB: {}\n\n{} of {RESAMPLES} draws of the seeds, percentiles; of single inputs the share outside is divided by their number. \
+        "A: {}\nB: {}\n\n{} of {RESAMPLES} draws of inputs and their seeds, percentiles; of single inputs the share outside is divided by their number. \
          Errors, times and memory: median ratio, over all inputs the geometric mean. Frames: mean difference.\n",
         arguments.a,
         arguments.b,
@@ -328,7 +190,10 @@ mod tests {
     fn groups(ratio: impl Fn(u64) -> f64, seeds: u64) -> Vec<Group> {
         let pair = |seed| {
             let ate = 1.0 + seed as f64;
-            (run("x", "a", seed, ate), run("x", "b", seed, ate * ratio(seed)))
+            (
+                run("x", "a", seed, ate),
+                run("x", "b", seed, ate * ratio(seed)),
+            )
         };
         let pairs = (0..seeds).map(pair).collect();
         let name = "x".to_owned();
@@ -346,21 +211,34 @@ mod tests {
         assert_eq!(verdicts(&groups(|_| 0.98, 8)), (0, 1));
         assert_eq!(verdicts(&groups(|_| 1.0, 8)), (0, 0));
         // As often better as worse.
-        assert_eq!(verdicts(&groups(|s| if s % 2 == 0 { 0.7 } else { 1.5 }, 8)), (0, 0));
+        assert_eq!(
+            verdicts(&groups(|s| if s % 2 == 0 { 0.7 } else { 1.5 }, 8)),
+            (0, 0)
+        );
         // Five seeds fall on one side by chance too often.
         assert_eq!(verdicts(&groups(|_| 1.5, 5)), (0, 0));
         let text = compare(&groups(|_| 1.5, 5)).table.to_markdown();
-        assert!(text.contains("too few seeds to tell"), "{text}");
+        assert!(text.contains("too few to tell"), "{text}");
     }
 
     #[test]
     fn many_inputs_show_together_what_each_cannot() {
-        let three = |name: &str| Group {
-            name: name.to_owned(),
-            ..groups(|_| 1.1, 3)[0].clone()
+        let three = |name: &str, ratio: f64| {
+            let mut group = groups(|_| ratio, 3).remove(0);
+            group.name = name.to_owned();
+            for (a, _) in &mut group.pairs {
+                a.key.input = name.to_owned();
+            }
+            group
         };
-        let said = compare(&[three("x"), three("y")]);
+        let said = compare(&[three("sim:x", 1.1), three("sim:y", 1.1)]);
         assert_eq!(said.worse, ["all inputs: ATE, mm"]);
+        // The images of recordings are the same for all seeds.
+        let said = compare(&[three("x", 1.1), three("y", 1.1)]);
+        assert_eq!(said.worse, Vec::<String>::new());
+        // Scenes that disagree show nothing, however well each is known.
+        let said = compare(&[three("sim:x", 1.1), three("sim:y", 0.99)]);
+        assert_eq!(said.worse, Vec::<String>::new());
     }
 
     #[test]

@@ -41,6 +41,22 @@ pub(crate) struct Group {
     pub(crate) pairs: Vec<(Run, Run)>,
 }
 
+impl Group {
+    /// How many of its pairs are independent where inputs are judged together: the images of a recording, and of a scene with a seed of its own, are the same for
+    /// all seeds, and what chance makes of them is too.
+    pub(crate) fn independent(&self) -> usize {
+        let own = |(a, _): &(Run, Run)| {
+            let input = &a.key.input;
+            input.starts_with("sim:") && !input.contains('@')
+        };
+        if self.pairs.iter().all(own) {
+            self.pairs.len()
+        } else {
+            1
+        }
+    }
+}
+
 /// All pairs by input, and what has no partner, in words.
 #[derive(Debug)]
 pub(crate) struct Pairs {
@@ -50,9 +66,8 @@ pub(crate) struct Pairs {
 
 /// Pairs two sides. Where each of them is of one variant, its name does not matter.
 pub(crate) fn pair(a: Vec<Run>, b: Vec<Run>) -> Result<Pairs, Failure> {
-    let variants = |runs: &[Run]| -> BTreeSet<String> {
-        runs.iter().map(|r| r.key.variant.clone()).collect()
-    };
+    let variants =
+        |runs: &[Run]| -> BTreeSet<String> { runs.iter().map(|r| r.key.variant.clone()).collect() };
     let several = variants(&a).len() > 1 || variants(&b).len() > 1;
     let (a, mut b) = (by_common("A", a, several)?, by_common("B", b, several)?);
     let mut groups: Vec<Group> = Vec::new();
@@ -71,7 +86,10 @@ pub(crate) fn pair(a: Vec<Run>, b: Vec<Run>) -> Result<Pairs, Failure> {
             }),
         }
     }
-    alone.extend(b.keys().map(|common| format!("only in B: {}", named(common))));
+    alone.extend(
+        b.keys()
+            .map(|common| format!("only in B: {}", named(common))),
+    );
     Ok(Pairs { groups, alone })
 }
 
@@ -79,7 +97,11 @@ fn by_common(side: &str, runs: Vec<Run>, several: bool) -> Result<BTreeMap<Commo
     let mut all = BTreeMap::new();
     for run in runs {
         let key = &run.key;
-        let variant = if several { key.variant.clone() } else { String::new() };
+        let variant = if several {
+            key.variant.clone()
+        } else {
+            String::new()
+        };
         let common = (key.input.clone(), variant, key.frames_at_most, key.seed);
         if let Some(other) = all.insert(common.clone(), run) {
             return Err(format!(
@@ -117,12 +139,27 @@ mod tests {
 
     #[test]
     fn runs_are_paired_by_input_and_seed_and_the_rest_is_named() {
-        let a = vec![run("x", "old", 0, 1.0), run("x", "old", 1, 1.0), run("y", "old", 0, 1.0)];
-        let b = vec![run("x", "new", 1, 2.0), run("x", "new", 0, 3.0), run("z", "new", 0, 1.0)];
+        let a = vec![
+            run("x", "old", 0, 1.0),
+            run("x", "old", 1, 1.0),
+            run("y", "old", 0, 1.0),
+        ];
+        let b = vec![
+            run("x", "new", 1, 2.0),
+            run("x", "new", 0, 3.0),
+            run("z", "new", 0, 1.0),
+        ];
         let pairs = pair(a, b).unwrap();
-        assert_eq!(pairs.alone, ["only in A: y, seed 0", "only in B: z, seed 0"]);
+        assert_eq!(
+            pairs.alone,
+            ["only in A: y, seed 0", "only in B: z, seed 0"]
+        );
         assert_eq!(pairs.groups.len(), 1);
-        let seeds: Vec<_> = pairs.groups[0].pairs.iter().map(|(a, b)| (a.key.seed, b.key.seed)).collect();
+        let seeds: Vec<_> = pairs.groups[0]
+            .pairs
+            .iter()
+            .map(|(a, b)| (a.key.seed, b.key.seed))
+            .collect();
         assert_eq!(seeds, [(0, 0), (1, 1)]);
     }
 

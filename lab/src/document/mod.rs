@@ -200,7 +200,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
             eprintln!("lab/results/{name}.jsonl: no document shows it");
         }
     }
-    let words = if arguments.check { "differs from its result files; `lab document` writes it" } else { "written" };
+    let words = if arguments.check {
+        "differs from its result files; `lab document` writes it"
+    } else {
+        "written"
+    };
     for name in &differ {
         println!("{name}: {words}");
     }

@@ -60,7 +60,10 @@ pub(crate) fn replace(
                     let inside = render(&region).map_err(at)?;
                     open = Some((i + 1, inside));
                 } else if bare == END {
-                    return Err(at(format!("expected {BEGIN}NAME{CLOSE} before it, found none").into()));
+                    return Err(at(format!(
+                        "expected {BEGIN}NAME{CLOSE} before it, found none"
+                    )
+                    .into()));
                 }
             }
             Some((begun, inside)) => {
@@ -70,13 +73,18 @@ pub(crate) fn replace(
                     fresh += line;
                     open = None;
                 } else if bare.starts_with(BEGIN) {
-                    return Err(at(format!("expected {END} of line {begun}, found another region").into()));
+                    return Err(at(format!(
+                        "expected {END} of line {begun}, found another region"
+                    )
+                    .into()));
                 }
             }
         }
     }
     match open {
-        Some((begun, _)) => Err(format!("line {begun}: expected {END} after it, found none").into()),
+        Some((begun, _)) => {
+            Err(format!("line {begun}: expected {END} after it, found none").into())
+        }
         None => Ok(fresh),
     }
 }
@@ -110,12 +118,20 @@ mod tests {
     #[test]
     fn regions_that_do_not_close_are_errors() {
         for (text, part) in [
-            ("<!-- lab: x -->\nold", "line 1: expected <!-- /lab --> after it"),
+            (
+                "<!-- lab: x -->\nold",
+                "line 1: expected <!-- /lab --> after it",
+            ),
             ("<!-- /lab -->", "before it, found none"),
-            ("<!-- lab: x -->\n<!-- lab: y -->\n", "line 2: expected <!-- /lab --> of line 1"),
+            (
+                "<!-- lab: x -->\n<!-- lab: y -->\n",
+                "line 2: expected <!-- /lab --> of line 1",
+            ),
             ("<!-- lab: x 0 -->\n<!-- /lab -->", "[NUMBER]"),
         ] {
-            let e = replace(text, |_| Ok(String::new())).unwrap_err().to_string();
+            let e = replace(text, |_| Ok(String::new()))
+                .unwrap_err()
+                .to_string();
             assert!(e.contains(part), "{e}");
         }
     }

@@ -284,10 +284,10 @@ pub(crate) fn run(a: &Arguments) -> Result<ExitCode, Failure> {
         lines.push(line);
         Ok(())
     })?;
-    let mine: Vec<Run> = runs(&lines)
-        .into_iter()
-        .filter(|r| planned.contains(&r.key))
-        .collect();
+    // As planned, and not as they came.
+    let made = runs(&lines);
+    let of = |key: &Key| made.iter().find(|r| r.key == *key).cloned();
+    let mine: Vec<Run> = planned.iter().filter_map(of).collect();
     table::print(&views::sweep(&mine));
     let failed: Vec<&Run> = mine.iter().filter(|r| r.error.is_some()).collect();
     for r in &failed {
@@ -348,7 +348,10 @@ pub(crate) fn said(run: &Run) -> String {
             f.frames,
             run.seconds
         ),
-        (_, error) => format!("{head} FAILED: {}", error.as_deref().unwrap_or("no figures")),
+        (_, error) => format!(
+            "{head} FAILED: {}",
+            error.as_deref().unwrap_or("no figures")
+        ),
     }
 }
 

@@ -43,9 +43,7 @@ impl Program {
         match ended {
             None => Err(format!("timed out after {:.0} s", self.timeout.as_secs_f64()).into()),
             Some(status) if matches!(status.code(), Some(0 | 1)) => Ok(()),
-            Some(status) => {
-                Err(format!("{status}: {}", last.trim_start_matches("error: ")).into())
-            }
+            Some(status) => Err(format!("{status}: {}", last.trim_start_matches("error: ")).into()),
         }
     }
 
@@ -61,9 +59,14 @@ impl Program {
         let _ = std::fs::remove_dir_all(&scratch);
         std::fs::create_dir_all(&scratch)?;
         let folder = scratch.join("scene");
-        let mut words: Vec<OsString> =
-            ["-q", "simulate", "--scene", scene, "--seed"].map(Into::into).into();
-        words.extend([seed.to_string().into(), "--out".into(), folder.clone().into()]);
+        let mut words: Vec<OsString> = ["-q", "simulate", "--scene", scene, "--seed"]
+            .map(Into::into)
+            .into();
+        words.extend([
+            seed.to_string().into(),
+            "--out".into(),
+            folder.clone().into(),
+        ]);
         if let Some(n) = frames {
             words.extend(["--frames".into(), n.to_string().into()]);
         }

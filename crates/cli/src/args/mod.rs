@@ -12,6 +12,7 @@ pub(crate) mod render;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod simulated;
+pub(crate) mod suite;
 
 use crate::args::datasets::DatasetsCommand;
 use crate::args::doctor::DoctorArgs;
@@ -25,7 +26,7 @@ use crate::args::render::RenderArgs;
 use crate::args::report::ReportArgs;
 use crate::args::run::{ReplayArgs, RunArgs};
 use crate::args::simulated::{DemoArgs, SimulateArgs};
-use crate::bench::suite::catalogue::Suite;
+use crate::args::suite::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 
