@@ -1,7 +1,18 @@
-//! `lab EXPERIMENT`: what Stillpoint's methods are worth, measured.
+//! `lab`: experiments on Stillpoint, comparisons of two versions and with other systems, and the tables of the documents (lab/README.md).
 
+mod compare;
+mod document;
 mod experiments;
+mod inputs;
+mod markdown;
+mod origin;
+mod peers;
+mod record;
+mod results;
+mod score;
+mod sweep;
 mod table;
+mod views;
 
 use clap::{Parser, Subcommand};
 use experiments::{
@@ -22,6 +33,12 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Inputs(inputs::Arguments),
+    Sweep(sweep::Arguments),
+    Compare(compare::Arguments),
+    Peers(peers::Arguments),
+    Record(record::Arguments),
+    Document(document::Arguments),
     Allocations(allocations::Arguments),
     Closing(closing::Arguments),
     Crowds(crowds::Arguments),
@@ -47,6 +64,12 @@ enum Command {
 
 fn run(command: &Command) -> Result<ExitCode, Failure> {
     match command {
+        Command::Inputs(arguments) => inputs::list(arguments),
+        Command::Sweep(arguments) => sweep::run(arguments),
+        Command::Compare(arguments) => compare::run(arguments),
+        Command::Peers(arguments) => peers::run(arguments),
+        Command::Record(arguments) => record::run(arguments),
+        Command::Document(arguments) => document::run(arguments),
         Command::Allocations(arguments) => allocations::run(arguments),
         Command::Closing(arguments) => closing::run(arguments),
         Command::Crowds(arguments) => crowds::run(arguments),

@@ -126,7 +126,11 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
 
 /// Packages for other languages: folders beside `crates/`, each a workspace of its own with its own lock file. They hold the facade, and where users are to have
 /// the same words there as in the command line, the command line.
-pub(crate) const FRONT_ENDS: &[(&str, &[&str])] = &[("python", &["stillpoint", "cli"])];
+pub(crate) const FRONT_ENDS: &[(&str, &[&str])] = &[
+    ("python", &["stillpoint", "cli"]),
+    // The laboratory, whose tests drive the command line.
+    ("lab", &["stillpoint", "cli"]),
+];
 
 /// What no crate of the core may import, directly or not: threads, files and judges stay outside.
 const CORE: &[&str] = &[
