@@ -277,6 +277,107 @@ impl KnownUp {
 mod tests {
     use super::*;
 
+    use crate::run::summary::DetectorJson;
+    use crate::run::tally::{End, Tally};
+    use std::sync::Mutex;
+    use stillpoint::slam::Trajectory;
+
+    /// Says what is done with it; fails to finish where it is told to.
+    struct Noting {
+        name: &'static str,
+        notes: Arc<Mutex<Vec<String>>>,
+        fails: bool,
+    }
+
+    impl Noting {
+        fn note(&self, what: &str) {
+            let mut notes = self.notes.lock().unwrap();
+            notes.push(format!("{what} {}", self.name));
+        }
+    }
+
+    impl Sink for Noting {
+        fn settle(&mut self, ended: &mut Ended<'_>) -> Result<(), Failure> {
+            self.note("settle");
+            ended.found.said += self.name;
+            Ok(())
+        }
+
+        fn finish(self: Box<Self>, _: &mut Ended<'_>) -> Result<(), Failure> {
+            self.note("finish");
+            if self.fails {
+                return Err(Failure::input(format!("{} is full", self.name)));
+            }
+            Ok(())
+        }
+
+        fn rescue(self: Box<Self>, _: &Left<'_>) {
+            self.note("rescue");
+        }
+    }
+
+    /// Sinks of these names, and what is done with them. The first fails to finish if it is told to.
+    fn noting(names: [&'static str; 2], fails: bool) -> (Sinks, Arc<Mutex<Vec<String>>>) {
+        let notes = Arc::<Mutex<Vec<String>>>::default();
+        let sink = |name: &'static str| {
+            let notes = Arc::clone(&notes);
+            let fails = fails && name == names[0];
+            Box::new(Noting { name, notes, fails }) as Box<dyn Sink>
+        };
+        let sinks = Sinks(names.map(sink).into_iter().collect());
+        (sinks, notes)
+    }
+
+    fn session() -> Session {
+        Tally::default().close(End {
+            trajectory: Trajectory::default(),
+            view: Arc::default(),
+            map: None,
+            timing: slam::Timing::default(),
+            detector: DetectorJson::default(),
+            interrupted: false,
+            seconds: 1.0,
+            log: None,
+            agrees: None,
+            live: None,
+        })
+    }
+
+    #[test]
+    fn all_sinks_settle_before_one_finishes_and_one_that_fails_takes_nothing_from_others() {
+        let (sinks, notes) = noting(["a", "b"], false);
+        let found = sinks.finish(&session(), KnownUp::default(), None);
+        let order = ["settle a", "settle b", "finish a", "finish b"];
+        assert_eq!(*notes.lock().unwrap(), order);
+        assert_eq!(found.unwrap().said, "ab");
+        let (sinks, notes) = noting(["a", "b"], true);
+        let found = sinks.finish(&session(), KnownUp::default(), None);
+        assert_eq!(*notes.lock().unwrap(), order);
+        assert_eq!(found.err().unwrap().to_string(), "a is full");
+    }
+
+    #[test]
+    fn sinks_of_a_run_that_an_error_ended_keep_what_they_can() {
+        let (mut sinks, notes) = noting(["a", "b"], false);
+        sinks.rescue(&Left {
+            map: None,
+            timing: slam::Timing::default(),
+            frames: 3,
+        });
+        assert_eq!(*notes.lock().unwrap(), ["rescue a", "rescue b"]);
+        assert!(sinks.0.is_empty());
+    }
+
+    #[test]
+    fn users_know_better_than_sensors_which_way_is_up_and_sensors_better_than_older_maps() {
+        let up = |x: f64, y: f64| Up::along(&[x, y, 0.0].into());
+        let (named, known, measured) = (up(1.0, 0.0), up(0.0, 1.0), Some([-1.0, 0.0, 0.0]));
+        assert_eq!(KnownUp { named, known }.with(measured), named);
+        let named = None;
+        assert_eq!(KnownUp { named, known }.with(measured), up(-1.0, 0.0));
+        assert_eq!(KnownUp { named, known }.with(None), known);
+    }
+
     #[test]
     fn a_shelf_holds_one_value_of_each_type() {
         let mut shelf = Shelf::default();

@@ -32,10 +32,12 @@ const NORMAL: &[(&str, &[&str])] = &[
         "live",
         &["geometry", "imaging", "map", "place", "detection", "slam"],
     ),
+    // Bytes under their names, and checksums.
+    ("files", &[]),
     // Opens files and loads libraries, so that the core does not.
-    ("inference", &["detection", "imaging"]),
+    ("inference", &["detection", "imaging", "files"]),
     // The network, and nothing of what comes over it.
-    ("fetch", &[]),
+    ("fetch", &["files"]),
     // How a model is read is said beside it in the cache.
     ("models", &["detection", "inference", "fetch"]),
     // What it draws it is given as values and events.
@@ -45,7 +47,7 @@ const NORMAL: &[(&str, &[&str])] = &[
         "dense",
         &["detection", "geometry", "imaging", "map", "slam"],
     ),
-    ("datasets", &["geometry", "imaging"]),
+    ("datasets", &["geometry", "imaging", "files"]),
     ("simulator", &["geometry", "imaging"]),
     // Frames in, findings out; from where they come is not its business.
     ("doctor", &["geometry", "imaging", "features", "estimation"]),
@@ -145,6 +147,7 @@ const CORE: &[&str] = &[
 ];
 const OUTSIDE: &[&str] = &[
     "live",
+    "files",
     "inference",
     "fetch",
     "models",

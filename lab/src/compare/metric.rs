@@ -90,7 +90,7 @@ impl Verdict {
             Self::Better => "better",
             Self::Worse => "WORSE",
             Self::NoDifference => "no difference beyond seeds",
-            Self::TooFew => "too few seeds to tell",
+            Self::TooFew => "too few to tell",
             Self::NotTimed => "not judged: needs --jobs 1",
         }
     }
@@ -118,7 +118,13 @@ impl Metric {
         (value.is_finite() && (self.sum == Sum::Differences || value > 0.0)).then_some(value)
     }
 
-    pub(super) fn judge(&self, contrasts: &[Vec<f64>], e: Estimate, outside: f64) -> Verdict {
+    /// The verdict on contrasts by input, of which so many are independent.
+    pub(super) fn judge(
+        &self,
+        contrasts: &[Vec<f64>],
+        independent: usize,
+        (e, outside): (Estimate, f64),
+    ) -> Verdict {
         let mut all = contrasts.iter().flatten();
         let (above, below) = match self.sum {
             Sum::Ratios => (1.0 + self.margin, 1.0 / (1.0 + self.margin)),
@@ -126,7 +132,7 @@ impl Metric {
         };
         if all.all(|c| *c == self.neutral()) {
             Verdict::Same
-        } else if !enough(contrasts.iter().map(Vec::len).sum(), outside) {
+        } else if !enough(independent, outside) {
             Verdict::TooFew
         } else if e.low > above {
             Verdict::Worse

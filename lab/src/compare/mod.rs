@@ -79,7 +79,11 @@ impl Comparison {
         let verdict = if metric.timed && shared {
             Verdict::NotTimed
         } else {
-            metric.judge(&contrasts, e, outside)
+            let independent = match of {
+                [(one, _)] => one.len(),
+                several => several.iter().map(|(_, g)| g.independent()).sum(),
+            };
+            metric.judge(&contrasts, independent, (e, outside))
         };
         let what = format!("{name}: {}", metric.name);
         match verdict {
@@ -149,7 +153,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         better,
     } = compare(&groups);
     println!(
-        "A: {}\nB: {}\n\n{} of {RESAMPLES} draws of the seeds, percentiles; of single inputs the share outside is divided by their number. \
+        "A: {}\nB: {}\n\n{} of {RESAMPLES} draws of inputs and their seeds, percentiles; of single inputs the share outside is divided by their number. \
          Errors, times and memory: median ratio, over all inputs the geometric mean. Frames: mean difference.\n",
         arguments.a,
         arguments.b,
@@ -214,17 +218,27 @@ mod tests {
         // Five seeds fall on one side by chance too often.
         assert_eq!(verdicts(&groups(|_| 1.5, 5)), (0, 0));
         let text = compare(&groups(|_| 1.5, 5)).table.to_markdown();
-        assert!(text.contains("too few seeds to tell"), "{text}");
+        assert!(text.contains("too few to tell"), "{text}");
     }
 
     #[test]
     fn many_inputs_show_together_what_each_cannot() {
-        let three = |name: &str| Group {
-            name: name.to_owned(),
-            ..groups(|_| 1.1, 3)[0].clone()
+        let three = |name: &str, ratio: f64| {
+            let mut group = groups(|_| ratio, 3).remove(0);
+            group.name = name.to_owned();
+            for (a, _) in &mut group.pairs {
+                a.key.input = name.to_owned();
+            }
+            group
         };
-        let said = compare(&[three("x"), three("y")]);
+        let said = compare(&[three("sim:x", 1.1), three("sim:y", 1.1)]);
         assert_eq!(said.worse, ["all inputs: ATE, mm"]);
+        // The images of recordings are the same for all seeds.
+        let said = compare(&[three("x", 1.1), three("y", 1.1)]);
+        assert_eq!(said.worse, Vec::<String>::new());
+        // Scenes that disagree show nothing, however well each is known.
+        let said = compare(&[three("sim:x", 1.1), three("sim:y", 0.99)]);
+        assert_eq!(said.worse, Vec::<String>::new());
     }
 
     #[test]

@@ -41,6 +41,22 @@ pub(crate) struct Group {
     pub(crate) pairs: Vec<(Run, Run)>,
 }
 
+impl Group {
+    /// How many of its pairs are independent where inputs are judged together: the images of a recording, and of a scene with a seed of its own, are the same for
+    /// all seeds, and what chance makes of them is too.
+    pub(crate) fn independent(&self) -> usize {
+        let own = |(a, _): &(Run, Run)| {
+            let input = &a.key.input;
+            input.starts_with("sim:") && !input.contains('@')
+        };
+        if self.pairs.iter().all(own) {
+            self.pairs.len()
+        } else {
+            1
+        }
+    }
+}
+
 /// All pairs by input, and what has no partner, in words.
 #[derive(Debug)]
 pub(crate) struct Pairs {

@@ -1,4 +1,6 @@
-//! How sure a difference is: intervals by drawing the seeds of every input anew, as often as there are, with replacement (Efron's bootstrap, percentiles).
+//! How sure a difference is: intervals by drawing anew, with replacement, as many inputs as there are and as many seeds of each (Efron's bootstrap, percentiles).
+//!
+//! Inputs are drawn too, since a recording answers every change by chance a little, whatever the seed: what holds over all inputs has to hold for others like them.
 
 use crate::table::spread;
 use stillpoint::estimation::{Purpose, Rng, rng};
@@ -37,8 +39,8 @@ impl Sum {
         }
     }
 
-    fn of_all(self, inputs: &[Vec<f64>]) -> f64 {
-        let each = inputs.iter().map(|values| self.of_input(values));
+    /// Of the values of all inputs.
+    fn of_all(self, each: impl ExactSizeIterator<Item = f64>) -> f64 {
         match self {
             Self::Ratios => mean(each.map(f64::ln)).exp(),
             Self::Differences => mean(each),
@@ -54,34 +56,34 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 /// The value over inputs, each with a value per seed, and the interval outside of which a share `outside` of the draws is.
 pub(crate) fn estimate(inputs: &[Vec<f64>], sum: Sum, outside: f64) -> Estimate {
     let mut random = rng(SEED, 0, DRAWS);
-    let mut drawn: Vec<Vec<f64>> = inputs.to_vec();
+    let mut drawn = Vec::new();
     let mut values: Vec<f64> = (0..RESAMPLES)
         .map(|_| {
-            for (draw, values) in drawn.iter_mut().zip(inputs) {
-                redraw(draw, values, &mut random);
-            }
-            sum.of_all(&drawn)
+            sum.of_all(inputs.iter().map(|_| {
+                let seeds = &inputs[random.below(inputs.len())];
+                redraw(&mut drawn, seeds, &mut random);
+                sum.of_input(&drawn)
+            }))
         })
         .collect();
     values.sort_by(f64::total_cmp);
     let last = RESAMPLES - 1;
     let at = |share: f64| values[((share * last as f64).round() as usize).min(last)];
     Estimate {
-        value: sum.of_all(inputs),
+        value: sum.of_all(inputs.iter().map(|seeds| sum.of_input(seeds))),
         low: at(0.5 * outside),
         high: at(1.0 - 0.5 * outside),
     }
 }
 
-fn redraw(draw: &mut [f64], values: &[f64], random: &mut Rng) {
-    for d in draw {
-        *d = values[random.below(values.len())];
-    }
+fn redraw(drawn: &mut Vec<f64>, values: &[f64], random: &mut Rng) {
+    drawn.clear();
+    drawn.extend(values.iter().map(|_| values[random.below(values.len())]));
 }
 
-/// Whether so many pairs can show a difference: all on one side by chance alone have to be rarer than the share outside.
-pub(crate) fn enough(pairs: usize, outside: f64) -> bool {
-    0.5_f64.powi(pairs as i32 - 1) <= outside
+/// Whether so many independent ones can show a difference: all on one side by chance alone have to be rarer than the share outside.
+pub(crate) fn enough(independent: usize, outside: f64) -> bool {
+    0.5_f64.powi(independent as i32 - 1) <= outside
 }
 
 #[cfg(test)]
@@ -115,6 +117,16 @@ mod tests {
         assert!(e.low < e.value && e.value < e.high);
         // The same draws in every run.
         assert_eq!(e, estimate(&[values], Sum::Differences, OUTSIDE));
+    }
+
+    #[test]
+    fn inputs_that_disagree_widen_the_interval() {
+        let e = estimate(
+            &[vec![1.03; 9], vec![1.01; 9], vec![0.99; 9]],
+            Sum::Ratios,
+            OUTSIDE,
+        );
+        assert!(e.value > 1.0 && e.low < 1.0 && e.high > 1.02, "{e:?}");
     }
 
     #[test]

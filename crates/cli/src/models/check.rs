@@ -12,7 +12,7 @@ use crate::models::{cache, trial};
 use crate::run::summary::DetectorJson;
 use std::time::Instant;
 use stillpoint::detection::{ClassId, Detector};
-use stillpoint::imaging::{ColourImage, FrameId};
+use stillpoint::imaging::FrameId;
 use stillpoint::inference::OnnxDetector;
 
 const OPTION: &str = "models check";

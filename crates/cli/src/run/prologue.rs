@@ -8,7 +8,7 @@ use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
 use crate::page;
 use crate::run::drive::Driver;
-use crate::run::known_map::KnownMap;
+use crate::run::known_map::{Known, KnownMap};
 use crate::run::result::{Voice, finish};
 use crate::run::session::Session;
 use crate::run::setup::Setup;
@@ -128,34 +128,7 @@ impl<'a> Opened<'a> {
         };
         let input = described(task.path, &dataset);
         let config_text = config::to_text(&task.config)?;
-        let mut shelf = Shelf::default();
-        if let Some(recorder) = task.recorder.take() {
-            shelf.put(recorder);
-        }
-        let sinks = task.output.begin(&mut Start {
-            config: &task.config,
-            config_text: &config_text,
-            camera,
-            simd,
-            timing: task.timing,
-            name: page::data::name(&input.name),
-            input: &input,
-            command: page::typed(),
-            stamps: &dataset.stamps(),
-            frames: remaining,
-            known: map.as_ref(),
-            saves_map: adds_ids,
-            up: up.named.or(up.known),
-            logged,
-            shelf,
-        })?;
-        let means = Means {
-            frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
-            sinks,
-            interrupt: Interrupt::prepare(),
-            map: map.map(|k| (k.map, k.map_use)),
-        };
-        let begun = Begun {
+        let mut begun = Begun {
             task,
             simd,
             dataset,
@@ -165,6 +138,14 @@ impl<'a> Opened<'a> {
             input,
             config_text,
             up,
+        };
+        let sinks = begun.begin_sinks(map.as_ref(), remaining, adds_ids, logged)?;
+        let timing = begun.task.timing;
+        let means = Means {
+            frames: ReadAhead::with_capacity(played::Reading::new(source, timing), ahead),
+            sinks,
+            interrupt: Interrupt::prepare(),
+            map: map.map(|k| (k.map, k.map_use)),
         };
         Ok((begun, means))
     }
@@ -212,6 +193,37 @@ fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Fail
 }
 
 impl<'a> Begun<'a> {
+    /// Begins everything that is written beside the result, for so many frames where their number is known.
+    fn begin_sinks(
+        &mut self,
+        known: Option<&Known>,
+        frames: Option<usize>,
+        saves_map: bool,
+        logged: Repeated,
+    ) -> Result<Sinks, Failure> {
+        let mut shelf = Shelf::default();
+        if let Some(recorder) = self.task.recorder.take() {
+            shelf.put(recorder);
+        }
+        self.task.output.begin(&mut Start {
+            config: &self.task.config,
+            config_text: &self.config_text,
+            camera: self.dataset.camera().camera,
+            simd: self.simd,
+            timing: self.task.timing,
+            name: page::data::name(&self.input.name),
+            input: &self.input,
+            command: page::typed(),
+            stamps: &self.dataset.stamps(),
+            frames,
+            known,
+            saves_map,
+            up: self.up.named.or(self.up.known),
+            logged,
+            shelf,
+        })
+    }
+
     /// What lets the frames go by.
     pub(crate) fn driver<'i>(
         &self,

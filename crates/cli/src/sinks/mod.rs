@@ -96,3 +96,48 @@ impl OutputArgs {
         self.all().iter().any(|o| o.wants_colour())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::args::{Arguments, Command};
+    use clap::{Arg, CommandFactory, Parser};
+
+    /// Else two outputs could take each other's place, or that of the input.
+    #[test]
+    fn every_file_and_folder_that_an_option_names_is_known_before_the_run() {
+        let mut arguments = Arguments::command();
+        arguments.build();
+        let run = arguments.find_subcommand("run").unwrap();
+        let is_outputs = |arg: &&Arg| {
+            let mut groups = run.get_groups();
+            groups.any(|g| {
+                GROUPS.contains(&g.get_id().as_str()) && g.get_args().any(|id| id == arg.get_id())
+            })
+        };
+        let mut named = Vec::new();
+        for arg in run.get_arguments().filter(is_outputs) {
+            let value = arg.get_value_names().and_then(|names| names.first());
+            let value = value.map_or("", |name| name.as_str());
+            let option = format!("--{}", arg.get_long().unwrap());
+            let is_folder = value == "DIR" && option != "--out";
+            if !is_folder && !value.starts_with("FILE") {
+                continue;
+            }
+            let line = ["stillpoint", "run", "room", &option, "here"];
+            let Command::Run(run) = Arguments::try_parse_from(line).unwrap().command else {
+                panic!("expected run");
+            };
+            let (files, folders) = (run.output.files(), run.output.folders());
+            let (known, others) = if is_folder {
+                (folders, files)
+            } else {
+                (files, folders)
+            };
+            assert_eq!(known, [(option.as_str(), Path::new("here"))]);
+            assert!(others.is_empty(), "{option}");
+            named.push(option);
+        }
+        assert!(named.len() >= 7, "{named:?}");
+    }
+}

@@ -1,8 +1,5 @@
 //! Depth images packed by runs of zeros and differences of variable length: A. D. Wilson, Fast lossless depth image compression,
 //! ACM Interactive Surfaces and Spaces 2017.
-//!
-//! `recordings` reads the same code from messages of cameras; it stands outside of what this crate may import, and the writer is needed
-//! only here.
 
 /// Writes numbers of three bits per half byte, the highest half byte of each 32-bit word first.
 struct Writer<'a> {
@@ -40,7 +37,7 @@ impl Writer<'_> {
 }
 
 /// Packs values into `out`, which is emptied first.
-pub(crate) fn encode(values: &[u16], out: &mut Vec<u8>) {
+pub fn encode(values: &[u16], out: &mut Vec<u8>) {
     out.clear();
     let mut writer = Writer {
         out,
@@ -92,8 +89,10 @@ impl Reader<'_> {
     }
 }
 
-/// Unpacks `count` values into `out`, which is emptied first; `None` for bytes that are not that many.
-pub(crate) fn decode(bytes: &[u8], count: usize, out: &mut Vec<u16>) -> Option<()> {
+/// Unpacks `count` values into `out`, which is emptied first; `None` for bytes that are not that many. It takes no more memory than the values that it has read,
+/// but for runs of zeros.
+#[must_use]
+pub fn decode(bytes: &[u8], count: usize, out: &mut Vec<u16>) -> Option<()> {
     out.clear();
     let mut reader = Reader {
         words: bytes.chunks_exact(4),
@@ -146,5 +145,35 @@ mod tests {
         let mut bytes = Vec::new();
         encode(&[0, 0, 5, 4, 4], &mut bytes);
         assert_eq!(bytes, 0x23A1_1000_u32.to_le_bytes());
+    }
+
+    fn decoded(bytes: &[u8], count: usize) -> Option<Vec<u16>> {
+        let mut out = vec![7];
+        decode(bytes, count, &mut out).map(|()| out)
+    }
+
+    /// Half bytes, the first one highest in its word.
+    fn words(halves: &[u8]) -> Vec<u8> {
+        let word = |chunk: &[u8]| {
+            let place = |(i, h): (usize, &u8)| u32::from(*h) << (28 - 4 * i);
+            chunk.iter().enumerate().map(place).sum::<u32>()
+        };
+        halves
+            .chunks(8)
+            .flat_map(|c| word(c).to_le_bytes())
+            .collect()
+    }
+
+    #[test]
+    fn runs_and_differences_are_read() {
+        // 2 zeros, then 3 values: +5 (coded 10 = 2 + 1 * 8), -1 (coded 1), +0.
+        let bytes = words(&[2, 3, 8 | 2, 1, 1, 0]);
+        assert_eq!(decoded(&bytes, 5), Some(vec![0, 0, 5, 4, 4]));
+        assert_eq!(decoded(&bytes, 6), None, "nothing is left");
+        assert_eq!(decoded(&bytes, 4), None, "more than there is room for");
+        assert_eq!(decoded(&[], 1), None);
+        // Numbers without an end, and runs of nothing.
+        assert_eq!(decoded(&[0xff; 64], 100), None);
+        assert_eq!(decoded(&[0; 64], 100), None);
     }
 }
