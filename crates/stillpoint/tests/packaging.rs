@@ -13,6 +13,7 @@ const CATEGORIES: &[&str] = &[
     "concurrency",
     "data-structures",
     "encoding",
+    "filesystem",
     "hardware-support",
     "mathematics",
     "multimedia::images",

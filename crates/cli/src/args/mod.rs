@@ -12,6 +12,7 @@ pub(crate) mod render;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod simulated;
+pub(crate) mod suite;
 
 use crate::args::datasets::DatasetsCommand;
 use crate::args::doctor::DoctorArgs;
@@ -25,7 +26,7 @@ use crate::args::render::RenderArgs;
 use crate::args::report::ReportArgs;
 use crate::args::run::{ReplayArgs, RunArgs};
 use crate::args::simulated::{DemoArgs, SimulateArgs};
-use crate::bench::suite::catalogue::Suite;
+use crate::args::suite::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -55,7 +56,7 @@ pub(crate) struct Arguments {
         display_order = 900
     )]
     pub(crate) quiet: bool,
-    /// Say what each stage does; twice for every figure of it.
+    /// Say what each stage does; -vv adds all of its figures.
     #[arg(short, long, global = true, action = ArgAction::Count, display_order = 901)]
     pub(crate) verbose: u8,
     #[command(subcommand)]
@@ -222,12 +223,12 @@ fn positive(text: &str) -> Result<f64, String> {
 /// Every run is a process of its own, one after the other. Writes bench.md and bench.json; the
 /// results of the runs stay in runs/ beside them.
 ///
-/// With --suite, the sequences of a public data set are looked for in PATH by their names, as
-/// published, down to three folders below it; those found are run, and suite.md and suite.json
-/// put their errors beside those that were published of other systems, each with its source. A sequence
-/// that fails is listed with its error. Runs differ in their seeds. Of Bonn's depth both factors are
-/// run, unless --camera names one; --ablation and --live add to what is run of each sequence. --pull first
-/// gets those that are missing from their official pages into the first PATH (default: data).
+/// With --suite, each PATH and three levels of folders below it are searched for the sequences of a public
+/// data set, by their published names. Those found are run. suite.md and suite.json compare their errors
+/// with published errors of other systems and name the sources. A sequence that fails is listed with its
+/// error. Runs differ in their seeds. Bonn's sequences run with both published depth factors, unless
+/// --camera names one. --ablation and --live add runs of each sequence. --pull downloads missing sequences
+/// from their official pages into the first PATH (default: data).
 ///
 /// With --ablation, each PATH is run with seven configurations of the static filter: none, objects (O),
 /// epipolar constraint (G), O+G, O+G and depth (O+G+D), as published, preset adapted, and the default one.

@@ -2,8 +2,8 @@
 
 use crate::bench::ablation::{Cell, Variant, report::overview};
 use crate::bench::document::{Document, MATTERS, Measured, peers, unit};
+use crate::bench::figures::{Errors, Figures};
 use crate::bench::runner::median;
-use crate::bench::suite::Errors;
 use crate::bench::suite::published::{ABLATION_TABLE, System, sources};
 use crate::run::summary::{StageTiming, Summary};
 use stillpoint::evaluation::{Align, Table};
@@ -99,7 +99,7 @@ fn absent() -> String {
 }
 
 /// An error with the share of frames that have a pose, where some have none.
-fn error(cell: Option<&Cell>, of: fn(&crate::bench::suite::Figures) -> Option<String>) -> String {
+fn error(cell: Option<&Cell>, of: fn(&Figures) -> Option<String>) -> String {
     let Some(cell) = cell else {
         return absent();
     };
@@ -169,7 +169,7 @@ fn detectors(sequences: &[Measured]) -> Vec<(String, Vec<&str>)> {
     let mut all: Vec<(String, Vec<&str>)> = Vec::new();
     for s in sequences {
         let cell = s.variant(Variant::Default);
-        let network = cell.and_then(|c| c.runs.first()?.detector.network());
+        let network = cell.and_then(|c| c.runs.first()?.stages.detector.network());
         let network = network.map_or_else(String::new, |n| format!(" ({n})"));
         let detector = format!("Detector {}{network}", s.row.detector);
         match all.iter_mut().find(|(known, _)| *known == detector) {
@@ -213,7 +213,7 @@ fn ablation(sequences: &[Measured], seeds: &[u64]) -> String {
 }
 
 fn stage<'a>(run: &'a Summary, name: &str) -> Option<&'a StageTiming> {
-    run.timing_ms.iter().find(|s| s.stage == name)
+    run.pace.timing_ms.iter().find(|s| s.stage == name)
 }
 
 fn times(d: &Document) -> String {
@@ -239,7 +239,7 @@ fn times(d: &Document) -> String {
             row.extend(STAGES.map(|(name, _)| {
                 stage(run, name).map_or_else(absent, |s| format!("{:.1}", s.median))
             }));
-            row.push(megabytes(run.peak_memory_bytes));
+            row.push(megabytes(run.pace.peak_memory_bytes));
             table.row(row);
         }
     }
@@ -275,7 +275,7 @@ fn live(d: &Document) -> String {
         let runs: Vec<_> = s
             .live
             .iter()
-            .filter_map(|r| Some((r, r.live.as_ref()?)))
+            .filter_map(|r| Some((r, r.pace.live.as_ref()?)))
             .collect();
         if runs.is_empty() {
             continue;
@@ -307,7 +307,7 @@ fn live(d: &Document) -> String {
             both(ate, 1),
             format!(
                 "{:.0}",
-                of(&|(r, _)| r.peak_memory_bytes.unwrap_or(0) as f64 * 1e-6).0
+                of(&|(r, _)| r.pace.peak_memory_bytes.unwrap_or(0) as f64 * 1e-6).0
             ),
         ]);
     }
@@ -347,9 +347,9 @@ const OTHERS: &str = "## Other measurements\n\n\
     | public data sets beside published figures | `stillpoint bench --suite tum-dynamic DIR`, `--suite bonn` |\n\
     | an ablation with several seeds | `stillpoint bench --ablation PATH... --runs 5` |\n\
     | kernels: pyramid, FAST, descriptors, flow, solvers, decoding, rendering, places, map files | `cargo bench -p stillpoint-features`, also `-imaging`, `-estimation`, `-datasets`, `-simulator`, `-place`, `-map` |\n\
-    | loop closing: error without and with it, true and false loops | `cargo run --release -p stillpoint --example loops -- SCENE FIRST_SEED SEEDS` |\n\
-    | closing one loop in a large map | `cargo run --release -p stillpoint-slam --example closing -- KEYFRAMES FEATURES` |\n\
-    | hours of the same two rooms | `cargo run --release -p stillpoint --example soak -- MINUTES HZ MAX_KEYFRAMES` |\n";
+    | loop closing: error without and with it, true and false loops | `cargo run --release --manifest-path lab/Cargo.toml -- loops scene SCENE --first-seed N --seeds N` |\n\
+    | closing one loop in a large map | `cargo run --release --manifest-path lab/Cargo.toml -- closing KEYFRAMES FEATURES` |\n\
+    | hours of the same two rooms | `cargo run --release --manifest-path lab/Cargo.toml -- soak --minutes N --rate HZ --max-keyframes N` |\n";
 
 /// What went wrong.
 fn remarks(sequences: &[Measured]) -> String {
