@@ -16,5 +16,6 @@ export CARGO_TERM_COLOR=never CARGO_INCREMENTAL=0 CARGO_PROFILE_DEV_DEBUG=0
 step() { printf '\n== %s\n' "$*"; "$@"; }
 
 step cargo fmt --check
-step cargo clippy --config "$profiles" --all-targets --locked -- -D warnings
+# Lints while compiling, as the root's gate does.
+export RUSTC_WORKSPACE_WRAPPER=$PWD/../.ci/rustc CLIPPY_ARGS=-Dwarnings
 step cargo test --config "$profiles" --locked --no-fail-fast
