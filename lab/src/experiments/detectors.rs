@@ -5,6 +5,7 @@
 
 use crate::Failure;
 use crate::experiments::shared::spans::{self, Spans};
+use crate::origin::Machine;
 use crate::table::{self, Align, Table, figure, spread};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -87,7 +88,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     println!(
         "{}; image of {}x{} px; median of {} runs, ms\n",
-        cpu(),
+        Machine::here(),
         image.width(),
         image.height(),
         arguments.rounds
@@ -199,14 +200,4 @@ fn pattern(width: usize, height: usize) -> ColourImage {
         .map(|i| (i * 7 % 251) as u8)
         .collect();
     ColourImage::from_vec(width, height, data).unwrap_or_default()
-}
-
-fn cpu() -> String {
-    let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
-    let model = info.lines().find(|l| l.starts_with("model name"));
-    let name = model
-        .and_then(|l| l.split(':').nth(1))
-        .unwrap_or("unknown CPU");
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    format!("{}, {cores} cores", name.trim())
 }

@@ -1,7 +1,8 @@
 //! How hard the simulated scenes are for a feature tracker, beside a real recording: freiburg1_xyz of the TUM RGB-D benchmark, when it is there.
 
 use crate::Failure;
-use crate::experiments::shared::{data_folder, pose_at, scene};
+use crate::experiments::shared::{pose_at, scene};
+use crate::inputs::data_folder;
 use crate::table::{self, Table, figure};
 use std::path::Path;
 use std::process::ExitCode;

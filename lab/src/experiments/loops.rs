@@ -243,6 +243,7 @@ fn table(
     config: &Config,
     only: Option<&str>,
 ) -> Result<ExitCode, Failure> {
+    println!("{seeds} seeds\n");
     let header = "scene | every frame of | runs | with a true loop closed | true edges | their odds, 10^ | inexact ones closed | false edges | their odds, 10^ | false loops closed";
     let mut table = Table::new(header.split(" | "));
     let (mut false_loops, mut hard, mut hard_closed) = (0, 0, 0);

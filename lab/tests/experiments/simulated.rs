@@ -1,6 +1,6 @@
 //! Experiments on simulated scenes and synthetic maps.
 
-use super::{lab, number, scratch};
+use super::{Done, lab, number, scratch};
 
 #[test]
 fn crowds_have_a_row_per_contestant_and_a_control_that_has_to_fail() {
@@ -181,29 +181,21 @@ fn ways_of_recognising_places_have_a_row_each() {
 
 #[test]
 fn surfaces_are_compared_with_the_true_ones() {
-    let dense = |words: &[&str]| lab(&[&["dense"], words].concat()).with_code(0).out;
-    let millimetres = |out: &str| {
-        let mean = out.lines().rfind(|l| l.contains("points: mean ")).unwrap();
-        number(
-            mean.split_once("mean ")
-                .unwrap()
-                .1
-                .split_once(" mm")
-                .unwrap()
-                .0,
-        )
-    };
+    let dense = |words: &[&str]| lab(&[&["dense"], words].concat()).with_code(0);
+    let millimetres = |done: &Done| number(done.rows()[0][2]);
     let tiny = ["xyz", "--frames", "10"];
     let exact = millimetres(&dense(&[&["true"], &tiny[..]].concat()));
     assert!((0.1..20.0).contains(&exact), "{exact} mm");
     // The control: larger voxels are less exact.
     let coarse = dense(&[&["true"], &tiny[..], &["--voxel", "0.08"]].concat());
-    assert!(millimetres(&coarse) > exact, "{coarse}");
-    assert!(dense(&[&["merge"], &tiny[..]].concat()).contains("blocks"));
+    assert!(millimetres(&coarse) > exact, "{}", coarse.out);
+    let merged = dense(&[&["merge"], &tiny[..]].concat());
+    let names: Vec<&str> = merged.rows().iter().map(|row| row[0]).collect();
+    assert_eq!(names[2..], ["both, merged", "in one run"], "{}", merged.out);
     assert!(millimetres(&dense(&["run", "xyz", "scripted", "--frames", "10"])) < 20.0);
     let folder = scratch("dumped");
     let folder = folder.to_str().unwrap();
     dense(&["dump-sim", "xyz", folder, "--frames", "10"]);
-    let time = dense(&["time", folder, "--rounds", "1"]);
+    let time = dense(&["time", folder, "--rounds", "1"]).out;
     assert!(time.contains("(5 frames, 1 rounds"), "{time}");
 }

@@ -7,7 +7,6 @@ use crate::args::models::DetectArgs;
 use crate::console::{self, Progress, Unit};
 use crate::detect::images::Images;
 use crate::detect::output::DetectFolder;
-use crate::detector::file::ModelFile;
 use crate::detector::network::{Network, Running};
 use crate::detector::tried;
 use crate::failure::{Failure, Status};

@@ -12,6 +12,7 @@ mod world;
 use crate::Failure;
 use crate::experiments::shared::process::{computed, memory_mb};
 use crate::experiments::shared::spans::{self, Spans};
+use crate::table::{self, Table, figure};
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 use stillpoint::slam::{Config, LoopCloser, LoopCloserMsg};
@@ -36,23 +37,21 @@ fn tell_memory(walk: &Walk, places: usize, resident: f64) {
     let view = walk.map.view();
     let per_keyframe = 1.0 / view.keyframe_count() as f64;
     println!(
-        "{} keyframes, {} landmarks",
+        "{} keyframes, {} landmarks\n",
         view.keyframe_count(),
         view.landmark_count()
     );
     let mut kinds = memory::of_map(&walk.map);
     kinds.push(("places", places));
     kinds.push(("all of these", kinds.iter().map(|k| k.1).sum()));
+    let mut table = Table::new(["memory", "MB", "kB per keyframe"]);
     for (kind, bytes) in kinds {
-        let bytes = bytes as f64;
-        println!(
-            "{kind:>22} {:8.1} MB {:8.1} kB per keyframe",
-            bytes * 1e-6,
-            bytes * per_keyframe * 1e-3,
-        );
+        let (mb, kb) = (1e-6 * bytes as f64, 1e-3 * bytes as f64 * per_keyframe);
+        table.row([kind.to_owned(), figure(mb, 1), figure(kb, 1)]);
     }
+    table::print(&table);
     println!(
-        "the process {resident:.0} MB, with the world of {:.0} MB",
+        "\nthe process {resident:.0} MB, with the world of {:.0} MB",
         walk.world_bytes() as f64 * 1e-6
     );
 }
@@ -78,26 +77,28 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
         println!("{report:?}");
         let places = out.places.keys().filter_map(|k| out.places.get(k));
         tell_memory(&walk, places.map(|v| v.bytes()).sum(), before);
-        println!("closed at keyframe {k} in {seconds:.2} s, of which");
+        let most = memory_mb("VmHWM");
+        let start = computed();
+        let applied = walk.map.apply(correction);
+        let apply = computed() - start;
+        println!(
+            "closed at keyframe {k} with {most:.0} MB at most, {} landmarks merged\n",
+            applied.merged
+        );
         let mut stages: BTreeMap<&str, f64> = BTreeMap::new();
         for ((_, stage), seconds) in parts {
             *stages.entry(stage).or_default() += seconds;
         }
-        for (stage, seconds) in stages {
-            println!("{stage:>22} {seconds:8.3} s");
+        let others = [
+            ("in all", seconds),
+            ("applying it, in the mapper", apply),
+            ("a step that closes nothing, at most", slowest),
+        ];
+        let mut table = Table::new(["part", "s"]);
+        for (part, seconds) in stages.into_iter().chain(others) {
+            table.row([part.to_owned(), figure(seconds, 3)]);
         }
-        println!(
-            "steps that close nothing take {:.1} ms at most; memory while closing {:.0} MB at most",
-            slowest * 1e3,
-            memory_mb("VmHWM"),
-        );
-        let start = computed();
-        let applied = walk.map.apply(correction);
-        let seconds = computed() - start;
-        println!(
-            "applied in {seconds:.3} s, {} landmarks merged",
-            applied.merged
-        );
+        table::print(&table);
         return Ok(ExitCode::SUCCESS);
     }
     println!("no loop was closed in {count} keyframes");

@@ -2,36 +2,54 @@
 
 use super::{Scene, chosen};
 use crate::Failure;
+use crate::table::{self, Table, figure};
 use stillpoint::geometry::Vec3;
 use stillpoint::simulator::{Simulator, SimulatorConfig, Surfaces};
 
-/// Distances of a surface to the true one, and how much of that it has.
-pub(super) fn tell(scene: &Scene, points: &[Vec3]) -> Result<(), Failure> {
-    let sim = scene.simulator()?;
-    let faces = Surfaces::new(sim.static_surfaces());
-    let mut distances: Vec<f64> = points.iter().map(|p| faces.distance(p)).collect();
-    let far = distances.iter().filter(|d| **d > 0.1).count();
-    distances.sort_by(f64::total_cmp);
-    let n = distances.len().max(1);
-    let mean = distances.iter().sum::<f64>() / n as f64;
-    let at = |share: f64| {
-        distances
-            .get((share * n as f64) as usize)
-            .copied()
-            .unwrap_or(0.0)
-    };
-    let (seen, found) = completeness(&measured(scene, 0.04)?, points);
-    println!(
-        "{} points: mean {:.2} mm, median {:.2}, 95 % {:.2}, 99 % {:.2}; over 10 cm {:.4} %; complete {:.2} % of {seen}",
-        points.len(),
-        1e3 * mean,
-        1e3 * at(0.5),
-        1e3 * at(0.95),
-        1e3 * at(0.99),
-        100.0 * far as f64 / n as f64,
-        100.0 * found as f64 / seen.max(1) as f64
-    );
-    Ok(())
+/// Compares surfaces with the true one of a scene.
+pub(super) struct Judge {
+    faces: Surfaces,
+    measured: Vec<Vec3>,
+    table: Table,
+}
+
+impl Judge {
+    pub(super) fn new(scene: &Scene) -> Result<Self, Failure> {
+        let header = "surface | points | mean, mm | median | 95 % | 99 % | farther than 10 cm, % | complete, % | of";
+        Ok(Self {
+            faces: Surfaces::new(scene.simulator()?.static_surfaces()),
+            measured: measured(scene, 0.04)?,
+            table: Table::new(header.split(" | ")),
+        })
+    }
+
+    /// Distances of a surface to the true one, and how much of that it has.
+    pub(super) fn add(&mut self, surface: &str, points: &[Vec3]) {
+        let mut distances: Vec<f64> = points.iter().map(|p| self.faces.distance(p)).collect();
+        let far = distances.iter().filter(|d| **d > 0.1).count();
+        distances.sort_by(f64::total_cmp);
+        let n = distances.len().max(1);
+        let mean = distances.iter().sum::<f64>() / n as f64;
+        let at = |share: f64| distances.get((share * n as f64) as usize).copied();
+        let (seen, found) = completeness(&self.measured, points);
+        let quantiles = [0.5, 0.95, 0.99].map(|s| figure(1e3 * at(s).unwrap_or(0.0), 2));
+        let [median, most, nearly_all] = quantiles;
+        self.table.row([
+            surface.to_owned(),
+            points.len().to_string(),
+            figure(1e3 * mean, 2),
+            median,
+            most,
+            nearly_all,
+            figure(100.0 * far as f64 / n as f64, 4),
+            figure(100.0 * found as f64 / seen.max(1) as f64, 2),
+            seen.to_string(),
+        ]);
+    }
+
+    pub(super) fn print(&self) {
+        table::print(&self.table);
+    }
 }
 
 /// How many points of the true surface were measured, and how many of these have a point of ours within 2 cm.

@@ -8,7 +8,7 @@ mod recorded;
 
 use crate::Failure;
 use crate::experiments::shared::{scene, script, scripted, world_from_map};
-use measure::tell;
+use measure::Judge;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -141,7 +141,16 @@ fn chosen(sim: &Simulator) -> impl Iterator<Item = usize> + use<> {
 fn at_true_poses(scene: &Scene, voxel: f64) -> Result<(), Failure> {
     let sim = scene.simulator()?;
     let map = fused(&sim, chosen(&sim), voxel, &Se3::identity())?;
-    tell(scene, &points_of(&map.mesh(&MeshOptions::default())))
+    let points = points_of(&map.mesh(&MeshOptions::default()));
+    judged(scene, "at true poses", &points)
+}
+
+/// Compares one surface with the true one.
+fn judged(scene: &Scene, surface: &str, points: &[Vec3]) -> Result<(), Failure> {
+    let mut judge = Judge::new(scene)?;
+    judge.add(surface, points);
+    judge.print();
+    Ok(())
 }
 
 /// Frames at true poses, in axes in which the world of the simulator lies so.
@@ -174,22 +183,26 @@ fn merged(scene: &Scene, voxel: f64) -> Result<(), Failure> {
     let mut map = fused(&sim, of(0, half), voxel, &own)?;
     let second = fused(&sim, of(half, sim.len()), voxel, &turned)?;
     let points = |map: &DenseMap| points_of(&map.mesh(&MeshOptions::default()));
-    tell(scene, &points(&map))?;
+    let mut judge = Judge::new(scene)?;
+    judge.add("first half", &points(&map));
     let turned_back = points(&second)
         .into_iter()
         .map(|p| turned.inverse().transform(&p));
-    tell(scene, &turned_back.collect::<Vec<_>>())?;
+    judge.add("second half", &turned_back.collect::<Vec<_>>());
     let began = Instant::now();
     map.absorb(&second, &turned.inverse())?;
     let took = began.elapsed().as_secs_f64();
-    tell(scene, &points(&map))?;
+    judge.add("both, merged", &points(&map));
+    let whole = fused(&sim, chosen(&sim), voxel, &own)?;
+    judge.add("in one run", &points(&whole));
+    judge.print();
     println!(
         "{took:.2} s for {} blocks of 8x8x8 voxels, {:.1} MB; {:.1} MB in the end",
         second.blocks(),
         second.bytes() as f64 / 1e6,
         map.bytes() as f64 / 1e6
     );
-    at_true_poses(scene, voxel)
+    Ok(())
 }
 
 /// Corners and middles of triangles.
@@ -238,7 +251,7 @@ fn at_own_poses(scene: &Scene, filter: Filter) -> Result<(), Failure> {
     let mesh = map.mesh(&MeshOptions::default());
     let points = points_of(&mesh).into_iter();
     let points: Vec<Vec3> = points.map(|p| truth_from_world.transform(&p)).collect();
-    tell(scene, &points)
+    judged(scene, "at estimated poses", &points)
 }
 
 fn score_file(scene: &Scene, file: &Path) -> Result<(), Failure> {
@@ -251,5 +264,5 @@ fn score_file(scene: &Scene, file: &Path) -> Result<(), Failure> {
         .chunks_exact(3)
         .map(Vec3::from_column_slice)
         .collect();
-    tell(scene, &points)
+    judged(scene, "of the file", &points)
 }

@@ -8,7 +8,8 @@ use super::keyframes::{Keyframe, Simulated, recorded, simulated};
 use super::method::{BruteForce, Method, Words};
 use super::random_words::RandomWords;
 use crate::Failure;
-use crate::experiments::shared::{data_folder, each_seed};
+use crate::experiments::shared::each_seed;
+use crate::inputs::data_folder;
 use crate::table::{self, ABSENT, Table, figure, spread};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -32,6 +33,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    println!("{} seeds", arguments.seeds);
     let trials = trials(arguments)?;
     for (name, trials) in &trials {
         let sum = |f: fn(&Trial) -> usize| trials.iter().map(f).sum::<usize>();

@@ -6,7 +6,8 @@
 
 use super::keyframes::{Simulated, recorded, simulated};
 use crate::Failure;
-use crate::experiments::shared::data_folder;
+use crate::inputs::data_folder;
+use crate::origin::root;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use stillpoint::features::Descriptor;
@@ -203,11 +204,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     }
     let images: Vec<&[Descriptor]> = images.iter().map(Vec::as_slice).collect();
     let bytes = train(&images, SHAPE, 1)?;
-    let embedded = concat!(
-        env!("CARGO_MANIFEST_DIR"),
-        "/../crates/place/data/vocabulary.bin"
-    );
-    let file = arguments.file.clone().unwrap_or_else(|| embedded.into());
+    let embedded = || root().join("crates/place/data/vocabulary.bin");
+    let file = arguments.file.clone().unwrap_or_else(embedded);
     std::fs::write(&file, &bytes)?;
     println!(
         "{} images, {} descriptors; {} bytes in {}",

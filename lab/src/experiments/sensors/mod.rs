@@ -154,6 +154,7 @@ fn add(table: &mut Table, scene: &str, name: &str, runs: &[&Score], holds: Optio
 }
 
 pub(crate) fn run<S: Sensor>(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    println!("{} seeds, {} frames\n", arguments.seeds, arguments.frames);
     let header = "scene | sensor | ATE, mm: median | worst | lost | carried | at the end: mm | deg | slips seen | it is | ".split(" | ");
     let left = [1, 9, 10].into_iter();
     let mut table = left.fold(Table::new(header), |t, column| t.align(column, Align::Left));

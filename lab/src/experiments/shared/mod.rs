@@ -4,7 +4,7 @@ pub(crate) mod process;
 pub(crate) mod spans;
 
 use crate::Failure;
-use std::path::PathBuf;
+use crate::origin::cores;
 use std::process::ExitCode;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -109,14 +109,6 @@ pub(crate) fn ate_mm(truth: &[TimedPose], poses: &[TimedPose]) -> Result<f64, Fa
     Ok(1e3 * report.ate.statistics.rmse)
 }
 
-/// Where recordings are: in the folder that STILLPOINT_DATA names, else in `../shared/data` beside the workspace.
-pub(crate) fn data_folder() -> PathBuf {
-    std::env::var_os("STILLPOINT_DATA").map_or_else(
-        || concat!(env!("CARGO_MANIFEST_DIR"), "/../../shared/data").into(),
-        Into::into,
-    )
-}
-
 /// The true pose at a time between two known ones.
 pub(crate) fn pose_at(truth: &[StampedPose], stamp: f64) -> Option<Se3> {
     let after = truth.partition_point(|p| p.stamp < stamp);
@@ -167,9 +159,8 @@ pub(crate) fn each_seed<T: Send>(
             done.push((seed, result));
         }
     };
-    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
-        (0..cores.min(count)).for_each(|_| drop(scope.spawn(work)));
+        (0..cores().min(count)).for_each(|_| drop(scope.spawn(work)));
     });
     let mut done = done.into_inner().unwrap_or_else(|e| e.into_inner());
     done.sort_by_key(|(seed, _)| *seed);

@@ -45,6 +45,7 @@ const PRECISION: f64 = 0.9;
 const ERROR: f64 = 0.15;
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    println!("{} seeds\n", arguments.seeds);
     let mut table = Table::new("scene | seed | in sight | recall | with depth | recall | precision | mean error, m | worst, m | people | still there though carried away | rooms | things in the wrong room".split(" | "));
     let mut passed = true;
     let scores = each_seed(arguments.seeds, |seed| measure(arguments, seed))?;
