@@ -186,6 +186,7 @@ impl Environment {
         let time = Time {
             median: said.median_ms,
             p95: Some(said.p95_ms),
+            ..Time::default()
         };
         figures.time_ms = BTreeMap::from([("frame".to_owned(), time)]);
         figures.memory_bytes = Some(said.memory_bytes);

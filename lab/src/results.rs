@@ -123,6 +123,9 @@ pub(crate) struct Figures {
     /// Largest amount of memory held.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) memory_bytes: Option<u64>,
+    /// Of live runs.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) live: Option<Live>,
 }
 
 /// Milliseconds per frame of a stage.
@@ -131,6 +134,23 @@ pub(crate) struct Time {
     pub(crate) median: f64,
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) p95: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) p99: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) max: Option<f64>,
+}
+
+/// What a live run says beside other runs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Live {
+    /// Frames that a newer one replaced before tracking took them: their share of those that arrived, 0 to 1.
+    pub(crate) dropped_share: f64,
+    /// From a frame's arrival to its pose.
+    pub(crate) latency_ms: Time,
+    /// Frames that the detector answered for.
+    pub(crate) detections_per_second: f64,
+    /// By how much a frame's stamp is later than that of the newest detections that were known, mean.
+    pub(crate) detections_age_ms: f64,
 }
 
 impl Figures {

@@ -1,7 +1,7 @@
 //! What a run gave, as figures: from the trajectories that any system writes, and from what Stillpoint's own result folder says beside them.
 
 use crate::Failure;
-use crate::results::{Figures, Time};
+use crate::results::{Figures, Live, Time};
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -19,13 +19,27 @@ struct Summary {
     interrupted: bool,
     timing_ms: Vec<StageTime>,
     peak_memory_bytes: Option<u64>,
+    live: Option<OfLive>,
+}
+
+#[derive(Debug, Deserialize)]
+struct OfLive {
+    dropped_share: f64,
+    latency_ms: Time,
+    detections_per_second: f64,
+    detections_age_ms: Mean,
+}
+
+#[derive(Debug, Deserialize)]
+struct Mean {
+    mean: f64,
 }
 
 #[derive(Debug, Deserialize)]
 struct StageTime {
     stage: String,
-    median: f64,
-    p95: f64,
+    #[serde(flatten)]
+    time: Time,
 }
 
 /// States of `frames.csv` in which a pose is not said to be certain: it is undecided who moves, or the place is carried by other sensors.
@@ -65,12 +79,15 @@ pub(crate) fn result_folder(folder: &Path, truth: &[TimedPose]) -> Result<Figure
     figures.undecided = Some(undecided);
     let online = poses(&folder.join("trajectory_online.txt"))?;
     figures.online_ate_mm = error(truth, &online).map(|(rmse, _)| 1e3 * rmse);
-    let time = |t: StageTime| {
-        let (median, p95) = (t.median, Some(t.p95));
-        (t.stage, Time { median, p95 })
-    };
-    figures.time_ms = summary.timing_ms.into_iter().map(time).collect();
+    let timing = summary.timing_ms.into_iter();
+    figures.time_ms = timing.map(|t| (t.stage, t.time)).collect();
     figures.memory_bytes = summary.peak_memory_bytes;
+    figures.live = summary.live.map(|l| Live {
+        dropped_share: l.dropped_share,
+        latency_ms: l.latency_ms,
+        detections_per_second: l.detections_per_second,
+        detections_age_ms: l.detections_age_ms.mean,
+    });
     Ok(figures)
 }
 

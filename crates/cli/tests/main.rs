@@ -15,7 +15,6 @@ mod demo;
 mod dense;
 mod detect;
 mod doctor;
-mod document;
 mod dynamic;
 mod end_to_end;
 mod golden;

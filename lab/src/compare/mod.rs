@@ -261,7 +261,7 @@ mod tests {
                 for (r, ms) in [(a, 5.0), (b, 5.0 * factor)] {
                     let time = Time {
                         median: ms,
-                        p95: None,
+                        ..Time::default()
                     };
                     r.jobs = jobs;
                     let figures = r.figures.as_mut().unwrap();

@@ -8,7 +8,7 @@ mod regions;
 use crate::markdown::Kept;
 use crate::results::{Line, Made, Run, read, runs};
 use crate::{Failure, origin, peers, views};
-use regions::{Region, replace};
+use regions::{Region, View, replace};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -83,10 +83,13 @@ fn render(root: &Path, region: &Region) -> Result<String, Failure> {
         (said(&made, &[]), kept.table())
     } else {
         let of_peers = all.iter().any(|r| peers::is_peer(&r.key.variant));
-        let table = if of_peers {
-            views::peers(&all, &peers::titles())
-        } else {
-            views::sweep(&all)
+        let table = match region.view {
+            Some(View::Variants) => views::variants(&all, views::position),
+            Some(View::Motion) => views::variants(&all, views::motion),
+            Some(View::Stages) => views::stages(&all),
+            Some(View::Latency) => views::latency(&all),
+            None if of_peers => views::peers(&all, &peers::titles()),
+            None => views::sweep(&all),
         };
         (said(&made(&lines), &all), table)
     };

@@ -18,23 +18,55 @@ pub(crate) struct Region {
     pub(crate) number: usize,
     /// Without the line that says where the table is from.
     pub(crate) bare: bool,
+    /// What is shown of runs, where it is not all of them.
+    pub(crate) view: Option<View>,
+}
+
+/// What is shown of runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum View {
+    /// Errors, a column per variant.
+    Variants,
+    /// The same, errors of the motion over 1 s.
+    Motion,
+    /// Times by stage.
+    Stages,
+    /// Latency of live runs.
+    Latency,
+}
+
+impl View {
+    fn named(word: &str) -> Option<Self> {
+        Some(match word {
+            "variants" => Self::Variants,
+            "motion" => Self::Motion,
+            "stages" => Self::Stages,
+            "latency" => Self::Latency,
+            _ => return None,
+        })
+    }
 }
 
 impl Region {
     fn parse(words: &str) -> Result<Self, Failure> {
-        let wrong = || format!("expected `{BEGIN}NAME [NUMBER] [bare]{CLOSE}`, found {words:?}");
+        let wrong = || {
+            format!(
+                "expected `{BEGIN}NAME [NUMBER] [bare] [variants|motion|stages|latency]{CLOSE}`, found {words:?}"
+            )
+        };
         let mut all = words.split_whitespace();
         let name = all.next().ok_or_else(wrong)?;
         let mut region = Self {
             name: name.to_owned(),
             number: 1,
             bare: false,
+            view: None,
         };
         for word in all {
             match word.parse() {
                 Ok(number) if number > 0 => region.number = number,
                 _ if word == "bare" => region.bare = true,
-                _ => return Err(wrong().into()),
+                _ => region.view = Some(View::named(word).ok_or_else(wrong)?),
             }
         }
         Ok(region)
@@ -111,6 +143,7 @@ mod tests {
             name: "x".to_owned(),
             number: 2,
             bare: true,
+            view: None,
         };
         assert_eq!(asked[0], first);
     }

@@ -20,6 +20,8 @@ use std::time::{Duration, Instant};
 
 /// Stands for the input's folder in the options of a variant.
 const PLACE: &str = "{}";
+/// Among the options of a variant: the input is played as a camera, at its own rate.
+const LIVE: &str = "--live";
 
 /// Runs the program over input x variant x seed and writes a line per run.
 ///
@@ -29,7 +31,8 @@ pub(crate) struct Arguments {
     /// sim:SCENE (rendered with the run's seed), sim:SCENE@SEED, names below the data folder, paths; `sim:` and `data:` alone are all of a kind
     #[arg(required = true, value_name = "INPUT")]
     inputs: Vec<String>,
-    /// Options of `stillpoint run`, divided by blanks; {} stands for the input's folder. Without --detector there is none [default: default=]
+    /// Options of `stillpoint run`, divided by blanks; {} stands for the input's folder, --live plays it as a camera. Without --detector there is none [default:
+    /// default=]
     #[arg(
         long = "variant",
         value_name = "NAME=OPTIONS",
@@ -185,7 +188,11 @@ impl Bench {
             .prefix("run-")
             .tempdir_in(&self.work)?;
         let out = scratch.path().join("result");
-        let mut words: Vec<OsString> = vec!["-q".into(), "run".into(), ready.path.clone().into()];
+        let live = key.options.iter().any(|o| o == LIVE);
+        let command: &[&str] = if live { &["live", "file"] } else { &["run"] };
+        let mut words: Vec<OsString> = vec!["-q".into()];
+        words.extend(command.iter().map(OsString::from));
+        words.push(ready.path.clone().into());
         words.extend(["--no-report".into(), "--out".into(), out.clone().into()]);
         words.extend(["--seed".into(), key.seed.to_string().into()]);
         if let Some(n) = prepared.limit() {
@@ -195,7 +202,8 @@ impl Bench {
             words.extend(["--detector".into(), "none".into()]);
         }
         let place = ready.path.display().to_string();
-        words.extend(key.options.iter().map(|o| o.replace(PLACE, &place).into()));
+        let options = key.options.iter().filter(|o| *o != LIVE);
+        words.extend(options.map(|o| o.replace(PLACE, &place).into()));
         let begun = Instant::now();
         let called = self.program.call(words, scratch.path());
         *seconds = begun.elapsed().as_secs_f64();

@@ -1,7 +1,6 @@
 //! `bench`: every data set several times, each run in a fresh process, so that memory and timing are honest.
 
 pub(crate) mod ablation;
-pub(crate) mod document;
 pub(crate) mod figures;
 pub(crate) mod runner;
 pub(crate) mod source;
@@ -54,9 +53,6 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     }
     if args.ablation {
         return ablation::bench(args, &interrupt);
-    }
-    if args.document {
-        return document::bench(args, &interrupt);
     }
     let sequences = sequences(args, seed, &interrupt)?;
     let machine = Machine::here();
