@@ -4,7 +4,7 @@
     python3 python/check.py                 everything; packages come from PyPI
     python3 python/check.py --wheel FILE    a wheel that is there
     python3 python/check.py --build FOLDER  builds the wheel into a folder, looks at it, and ends
-    python3 python/check.py --here          with this Python and what it has, installing nothing: what .ci/run does
+    python3 python/check.py --here          with this Python and what it has, installing nothing: what .ci/run does, with its own --profiles
 """
 
 from __future__ import annotations
@@ -98,16 +98,13 @@ class Tools:
         )
 
 
-def build(folder: Path, tools: Tools, is_quick: bool, target: str | None = None) -> Path | None:
+def build(folder: Path, tools: Tools, profiles: Path | None, target: str | None = None) -> Path | None:
     # The interpreter's oldest interface, whichever builds it.
     command: list[object] = ["maturin", "build", "--locked", "--out", folder, "-i", sys.executable]
     if target:
         command += ["--target", target]
-    if is_quick:
-        # The profile of the library's tests, so that what was compiled for them is used again.
-        profiles = folder.parent / "profiles.toml"
-        text = (HERE.parent / "Cargo.toml").read_text(encoding="utf-8")
-        profiles.write_text(text[text.index("[profile.dev]") :], encoding="utf-8")
+    if profiles:
+        # Those of the library's tests, so that what was compiled for them is used again.
         command += ["--profile", "dev", "--config", profiles]
     else:
         command += ["--release"]
@@ -118,6 +115,17 @@ def build(folder: Path, tools: Tools, is_quick: bool, target: str | None = None)
     if not check("the wheel is built", command, env=tools.env, cwd=HERE):
         return None
     return next(folder.glob("*.whl"))
+
+
+def quick_profiles(arguments: argparse.Namespace, work: Path) -> Path | None:
+    """Profiles of a build that is to be quick; none of one that is given away."""
+    if not arguments.here:
+        return None
+    if arguments.profiles:
+        return arguments.profiles.resolve()
+    profiles = work / "profiles.toml"
+    profiles.write_bytes(subprocess.run([HERE.parent / ".ci" / "profiles"], check=True, stdout=subprocess.PIPE).stdout)
+    return profiles
 
 
 def look_at(wheel: Path, is_local: bool) -> None:
@@ -233,6 +241,7 @@ def here(wheel: Path, work: Path) -> None:
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--here", action="store_true", help="with this Python and what it has; installs nothing")
+    parser.add_argument("--profiles", type=Path, metavar="FILE", help="with --here: cargo's profile dev for the build (the root's Cargo.toml)")
     parser.add_argument("--build", type=Path, metavar="FOLDER", help="build the wheel into this folder, look at it, and end")
     parser.add_argument("--target", help="with --build: the platform to build for, as rustc names it (this one)")
     parser.add_argument("--wheel", type=Path, help="a wheel that is there; else it is built")
@@ -245,7 +254,7 @@ def main() -> int:
         tools = Tools(work, may_install=not arguments.here) if wheel is None else None
         if tools is not None:
             folder = arguments.build.resolve() if arguments.build else work / "wheels"
-            wheel = build(folder, tools, arguments.here, arguments.target)
+            wheel = build(folder, tools, quick_profiles(arguments, work), arguments.target)
         is_local = tools is not None and not tools.has_zig
         if wheel is not None and arguments.build:
             look_at(wheel, is_local)

@@ -115,7 +115,8 @@ impl CameraState {
             let same = (b.width, b.height) == (info.width, info.height)
                 && (&b.distortion_model, &b.d) == (&info.distortion_model, &info.d)
                 && (b.k, b.p) == (info.k, info.p)
-                && (b.binning_x, b.binning_y, &b.roi) == (info.binning_x, info.binning_y, &info.roi);
+                && (b.binning_x, b.binning_y, &b.roi)
+                    == (info.binning_x, info.binning_y, &info.roi);
             !same
         });
         *known = Some(bytes);

@@ -2,6 +2,7 @@
 //!
 //! Answers: what is typed becomes parameters, images of topics become frames, events of the run become messages. What is computed is the business of the library.
 
+mod about;
 pub mod arguments;
 pub mod bus;
 pub mod camera;

@@ -13,23 +13,26 @@ if [ ! -x "$ARM_ROOT/usr/bin/qemu-x86_64" ]; then
   echo "expected $ARM_ROOT/usr/bin/qemu-x86_64, found none: run tools/arm/setup.sh $ARM_ROOT again" >&2
   exit 2
 fi
-cargo build --release -p stillpoint --example kernels
-"$here/cargo.sh" build --release -p stillpoint --example kernels
+cargo build --release --manifest-path lab/Cargo.toml
+"$here/cargo.sh" build --release --manifest-path lab/Cargo.toml
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 ${CC:-cc} -O2 -Wall -shared -fPIC -o "$scratch/count.so" "$here/count.c"
-"${CARGO_TARGET_DIR:-target}/release/examples/kernels" "$scratch/images" render
+native=${CARGO_TARGET_DIR:-lab/target}/release/lab
+"$native" kernels "$scratch/images" --render
 export LD_LIBRARY_PATH=$ARM_ROOT/usr/lib/x86_64-linux-gnu STILLPOINT_WORKERS=1
 
 # Instructions of a run: ARCHITECTURE KERNEL scalar|vector TIMES.
 run() {
   local emulator
   case $1 in
-    x86_64) emulator=("$ARM_ROOT/usr/bin/qemu-x86_64" -cpu max -plugin "$scratch/count.so" "${CARGO_TARGET_DIR:-target}/release/examples/kernels") ;;
+    x86_64) emulator=("$ARM_ROOT/usr/bin/qemu-x86_64" -cpu max -plugin "$scratch/count.so" "$native") ;;
     aarch64) emulator=("$ARM_ROOT/usr/bin/qemu-aarch64" -L "$ARM_ROOT/usr/aarch64-linux-gnu" -plugin "$scratch/count.so"
-      "${CARGO_TARGET_DIR:-target/arm}/aarch64-unknown-linux-gnu/release/examples/kernels") ;;
+      "${CARGO_TARGET_DIR:-target/arm}/aarch64-unknown-linux-gnu/release/lab") ;;
   esac
-  "${emulator[@]}" "$scratch/images" "$2" "$3" "$4" 2>&1 >"$scratch/$1-$3" | sed -n 's/^instructions //p'
+  local how=()
+  [ "$3" = vector ] || how=(--scalar)
+  "${emulator[@]}" kernels "$scratch/images" "$2" "${how[@]}" --times "$4" 2>&1 >"$scratch/$1-$3" | sed -n 's/^instructions //p'
 }
 
 # Thousands of instructions of one time: what more times take more. Of a walk the first frames, which make the first map, are left out.

@@ -2,7 +2,7 @@
 
     python rvl_frames.py OUT.bin [FOLDER] [--frames 200]
 
-Without a folder: images that are made here, small enough to be committed. With one: the depth images of a data set in the TUM layout, for `STILLPOINT_RVL=OUT.bin cargo test -p stillpoint-recordings rvl`.
+Without a folder: images that are made here, small enough to be committed. With one: the depth images of a data set in the TUM layout, for `STILLPOINT_RVL=OUT.bin cargo test -p stillpoint-imaging rvl`.
 Of each image: width, height and length as 32-bit numbers, the compressed bytes, and the values, all little-endian.
 """
 

@@ -5,7 +5,7 @@
 set -u
 folder=$1 packets=$2
 shift 2
-[ $# -gt 0 ] || set -- mutated frag small_frag heartbeat gap nackfrag participants
+[ $# -gt 0 ] || set -- mutated frag small_frag empty_frag heartbeat gap nackfrag wide_set participants
 here=$(cd "$(dirname "$0")" && pwd)
 # shellcheck source=loopback.sh
 . "$here/loopback.sh"

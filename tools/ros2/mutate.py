@@ -6,7 +6,9 @@ usage: mutate.py PID PACKETS SECONDS [KIND]; needs root to listen. Prints memory
   small_frag    fragments that say that theirs has 8 MB
   heartbeat     all messages up to 2^62 are there
   gap           no messages up to 2^62 are there
+  empty_frag    fragments of no bytes
   nackfrag      the four thousand millionth fragment is asked for
+  wide_set      fragments are asked for by a set of more than a set holds
   participants  participants that are not there
 """
 import random
@@ -123,6 +125,25 @@ def nackfrag(body, number):
     return None
 
 
+def empty_fragment(body, number):
+    for kind, order, at, _ in submessages(body):
+        if kind == 0x16:
+            body = bytearray(body)
+            body[at + 16:at + 24] = sequence_number(2**20 + number, order)
+            body[at + 30:at + 32] = bytes(2)
+            return bytes(body)
+    return None
+
+
+def wide_set(body, number):
+    for kind, order, at, _ in submessages(body):
+        if kind == 0x06:
+            content = (body[at + 4:at + 12] + sequence_number(1, order) + (1).to_bytes(4, order)
+                       + (257).to_bytes(4, order) + b"\xff" * 36 + (2**20 + number).to_bytes(4, order))
+            return alone(body, 0x12, order, content)
+    return None
+
+
 def participant(body, number):
     """One that is not there, by the announcement of one that is."""
     for kind, _, at, _ in submessages(body):
@@ -137,7 +158,9 @@ FORGERS = {
     "small_frag": lambda body, i: fragment(body, i, 8 << 20),
     "heartbeat": heartbeat,
     "gap": gap,
+    "empty_frag": empty_fragment,
     "nackfrag": nackfrag,
+    "wide_set": wide_set,
     "participants": participant,
 }
 

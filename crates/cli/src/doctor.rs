@@ -4,8 +4,9 @@ use crate::args::InputArgs;
 use crate::args::doctor::DoctorArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
-use crate::realsense;
-use crate::run::{open, options, priority};
+use crate::input::{open, options};
+use crate::priority;
+use crate::realsense::seconds::some_seconds;
 use std::path::Path;
 use std::thread::JoinHandle;
 use stillpoint::datasets::FrameOptions;
@@ -30,7 +31,7 @@ pub(crate) fn doctor(args: &DoctorArgs) -> Result<Status, Failure> {
         ..InputArgs::default()
     };
     let (input, start) = if args.path.as_os_str() == LIVE && !args.path.exists() {
-        let kept = realsense::some_seconds(args.playback.clone(), args.start, args.seconds)?;
+        let kept = some_seconds(args.playback.clone(), args.start, args.seconds)?;
         (kept, 0)
     } else {
         (open(&args.path, &input)?, args.start)

@@ -2,12 +2,12 @@
 //! an old result.
 
 use crate::failure::Failure;
-use crate::run::submaps::is_submap_file;
 use std::collections::BTreeSet;
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::AtomicFile;
+use stillpoint::map::SubmapId;
 
 /// Every file that a result may hold, beside those of further submaps.
 const FILES: [&str; 18] = [
@@ -34,6 +34,22 @@ const FILES: [&str; 18] = [
 /// Whether a file in a result folder is the result's.
 pub(crate) fn is_result_file(name: &str) -> bool {
     FILES.contains(&name) || is_submap_file(name)
+}
+
+/// The file of the poses of a submap: the first is the run's trajectory.
+pub(crate) fn submap_file(number: usize, id: SubmapId) -> String {
+    if number == 0 {
+        "trajectory.txt".to_owned()
+    } else {
+        format!("trajectory_submap_{id}.txt")
+    }
+}
+
+/// Whether a file of this name holds the poses of a further submap.
+fn is_submap_file(name: &str) -> bool {
+    let id = name.strip_prefix("trajectory_submap_");
+    let id = id.and_then(|rest| rest.strip_suffix(".txt"));
+    id.is_some_and(|id| id.parse::<u32>().is_ok())
 }
 
 /// A result in the making, or another folder of files that replace those of an earlier run. Files go into a hidden folder inside the result folder; [`ResultFolder::commit`] moves them.

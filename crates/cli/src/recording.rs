@@ -6,7 +6,7 @@ use crate::args::recording::{
 use crate::args::{InputArgs, TopicArgs};
 use crate::console;
 use crate::failure::{Failure, Status};
-use crate::run::{open, options};
+use crate::input::{open, options};
 use serde::Serialize;
 use std::fmt::Write;
 use std::ops::Range;

@@ -3,6 +3,7 @@
 
 use crate::args::Arguments;
 use crate::config::docs::{doc_of, plain_text};
+use crate::sinks::GROUPS;
 use clap::{Arg, Command, CommandFactory};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -152,11 +153,15 @@ fn section(command: &Command, level: &str, page: &mut String) {
         .filter(shown)
         .partition(|a| a.is_positional());
     let group_of = |arg: &&Arg| {
-        let mut groups = command
+        let groups = command
             .get_groups()
             .filter(|g| g.get_args().any(|id| id == arg.get_id()));
-        groups
-            .find_map(|g| SHARED.iter().find(|(id, _)| g.get_id() == id))
+        // Every output has a group of its own.
+        let mut ids = groups.map(|g| match g.get_id().as_str() {
+            id if GROUPS.contains(&id) => "OutputArgs",
+            id => id,
+        });
+        ids.find_map(|group| SHARED.iter().find(|(id, _)| group == *id))
             .map(|(_, title)| *title)
     };
     let mut groups: BTreeMap<Option<&str>, Vec<&Arg>> = BTreeMap::new();

@@ -13,22 +13,26 @@ use stillpoint::evaluation::timing;
 pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
     let s = summary;
     let mut text = format!("\n{}: {}\n", s.input.name, headline(s));
-    let surface = s.dense.as_ref().map(|d| d.text(detailed));
+    let surface = s.kept.dense.as_ref().map(|d| d.text(detailed));
     // What was mapped is one line where few are wanted.
     text += &match &surface {
         Some(surface) if !detailed => format!("{}; {surface}", map_text(s)),
         _ => map_text(s) + "\n",
     };
     text += &filter_text(s, detailed);
-    text += &s.live.as_ref().map_or_else(String::new, LiveJson::text);
-    if let Some(i) = &s.inertial {
+    text += &s
+        .pace
+        .live
+        .as_ref()
+        .map_or_else(String::new, LiveJson::text);
+    if let Some(i) = &s.stages.inertial {
         text += &format!("{}\n", i.line());
     }
-    if let Some(o) = &s.odometry {
+    if let Some(o) = &s.stages.odometry {
         text += &format!("{}\n", o.line());
     }
     text += &surface.filter(|_| detailed).unwrap_or_default();
-    if let Some(m) = &s.map {
+    if let Some(m) = &s.kept.map {
         text += &format!(
             "map saved to {}: {}, {}, {}\n",
             m.path,
@@ -61,11 +65,11 @@ pub(crate) fn run_text(summary: &Summary, detailed: bool) -> String {
 fn map_text(s: &Summary) -> String {
     let mut text = format!(
         "{}, {}",
-        counted(s.keyframes, "keyframe"),
-        counted(s.landmarks, "landmark")
+        counted(s.map.keyframes, "keyframe"),
+        counted(s.map.landmarks, "landmark")
     );
-    if s.loops != Default::default() {
-        let l = s.loops;
+    if s.stages.loops != Default::default() {
+        let l = s.stages.loops;
         text += &format!(
             "; loops: {} closed, {} set aside",
             l.closed,
@@ -83,21 +87,21 @@ fn map_text(s: &Summary) -> String {
 
 /// Frames of the recording that the run was about: tracked or not, dropped by a camera that was faster, or not to be read.
 fn frames_in_all(summary: &Summary) -> usize {
-    let dropped = summary.live.as_ref().map_or(0, |live| live.dropped);
-    summary.frames + summary.skipped + dropped
+    let dropped = summary.pace.live.as_ref().map_or(0, |live| live.dropped);
+    summary.tracking.frames + summary.tracking.skipped + dropped
 }
 
 /// How many frames have a pose, how exact and how fast.
 fn headline(s: &Summary) -> String {
     let mut text = format!(
         "{} of {} tracked",
-        s.tracked,
+        s.tracking.tracked,
         counted(frames_in_all(s), "frame")
     );
-    let dropped = s.live.as_ref().map_or(0, |live| live.dropped);
+    let dropped = s.pace.live.as_ref().map_or(0, |live| live.dropped);
     for (n, why) in [
         (dropped, "dropped"),
-        (s.skipped, "could not be read and were skipped"),
+        (s.tracking.skipped, "could not be read and were skipped"),
     ] {
         if n > 0 {
             text += &format!(", {n} {why}");
@@ -108,17 +112,21 @@ fn headline(s: &Summary) -> String {
         Some(ScoreJson::Moving(m)) => format!("; ATE {:.1} mm", m.ate.rmse * 1e3),
         Some(ScoreJson::Fixed(f)) => format!("; drift {:.1} mm", f.drift.rmse * 1e3),
     };
-    let rate = s.frames as f64 / s.seconds.max(1e-3);
-    text + &format!("; {:.1} s ({})", s.seconds, frame_rate(rate, "frames/s"))
+    let rate = s.tracking.frames as f64 / s.pace.seconds.max(1e-3);
+    text + &format!(
+        "; {:.1} s ({})",
+        s.pace.seconds,
+        frame_rate(rate, "frames/s")
+    )
 }
 
 /// The time of every stage, and the memory.
 fn timing_text(summary: &Summary) -> String {
-    let rows = &summary.timing_ms;
+    let rows = &summary.pace.timing_ms;
     let rows = rows.iter().map(|t| (t.stage.as_str(), t.stats()));
-    let live = summary.live.iter().flat_map(LiveJson::rows);
+    let live = summary.pace.live.iter().flat_map(LiveJson::rows);
     let mut text = format!("\n{}", timing::table(live.chain(rows)).to_text());
-    if let Some(bytes) = summary.peak_memory_bytes {
+    if let Some(bytes) = summary.pace.peak_memory_bytes {
         text += &format!("\npeak memory {:.0} MB\n", bytes as f64 * 1e-6);
     }
     text
@@ -126,7 +134,7 @@ fn timing_text(summary: &Summary) -> String {
 
 /// What the detector and the static filter did.
 fn filter_text(summary: &Summary, detailed: bool) -> String {
-    let (d, f) = (&summary.detector, &summary.features);
+    let (d, f) = (&summary.stages.detector, &summary.stages.features);
     let detector = match d.kind.as_str() {
         "none" => "none".to_owned(),
         kind => format!(
@@ -141,7 +149,7 @@ fn filter_text(summary: &Summary, detailed: bool) -> String {
     let mut text = format!(
         "{network}detector: {detector}; {:.1} % of {:.0} keypoints per frame move",
         f.dynamic_share * 100.0,
-        f.keypoints as f64 / summary.frames.max(1) as f64
+        f.keypoints as f64 / summary.tracking.frames.max(1) as f64
     );
     if f.released > 0 {
         text += &format!(
@@ -154,12 +162,12 @@ fn filter_text(summary: &Summary, detailed: bool) -> String {
 
 /// How long it was undecided who moves, and what was taken back then.
 fn beginning_text(summary: &Summary) -> String {
-    if summary.undecided == 0 {
+    if summary.tracking.undecided == 0 {
         return String::new();
     }
-    let frames = counted(summary.undecided, "frame");
+    let frames = counted(summary.tracking.undecided, "frame");
     let mut text = format!("; undecided who moves in {frames}");
-    let revoked = summary.features.revoked_keyframes;
+    let revoked = summary.stages.features.revoked_keyframes;
     if revoked > 0 {
         let revoked = counted(revoked as usize, "keyframe");
         text += &format!(": the first ones were tracked again, and {revoked} taken back");

@@ -5,7 +5,7 @@ use crate::console::{self, Progress};
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::write_file;
-use stillpoint::datasets::{ColourFormat, MoverRow, ReadAhead, Recorder};
+use stillpoint::datasets::{ColourFormat, MoverRow, ReadAhead, Recorder, StampedPose};
 use stillpoint::detection::{BoundingBox, ClassId, Detection, ScriptRow, format_script};
 use stillpoint::imaging::{FrameSource, GrayImage};
 use stillpoint::simulator::{
@@ -218,4 +218,16 @@ fn mover_row(seen: &MoverBox) -> MoverRow {
         position: motion.position,
         velocity: motion.velocity,
     }
+}
+
+/// The exact poses at the colour stamps.
+pub(crate) fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
+    simulator
+        .ground_truth()
+        .into_iter()
+        .map(|(stamp, world_from_camera)| StampedPose {
+            stamp,
+            world_from_camera,
+        })
+        .collect()
 }

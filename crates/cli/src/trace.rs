@@ -1,25 +1,15 @@
-//! `--trace`: every span of every thread, as a file for Perfetto and `chrome://tracing`.
+//! Every span of every thread, kept for `--trace`.
 //!
 //! Spans are kept in memory until whoever has the file fetches them, which happens at every frame, so that no stage ever waits for
-//! a disk. When nobody fetches them for long, further ones are left out and counted. The format is Chrome's "Trace Event Format",
-//! as an object: complete events (`X`) with microseconds, and names of threads as metadata (`M`). Crates that write it need
-//! the registry of `tracing-subscriber`, which would measure everything a second time.
+//! a disk. When nobody fetches them for long, further ones are left out and counted.
 
-use crate::failure::Failure;
-use crate::output::StreamedFile;
-use crate::run::session::listeners::Writer;
-use crate::timing::Timing;
 use std::cell::Cell;
-use std::io::Write;
-use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
-use stillpoint::slam::Event;
 
-const OPTION: &str = "--trace";
 /// Spans that wait to be fetched, at most: some 10 MB, and minutes of a run.
-const MOST: usize = 1 << 18;
+pub(crate) const MOST: usize = 1 << 18;
 
 /// Spans that wait to be fetched.
 #[derive(Debug, Default)]
@@ -39,11 +29,13 @@ struct Kept {
 
 /// A span that was left.
 #[derive(Clone, Copy, Debug)]
-struct Span {
-    stage: usize,
-    thread: usize,
-    entered: Instant,
-    left: Instant,
+pub(crate) struct Span {
+    /// Its number among the stages that are timed.
+    pub(crate) stage: usize,
+    /// The number of its thread.
+    pub(crate) thread: usize,
+    pub(crate) entered: Instant,
+    pub(crate) left: Instant,
 }
 
 thread_local! {
@@ -89,129 +81,21 @@ impl Trace {
             left,
         });
     }
-}
 
-/// The file in the making.
-pub(crate) struct TraceFile {
-    file: StreamedFile,
-    path: PathBuf,
-    timing: &'static Timing,
-    start: Instant,
-    /// Threads whose names are written.
-    named: usize,
-    spans: u64,
-}
-
-/// Every event is a chance to fetch what was kept.
-impl Writer for TraceFile {
-    fn write(&mut self, _: &Event) -> Result<(), Failure> {
-        self.fetch()
-    }
-}
-
-impl TraceFile {
-    /// Begins to keep spans, and the file.
-    pub(crate) fn create(path: &Path, timing: &'static Timing) -> Result<Self, Failure> {
-        let mut file = StreamedFile::create(path, OPTION)?;
-        file.write(|w| {
-            w.write_all(b"{\"displayTimeUnit\":\"ms\",\"traceEvents\":[\n")?;
-            write!(w, "{}", named("process_name", 0, "stillpoint"))
-        })?;
-        timing.trace.wanted.store(true, Ordering::Relaxed);
-        Ok(Self {
-            file,
-            path: path.to_owned(),
-            timing,
-            start: Instant::now(),
-            named: 0,
-            spans: 0,
-        })
+    /// From now on somebody wants spans, or nobody any more.
+    pub(crate) fn want(&self, wanted: bool) {
+        self.wanted.store(wanted, Ordering::Relaxed);
     }
 
-    /// Writes what was kept since the last time.
-    pub(crate) fn fetch(&mut self) -> Result<(), Failure> {
-        let (spans, new_threads) = {
-            let mut kept = self.timing.trace.lock();
-            let new: Vec<String> = kept.threads[self.named..].to_vec();
-            (std::mem::take(&mut kept.spans), new)
-        };
-        let (start, timing, first) = (self.start, self.timing, self.named);
-        self.named += new_threads.len();
-        self.spans += spans.len() as u64;
-        self.file.write(|w| {
-            for (i, name) in new_threads.iter().enumerate() {
-                write!(w, ",\n{}", named("thread_name", first + i, name))?;
-            }
-            for span in &spans {
-                // Whole nanoseconds as decimals of microseconds, exactly.
-                let us = |from: Instant, to: Instant| {
-                    let ns = to.saturating_duration_since(from).as_nanos();
-                    format!("{}.{:03}", ns / 1000, ns % 1000)
-                };
-                write!(
-                    w,
-                    ",\n{{\"ph\":\"X\",\"pid\":1,\"tid\":{},\"name\":{},\"ts\":{},\"dur\":{}}}",
-                    span.thread,
-                    serde_json::Value::from(timing.name(span.stage)),
-                    us(start, span.entered),
-                    us(span.entered, span.left)
-                )?;
-            }
-            Ok(())
-        })
+    /// Takes what was kept since the last time, and the names of the threads but the first so many.
+    pub(crate) fn take(&self, named: usize) -> (Vec<Span>, Vec<String>) {
+        let mut kept = self.lock();
+        let new = kept.threads[named..].to_vec();
+        (std::mem::take(&mut kept.spans), new)
     }
 
-    /// Puts the file where it belongs. Returns what there is, for the report.
-    pub(crate) fn finish(mut self) -> Result<String, Failure> {
-        self.timing.trace.wanted.store(false, Ordering::Relaxed);
-        self.fetch()?;
-        let left_out = self.timing.trace.lock().left_out;
-        self.file
-            .write(|w| writeln!(w, "\n],\"otherData\":{{\"left_out\":{left_out}}}}}"))?;
-        self.file.finish()?;
-        let missing = match left_out {
-            0 => String::new(),
-            n => format!(", {n} more were left out"),
-        };
-        Ok(format!(
-            "{} spans in {}{missing} (to be opened with ui.perfetto.dev)\n",
-            self.spans,
-            self.path.display()
-        ))
-    }
-}
-
-/// A metadata event that names a process or a thread.
-fn named(what: &str, thread: usize, name: &str) -> serde_json::Value {
-    serde_json::json!({"ph": "M", "pid": 1, "tid": thread, "name": what, "args": {"name": name}})
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn spans_without_room_are_counted_and_what_is_fetched_makes_room() {
-        let timing: &'static Timing = Box::leak(Box::default());
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("t.json");
-        let now = Instant::now();
-        timing.trace.add(0, now, now);
-        let mut file = TraceFile::create(&path, timing).unwrap();
-        for _ in 0..MOST + 2 {
-            timing.trace.add(0, now, now);
-        }
-        file.fetch().unwrap();
-        timing.trace.add(0, now, now);
-        let said = file.finish().unwrap();
-        assert!(said.contains(&format!("{} spans", MOST + 1)), "{said}");
-        assert!(said.contains("2 more were left out"), "{said}");
-        timing.trace.add(0, now, now);
-        assert!(timing.trace.lock().spans.is_empty());
-        let all: serde_json::Value =
-            serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
-        assert_eq!(all["otherData"]["left_out"], 2);
-        // The process and one thread have names.
-        assert_eq!(all["traceEvents"].as_array().unwrap().len(), MOST + 1 + 2);
+    /// Spans for which there was no room.
+    pub(crate) fn left_out(&self) -> u64 {
+        self.lock().left_out
     }
 }

@@ -22,12 +22,12 @@ static ROOMS: LazyLock<TempDir> = LazyLock::new(|| {
     dir
 });
 
-pub fn rooms() -> &'static Path {
+pub(crate) fn rooms() -> &'static Path {
     ROOMS.path()
 }
 
 /// A batch over inputs, without a detector unless `more` names one.
-pub fn batch(inputs: &[PathBuf], out: &Path, more: &[&str]) -> Output {
+pub(crate) fn batch(inputs: &[PathBuf], out: &Path, more: &[&str]) -> Output {
     program()
         .arg("batch")
         .args(inputs)
@@ -38,11 +38,11 @@ pub fn batch(inputs: &[PathBuf], out: &Path, more: &[&str]) -> Output {
         .unwrap()
 }
 
-pub fn table(out: &Path) -> Value {
+pub(crate) fn table(out: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(out.join("batch.json")).unwrap()).unwrap()
 }
 
-pub fn row<'a>(table: &'a Value, name: &str) -> &'a Value {
+pub(crate) fn row<'a>(table: &'a Value, name: &str) -> &'a Value {
     let rows = table["recordings"].as_array().unwrap();
     let row = rows.iter().find(|r| r["name"] == name);
     row.unwrap_or_else(|| panic!("no {name} in {table}"))

@@ -222,7 +222,7 @@ fn a_folder_is_one_batchs_until_that_dies_and_its_runs_die_with_it() {
     let mut working = Working::start();
     let second = batch(&working.inputs, &working.out, &[]);
     let process = format!("found that of process {}", working.child.id());
-    check(&second, 2, &[&process, "wait for its end"]);
+    check(&second, 2, &[process.as_str(), "wait for its end"]);
     let run = working.run();
     working.child.kill().unwrap();
     working.child.wait().unwrap();
@@ -246,7 +246,7 @@ fn a_folder_is_one_batchs_until_that_dies_and_its_runs_die_with_it() {
 fn a_run_that_crashes_is_made_good() {
     let working = Working::start();
     Working::send(working.run(), "-SEGV");
-    let (code, said, out, ..) = working.end();
+    let (code, said, out, _, _dir) = working.end();
     assert_eq!(code, Some(0), "{said}");
     assert!(
         said.contains("long: failed, tried again later: signal: 11 (SIGSEGV)"),

@@ -21,7 +21,7 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
     let at = |name: &str| dir.path().join(name);
     let (data, result, map) = (at("room"), at("result"), at("room.spmap"));
     simulate(&data, "halfsphere", FRAMES);
-    let args = ["run", text(&data), "--dense", "--voxel", "0.04"];
+    let args = ["-q", "run", text(&data), "--dense", "--voxel", "0.04"];
     let more = ["--out", text(&result), "--save-map", text(&map)];
     check(&stillpoint([&args[..], &more].concat()), 0, &[]);
     Made {
@@ -77,6 +77,7 @@ fn a_run_leaves_a_surface_and_its_numbers() {
     // Tracking does not know of it.
     let plain = MADE.dir.path().join("plain");
     let args = [
+        "-q",
         "run",
         text(&MADE.data),
         "--no-report",
@@ -308,6 +309,7 @@ fn a_camera_that_hangs_upside_down_has_its_floor_by_the_inertial_sensor() {
     std::fs::write(&file, turned).unwrap();
     let run = |out: &Path, more: &[&str]| {
         let args = [
+            "-q",
             "run",
             text(&data),
             "--no-report",

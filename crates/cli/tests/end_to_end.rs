@@ -29,7 +29,7 @@ fn room() -> PathBuf {
 fn trajectories(mut command: Command, out: &Path) -> [Vec<u8>; 4] {
     let map = out.with_extension("spmap");
     let output = command
-        .arg("run")
+        .args(["-q", "run"])
         .arg(room())
         .arg("--out")
         .arg(out)

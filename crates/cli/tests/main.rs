@@ -17,7 +17,6 @@ mod demo;
 mod dense;
 mod detect;
 mod doctor;
-mod document;
 mod dynamic;
 mod end_to_end;
 mod golden;

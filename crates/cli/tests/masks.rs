@@ -59,7 +59,7 @@ static RECORDING: LazyLock<Recording> = LazyLock::new(|| {
 
 fn run(room: &Path, script: &Path, out: &Path, masks: &Path) {
     let mut command = program();
-    command.arg("run").arg(room);
+    command.args(["-q", "run"]).arg(room);
     command.arg("--out").arg(out).arg("--masks").arg(masks);
     let detector = format!("scripted:{}", script.display());
     let output = command.args(["--detector", &detector]).output().unwrap();

@@ -47,7 +47,7 @@ fn tracked_people_are_scored_against_the_boxes() {
     simulate(&scene, "walking_xyz", 90);
     let tracks = dir.path().join("objects.csv");
     let output = program()
-        .arg("run")
+        .args(["-q", "run"])
         .arg(&scene)
         .arg("--detector")
         .arg(format!(

@@ -182,7 +182,7 @@ fn the_peers_in_readme_are_those_of_the_comparison() {
     assert_eq!(
         table,
         peers(&measured),
-        "README.md and docs/evidence/peers.md differ; tools/peers/compare.py --document makes the latter, the former quotes it"
+        "README.md and docs/evidence/peers.md differ; `lab peers --document` keeps the runs, `lab document` writes both tables"
     );
     // A figure that drifts is seen.
     assert_ne!(

@@ -59,18 +59,9 @@ impl ImuTable {
 
 /// The table of a sensor.
 pub(crate) fn to_toml(m: &ImuModel) -> String {
-    let q = &m.camera_from_imu.rotation;
-    let t = &m.camera_from_imu.translation;
     format!(
-        "\n[imu] # rotation and translation (m) bring the sensor's coordinates to those of the camera; noise in SI units\nrotation = [{:?}, {:?}, {:?}, {:?}] # x y z w\ntranslation = [{:?}, {:?}, {:?}]\ntime_offset = {:?} # s, to be added to the stamps of imu.csv\ngyro_noise = {:?}\ngyro_bias = {:?}\ngyro_walk = {:?}\naccel_noise = {:?}\naccel_bias = {:?}\naccel_walk = {:?}\n",
-        q.i,
-        q.j,
-        q.k,
-        q.w,
-        t.x,
-        t.y,
-        t.z,
-        m.time_offset,
+        "\n[imu] # rotation and translation (m) bring the sensor's coordinates to those of the camera; noise in SI units\n{}gyro_noise = {:?}\ngyro_bias = {:?}\ngyro_walk = {:?}\naccel_noise = {:?}\naccel_bias = {:?}\naccel_walk = {:?}\n",
+        samples::mount_to_toml(&m.camera_from_imu, m.time_offset, FILE),
         m.gyro_noise,
         m.gyro_bias,
         m.gyro_walk,

@@ -90,5 +90,6 @@ pub use regular::{open_regular, read_regular, read_regular_text};
 pub use set_back::{Mended, SetBack, mend};
 pub use source::{DatasetSource, FrameOptions};
 pub use splice::{AdaptorError, Clip, Origin, Part, Splice};
+pub use stillpoint_files::AtomicFile;
 pub use trajectory::StampedPose;
-pub use write::{AtomicFile, write_atomic};
+pub use write::write_atomic;

@@ -54,18 +54,9 @@ impl OdometryTable {
 
 /// The table of an odometry.
 pub(crate) fn to_toml(m: &OdometryModel) -> String {
-    let q = &m.base_from_camera.rotation;
-    let t = &m.base_from_camera.translation;
     format!(
-        "\n[odometry] # rotation and translation (m) bring the camera's coordinates to those of the base\nrotation = [{:?}, {:?}, {:?}, {:?}] # x y z w\ntranslation = [{:?}, {:?}, {:?}]\ntime_offset = {:?} # s, to be added to the stamps of odometry.csv\nslip_per_metre = {:?} # m/m\nslip_per_radian = {:?} # rad/rad\nturn_per_metre = {:?} # rad/m\n",
-        q.i,
-        q.j,
-        q.k,
-        q.w,
-        t.x,
-        t.y,
-        t.z,
-        m.time_offset,
+        "\n[odometry] # rotation and translation (m) bring the camera's coordinates to those of the base\n{}slip_per_metre = {:?} # m/m\nslip_per_radian = {:?} # rad/rad\nturn_per_metre = {:?} # rad/m\n",
+        samples::mount_to_toml(&m.base_from_camera, m.time_offset, FILE),
         m.slip_per_metre,
         m.slip_per_radian,
         m.turn_per_metre,

@@ -79,6 +79,15 @@ pub(crate) fn mount(
     Ok(Se3::new(rotation, Vec3::from(place)))
 }
 
+/// The head of a table, with the mount; `file` is that of the samples.
+pub(crate) fn mount_to_toml(mount: &Se3, time_offset: f64, file: &str) -> String {
+    let (q, t) = (mount.rotation.coords, mount.translation);
+    format!(
+        "rotation = [{:?}, {:?}, {:?}, {:?}] # x y z w\ntranslation = [{:?}, {:?}, {:?}]\ntime_offset = {time_offset:?} # s, to be added to the stamps of {file}\n",
+        q.x, q.y, q.z, q.w, t.x, t.y, t.z
+    )
+}
+
 /// What a table says that no such sensor has.
 pub(crate) fn figure(table: &str, e: &FigureError) -> TableError {
     let expected = format!("[{table}] with {} {}", e.field, e.expected);

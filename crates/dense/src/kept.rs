@@ -1,9 +1,8 @@
 //! Frames that are kept to be integrated again: packed, and tied to keyframes.
 
 use crate::observation::Observation;
-use crate::rvl;
 use stillpoint_geometry::Se3;
-use stillpoint_imaging::FrameId;
+use stillpoint_imaging::{FrameId, rvl};
 use stillpoint_map::{KeyframeId, MapView, SubmapId};
 
 /// By what the pose of a frame follows the map.

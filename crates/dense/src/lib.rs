@@ -28,7 +28,6 @@ mod pixels;
 mod plan;
 mod poses;
 mod rooms;
-mod rvl;
 mod things;
 mod touch;
 mod volume;

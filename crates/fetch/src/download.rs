@@ -1,14 +1,15 @@
 //! The steps of a download, from what is here of it to the whole file.
 
 use crate::address;
-use crate::checksum::Hash;
 use crate::disk::Disk;
 use crate::error::FetchError;
 use crate::http::{self, Answer, Range, request};
 use crate::part::{Origin, Part};
+use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::ops::ControlFlow;
 use std::time::Duration;
+use stillpoint_files::Digest;
 
 /// How long servers are waited for. There is no limit for the whole: a slow line may take an hour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -47,7 +48,7 @@ pub struct Wanted<'a> {
     pub waits: Waits,
 }
 
-/// How far a download is.
+/// How far a download is. Not every kind of file comes to all of it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Progress {
@@ -72,6 +73,10 @@ pub enum Progress {
         /// Bytes of the archive.
         total: u64,
     },
+    /// The file is whole, and compared with its checksum.
+    Checking,
+    /// Who asked for the file makes something else of it.
+    Converting,
 }
 
 /// Called with the progress at least after each 64 kB; it may break off. While the server is silent it is not called.
@@ -183,12 +188,14 @@ impl Download<'_> {
     }
 
     /// The checksum of what is here.
-    fn hash(&self, here: u64) -> Result<Hash, FetchError> {
-        if here == 0 {
-            return Ok(Hash::default());
+    fn hash(&self, here: u64) -> Result<Digest, FetchError> {
+        let mut digest = Digest::default();
+        if here > 0 {
+            let path = self.part.path();
+            let read = File::open(path).and_then(|mut file| digest.add_all(&mut file));
+            read.map_err(|e| self.part.unusable(path, e))?;
         }
-        let path = self.part.path();
-        Hash::of(path).map_err(|e| self.part.unusable(path, e))
+        Ok(digest)
     }
 
     /// What can be known before the first byte. `here` are the bytes that need not come.

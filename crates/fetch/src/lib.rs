@@ -14,7 +14,7 @@ mod part;
 mod tls;
 
 pub use address::shown as shown_address;
-pub use checksum::Checksum;
+pub use checksum::{Checksum, recorded};
 pub use disk::{Disk, RealDisk};
 pub use download::{Fetched, Progress, Waits, Wanted, Watch, fetch};
 pub use error::FetchError;

@@ -2,6 +2,7 @@
 //!
 //! Answers: what a sample of it means for the camera. Holds no samples.
 
+use crate::figure::{self, FigureError};
 use crate::{Se3, Vec3, so3};
 
 /// An inertial sensor that is fixed to the camera. Its noise is that of the continuous model of IEEE Std 952-1997, annex C: white noise by its density,
@@ -25,30 +26,6 @@ pub struct ImuModel {
     /// How the accelerometer's bias walks, m/s^2/sqrt(s).
     pub accel_walk: f64,
 }
-
-/// A figure that no such sensor has.
-#[derive(Clone, Debug, PartialEq)]
-pub struct FigureError {
-    /// The field.
-    pub field: &'static str,
-    /// What it should hold.
-    pub expected: &'static str,
-    /// What it holds.
-    pub found: f64,
-}
-
-impl std::fmt::Display for FigureError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self {
-            field,
-            expected,
-            found,
-        } = self;
-        write!(f, "expected {field} {expected}, found {found}")
-    }
-}
-
-impl std::error::Error for FigureError {}
 
 /// Standard gravity, m/s^2.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
@@ -93,36 +70,16 @@ impl ImuModel {
     /// # Errors
     /// [`FigureError`] for the first that cannot.
     pub fn check(&self) -> Result<(), FigureError> {
-        let lever = self.camera_from_imu.translation;
-        let ranges = [
-            ("gyro_noise", self.gyro_noise, 1e-9, 1.0),
-            ("gyro_bias", self.gyro_bias, 0.0, 10.0),
-            ("gyro_walk", self.gyro_walk, 0.0, 1.0),
-            ("accel_noise", self.accel_noise, 1e-9, 10.0),
-            ("accel_bias", self.accel_bias, 0.0, 100.0),
-            ("accel_walk", self.accel_walk, 0.0, 10.0),
-            ("time_offset", self.time_offset, -1.0, 1.0),
-            ("translation x", lever.x, -10.0, 10.0),
-            ("translation y", lever.y, -10.0, 10.0),
-            ("translation z", lever.z, -10.0, 10.0),
+        let (noise, least) = ("above 0, in SI units", "of 0 or more, in SI units");
+        let own = [
+            ("gyro_noise", self.gyro_noise, 1e-9..=1.0, noise),
+            ("gyro_bias", self.gyro_bias, 0.0..=10.0, least),
+            ("gyro_walk", self.gyro_walk, 0.0..=1.0, least),
+            ("accel_noise", self.accel_noise, 1e-9..=10.0, noise),
+            ("accel_bias", self.accel_bias, 0.0..=100.0, least),
+            ("accel_walk", self.accel_walk, 0.0..=10.0, least),
         ];
-        for (field, found, low, high) in ranges {
-            // Also refuses what is no number.
-            if !(low..=high).contains(&found) {
-                let expected = match field {
-                    "time_offset" => "within 1 s",
-                    "translation x" | "translation y" | "translation z" => "within 10 m",
-                    "gyro_noise" | "accel_noise" => "above 0, in SI units",
-                    _ => "of 0 or more, in SI units",
-                };
-                return Err(FigureError {
-                    field,
-                    expected,
-                    found,
-                });
-            }
-        }
-        Ok(())
+        figure::check(&own, self.time_offset, &self.camera_from_imu.translation)
     }
 }
 

@@ -1,12 +1,14 @@
-//! Rotations, rigid motions, camera models, robust kernels and trajectory alignment, in f64.
+//! Rotations, rigid motions, camera models, robust kernels, trajectory alignment and assignment, in f64.
 //!
-//! Answers: how points and poses map into each other, and how large a residual may be. Does not know images, features
+//! Answers: how points and poses map into each other, how large a residual may be, and which of these belongs to which of those. Does not know images, features
 //! or maps. Conventions: camera axes x right, y down, z forward; metres and radians; a pose named `a_from_b` maps
 //! coordinates of frame b to frame a; a twist is `[translation; rotation]` and perturbs a pose from the left.
 
 mod alignment;
+mod assignment;
 mod camera;
 mod camera_check;
+mod figure;
 mod imu;
 mod odometry;
 pub mod robust;
@@ -14,9 +16,11 @@ mod se3;
 pub mod so3;
 
 pub use alignment::{Alignment, AlignmentError, align_umeyama};
+pub use assignment::assign;
 pub use camera::{BrownConrady, Camera};
 pub use camera_check::CameraError;
-pub use imu::{FigureError, ImuModel, STANDARD_GRAVITY};
+pub use figure::FigureError;
+pub use imu::{ImuModel, STANDARD_GRAVITY};
 pub use odometry::OdometryModel;
 pub use se3::Se3;
 

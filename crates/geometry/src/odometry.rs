@@ -2,7 +2,8 @@
 //!
 //! Answers: what a motion of the base means for the camera, and how far it can be believed. Holds no samples.
 
-use crate::{FigureError, Se3, Vec3, so3};
+use crate::figure::{self, FigureError};
+use crate::{Se3, Vec3, so3};
 
 /// Odometry of the base that carries the camera. Its errors grow with the way and with the turn, as in the odometry motion model of Thrun, Burgard, Fox
 /// (Probabilistic Robotics, 2005, section 5.4): each figure is a standard deviation per metre or per radian.
@@ -54,32 +55,13 @@ impl OdometryModel {
     /// # Errors
     /// [`FigureError`] for the first that cannot.
     pub fn check(&self) -> Result<(), FigureError> {
-        let lever = self.base_from_camera.translation;
-        let ranges = [
-            ("slip_per_metre", self.slip_per_metre, 1e-6, 1.0),
-            ("slip_per_radian", self.slip_per_radian, 1e-6, 1.0),
-            ("turn_per_metre", self.turn_per_metre, 1e-6, 1.0),
-            ("time_offset", self.time_offset, -1.0, 1.0),
-            ("translation x", lever.x, -10.0, 10.0),
-            ("translation y", lever.y, -10.0, 10.0),
-            ("translation z", lever.z, -10.0, 10.0),
+        let share = "above 0, 1 at most";
+        let own = [
+            ("slip_per_metre", self.slip_per_metre, 1e-6..=1.0, share),
+            ("slip_per_radian", self.slip_per_radian, 1e-6..=1.0, share),
+            ("turn_per_metre", self.turn_per_metre, 1e-6..=1.0, share),
         ];
-        for (field, found, low, high) in ranges {
-            // Also refuses what is no number.
-            if !(low..=high).contains(&found) {
-                let expected = match field {
-                    "time_offset" => "within 1 s",
-                    "translation x" | "translation y" | "translation z" => "within 10 m",
-                    _ => "above 0, 1 at most",
-                };
-                return Err(FigureError {
-                    field,
-                    expected,
-                    found,
-                });
-            }
-        }
-        Ok(())
+        figure::check(&own, self.time_offset, &self.base_from_camera.translation)
     }
 }
 

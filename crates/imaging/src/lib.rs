@@ -16,6 +16,7 @@ mod neon;
 mod odometry;
 mod pyramid;
 mod resize;
+pub mod rvl;
 mod samples;
 mod simd;
 mod standstill;

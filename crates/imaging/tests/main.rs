@@ -1,3 +1,4 @@
-//! Images and pyramids.
+//! Images, pyramids and compressed depth.
 
 mod pyramid;
+mod rvl;

@@ -1,6 +1,5 @@
 //! A network behind the trait `Detector`: an image in, boxes of COCO's classes out.
 
-use crate::cache::sha256_hex;
 use crate::card::{Head, ModelCard};
 use crate::error::ModelError;
 use crate::heads::{self, Candidate, Mismatch};
@@ -14,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use stillpoint_detection::{
     BoundingBox, ClassId, DetectError, Detection, Detections, Detector, DetectorInfo, DetectorKind,
 };
+use stillpoint_files::sha256_hex;
 use stillpoint_imaging::{ColourImage, FrameId, RgbdFrame};
 
 /// How a network is run and its output is read.

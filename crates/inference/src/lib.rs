@@ -25,8 +25,7 @@ mod size;
 pub mod wire;
 
 pub use cache::{
-    Cache, CacheError, CachedModel, Form, LARGEST, Record, State, Stray, check_name, is_sha256,
-    now, sha256_hex,
+    Cache, CacheError, CachedModel, Form, LARGEST, Record, State, Stray, check_name, now,
 };
 pub use card::{
     CardError, CardInput, CardOutput, Classes, ColourOrder, Column, Head, ModelCard, Resize,
@@ -38,3 +37,4 @@ pub use interface::{Dimension, Interface, Port};
 pub use runtime::{OnnxRuntime, RuntimeError};
 pub use runtime::{Runtime, is_expected};
 pub use size::InputSize;
+pub use stillpoint_files::sha256_hex;

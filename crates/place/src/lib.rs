@@ -4,8 +4,8 @@
 //! ([`PlaceIndex`]), and which features of two images may be the same point. Judges by descriptors alone: it knows no poses, no geometry and no map, so
 //! what it finds are candidates that the caller verifies. What may enter a vector (nothing that moves) is the caller's to say.
 //!
-//! A small tree of binary words is embedded in the program ([`Vocabulary::embedded`]); it is made by `examples/train_vocabulary`. How it was chosen, and
-//! what else was tried, is in `docs/decisions/0010-place-recognition.md`, made by `examples/compare`.
+//! A small tree of binary words is embedded in the program ([`Vocabulary::embedded`]); it is made by `lab place train`. How it was chosen, and
+//! what else was tried, is in `docs/decisions/0010-place-recognition.md`, made by `lab place compare`.
 //!
 //! ```
 //! use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! The embedded tree of binary words.
 //!
-//! Answers: which word a descriptor is, and how rare that word is. Does not train: see `examples/train_vocabulary`.
+//! Answers: which word a descriptor is, and how rare that word is. Does not train: see `lab place train`.
 
 use crate::{PlaceVector, popcnt};
 use std::sync::Arc;
@@ -12,7 +12,7 @@ const MAGIC: [u8; 5] = *b"SPWT\x01";
 /// Bytes of a centre: 256 bits.
 const CENTRE: usize = 32;
 
-/// Trained by `cargo run --release -p stillpoint-place --example train_vocabulary`.
+/// Trained by `cargo run --release --manifest-path lab/Cargo.toml -- place train`.
 static EMBEDDED: &[u8] = include_bytes!("../data/vocabulary.bin");
 // A file that cannot be read stops the build, so reading the embedded one cannot fail.
 const _: () = assert!(

@@ -1,10 +1,16 @@
-//! Places are recognised in rendered and in recorded images. How well, beside other ways, is what `examples/compare` tells.
+//! Places are recognised in rendered and in recorded images. How well, beside other ways, is what `lab place compare` tells.
 #![allow(clippy::print_stdout)] // What was measured is worth reading.
 
-#[path = "../examples/common/mod.rs"]
-mod common;
+// The laboratory takes its keyframes from this file too (`lab place`), and names the crates by the facade: what the file needs is named here.
+use stillpoint_datasets as datasets;
+use stillpoint_features as features;
+use stillpoint_geometry as geometry;
+use stillpoint_imaging as imaging;
+use stillpoint_simulator as simulator;
 
-use common::world::{Keyframe, recorded};
+mod keyframes;
+
+use keyframes::{Keyframe, recorded};
 use std::sync::Arc;
 use stillpoint_features::{Features, OrbConfig, OrbExtractor};
 use stillpoint_imaging::Simd;

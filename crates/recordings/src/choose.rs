@@ -1,7 +1,7 @@
 //! Which topics are the camera's: pairs of colour and depth are scored by what they have in common.
 
 use crate::error::{RecordingError, Result};
-use crate::names::{Says, says, says_registered};
+use crate::names::{Says, common_parts, few, says, says_registered};
 use crate::probe::{Probe, Shows, Stream, base};
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -168,18 +168,6 @@ fn listed(streams: &[&Stream]) -> String {
     few(each, "no image topics")
 }
 
-/// A list that can be read, whatever a file holds; `none` where there is nothing in it.
-pub(crate) fn few(mut all: impl Iterator<Item = String>, none: &str) -> String {
-    const MOST: usize = 12;
-    let first: Vec<String> = all.by_ref().take(MOST).collect();
-    let more = all.count();
-    match (first.len(), more) {
-        (0, _) => none.to_owned(),
-        (_, 0) => first.join(", "),
-        _ => format!("{} and {more} more", first.join(", ")),
-    }
-}
-
 fn pair(reached: &BTreeSet<&str>, colour: &Stream, depth: &Stream) -> Pair {
     let (mut score, mut reasons) = (0, Vec::new());
     let mut add = |points: i32, reason: &str, holds: bool| {
@@ -219,12 +207,6 @@ fn pair(reached: &BTreeSet<&str>, colour: &Stream, depth: &Stream) -> Pair {
         reasons: reasons.join(", "),
         score,
     }
-}
-
-/// Names that both topics begin with.
-pub(crate) fn common_parts(a: &str, b: &str) -> i32 {
-    let parts = a.split('/').skip(1).zip(b.split('/').skip(1));
-    parts.take_while(|(a, b)| a == b).count() as i32
 }
 
 #[cfg(test)]

@@ -2,9 +2,9 @@
 //!
 //! Answers: what the sensor measured up to a frame. Samples are read when they are asked for, so that a recording of hours begins at once.
 
-use crate::choose::common_parts;
 use crate::error::{RecordingError, Result};
 use crate::file::in_order;
+use crate::names::{common_parts, few};
 use crate::probe::{Probe, Stream};
 use crate::realsense;
 use crate::recording::Recording;
@@ -210,11 +210,7 @@ fn unmounted(topic: &Topic, camera: &str) -> String {
 }
 
 fn listed(topics: &[&Topic]) -> String {
-    if topics.is_empty() {
-        return "none".to_owned();
-    }
-    let names: Vec<&str> = topics.iter().map(|t| t.name.as_str()).collect();
-    names.join(", ")
+    few(topics.iter().map(|t| t.name.clone()), "none")
 }
 
 /// The topic of forces that belongs to one of rates.

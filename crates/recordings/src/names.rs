@@ -1,4 +1,4 @@
-//! What the names of image topics say of their images.
+//! What the names of image topics say of their images, and lists of names.
 
 use crate::probe::base;
 
@@ -74,6 +74,24 @@ pub(crate) fn says(topic: &str) -> Option<Says> {
 /// Whether the name of a topic says that its images are of depth.
 pub(crate) fn says_depth(topic: &str) -> bool {
     says(topic) == Some(Says::Depth)
+}
+
+/// Names that both topics begin with.
+pub(crate) fn common_parts(a: &str, b: &str) -> i32 {
+    let parts = a.split('/').skip(1).zip(b.split('/').skip(1));
+    parts.take_while(|(a, b)| a == b).count() as i32
+}
+
+/// A list that can be read, whatever a file holds; `none` where there is nothing in it.
+pub(crate) fn few(mut all: impl Iterator<Item = String>, none: &str) -> String {
+    const MOST: usize = 12;
+    let first: Vec<String> = all.by_ref().take(MOST).collect();
+    let more = all.count();
+    match (first.len(), more) {
+        (0, _) => none.to_owned(),
+        (_, 0) => first.join(", "),
+        _ => format!("{} and {more} more", first.join(", ")),
+    }
 }
 
 #[cfg(test)]

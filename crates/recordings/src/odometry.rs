@@ -4,6 +4,7 @@
 
 use crate::error::{RecordingError, Result};
 use crate::inertial::{Stamped, stamped};
+use crate::names::few;
 use crate::probe::{Probe, Stream};
 use crate::recording::Recording;
 use crate::store::Slot;
@@ -238,11 +239,7 @@ fn base_name(topic: &Topic) -> &str {
 }
 
 fn listed(topics: &[&Topic]) -> String {
-    if topics.is_empty() {
-        return "none".to_owned();
-    }
-    let names: Vec<&str> = topics.iter().map(|t| t.name.as_str()).collect();
-    names.join(", ")
+    few(topics.iter().map(|t| t.name.clone()), "none")
 }
 
 /// The samples of odometry, in order of time.

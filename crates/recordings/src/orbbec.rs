@@ -5,8 +5,9 @@
 use crate::error::Result;
 use crate::probe::{Probe, Shows};
 use crate::recording::Recording;
+use crate::transforms;
 use std::collections::BTreeMap;
-use stillpoint_geometry::nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use stillpoint_geometry::nalgebra::Matrix3;
 use stillpoint_ros_messages as ros;
 
 /// Topics of images, and of how they were taken: sensor 2 is colour, 3 depth.
@@ -97,24 +98,11 @@ fn info(profile: &ros::ObStreamProfileInfo<'_>) -> ros::CameraInfo<'static> {
 fn transform(profile: &ros::ObStreamProfileInfo<'_>) -> Option<ros::TransformStamped<'static>> {
     let matrix = Matrix3::from_row_slice(&profile.rotation_matrix.map(f64::from));
     let t = profile.translation_matrix.map(|mm| f64::from(mm) * 1e-3);
-    let rotates = matrix.iter().all(|v| v.is_finite()) && (matrix.determinant() - 1.0).abs() < 0.01;
-    if !rotates || !t.iter().all(|v| v.is_finite()) {
-        return None;
-    }
-    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
-    let mut found = ros::TransformStamped::default();
+    let mut found = ros::TransformStamped {
+        transform: transforms::transform(matrix, t)?,
+        ..ros::TransformStamped::default()
+    };
     found.header.frame_id = "orbbec_color".into();
     found.child_frame_id = "orbbec_depth".into();
-    found.transform.translation = ros::Vector3 {
-        x: t[0],
-        y: t[1],
-        z: t[2],
-    };
-    found.transform.rotation = ros::Quaternion {
-        x: q.i,
-        y: q.j,
-        z: q.k,
-        w: q.w,
-    };
     Some(found)
 }

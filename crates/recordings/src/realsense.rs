@@ -5,7 +5,9 @@ use crate::error::Result;
 use crate::probe::{Probe, is_oversized};
 use crate::recording::Recording;
 use crate::store::Slot;
+use crate::transforms;
 use std::collections::BTreeMap;
+use stillpoint_geometry::nalgebra::Matrix3;
 use stillpoint_ros_messages as ros;
 
 /// Begins the topics of a device.
@@ -168,27 +170,13 @@ fn info(text: &str) -> Option<ros::CameraInfo<'static>> {
 
 /// `rotation=...;translation=...`, the rotation column by column.
 fn transform(text: &str) -> Option<ros::TransformStamped<'static>> {
-    use stillpoint_geometry::nalgebra::{Matrix3, Rotation3, UnitQuaternion};
     let r: [f64; 9] = numbers(value(text, "rotation")?)?.try_into().ok()?;
     let t: [f64; 3] = numbers(value(text, "translation")?)?.try_into().ok()?;
     let matrix = Matrix3::from_column_slice(&r);
-    if !matrix.iter().all(|v| v.is_finite()) || (matrix.determinant() - 1.0).abs() > 0.01 {
-        return None;
-    }
-    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
-    let mut found = ros::TransformStamped::default();
-    found.transform.translation = ros::Vector3 {
-        x: t[0],
-        y: t[1],
-        z: t[2],
-    };
-    found.transform.rotation = ros::Quaternion {
-        x: q.i,
-        y: q.j,
-        z: q.k,
-        w: q.w,
-    };
-    Some(found)
+    Some(ros::TransformStamped {
+        transform: transforms::transform(matrix, t)?,
+        ..ros::TransformStamped::default()
+    })
 }
 
 /// The device's clock of each image, ns, by the time that the image was received: what a data base has in the strings beside it, in ms.

@@ -1,12 +1,13 @@
 //! What is done to the images of a recording: its camera, the unit of depth, rectification and registration.
 
 use crate::calibration::{self, Calibration};
-use crate::choose::{Pair, few};
+use crate::choose::Pair;
 use crate::decode::depth::Unit;
 use crate::decode::{Bad, Colour};
 use crate::error::{RecordingError, Result};
 use crate::file::Entry;
 use crate::input::OpenOptions;
+use crate::names::few;
 use crate::optics::{Optics, is_calibrated};
 use crate::placement::Placed;
 use crate::probe::{Probe, Stream};

@@ -3,7 +3,7 @@
 use crate::budget::{LONGEST_NAME, MOST_TRANSFORMS};
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
-use stillpoint_geometry::nalgebra::{Quaternion, UnitQuaternion};
+use stillpoint_geometry::nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion};
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_ros_messages as ros;
 
@@ -29,6 +29,28 @@ pub(crate) fn pose(t: [f64; 3], q: &ros::Quaternion) -> Option<Se3> {
     let finite = t.iter().all(|v| v.is_finite()) && norm.is_finite();
     (finite && norm > 0.5 && norm < 2.0)
         .then(|| Se3::new(UnitQuaternion::new_normalize(q), Vec3::from(t)))
+}
+
+/// A transform as a message; `None` where numbers are not finite or the matrix is no rotation.
+pub(crate) fn transform(rotation: Matrix3<f64>, t: [f64; 3]) -> Option<ros::Transform> {
+    let finite = rotation.iter().chain(&t).all(|v| v.is_finite());
+    if !finite || (rotation.determinant() - 1.0).abs() > 0.01 {
+        return None;
+    }
+    let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation));
+    Some(ros::Transform {
+        translation: ros::Vector3 {
+            x: t[0],
+            y: t[1],
+            z: t[2],
+        },
+        rotation: ros::Quaternion {
+            x: q.i,
+            y: q.j,
+            z: q.k,
+            w: q.w,
+        },
+    })
 }
 
 /// ROS 1 wrote a slash before names of frames in its early years.

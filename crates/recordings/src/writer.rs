@@ -307,17 +307,6 @@ fn header(time: u64) -> ros::Header<'static> {
 
 fn info(camera: &Camera, time: u64) -> ros::CameraInfo<'static> {
     let (c, d) = (camera, &camera.distortion);
-    ros::CameraInfo {
-        header: header(time),
-        height: c.height,
-        width: c.width,
-        distortion_model: "plumb_bob".into(),
-        d: vec![d.k1, d.k2, d.p1, d.p2, d.k3],
-        k: [c.fx, 0.0, c.cx, 0.0, c.fy, c.cy, 0.0, 0.0, 1.0],
-        r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        p: [
-            c.fx, 0.0, c.cx, 0.0, 0.0, c.fy, c.cy, 0.0, 0.0, 0.0, 1.0, 0.0,
-        ],
-        ..ros::CameraInfo::default()
-    }
+    let (pinhole, lens) = ([c.fx, c.fy, c.cx, c.cy], [d.k1, d.k2, d.p1, d.p2, d.k3]);
+    ros::CameraInfo::plumb_bob(header(time), [c.width, c.height], pinhole, lens)
 }

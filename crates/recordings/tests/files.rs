@@ -18,6 +18,25 @@ pub(crate) fn put(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
+/// What is taken of a source after each of its frames, from one on.
+pub(crate) fn with_each_frame<T>(
+    input: &Input,
+    start: usize,
+    take: impl Fn(&mut dyn FrameSource) -> T,
+) -> Vec<T> {
+    let options = FrameOptions {
+        start,
+        ..FrameOptions::default()
+    };
+    let mut source = input.frames(&options).unwrap();
+    let mut all = Vec::new();
+    while let Some(frame) = source.next_frame() {
+        frame.unwrap();
+        all.push(take(&mut source));
+    }
+    all
+}
+
 pub(crate) fn frames(input: &Input) -> Vec<RgbdFrame> {
     let mut source = input.frames(&FrameOptions::default()).unwrap();
     std::iter::from_fn(|| source.next_frame())

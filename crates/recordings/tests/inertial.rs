@@ -1,12 +1,12 @@
 //! The inertial sensor of a recording.
 
-use crate::files::{frames, put, variants};
+use crate::files::{frames, put, variants, with_each_frame};
 use crate::writers::*;
 use std::f64::consts::FRAC_PI_2;
 use stillpoint_datasets::CameraChoice;
 use stillpoint_geometry::{ImuModel, Se3, Vec3, so3};
-use stillpoint_imaging::{FrameSource, ImuSample};
-use stillpoint_recordings::{FrameOptions, Input, McapRecorder, OpenOptions, open};
+use stillpoint_imaging::ImuSample;
+use stillpoint_recordings::{Input, McapRecorder, OpenOptions, open};
 use stillpoint_ros_messages::*;
 
 const FRAMES: usize = 4;
@@ -52,17 +52,7 @@ fn mount(parent: &str, child: &str) -> Sent {
 }
 
 fn taken(input: &Input, start: usize) -> Vec<Vec<ImuSample>> {
-    let options = FrameOptions {
-        start,
-        ..FrameOptions::default()
-    };
-    let mut source = input.frames(&options).unwrap();
-    let mut all = Vec::new();
-    while let Some(frame) = source.next_frame() {
-        frame.unwrap();
-        all.push(source.take_inertial());
-    }
-    all
+    with_each_frame(input, start, |source| source.take_inertial())
 }
 
 #[test]

@@ -1,12 +1,12 @@
 //! Wheel odometry of a recording.
 
-use crate::files::{frames, put, variants};
+use crate::files::{frames, put, variants, with_each_frame};
 use crate::writers::*;
 use std::path::{Path, PathBuf};
 use stillpoint_datasets::CameraChoice;
 use stillpoint_geometry::{OdometryModel, Se3, Vec3, so3};
-use stillpoint_imaging::{FrameSource, OdometrySample};
-use stillpoint_recordings::{FrameOptions, Input, McapRecorder, OpenOptions, open};
+use stillpoint_imaging::OdometrySample;
+use stillpoint_recordings::{Input, McapRecorder, OpenOptions, open};
 use stillpoint_ros_messages::*;
 
 const FRAMES: usize = 4;
@@ -86,17 +86,7 @@ fn opened(path: &Path, options: &OpenOptions) -> (Option<OdometryModel>, String,
 }
 
 fn taken(input: &Input, start: usize) -> Vec<Vec<OdometrySample>> {
-    let options = FrameOptions {
-        start,
-        ..FrameOptions::default()
-    };
-    let mut source = input.frames(&options).unwrap();
-    let mut all = Vec::new();
-    while let Some(frame) = source.next_frame() {
-        frame.unwrap();
-        all.push(source.take_odometry());
-    }
-    all
+    with_each_frame(input, start, |source| source.take_odometry())
 }
 
 #[test]

@@ -11,6 +11,7 @@
 mod catalogue;
 mod disparity;
 mod error;
+mod kept;
 mod lens;
 mod moment;
 mod path;

@@ -11,6 +11,7 @@ pub use source::SimulatorSource;
 use crate::catalogue::{self, build, nearest_name};
 use crate::disparity::DepthModel;
 use crate::error::SimulatorError;
+use crate::kept::Kept;
 use crate::lens::Lens;
 use crate::path::Path;
 use crate::pixels::Pixels;
@@ -83,6 +84,7 @@ pub struct Simulator {
     depth_delay: f64,
     shutter: Shutter,
     depth_model: DepthModel,
+    kept: Kept,
 }
 
 impl Simulator {
@@ -139,6 +141,7 @@ impl Simulator {
             depth_delay: config.depth_delay,
             shutter,
             depth_model: config.depth_model.unwrap_or(own_model),
+            kept: Kept::new(config),
         })
     }
 
@@ -220,28 +223,37 @@ impl Simulator {
     /// A frame's colour image alone.
     #[must_use]
     pub fn colour(&self, index: usize) -> ColourImage {
-        let stamp = self.stamp(index);
         let (w, h) = (self.camera.width as usize, self.camera.height as usize);
-        let mut ideal = self.sight().colour(stamp, &self.shutter);
-        let bytes = if self.noise {
-            self.sensor
-                .record_colour(&mut ideal, w, stamp, index as u64)
-        } else {
-            ideal.iter().map(|v| (v + 0.5) as u8).collect()
-        };
+        let render = || self.exposed(w, index);
+        let bytes = self.kept.bytes("colour", index, render);
         ColourImage::from_vec(w, h, bytes).unwrap_or_default()
+    }
+
+    /// The bytes of a colour image of so many columns.
+    fn exposed(&self, width: usize, index: usize) -> Vec<u8> {
+        let stamp = self.stamp(index);
+        let mut ideal = self.sight().colour(stamp, &self.shutter);
+        if self.noise {
+            let number = index as u64;
+            return self.sensor.record_colour(&mut ideal, width, stamp, number);
+        }
+        ideal.iter().map(|v| (v + 0.5) as u8).collect()
     }
 
     /// A frame's depth image alone, m.
     #[must_use]
     pub fn depth(&self, index: usize) -> DepthImage {
-        self.measured(index).1
+        let (w, h) = (self.camera.width as usize, self.camera.height as usize);
+        let render = || self.measured(index).1;
+        let data = self.kept.floats("depth", index, render);
+        DepthImage::from_vec(w, h, data).unwrap_or_default()
     }
 
     /// By thing of [`Self::things`] that stands still: its pixels in a frame's depth image, and how many of them have depth. Depth cameras measure none on what is dark and far.
     #[must_use]
     pub fn depth_px(&self, index: usize) -> Vec<[usize; 2]> {
         let (view, depth) = self.measured(index);
+        let depth = DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default();
         let mut counts = vec![[0; 2]; self.scene.things().len()];
         for (k, z) in depth.data().iter().enumerate() {
             let thing = view.face(k).map_or(0, |f| usize::from(f.thing));
@@ -254,7 +266,7 @@ impl Simulator {
     }
 
     /// What the pixels of a frame's depth image see, and what it says of it.
-    fn measured(&self, index: usize) -> (Pixels, DepthImage) {
+    fn measured(&self, index: usize) -> (Pixels, Vec<f32>) {
         let stamp = self.depth_stamp(index);
         let mut view = self.sight().pixels(stamp, self.shutter.depth_readout);
         view.scale(self.scale);
@@ -264,7 +276,6 @@ impl Simulator {
             DepthModel::Independent => self.sensor.record_depth(&view, focal, number),
             DepthModel::StructuredLight => self.sensor.match_pattern(&view, focal, number),
         };
-        let depth = DepthImage::from_vec(view.width, view.height, depth).unwrap_or_default();
         (view, depth)
     }
 
@@ -280,13 +291,15 @@ impl Simulator {
     #[must_use]
     pub fn truth(&self, index: usize) -> FrameTruth {
         let stamp = self.stamp(index);
-        let view = self.sight().pixels(stamp, self.shutter.readout);
+        let (w, h) = (self.camera.width as usize, self.camera.height as usize);
+        let render = || truth::seen(&self.sight().pixels(stamp, self.shutter.readout));
+        let seen = self.kept.bytes("seen", index, render);
         let mut movers = self.scene.movers(stamp);
         for motion in movers.iter_mut().filter_map(|m| m.motion.as_mut()) {
             motion.position = motion.position.map(|v| v * self.scale);
             motion.velocity = motion.velocity.map(|v| v * self.scale);
         }
-        truth::truth(&view, &movers, self.scene.things())
+        truth::truth(&seen, [w, h], &movers, self.scene.things())
     }
 
     /// The same without the things that stand still. In scenes in which nothing moves nothing is rendered for it.

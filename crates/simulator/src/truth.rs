@@ -178,22 +178,39 @@ fn boxes(found: &[Extent], what: &[MoverState]) -> Vec<MoverBox> {
     .collect()
 }
 
-/// Mask and boxes of what the pixels see. Mover k is `movers[k - 1]`, `things[k - 1]` is what thing
-/// k is.
-pub(crate) fn truth(view: &Pixels, movers: &[MoverState], things: &[ThingBox]) -> FrameTruth {
-    let mut mask = GrayImage::new(view.width, view.height);
+/// The numbers of mover and thing that each pixel sees, as three bytes.
+pub(crate) fn seen(view: &Pixels) -> Vec<u8> {
+    let numbers = |k| view.face(k).map_or((0, 0), |f| (f.mover, f.thing));
+    let bytes = |(mover, thing): (u8, u16)| {
+        let [low, high] = thing.to_le_bytes();
+        [mover, low, high]
+    };
+    let pixels = 0..view.width * view.height;
+    pixels.flat_map(|k| bytes(numbers(k))).collect()
+}
+
+/// Mask and boxes of what the pixels of an image of some width and height see ([`seen`]). Mover k is `movers[k - 1]`, `things[k - 1]` is what thing k is.
+pub(crate) fn truth(
+    seen: &[u8],
+    [width, height]: [usize; 2],
+    movers: &[MoverState],
+    things: &[ThingBox],
+) -> FrameTruth {
+    let mut mask = GrayImage::new(width, height);
     let mut moving = vec![Extent::NOTHING; movers.len()];
     let mut still = vec![Extent::NOTHING; things.len()];
-    for (k, out) in mask.data_mut().iter_mut().enumerate() {
-        let (mover, thing) = view.face(k).map_or((0, 0), |f| (f.mover, f.thing));
-        *out = mover;
-        let (x, y) = (k % view.width, k / view.width);
+    let (pixels, _) = seen.as_chunks();
+    let pixels = mask.data_mut().iter_mut().zip(pixels).enumerate();
+    for (k, (out, [mover, low, high])) in pixels {
+        *out = *mover;
+        let thing = u16::from_le_bytes([*low, *high]);
+        let (x, y) = (k % width, k / width);
         let of = |extents: &mut [Extent], number: usize| {
             if let Some(e) = number.checked_sub(1).and_then(|n| extents.get_mut(n)) {
                 e.take(x, y);
             }
         };
-        of(&mut moving, usize::from(mover));
+        of(&mut moving, usize::from(*mover));
         of(&mut still, usize::from(thing));
     }
     let thing = |thing: &ThingBox| MoverState {

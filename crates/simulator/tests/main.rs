@@ -6,6 +6,8 @@ mod detections;
 mod equal_rooms;
 mod geometry;
 mod hard_crowds;
+#[cfg(all(unix, feature = "kept"))]
+mod kept;
 mod people;
 mod shutter;
 mod simulator;

@@ -1,6 +1,11 @@
 //! The loop closer on synthetic maps: a path that comes back is closed, an equal place is not.
 
-#[path = "../examples/closing/world.rs"]
+// The laboratory walks in this world too (`lab closing`), and names the crates by the facade: what the world needs is named here.
+use stillpoint_estimation as estimation;
+use stillpoint_features as features;
+use stillpoint_geometry as geometry;
+use stillpoint_map as map;
+
 mod world;
 
 use stillpoint_map::{Correction, LoopEdge};

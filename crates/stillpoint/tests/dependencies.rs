@@ -32,10 +32,12 @@ const NORMAL: &[(&str, &[&str])] = &[
         "live",
         &["geometry", "imaging", "map", "place", "detection", "slam"],
     ),
+    // Bytes under their names, and checksums.
+    ("files", &[]),
     // Opens files and loads libraries, so that the core does not.
-    ("inference", &["detection", "imaging"]),
+    ("inference", &["detection", "imaging", "files"]),
     // The network, and nothing of what comes over it.
-    ("fetch", &[]),
+    ("fetch", &["files"]),
     // How a model is read is said beside it in the cache.
     ("models", &["detection", "inference", "fetch"]),
     // What it draws it is given as values and events.
@@ -45,7 +47,7 @@ const NORMAL: &[(&str, &[&str])] = &[
         "dense",
         &["detection", "geometry", "imaging", "map", "slam"],
     ),
-    ("datasets", &["geometry", "imaging"]),
+    ("datasets", &["geometry", "imaging", "files"]),
     ("simulator", &["geometry", "imaging"]),
     // Frames in, findings out; from where they come is not its business.
     ("doctor", &["geometry", "imaging", "features", "estimation"]),
@@ -106,13 +108,12 @@ const NORMAL: &[(&str, &[&str])] = &[
     ("testdata", &[]),
 ];
 
-/// What tests, benchmarks and examples may import beyond that: the simulator and the data sets as input, the judge for
+/// What tests and benchmarks may import beyond that: the simulator and the data sets as input, the judge for
 /// scores, the command line for none.
 const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("features", &["geometry", "simulator"]),
     ("place", &["simulator", "datasets", "imaging", "geometry"]),
     ("detection", &["simulator", "datasets"]),
-    ("inference", &["datasets"]),
     ("slam", &["simulator"]),
     ("live", &["simulator"]),
     ("view", &["simulator"]),
@@ -121,13 +122,17 @@ const TESTS_MAY_ADD: &[(&str, &[&str])] = &[
     ("ros-events", &["simulator", "features", "imaging"]),
     // Streams without faults, and with those that are put into them.
     ("doctor", &["simulator", "datasets"]),
-    // How much the simulator's images are like real ones is measured in terms of features.
-    ("simulator", &["features", "datasets"]),
+    // Rooms that look alike, in terms of features.
+    ("simulator", &["features"]),
 ];
 
 /// Packages for other languages: folders beside `crates/`, each a workspace of its own with its own lock file. They hold the facade, and where users are to have
 /// the same words there as in the command line, the command line.
-pub(crate) const FRONT_ENDS: &[(&str, &[&str])] = &[("python", &["stillpoint", "cli"])];
+pub(crate) const FRONT_ENDS: &[(&str, &[&str])] = &[
+    ("python", &["stillpoint", "cli"]),
+    // The laboratory, whose tests drive the command line.
+    ("lab", &["stillpoint", "files", "cli"]),
+];
 
 /// What no crate of the core may import, directly or not: threads, files and judges stay outside.
 const CORE: &[&str] = &[
@@ -142,6 +147,7 @@ const CORE: &[&str] = &[
 ];
 const OUTSIDE: &[&str] = &[
     "live",
+    "files",
     "inference",
     "fetch",
     "models",
@@ -266,7 +272,7 @@ fn every_import_is_mentioned_in_the_source() {
             .map(|folder| root.join("crates").join(from).join(folder))
             .any(|folder| any_source(&folder, &|text| text.contains(&library)))
     };
-    let everywhere = ["src", "tests", "benches", "examples"];
+    let everywhere = ["src", "tests", "benches"];
     let normal_only = normal.iter().filter(|edge| !mentioned(edge, &["src"]));
     let of_tests = tests.difference(&normal);
     let of_tests = of_tests.filter(|edge| !mentioned(edge, &everywhere));

@@ -13,6 +13,7 @@ const CATEGORIES: &[&str] = &[
     "concurrency",
     "data-structures",
     "encoding",
+    "filesystem",
     "hardware-support",
     "mathematics",
     "multimedia::images",
@@ -272,7 +273,7 @@ fn everything_that_is_given_away_has_its_notices() {
 #[test]
 fn what_releases_are_made_with_is_pinned() {
     let mut actions = 0;
-    for file in ["ci.yml", "release.yml"] {
+    for file in ["ci.yml", "nightly.yml", "release.yml"] {
         let workflow = read(&root().join(".github/workflows").join(file));
         for action in workflow.lines().filter_map(|l| l.split("uses: ").nth(1)) {
             let commit = action.split(['@', ' ']).nth(1).unwrap_or_default();

@@ -3,8 +3,9 @@
 //! A row per scene and true readout. The exit code is 1 where a bar is missed.
 
 use crate::Failure;
+use crate::experiments::shared::{ate_mm, code, each_seed, map_poses, truth, verdict};
+use crate::table::{self, Align, Table, figure, median_and_range, spread};
 use std::process::ExitCode;
-use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint::imaging::Simd;
 use stillpoint::simulator::{Shutter, Simulator, SimulatorConfig};
 use stillpoint::slam::{Config, Event, Preset, System};
@@ -51,17 +52,6 @@ impl Contestant {
             rejected: 0.0,
         })
     }
-
-    fn poses(&self) -> Vec<TimedPose> {
-        let view = self.system.view();
-        let resolved = self.system.trajectory().resolve(&view);
-        resolved
-            .map(|(entry, world_from_camera)| TimedPose {
-                stamp: entry.stamp,
-                world_from_camera,
-            })
-            .collect()
-    }
 }
 
 /// What a run says: with the filter and without.
@@ -70,7 +60,7 @@ struct Row {
     readout: [f64; 2],
     /// What the estimate says that it may be wrong by, s.
     sigma: f64,
-    /// ATE, m.
+    /// ATE, mm.
     ate: [f64; 2],
     /// Share of the features that the filter rejected.
     rejected: f64,
@@ -95,27 +85,19 @@ fn measure(scene: &str, seed: u64, frames: usize, readout: f64) -> Result<Row, F
     for i in 0..simulator.len() {
         let frame = simulator.frame(i);
         for c in &mut both {
-            for event in c.system.step(frame.clone()) {
-                if let Event::Frame(done) = event {
-                    let counts = &done.report.counts;
-                    c.features += f64::from(counts.keypoints);
-                    c.rejected += f64::from(counts.dynamic);
-                }
+            let events = c.system.step(frame.clone());
+            for done in events.iter().filter_map(Event::as_frame) {
+                let counts = &done.report.counts;
+                c.features += f64::from(counts.keypoints);
+                c.rejected += f64::from(counts.dynamic);
             }
         }
     }
-    let truth = simulator.ground_truth().into_iter();
-    let truth: Vec<TimedPose> = truth
-        .map(|(stamp, world_from_camera)| TimedPose {
-            stamp,
-            world_from_camera,
-        })
-        .collect();
+    let truth = truth(&simulator);
     let mut ate = [f64::NAN; 2];
     for (c, ate) in both.iter_mut().zip(&mut ate) {
         c.system.finish();
-        let report = evaluate(&truth, &c.poses(), &EvalOptions::default())?;
-        *ate = report.ate.statistics.rmse;
+        *ate = ate_mm(&truth, &map_poses(&c.system))?;
     }
     let estimates = [&both[0], &both[1]].map(|c| c.system.timing());
     Ok(Row {
@@ -126,69 +108,52 @@ fn measure(scene: &str, seed: u64, frames: usize, readout: f64) -> Result<Row, F
     })
 }
 
-/// Median, least and greatest.
-fn spread(values: impl Iterator<Item = f64>) -> [f64; 3] {
-    let mut sorted: Vec<f64> = values.collect();
-    sorted.sort_by(f64::total_cmp);
-    let at = |i: usize| sorted.get(i).copied().unwrap_or(f64::NAN);
-    [at(sorted.len() / 2), at(0), at(sorted.len().max(1) - 1)]
-}
-
-/// A row of the table, and whether its bars hold.
-fn print(scene: &str, readout: f64, rows: &[Row]) -> bool {
-    let ms = |[m, low, high]: [f64; 3]| {
-        format!("{:.1} ({:.1} to {:.1})", 1e3 * m, 1e3 * low, 1e3 * high)
-    };
+/// Adds a row; whether its bars hold.
+fn add(table: &mut Table, scene: &str, readout: f64, rows: &[Row]) -> bool {
     let of = |f: &dyn Fn(&Row) -> f64| spread(rows.iter().map(f));
-    let estimated = of(&|r| r.readout[0]);
-    let rejected = of(&|r| r.rejected)[0];
-    let cost = of(&|r| r.ate[0] / r.ate[1])[0];
+    let ms = |k: usize| median_and_range(rows.iter().map(|r| 1e3 * r.readout[k]), 1);
+    let [estimated, ..] = of(&|r| r.readout[0]);
+    let [rejected, ..] = of(&|r| r.rejected);
+    let [cost, ..] = of(&|r| r.ate[0] / r.ate[1]);
     let missed = [
-        ((estimated[0] - readout).abs() > BIAS, "readout"),
+        ((estimated - readout).abs() > BIAS, "readout"),
         (rejected > REJECTED, "rejected"),
         (cost > COST, "ATE"),
     ];
     let missed: Vec<&str> = missed.iter().filter(|m| m.0).map(|m| m.1).collect();
-    println!(
-        "| `{scene}` | {:.0} | {} | {:.2} | {} | {:.2} | {:.2} | {cost:.3} | {:.2} | {} |",
-        1e3 * readout,
-        ms(estimated),
-        1e3 * of(&|r| r.sigma)[0],
-        ms(of(&|r| r.readout[1])),
-        1e3 * of(&|r| r.ate[0])[0],
-        1e3 * of(&|r| r.ate[1])[0],
-        100.0 * rejected,
-        if missed.is_empty() {
-            "met".to_owned()
-        } else {
-            format!("short: {}", missed.join(", "))
-        },
-    );
+    let said = match &missed[..] {
+        [] => verdict(true).to_owned(),
+        missed => format!("{}: {}", verdict(false), missed.join(", ")),
+    };
+    table.row([
+        format!("`{scene}`"),
+        figure(1e3 * readout, 0),
+        ms(0),
+        figure(1e3 * of(&|r| r.sigma)[0], 2),
+        ms(1),
+        figure(of(&|r| r.ate[0])[0], 2),
+        figure(of(&|r| r.ate[1])[0], 2),
+        figure(cost, 3),
+        figure(100.0 * rejected, 2),
+        said,
+    ]);
     missed.is_empty()
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
     let (seeds, frames) = (arguments.seeds, arguments.frames);
-    let scenes = &arguments.scenes;
     println!(
         "{seeds} seeds, {frames} frames, depth's readout 30 ms, exposure 10 ms; readouts in ms: median (least to greatest)\n"
     );
-    println!(
-        "| scene | readout | estimated, filter on | its sigma | filter off | ATE on, mm | off, mm | on / off | rejected, % | |"
-    );
-    println!("|---|---:|---:|---:|---:|---:|---:|---:|---:|---|");
+    let mut table = Table::new("scene | readout | estimated, filter on | its sigma | filter off | ATE on, mm | off, mm | on / off | rejected, % | ".split(" | "))
+    .align(9, Align::Left);
     let mut holds = true;
-    for scene in scenes {
+    for scene in &arguments.scenes {
         for readout in READOUTS {
-            let rows: Result<Vec<Row>, Failure> = (0..seeds)
-                .map(|seed| measure(scene, seed, frames, readout))
-                .collect();
-            holds &= print(scene, readout, &rows?);
+            let rows = each_seed(seeds, |seed| measure(scene, seed, frames, readout))?;
+            holds &= add(&mut table, scene, readout, &rows);
         }
     }
-    Ok(if holds {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    })
+    table::print(&table);
+    Ok(code(holds))
 }

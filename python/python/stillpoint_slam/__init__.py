@@ -21,6 +21,7 @@ from ._native import (
     Config,
     Dense,
     Detection,
+    Detector,
     DynamicMask,
     Event,
     Events,
@@ -43,20 +44,23 @@ from ._native import (
     __version__,
     evaluate,
 )
+from ._batch import Batch, batch, batch_merge
 from ._run import Run, open, record, run, simulate
 
 if _sys.executable:
     # Models from elsewhere are tried in a process of their own, which is this package's command line.
-    _native.launch_by([_sys.executable, "-m", "stillpoint_slam"])
+    _native.launch_by([_sys.executable, "-m", "stillpoint_slam"], _native.__file__)
 
 # Threads that would come back to an interpreter that is no more stay away.
 _atexit.register(_native.prepare_for_end)
 
 __all__ = [
+    "Batch",
     "Camera",
     "Config",
     "Dense",
     "Detection",
+    "Detector",
     "DynamicMask",
     "Event",
     "Events",
@@ -78,6 +82,8 @@ __all__ = [
     "Trajectory",
     "Verdicts",
     "__version__",
+    "batch",
+    "batch_merge",
     "evaluate",
     "open",
     "record",

@@ -13,14 +13,15 @@ _Color: TypeAlias = NDArray[np.uint8]
 _Depth: TypeAlias = NDArray[np.uint16] | NDArray[np.float32] | NDArray[np.float64]
 _Order: TypeAlias = Literal["rgb", "bgr"]
 _Detections: TypeAlias = NDArray[Any] | Sequence[Detection | ArrayLike]
-_Detector: TypeAlias = Callable[[NDArray[np.uint8]], _Detections] | _Path
+_Detector: TypeAlias = Detector | Callable[[NDArray[np.uint8]], _Detections] | _Path
 _Config: TypeAlias = Config | Mapping[str, Any] | _Path
 _Camera: TypeAlias = Camera | _Path | Mapping[str, Any] | object
 _Poses: TypeAlias = Trajectory | _Path | tuple[ArrayLike, ArrayLike]
 
 __version__: str
 
-def launch_by(launcher: Sequence[_Path]) -> None: ...
+def launch_by(launcher: Sequence[_Path], file: _Path) -> None: ...
+def input_digest(path: _Path) -> tuple[str, int]: ...
 def prepare_for_end() -> None: ...
 def main(typed: Sequence[_Path]) -> int: ...
 def evaluate(
@@ -103,6 +104,9 @@ class Detection:
     def score(self) -> float: ...
     @property
     def box(self) -> tuple[float, float, float, float]: ...
+
+class Detector:
+    def __new__(cls, name: _Path) -> Self: ...
 
 class Slam:
     def __new__(

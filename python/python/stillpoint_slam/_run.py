@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ._native import Camera, Config, Recorder, Recording, Score, Simulation, Slam, Trajectory, evaluate
+from ._native import Camera, Config, Detector, Recorder, Recording, Score, Simulation, Slam, Trajectory, evaluate
 from ._progress import Progress
 
 
@@ -151,7 +151,7 @@ def run(
     *,
     camera: str | None = None,
     config: Config | str | os.PathLike[str] | Mapping[str, Any] | None = None,
-    detector: Callable[[Any], Any] | str | os.PathLike[str] | None = None,
+    detector: Detector | Callable[[Any], Any] | str | os.PathLike[str] | None = None,
     live: bool = False,
     dense: bool | float = False,
     imu: bool = True,
@@ -161,6 +161,7 @@ def run(
     out: str | os.PathLike[str] | None = None,
     report: bool = True,
     progress: bool = True,
+    time_limit: float | None = None,
 ) -> Run:
     """Runs a data set folder, a recording or a simulation through SLAM, as ``stillpoint run`` does.
 
@@ -173,6 +174,10 @@ def run(
         out: folder for the result, see :meth:`Run.save`; None for none.
         report: whether ``report.html`` is in that folder: one page that shows where the run went wrong.
         progress: whether progress is shown, in a notebook or a terminal.
+        time_limit: seconds that the run may take.
+
+    Raises:
+        TimeoutError: it took longer than ``time_limit``.
 
     >>> run(simulate("xyz", frames=5))
     <Run: 5 of 5 frames with a pose, ATE RMSE ... mm>
@@ -202,6 +207,8 @@ def run(
             if not frame.is_tracked:
                 lost.append((frame.index, frame.stamp, frame.reason or ""))
             bar.step(f", {len(lost)} lost" if lost else "")
+            if time_limit is not None and time.monotonic() - begin > time_limit:
+                raise TimeoutError(f"took longer than {time_limit:g} s")
     result = Run(slam, source, (frames, images.skipped), lost, time.monotonic() - begin)
     if out is not None:
         result.save(out)

@@ -57,12 +57,7 @@ fn what_is_missing_is_named_until_it_comes() {
     let options = Options::new(&Parameters::default()).unwrap();
     let mut camera = CameraState::new(topics());
     let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "depth", 2));
-    let waits_for = |camera: &mut CameraState, what: &str| {
-        let Err(NotReady::Waiting(told)) = camera.ready(&colour, &depth, &options) else {
-            panic!("{what}");
-        };
-        assert!(told.contains(what), "{told}");
-    };
+    let waits_for = waiting(&colour, &depth, &options);
     waits_for(&mut camera, "/camera/color/camera_info");
     assert_eq!(camera.take_info(false, info(5.0)), Ok(false));
     waits_for(&mut camera, "/camera/depth/camera_info");
@@ -94,21 +89,35 @@ fn what_is_missing_is_named_until_it_comes() {
     assert!((base.translation.x - 0.6).abs() < 1e-12);
 }
 
-#[test]
-fn it_is_waited_for_where_the_inertial_sensor_stands() {
+/// Options with one of those on that are off by themselves.
+fn asked_for(parameter: &str) -> Options {
     let mut parameters = Parameters::default();
     let yes = crate::value::Value::Bool(true);
-    parameters.set("subscribe_imu", &yes).unwrap();
-    let options = Options::new(&parameters).unwrap();
-    let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
-    let mut camera = CameraState::new(topics());
-    camera.take_info(false, info(5.0)).unwrap();
-    let waits_for = |camera: &mut CameraState, what: &str| {
-        let Err(NotReady::Waiting(told)) = camera.ready(&colour, &depth, &options) else {
+    parameters.set(parameter, &yes).unwrap();
+    Options::new(&parameters).unwrap()
+}
+
+/// Checks that a camera waits with these images, and for what.
+fn waiting<'a>(
+    colour: &'a ImageMessage<'a>,
+    depth: &'a ImageMessage<'a>,
+    options: &'a Options,
+) -> impl Fn(&mut CameraState, &str) + 'a {
+    move |camera, what| {
+        let Err(NotReady::Waiting(told)) = camera.ready(colour, depth, options) else {
             panic!("{what}");
         };
         assert!(told.contains(what), "{told}");
-    };
+    }
+}
+
+#[test]
+fn it_is_waited_for_where_the_inertial_sensor_stands() {
+    let options = asked_for("subscribe_imu");
+    let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
+    let mut camera = CameraState::new(topics());
+    camera.take_info(false, info(5.0)).unwrap();
+    let waits_for = waiting(&colour, &depth, &options);
     waits_for(&mut camera, "no message of it");
     camera.note_inertial("imu");
     waits_for(&mut camera, "no imu -> colour on /tf_static");
@@ -132,19 +141,11 @@ fn it_is_waited_for_where_the_inertial_sensor_stands() {
 
 #[test]
 fn it_is_waited_for_where_the_camera_stands_on_the_wheels() {
-    let mut parameters = Parameters::default();
-    let yes = crate::value::Value::Bool(true);
-    parameters.set("subscribe_odometry", &yes).unwrap();
-    let options = Options::new(&parameters).unwrap();
+    let options = asked_for("subscribe_odometry");
     let (colour, depth) = (image("rgb8", "colour", 3), image("16UC1", "colour", 2));
     let mut camera = CameraState::new(topics());
     camera.take_info(false, info(5.0)).unwrap();
-    let waits_for = |camera: &mut CameraState, what: &str| {
-        let Err(NotReady::Waiting(told)) = camera.ready(&colour, &depth, &options) else {
-            panic!("{what}");
-        };
-        assert!(told.contains(what), "{told}");
-    };
+    let waits_for = waiting(&colour, &depth, &options);
     waits_for(&mut camera, "no message of it");
     camera.note_odometry(&["odom".into(), "base".into()]);
     waits_for(&mut camera, "no colour -> base on /tf_static");
@@ -170,10 +171,7 @@ fn it_is_waited_for_where_the_camera_stands_on_the_wheels() {
 
 #[test]
 fn after_some_patience_the_run_begins_without_the_inertial_sensor() {
-    let mut parameters = Parameters::default();
-    let yes = crate::value::Value::Bool(true);
-    parameters.set("subscribe_imu", &yes).unwrap();
-    let options = Options::new(&parameters).unwrap();
+    let options = asked_for("subscribe_imu");
     let mut camera = CameraState::new(topics());
     camera.take_info(false, info(5.0)).unwrap();
     camera.waiting = Instant::now().checked_sub(2 * PATIENCE);

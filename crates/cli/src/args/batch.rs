@@ -1,8 +1,9 @@
 //! Arguments of `batch`.
 
-use crate::args::map::direction;
-use crate::args::run::{budget_ms, voxel};
+use crate::args::run::budget_ms;
 use crate::args::{ConfigArgs, InputArgs, positive};
+use crate::sinks::dense::voxel;
+use crate::sinks::up::direction;
 use clap::{Args, Subcommand};
 use std::ffi::OsString;
 use std::path::{Component, Path, PathBuf};

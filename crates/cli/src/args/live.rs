@@ -1,7 +1,8 @@
 //! Arguments of `live`: the sources that are driven at the pace of a camera.
 
-use crate::args::run::{LiveChoice, OutputArgs, RunArgs, budget_ms};
+use crate::args::run::{LiveChoice, RunArgs, budget_ms};
 use crate::args::{ConfigArgs, DetectorArgs, InputArgs};
+use crate::sinks::OutputArgs;
 use clap::{Args, Subcommand, ValueEnum};
 use std::path::PathBuf;
 

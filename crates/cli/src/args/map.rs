@@ -1,5 +1,6 @@
 //! Arguments of `map`.
 
+use crate::sinks::up::direction;
 use clap::{ArgGroup, Args, Subcommand};
 use std::path::PathBuf;
 
@@ -128,18 +129,6 @@ pub(crate) struct MapObjectsArgs {
     /// Print JSON.
     #[arg(long)]
     pub(crate) json: bool,
-}
-
-/// `0,-1,0`.
-pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
-    let parts: Vec<f64> = text
-        .split(',')
-        .filter_map(|p| p.trim().parse().ok())
-        .collect();
-    <[f64; 3]>::try_from(parts)
-        .ok()
-        .filter(|d| d.iter().all(|v| v.is_finite()) && d.iter().any(|v| v.abs() > 1e-6))
-        .ok_or_else(|| "expected three numbers that are not all 0, such as 0,-1,0".to_owned())
 }
 
 /// Make one map of two, where places of the second are recognised in the first.

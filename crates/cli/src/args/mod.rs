@@ -14,6 +14,7 @@ pub(crate) mod render;
 pub(crate) mod report;
 pub(crate) mod run;
 pub(crate) mod simulated;
+pub(crate) mod suite;
 
 use crate::args::batch::BatchArgs;
 use crate::args::datasets::DatasetsCommand;
@@ -28,7 +29,7 @@ use crate::args::render::RenderArgs;
 use crate::args::report::ReportArgs;
 use crate::args::run::{ReplayArgs, RunArgs};
 use crate::args::simulated::{DemoArgs, SimulateArgs};
-use crate::bench::suite::catalogue::Suite;
+use crate::args::suite::Suite;
 use clap::{ArgAction, Args, Parser, Subcommand};
 use std::path::PathBuf;
 
@@ -238,10 +239,6 @@ fn positive(text: &str) -> Result<f64, String> {
 /// Writes ablation.md and ablation.json, beside the published ablation where a name matches. Runs differ
 /// in their seeds.
 ///
-/// With --document, all of docs/benchmarks.md is measured: each PATH and, where none of them is a scene,
-/// six scenes, with the filter off, without a detector and with one, an ablation, times and live runs.
-/// Writes benchmarks.md and benchmarks.json. Let nothing else run meanwhile: times are those of this machine.
-///
 /// sim:SCENE stands for a simulated scene, with the simulator's own detections unless --detector says
 /// otherwise. In --detector, {} stands for the folder: scripted:{}/detections.csv.
 #[derive(Debug, Args)]
@@ -255,14 +252,13 @@ fn positive(text: &str) -> Result<f64, String> {
   stillpoint bench --suite bonn ~/data/bonn --ablation --live --detector yolox-nano
   stillpoint bench --ablation sim:walking_xyz sim:walking_rpy --seeds 5
   stillpoint bench --ablation rgbd_dataset_freiburg3_walking_xyz --detector yolox-nano
-  stillpoint bench --document rgbd_dataset_freiburg3_walking_xyz --detector yolox-nano
 
 Exit code 1 when a frame was lost (of an ablation: by the default filter), a run failed, or Ctrl-C ended it;
 2 when a data set, the output folder, or no sequence of a suite can be used."
 )]
 pub(crate) struct BenchArgs {
     /// Data set folders, or sim:SCENE; with --suite, folders to look in.
-    #[arg(value_name = "PATH", required_unless_present_any = ["document", "pull"])]
+    #[arg(value_name = "PATH", required_unless_present = "pull")]
     pub(crate) paths: Vec<PathBuf>,
     /// Run all sequences of a public data set that are found, and compare with published figures.
     #[arg(long, value_name = "NAME", value_enum)]
@@ -279,13 +275,7 @@ pub(crate) struct BenchArgs {
     /// Run the sequences of a suite live as well.
     #[arg(long, requires = "suite")]
     pub(crate) live: bool,
-    /// Measure what docs/benchmarks.md shows.
-    #[arg(long, conflicts_with_all = ["suite", "ablation"])]
-    pub(crate) document: bool,
-    /// What OpenCV's ORB (1000 features, one thread) takes on this machine, ms: the unit of the other systems' times.
-    #[arg(long, value_name = "MS", requires = "document", value_parser = positive)]
-    pub(crate) opencv_ms: Option<f64>,
-    /// Runs per data set; with --suite, --ablation or --document, seeds of every configuration, from --seed on.
+    /// Runs per data set; with --suite or --ablation, seeds of every configuration, from --seed on.
     #[arg(long, visible_alias = "seeds", value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub(crate) runs: u32,
     /// Folder to write to.

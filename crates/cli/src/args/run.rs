@@ -1,9 +1,7 @@
 //! Arguments of the commands that run the system on a data set.
 
-use crate::args::map::direction;
 use crate::args::{ConfigArgs, InputArgs};
-use crate::run::overlay::Labels;
-use crate::serve::Place;
+use crate::sinks::OutputArgs;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -24,77 +22,6 @@ impl LiveChoice {
             Self::All => "all",
         }
     }
-}
-
-/// What is written, and where to.
-#[derive(Clone, Debug, Default, Args)]
-pub(crate) struct OutputArgs {
-    /// Result folder [default: out/ and the name of PATH; with _live after a run at camera rate, _replay after replay].
-    #[arg(long, value_name = "DIR")]
-    pub(crate) out: Option<PathBuf>,
-    /// Write what the static filter said of every keypoint: timestamp,u,v,verdict,reasons (raw pixels).
-    #[arg(long, value_name = "FILE.csv")]
-    pub(crate) verdicts: Option<PathBuf>,
-    /// Write the objects of every frame: number, class, state, motion (moving, parked, unknown), box (raw pixels), position (m),
-    /// velocity (m/s) and their covariance, in the world of trajectory_online.txt; what is not known is left empty.
-    #[arg(long, value_name = "FILE.csv", verbatim_doc_comment)]
-    pub(crate) objects: Option<PathBuf>,
-    /// Write a mask of every frame as PNG of 8 bits, named by its timestamp: 255 where the scene moves, 0 where it stands
-    /// still. A live run leaves out those that it has no time for.
-    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
-    pub(crate) masks: Option<PathBuf>,
-    /// Write frames as PNG, and an animation of them as GIF, with features, objects and state drawn over them. A legend
-    /// in each picture says what the marks mean. Boxes are dashed where an object is predicted without a detection; a
-    /// speed is shown only where the object moves and the speed is above its own standard deviation.
-    #[arg(long, value_name = "DIR", verbatim_doc_comment)]
-    pub(crate) overlay: Option<PathBuf>,
-    /// Draw every N-th frame only.
-    #[arg(long, value_name = "N", default_value_t = 1, requires = "overlay", value_parser = clap::value_parser!(u32).range(1..))]
-    pub(crate) overlay_every: u32,
-    /// Which objects are labelled: every one, only those of classes that move by themselves or are seen moving, or none.
-    #[arg(long, value_name = "WHICH", value_enum, default_value_t = Labels::Movers, requires = "overlay")]
-    pub(crate) overlay_labels: Labels,
-    /// Write the map to this file when the run ends, also when Ctrl-C or an error ends it: see map --help. An older file is replaced only
-    /// by a whole one.
-    #[arg(long, value_name = "FILE", verbatim_doc_comment)]
-    pub(crate) save_map: Option<PathBuf>,
-    /// Write what is found to this file, as messages of ROS 2 with the axes of REP-103: transforms map -> odom -> camera_link, odometry,
-    /// path, landmarks, objects, health, and frames with what the static filter said of them. Foxglove, Rerun, PlotJuggler
-    /// and ros2 bag play open it. live realsense writes the camera's frames into it too; run and replay read them.
-    #[arg(long, value_name = "FILE.mcap", verbatim_doc_comment)]
-    pub(crate) record: Option<PathBuf>,
-    /// Write no pictures into the file of --record.
-    #[arg(long, requires = "record")]
-    pub(crate) no_record_images: bool,
-    /// Fuse what stands still into a surface: mesh.ply and mesh.glb in the result folder, and a floor plan for ROS 2's map_server
-    /// (grid.pgm, grid.yaml) where the floor was seen. What moves is not in it. --save-map keeps it in the map, for map mesh,
-    /// map grid and map octomap.
-    #[arg(long, verbatim_doc_comment)]
-    pub(crate) dense: bool,
-    /// Distance between the points at which the surface is stored, m [default: 0.02].
-    #[arg(long, value_name = "M", requires = "dense", value_parser = voxel)]
-    pub(crate) voxel: Option<f64>,
-    /// Direction away from the floor in the map, roughly [default: as the inertial sensor knows it for --dense, else as the map knows it
-    /// that the run begins with, else that of a camera that was held upright at first]. --save-map keeps it.
-    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
-    pub(crate) up: Option<[f64; 3]>,
-    /// Gather what stands in the room: chairs, tables, screens and whatever else the detector knows and stands still, people never. Writes
-    /// things.json; --save-map keeps them in the map, for map objects. Needs a detector.
-    #[arg(long, verbatim_doc_comment)]
-    pub(crate) things: bool,
-    /// Write no report.html into the result folder.
-    #[arg(long)]
-    pub(crate) no_report: bool,
-    /// Show the run in a browser while it goes on: the frames with verdicts and boxes, the map, health and latency. The address to open is
-    /// printed; without ADDR only this machine reaches it. It takes nothing and ends with the run. PATH goes before it.
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = "", verbatim_doc_comment)]
-    pub(crate) view: Option<Place>,
-    /// Print the summary as JSON, as it stands in summary.json, and nothing else on stdout.
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// Write what every thread did when, for ui.perfetto.dev or chrome://tracing.
-    #[arg(long, value_name = "FILE.json")]
-    pub(crate) trace: Option<PathBuf>,
 }
 
 /// Run SLAM on a data set folder or a recording.
@@ -182,13 +109,6 @@ pub(crate) struct RunArgs {
     pub(crate) input: InputArgs,
     #[command(flatten)]
     pub(crate) config: ConfigArgs,
-}
-
-/// A distance between voxels, m.
-pub(crate) fn voxel(text: &str) -> Result<f64, String> {
-    let m = text.parse().ok();
-    m.filter(|m| (0.005..=0.2).contains(m))
-        .ok_or_else(|| "expected 0.005 to 0.2 metres".to_owned())
 }
 
 /// A time per frame, ms.

@@ -1,7 +1,7 @@
 //! What a batch takes of the machine, known before the first run: how many runs at a time, threads of each, and memory of all.
 
 use crate::args::batch::BatchArgs;
-use crate::batch::inputs::Item;
+use crate::batch::pool::Job;
 use crate::console;
 use crate::detector::Settled;
 use std::path::Path;
@@ -19,6 +19,8 @@ const NETWORK: u64 = 400_000_000;
 const SURFACE: u64 = 400_000_000;
 /// Share of the free memory that a batch takes unasked: the rest is left to the disk's cache, without which recordings are read slowly.
 const SHARE: f64 = 0.8;
+/// Recordings that are opened to learn what they hold, at most: a batch of files that are none is told by its runs.
+const TRIED: usize = 8;
 /// Threads that share the work on a frame, at most: more gain nothing.
 const MOST_THREADS: usize = 4;
 
@@ -39,14 +41,15 @@ pub(crate) struct Budget {
 }
 
 impl Memory {
-    /// Of the largest of `items`, whose sizes in bytes stand beside them: images as in the first one that opens, frames in proportion to the size.
-    pub(crate) fn estimate(items: &[(Item, u64)], args: &BatchArgs, settled: &Settled) -> Self {
-        let options = crate::run::options(&args.input);
-        let opened = items.iter().take(8).find_map(|(item, bytes)| {
-            let input = recordings::open(&item.path, &options).ok()?;
+    /// Of the largest job: images as in the first one that opens, frames in proportion to the size.
+    pub(crate) fn estimate(jobs: &[Job], args: &BatchArgs, settled: &Settled) -> Self {
+        let options = crate::input::options(&args.input);
+        let opened = jobs.iter().take(TRIED).find_map(|job| {
+            let input = recordings::open(&job.item.path, &options).ok()?;
             let camera = &input.camera().camera;
             let frames = input.stamps().len() as u64;
-            Some((item, *bytes, frames, (camera.width, camera.height)))
+            let size = (camera.width, camera.height);
+            Some((&job.item, job.row.input_bytes, frames, size))
         });
         let Some((item, bytes, frames, (width, height))) = opened else {
             return Self {
@@ -54,7 +57,8 @@ impl Memory {
                 of: "10000 frames of 640x480, since none of the first was opened".to_owned(),
             };
         };
-        let largest = items.iter().map(|(_, b)| *b).max().unwrap_or(bytes);
+        let largest = jobs.iter().map(|j| j.row.input_bytes).max();
+        let largest = largest.unwrap_or(bytes);
         let longest = (frames as f64 * largest as f64 / bytes.max(1) as f64).ceil() as u64;
         let most = args.input.max_frames.unwrap_or(u64::MAX);
         let longest = longest.max(frames).min(most);

@@ -201,7 +201,7 @@ mod tests {
         assert_eq!(first.bytes, 3 << 20);
         assert_eq!(of_input(&file).unwrap(), first);
         // The same size and time: the first messages and the last differ.
-        for at in [0, PART as usize - 1, (2 << 20), (3 << 20) - 1] {
+        for at in [0, PART as usize - 1, 2 << 20, (3 << 20) - 1] {
             bytes[at] = 8;
             write(&bytes, then);
             assert_ne!(digest(&file), first.sha256, "byte {at}");

@@ -23,6 +23,7 @@ use crate::batch::pool::{Job, Pool};
 use crate::batch::result::Batch;
 use crate::batch::row::{Method, Row};
 use crate::bench::command_line;
+use crate::detector::Settled;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::machine::Machine;
@@ -40,39 +41,19 @@ pub(crate) fn batch(args: &BatchArgs) -> Result<Status, Failure> {
     config::simd()?;
     let settled = detector::settle(&args.input.detector)?;
     settled.announce();
-    let method = Method {
-        stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
-        program_sha256: digest::of_program()?,
-        configuration_sha256: digest::of_configuration(
-            &args.config,
-            &args.input,
-            &args.each,
-            &settled,
-        )?,
+    // A model that came into the cache meanwhile is none of this batch.
+    let args = &BatchArgs {
+        input: args.input.with_detector(settled.argument.clone()),
+        ..args.clone()
     };
+    let method = method(args, &settled)?;
     let items = inputs::share(inputs::find(args)?, args.shard);
     let _lock = Lock::take(&args.out)?;
     let sorted = sort(items, args, &method)?;
     sorted.say();
     // From here on there is something to be kept.
     interrupt.begin();
-    let sized: Vec<(Item, u64)> = sorted
-        .jobs
-        .iter()
-        .map(|j| (j.item.clone(), j.row.input_bytes))
-        .collect();
-    let budget = match sized.is_empty() {
-        true => Budget::NONE,
-        false => {
-            let memory = Memory::estimate(&sized, args, &settled);
-            Budget::plan(sized.len(), &memory, args.workers)
-        }
-    };
-    // A model that came into the cache meanwhile is none of this batch.
-    let args = &BatchArgs {
-        input: args.input.with_detector(settled.argument.clone()),
-        ..args.clone()
-    };
+    let budget = budget(&sorted.jobs, args, &settled);
     let begin = Instant::now();
     let pool = Pool {
         args,
@@ -96,6 +77,29 @@ pub(crate) fn batch(args: &BatchArgs) -> Result<Status, Failure> {
         recordings,
     };
     end(&batch, args, ran.full, &interrupt, sorted.all)
+}
+
+/// What all runs have in common.
+fn method(args: &BatchArgs, settled: &Settled) -> Result<Method, Failure> {
+    Ok(Method {
+        stillpoint: env!("CARGO_PKG_VERSION").to_owned(),
+        program_sha256: digest::of_program()?,
+        configuration_sha256: digest::of_configuration(
+            &args.config,
+            &args.input,
+            &args.each,
+            settled,
+        )?,
+    })
+}
+
+/// What the jobs take of the machine, which is said.
+fn budget(jobs: &[Job], args: &BatchArgs, settled: &Settled) -> Budget {
+    if jobs.is_empty() {
+        return Budget::NONE;
+    }
+    let memory = Memory::estimate(jobs, args, settled);
+    Budget::plan(jobs.len(), &memory, args.workers)
 }
 
 /// Writes and prints what came of it.

@@ -90,19 +90,20 @@ impl From<&Summary> for Figures {
             Some(ScoreJson::Fixed(f)) => (Some(f.drift.rmse), None),
             None => (None, None),
         };
+        let tracking = &s.tracking;
         Self {
-            frames: Some(s.frames as u64),
-            skipped: Some(s.skipped as u64),
-            tracked: Some(s.tracked as u64),
-            tracked_share: Some(s.tracked as f64 / s.frames.max(1) as f64),
-            lost_stretches: Some(s.lost.len() as u64),
-            submaps: Some(s.submaps.len() as u64),
-            keyframes: Some(s.keyframes as u64),
-            landmarks: Some(s.landmarks as u64),
-            loops: Some(s.loops.closed.into()),
+            frames: Some(tracking.frames as u64),
+            skipped: Some(tracking.skipped as u64),
+            tracked: Some(tracking.tracked as u64),
+            tracked_share: Some(tracking.tracked as f64 / tracking.frames.max(1) as f64),
+            lost_stretches: Some(tracking.lost.len() as u64),
+            submaps: Some(tracking.submaps.len() as u64),
+            keyframes: Some(s.map.keyframes as u64),
+            landmarks: Some(s.map.landmarks as u64),
+            loops: Some(s.stages.loops.closed.into()),
             ate_rmse: ate,
             rpe_rmse: rpe,
-            peak_memory_bytes: s.peak_memory_bytes,
+            peak_memory_bytes: s.pace.peak_memory_bytes,
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `bench`: every data set several times, each run in a fresh process, so that memory and timing are honest.
 
 pub(crate) mod ablation;
-pub(crate) mod document;
+pub(crate) mod figures;
 pub(crate) mod runner;
 pub(crate) mod source;
 pub(crate) mod suite;
@@ -53,9 +53,6 @@ pub(crate) fn bench(args: &BenchArgs) -> Result<Status, Failure> {
     }
     if args.ablation {
         return ablation::bench(args, &interrupt);
-    }
-    if args.document {
-        return document::bench(args, &interrupt);
     }
     let sequences = sequences(args, seed, &interrupt)?;
     let machine = Machine::here();
@@ -172,7 +169,7 @@ fn figures(sequence: &Sequence) -> SequenceFigures<'_> {
         })),
         peak_memory_bytes: Spread::of(
             runs.iter()
-                .filter_map(|r| r.peak_memory_bytes.map(|b| b as f64)),
+                .filter_map(|r| r.pace.peak_memory_bytes.map(|b| b as f64)),
         ),
         timing_ms: stages(runs),
     }
@@ -184,13 +181,14 @@ fn stages(runs: &[Summary]) -> Vec<StageTiming> {
         return Vec::new();
     };
     first
+        .pace
         .timing_ms
         .iter()
         .map(|stage| {
             let of = |field: fn(&StageTiming) -> f64| {
                 median(
                     runs.iter()
-                        .filter_map(|r| r.timing_ms.iter().find(|s| s.stage == stage.stage))
+                        .filter_map(|r| r.pace.timing_ms.iter().find(|s| s.stage == stage.stage))
                         .map(field)
                         .collect(),
                 )
@@ -239,7 +237,11 @@ fn markdown(figures: &[SequenceFigures<'_>], machine: &Machine, command: &str) -
         };
         table.row([
             f.sequence.name.clone(),
-            f.sequence.runs.first().map_or(0, |r| r.frames).to_string(),
+            f.sequence
+                .runs
+                .first()
+                .map_or(0, |r| r.tracking.frames)
+                .to_string(),
             f.sequence.runs.len().to_string(),
             spread(Some(f.tracked), 100.0, 1),
             spread(f.ate_rmse, 1e3, 2),
@@ -257,7 +259,11 @@ fn markdown(figures: &[SequenceFigures<'_>], machine: &Machine, command: &str) -
     text.push('\n');
     for f in figures {
         text += &format!("- {}: detector {}", f.sequence.name, f.sequence.detector);
-        let network = f.sequence.runs.first().and_then(|r| r.detector.network());
+        let network = f
+            .sequence
+            .runs
+            .first()
+            .and_then(|r| r.stages.detector.network());
         text += &network.map_or_else(String::new, |n| format!("; {n}"));
         text.push('\n');
     }

@@ -42,7 +42,7 @@ impl Spread {
     pub(crate) fn of_tracked(runs: &[Summary]) -> Self {
         let shares: Vec<f64> = runs
             .iter()
-            .map(|r| r.tracked as f64 / r.frames.max(1) as f64)
+            .map(|r| r.tracking.tracked as f64 / r.tracking.frames.max(1) as f64)
             .collect();
         Self {
             worst: shares.iter().copied().fold(f64::INFINITY, f64::min),

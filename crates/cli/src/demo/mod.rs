@@ -9,21 +9,25 @@ use crate::args::simulated::{DemoArgs, DemoDetector};
 use crate::demo::detector::{SimulatedDetector, errors_in_words};
 use crate::demo::pictures::{Shots, beside};
 use crate::demo::report::Pass;
-use crate::dense::{Fusion, Wish};
+use crate::dense::Fused;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::output::{ResultFolder, StreamedFile};
-use crate::page::{self, Gathering};
+use crate::page;
 use crate::render::reel::Reel;
 use crate::render::{self, Format, Named, Scene};
-use crate::run::about::{About, Simulated};
-use crate::run::result::{Setup, verdict, write};
-use crate::run::run_log;
-use crate::run::session::{Driver, Outputs};
+use crate::run::about::{About, Simulated, run_log};
+use crate::run::drive::Driver;
+use crate::run::result::{verdict, write};
+use crate::run::setup::Setup;
 use crate::run::summary::Input;
+use crate::simulate::ground_truth;
+use crate::sink::{KnownUp, Sink, Sinks};
+use crate::sinks::dense::{Fusion, Wish};
+use crate::sinks::report::Gathering;
 use crate::timing::Timing;
 use crate::{config, console};
-use stillpoint::datasets::{ReadAhead, StampedPose};
+use stillpoint::datasets::ReadAhead;
 use stillpoint::detection::Detector;
 use stillpoint::evaluation::Score;
 use stillpoint::evaluation::plot::{Compared, comparison_figure};
@@ -134,7 +138,7 @@ impl DemoStage<'_> {
     /// Runs the scene with one configuration and writes the result to a folder of this name.
     fn pass(&self, name: &'static str, config: Config) -> Result<Passed, Failure> {
         let out = self.args.out.join(name);
-        let folder = ResultFolder::create(&out)?;
+        let mut folder = ResultFolder::create(&out)?;
         let simulator = self.simulator()?;
         let truth = ground_truth(&simulator);
         let detector: Option<Box<dyn Detector>> = match self.args.detector {
@@ -156,14 +160,15 @@ impl DemoStage<'_> {
             detector,
             map: None,
         };
-        let mut outputs = self.outputs(&simulator, &config)?;
+        let mut sinks = self.sinks(&simulator, &config)?;
         let (frames_in_all, camera) = (simulator.len(), *simulator.camera());
         console::info(&format!("static filter {name}"));
         let mut frames = ReadAhead::new(simulator.source().with_colour());
-        let session = driver.drive(&mut frames, &mut outputs)?;
-        let report = outputs.report.take();
-        let mut about = About::new(&InputArgs::default(), &config, None, &session.detector)?;
-        about.dense = session.dense.as_ref().map(|d| d.logged.clone());
+        let session = driver.drive(&mut frames, &mut sinks)?;
+        let mut found = sinks.finish(&session, KnownUp::default(), Some(&mut folder))?;
+        let detector = &session.stages.detector;
+        let mut about = About::new(&InputArgs::default(), &config, None, detector)?;
+        about.dense = found.shelf.get::<Fused>().map(|d| d.logged.clone());
         about.simulated = Some(Simulated {
             scene: self.scene.scene.clone(),
             frames: frames_in_all,
@@ -174,22 +179,22 @@ impl DemoStage<'_> {
                 layout: "simulated".to_owned(),
                 camera: "simulator".to_owned(),
             },
-            config: &config,
+            config_text: config::to_text(&config)?,
             simd: self.simd,
             timing: self.timing,
             truth: Some(&truth),
+            report: found.shelf.get(),
             log: run_log(&session, &about, None)?,
-            report: report.as_ref().map(|g| &g.0),
-            view: None,
             command: page::typed(),
         };
-        let (summary, score) = write(&setup, &session, folder)?;
-        let shots = outputs
-            .shots
-            .unwrap_or_else(|| Shots::new(0, &config.motion_weights));
-        let poses = session.final_poses.clone();
-        let scene = outputs.reel.take();
-        let scene = scene.map(|reel| Scene::of(reel, &session, Some(truth), &camera));
+        let (summary, score) = write(&setup, &session, &found, folder)?;
+        let shots = found.shelf.take();
+        let shots = shots.unwrap_or_else(|| Shots::new(0, &config.motion_weights));
+        let scene = found.shelf.take::<Reel>().map(|reel| {
+            let fused = found.shelf.get();
+            Scene::of(reel, &session, fused, Some(truth), &camera)
+        });
+        let poses = session.poses.final_poses;
         let pass = Pass {
             summary,
             score,
@@ -199,21 +204,18 @@ impl DemoStage<'_> {
     }
 
     /// What is kept of a pass; of the one with the filter, which has no people in its map, surface and views as well.
-    fn outputs(&self, simulator: &Simulator, config: &Config) -> Result<Outputs, Failure> {
-        let mut outputs = Outputs {
-            shots: Some(Shots::new(simulator.len(), &config.motion_weights)),
-            report: Some(Gathering::default()),
-            ..Outputs::default()
-        };
+    fn sinks(&self, simulator: &Simulator, config: &Config) -> Result<Sinks, Failure> {
+        let shots = Shots::new(simulator.len(), &config.motion_weights);
+        let mut all: Vec<Box<dyn Sink>> = vec![Box::new(shots), Box::new(Gathering::default())];
         if config.static_filter.preset != Preset::Off {
             let wish = Wish {
                 weights: config.motion_weights.clone(),
                 ..Wish::default()
             };
-            outputs.dense = Some(Fusion::new(wish, simulator.camera(), self.simd)?);
-            outputs.reel = Some(Reel::new(simulator.len()));
+            all.push(Box::new(Fusion::new(wish, simulator.camera(), self.simd)?));
+            all.push(Box::new(Reel::new(simulator.len())));
         }
-        Ok(outputs)
+        Ok(Sinks(all))
     }
 
     /// Both passes in one moving picture; none of a run that was lost from its beginning. Says what it is called.
@@ -267,16 +269,4 @@ impl DemoStage<'_> {
         }
         folder.commit()
     }
-}
-
-/// The exact poses at the colour stamps.
-pub(crate) fn ground_truth(simulator: &Simulator) -> Vec<StampedPose> {
-    simulator
-        .ground_truth()
-        .into_iter()
-        .map(|(stamp, world_from_camera)| StampedPose {
-            stamp,
-            world_from_camera,
-        })
-        .collect()
 }

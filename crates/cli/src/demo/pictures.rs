@@ -1,11 +1,13 @@
 //! Pictures of both passes of the demo, and what the filter did in them against what is true.
 
 use crate::failure::Failure;
-use crate::run::overlay::{Style, picture};
-use crate::run::session::listeners::Writer;
+use crate::sink::{Ended, Sink, Subscription};
+use crate::sinks::overlay::{Style, picture};
 use std::sync::Arc;
 use stillpoint::detection::MotionWeights;
 use stillpoint::imaging::{FrameId, RgbdFrame};
+use stillpoint::live::Watch;
+use stillpoint::map::MapView;
 use stillpoint::simulator::Simulator;
 use stillpoint::slam::{Event, FeatureVerdict, FrameReport, Reasons};
 use stillpoint::view::{Animation, AnimationOptions, Picture, side_by_side, write_png};
@@ -24,8 +26,12 @@ pub(crate) struct Shots {
     taken: Vec<Shot>,
 }
 
-impl Writer for Shots {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+impl Sink for Shots {
+    fn subscribe(&mut self, _: &Arc<MapView>, _: Option<&Watch>) -> Option<Subscription> {
+        Some(Subscription::to_images("shots", self.every))
+    }
+
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         if let Some(tracked) = event.as_frame()
             && self.wants_next()
             && let Some(frame) = &tracked.frame
@@ -33,6 +39,11 @@ impl Writer for Shots {
             let _span = tracing::info_span!("overlay").entered();
             self.add(frame, &tracked.report);
         }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        ended.found.shelf.put(*self);
         Ok(())
     }
 }
@@ -62,11 +73,6 @@ impl Shots {
             },
             taken: Vec::new(),
         }
-    }
-
-    /// Every so many frames are taken.
-    pub(crate) fn every(&self) -> usize {
-        self.every
     }
 
     /// Whether the next frame will be taken.

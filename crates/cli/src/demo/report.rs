@@ -44,7 +44,7 @@ pub(crate) fn lines(
     bound: f64,
     (out, film): (&Path, Option<&str>),
 ) -> String {
-    let frames = counted(on.summary.frames, "frame");
+    let frames = counted(on.summary.tracking.frames, "frame");
     let room = if people {
         "room with people in it"
     } else {
@@ -61,8 +61,8 @@ pub(crate) fn lines(
                 )
             },
         );
-        let of = counted(pass.summary.frames, "frame");
-        format!("{error}; {} of {of} tracked", pass.summary.tracked)
+        let of = counted(pass.summary.tracking.frames, "frame");
+        format!("{error}; {} of {of} tracked", pass.summary.tracking.tracked)
     };
     let meets = on.error().is_some_and(|(_, e)| e.rmse <= bound);
     let meets = if meets {
@@ -70,7 +70,12 @@ pub(crate) fn lines(
     } else {
         String::new()
     };
-    let surface = on.summary.dense.as_ref().map(|d: &DenseJson| d.text(false));
+    let surface = on
+        .summary
+        .kept
+        .dense
+        .as_ref()
+        .map(|d: &DenseJson| d.text(false));
     let surface = surface.unwrap_or_else(|| "surface: none\n".to_owned());
     let page = out.join("on").join("report.html");
     let look = match film {
@@ -103,14 +108,17 @@ pub(crate) fn text(off: &Pass, on: &Pass, hits: &Hits) -> String {
     row(&format!("{name} SD (mm)"), &|p| mm(p, |e| e.sd));
     row(&format!("largest {name} (mm)"), &|p| mm(p, |e| e.max));
     row("frames with a pose", &|p| {
-        format!("{} of {}", p.summary.tracked, p.summary.frames)
+        format!(
+            "{} of {}",
+            p.summary.tracking.tracked, p.summary.tracking.frames
+        )
     });
     row("keypoints rejected", &|p| {
-        format!("{:.1} %", p.summary.features.dynamic_share * 100.0)
+        format!("{:.1} %", p.summary.stages.features.dynamic_share * 100.0)
     });
-    row("landmarks", &|p| p.summary.landmarks.to_string());
+    row("landmarks", &|p| p.summary.map.landmarks.to_string());
     row("ms per frame, median", &|p| {
-        let stages = &p.summary.timing_ms;
+        let stages = &p.summary.pace.timing_ms;
         let frame = stages.iter().find(|s| s.stage == "frame");
         frame.map_or_else(|| "-".to_owned(), |s| format!("{:.1}", s.median))
     });

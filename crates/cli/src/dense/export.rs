@@ -3,27 +3,18 @@
 use crate::args::map::{MapGridArgs, MapMeshArgs, MapOctomapArgs};
 use crate::console;
 use crate::failure::{Failure, Status};
-use crate::map::file::{self, Loaded};
+use crate::map::{file, kept};
 use crate::output::StreamedFile;
 use crate::run::paths;
 use std::path::{Path, PathBuf};
 use stillpoint::dense::{DenseMap, Floor, MeshOptions, PlanOptions};
 use stillpoint::geometry::Vec3;
-use stillpoint::imaging::Simd;
 use stillpoint::slam::Up;
-
-/// The dense map of a map file, if it has one.
-pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<DenseMap>, Failure> {
-    let bytes = loaded.file.extension(DenseMap::EXTENSION);
-    let map = bytes.map(|b| DenseMap::from_bytes(b, Simd::detect()));
-    map.transpose()
-        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))
-}
 
 /// The dense map of a map file, and which way is up in it, where it says so.
 fn load(path: &Path) -> Result<(DenseMap, Option<Up>), Failure> {
     let loaded = file::load(path)?;
-    let map = of_file(&loaded, path)?.ok_or_else(|| {
+    let map = kept::surface(&loaded, path)?.ok_or_else(|| {
         Failure::input(format!(
             "{}: expected a map with a surface, found one without; run the recording with --dense --save-map",
             path.display()
@@ -55,7 +46,7 @@ pub(crate) fn mesh(args: &MapMeshArgs) -> Result<Status, Failure> {
             )));
         }
     };
-    paths::check(&[("--out", Some(&args.out))], &[("the map", &args.file)])?;
+    paths::check(&[("--out", &args.out)], &[("the map", &args.file)])?;
     let (map, known_up) = load(&args.file)?;
     let mesh = map.mesh(&MeshOptions {
         min_area: args.min_area,
@@ -93,10 +84,7 @@ pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
     };
     let (image, crossed, distances) = (named(""), named("_crossed"), named("_distance"));
     let files = [&args.out, &image, &crossed, &distances];
-    paths::check(
-        &files.map(|f| ("--out", Some(&**f))),
-        &[("the map", &args.file)],
-    )?;
+    paths::check(&files.map(|f| ("--out", &**f)), &[("the map", &args.file)])?;
     let (map, known_up) = load(&args.file)?;
     let mesh = map.mesh(&MeshOptions::default());
     let floor = Floor::find(&mesh, &up(args.up, known_up)).ok_or_else(|| {
@@ -131,7 +119,7 @@ pub(crate) fn grid(args: &MapGridArgs) -> Result<Status, Failure> {
 
 /// `map octomap`.
 pub(crate) fn octomap(args: &MapOctomapArgs) -> Result<Status, Failure> {
-    paths::check(&[("--out", Some(&args.out))], &[("the map", &args.file)])?;
+    paths::check(&[("--out", &args.out)], &[("the map", &args.file)])?;
     let (map, _) = load(&args.file)?;
     write(&args.out, |to| map.write_octomap(to))?;
     said(&args.out, &format!("cells of {} m", map.cell_side()))

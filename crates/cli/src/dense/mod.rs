@@ -1,4 +1,4 @@
-//! `--dense`: surface and grids of what stands still, fused while a run goes on.
+//! Surface and grids of what stands still: what a run fused, as files, figures, and a part of a map file.
 
 pub(crate) mod export;
 pub(crate) mod merge;
@@ -6,40 +6,11 @@ pub(crate) mod merge;
 use crate::console::counted;
 use crate::failure::Failure;
 use crate::output::ResultFolder;
-use crate::page;
-use crate::run::session::listeners::Writer;
-use crate::run::view::SurfaceView;
 use serde::{Deserialize, Serialize};
-use std::time::{Duration, Instant};
-use stillpoint::dense::{
-    Dense, DenseConfig, DenseCounts, DenseMap, FinalPose, Floor, Mesh, MeshOptions, Plan,
-    PlanOptions,
-};
-use stillpoint::detection::MotionWeights;
-use stillpoint::geometry::{Camera, Vec3};
-use stillpoint::imaging::{FrameId, Simd};
+use stillpoint::dense::{DenseCounts, DenseMap, Floor, Mesh, MeshOptions, Plan, PlanOptions};
+use stillpoint::geometry::Vec3;
 use stillpoint::map::Extension;
-use stillpoint::slam::{Event, Subscriber, Up};
-
-/// Between two looks at the surface of a run that goes on, at least ...
-const SHOWN: Duration = Duration::from_secs(3);
-/// ... and so many times as long as one takes: 5 % of a core at most.
-const SHOWN_SHARE: u32 = 20;
-
-/// What is asked for.
-#[derive(Default)]
-pub(crate) struct Wish {
-    /// m.
-    pub(crate) voxel: Option<f64>,
-    /// What was fused before, from the map that the run begins with.
-    pub(crate) known: Option<DenseMap>,
-    /// Which classes of objects move by themselves.
-    pub(crate) weights: MotionWeights,
-    /// Ids that the map had before.
-    pub(crate) keyframes: usize,
-    /// What a run fused that is repeated.
-    pub(crate) logged: Option<Logged>,
-}
+use stillpoint::slam::Up;
 
 /// What a repetition has to know: which frames found their images in time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -48,101 +19,6 @@ pub(crate) struct Logged {
     pub(crate) voxel: f64,
     /// Numbers of frames.
     pub(crate) frames: Vec<u32>,
-}
-
-/// Fuses while frames go by.
-pub(crate) struct Fusion {
-    dense: Dense,
-    /// Largest amount of memory held, bytes.
-    most_bytes: usize,
-    /// Who shows it while the run goes on.
-    page: Option<SurfaceView>,
-    /// When it may be shown again.
-    next_shown: Option<Instant>,
-}
-
-impl Fusion {
-    /// Before the first frame of a camera.
-    pub(crate) fn new(wish: Wish, camera: &Camera, simd: Simd) -> Result<Self, Failure> {
-        let known = wish.known.as_ref();
-        let logged = wish.logged.as_ref().map(|l| l.voxel);
-        let voxel = wish.voxel.or(known.map(DenseMap::voxel)).or(logged);
-        if let (Some(known), Some(voxel)) = (known, voxel)
-            && known.voxel() != voxel
-        {
-            return Err(Failure::input(format!(
-                "--voxel: expected {} m, as the surface in the map has it, found {voxel}; leave it out",
-                known.voxel()
-            )));
-        }
-        let mut config = DenseConfig::default();
-        config.voxel = voxel.unwrap_or(config.voxel);
-        let dense = Dense::new(&config, camera, simd)
-            .map_err(|e| Failure::input(format!("--voxel: {e}")))?;
-        let mut dense = dense
-            .with_first_keyframe(wish.keyframes)
-            .with_weights(wish.weights);
-        if let Some(known) = wish.known {
-            dense = dense.starting_with(known);
-        }
-        if let Some(logged) = wish.logged {
-            dense = dense.with_frames(logged.frames.into_iter().map(FrameId));
-        }
-        Ok(Self {
-            dense,
-            most_bytes: 0,
-            page: None,
-            next_shown: None,
-        })
-    }
-
-    /// All that is kept at the final poses. `up` is the direction away from the floor, where it is known.
-    pub(crate) fn finish(mut self, poses: &[FinalPose], up: Option<Up>) -> Fused {
-        let _span = tracing::info_span!("fuse").entered();
-        self.note_memory();
-        let counts = self.dense.counts();
-        let frames = self.dense.taken().iter().map(|f| f.0).collect();
-        let mut fused = Fused::of(self.dense.finish(poses), &counts);
-        fused.json.memory_bytes = self.most_bytes.max(fused.json.memory_bytes);
-        fused.logged.frames = frames;
-        fused.up = up.map_or(fused.up, |up| up.vector());
-        fused
-    }
-
-    /// Has a live page show the surface as it grows.
-    pub(crate) fn show_on(&mut self, page: SurfaceView) {
-        self.page = Some(page);
-    }
-
-    /// Shows the surface, where it is time to and somebody looks.
-    fn show(&mut self) {
-        let began = Instant::now();
-        let Some(page) = self.page.as_ref().filter(|p| p.is_watched()) else {
-            return;
-        };
-        if self.next_shown.is_some_and(|next| began < next) {
-            return;
-        }
-        let mesh = self.dense.map().mesh(&MeshOptions::default());
-        if !mesh.triangles.is_empty() {
-            page.show(page::data::surface(&mesh));
-        }
-        self.next_shown = Some(began + (began.elapsed() * SHOWN_SHARE).max(SHOWN));
-    }
-
-    fn note_memory(&mut self) {
-        self.most_bytes = self.most_bytes.max(self.dense.bytes());
-    }
-}
-
-impl Writer for Fusion {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
-        let _span = tracing::info_span!("fuse").entered();
-        self.dense.receive(event);
-        self.note_memory();
-        self.show();
-        Ok(())
-    }
 }
 
 /// What was fused.
@@ -168,6 +44,14 @@ impl Fused {
             map,
             mesh,
         }
+    }
+
+    /// The same of a run that fused these frames and held so much memory at most, bytes; up where that is known.
+    pub(crate) fn by(mut self, frames: Vec<u32>, most_bytes: usize, up: Option<Up>) -> Self {
+        self.json.memory_bytes = most_bytes.max(self.json.memory_bytes);
+        self.logged.frames = frames;
+        self.up = up.map_or(self.up, |up| up.vector());
+        self
     }
 
     /// What a map file keeps of it.

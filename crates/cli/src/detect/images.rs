@@ -3,7 +3,7 @@
 use crate::args::{InputArgs, TopicArgs};
 use crate::console;
 use crate::failure::Failure;
-use crate::run;
+use crate::input;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -121,7 +121,7 @@ pub(crate) fn find(path: &Path, topics: &TopicArgs) -> Result<Images, Failure> {
 
 /// The colour images of a recording, named by their stamps.
 fn of_recording(path: &Path, topics: &TopicArgs) -> Result<Images, Failure> {
-    let input = run::open(
+    let input = input::open(
         path,
         &InputArgs {
             topics: topics.clone(),

@@ -7,7 +7,8 @@ use crate::args::models::DetectArgs;
 use crate::console::{self, Progress, Unit};
 use crate::detect::images::Images;
 use crate::detect::output::DetectFolder;
-use crate::detector::network::{self, ModelFile, Network, Running};
+use crate::detector::network::{Network, Running};
+use crate::detector::tried;
 use crate::failure::{Failure, Status};
 use crate::interrupt::Interrupt;
 use crate::models::cache::{self, Preferred};
@@ -26,7 +27,7 @@ const PARTS: [&str; 3] = ["letterbox", "network", "decode"];
 pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failure> {
     let mut images = images::find(&args.path, &args.topics)?;
     let model = match &args.model {
-        Some(name) => ModelFile::named(name, OPTION)?,
+        Some(name) => cache::named(name, OPTION)?,
         None => match cache::preferred()? {
             Preferred::Model(model) => model,
             Preferred::None(reason) => {
@@ -40,7 +41,7 @@ pub(crate) fn detect(args: &DetectArgs, timing: &Timing) -> Result<Status, Failu
     let Network {
         mut detector,
         library,
-    } = network::open(&model, &how, OPTION)?;
+    } = tried::open(&model, &how, OPTION)?;
     let mut folder = match &args.out {
         Some(out) => Some(DetectFolder::create(out, &args.path)?),
         None => None,

@@ -1,12 +1,15 @@
 //! `--detector`: from the argument to a detector, checked before the first frame is read.
 
+pub(crate) mod file;
 pub(crate) mod network;
 pub(crate) mod runtime;
+pub(crate) mod tried;
 
 use crate::args::forward::is_of_recording;
 use crate::args::models::DetectorArgs;
 use crate::console;
-use crate::detector::network::{ModelFile, Running};
+use crate::detector::file::{ModelFile, is_onnx};
+use crate::detector::network::Running;
 use crate::failure::Failure;
 use crate::models::cache::{self, Preferred};
 use std::path::Path;
@@ -159,7 +162,7 @@ pub(crate) fn load_untried(settled: &Settled, args: &DetectorArgs) -> Result<Loa
         }),
         Choice::Model(model) => {
             let how = Running::new(args.runtime, args.detector_threads);
-            let network = network::open(model, &how, OPTION).map_err(|e| {
+            let network = tried::open(model, &how, OPTION).map_err(|e| {
                 if settled.reason.is_some() {
                     // Who did not ask for a model must be able to go on without.
                     Failure::input(format!("{e}; --detector none runs without a detector"))
@@ -181,7 +184,7 @@ fn parse(argument: &str) -> Result<Choice, Failure> {
     match argument.split_once(':') {
         _ if argument == "none" => Ok(Choice::None),
         Some(("scripted", file)) if !file.is_empty() => Ok(Choice::Scripted(file.to_owned())),
-        _ if network::is_onnx(argument) => Ok(Choice::Model(ModelFile::of_file(argument))),
+        _ if is_onnx(argument) => Ok(Choice::Model(ModelFile::of_file(argument))),
         Some(_) => Err(refused(
             argument,
             "give the model's file, whose name ends with .onnx",
@@ -195,7 +198,7 @@ fn parse(argument: &str) -> Result<Choice, Failure> {
                 argument,
                 &format!("make it ONNX with `stillpoint models import {argument}`"),
             )),
-            _ => ModelFile::named(argument, OPTION).map(Choice::Model),
+            _ => cache::named(argument, OPTION).map(Choice::Model),
         },
     }
 }

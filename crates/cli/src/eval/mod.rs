@@ -7,6 +7,7 @@ mod tracks;
 
 use crate::args::eval::EvalArgs;
 use crate::failure::{Failure, Status};
+use crate::input::said;
 use crate::run::paths;
 use crate::run::result::{score_figure, timed};
 use crate::run::summary::ScoreJson;
@@ -78,7 +79,8 @@ fn score_files(
         ("the ground truth", ground_truth),
         ("the estimate", estimate_file),
     ];
-    paths::check(&[("--plot", args.plot.as_deref())], &inputs)?;
+    let files = paths::named([("--plot", args.plot.as_deref())]);
+    paths::check(&files, &inputs)?;
     let reference = timed(&reference(ground_truth, args.truth_topic.as_deref())?);
     let mut estimate = timed(&said(trajectory::read_said(estimate_file)?));
     let seconds = if args.find_offset {
@@ -114,12 +116,6 @@ fn score_files(
         output::write_file(path, &bytes)?;
     }
     Ok((score, [reference.len(), estimate.len()]))
-}
-
-/// Says what was found out about a file of poses.
-pub(crate) fn said((poses, remarks): (Vec<StampedPose>, Vec<String>)) -> Vec<StampedPose> {
-    remarks.iter().for_each(|r| console::info(r));
-    poses
 }
 
 /// The ground truth of a file of poses, of a data set folder, or of a recording.

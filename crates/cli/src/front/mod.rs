@@ -8,11 +8,10 @@ use crate::args::ConfigArgs;
 use crate::args::models::DetectorArgs;
 use crate::config;
 use crate::console;
-use crate::dense::export;
 use crate::detector;
 use crate::failure::Failure;
 use crate::map::file::{self, MapOutput};
-use crate::map::readout;
+use crate::map::{kept, readout};
 use crate::run::submaps::by_submap;
 use std::path::Path;
 use stillpoint::datasets::StampedPose;
@@ -121,7 +120,7 @@ pub fn load_map(
     camera: &Camera,
 ) -> Result<(Map, Option<DenseMap>), Refused> {
     let loaded = file::load(path)?;
-    let dense = export::of_file(&loaded, path)?;
+    let dense = kept::surface(&loaded, path)?;
     readout::start_with(config, loaded.readout());
     let map = loaded.file.map;
     file::check_fits(path, &map, config, camera)?;

@@ -1,11 +1,14 @@
 //! The result folder of a run that another front end drives.
 
 use super::Refused;
+use crate::config;
 use crate::dense::Fused;
 use crate::output::{ResultFolder, is_result_file};
-use crate::run::result::{Setup, write};
+use crate::run::result::write;
+use crate::run::setup::Setup;
 use crate::run::summary::{DetectorJson, Input};
 use crate::run::tally::{End, Tally};
+use crate::sink::Found;
 use crate::timing::Timing;
 use std::path::Path;
 use std::sync::Arc;
@@ -87,17 +90,26 @@ impl ResultRecorder {
         option: &'static str,
         run: Driven<'_>,
     ) -> Result<(), Refused> {
-        let folder = ResultFolder::create_of(folder, option, is_result_file)?;
+        let mut folder = ResultFolder::create_of(folder, option, is_result_file)?;
         let mut session = self.tally.clone().close(End {
-            trajectory: run.trajectory,
+            trajectory: run.trajectory.clone(),
             view: run.view,
+            map: None,
             timing: run.timing,
             detector: DetectorJson::new(run.detector),
             interrupted: false,
             seconds: run.seconds,
+            log: None,
+            agrees: None,
+            live: None,
         });
-        session.skipped += run.skipped;
-        session.dense = run.surface.map(|(map, counts)| Fused::of(map, &counts));
+        session.tracking.skipped += run.skipped;
+        let mut found = Found::default();
+        if let Some((map, counts)) = run.surface {
+            let fused = Fused::of(map, &counts);
+            fused.write(&mut folder)?;
+            found.shelf.put(fused);
+        }
         let [name, layout, camera] = run.input;
         let setup = Setup {
             input: Input {
@@ -105,16 +117,15 @@ impl ResultRecorder {
                 layout,
                 camera,
             },
-            config: run.config,
+            config_text: config::to_text(run.config)?,
             simd: run.simd,
             timing: &self.timing,
             truth: run.truth,
             report: self.report.as_ref(),
-            view: None,
             command: run.command,
             log: None,
         };
-        write(&setup, &session, folder)?;
+        write(&setup, &session, &found, folder)?;
         Ok(())
     }
 }

@@ -22,11 +22,11 @@ pub(crate) fn export(args: &MapExportArgs) -> Result<Status, Failure> {
         Some(path) => Some((path, cloud_format(path)?)),
         None => None,
     };
-    let files = [
+    let files = paths::named([
         ("--points", args.points.as_deref()),
         ("--trajectory", args.trajectory.as_deref()),
         ("--graph", args.graph.as_deref()),
-    ];
+    ]);
     paths::check(&files, &[("the map", &args.file)])?;
     let loaded = map_file::load(&args.file)?;
     let view = loaded.file.map.view();

@@ -20,12 +20,12 @@ pub(crate) fn merge(args: &MapMergeArgs) -> Result<Status, Failure> {
         ..Timing::default()
     });
     let known = [
-        things::of_file(&first, &args.first)?,
-        things::of_file(&second, &args.second)?,
+        map::kept::things(&first, &args.first)?,
+        map::kept::things(&second, &args.second)?,
     ];
     let surfaces = [
-        dense::export::of_file(&first, &args.first)?,
-        dense::export::of_file(&second, &args.second)?,
+        map::kept::surface(&first, &args.first)?,
+        map::kept::surface(&second, &args.second)?,
     ];
     let ups = [first.up(), second.up()];
     let (first, second) = (first.file.map, second.file.map);

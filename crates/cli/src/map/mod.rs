@@ -3,6 +3,7 @@
 pub(crate) mod export;
 pub(crate) mod file;
 mod graph;
+pub(crate) mod kept;
 pub(crate) mod merge;
 pub(crate) mod readout;
 

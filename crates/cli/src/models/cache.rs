@@ -1,6 +1,6 @@
 //! The user's cache of models: what a name stands for, and what is used when none is given.
 
-use crate::detector::network::ModelFile;
+use crate::detector::file::{ModelFile, is_onnx};
 use crate::failure::Failure;
 use crate::spelling;
 use stillpoint::inference::Cache;
@@ -19,11 +19,22 @@ pub(crate) fn user() -> Result<Cache, Failure> {
     Cache::of_user(&|name| std::env::var_os(name)).map_err(Failure::input)
 }
 
+/// What `argument` of `option` names: a file, or a model of the cache.
+///
+/// # Errors
+/// A name that no model has.
+pub(crate) fn named(argument: &str, option: &str) -> Result<ModelFile, Failure> {
+    if is_onnx(argument) {
+        return Ok(ModelFile::of_file(argument));
+    }
+    model(argument, option)
+}
+
 /// The model of this name. `option` named it, for messages.
 ///
 /// # Errors
 /// There is none, or the cache cannot be read.
-pub(crate) fn model(name: &str, option: &str) -> Result<ModelFile, Failure> {
+fn model(name: &str, option: &str) -> Result<ModelFile, Failure> {
     let cache = user()?;
     if let Some(model) = cache.find(name).map_err(Failure::input)? {
         return Ok(ModelFile::of_cache(model));

@@ -3,19 +3,19 @@
 use crate::args::models::CheckArgs;
 use crate::bench::runner::median;
 use crate::console;
-use crate::detector::network::{self, ModelFile, Running};
+use crate::detector::network::Running;
+use crate::detector::tried;
 use crate::download::megabytes;
 use crate::failure::{Failure, Status};
-use crate::models::trial;
+use crate::models::grey::{SIZE, grey};
+use crate::models::{cache, trial};
 use crate::run::summary::DetectorJson;
 use std::time::Instant;
 use stillpoint::detection::{ClassId, Detector};
-use stillpoint::imaging::{ColourImage, FrameId};
+use stillpoint::imaging::FrameId;
 use stillpoint::inference::OnnxDetector;
 
 const OPTION: &str = "models check";
-/// The image that is looked at, px: the size of most depth cameras' images.
-const SIZE: (usize, usize) = (640, 480);
 /// Looks whose time is reported, after a first one.
 const LOOKS: usize = 5;
 /// Classes that are named.
@@ -26,8 +26,8 @@ pub(crate) fn check(args: &CheckArgs) -> Result<Status, Failure> {
     if let Some(option) = &args.trial {
         return trial::carry_out(&args.model, &Running::from(args.network), option);
     }
-    let model = ModelFile::named(&args.model, OPTION)?;
-    let network = network::open(&model, &Running::from(args.network), OPTION)?;
+    let model = cache::named(&args.model, OPTION)?;
+    let network = tried::open(&model, &Running::from(args.network), OPTION)?;
     let mut detector = network.detector;
     let times = look(&mut detector)?;
     if let Some(remark) = detector.remark() {
@@ -89,12 +89,6 @@ fn look(detector: &mut OnnxDetector) -> Result<Vec<f64>, Failure> {
         }
     }
     Ok(times)
-}
-
-/// An image without anything in it.
-pub(crate) fn grey() -> Result<ColourImage, Failure> {
-    let (width, height) = SIZE;
-    ColourImage::from_vec(width, height, vec![114; 3 * width * height]).map_err(Failure::input)
 }
 
 /// How many classes there are, and what the first are called.

@@ -1,7 +1,9 @@
 //! `models import`: a model file of the user's into the cache.
 
 use crate::args::models::{ImportArgs, RuntimeChoice};
-use crate::detector::network::{self, Content, ModelFile, Running};
+use crate::detector::file::{Content, ModelFile, is_onnx};
+use crate::detector::network::Running;
+use crate::detector::tried;
 use crate::failure::{Failure, Status};
 use crate::models::cache;
 use crate::{console, output};
@@ -47,7 +49,7 @@ pub(crate) fn import(args: &ImportArgs) -> Result<Status, Failure> {
     };
     // Refused here, rather than at the first run that uses it.
     let how = Running::new(RuntimeChoice::Rten, 1);
-    let tried = network::load(&label, &network, &how, OPTION)?;
+    let tried = tried::load(&label, &network, &how, OPTION)?;
     console::info(&format!(
         "{}: head {}, {} classes",
         file.display(),
@@ -82,7 +84,7 @@ fn install(name: &str, network: &Content, record: Record) -> Result<Status, Fail
 
 /// Refuses a file that could not be used as a model, before anything is done.
 fn check_out(out: &Path) -> Result<(), Failure> {
-    if !network::is_onnx(&out.display().to_string()) {
+    if !is_onnx(&out.display().to_string()) {
         return Err(Failure::input(format!(
             "--out: expected a file whose name ends with .onnx, found {}",
             out.display()

@@ -2,6 +2,7 @@
 
 pub(crate) mod cache;
 pub(crate) mod check;
+mod grey;
 pub(crate) mod import;
 pub(crate) mod pull;
 pub(crate) mod trial;

@@ -1,9 +1,10 @@
 //! A model that nobody vouches for is tried in a process of its own before it is run in this one. What a network does can only be
 //! known by running it, and a runtime that asks for too much memory, overflows its stack or never ends takes its process with it.
 
-use crate::detector::network::{Content, Running, load_tried};
+use crate::detector::file::Content;
+use crate::detector::network::{Running, load_tried};
 use crate::failure::{Failure, Status};
-use crate::models::check::grey;
+use crate::models::grey::grey;
 use std::io::{Read, Write};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::thread::JoinHandle;

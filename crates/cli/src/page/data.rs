@@ -1,44 +1,41 @@
 //! What the report of a run is made of: the session that just ended, or what an older one left in its folder.
 
+use crate::dense::Fused;
 use crate::failure::Failure;
-use crate::run::result::Setup;
 use crate::run::session::Session;
+use crate::run::setup::Setup;
+use crate::sink::Found;
+use crate::sinks::view::surface;
 use serde_json::Value;
 use std::path::Path;
 use stillpoint::datasets::{StampedPose, read_regular, trajectory};
-use stillpoint::dense::Mesh;
 use stillpoint::evaluation::{PairError, Score};
 use stillpoint::geometry::{Se3, Vec3};
 use stillpoint::map::SubmapId;
-use stillpoint::view::report::{
-    FrameRow, FrameState, ReportRecorder, RunData, SurfaceColumns, from_html,
-};
+use stillpoint::view::report::{FrameRow, FrameState, ReportRecorder, RunData, from_html};
 
 /// Stamps in `frames.csv` and `trajectory.txt` are written to this, s.
 const STAMP: f64 = 2e-6;
-/// Triangles that a report shows of a surface, at most: 15 to 20 bytes each in the page, and drawn without a graphics card, too.
-const MOST_TRIANGLES: usize = 20_000;
 /// Bytes that a file of a result may have.
 const LARGEST: u64 = 1 << 30;
 
 /// Of a session that ended.
 pub(crate) fn of_session(
     setup: &Setup<'_>,
-    session: &Session,
+    (session, found): (&Session, &Found),
     summary: &str,
     score: Option<&Score>,
     recorder: &ReportRecorder,
-    config: String,
 ) -> RunData {
     let mut run = RunData {
         name: name(&setup.input.name),
         // As whoever reads `summary.json` has it, to the last digit.
         summary: serde_json::from_str(summary).unwrap_or(Value::Null),
-        config,
+        config: setup.config_text.clone(),
         command: setup.command.clone(),
         ..RunData::default()
     };
-    let mut rows = rows(&session.frames_csv, &session.final_poses);
+    let mut rows = rows(&session.frames_csv, &session.poses.final_poses);
     let times = match &session.live {
         Some(live) => {
             run.time_is = "latency".to_owned();
@@ -66,24 +63,13 @@ pub(crate) fn of_session(
         set_errors(&mut rows, score);
     }
     run.set_frames(&rows);
-    let submap = session.submaps.first().map(|s| SubmapId(s.id));
+    let submap = session.tracking.submaps.first().map(|s| SubmapId(s.id));
     run.set_map(&session.view, submap);
-    if let Some(fused) = &session.dense {
+    if let Some(fused) = found.shelf.get::<Fused>() {
         run.surface = surface(&fused.mesh);
     }
     run.set_recorded(recorder);
     run
-}
-
-/// A surface as pages show it.
-pub(crate) fn surface(mesh: &Mesh) -> SurfaceColumns {
-    let shown = mesh.with_triangles(MOST_TRIANGLES);
-    SurfaceColumns::new(
-        mesh.triangles.len(),
-        &shown.positions,
-        &shown.colours,
-        &shown.triangles,
-    )
 }
 
 /// Of a result folder: from the report in it, if there is one, else from its files, without map and pictures.

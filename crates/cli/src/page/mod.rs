@@ -6,28 +6,14 @@ use crate::args::report::ReportArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
 use crate::output::StreamedFile;
-use crate::run::session::listeners::Writer;
 use std::io::Write;
 use std::path::PathBuf;
-use stillpoint::slam::{Event, Subscriber};
-use stillpoint::view::report::{ReportRecorder, to_html};
+use stillpoint::view::report::to_html;
 
 /// The page's name in a result folder.
 pub(crate) const FILE: &str = "report.html";
 /// The page of several runs.
 const COMPARISON: &str = "comparison.html";
-
-/// Gathers while frames go by.
-#[derive(Default)]
-pub(crate) struct Gathering(pub(crate) ReportRecorder);
-
-impl Writer for Gathering {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
-        let _span = tracing::info_span!("report").entered();
-        self.0.receive(event);
-        Ok(())
-    }
-}
 
 /// `report`.
 pub(crate) fn report(args: &ReportArgs) -> Result<Status, Failure> {

@@ -11,15 +11,18 @@ use crate::args::ConfigArgs;
 use crate::args::render::RenderArgs;
 use crate::config;
 use crate::console;
-use crate::dense::{Fusion, Wish};
 use crate::failure::{Failure, Status};
+use crate::input::{self, said};
 use crate::interrupt::Interrupt;
 use crate::output::{StreamedFile, is_result_file};
 use crate::render::reel::Reel;
 use crate::run::about::{About, Simulated};
+use crate::run::drive::Driver;
 use crate::run::known_map::KnownMap;
-use crate::run::session::{Driver, Outputs};
-use crate::run::{self, paths, replay};
+use crate::run::{paths, replay};
+use crate::simulate::ground_truth;
+use crate::sink::{KnownUp, Sinks};
+use crate::sinks::dense::{Fusion, Wish};
 use crate::timing::Timing;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -122,7 +125,7 @@ impl Found {
         let mut inputs: Vec<(&str, &Path)> = vec![("the log", &self.log_path)];
         inputs.extend(args.also.iter().map(|a| ("--also", &*a.file)));
         inputs.extend(self.others.iter().map(|(name, file)| (*name, &**file)));
-        paths::check(&[("--out", Some(args.out.as_path()))], &inputs)?;
+        paths::check(&[("--out", args.out.as_path())], &inputs)?;
         let name = args
             .out
             .file_name()
@@ -163,11 +166,8 @@ impl Found {
         };
         let is_frame = |entry: &&LogEntry| matches!(entry, LogEntry::TrackFrame { .. });
         let frames = self.log.entries.iter().filter(is_frame).count();
-        let mut outputs = Outputs {
-            dense: Some(Fusion::new(wish, &footage.camera, simd)?),
-            reel: Some(Reel::new(frames)),
-            ..Outputs::default()
-        };
+        let fusion = Fusion::new(wish, &footage.camera, simd)?;
+        let mut sinks = Sinks(vec![Box::new(fusion), Box::new(Reel::new(frames))]);
         let interrupt = Interrupt::prepare();
         let driver = Driver {
             config,
@@ -183,10 +183,10 @@ impl Found {
         let mut frames = footage.frames;
         let detector = about.detector.clone().unwrap_or_default();
         let place = self.log_path.display().to_string();
-        let (session, agrees) = driver
-            .drive_replay(&mut frames, &mut outputs, self.log, detector)
+        let session = driver
+            .drive_replay(&mut frames, &mut sinks, self.log, detector)
             .map_err(|e| e.at(&place))?;
-        match agrees {
+        match session.agrees {
             Some(true) => {}
             None => return Err(Failure::criteria("interrupted: no picture was written")),
             Some(false) => {
@@ -195,8 +195,10 @@ impl Found {
                 )));
             }
         }
-        let reel = outputs.reel.take().unwrap_or_else(|| Reel::new(0));
-        Ok(Scene::of(reel, &session, footage.truth, &footage.camera))
+        let mut found = sinks.finish(&session, KnownUp::default(), None)?;
+        let reel = found.shelf.take().unwrap_or_else(|| Reel::new(0));
+        let (fused, camera) = (found.shelf.get(), &footage.camera);
+        Ok(Scene::of(reel, &session, fused, footage.truth, camera))
     }
 }
 
@@ -213,7 +215,7 @@ impl Footage {
             camera: *simulator.camera(),
             imu: None,
             odometry: None,
-            truth: Some(crate::demo::ground_truth(&simulator)),
+            truth: Some(ground_truth(&simulator)),
             frames: ReadAhead::new(simulator.source().with_colour()),
         })
     }
@@ -225,17 +227,17 @@ impl Footage {
                 path.display()
             )));
         }
-        let input = replay::input_of(about, None);
-        let dataset = run::open(path, &input)?;
+        let wanted = replay::input_of(about, None);
+        let dataset = input::open(path, &wanted)?;
         if matches!(dataset, Input::Device(_)) {
             return Err(Failure::input(
                 "expected a recording, found a camera: record it, and run on what was recorded",
             ));
         }
-        paths::check_outputs(&[], &[("--out", Some(out))], path, &dataset)?;
-        let truth = dataset.ground_truth_said()?.map(crate::eval::said);
+        paths::check_outputs(&[], &[("--out", out)], path, &dataset)?;
+        let truth = dataset.ground_truth_said()?.map(said);
         let frames = dataset.frames(&FrameOptions {
-            start: input.start,
+            start: wanted.start,
             max_frames: None,
             keep_colour: true,
         })?;

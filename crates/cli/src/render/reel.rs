@@ -1,8 +1,11 @@
 //! What is kept of a run while it goes by: some views, and how far each of their pixels was.
 
 use crate::failure::Failure;
-use crate::run::session::listeners::Writer;
+use crate::sink::{Ended, Sink, Subscription};
+use std::sync::Arc;
 use stillpoint::imaging::{DepthImage, FrameId, RgbdFrame};
+use stillpoint::live::Watch;
+use stillpoint::map::MapView;
 use stillpoint::slam::{Event, FrameReport};
 use stillpoint::view::Picture;
 use stillpoint::view::film::{Film, view};
@@ -53,8 +56,12 @@ impl Reel {
     }
 }
 
-impl Writer for Reel {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
+impl Sink for Reel {
+    fn subscribe(&mut self, _: &Arc<MapView>, _: Option<&Watch>) -> Option<Subscription> {
+        Some(Subscription::to_images("reel", self.every))
+    }
+
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
         let Some(tracked) = event.as_frame() else {
             return Ok(());
         };
@@ -64,6 +71,11 @@ impl Writer for Reel {
             let _span = tracing::info_span!("overlay").entered();
             self.add(frame, &tracked.report);
         }
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        ended.found.shelf.put(*self);
         Ok(())
     }
 }

@@ -1,5 +1,6 @@
 //! What a run left, as pictures.
 
+use crate::dense::Fused;
 use crate::failure::Failure;
 use crate::render::OURS;
 use crate::render::reel::{RATE, Reel};
@@ -51,17 +52,17 @@ impl Scene {
     pub(crate) fn of(
         reel: Reel,
         session: &Session,
+        fused: Option<&Fused>,
         truth: Option<Vec<StampedPose>>,
         camera: &Camera,
     ) -> Self {
-        let fused = session.dense.as_ref();
         Self {
             reel,
             camera: *camera,
             mesh: fused.map(|f| f.mesh.clone()).unwrap_or_default(),
             up: fused.map_or_else(|| -Vec3::y(), |f| f.upward()),
-            frames: session.of_frames.clone(),
-            poses: session.final_poses.clone(),
+            frames: session.poses.of_frames.clone(),
+            poses: session.poses.final_poses.clone(),
             truth,
         }
     }

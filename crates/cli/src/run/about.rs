@@ -4,9 +4,12 @@ use crate::args::InputArgs;
 use crate::config;
 use crate::dense::Logged;
 use crate::failure::Failure;
+use crate::output::StreamedFile;
 use crate::run::known_map::KnownMap;
+use crate::run::session::Session;
 use crate::run::summary::DetectorJson;
 use serde::{Deserialize, Serialize};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use stillpoint::slam::{Config, MapUse};
 use toml::Table;
@@ -138,6 +141,25 @@ impl About {
 /// The same from every folder.
 fn absolute(path: &Path) -> PathBuf {
     path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}
+
+/// The log of a run, for the result folder; where it goes to a file of its own, it is written there.
+pub(crate) fn run_log(
+    session: &Session,
+    about: &About,
+    file: Option<StreamedFile>,
+) -> Result<Option<Vec<u8>>, Failure> {
+    let Some(mut log) = session.log.clone() else {
+        return Ok(None);
+    };
+    log.about = about.to_text()?;
+    let text = log.to_text();
+    let Some(mut file) = file else {
+        return Ok(Some(text.into_bytes()));
+    };
+    file.write(|w| w.write_all(text.as_bytes()))?;
+    file.finish()?;
+    Ok(None)
 }
 
 #[cfg(test)]

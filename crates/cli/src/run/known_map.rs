@@ -1,10 +1,8 @@
 //! A map file that a run begins with.
 
 use crate::console;
-use crate::dense;
 use crate::failure::Failure;
-use crate::map::{file, readout};
-use crate::things;
+use crate::map::{file, kept, readout};
 use std::path::Path;
 use stillpoint::dense::{DenseMap, ThingMap};
 use stillpoint::geometry::Camera;
@@ -50,8 +48,8 @@ impl<'a> KnownMap<'a> {
     ) -> Result<Known, Failure> {
         let Self { path, map_use } = *self;
         let loaded = file::load(path)?;
-        let dense = dense::export::of_file(&loaded, path)?;
-        let things = things::of_file(&loaded, path)?;
+        let dense = kept::surface(&loaded, path)?;
+        let things = kept::things(&loaded, path)?;
         let up = loaded.up();
         readout::start_with(config, loaded.readout());
         let map = loaded.file.map;

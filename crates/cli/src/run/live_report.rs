@@ -1,13 +1,16 @@
 //! What was measured of a live run: in `summary.json`, and in words.
 
 use crate::console;
-use crate::run::session::live::PROGRESS;
-use crate::run::session::outputs::OVERLAY;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use stillpoint::evaluation::timing::Stats;
 use stillpoint::imaging::FrameId;
 use stillpoint::live::{Ended, FrameTiming, LiveStatistics, Missed, WorkerEnd};
+
+/// The subscriber that shows how far a run is: it is to see the newest frame only.
+pub(crate) const PROGRESS: &str = "progress";
+/// The subscriber that draws pictures into a folder: it is told of when it leaves some out.
+pub(crate) const OVERLAY: &str = "overlay";
 
 /// Frames that arrive later than this are reported, ms: a third of the time between two of them.
 const LATE_MS: f64 = 10.0;
@@ -19,6 +22,25 @@ pub(crate) struct LiveRun {
     pub(crate) latency_ms: Vec<f64>,
     /// Of the frames that the detector answered for, until tracking took the answer, ms.
     pub(crate) answer_ms: Vec<(FrameId, f64)>,
+}
+
+impl LiveRun {
+    /// What was measured of a run whose frames were chosen so, whose threads ended so, and whose frames arrived so much later than their stamps say, s.
+    pub(crate) fn new(
+        frames: &str,
+        measured: &LiveStatistics,
+        ended: &Ended,
+        detections_per_second: f64,
+        late: &[f64],
+    ) -> Self {
+        let latencies = measured.frames.iter().map(|f| f.latency * 1e3);
+        let answers = measured.detections.iter();
+        Self {
+            json: LiveJson::new(frames, measured, ended, detections_per_second, late),
+            latency_ms: latencies.collect(),
+            answer_ms: answers.map(|a| (a.frame, a.latency * 1e3)).collect(),
+        }
+    }
 }
 
 /// What was measured.
@@ -196,7 +218,6 @@ impl LiveJson {
             ));
         }
         for (name, missed) in &self.subscribers {
-            // Who shows what is now is to see the newest only.
             if missed.events > 0 && name != PROGRESS {
                 console::warn(&format!(
                     "{} events did not reach {name} since this machine was too slow: it lacks frames",

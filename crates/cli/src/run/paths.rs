@@ -1,7 +1,6 @@
 //! Whether everything that a run writes has a place of its own: the later of two outputs on one path would take the place of the
 //! earlier, hours after the mistake was made.
 
-use crate::args::run::OutputArgs;
 use crate::failure::Failure;
 use crate::output::is_result_file;
 use std::path::{Component, Path, PathBuf};
@@ -12,21 +11,19 @@ const DATA: [&str; 11] = [
     "txt", "png", "jpg", "jpeg", "webp", "yaml", "yml", "bag", "mcap", "db3", "zstd",
 ];
 
-/// Refuses two files of a run on one path, and one in the place of one of its result. `log` is that of `--log`, `inputs` are files that
-/// are read, with what they are named by.
+/// Refuses two of the files that a run writes on one path, and one in the place of one of its result. `inputs` are files that
+/// are read. All come with what they are named by.
 ///
 /// # Errors
 /// The two options and the path.
 pub(crate) fn check_run(
-    args: &OutputArgs,
+    files: &[(&str, &Path)],
     out: &Path,
-    log: Option<&Path>,
     inputs: &[(&str, &Path)],
 ) -> Result<(), Failure> {
-    let files = files(args, log);
-    check(&files, inputs)?;
+    check(files, inputs)?;
     let out = place(out);
-    for (option, path) in files.into_iter().filter_map(|(o, p)| Some((o, p?))) {
+    for &(option, path) in files {
         let place = place(path);
         let name = place.file_name().and_then(|n| n.to_str());
         let in_result = place.parent() == Some(&*out) && name.is_some_and(is_result_file);
@@ -42,12 +39,9 @@ pub(crate) fn check_run(
 ///
 /// # Errors
 /// The two options and the path.
-pub(crate) fn check(
-    files: &[(&str, Option<&Path>)],
-    inputs: &[(&str, &Path)],
-) -> Result<(), Failure> {
+pub(crate) fn check(files: &[(&str, &Path)], inputs: &[(&str, &Path)]) -> Result<(), Failure> {
     let mut taken: Vec<(&str, PathBuf)> = inputs.iter().map(|(o, p)| (*o, place(p))).collect();
-    for (option, path) in files.iter().filter_map(|(o, p)| Some((*o, (*p)?))) {
+    for &(option, path) in files {
         // What goes to a device or pipe takes nothing's place.
         if path.exists() && !path.is_file() {
             continue;
@@ -62,31 +56,13 @@ pub(crate) fn check(
 }
 
 /// Refuses outputs that would change what is read at `path`: files of the data set or recording, and folders of its images, in which a run replaces
-/// and removes files by their names.
-///
-/// # Errors
-/// The option and the path.
-pub(crate) fn check_input(
-    args: &OutputArgs,
-    (out, log): (&Path, Option<&Path>),
-    path: &Path,
-    input: &Input,
-) -> Result<(), Failure> {
-    let results = [
-        ("--out", Some(out)),
-        ("--masks", args.masks.as_deref()),
-        ("--overlay", args.overlay.as_deref()),
-    ];
-    check_outputs(&results, &files(args, log), path, input)
-}
-
-/// The same for `results`, which are folders, and `files`, by the options that name them.
+/// and removes files by their names. `results` are folders that are written, and `files` files, by the options that name them.
 ///
 /// # Errors
 /// The option and the path.
 pub(crate) fn check_outputs(
-    results: &[(&str, Option<&Path>)],
-    files: &[(&str, Option<&Path>)],
+    results: &[(&str, &Path)],
+    files: &[(&str, &Path)],
     path: &Path,
     input: &Input,
 ) -> Result<(), Failure> {
@@ -109,12 +85,12 @@ pub(crate) fn check_outputs(
             path.display()
         ))
     };
-    for (option, folder) in results.iter().filter_map(|(o, p)| Some((*o, (*p)?))) {
+    for &(option, folder) in results {
         if folders.contains(&place(folder)) {
             return Err(spoils(folder, option));
         }
     }
-    for (option, file) in files.iter().filter_map(|(o, p)| Some((*o, (*p)?))) {
+    for &(option, file) in files {
         let place = place(file);
         let ending = place.extension().and_then(|e| e.to_str()).unwrap_or("");
         let is_data = DATA.contains(&ending.to_ascii_lowercase().as_str()) && place.is_file();
@@ -128,21 +104,19 @@ pub(crate) fn check_outputs(
     Ok(())
 }
 
+/// The files that are named at all.
+pub(crate) fn named<'a, const N: usize>(
+    files: [(&'static str, Option<&'a Path>); N],
+) -> Vec<(&'static str, &'a Path)> {
+    files
+        .into_iter()
+        .filter_map(|(o, p)| Some((o, p?)))
+        .collect()
+}
+
 /// Whether a file is one of a folder, and of none below it.
 pub(crate) fn is_in(file: &Path, folder: &Path) -> bool {
     place(file).parent() == Some(&*place(folder))
-}
-
-/// The files that a run writes, by the options that name them.
-fn files<'a>(args: &'a OutputArgs, log: Option<&'a Path>) -> [(&'static str, Option<&'a Path>); 6] {
-    [
-        ("--verdicts", args.verdicts.as_deref()),
-        ("--objects", args.objects.as_deref()),
-        ("--save-map", args.save_map.as_deref()),
-        ("--trace", args.trace.as_deref()),
-        ("--record", args.record.as_deref()),
-        ("--log", log),
-    ]
 }
 
 fn twice(path: &Path, option: &str, other: &str) -> Failure {
@@ -176,14 +150,24 @@ fn place(path: &Path) -> PathBuf {
 mod tests {
     use super::*;
 
-    fn args(paths: [Option<&str>; 3], folder: &Path) -> OutputArgs {
+    /// The files of `--verdicts`, `--save-map` and `--trace`, as far as they are named.
+    fn files(paths: [Option<&str>; 3], folder: &Path) -> Vec<(&'static str, PathBuf)> {
         let [verdicts, trace, save_map] = paths.map(|p| p.map(|p| folder.join(p)));
-        OutputArgs {
-            verdicts,
-            trace,
-            save_map,
-            ..OutputArgs::default()
-        }
+        let all = [
+            ("--verdicts", verdicts),
+            ("--save-map", save_map),
+            ("--trace", trace),
+        ];
+        all.into_iter().filter_map(|(o, p)| Some((o, p?))).collect()
+    }
+
+    fn check_files(
+        files: &[(&'static str, PathBuf)],
+        out: &Path,
+        inputs: &[(&str, &Path)],
+    ) -> Result<(), Failure> {
+        let files: Vec<(&str, &Path)> = files.iter().map(|(o, p)| (*o, &**p)).collect();
+        check_run(&files, out, inputs)
     }
 
     #[test]
@@ -193,8 +177,9 @@ mod tests {
         std::fs::create_dir(root.join("sub")).unwrap();
         let out = root.join("out");
         let said = |paths, log: Option<&str>, inputs: &[(&str, &Path)]| {
-            let log = log.map(|l| root.join(l));
-            match check_run(&args(paths, root), &out, log.as_deref(), inputs) {
+            let mut files = files(paths, root);
+            files.extend(log.map(|l| ("--log", root.join(l))));
+            match check_files(&files, &out, inputs) {
                 Ok(()) => String::new(),
                 Err(e) => e.to_string(),
             }
@@ -242,9 +227,9 @@ mod tests {
         std::fs::write(root.join("f"), "old").unwrap();
         std::os::unix::fs::symlink(root.join("f"), root.join("link")).unwrap();
         let out = root.join("out");
-        let link = args([Some("f"), Some("link"), None], root);
-        assert!(check_run(&link, &out, None, &[]).is_err());
-        let null = args([Some("/dev/null"), Some("/dev/null"), None], root);
-        assert!(check_run(&null, &out, None, &[]).is_ok());
+        let link = files([Some("f"), Some("link"), None], root);
+        assert!(check_files(&link, &out, &[]).is_err());
+        let null = files([Some("/dev/null"), Some("/dev/null"), None], root);
+        assert!(check_files(&null, &out, &[]).is_ok());
     }
 }

@@ -1,6 +1,6 @@
 //! What passes between a source and a driver that takes its frames in its own time.
 
-use crate::run::session::listeners::Stop;
+use crate::run::stop::Stop;
 use crate::timing::Timing;
 use std::time::Instant;
 use stillpoint::imaging::{FrameSource, ImuSample, OdometrySample, RgbdFrame, SourceError};

@@ -1,32 +1,31 @@
 //! What `run` and `replay` have in common: an input that is opened, a result that is begun, and how both come to their end.
 
 use crate::args::InputArgs;
-use crate::args::run::OutputArgs;
 use crate::config;
-use crate::console;
-use crate::dense::{Fusion, Logged, Wish};
-use crate::eval::said;
 use crate::failure::{Failure, Status};
+use crate::input::{open, said};
 use crate::interrupt::Interrupt;
 use crate::output::ResultFolder;
 use crate::page;
-use crate::run::known_map::KnownMap;
-use crate::run::recording::{RecordingFile, RunRecording, SharedRecorder};
-use crate::run::result::{Setup, Voice, finish};
-use crate::run::session::{Driver, Outputs, Session};
-use crate::run::view::PageView;
-use crate::run::{default_out, input, open, outputs, paths, played};
-use crate::things::Gatherer;
+use crate::run::drive::Driver;
+use crate::run::known_map::{Known, KnownMap};
+use crate::run::result::{Voice, finish};
+use crate::run::session::Session;
+use crate::run::setup::Setup;
+use crate::run::summary::Input as Described;
+use crate::run::{paths, played};
+use crate::sink::{Found, KnownUp, Repeated, Shelf, Sinks, Start};
+use crate::sinks::OutputArgs;
+use crate::sinks::record::SharedRecorder;
+use crate::sinks::view::PageView;
 use crate::timing::Timing;
 use std::path::{Path, PathBuf};
 use stillpoint::datasets::{FrameOptions, ReadAhead, StampedPose};
 use stillpoint::detection::Detector;
-use stillpoint::geometry::Camera;
 use stillpoint::imaging::{FrameSource, Simd};
 use stillpoint::map::Map;
-use stillpoint::recordings::{Input, MessageFile, Source};
-use stillpoint::slam::{Config, MapUse, Up};
-use stillpoint::view::live::About;
+use stillpoint::recordings::{Input, Source};
+use stillpoint::slam::{Config, MapUse};
 
 /// What is asked for.
 pub(crate) struct Task<'a> {
@@ -61,21 +60,18 @@ pub(crate) struct Begun<'a> {
     truth: Option<Vec<StampedPose>>,
     out: PathBuf,
     folder: ResultFolder,
+    input: Described,
+    config_text: String,
+    up: KnownUp,
 }
 
-/// What a repetition has to know: which frames found their images in time.
-#[derive(Default)]
-pub(crate) struct Repeated {
-    /// Of those that were fused.
-    pub(crate) dense: Option<Logged>,
-    /// Numbers of those in which things were looked for.
-    pub(crate) things: Option<Vec<u32>>,
-}
+/// A task whose frames have gone by, and whose sinks have finished.
+pub(crate) struct Over<'a>(Begun<'a>);
 
 /// What a driver takes of it.
 pub(crate) struct Means {
     pub(crate) frames: ReadAhead,
-    pub(crate) outputs: Outputs,
+    pub(crate) sinks: Sinks,
     pub(crate) interrupt: Interrupt,
     pub(crate) map: Option<(Map, MapUse)>,
 }
@@ -99,7 +95,7 @@ impl<'a> Task<'a> {
 }
 
 impl<'a> Opened<'a> {
-    /// Reads the map to begin with, and begins everything that is to be written. `colour`: whether somebody looks at colours;
+    /// Reads the map to begin with, and begins everything that is to be written. `colour`: whether the detector looks at colours;
     /// `ahead`: frames that are read ahead; `adds_ids`: whether the frames become ids of a map that is loaded and saved again; `logged`: what a run
     /// fused that is repeated.
     pub(crate) fn begin(
@@ -122,124 +118,110 @@ impl<'a> Opened<'a> {
         let camera = dataset.camera().camera;
         let map = known.map(|k| k.load(&mut task.config, &camera, ids));
         let map = map.transpose()?;
-        if let Some(k) = map.as_ref().filter(|_| adds_ids && !task.output.dense)
-            && k.dense.is_some()
-        {
-            console::warn(
-                "the surface in the map is not saved with it again: this run has no --dense",
-            );
-        }
-        let wish = task.output.dense.then(|| Wish {
-            voxel: task.output.voxel,
-            known: map.as_ref().and_then(|k| k.dense.clone()),
-            weights: task.config.motion_weights.clone(),
-            keyframes: map.as_ref().map_or(0, |k| k.map.view().keyframe_bound()),
-            logged: logged.dense,
-        });
-        let named_up = task.output.up.and_then(|up| Up::along(&up.into()));
-        let known_up = map.as_ref().and_then(|k| k.up);
-        let gatherer = task.output.things.then(|| {
-            let up = named_up.or(known_up).map(|up| up.vector());
-            Gatherer::new(&camera, up, map.as_ref(), &task.config, logged.things)
-        });
-        let known_things = map.as_ref().and_then(|k| k.things.clone());
-        let out = task.output.out.clone();
+        let out = task.output.folder.out.clone();
         let out = out.unwrap_or_else(|| default_out(task.path, task.done));
-        paths::check_run(task.output, &out, task.log, &task.inputs)?;
-        paths::check_input(task.output, (&out, task.log), task.path, &dataset)?;
+        task.check_paths(&out, &dataset)?;
         let folder = ResultFolder::create(&out)?;
-        let recorder = task.recorder.take();
-        let mut outputs = outputs(task.output, &task.config, &dataset, remaining, task.timing)?;
-        let fusion = wish.map(|wish| Fusion::new(wish, &camera, simd));
-        outputs.dense = fusion.transpose()?;
-        if let (Some(report), Some(known)) = (&mut outputs.report, &map) {
-            report.0.begin_with(known.map.view().keyframe_bound());
-        }
-        outputs.things = gatherer;
-        outputs.known_things = known_things;
-        (outputs.named_up, outputs.known_up) = (named_up, known_up);
-        outputs.record = recording(task.output, recorder, &camera, &task.config)?;
-        outputs.view = shown(&task, &dataset, remaining)?;
-        if let (Some(view), Some(dense)) = (&outputs.view, &mut outputs.dense) {
-            dense.show_on(view.surface());
-        }
-        let means = Means {
-            frames: ReadAhead::with_capacity(played::Reading::new(source, task.timing), ahead),
-            outputs,
-            interrupt: Interrupt::prepare(),
-            map: map.map(|k| (k.map, k.map_use)),
+        let up = KnownUp {
+            named: task.output.up.named(),
+            known: map.as_ref().and_then(|k| k.up),
         };
-        let begun = Begun {
+        let input = described(task.path, &dataset);
+        let config_text = config::to_text(&task.config)?;
+        let mut begun = Begun {
             task,
             simd,
             dataset,
             truth,
             out,
             folder,
+            input,
+            config_text,
+            up,
+        };
+        let sinks = begun.begin_sinks(map.as_ref(), remaining, adds_ids, logged)?;
+        let timing = begun.task.timing;
+        let means = Means {
+            frames: ReadAhead::with_capacity(played::Reading::new(source, timing), ahead),
+            sinks,
+            interrupt: Interrupt::prepare(),
+            map: map.map(|k| (k.map, k.map_use)),
         };
         Ok((begun, means))
     }
 }
 
+impl Task<'_> {
+    /// Whether everything that is written has a place of its own.
+    fn check_paths(&self, out: &Path, dataset: &Input) -> Result<(), Failure> {
+        let mut files = self.output.files();
+        files.extend(self.log.map(|path| ("--log", path)));
+        paths::check_run(&files, out, &self.inputs)?;
+        let mut folders = vec![("--out", out)];
+        folders.extend(self.output.folders());
+        paths::check_outputs(&folders, &files, self.path, dataset)
+    }
+}
+
+/// What a result is of.
+fn described(path: &Path, dataset: &Input) -> Described {
+    Described {
+        name: path.display().to_string(),
+        layout: dataset.kind(),
+        camera: dataset.camera().name.clone(),
+    }
+}
+
+/// `out/`, the name of the folder or of the file without its ending, and `_` with what was done to it other than `run`.
+fn default_out(path: &Path, done: &str) -> PathBuf {
+    let full = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    let name = path.file_name().or(full.file_name());
+    let stem = name.and_then(|n| Path::new(n).file_stem());
+    let name = if path.is_file() { stem } else { name };
+    let mut name = name.unwrap_or("run".as_ref()).to_owned();
+    name.push(done);
+    Path::new("out").join(name)
+}
+
 /// The frames that are asked for.
 fn frames(task: &Task<'_>, dataset: &Input, colour: bool) -> Result<Source, Failure> {
-    let draws = task.output.record.is_some() && !task.output.no_record_images;
     Ok(dataset.frames(&FrameOptions {
         start: task.input.start,
         max_frames: task.input.max_frames.map(|n| n as usize),
-        keep_colour: colour
-            || task.output.overlay.is_some()
-            || !task.output.no_report
-            || task.output.view.is_some()
-            || task.output.dense
-            || draws,
+        keep_colour: colour || task.output.wants_colour(),
     })?)
 }
 
-/// What `--view` asks for. Says where it is to be seen.
-fn shown(
-    task: &Task<'_>,
-    dataset: &Input,
-    frames: Option<usize>,
-) -> Result<Option<PageView>, Failure> {
-    let Some(place) = &task.output.view else {
-        return Ok(None);
-    };
-    let input = input(task.path, dataset);
-    let about = About {
-        name: page::data::name(&input.name),
-        input: format!("{} - camera {}", input.layout, input.camera),
-        command: page::typed(),
-        config: config::to_text(&task.config)?,
-        time_is: "latency".to_owned(),
-        frames: frames.map(|n| n as u64),
-    };
-    PageView::start(place, about).map(Some)
-}
-
-/// What `--record` asks for.
-fn recording(
-    args: &OutputArgs,
-    shared: Option<SharedRecorder>,
-    camera: &Camera,
-    config: &Config,
-) -> Result<Option<RunRecording>, Failure> {
-    let Some(path) = &args.record else {
-        return Ok(None);
-    };
-    let file = match shared {
-        Some(recorder) => RecordingFile::Shared(recorder),
-        None => RecordingFile::Own(Box::new(
-            MessageFile::replace(path).map_err(Failure::input)?,
-        )),
-    };
-    let weights = (!args.no_record_images).then(|| config.motion_weights.clone());
-    Ok(Some(RunRecording::new(path, file, *camera, weights)))
-}
-
-impl Begun<'_> {
-    pub(crate) fn config(&self) -> &Config {
-        &self.task.config
+impl<'a> Begun<'a> {
+    /// Begins everything that is written beside the result, for so many frames where their number is known.
+    fn begin_sinks(
+        &mut self,
+        known: Option<&Known>,
+        frames: Option<usize>,
+        saves_map: bool,
+        logged: Repeated,
+    ) -> Result<Sinks, Failure> {
+        let mut shelf = Shelf::default();
+        if let Some(recorder) = self.task.recorder.take() {
+            shelf.put(recorder);
+        }
+        self.task.output.begin(&mut Start {
+            config: &self.task.config,
+            config_text: &self.config_text,
+            camera: self.dataset.camera().camera,
+            simd: self.simd,
+            timing: self.task.timing,
+            name: page::data::name(&self.input.name),
+            input: &self.input,
+            command: page::typed(),
+            stamps: &self.dataset.stamps(),
+            frames,
+            known,
+            saves_map,
+            up: self.up.named.or(self.up.known),
+            logged,
+            shelf,
+        })
     }
 
     /// What lets the frames go by.
@@ -262,40 +244,72 @@ impl Begun<'_> {
         }
     }
 
+    /// The frames have gone by: has the sinks finish. Returns what they leave.
+    ///
+    /// # Errors
+    /// What a sink could not put where it belongs.
+    pub(crate) fn finish(
+        mut self,
+        session: &Session,
+        sinks: Sinks,
+    ) -> Result<(Over<'a>, Found), Failure> {
+        let found = sinks.finish(session, self.up, Some(&mut self.folder))?;
+        Ok((Over(self), found))
+    }
+}
+
+impl Over<'_> {
+    pub(crate) fn config(&self) -> &Config {
+        &self.0.task.config
+    }
+
     /// Writes the result and reports on it. `log` is the log of the run, as it stands in the result folder.
-    pub(crate) fn end(
+    pub(crate) fn write(
         self,
         session: &Session,
-        mut outputs: Outputs,
-        log: impl FnOnce() -> Result<Option<Vec<u8>>, Failure>,
+        found: &Found,
+        log: Option<Vec<u8>>,
     ) -> Result<Status, Failure> {
-        let (gathered, view) = (outputs.report.take(), outputs.view.take());
-        let written = outputs.finish()?;
+        let Self(begun) = self;
         let setup = Setup {
-            input: input(self.task.path, &self.dataset),
-            config: &self.task.config,
-            simd: self.simd,
-            timing: self.task.timing,
-            truth: self.truth.as_deref(),
-            log: log()?,
-            report: gathered.as_ref().map(|g| &g.0),
-            view: view.as_ref(),
+            input: begun.input,
+            config_text: begun.config_text,
+            simd: begun.simd,
+            timing: begun.task.timing,
+            truth: begun.truth.as_deref(),
+            report: found.shelf.get(),
             command: page::typed(),
+            log,
         };
-        let voice = Voice::of(self.task.output);
-        let status = finish(&setup, session, self.folder, &self.out, voice)?;
-        voice.say(&written);
-        if let Some(view) = view {
-            view.end(&self.out);
+        let voice = Voice::of(begun.task.output.json.json);
+        let status = finish(&setup, (session, found), begun.folder, &begun.out, voice)?;
+        voice.say(&found.said);
+        if let Some(view) = found.shelf.get::<PageView>() {
+            view.end(&begun.out);
         }
         Ok(status)
     }
 }
 
-/// How a run ended whose result is written: with the failure to save its map, if there was one.
-pub(crate) fn last(session: Session, status: Status) -> Result<Status, Failure> {
-    match session.saved {
-        Some(Err(failure)) => Err(failure),
-        _ => Ok(status),
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn results_go_beside_each_other_by_name() {
+        assert_eq!(
+            default_out(Path::new("data/desk/"), ""),
+            Path::new("out/desk")
+        );
+        let here = std::env::current_dir().unwrap();
+        let name = here.file_name().unwrap();
+        assert_eq!(default_out(Path::new("."), ""), Path::new("out").join(name));
+        // A file gives its name without the ending, a folder all of it.
+        let dir = tempfile::tempdir().unwrap();
+        let [file, folder] = ["walk.mcap", "walk.bag"].map(|n| dir.path().join(n));
+        std::fs::write(&file, "").unwrap();
+        std::fs::create_dir(&folder).unwrap();
+        assert_eq!(default_out(&file, "_live"), Path::new("out/walk_live"));
+        assert_eq!(default_out(&folder, ""), Path::new("out/walk.bag"));
     }
 }

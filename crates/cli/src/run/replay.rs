@@ -5,8 +5,9 @@ use crate::args::{InputArgs, TopicArgs};
 use crate::failure::{Failure, Status};
 use crate::run::about::About;
 use crate::run::known_map::KnownMap;
-use crate::run::prologue::{Means, Repeated, Task, last};
+use crate::run::prologue::{Means, Task};
 use crate::run::result::Voice;
+use crate::sink::Repeated;
 use crate::timing::Timing;
 use crate::{config, console};
 use std::path::Path;
@@ -48,19 +49,21 @@ pub(crate) fn replay(args: &ReplayArgs, timing: &'static Timing) -> Result<Statu
     )?;
     let Means {
         mut frames,
-        mut outputs,
+        mut sinks,
         interrupt,
         map,
     } = means;
     let driver = begun.driver(&interrupt, None, map);
     let place = args.log.display().to_string();
     let detector = about.detector.unwrap_or_default();
-    let (session, agrees) = driver
-        .drive_replay(&mut frames, &mut outputs, log, detector)
+    let session = driver
+        .drive_replay(&mut frames, &mut sinks, log, detector)
         .map_err(|e| e.at(&place))?;
-    let status = begun.end(&session, outputs, || Ok(Some(bytes)))?;
-    let status = last(session, status)?;
-    Ok(judge(agrees, status, &place, Voice::of(&args.output)))
+    let (over, found) = begun.finish(&session, sinks)?;
+    let status = over.write(&session, &found, Some(bytes))?;
+    let status = found.late.map_or(Ok(status), Err)?;
+    let voice = Voice::of(args.output.json.json);
+    Ok(judge(session.agrees, status, &place, voice))
 }
 
 /// The frames of a run, of the camera that is named or else that of the run.

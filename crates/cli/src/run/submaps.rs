@@ -1,12 +1,15 @@
 //! The final poses of a run by submap, and the files that they are written to.
 
-use crate::run::frames::MIN_INLIERS;
+use crate::output::submap_file;
 use crate::run::summary::SubmapJson;
 use std::collections::BTreeMap;
 use stillpoint::datasets::StampedPose;
 use stillpoint::imaging::FrameId;
 use stillpoint::map::{MapView, SubmapId};
 use stillpoint::slam::{Trajectory, TrajectoryEntry};
+
+/// Fewer landmarks may agree on a pose by chance: such poses are not written.
+pub(crate) const MIN_INLIERS: u32 = 30;
 
 /// Poses of one submap, in its own frame of reference.
 pub(crate) struct Submap {
@@ -35,25 +38,9 @@ pub(crate) fn describe(submaps: &[Submap]) -> Vec<SubmapJson> {
             id: submap.id.0,
             frames: submap.final_poses.len(),
             keyframes: submap.keyframes,
-            trajectory: file_name(i, submap.id),
+            trajectory: submap_file(i, submap.id),
         })
         .collect()
-}
-
-/// The file of the poses of a submap: the first is the run's trajectory.
-pub(crate) fn file_name(number: usize, id: SubmapId) -> String {
-    if number == 0 {
-        "trajectory.txt".to_owned()
-    } else {
-        format!("trajectory_submap_{id}.txt")
-    }
-}
-
-/// Whether a file of this name holds the poses of a further submap.
-pub(crate) fn is_submap_file(name: &str) -> bool {
-    let id = name.strip_prefix("trajectory_submap_");
-    let id = id.and_then(|rest| rest.strip_suffix(".txt"));
-    id.is_some_and(|id| id.parse::<u32>().is_ok())
 }
 
 /// Frames with their final poses, by submap of the final map; the submap with most frames first, which is the one that a trajectory is

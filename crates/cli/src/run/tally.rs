@@ -2,14 +2,18 @@
 
 use crate::console::{self, counted};
 use crate::run::frames::Frames;
-use crate::run::session::Session;
+use crate::run::live_report::LiveRun;
+use crate::run::session::{Poses, Session};
 use crate::run::submaps;
-use crate::run::summary::{DetectorJson, FeaturesJson, InertialJson, LoopsJson, OdometryJson};
+use crate::run::summary::{
+    DetectorJson, InertialJson, OdometryJson, ReadoutJson, StagesJson, TrackingJson,
+};
 use std::sync::Arc;
 use stillpoint::datasets::StampedPose;
 use stillpoint::detection::MOST_DETECTIONS;
-use stillpoint::map::MapView;
-use stillpoint::slam::{Event, FrameReport, Subscriber, Trajectory};
+use stillpoint::live::{Ended, LiveStatistics};
+use stillpoint::map::{Map, MapView};
+use stillpoint::slam::{Event, FrameReport, RunLog, Subscriber, Timing, Trajectory};
 
 /// Counts while frames go by.
 #[derive(Clone, Default)]
@@ -19,11 +23,7 @@ pub(crate) struct Tally {
     /// Frames that could not be read.
     pub(crate) skipped: usize,
     each: Frames,
-    features: FeaturesJson,
-    loops: LoopsJson,
-    detector: DetectorJson,
-    inertial: Option<InertialJson>,
-    odometry: Option<OdometryJson>,
+    stages: StagesJson,
 }
 
 impl Subscriber for Tally {
@@ -33,26 +33,26 @@ impl Subscriber for Tally {
             Event::Frame(frame) => self.take_report(&frame.report),
             Event::Refused(refused) => self.skip(refused),
             Event::Rejudged { report, .. } => {
-                self.features.rejudged_landmarks += u64::from(report.landmarks);
+                self.stages.features.rejudged_landmarks += u64::from(report.landmarks);
             }
             Event::Revoked { report, .. } => {
-                self.features.revoked_keyframes += u64::from(report.keyframes);
+                self.stages.features.revoked_keyframes += u64::from(report.keyframes);
             }
-            Event::Looped(report) => self.loops.add(report),
+            Event::Looped(report) => self.stages.loops.add(report),
             // What is to be said of them is said above.
             Event::Mapped { .. } | Event::Corrected { .. } => {}
             Event::Detected(detections) => {
-                self.detector.frames += 1;
+                self.stages.detector.frames += 1;
                 let count = detections.items.len();
-                self.detector.detections += count;
-                self.detector.left_out += count.saturating_sub(MOST_DETECTIONS);
+                self.stages.detector.detections += count;
+                self.stages.detector.left_out += count.saturating_sub(MOST_DETECTIONS);
             }
             Event::DetectorFailed(e) => {
                 // The others are most likely the same; the number of them is in the report.
-                if self.detector.failed_frames == 0 {
+                if self.stages.detector.failed_frames == 0 {
                     console::warn(&format!("the detector failed: {e}"));
                 }
-                self.detector.failed_frames += 1;
+                self.stages.detector.failed_frames += 1;
             }
         }
     }
@@ -105,33 +105,33 @@ fn tell(event: &Event) {
 impl Tally {
     fn take_report(&mut self, report: &FrameReport) {
         self.frames += 1;
-        self.features.add(&report.counts);
-        InertialJson::take(&mut self.inertial, report);
-        OdometryJson::take(&mut self.odometry, report);
-        self.detector.too_late += u64::from(report.counts.detections_too_late);
-        self.detector.without_pose += u64::from(report.counts.detections_without_pose);
+        self.stages.features.add(&report.counts);
+        InertialJson::take(&mut self.stages.inertial, report);
+        OdometryJson::take(&mut self.stages.odometry, report);
+        self.stages.detector.too_late += u64::from(report.counts.detections_too_late);
+        self.stages.detector.without_pose += u64::from(report.counts.detections_without_pose);
         self.each.take(report);
     }
 
-    /// Counts a frame that could not be read, and says so.
-    pub(crate) fn skip(&mut self, reason: &dyn std::fmt::Display) {
+    /// Counts a frame that was refused, and says so.
+    fn skip(&mut self, reason: &dyn std::fmt::Display) {
         self.skipped += 1;
         console::warn(&format!("skipped: {reason}"));
     }
 
     /// The pass as a whole.
-    pub(crate) fn close(mut self, end: End<'_>) -> Session {
-        self.each.settle(end.trajectory);
-        let view = end.view;
-        let mut submaps = self.each.submaps(end.trajectory, &view);
+    pub(crate) fn close(mut self, end: End) -> Session {
+        let (trajectory, view) = (&end.trajectory, end.view);
+        self.each.settle(trajectory);
+        let mut submaps = self.each.submaps(trajectory, &view);
         let described = submaps::describe(&submaps);
         let other_submaps = submaps.split_off(submaps.len().min(1));
         let first = submaps.pop();
         let submap = first.as_ref().map(|p| p.id);
-        if let Some(inertial) = &mut self.inertial {
+        if let Some(inertial) = &mut self.stages.inertial {
             inertial.settle(submap);
         }
-        let (final_poses, online_poses, of_frames) = first.map_or_else(Default::default, |p| {
+        let (final_poses, online, of_frames) = first.map_or_else(Default::default, |p| {
             (p.final_poses, p.online_poses, p.frames)
         });
         let keyframes = view
@@ -142,60 +142,91 @@ impl Tally {
                 world_from_camera: k.world_from_camera,
             })
             .collect();
-        let detector = DetectorJson {
-            frames: self.detector.frames,
-            detections: self.detector.detections,
-            left_out: self.detector.left_out,
-            failed_frames: self.detector.failed_frames,
-            too_late: self.detector.too_late,
-            without_pose: self.detector.without_pose,
-            ..end.detector
-        };
-        Session {
-            detector,
-            features: self.features,
-            loops: self.loops,
-            inertial: self.inertial,
-            up: None,
-            odometry: self.odometry,
+        let tracking = TrackingJson {
             frames: self.frames,
             skipped: self.skipped,
+            tracked: final_poses.len(),
             undecided: self.each.undecided(),
-            timing: end.timing,
+            readout: ReadoutJson {
+                seconds: end.timing.readout,
+                sigma: end.timing.readout_sigma,
+            },
             lost: self.each.lost(),
             still: self.each.still(),
-            frames_csv: self.each.to_csv(end.trajectory, &view),
             submaps: described,
-            other_submaps,
+        };
+        let answered = self.stages.detector.frames;
+        let live = end
+            .live
+            .map(|measured| measured.run(answered as f64 / end.seconds));
+        self.stages.detector = self.stages.detector.counts_of(end.detector);
+        Session {
+            tracking,
+            stages: self.stages,
+            frames_csv: self.each.to_csv(trajectory, &view),
+            poses: Poses {
+                final_poses,
+                of_frames,
+                online,
+                keyframes,
+                other_submaps,
+            },
+            timing: end.timing,
+            view,
+            map: end.map,
             interrupted: end.interrupted,
             seconds: end.seconds,
-            final_poses,
-            of_frames,
-            online_poses,
-            keyframes,
-            view,
-            saved: None,
-            dense: None,
-            things: None,
-            log: None,
-            live: None,
+            log: end.log,
+            agrees: end.agrees,
+            live,
         }
     }
 }
 
 /// How a pass ended.
-pub(crate) struct End<'a> {
-    pub(crate) trajectory: &'a Trajectory,
+pub(crate) struct End {
+    pub(crate) trajectory: Trajectory,
     /// The newest version of the map.
     pub(crate) view: Arc<MapView>,
+    /// The map itself; none where it cannot be used, or is not wanted.
+    pub(crate) map: Option<Map>,
     /// When the parts of a frame are exposed, as estimated in the end.
-    pub(crate) timing: stillpoint::slam::Timing,
+    pub(crate) timing: Timing,
     /// What the detector was, without counts.
     pub(crate) detector: DetectorJson,
     /// The user ended it early.
     pub(crate) interrupted: bool,
     /// From the first frame to the last, s.
     pub(crate) seconds: f64,
+    /// In which order the stages took their messages.
+    pub(crate) log: Option<RunLog>,
+    /// Of a replay that came to the end of its log: whether the trajectory is that of the run.
+    pub(crate) agrees: Option<bool>,
+    /// What was measured of a live run.
+    pub(crate) live: Option<Measured>,
+}
+
+/// What was measured of a live run.
+pub(crate) struct Measured {
+    /// Which frames were to be tracked, as the command line has it.
+    pub(crate) frames: &'static str,
+    pub(crate) statistics: LiveStatistics,
+    /// How the threads ended.
+    pub(crate) ended: Ended,
+    /// By how much frames arrived later than their stamps say, s.
+    pub(crate) late: Vec<f64>,
+}
+
+impl Measured {
+    fn run(&self, detections_per_second: f64) -> LiveRun {
+        LiveRun::new(
+            self.frames,
+            &self.statistics,
+            &self.ended,
+            detections_per_second,
+            &self.late,
+        )
+    }
 }
 
 #[cfg(test)]
@@ -232,12 +263,12 @@ mod tests {
         };
         let mut tally = Tally::default();
         tally.receive_all(&[failed.clone(), failed]);
-        assert!(tally.detector.never_answered());
+        assert!(tally.stages.detector.never_answered());
         tally.receive_all(&[seen(2), seen(0), rejudged.clone(), rejudged]);
-        let d = &tally.detector;
+        let d = &tally.stages.detector;
         assert_eq!((d.frames, d.detections, d.failed_frames), (2, 2, 2));
         assert!(!d.never_answered());
-        assert_eq!(tally.features.rejudged_landmarks, 14);
+        assert_eq!(tally.stages.features.rejudged_landmarks, 14);
     }
 
     #[test]
@@ -266,7 +297,7 @@ mod tests {
         let mut tally = Tally::default();
         tally.take_report(&report);
         tally.take_report(&report);
-        let d = &tally.detector;
+        let d = &tally.stages.detector;
         assert_eq!((d.too_late, d.without_pose), (4, 2));
     }
 }

@@ -1,105 +1,14 @@
-//! `--things` and `map objects`: what stands in the room.
+//! What stands in the room, as users see it: `map objects`.
 
 use crate::args::map::MapObjectsArgs;
 use crate::console;
 use crate::failure::{Failure, Status};
-use crate::map::file::{self, Loaded};
-use crate::run::known_map::Known;
-use crate::run::session::listeners::Writer;
+use crate::map::{file, kept};
 use serde::Serialize;
-use std::path::Path;
-use stillpoint::dense::{Room, Thing, ThingMap, Things, ThingsConfig};
-use stillpoint::geometry::{Camera, Vec3};
-use stillpoint::imaging::FrameId;
-use stillpoint::map::{Extension, MapView};
-use stillpoint::slam::{Config, Event, JoinedMaps, Subscriber};
-
-/// The things of a map file, if it has any.
-pub(crate) fn of_file(loaded: &Loaded, path: &Path) -> Result<Option<ThingMap>, Failure> {
-    let bytes = loaded.file.extension(ThingMap::EXTENSION);
-    let map = bytes.map(ThingMap::from_bytes);
-    map.transpose()
-        .map_err(|e| Failure::input(format!("{}: {e}", path.display())))
-}
-
-/// Gathers while frames go by.
-pub(crate) struct Gatherer(Things);
-
-impl Gatherer {
-    /// Before the first frame of a camera. `known` is the map that the run begins with; `frames` are those of a run that is repeated.
-    pub(crate) fn new(
-        camera: &Camera,
-        up: Option<Vec3>,
-        known: Option<&Known>,
-        config: &Config,
-        frames: Option<Vec<u32>>,
-    ) -> Self {
-        let mut settings = ThingsConfig::default();
-        settings.about_up = up.unwrap_or(settings.about_up);
-        let mut things = Things::new(&settings, camera).with_weights(config.motion_weights.clone());
-        if let Some(known) = known {
-            things = things.with_first_keyframe(known.map.view().keyframe_bound());
-            things = things.starting_with(known.things.clone().unwrap_or_default());
-        }
-        if let Some(frames) = frames {
-            things = things.with_frames(frames.into_iter().map(FrameId));
-        }
-        Self(things)
-    }
-
-    /// What there is at the poses of the final map.
-    pub(crate) fn finish(self, view: &MapView) -> Gathered {
-        let _span = tracing::info_span!("gather").entered();
-        let map = self.0.at(view);
-        Gathered {
-            things: map.list(view),
-            rooms: map.rooms(view),
-            frames: Some(self.0.taken().iter().map(|f| f.0).collect()),
-            map,
-        }
-    }
-}
-
-impl Writer for Gatherer {
-    fn write(&mut self, event: &Event) -> Result<(), Failure> {
-        self.0.receive(event);
-        Ok(())
-    }
-}
-
-/// What stands in the room.
-pub(crate) struct Gathered {
-    map: ThingMap,
-    things: Vec<Thing>,
-    rooms: Vec<Room>,
-    /// Numbers of the frames that were looked at; none where an earlier run knew it all.
-    pub(crate) frames: Option<Vec<u32>>,
-}
-
-impl Gathered {
-    /// What an earlier run knew: it stays as it is.
-    pub(crate) fn known(map: ThingMap, view: &MapView) -> Self {
-        Self {
-            things: map.list(view),
-            rooms: map.rooms(view),
-            frames: None,
-            map,
-        }
-    }
-
-    /// What a map file keeps of it.
-    pub(crate) fn extension(&self) -> Extension {
-        Extension {
-            name: ThingMap::EXTENSION.to_owned(),
-            bytes: self.map.to_bytes(),
-        }
-    }
-
-    /// As `map objects --json` has it.
-    pub(crate) fn json(&self) -> Result<String, Failure> {
-        to_json(&self.rooms, &self.things)
-    }
-}
+use stillpoint::dense::{Room, Thing, ThingMap};
+use stillpoint::geometry::Vec3;
+use stillpoint::map::Extension;
+use stillpoint::slam::JoinedMaps;
 
 /// What a map file keeps of the things of two maps that were put together; none where neither had any.
 pub(crate) fn joined(known: [Option<ThingMap>; 2], maps: &JoinedMaps) -> Option<Extension> {
@@ -171,7 +80,8 @@ struct LevelJson {
     things: Vec<ThingJson>,
 }
 
-fn to_json(rooms: &[Room], things: &[Thing]) -> Result<String, Failure> {
+/// As `things.json` and `map objects --json` have it.
+pub(crate) fn to_json(rooms: &[Room], things: &[Thing]) -> Result<String, Failure> {
     let room = |r: &Room| RoomJson {
         number: r.number,
         submap: r.submap.0,
@@ -189,7 +99,7 @@ fn to_json(rooms: &[Room], things: &[Thing]) -> Result<String, Failure> {
 /// `map objects`.
 pub(crate) fn objects(args: &MapObjectsArgs) -> Result<Status, Failure> {
     let loaded = file::load(&args.file)?;
-    let map = of_file(&loaded, &args.file)?.ok_or_else(|| {
+    let map = kept::things(&loaded, &args.file)?.ok_or_else(|| {
         Failure::input(format!(
             "{}: expected a map with things, found one in which no run has looked for them; run the recording with --things --save-map and a detector",
             args.file.display()

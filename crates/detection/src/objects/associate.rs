@@ -6,16 +6,15 @@ use super::measurement::Measurement;
 use super::occlusion::{Occlusion, Shown};
 use super::track::Track;
 use super::view::View;
-use pathfinding::kuhn_munkres::kuhn_munkres;
-use pathfinding::matrix::Matrix;
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
+use stillpoint_geometry::assign;
 use stillpoint_imaging::CoarseDepth;
 
-/// Integer units of one of benefit: the library needs a total order and exact sums.
+/// Integer units of one of benefit: sums are exact, and what is equal stays so.
 const UNITS: f64 = 1e6;
 /// What no sum of benefits outweighs.
-const FORBIDDEN: i64 = -1_000_000_000_000;
+const FORBIDDEN: f64 = -1e12;
 /// Tracks or detections that the method is used on at once. Things that hide each other in chains so long are boxes without meaning, as of a
 /// detector with a wrong threshold; there each takes what fits it best.
 const LARGEST_GROUP: usize = 64;
@@ -64,7 +63,7 @@ pub(super) fn associate(
             }
         }
     }
-    let assigned = assign(&pairs, tracks.len(), measurements.len());
+    let assigned = assign_by_group(&pairs, tracks.len(), measurements.len());
     let found = assigned.iter().enumerate();
     let measured = |i: usize, j: usize| {
         let mut m = own(i, j);
@@ -84,7 +83,7 @@ struct Pair {
 
 /// For each track its detection. Tracks and detections that no chain of pairs connects cannot take each other's place, so each group is
 /// solved on its own: the effort grows with the cube of the largest group instead of with that of all.
-fn assign(pairs: &[Pair], tracks: usize, detections: usize) -> Vec<Option<usize>> {
+fn assign_by_group(pairs: &[Pair], tracks: usize, detections: usize) -> Vec<Option<usize>> {
     let groups = groups(pairs, tracks, detections);
     let mut members: BTreeMap<usize, Group<'_>> = BTreeMap::new();
     for pair in pairs {
@@ -117,18 +116,13 @@ impl Group<'_> {
             set.iter().enumerate().map(|(n, i)| (*i, n)).collect()
         };
         let (rows, columns) = (place(&self.tracks), place(&self.detections));
-        // Each track has a column of its own that stands for no detection.
-        let mut weights = Matrix::new(rows.len(), columns.len() + rows.len(), FORBIDDEN);
-        for row in 0..rows.len() {
-            weights[(row, columns.len() + row)] = 0;
-        }
+        let mut weights = none_at_all(rows.len(), columns.len());
         for pair in &self.pairs {
-            weights[(rows[&pair.track], columns[&pair.detection])] = pair.benefit;
+            weights[rows[&pair.track]][columns[&pair.detection]] = pair.benefit as f64;
         }
-        let (_, found) = kuhn_munkres(&weights);
         let detections: Vec<usize> = self.detections.iter().copied().collect();
-        for (track, column) in self.tracks.iter().zip(found) {
-            assigned[*track] = detections.get(column).copied();
+        for (track, column) in self.tracks.iter().zip(assign(&weights)) {
+            assigned[*track] = column.and_then(|j| detections.get(j)).copied();
         }
     }
 }
@@ -145,6 +139,15 @@ impl Group<'_> {
             }
         }
     }
+}
+
+/// The benefits where no pair passes the gates. Each track has a column of its own, after those of the detections, that stands for no detection.
+fn none_at_all(tracks: usize, detections: usize) -> Vec<Vec<f64>> {
+    let mut weights = vec![vec![FORBIDDEN; detections + tracks]; tracks];
+    for (i, row) in weights.iter_mut().enumerate() {
+        row[detections + i] = 0.0;
+    }
+    weights
 }
 
 /// The group of each track, by the least number among its members.
@@ -182,17 +185,15 @@ mod tests {
             }
             let pair = |(&(track, detection), &benefit): (&(usize, usize), &i64)| Pair { track, detection, benefit };
             let pairs: Vec<Pair> = of.iter().map(pair).collect();
-            let mut weights = Matrix::new(7, 15, FORBIDDEN);
-            for i in 0..7 {
-                weights[(i, 8 + i)] = 0;
-            }
+            let mut weights = none_at_all(7, 8);
             for p in &pairs {
-                weights[(p.track, p.detection)] = p.benefit;
+                weights[p.track][p.detection] = p.benefit as f64;
             }
-            let (best, _) = kuhn_munkres(&weights);
-            let found = assign(&pairs, 7, 8);
+            let at_once = assign(&weights);
+            let best: f64 = at_once.iter().enumerate().filter_map(|(i, j)| Some(weights[i][(*j)?])).sum();
+            let found = assign_by_group(&pairs, 7, 8);
             let matched: Vec<(usize, usize)> = found.iter().enumerate().filter_map(|(i, j)| Some((i, (*j)?))).collect();
-            prop_assert_eq!(matched.iter().map(|m| of[m]).sum::<i64>(), best);
+            prop_assert_eq!(matched.iter().map(|m| of[m]).sum::<i64>() as f64, best);
             let taken: BTreeSet<usize> = matched.iter().map(|m| m.1).collect();
             prop_assert_eq!(taken.len(), matched.len());
         }

@@ -105,7 +105,7 @@ mod tests {
     use super::*;
     use crate::{BoundingBox, ClassId, Detection};
     use proptest::prelude::*;
-    use stillpoint_geometry::{Camera, Se3, Vec3};
+    use stillpoint_geometry::Camera;
     use stillpoint_imaging::{CoarseDepth, DepthImage};
 
     fn detection([x0, y0, w, h]: [f64; 4]) -> Detection {
@@ -133,7 +133,7 @@ mod tests {
         #[test]
         fn what_is_far_fits_nothing(a in boxes(), b in boxes(), has_depth in prop::bool::ANY, seconds in 0.0..1.0_f64) {
             let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
-            let view = View::new(&camera, camera.undistorted_bounds(), &Se3::default(), &Vec3::y());
+            let view = View::ahead(&camera);
             let z = if has_depth { 2.0 } else { 0.0 };
             let depth = DepthImage::from_vec(640, 480, vec![z; 640 * 480]).unwrap();
             let depth = CoarseDepth::new(&depth, 8);
@@ -152,12 +152,7 @@ mod tests {
     /// Whether a box of a person's fits a track that was cut at the left border twice, of a box of `width` px from there.
     fn fits_after_border(width: f64, new: [f64; 4]) -> bool {
         let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
-        let view = View::new(
-            &camera,
-            camera.undistorted_bounds(),
-            &Se3::default(),
-            &Vec3::y(),
-        );
+        let view = View::ahead(&camera);
         let depth = DepthImage::from_vec(640, 480, vec![1.0; 640 * 480]).unwrap();
         let depth = CoarseDepth::new(&depth, 8);
         let measured = |b| Measurement::new(&view, &detection(b), &depth).unwrap();

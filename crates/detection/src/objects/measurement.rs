@@ -129,16 +129,11 @@ impl Measurement {
 mod tests {
     use super::*;
     use crate::{BoundingBox, ClassId};
-    use stillpoint_geometry::{Camera, Se3, Vec3};
+    use stillpoint_geometry::Camera;
 
     fn measure([x0, y0, x1, y1]: [f64; 4]) -> Option<Measurement> {
         let camera = Camera::pinhole(640, 480, [500.0, 500.0, 319.5, 239.5]);
-        let view = View::new(
-            &camera,
-            camera.undistorted_bounds(),
-            &Se3::default(),
-            &Vec3::y(),
-        );
+        let view = View::ahead(&camera);
         let detection = Detection {
             class: ClassId::PERSON,
             score: 0.5,

@@ -277,7 +277,7 @@ mod tests {
     use super::*;
     use crate::objects::view::View;
     use crate::{ClassId, Detection};
-    use stillpoint_geometry::{Camera, Se3, Vec3};
+    use stillpoint_geometry::Camera;
     use stillpoint_imaging::DepthImage;
 
     const BOX: BoundingBox = BoundingBox {
@@ -297,12 +297,7 @@ mod tests {
     /// Depths of the surfaces that a box with one surface has left for somebody 2.5 m away, while another stands 1 m away before him.
     fn left_for_the_farther(surface: f64) -> Vec<f64> {
         let camera = Camera::pinhole(640, 480, [517.3, 516.5, 318.6, 255.3]);
-        let view = View::new(
-            &camera,
-            camera.undistorted_bounds(),
-            &Se3::default(),
-            &Vec3::y(),
-        );
+        let view = View::ahead(&camera);
         let detection = Detection {
             class: ClassId::PERSON,
             score: 0.8,

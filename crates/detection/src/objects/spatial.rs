@@ -303,12 +303,7 @@ mod tests {
     #[test]
     fn projects_a_person_by_hand() {
         let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
-        let view = View::new(
-            &camera,
-            camera.undistorted_bounds(),
-            &Se3::default(),
-            &Vec3::y(),
-        );
+        let view = View::ahead(&camera);
         let (w, h) = (libm::log(0.5), libm::log(1.6));
         let f = filter(&[0.2, 0.1, 2.0, 0.0, 0.0, 0.0, w, h]);
         let p = f.project(&view).unwrap();

@@ -71,17 +71,12 @@ mod tests {
     use super::super::kalman::{Gaussian, Mat8, Vec8};
     use super::super::view::View;
     use super::*;
-    use stillpoint_geometry::{Camera, Se3, Vec3};
+    use stillpoint_geometry::Camera;
 
     #[test]
     fn keeps_to_its_own_surface() {
         let camera = Camera::pinhole(640, 480, [500.0, 500.0, 320.0, 240.0]);
-        let view = View::new(
-            &camera,
-            camera.undistorted_bounds(),
-            &Se3::default(),
-            &Vec3::y(),
-        );
+        let view = View::ahead(&camera);
         let f = Spatial {
             state: Gaussian {
                 mean: Vec8::from_column_slice(&[0.0, 0.0, 2.5, 0.0, 0.0, 0.0, 0.0, 0.0]),

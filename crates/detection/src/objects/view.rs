@@ -51,6 +51,13 @@ impl<'a> View<'a> {
         }
     }
 
+    /// From where the world begins, level.
+    #[cfg(test)]
+    pub(super) fn ahead(camera: &'a Camera) -> Self {
+        let limits = camera.undistorted_bounds();
+        Self::new(camera, limits, &Se3::default(), &Vec3::y())
+    }
+
     /// A point of the world in camera coordinates.
     pub(super) fn camera_point(&self, world: &Vec3) -> Vec3 {
         self.rotation * (world - self.world_from_camera.translation)
@@ -156,7 +163,7 @@ mod tests {
             x0 in 0.0..600.0_f64, y0 in 0.0..440.0_f64, w in 0.05..1.0_f64, h in 0.05..1.0_f64
         ) {
             let camera = fr1();
-            let view = View::new(&camera, camera.undistorted_bounds(), &Se3::default(), &Vec3::y());
+            let view = View::ahead(&camera);
             let raw = BoundingBox { x0, y0, x1: x0 + w * (639.0 - x0), y1: y0 + h * (479.0 - y0) };
             let back = view.raw(&view.undistorted(&raw));
             // The midpoint of a side moves a little along it, which the distortion hardly sees.
@@ -169,12 +176,7 @@ mod tests {
     #[test]
     fn a_box_outside_has_no_area() {
         let camera = fr1();
-        let view = View::new(
-            &camera,
-            camera.undistorted_bounds(),
-            &Se3::default(),
-            &Vec3::y(),
-        );
+        let view = View::ahead(&camera);
         for sides in [
             [-900.0, 100.0, -200.0, 300.0],
             [700.0, 100.0, 5000.0, 300.0],

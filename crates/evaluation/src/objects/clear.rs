@@ -1,7 +1,7 @@
 //! CLEAR MOT: what is found, missed and exchanged, frame by frame.
 
-use super::assignment::assign;
 use super::{Row, Table, share};
+use stillpoint_geometry::assign;
 
 /// MOTA and what it is made of.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

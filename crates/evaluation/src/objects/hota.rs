@@ -1,7 +1,7 @@
 //! HOTA: detection and association in one figure, over thresholds of overlap.
 
-use super::assignment::assign;
 use super::{Row, Table, share};
+use stillpoint_geometry::assign;
 
 /// HOTA and its parts, each the mean over the thresholds 0.05, 0.10, .. 0.95; 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,7 +1,7 @@
 //! IDF1: one number per thing for the whole sequence.
 
-use super::assignment::assign;
 use super::{Table, share};
+use stillpoint_geometry::assign;
 
 /// IDF1 and what it is made of, 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -1,7 +1,7 @@
 //! What does not count: tracks on things that are there and in no list of what moves.
 
-use super::assignment::assign;
 use super::{TrackFrame, iou};
+use stillpoint_geometry::assign;
 
 /// Overlap from which a found box is one of the truth's, before it may be ignored: that of MOTChallenge.
 const TRUE: f64 = 0.5;

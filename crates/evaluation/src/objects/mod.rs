@@ -4,7 +4,6 @@
 //! tracking", IJCV 2021), CLEAR MOT (Bernardin, Stiefelhagen, "Evaluating multiple object tracking performance", 2008), IDF1 (Ristani et al., "Performance
 //! measures and a data set for multi-target, multi-camera tracking", 2016). Figures agree with the Python package `trackeval`. Knows boxes, not images.
 
-mod assignment;
 mod clear;
 mod hota;
 mod identity;

@@ -125,7 +125,7 @@ impl Pull<'_> {
             };
         }
         let known = self.expected()?;
-        let checksum = self.checksum(known.is_some());
+        let checksum = Checksum::of(self.archive.sha256, known.is_some());
         Ok(Some(Pulled {
             folder,
             sha256: known.map(|sha256| (sha256, checksum)),
@@ -133,14 +133,6 @@ impl Pull<'_> {
             transferred: 0,
             resumed: 0,
         }))
-    }
-
-    fn checksum(&self, expected: bool) -> Checksum {
-        match (self.archive.sha256, expected) {
-            (Some(_), _) => Checksum::Verified,
-            (None, true) => Checksum::MatchesRecord,
-            (None, false) => Checksum::Recorded,
-        }
     }
 
     /// The checksum that the archive must have: the known one, else that of the first download.
@@ -171,7 +163,7 @@ impl Pull<'_> {
         let _ = std::fs::remove_dir_all(&aside);
         placed?;
         part.discard()?;
-        let checksum = self.checksum(expected.is_some());
+        let checksum = Checksum::of(self.archive.sha256, expected.is_some());
         Ok(Pulled {
             folder: self.folder(),
             sha256: Some((fetched.sha256, checksum)),

@@ -1,15 +1,14 @@
 //! Putting a model into the cache: written aside, then moved into place, so that no half file ever has a model's name.
 
 use super::Cache;
-use super::checksum::sha256_hex;
 use super::error::CacheError;
 use super::listing::{CachedModel, check_size};
 use super::name::check_name;
 use super::record::{Record, now};
 use std::fs::{File, OpenOptions};
-use std::io::{ErrorKind, Write};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::io::ErrorKind;
+use std::path::Path;
+use stillpoint_files::{Aside, sha256_hex, sync_folder};
 
 /// Who holds it renames files. No model's name begins with a dot, so that this is not the lock of a download.
 const LOCK: &str = ".install.lock";
@@ -40,7 +39,8 @@ impl Cache {
     /// # Errors
     /// It cannot be written.
     pub fn write_file(&self, name: &str, suffix: &str, text: &str) -> Result<(), CacheError> {
-        Aside::write(&self.folder(), name, text.as_bytes())?.rename(&self.file(name, suffix))
+        let path = self.file(name, suffix);
+        rename(aside(&path, text.as_bytes())?, &path)
     }
 
     /// Removes a file beside a model, [`Cache::file`], if it is there.
@@ -69,96 +69,62 @@ impl Cache {
             installed: Some(now()),
             ..record
         };
+        let (onnx_path, card_path) = (self.onnx_path(name), self.card_path(name));
         let record_path = self.record_path(name);
         let text = record.to_toml().map_err(|found| CacheError::Record {
             path: record_path.clone(),
             found,
         })?;
-        let onnx = Aside::write(&folder, name, onnx)?;
-        let card = card
-            .map(|card| Aside::write(&folder, name, card.as_bytes()))
-            .transpose()?;
-        let text = Aside::write(&folder, name, text.as_bytes())?;
+        let onnx = aside(&onnx_path, onnx)?;
+        let card = card.map(|card| aside(&card_path, card.as_bytes()));
+        let card = card.transpose()?;
+        let text = aside(&record_path, text.as_bytes())?;
 
         // Two installations of one name at once must not mix their files.
         let _lock = lock(&folder.join(LOCK))?;
-        for path in [&record_path, &self.card_path(name), &self.onnx_path(name)] {
+        for path in [&record_path, &card_path, &onnx_path] {
             refuse_folder(path)?;
         }
         before_step()?;
-        text.rename(&record_path)?;
+        rename(text, &record_path)?;
         // The order is that on the disk, too.
         sync_folder(&folder);
         before_step()?;
         match card {
-            Some(card) => card.rename(&self.card_path(name))?,
-            None => remove(&self.card_path(name))?,
+            Some(card) => rename(card, &card_path)?,
+            None => remove(&card_path)?,
         }
         sync_folder(&folder);
         before_step()?;
-        onnx.rename(&self.onnx_path(name))?;
+        rename(onnx, &onnx_path)?;
         sync_folder(&folder);
         self.find(name)?.ok_or_else(|| CacheError::Read {
-            path: self.onnx_path(name),
+            path: onnx_path,
             source: ErrorKind::NotFound.into(),
         })
     }
 }
 
-/// A file under a name that no one else uses, in the folder of its final place. Dropping it removes it.
-#[derive(Debug)]
-struct Aside {
-    path: PathBuf,
+/// A file that is to take this place, on the disk.
+fn aside(path: &Path, bytes: &[u8]) -> Result<Aside, CacheError> {
+    Aside::with(path, bytes).map_err(|e| unwritable(path, e))
 }
 
-impl Aside {
-    fn write(folder: &Path, name: &str, bytes: &[u8]) -> Result<Self, CacheError> {
-        static COUNT: AtomicU64 = AtomicU64::new(0);
-        let path = folder.join(format!(
-            ".{name}.{}-{}.tmp",
-            std::process::id(),
-            COUNT.fetch_add(1, Ordering::Relaxed)
-        ));
-        let failed = |path: &Path, source| CacheError::Write {
-            path: path.to_owned(),
-            source,
-        };
-        // A file of this name is of an earlier process with our number, which did not end well.
-        remove(&path)?;
-        let mut file = OpenOptions::new()
-            .write(true)
-            .create_new(true)
-            .open(&path)
-            .map_err(|e| failed(&path, e))?;
-        let aside = Self { path };
-        file.write_all(bytes)
-            .and_then(|()| file.sync_all())
-            .map_err(|e| failed(&aside.path, e))?;
-        Ok(aside)
-    }
-
-    fn rename(self, to: &Path) -> Result<(), CacheError> {
-        // Once it has moved, dropping finds nothing to remove.
-        std::fs::rename(&self.path, to).map_err(|source| CacheError::Write {
-            path: to.to_owned(),
-            source,
-        })
-    }
+fn rename(aside: Aside, to: &Path) -> Result<(), CacheError> {
+    aside.take_place(to).map_err(|e| unwritable(to, e))
 }
 
-impl Drop for Aside {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.path);
+fn unwritable(path: &Path, source: std::io::Error) -> CacheError {
+    CacheError::Write {
+        path: path.to_owned(),
+        source,
     }
 }
 
 /// A folder cannot be replaced by a file, which must be known before the first renaming.
 fn refuse_folder(path: &Path) -> Result<(), CacheError> {
     if path.symlink_metadata().is_ok_and(|m| m.is_dir()) {
-        return Err(CacheError::Write {
-            path: path.to_owned(),
-            source: ErrorKind::IsADirectory.into(),
-        });
+        return Err(unwritable(path, ErrorKind::IsADirectory.into()));
     }
     Ok(())
 }
@@ -173,10 +139,7 @@ fn lock(path: &Path) -> Result<File, CacheError> {
             .open(path)?;
         file.lock().map(|()| file)
     };
-    locked().map_err(|source| CacheError::Write {
-        path: path.to_owned(),
-        source,
-    })
+    locked().map_err(|e| unwritable(path, e))
 }
 
 /// Removes a file that may not be there.
@@ -184,17 +147,7 @@ fn remove(path: &Path) -> Result<(), CacheError> {
     match std::fs::remove_file(path) {
         Ok(()) => Ok(()),
         Err(e) if e.kind() == ErrorKind::NotFound => Ok(()),
-        Err(source) => Err(CacheError::Write {
-            path: path.to_owned(),
-            source,
-        }),
-    }
-}
-
-/// Brings the renamings to the disk. Where a folder cannot be opened for that (Windows) the file system orders them by itself.
-fn sync_folder(folder: &Path) {
-    if let Ok(folder) = File::open(folder) {
-        let _ = folder.sync_all();
+        Err(e) => Err(unwritable(path, e)),
     }
 }
 

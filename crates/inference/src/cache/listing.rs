@@ -1,12 +1,12 @@
 //! What lies in the cache: models, damaged ones and files of others included.
 
-use super::checksum::{sha256_hex, sha256_of};
 use super::error::CacheError;
 use super::name::check_name;
 use super::record::Record;
 use super::{Cache, LARGEST, in_the_way};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
+use stillpoint_files::{Digest, sha256_hex};
 
 /// Whether a model is what its record says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -232,11 +232,13 @@ fn model_name(file: &str) -> Option<String> {
 
 /// Fills in what the files say.
 fn inspect(model: &mut CachedModel, record_path: &Path) -> Result<(), CacheError> {
-    let read = sha256_of(&mut open(&model.onnx)?).map_err(|source| CacheError::Read {
+    let mut digest = Digest::default();
+    let read = digest.add_all(&mut open(&model.onnx)?);
+    model.bytes = read.map_err(|source| CacheError::Read {
         path: model.onnx.clone(),
         source,
-    });
-    (model.sha256, model.bytes) = read?;
+    })?;
+    model.sha256 = digest.hex();
     model.record = read_record(record_path)?;
     match &model.record {
         Some(record) => {

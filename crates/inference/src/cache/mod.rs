@@ -4,14 +4,12 @@
 //! came from ([`Record`]); and, for models whose publisher states no checksum, `NAME.sha256`, the checksum of the first download. While a
 //! download is unfinished there are also `NAME.part` and `NAME.part.toml`. Files that a user puts there by hand are models, too.
 
-mod checksum;
 mod error;
 mod install;
 mod listing;
 mod name;
 mod record;
 
-pub use checksum::{is_sha256, sha256_hex};
 pub use error::CacheError;
 pub use listing::{CachedModel, State, Stray};
 pub use name::check_name;

@@ -1,8 +1,8 @@
 //! The record beside a model: where it came from, and what its bytes should be.
 
-use super::checksum::{is_sha256, sha256_hex};
 use serde::{Deserialize, Serialize};
 use std::time::{SystemTime, UNIX_EPOCH};
+use stillpoint_files::{is_sha256, sha256_hex};
 
 /// What a published file is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

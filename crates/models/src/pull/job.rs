@@ -8,11 +8,10 @@ use std::io::{ErrorKind, Read};
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use stillpoint_fetch::{
-    Disk, FetchError, Fetched, Lock, Part, Waits, Wanted, fetch, page_hint, shown_address,
+    Disk, FetchError, Fetched, Lock, Part, Waits, Wanted, Watch, fetch, page_hint, recorded,
+    shown_address,
 };
-use stillpoint_inference::{
-    Cache, CacheError, CachedModel, Form, LARGEST, State, check_name, is_sha256,
-};
+use stillpoint_inference::{Cache, CacheError, CachedModel, Form, LARGEST, State, check_name};
 
 /// What the name of the file ends with that holds the checksum of a first download.
 const CHECKSUM: &str = "sha256";
@@ -29,9 +28,6 @@ pub(super) struct Job<'a> {
     pub(super) disk: &'a dyn Disk,
     pub(super) convert: Convert<'a>,
 }
-
-/// Called with the progress; it may break off.
-type Watch<'a> = &'a mut dyn FnMut(Progress) -> ControlFlow<()>;
 
 impl Job<'_> {
     /// See [`pull`](super::pull).
@@ -60,7 +56,7 @@ impl Job<'_> {
         Ok(Pulled {
             model,
             url: self.url(),
-            checksum: self.checksum(expected.is_some()),
+            checksum: Checksum::of(self.model.sha256, expected.is_some()),
             sha256,
             transferred: fetched.transferred,
             resumed: fetched.resumed,
@@ -84,14 +80,6 @@ impl Job<'_> {
         ByHand::new(self.model, self.cache)
     }
 
-    fn checksum(&self, expected: bool) -> Checksum {
-        match (self.model.sha256, expected) {
-            (Some(_), _) => Checksum::Verified,
-            (None, true) => Checksum::MatchesRecord,
-            (None, false) => Checksum::Recorded,
-        }
-    }
-
     /// The checksum that the published file must have: the known one, else that of the first download.
     fn expected(&self) -> Result<Option<String>, CacheError> {
         if let Some(sha256) = self.model.sha256 {
@@ -101,8 +89,8 @@ impl Job<'_> {
         match std::fs::read_to_string(&path) {
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
             Err(source) => Err(CacheError::Read { path, source }),
-            Ok(text) => match text.split_whitespace().next().filter(|sum| is_sha256(sum)) {
-                Some(sha256) => Ok(Some(sha256.to_owned())),
+            Ok(text) => match recorded(&text) {
+                Some(sha256) => Ok(Some(sha256)),
                 None => Err(CacheError::Checksum { path }),
             },
         }
@@ -133,7 +121,7 @@ impl Job<'_> {
                 model,
                 url: self.url(),
                 sha256: expected.to_owned(),
-                checksum: self.checksum(true),
+                checksum: Checksum::of(self.model.sha256, true),
                 transferred: 0,
                 resumed: 0,
             })),
@@ -181,15 +169,7 @@ impl Job<'_> {
                 stall: self.options.stall_timeout,
             },
         };
-        fetch(
-            &wanted,
-            part,
-            self.disk,
-            &mut |state| match Progress::of(state) {
-                Some(state) => progress(state),
-                None => ControlFlow::Continue(()),
-            },
-        )
+        fetch(&wanted, part, self.disk, progress)
     }
 
     /// Compares the checksum of the file with the one that it must have.

@@ -9,7 +9,7 @@ mod job;
 mod tests;
 
 pub use error::{ByHand, PullError};
-pub use stillpoint_fetch::{Checksum, FetchError};
+pub use stillpoint_fetch::{Checksum, FetchError, Progress};
 
 use crate::catalogue::KnownModel;
 use crate::import::import_checkpoint;
@@ -40,50 +40,6 @@ impl Default for PullOptions {
             connect_timeout: connect,
             stall_timeout: stall,
             again: false,
-        }
-    }
-}
-
-/// How far a download is.
-#[derive(Clone, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum Progress {
-    /// The server is asked.
-    Connecting {
-        /// The address.
-        url: String,
-    },
-    /// Bytes have come.
-    Receiving {
-        /// Bytes that are here.
-        received: u64,
-        /// Bytes of the whole file, if known.
-        total: Option<u64>,
-        /// Bytes that were here before, from a download that broke off.
-        resumed: u64,
-    },
-    /// The file is whole, and compared with its checksum.
-    Checking,
-    /// The checkpoint is turned into ONNX.
-    Converting,
-}
-
-impl Progress {
-    /// A download's own; none of what only archives have.
-    fn of(state: stillpoint_fetch::Progress) -> Option<Self> {
-        use stillpoint_fetch::Progress as State;
-        match state {
-            State::Connecting { url } => Some(Self::Connecting { url }),
-            State::Receiving {
-                received,
-                total,
-                resumed,
-            } => Some(Self::Receiving {
-                received,
-                total,
-                resumed,
-            }),
-            _ => None,
         }
     }
 }

@@ -1,9 +1,9 @@
 //! Depth images.
 
 use super::colour::decode;
-use super::{Bad, Result, rows, rvl, size};
+use super::{Bad, Result, rows, size};
 use image::DynamicImage;
-use stillpoint_imaging::DepthImage;
+use stillpoint_imaging::{DepthImage, rvl};
 use stillpoint_ros_messages::Image;
 
 /// Whether an encoding is one of depth images.
@@ -180,8 +180,8 @@ fn whole_numbers(format: &str, image: &[u8]) -> Result<(usize, usize, Vec<u16>)>
         let [w, h] = two_words(image).ok_or_else(short)?;
         let (width, height) = size(w, h)?;
         // A pixel takes an eighth of half a byte at least, but for runs of zeros, which take none.
-        let raw = rvl::decode(&image[8..], width * height);
-        let raw = raw
+        let mut raw = Vec::new();
+        rvl::decode(&image[8..], width * height, &mut raw)
             .ok_or_else(|| Bad::new(COMPRESSED, format!("broken RVL of {width} x {height} px")))?;
         return Ok((width, height, raw));
     }

@@ -3,7 +3,6 @@
 mod bayer;
 pub(crate) mod colour;
 pub(crate) mod depth;
-mod rvl;
 mod yuv;
 
 pub(crate) use colour::{Colour, colour, compressed_colour, stated_size};

@@ -1,9 +1,10 @@
 //! Bags of ROS 1, version 2.0, <https://wiki.ros.org/Bags/Format/2.0>: records one after the other, messages in chunks.
 
+use super::Contents;
 use super::blocks::{Block, BlockFile, Bytes, Compression};
 use super::chunk::Chunk;
 use super::cursor::Cursor;
-use super::{Contents, HEAD, Place};
+use super::scanned::{Level, Scanned};
 use crate::budget::{LONGEST_NAME, MOST_NUMBERS, Unpacking};
 use crate::error::{RecordingError, Result};
 use std::collections::BTreeMap;
@@ -29,31 +30,18 @@ pub(crate) fn open(
     unpacking: &mut Unpacking,
 ) -> Result<(BlockFile, Contents)> {
     let mut scan = Scan {
-        file,
-        contents: Contents::of(bytes.len),
-        store: BlockFile::new(bytes),
-        unpacking,
+        scanned: Scanned::new(bytes, file, unpacking),
         connections: BTreeMap::new(),
     };
-    let end = scan.store.bytes.len;
+    let end = scan.scanned.store.bytes.len;
     scan.records(MAGIC.len() as u64, end, Level::File)?;
-    Ok((scan.store, scan.contents))
+    Ok((scan.scanned.store, scan.scanned.contents))
 }
 
 struct Scan<'b> {
-    file: u16,
-    store: BlockFile,
-    unpacking: &'b mut Unpacking,
+    scanned: Scanned<'b>,
     /// Topic and type by number, and the index in the contents; without one it is left out.
     connections: BTreeMap<u32, (String, String, Option<u32>)>,
-    contents: Contents,
-}
-
-/// Where records stand. Chunks hold none: a file that says otherwise is damaged.
-#[derive(Clone, Copy, PartialEq)]
-enum Level {
-    File,
-    Chunk,
 }
 
 /// Fields of a header by name.
@@ -96,11 +84,11 @@ impl Scan<'_> {
     fn records(&mut self, mut at: u64, end: u64, level: Level) -> Result<()> {
         while at < end {
             let Some((header, data, len)) = self.frame(at, end)? else {
-                self.contents.cut(at);
+                self.scanned.contents.cut(at);
                 return Ok(());
             };
             let Some(fields) = Fields::parse(&header) else {
-                self.contents.cut(at);
+                self.scanned.contents.cut(at);
                 return Ok(());
             };
             let whole = len <= end - data;
@@ -111,19 +99,19 @@ impl Scan<'_> {
                 _ if !whole => {}
                 Some(BAG_HEADER) => self.check(&fields)?,
                 Some(CONNECTION) if len <= LARGEST_CONNECTION => {
-                    let bytes = self.store.bytes.get(data, len)?;
+                    let bytes = self.scanned.store.bytes.get(data, len)?;
                     self.connection(&fields, &bytes);
                 }
                 Some(MESSAGE) => {
                     let wanted = self.wanted(&fields) as u64;
-                    let head = self.store.bytes.get(data, len.min(wanted))?;
+                    let head = self.scanned.store.bytes.get(data, len.min(wanted))?;
                     self.message(&fields, &head, None, data, len);
                 }
                 // Indexes: everything is found without them.
                 _ => {}
             }
             if !whole {
-                self.contents.cut(at);
+                self.scanned.contents.cut(at);
                 return Ok(());
             }
             at = data + len;
@@ -134,7 +122,7 @@ impl Scan<'_> {
     /// Header, place of the data and its length, of the record at `at`.
     fn frame(&mut self, at: u64, end: u64) -> Result<Option<(Vec<u8>, u64, u64)>> {
         let mut word = [0; 4];
-        if end - at < 4 || !self.store.bytes.fill(at, &mut word)? {
+        if end - at < 4 || !self.scanned.store.bytes.fill(at, &mut word)? {
             return Ok(None);
         }
         let n = u32::from_le_bytes(word);
@@ -142,8 +130,8 @@ impl Scan<'_> {
         if n > LARGEST_HEADER || data > end {
             return Ok(None);
         }
-        let header = self.store.bytes.get(at + 4, n.into())?;
-        if !self.store.bytes.fill(data - 4, &mut word)? {
+        let header = self.scanned.store.bytes.get(at + 4, n.into())?;
+        if !self.scanned.store.bytes.fill(data - 4, &mut word)? {
             return Ok(None);
         }
         Ok(Some((header, data, u32::from_le_bytes(word).into())))
@@ -152,7 +140,7 @@ impl Scan<'_> {
     fn check(&self, fields: &Fields<'_>) -> Result<()> {
         match fields.text("encryptor") {
             Some(name) if !name.is_empty() => Err(RecordingError::format(
-                &self.store.bytes.path,
+                &self.scanned.store.bytes.path,
                 "a bag in plain",
                 format!("one encrypted by {name}"),
                 "decrypt it with rosbag",
@@ -170,20 +158,22 @@ impl Scan<'_> {
             Some((id, topic, inner.text("type")?))
         })();
         let Some((id, topic, type_name)) = read else {
-            self.contents
+            self.scanned
+                .contents
                 .remarks
                 .add(|| "a connection record does not read and is left out".to_owned());
             return;
         };
         if let Some((known, known_type, _)) = self.connections.get(&id) {
             if (known, known_type) != (&topic, &type_name) {
-                self.contents.remarks.add(|| {
+                self.scanned.contents.remarks.add(|| {
                     format!("a connection record contradicts an earlier one of number {id} and is left out")
                 });
             }
             return;
         }
         let index = self
+            .scanned
             .contents
             .channel(&topic, &type_name, Some(Format::Ros1));
         if topic.len().max(type_name.len()) <= LONGEST_NAME && self.connections.len() < MOST_NUMBERS
@@ -198,8 +188,7 @@ impl Scan<'_> {
 
     /// Bytes of a message that are looked at.
     fn wanted(&self, fields: &Fields<'_>) -> usize {
-        let channel = self.index_of(fields);
-        channel.map_or(HEAD, |c| self.contents.head_of(c))
+        self.scanned.wanted(self.index_of(fields))
     }
 
     fn message(
@@ -219,13 +208,8 @@ impl Scan<'_> {
         let Some((channel, logged)) = read else {
             return;
         };
-        let place = Place {
-            file: self.file,
-            block,
-            offset,
-            len: u32::try_from(len).unwrap_or(u32::MAX),
-        };
-        self.contents.message(channel, logged, head, place);
+        let place = self.scanned.place(block, offset, len);
+        self.scanned.contents.message(channel, logged, head, place);
     }
 
     /// A chunk of which `len` bytes are there, which is all of it or not.
@@ -234,11 +218,7 @@ impl Scan<'_> {
         let size = u64::from(fields.u32("size").unwrap_or(0));
         let Some(how) = Compression::named(&name).filter(|how| *how != Some(Compression::Zstd))
         else {
-            let expected = "chunks without compression, or with lz4 or bz2";
-            let found = format!("\"{name}\"");
-            let advice = "convert it with rosbag";
-            let path = &self.store.bytes.path;
-            return Err(RecordingError::format(path, expected, found, advice));
+            return Err(self.scanned.not_unpacked(&name, "lz4 or bz2", "rosbag"));
         };
         let Some(how) = how else {
             return self.records(offset, offset + len, Level::Chunk);
@@ -255,8 +235,7 @@ impl Scan<'_> {
             crc: 0,
             whole,
         };
-        let (store, contents) = (&mut self.store, &mut self.contents);
-        if let Some((index, bytes)) = chunk.unpack(block, store, self.unpacking, contents)? {
+        if let Some((index, bytes)) = self.scanned.unpack(block, &chunk)? {
             self.unpacked(&bytes, index, offset);
         }
         Ok(())
@@ -272,9 +251,7 @@ impl Scan<'_> {
                 Some((Fields::parse(header)?, header.len() as u64, from.bytes()?))
             })();
             let Some((fields, header, data)) = read else {
-                self.contents.remarks.add(|| {
-                    format!("the chunk at byte {at} ends within a record: what is before is used")
-                });
+                self.scanned.ends_within_a_record(at);
                 break;
             };
             let offset = done + 8 + header;

@@ -3,9 +3,10 @@
 use super::blocks::{Block, BlockFile, Bytes, Compression, wrong_crc};
 use super::chunk::Chunk;
 use super::cursor::Cursor;
-use super::{Contents, HEAD, Place};
+use super::scanned::{Level, Scanned};
+use super::{Contents, HEAD};
 use crate::budget::{LONGEST_NAME, Unpacking};
-use crate::error::{RecordingError, Result};
+use crate::error::Result;
 use std::collections::BTreeMap;
 use stillpoint_ros_messages::Format;
 
@@ -33,28 +34,22 @@ pub(crate) fn open(
     unpacking: &mut Unpacking,
 ) -> Result<(BlockFile, Contents)> {
     let mut scan = Scan {
-        file,
-        contents: Contents::of(bytes.len),
-        store: BlockFile::new(bytes),
-        unpacking,
+        scanned: Scanned::new(bytes, file, unpacking),
         schemas: BTreeMap::new(),
         channels: BTreeMap::new(),
         unchecked: Vec::new(),
     };
-    let end = scan.store.bytes.len;
+    let end = scan.scanned.store.bytes.len;
     scan.records(MAGIC.len() as u64, end, Level::File)?;
-    Ok((scan.store, scan.contents))
+    Ok((scan.scanned.store, scan.scanned.contents))
 }
 
 struct Scan<'b> {
-    file: u16,
-    store: BlockFile,
-    unpacking: &'b mut Unpacking,
+    scanned: Scanned<'b>,
     /// Name by number.
     schemas: BTreeMap<u16, String>,
     /// Topic, schema and encoding by number, and the index in the contents; without one it is left out.
     channels: BTreeMap<u16, (Declared, Option<u32>)>,
-    contents: Contents,
     /// Which of the messages no checksum of a chunk vouches for.
     unchecked: Vec<std::ops::Range<usize>>,
 }
@@ -65,13 +60,6 @@ struct Declared {
     topic: String,
     type_name: String,
     format: Option<Format>,
-}
-
-/// Where records stand. Chunks hold none: a file that says otherwise is damaged.
-#[derive(Clone, Copy, PartialEq)]
-enum Level {
-    File,
-    Chunk,
 }
 
 /// What to do after a record.
@@ -86,21 +74,21 @@ impl Scan<'_> {
     fn records(&mut self, mut at: u64, end: u64, level: Level) -> Result<Next> {
         while at < end {
             let mut head = [0; RECORD_HEAD as usize];
-            let whole = end - at >= RECORD_HEAD && self.store.bytes.fill(at, &mut head)?;
+            let whole = end - at >= RECORD_HEAD && self.scanned.store.bytes.fill(at, &mut head)?;
             let (op, len) = (
                 head[0],
                 u64::from_le_bytes(head[1..].try_into().unwrap_or_default()),
             );
             let body = at + RECORD_HEAD;
             if !whole || (len > end - body && op != CHUNK) {
-                self.contents.cut(at);
+                self.scanned.contents.cut(at);
                 return Ok(Next::Stop);
             }
             if self.record(op, body, len, level)? == Next::Stop {
                 return Ok(Next::Stop);
             }
             let Some(next) = body.checked_add(len).filter(|next| *next <= end) else {
-                self.contents.cut(at);
+                self.scanned.contents.cut(at);
                 return Ok(Next::Stop);
             };
             at = next;
@@ -118,14 +106,14 @@ impl Scan<'_> {
                 return Ok(Next::Stop);
             }
             SCHEMA | CHANNEL if len <= LARGEST_RECORD => {
-                let bytes = self.store.bytes.get(body, len)?;
+                let bytes = self.scanned.store.bytes.get(body, len)?;
                 self.describe(op, &bytes);
             }
             MESSAGE => {
-                let before = self.contents.slots.len();
+                let before = self.scanned.contents.slots.len();
                 let mut head = self.head(body, len, HEAD)?;
                 let channel = Cursor::new(&head).u16().and_then(|id| self.index_of(id));
-                let wanted = channel.map_or(HEAD, |c| self.contents.head_of(c));
+                let wanted = self.scanned.wanted(channel);
                 if wanted > HEAD {
                     head = self.head(body, len, wanted)?;
                 }
@@ -143,12 +131,15 @@ impl Scan<'_> {
 
     /// The first bytes of a message's record: `n` of the message itself.
     fn head(&mut self, body: u64, len: u64, n: usize) -> Result<Vec<u8>> {
-        self.store.bytes.get(body, len.min(MESSAGE_HEAD + n as u64))
+        self.scanned
+            .store
+            .bytes
+            .get(body, len.min(MESSAGE_HEAD + n as u64))
     }
 
     /// Notes that no checksum of a chunk vouches for the messages since there were `before`.
     fn is_unchecked(&mut self, before: usize) {
-        let after = self.contents.slots.len();
+        let after = self.scanned.contents.slots.len();
         match self.unchecked.last_mut() {
             Some(last) if last.end == before => last.end = after,
             _ if after > before => self.unchecked.push(before..after),
@@ -168,10 +159,12 @@ impl Scan<'_> {
         match known {
             Some(true) => {}
             Some(false) => self
+                .scanned
                 .contents
                 .remarks
                 .add(|| format!("a {what} record contradicts an earlier one, or its name is too long, and is left out")),
             None => self
+                .scanned
                 .contents
                 .remarks
                 .add(|| format!("a {what} record does not read and is left out")),
@@ -210,9 +203,10 @@ impl Scan<'_> {
         if declared.topic.len() > LONGEST_NAME {
             return false;
         }
-        let index = self
-            .contents
-            .channel(&declared.topic, &declared.type_name, declared.format);
+        let index =
+            self.scanned
+                .contents
+                .channel(&declared.topic, &declared.type_name, declared.format);
         self.channels.insert(id, (declared, index));
         true
     }
@@ -231,20 +225,17 @@ impl Scan<'_> {
         let Some(channel) = self.index_of(id) else {
             return;
         };
-        let place = Place {
-            file: self.file,
-            block,
-            offset: body + MESSAGE_HEAD,
-            len: u32::try_from(len - MESSAGE_HEAD).unwrap_or(u32::MAX),
-        };
+        let place = self
+            .scanned
+            .place(block, body + MESSAGE_HEAD, len - MESSAGE_HEAD);
         let logged = i64::try_from(logged).unwrap_or(i64::MAX);
         let head = &head[MESSAGE_HEAD as usize..];
-        self.contents.message(channel, logged, head, place);
+        self.scanned.contents.message(channel, logged, head, place);
     }
 
     /// A chunk; `len` may reach beyond the end of a file that was cut off.
     fn chunk(&mut self, body: u64, len: u64) -> Result<()> {
-        let head = self.store.bytes.get(body, len.min(256))?;
+        let head = self.scanned.store.bytes.get(body, len.min(256))?;
         let mut from = Cursor::new(&head);
         let read = (|| {
             from.take(16)?;
@@ -253,26 +244,23 @@ impl Scan<'_> {
             Some((size, crc, name.clone(), 40 + name.len() as u64, from.u64()?))
         })();
         let Some((size, crc, name, before, stated)) = read else {
-            self.contents.cut(body);
+            self.scanned.contents.cut(body);
             return Ok(());
         };
         let offset = body + before;
         let stored = stated.min(len.saturating_sub(before));
         let Some(how) = Compression::named(&name).filter(|how| *how != Some(Compression::Bzip2))
         else {
-            let expected = "chunks without compression, or with lz4 or zstd";
-            let found = format!("\"{name}\"");
-            let advice = "convert it with the mcap command line";
-            let path = &self.store.bytes.path;
-            return Err(RecordingError::format(path, expected, found, advice));
+            let (known, tool) = ("lz4 or zstd", "the mcap command line");
+            return Err(self.scanned.not_unpacked(&name, known, tool));
         };
         let end = offset.saturating_add(stored);
         let chunk = Chunk {
             at: body,
             crc,
-            whole: stored == stated && end <= self.store.bytes.len,
+            whole: stored == stated && end <= self.scanned.store.bytes.len,
         };
-        let slots = self.contents.slots.len();
+        let slots = self.scanned.contents.slots.len();
         if let Some(how) = how {
             let block = Block {
                 offset,
@@ -280,9 +268,11 @@ impl Scan<'_> {
                 size,
                 how,
             };
-            self.compressed(block, &chunk)?;
+            if let Some((index, bytes)) = self.scanned.unpack(block, &chunk)? {
+                self.unpacked(&bytes, index, body);
+            }
         } else {
-            self.plain(offset, end.min(self.store.bytes.len), &chunk)?;
+            self.plain(offset, end.min(self.scanned.store.bytes.len), &chunk)?;
         }
         if crc == 0 || !chunk.whole {
             self.is_unchecked(slots);
@@ -292,20 +282,19 @@ impl Scan<'_> {
 
     /// A chunk that lies in the file as it is.
     fn plain(&mut self, offset: u64, end: u64, chunk: &Chunk) -> Result<()> {
-        let sum = || Ok(self.store.bytes.crc(offset, end - offset)?.finalize());
+        let sum = || {
+            Ok(self
+                .scanned
+                .store
+                .bytes
+                .crc(offset, end - offset)?
+                .finalize())
+        };
         if let Some(why) = chunk.wrong_sum(sum)? {
-            chunk.leave_out(&why, &mut self.contents);
+            chunk.leave_out(&why, &mut self.scanned.contents);
             return Ok(());
         }
         self.records(offset, end, Level::Chunk).map(drop)
-    }
-
-    fn compressed(&mut self, block: Block, chunk: &Chunk) -> Result<()> {
-        let (store, contents) = (&mut self.store, &mut self.contents);
-        if let Some((index, bytes)) = chunk.unpack(block, store, self.unpacking, contents)? {
-            self.unpacked(&bytes, index, chunk.at);
-        }
-        Ok(())
     }
 
     /// Records within a compressed chunk, which begins at `at`.
@@ -319,9 +308,7 @@ impl Scan<'_> {
                 Some((op, len, from.take(usize::try_from(len).ok()?)?))
             })();
             let Some((op, len, body)) = read else {
-                self.contents.remarks.add(|| {
-                    format!("the chunk at byte {at} ends within a record: what is before is used")
-                });
+                self.scanned.ends_within_a_record(at);
                 break;
             };
             done += RECORD_HEAD;
@@ -329,7 +316,7 @@ impl Scan<'_> {
                 SCHEMA | CHANNEL if len <= LARGEST_RECORD => self.describe(op, body),
                 MESSAGE => {
                     let channel = Cursor::new(body).u16().and_then(|id| self.index_of(id));
-                    let wanted = channel.map_or(HEAD, |c| self.contents.head_of(c));
+                    let wanted = self.scanned.wanted(channel);
                     let head = &body[..body.len().min(MESSAGE_HEAD as usize + wanted)];
                     self.message(head, Some(block), done, len);
                 }
@@ -341,32 +328,36 @@ impl Scan<'_> {
 
     /// The end of the data, which begins at `body`: where its checksum does not match, what no chunk's own checksum vouches for is left out.
     fn data_end(&mut self, body: u64, len: u64) -> Result<()> {
-        let bytes = self.store.bytes.get(body, len.min(4))?;
+        let bytes = self.scanned.store.bytes.get(body, len.min(4))?;
         let stated = Cursor::new(&bytes).u32().unwrap_or(0);
         if stated == 0 || self.unchecked.is_empty() {
             return Ok(());
         }
         let begin = MAGIC.len() as u64;
-        let mut whole = self.store.bytes.crc(0, begin)?;
-        let data = self.store.bytes.crc(begin, body - RECORD_HEAD - begin)?;
+        let mut whole = self.scanned.store.bytes.crc(0, begin)?;
+        let data = self
+            .scanned
+            .store
+            .bytes
+            .crc(begin, body - RECORD_HEAD - begin)?;
         whole.combine(&data);
         let found = whole.finalize();
         // Of the file from its first byte on, as all writers have it, or from the first record on.
         if found == stated || data.finalize() == stated {
             return Ok(());
         }
-        let before = self.contents.slots.len();
+        let before = self.scanned.contents.slots.len();
         let mut index = 0;
         let unchecked = std::mem::take(&mut self.unchecked);
-        self.contents.slots.retain(|_| {
+        self.scanned.contents.slots.retain(|_| {
             let i = index;
             index += 1;
             let range = unchecked.partition_point(|r| r.end <= i);
             unchecked.get(range).is_none_or(|r| i < r.start)
         });
-        let gone = before - self.contents.slots.len();
+        let gone = before - self.scanned.contents.slots.len();
         let why = wrong_crc("CRC-32", stated, found);
-        self.contents.remarks.add(|| {
+        self.scanned.contents.remarks.add(|| {
             format!("the data before byte {body} are damaged ({why}) and nothing tells where: {gone} messages that no checksum of a chunk vouches for are left out; `mcap recover` writes a file with all of them")
         });
         Ok(())

@@ -9,6 +9,7 @@ mod chunk;
 mod contents;
 pub(crate) mod cursor;
 pub(crate) mod mcap;
+mod scanned;
 #[cfg(feature = "sqlite")]
 pub(crate) mod sqlite;
 pub(crate) mod temporary;

@@ -67,6 +67,30 @@ messages! {
 }
 
 /// Types of a [`PointField`].
+impl<'a> CameraInfo<'a> {
+    /// A camera by itself, whose lens is that of Brown and Conrady: `size` is its width and height, `pinhole` is fx, fy, cx, cy, `lens` k1, k2, p1, p2, k3.
+    #[must_use]
+    pub fn plumb_bob(
+        header: Header<'a>,
+        size: [u32; 2],
+        pinhole: [f64; 4],
+        lens: [f64; 5],
+    ) -> Self {
+        let [fx, fy, cx, cy] = pinhole;
+        Self {
+            header,
+            height: size[1],
+            width: size[0],
+            distortion_model: "plumb_bob".into(),
+            d: lens.to_vec(),
+            k: [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0],
+            ..Self::default()
+        }
+    }
+}
+
 impl PointField<'_> {
     pub const INT8: u8 = 1;
     pub const UINT8: u8 = 2;

@@ -1,6 +1,6 @@
 //! Loop closing in the whole system: what it gains, that every loop is true, and that a run gives the same bytes twice.
 //!
-//! The whole walk at the full rate of frames, on five seeds, and the two equal rooms are in `examples/loops.rs`.
+//! The whole walk at the full rate of frames, on five seeds, and the two equal rooms are in `lab loops`.
 
 use stillpoint_evaluation::{EvalOptions, TimedPose, evaluate};
 use stillpoint_imaging::Simd;
@@ -172,7 +172,7 @@ const EVERY: usize = 4;
 
 /// Two runs with a loop give the same bytes; and so does another choice of kernels.
 #[test]
-#[ignore = "two minutes; `examples/loops.rs` compares runs on recordings too"]
+#[ignore = "two minutes; `lab loops` compares runs on recordings too"]
 fn a_run_with_a_loop_gives_the_same_bytes_twice() {
     let simulator = Simulator::new(&SimulatorConfig {
         scene: "loop_two_rooms".into(),

@@ -5,6 +5,7 @@
 
 mod camera;
 mod compose;
+mod legend;
 mod movie;
 mod seen;
 mod solid;

@@ -1,7 +1,7 @@
 //! The frames of a run that goes on, each with a pose that follows the map.
 
 use super::ledger::Ledger;
-use crate::report::{Column, FrameState};
+use crate::report::{Column, FrameColumns, FrameState};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -252,16 +252,18 @@ impl Frames {
     /// What changed since a version.
     pub(super) fn since(&self, version: u64) -> FrameUpdate {
         let changes = self.rows.since(version);
-        let mut update = FrameUpdate {
-            whole: changes.whole,
+        let mut columns = FrameColumns {
             first_stamp: self.first_stamp.unwrap_or(0.0),
-            removed: Column(changes.removed),
-            ..FrameUpdate::default()
+            ..FrameColumns::default()
         };
         for (id, row) in changes.set {
-            update.add(id, row);
+            columns.add(id, row);
         }
-        update
+        FrameUpdate {
+            whole: changes.whole,
+            removed: Column(changes.removed),
+            columns,
+        }
     }
 }
 
@@ -283,37 +285,20 @@ fn state(report: &FrameReport) -> FrameState {
     }
 }
 
-/// Frames that are new, or whose pose moved: columns as those of [`FrameColumns`](crate::report::FrameColumns).
+/// Frames that are new, or whose pose moved.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrameUpdate {
     /// All frames that were told before are void.
     pub whole: bool,
-    /// The stamp of the first frame, s.
-    pub first_stamp: f64,
     /// Numbers of frames that are shown no more.
     pub removed: Column<u32>,
-    /// Number of the frame.
-    pub id: Column<u32>,
-    /// Time since the first frame, s.
-    pub seconds: Column<f32>,
-    /// What became of it: see [`FrameState`].
-    pub state: Column<u8>,
-    /// Landmarks that agree with the pose.
-    pub inliers: Column<u16>,
-    /// Share of the keypoints that move, 0 to 1.
-    pub moving: Column<f32>,
-    /// Standard deviation of the position, mm.
-    pub sigma_mm: Column<f32>,
-    /// Quality of the pose, 0 to 1.
-    pub quality: Column<f32>,
-    /// Latency, ms.
-    pub time_ms: Column<f32>,
-    /// The pose as it is known now: seven numbers per frame, position and quaternion (x, y, z, w).
-    pub pose: Column<f32>,
+    /// Their columns: those that a frame has while a run goes on, with its latency as [`FrameColumns::time_ms`] and the pose as it is known now.
+    #[serde(flatten)]
+    pub columns: FrameColumns,
 }
 
-impl FrameUpdate {
+impl FrameColumns {
     fn add(&mut self, id: u32, row: &Row) {
         self.id.0.push(id);
         self.seconds.0.push(row.seconds);

@@ -81,12 +81,13 @@ impl Known {
         for id in &f.removed.0 {
             self.frames.remove(id);
         }
-        for (i, id) in f.id.0.iter().enumerate() {
+        let c = &f.columns;
+        for (i, id) in c.id.0.iter().enumerate() {
             let row = (
-                f.seconds.0[i].to_bits(),
-                f.state.0[i],
-                f.inliers.0[i],
-                bits(&f.pose.0, i),
+                c.seconds.0[i].to_bits(),
+                c.state.0[i],
+                c.inliers.0[i],
+                bits(&c.pose.0, i),
             );
             self.frames.insert(*id, row);
         }
@@ -241,7 +242,7 @@ fn a_latency_is_that_of_its_frame() {
         }
         page.take(event, false);
     }
-    let told = page.since(0).frames;
+    let told = page.since(0).frames.columns;
     for (id, ms) in told.id.0.iter().zip(&told.time_ms.0) {
         assert_eq!(ms.is_finite(), id % 2 == 0, "{id}: {ms}");
     }

@@ -40,7 +40,7 @@ pub struct About {
     pub command: String,
     /// The configuration, as `config.toml` has it.
     pub config: String,
-    /// What [`FrameUpdate::time_ms`] is.
+    /// What [`FrameColumns::time_ms`](crate::report::FrameColumns::time_ms) is.
     pub time_is: String,
     /// Frames that there will be, where that is known.
     pub frames: Option<u64>,

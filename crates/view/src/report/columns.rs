@@ -16,6 +16,14 @@ impl<T> Default for Column<T> {
     }
 }
 
+impl<T> Column<T> {
+    /// Whether it holds nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+}
+
 /// What columns hold.
 pub trait Number: Copy {
     /// Appends its bytes.

@@ -38,7 +38,7 @@ pub struct RunData {
 }
 
 /// Numbers of every frame: all columns have one of each, but where it says otherwise.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrameColumns {
     /// The stamp of the first frame, s.
@@ -60,13 +60,15 @@ pub struct FrameColumns {
     /// Time that it took, or latency in a live run, ms.
     pub time_ms: Column<f32>,
     /// From the frame's arrival until tracking took what the detector said of it, ms; only where it was asked in a live run.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Column::is_empty")]
     pub answer_ms: Column<f32>,
-    /// Distance to the true position, mm.
+    /// Distance to the true position, mm; only where it is known.
+    #[serde(default, skip_serializing_if = "Column::is_empty")]
     pub error_mm: Column<f32>,
     /// Final pose: seven numbers per frame, position and quaternion (x, y, z, w).
     pub pose: Column<f32>,
-    /// True position in the run's world: three numbers per frame.
+    /// True position in the run's world: three numbers per frame; only where it is known.
+    #[serde(default, skip_serializing_if = "Column::is_empty")]
     pub truth: Column<f32>,
 }
 

@@ -6,9 +6,9 @@ mod variant;
 pub(crate) use variant::{Asked, Variant};
 
 use crate::args::{BenchArgs, ConfigArgs};
+use crate::bench::figures::{Figures, figures};
 use crate::bench::runner::{Plan, Sequence, Trajectories, median};
 use crate::bench::source::{Prepared, Source};
-use crate::bench::suite::Figures;
 use crate::bench::suite::catalogue::published_ablation;
 use crate::bench::suite::published::Ablated;
 use crate::bench::{command_line, unique_names};
@@ -212,13 +212,13 @@ pub(crate) fn cell(
     let shares: Vec<f64> = sequence
         .runs
         .iter()
-        .map(|r| r.features.dynamic_share)
+        .map(|r| r.stages.features.dynamic_share)
         .collect();
     Cell {
         variant: label,
         settings,
         error,
-        figures: crate::bench::suite::figures(&sequence),
+        figures: figures(&sequence),
         rejected: (!shares.is_empty()).then(|| median(shares)),
         runs: sequence.runs,
     }
@@ -270,7 +270,7 @@ mod tests {
             median: x,
             worst: x,
         };
-        let errors = crate::bench::suite::Errors {
+        let errors = crate::bench::figures::Errors {
             rmse: spread(0.01),
             sd: spread(0.01),
         };

@@ -1,8 +1,8 @@
 //! The report of an ablation as Markdown, which also reads well in a terminal.
 
 use crate::bench::ablation::{Cell, Report, Row, Variant};
+use crate::bench::figures::{Errors, Figures};
 use crate::bench::suite::published::{ABLATION_TABLE, System, sources};
-use crate::bench::suite::{Errors, Figures};
 use stillpoint::evaluation::{Align, Table};
 
 pub(crate) fn markdown(report: &Report) -> String {

@@ -1,18 +1,9 @@
 //! The sequences of public data sets with moving people and things.
 
+pub(crate) use crate::args::suite::Suite;
 use crate::bench::suite::published::{
     ABLATED, Ablated, BONN as BONN_ERRORS, Errors, TUM as TUM_ERRORS,
 };
-use clap::ValueEnum;
-
-/// A public data set, as far as it is about things that move.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Suite {
-    /// TUM RGB-D, dynamic objects: freiburg3 walking and sitting, freiburg2 desk with person
-    TumDynamic,
-    /// Bonn RGB-D Dynamic
-    Bonn,
-}
 
 /// One sequence of a suite.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,14 +73,6 @@ const BONN_DYNAMIC: &[Known] = &[
 ];
 
 impl Suite {
-    /// The name, as the option takes it.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::TumDynamic => "tum-dynamic",
-            Self::Bonn => "bonn",
-        }
-    }
-
     /// All sequences, in the order of the report.
     pub(crate) fn sequences(self) -> &'static [Known] {
         match self {

@@ -2,10 +2,11 @@
 
 use crate::bench::ablation::Variant;
 use crate::bench::ablation::report::runs;
+use crate::bench::figures::Errors;
 use crate::bench::runner::{Spread, median};
 use crate::bench::suite::catalogue::{Suite, published_ablation};
 use crate::bench::suite::published::{ABLATION_TABLE, Ablated, Figure, Published, System, sources};
-use crate::bench::suite::{Case, Errors, Report, Row, State};
+use crate::bench::suite::{Case, Report, Row, State};
 use crate::run::summary::Summary;
 use stillpoint::evaluation::{Align, Table};
 
@@ -274,10 +275,10 @@ fn own_errors(case: &Case) -> [Told; 3] {
 /// Median and p95 of the time that a frame takes, each as the median over the runs.
 fn milliseconds(case: &Case) -> String {
     let figures = |run: &Summary| {
-        if let Some(live) = &run.live {
+        if let Some(live) = &run.pace.live {
             return Some([live.latency_ms.median, live.latency_ms.p95]);
         }
-        let frame = run.timing_ms.iter().find(|s| s.stage == "frame")?;
+        let frame = run.pace.timing_ms.iter().find(|s| s.stage == "frame")?;
         Some([frame.median, frame.p95])
     };
     let all: Vec<[f64; 2]> = case.cell.runs.iter().filter_map(figures).collect();

@@ -81,6 +81,19 @@ impl DetectorJson {
         }
     }
 
+    /// What `of` was, with these counts.
+    pub(crate) fn counts_of(&self, of: Self) -> Self {
+        Self {
+            frames: self.frames,
+            detections: self.detections,
+            left_out: self.left_out,
+            failed_frames: self.failed_frames,
+            too_late: self.too_late,
+            without_pose: self.without_pose,
+            ..of
+        }
+    }
+
     /// What ran and how, of a network.
     pub(crate) fn network(&self) -> Option<String> {
         let runtime = self.runtime.as_ref()?;

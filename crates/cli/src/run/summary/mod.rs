@@ -16,14 +16,44 @@ pub(crate) use crate::run::summary::odometry::OdometryJson;
 pub(crate) use crate::run::summary::score::{Accuracy, ScoreJson, StatisticsJson};
 pub(crate) use crate::run::summary::still::{StillJson, StillStretch};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use std::collections::BTreeMap;
 use stillpoint::evaluation::timing::Stats;
+use stillpoint::map::MapView;
 use stillpoint::slam::{FrameCounts, LoopOutcome, LoopReport};
 
-/// All figures of one run.
+/// All figures of one run, in the order of the file: each part stands where its fields stood when they were one list.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Summary {
     /// What was run on.
     pub(crate) input: Input,
+    #[serde(flatten)]
+    pub(crate) tracking: TrackingJson,
+    #[serde(flatten)]
+    pub(crate) stages: StagesJson,
+    /// True when the user ended the run early.
+    pub(crate) interrupted: bool,
+    #[serde(flatten)]
+    pub(crate) map: MapJson,
+    #[serde(flatten)]
+    pub(crate) kept: KeptJson,
+    #[serde(flatten)]
+    pub(crate) pace: PaceJson,
+    /// Instruction set of the kernels.
+    pub(crate) simd: String,
+    /// Where it ran, and the program's version.
+    pub(crate) machine: Machine,
+    /// Against the ground truth, where there is any.
+    #[serde(skip_serializing_if = "Option::is_none", default)]
+    pub(crate) accuracy: Option<Accuracy>,
+    /// What other outputs say of themselves, by their names.
+    #[serde(flatten)]
+    pub(crate) sections: BTreeMap<String, Value>,
+}
+
+/// Which frames were tracked.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct TrackingJson {
     /// Frames that went through the system.
     pub(crate) frames: usize,
     /// Frames that could not be read and were skipped.
@@ -44,6 +74,11 @@ pub(crate) struct Summary {
     /// The submaps that frames have poses in; the first is that of `trajectory.txt`.
     #[serde(default)]
     pub(crate) submaps: Vec<SubmapJson>,
+}
+
+/// What the stages and sensors beside tracking did.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct StagesJson {
     /// The object detector.
     #[serde(default)]
     pub(crate) detector: DetectorJson,
@@ -59,20 +94,44 @@ pub(crate) struct Summary {
     /// The odometry, where there was any.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) odometry: Option<OdometryJson>,
-    /// True when the user ended the run early.
-    pub(crate) interrupted: bool,
-    /// Keyframes in the final map.
+}
+
+/// The final map.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub(crate) struct MapJson {
+    /// Keyframes.
     pub(crate) keyframes: usize,
-    /// Landmarks in the final map.
+    /// Landmarks.
     pub(crate) landmarks: usize,
     /// Versions of the map that the mapper published.
     pub(crate) map_versions: u64,
+}
+
+impl MapJson {
+    /// Of a map.
+    pub(crate) fn of(view: &MapView) -> Self {
+        Self {
+            keyframes: view.keyframe_count(),
+            landmarks: view.landmark_count(),
+            map_versions: view.version(),
+        }
+    }
+}
+
+/// What outputs that the report speaks of left.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct KeptJson {
     /// Where the map was saved.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) map: Option<SavedMap>,
     /// The surface of `--dense`.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) dense: Option<DenseJson>,
+}
+
+/// How long it took, and how much memory.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub(crate) struct PaceJson {
     /// From the first frame to the last, s, reading included.
     pub(crate) seconds: f64,
     /// Milliseconds per frame of each stage, over the frames in which it ran.
@@ -83,13 +142,6 @@ pub(crate) struct Summary {
     /// Largest amount of memory held, bytes; absent where the system does not say.
     #[serde(skip_serializing_if = "Option::is_none", default)]
     pub(crate) peak_memory_bytes: Option<u64>,
-    /// Instruction set of the kernels.
-    pub(crate) simd: String,
-    /// Where it ran, and the program's version.
-    pub(crate) machine: Machine,
-    /// Against the ground truth, where there is any.
-    #[serde(skip_serializing_if = "Option::is_none", default)]
-    pub(crate) accuracy: Option<Accuracy>,
 }
 
 /// A camera's rolling shutter, as estimated in the end or as stated.

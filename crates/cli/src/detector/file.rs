@@ -1,0 +1,116 @@
+//! Files of models, their own or those of the cache, and what is in them.
+
+use crate::failure::Failure;
+use std::path::{Path, PathBuf};
+use stillpoint::datasets::{read_regular, read_regular_text};
+use stillpoint::inference::{CachedModel, LARGEST};
+
+/// A model, not yet read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct ModelFile {
+    /// As the user knows it: the file, or the name in the cache.
+    pub(crate) name: String,
+    place: ModelPlace,
+}
+
+#[derive(Clone, Debug, PartialEq, Eq)]
+enum ModelPlace {
+    File {
+        onnx: PathBuf,
+        card: Option<PathBuf>,
+    },
+    Cache(Box<CachedModel>),
+}
+
+/// A model's bytes, and its card where it has one, with the card's name.
+pub(crate) struct Content {
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) card: Option<(String, String)>,
+}
+
+impl ModelFile {
+    /// A file, with the card beside it if there is one.
+    pub(crate) fn of_file(file: &str) -> Self {
+        let card = Path::new(file).with_extension("toml");
+        Self {
+            name: file.to_owned(),
+            place: ModelPlace::File {
+                onnx: file.into(),
+                card: card.is_file().then_some(card),
+            },
+        }
+    }
+
+    /// A model of the cache.
+    pub(crate) fn of_cache(model: CachedModel) -> Self {
+        Self {
+            name: model.name.clone(),
+            place: ModelPlace::Cache(Box::new(model)),
+        }
+    }
+
+    /// Its card, where it has one.
+    pub(crate) fn card(&self) -> Option<&Path> {
+        match &self.place {
+            ModelPlace::File { card, .. } => card.as_deref(),
+            ModelPlace::Cache(model) => model.card.as_deref(),
+        }
+    }
+
+    /// Size of the network's file.
+    ///
+    /// # Errors
+    /// A file that is not there any more.
+    pub(crate) fn bytes(&self) -> Result<u64, Failure> {
+        match &self.place {
+            ModelPlace::File { onnx, .. } => match std::fs::metadata(onnx) {
+                Ok(metadata) => Ok(metadata.len()),
+                Err(e) => Err(Failure::input(format!(
+                    "{}: expected to read it, found: {e}",
+                    onnx.display()
+                ))),
+            },
+            ModelPlace::Cache(model) => Ok(model.bytes),
+        }
+    }
+
+    /// Reads it.
+    ///
+    /// # Errors
+    /// What is wrong, with the file's name.
+    pub(crate) fn read(&self) -> Result<Content, String> {
+        let unreadable = |path: &Path, what: &str, e: &std::io::Error| {
+            let path = path.display();
+            format!("{path}: expected {what}, found: {e}; check the path")
+        };
+        let (bytes, text) = match &self.place {
+            ModelPlace::File { onnx, card } => {
+                let bytes = read_regular(onnx, LARGEST)
+                    .map_err(|e| unreadable(onnx, "the model of a detector", &e))?;
+                let text = card.as_ref().map(|card| {
+                    read_regular_text(card, LARGEST_CARD)
+                        .map_err(|e| unreadable(card, "the card of a model", &e))
+                });
+                (bytes, text.transpose()?)
+            }
+            ModelPlace::Cache(model) => (
+                model.read().map_err(|e| e.to_string())?,
+                model.card_text().map_err(|e| e.to_string())?,
+            ),
+        };
+        let name = self.card().map(|path| path.display().to_string());
+        Ok(Content {
+            bytes,
+            card: name.zip(text),
+        })
+    }
+}
+
+/// Bytes of a card at most: a list of a thousand classes has some ten thousand.
+const LARGEST_CARD: u64 = 1 << 22;
+
+/// Whether a name is that of an ONNX file.
+pub(crate) fn is_onnx(name: &str) -> bool {
+    let extension = Path::new(name).extension();
+    extension.is_some_and(|e| e.eq_ignore_ascii_case("onnx"))
+}

@@ -1,0 +1,202 @@
+//! `--dense`: surface and grids of what stands still, fused while a run goes on.
+
+use crate::console;
+use crate::dense::{Fused, Logged};
+use crate::failure::Failure;
+use crate::sink::{Ended, Output, Sink, Start, Subscription};
+use crate::sinks::view::SurfaceWindow;
+use clap::Args;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use stillpoint::dense::{Dense, DenseConfig, DenseMap, MeshOptions};
+use stillpoint::detection::MotionWeights;
+use stillpoint::geometry::Camera;
+use stillpoint::imaging::{FrameId, Simd};
+use stillpoint::live::Watch;
+use stillpoint::map::MapView;
+use stillpoint::slam::{Event, Subscriber};
+
+/// Between two looks at the surface of a run that goes on, at least ...
+const SHOWN: Duration = Duration::from_secs(3);
+/// ... and so many times as long as one takes: 5 % of a core at most.
+const SHOWN_SHARE: u32 = 20;
+
+/// What is asked for.
+#[derive(Clone, Debug, Default, Args)]
+pub(crate) struct DenseOutput {
+    /// Fuse what stands still into a surface: mesh.ply and mesh.glb in the result folder, and a floor plan for ROS 2's map_server
+    /// (grid.pgm, grid.yaml) where the floor was seen. What moves is not in it. --save-map keeps it in the map, for map mesh,
+    /// map grid and map octomap.
+    #[arg(long, verbatim_doc_comment)]
+    pub(crate) dense: bool,
+    /// Distance between the points at which the surface is stored, m [default: 0.02].
+    #[arg(long, value_name = "M", requires = "dense", value_parser = voxel)]
+    pub(crate) voxel: Option<f64>,
+}
+
+/// A distance between voxels, m.
+pub(crate) fn voxel(text: &str) -> Result<f64, String> {
+    let m = text.parse().ok();
+    m.filter(|m| (0.005..=0.2).contains(m))
+        .ok_or_else(|| "expected 0.005 to 0.2 metres".to_owned())
+}
+
+impl Output for DenseOutput {
+    fn begin(&self, start: &mut Start<'_>) -> Result<Option<Box<dyn Sink>>, Failure> {
+        let known = start.known.and_then(|k| k.dense.as_ref());
+        if !self.dense {
+            if start.saves_map && known.is_some() {
+                console::warn(
+                    "the surface in the map is not saved with it again: this run has no --dense",
+                );
+            }
+            return Ok(None);
+        }
+        let wish = Wish {
+            voxel: self.voxel,
+            known: known.cloned(),
+            weights: start.config.motion_weights.clone(),
+            keyframes: start.first_keyframe(),
+            logged: start.logged.dense.take(),
+        };
+        let window = SurfaceWindow::default();
+        start.shelf.put(window.clone());
+        let fusion = Fusion::new(wish, &start.camera, start.simd)?;
+        Ok(Some(Box::new(fusion.shown_in(window))))
+    }
+
+    fn wants_colour(&self) -> bool {
+        self.dense
+    }
+}
+
+/// How it is fused.
+#[derive(Default)]
+pub(crate) struct Wish {
+    /// m.
+    pub(crate) voxel: Option<f64>,
+    /// What was fused before, from the map that the run begins with.
+    pub(crate) known: Option<DenseMap>,
+    /// Which classes of objects move by themselves.
+    pub(crate) weights: MotionWeights,
+    /// Ids that the map had before.
+    pub(crate) keyframes: usize,
+    /// What a run fused that is repeated.
+    pub(crate) logged: Option<Logged>,
+}
+
+/// Fuses while frames go by.
+pub(crate) struct Fusion {
+    /// None once it is finished.
+    dense: Option<Dense>,
+    /// Largest amount of memory held, bytes.
+    most_bytes: usize,
+    /// Where it is shown while the run goes on.
+    window: SurfaceWindow,
+    /// When it may be shown again.
+    next_shown: Option<Instant>,
+}
+
+impl Fusion {
+    /// Before the first frame of a camera.
+    pub(crate) fn new(wish: Wish, camera: &Camera, simd: Simd) -> Result<Self, Failure> {
+        let known = wish.known.as_ref();
+        let logged = wish.logged.as_ref().map(|l| l.voxel);
+        let voxel = wish.voxel.or(known.map(DenseMap::voxel)).or(logged);
+        if let (Some(known), Some(voxel)) = (known, voxel)
+            && known.voxel() != voxel
+        {
+            return Err(Failure::input(format!(
+                "--voxel: expected {} m, as the surface in the map has it, found {voxel}; leave it out",
+                known.voxel()
+            )));
+        }
+        let mut config = DenseConfig::default();
+        config.voxel = voxel.unwrap_or(config.voxel);
+        let dense = Dense::new(&config, camera, simd)
+            .map_err(|e| Failure::input(format!("--voxel: {e}")))?;
+        let mut dense = dense
+            .with_first_keyframe(wish.keyframes)
+            .with_weights(wish.weights);
+        if let Some(known) = wish.known {
+            dense = dense.starting_with(known);
+        }
+        if let Some(logged) = wish.logged {
+            dense = dense.with_frames(logged.frames.into_iter().map(FrameId));
+        }
+        Ok(Self {
+            dense: Some(dense),
+            most_bytes: 0,
+            window: SurfaceWindow::default(),
+            next_shown: None,
+        })
+    }
+
+    /// The same, with the window in which the surface is shown as it grows.
+    fn shown_in(mut self, window: SurfaceWindow) -> Self {
+        self.window = window;
+        self
+    }
+
+    /// Shows the surface, where it is time to and somebody looks.
+    fn show(&mut self) {
+        let began = Instant::now();
+        let is_due = self.next_shown.is_none_or(|next| began >= next);
+        let Some(dense) = self.dense.as_ref().filter(|_| is_due) else {
+            return;
+        };
+        if !self.window.is_watched() {
+            return;
+        }
+        let mesh = dense.map().mesh(&MeshOptions::default());
+        if !mesh.triangles.is_empty() {
+            self.window.show(&mesh);
+        }
+        self.next_shown = Some(began + (began.elapsed() * SHOWN_SHARE).max(SHOWN));
+    }
+
+    fn note_memory(&mut self) {
+        let bytes = self.dense.as_ref().map_or(0, Dense::bytes);
+        self.most_bytes = self.most_bytes.max(bytes);
+    }
+}
+
+impl Sink for Fusion {
+    fn subscribe(&mut self, _: &Arc<MapView>, _: Option<&Watch>) -> Option<Subscription> {
+        Some(Subscription::to_images("dense", 1))
+    }
+
+    fn receive(&mut self, event: &Event) -> Result<(), Failure> {
+        let _span = tracing::info_span!("fuse").entered();
+        if let Some(dense) = &mut self.dense {
+            dense.receive(event);
+        }
+        self.note_memory();
+        self.show();
+        Ok(())
+    }
+
+    /// All that is kept at the final poses.
+    fn settle(&mut self, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        let _span = tracing::info_span!("fuse").entered();
+        self.note_memory();
+        let Some(dense) = self.dense.take() else {
+            return Ok(());
+        };
+        let counts = dense.counts();
+        let frames = dense.taken().iter().map(|f| f.0).collect();
+        let map = dense.finish(&ended.session.poses.of_each_frame());
+        let fused = Fused::of(map, &counts).by(frames, self.most_bytes, ended.up);
+        ended.found.extensions.push(fused.extension());
+        ended.found.shelf.put(fused);
+        Ok(())
+    }
+
+    /// Mesh and plan go into the result.
+    fn finish(self: Box<Self>, ended: &mut Ended<'_>) -> Result<(), Failure> {
+        match (&mut ended.folder, ended.found.shelf.get::<Fused>()) {
+            (Some(folder), Some(fused)) => fused.write(folder),
+            _ => Ok(()),
+        }
+    }
+}

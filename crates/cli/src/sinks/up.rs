@@ -1,0 +1,35 @@
+//! `--up`: which way is up in the map.
+
+use crate::sink::Output;
+use clap::Args;
+use stillpoint::slam::Up;
+
+/// What is asked for.
+#[derive(Clone, Copy, Debug, Default, Args)]
+pub(crate) struct UpOutput {
+    /// Direction away from the floor in the map, roughly [default: as the inertial sensor knows it for --dense, else as the map knows it
+    /// that the run begins with, else that of a camera that was held upright at first]. --save-map keeps it.
+    #[arg(long, value_name = "X,Y,Z", value_parser = direction, allow_hyphen_values = true)]
+    pub(crate) up: Option<[f64; 3]>,
+}
+
+/// `0,-1,0`.
+pub(crate) fn direction(text: &str) -> Result<[f64; 3], String> {
+    let parts: Vec<f64> = text
+        .split(',')
+        .filter_map(|p| p.trim().parse().ok())
+        .collect();
+    <[f64; 3]>::try_from(parts)
+        .ok()
+        .filter(|d| d.iter().all(|v| v.is_finite()) && d.iter().any(|v| v.abs() > 1e-6))
+        .ok_or_else(|| "expected three numbers that are not all 0, such as 0,-1,0".to_owned())
+}
+
+impl UpOutput {
+    /// As users say.
+    pub(crate) fn named(self) -> Option<Up> {
+        self.up.and_then(|up| Up::along(&up.into()))
+    }
+}
+
+impl Output for UpOutput {}

@@ -1,0 +1,52 @@
+//! What the figures of a sensor may be, so that all of them can be computed with.
+
+use crate::Vec3;
+use std::ops::RangeInclusive;
+
+/// A figure that no such sensor has.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FigureError {
+    /// The field.
+    pub field: &'static str,
+    /// What it should hold.
+    pub expected: &'static str,
+    /// What it holds.
+    pub found: f64,
+}
+
+impl std::fmt::Display for FigureError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self {
+            field,
+            expected,
+            found,
+        } = self;
+        write!(f, "expected {field} {expected}, found {found}")
+    }
+}
+
+impl std::error::Error for FigureError {}
+
+/// A figure: its name, what it is, what it may be, and the last in words.
+pub(crate) type Figure = (&'static str, f64, RangeInclusive<f64>, &'static str);
+
+/// The first figure that is out of its range: of a sensor's own, then its time offset (s) and where it is mounted (m).
+pub(crate) fn check(own: &[Figure], time_offset: f64, lever: &Vec3) -> Result<(), FigureError> {
+    let (second, ten) = ("within 1 s", "within 10 m");
+    let mounted = [
+        ("time_offset", time_offset, -1.0..=1.0, second),
+        ("translation x", lever.x, -10.0..=10.0, ten),
+        ("translation y", lever.y, -10.0..=10.0, ten),
+        ("translation z", lever.z, -10.0..=10.0, ten),
+    ];
+    // Also refuses what is no number.
+    let wrong = |figure: &&Figure| !figure.2.contains(&figure.1);
+    match own.iter().chain(&mounted).find(wrong) {
+        None => Ok(()),
+        Some(&(field, found, _, expected)) => Err(FigureError {
+            field,
+            expected,
+            found,
+        }),
+    }
+}

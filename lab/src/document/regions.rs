@@ -1,0 +1,171 @@
+//! The regions of a document that are written from result files.
+
+use crate::Failure;
+
+/// Begins a region, before the name of its result file.
+const BEGIN: &str = "<!-- lab: ";
+/// Ends the line that begins a region.
+const CLOSE: &str = " -->";
+/// Ends a region.
+const END: &str = "<!-- /lab -->";
+
+/// What a region shows.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Region {
+    /// Name of the result file.
+    pub(crate) name: String,
+    /// Which of its tables, from 1.
+    pub(crate) number: usize,
+    /// Without the line that says where the table is from.
+    pub(crate) bare: bool,
+    /// What is shown of runs, where it is not all of them.
+    pub(crate) view: Option<View>,
+}
+
+/// What is shown of runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum View {
+    /// Errors, a column per variant.
+    Variants,
+    /// The same, errors of the motion over 1 s.
+    Motion,
+    /// Times by stage.
+    Stages,
+    /// Latency of live runs.
+    Latency,
+}
+
+impl View {
+    fn named(word: &str) -> Option<Self> {
+        Some(match word {
+            "variants" => Self::Variants,
+            "motion" => Self::Motion,
+            "stages" => Self::Stages,
+            "latency" => Self::Latency,
+            _ => return None,
+        })
+    }
+}
+
+impl Region {
+    fn parse(words: &str) -> Result<Self, Failure> {
+        let wrong = || {
+            format!(
+                "expected `{BEGIN}NAME [NUMBER] [bare] [variants|motion|stages|latency]{CLOSE}`, found {words:?}"
+            )
+        };
+        let mut all = words.split_whitespace();
+        let name = all.next().ok_or_else(wrong)?;
+        let mut region = Self {
+            name: name.to_owned(),
+            number: 1,
+            bare: false,
+            view: None,
+        };
+        for word in all {
+            match word.parse() {
+                Ok(number) if number > 0 => region.number = number,
+                _ if word == "bare" => region.bare = true,
+                _ => region.view = Some(View::named(word).ok_or_else(wrong)?),
+            }
+        }
+        Ok(region)
+    }
+}
+
+/// A text with the inside of its regions made anew.
+pub(crate) fn replace(
+    text: &str,
+    mut render: impl FnMut(&Region) -> Result<String, Failure>,
+) -> Result<String, Failure> {
+    let mut fresh = String::with_capacity(text.len());
+    let mut open: Option<(usize, String)> = None;
+    for (i, line) in text.split_inclusive('\n').enumerate() {
+        let at = |e: Failure| -> Failure { format!("line {}: {e}", i + 1).into() };
+        let bare = line.trim();
+        match &open {
+            None => {
+                fresh += line;
+                let begun = bare.strip_prefix(BEGIN).and_then(|l| l.strip_suffix(CLOSE));
+                if let Some(words) = begun {
+                    let region = Region::parse(words).map_err(at)?;
+                    let inside = render(&region).map_err(at)?;
+                    open = Some((i + 1, inside));
+                } else if bare == END {
+                    return Err(at(format!(
+                        "expected {BEGIN}NAME{CLOSE} before it, found none"
+                    )
+                    .into()));
+                }
+            }
+            Some((begun, inside)) => {
+                if bare == END {
+                    // A blank line ends the table, for every reader of Markdown.
+                    fresh += &format!("{inside}\n");
+                    fresh += line;
+                    open = None;
+                } else if bare.starts_with(BEGIN) {
+                    return Err(at(format!(
+                        "expected {END} of line {begun}, found another region"
+                    )
+                    .into()));
+                }
+            }
+        }
+    }
+    match open {
+        Some((begun, _)) => {
+            Err(format!("line {begun}: expected {END} after it, found none").into())
+        }
+        None => Ok(fresh),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_inside_of_regions_is_made_anew_and_nothing_else() {
+        let text = "a\n<!-- lab: x 2 bare -->\nold\n\nold\n<!-- /lab -->\nb\n<!-- lab: y -->\n<!-- /lab -->";
+        let mut asked = Vec::new();
+        let mut make = |region: &Region| {
+            asked.push(region.clone());
+            Ok(format!("| {} |\n", region.name))
+        };
+        let fresh = replace(text, &mut make).unwrap();
+        assert_eq!(
+            fresh,
+            "a\n<!-- lab: x 2 bare -->\n| x |\n\n<!-- /lab -->\nb\n<!-- lab: y -->\n| y |\n\n<!-- /lab -->"
+        );
+        assert_eq!(replace(&fresh, &mut make).unwrap(), fresh);
+        let first = Region {
+            name: "x".to_owned(),
+            number: 2,
+            bare: true,
+            view: None,
+        };
+        assert_eq!(asked[0], first);
+    }
+
+    #[test]
+    fn regions_that_do_not_close_are_errors() {
+        for (text, part) in [
+            (
+                "<!-- lab: x -->\nold",
+                "line 1: expected <!-- /lab --> after it",
+            ),
+            ("<!-- /lab -->", "before it, found none"),
+            (
+                "<!-- lab: x -->\n<!-- lab: y -->\n",
+                "line 2: expected <!-- /lab --> of line 1",
+            ),
+            ("<!-- lab: x 0 -->\n<!-- /lab -->", "[NUMBER]"),
+        ] {
+            let e = replace(text, |_| Ok(String::new()))
+                .unwrap_err()
+                .to_string();
+            assert!(e.contains(part), "{e}");
+        }
+    }
+}

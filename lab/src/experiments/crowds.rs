@@ -1,0 +1,218 @@
+//! Starts in a crowd: simulated scenes that begin among people who cover a quarter to half of the image, against exact poses.
+//!
+//! A row per scene and contestant, with the median and the worst of the seeds. The exit code is 1 where a bar is missed.
+
+use crate::Failure;
+use crate::experiments::shared::{
+    ate_mm, code, each_seed, final_poses, scene, script, scripted, timed, truth, verdict,
+};
+use crate::table::{self, Align, Table, figure, spread};
+use std::collections::BTreeSet;
+use std::process::ExitCode;
+use stillpoint::detection::ScriptRow;
+use stillpoint::evaluation::{EvalOptions, TimedPose, evaluate};
+use stillpoint::imaging::Simd;
+use stillpoint::simulator::{DetectionNoise, Simulator};
+use stillpoint::slam::{Config, Preset, System};
+
+/// All scenes that begin in a crowd: a path each.
+const SCENES: [&str; 7] = [
+    "crowd_xyz",
+    "crowd_static",
+    "crowd_halfsphere",
+    "crowd_rpy_60",
+    "crowd_rpy_150",
+    "crowd_coat",
+    "crowd_pitch",
+];
+/// A frame that is off by more must not pass for right, m.
+const WRONG: f64 = 0.1;
+/// By how much the final poses of a run may be worse than those known at each frame, mm: what else is refined there errs by as much.
+const WORSE: f64 = 3.0;
+
+/// Starts in a crowd against exact poses, with a simulated detector and without.
+#[derive(clap::Args)]
+pub(crate) struct Arguments {
+    /// Seeds of every scene
+    #[arg(long, default_value_t = 10)]
+    seeds: u64,
+    /// Frames of every run
+    #[arg(long, default_value_t = 150)]
+    frames: usize,
+    /// Simulated scenes
+    #[arg(default_values = SCENES)]
+    scenes: Vec<String>,
+}
+
+/// What is run over each scene.
+#[derive(Clone, Copy, PartialEq)]
+enum Contestant {
+    /// The default, with the simulated detector.
+    Detector,
+    /// The default, without one.
+    Alone,
+    /// Control: without the static filter, and with it without anything that deals with a start among people.
+    Unfiltered,
+}
+
+const CONTESTANTS: [Contestant; 3] = [
+    Contestant::Detector,
+    Contestant::Alone,
+    Contestant::Unfiltered,
+];
+
+impl Contestant {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Detector => "with the detector",
+            Self::Alone => "without",
+            Self::Unfiltered => "control: filter off",
+        }
+    }
+
+    /// The worst error that is allowed in a scene, mm, and the least share of frames with a pose.
+    fn bars(self, scene: &str) -> (f64, f64) {
+        if scene.ends_with("coat") || scene.ends_with("pitch") {
+            // They are slow, so that no frame needs to be lost.
+            return (if self == Self::Detector { 15.0 } else { 20.0 }, 1.0);
+        }
+        let fast = scene.ends_with("150");
+        match self {
+            Self::Detector => (if fast { 25.0 } else { 15.0 }, 0.97),
+            _ => (if fast { 40.0 } else { 25.0 }, 0.93),
+        }
+    }
+
+    fn system(
+        self,
+        simulator: &Simulator,
+        seed: u64,
+        script: &[ScriptRow],
+    ) -> Result<System, Failure> {
+        let mut config = Config {
+            seed,
+            ..Config::default()
+        };
+        if self == Self::Unfiltered {
+            config.static_filter.preset = Preset::Off;
+        }
+        let system = System::new(config, *simulator.camera(), Simd::detect())?;
+        Ok(if self == Self::Detector {
+            system.with_detector(scripted(script)?)
+        } else {
+            system
+        })
+    }
+}
+
+/// What became of a run.
+struct Score {
+    /// ATE of the final poses, mm.
+    ate: f64,
+    /// The same of the poses as they were known at each frame, mm.
+    online: f64,
+    /// Share of the frames with a pose.
+    poses: f64,
+    /// Frames that are off by more than [`WRONG`] in the end, and were neither undecided nor lost.
+    wrong: usize,
+}
+
+/// Runs all contestants over a scene, whose frames are rendered once.
+fn measure(name: &str, seed: u64, frames: usize) -> Result<Vec<Score>, Failure> {
+    let simulator = scene(name, seed, Some(frames))?;
+    let noise = DetectionNoise {
+        seed,
+        ..DetectionNoise::default()
+    };
+    let script = script(&simulator, &noise)?;
+    let mut runs = Vec::new();
+    for contestant in CONTESTANTS {
+        let system = contestant.system(&simulator, seed, &script)?;
+        runs.push((system, Vec::new(), BTreeSet::new()));
+    }
+    for i in 0..simulator.len() {
+        let frame = simulator.frame(i);
+        for (system, online, undecided) in &mut runs {
+            let events = system.step(frame.clone());
+            for report in events.iter().filter_map(|e| Some(&e.as_frame()?.report)) {
+                if report.is_undecided() {
+                    undecided.insert(report.stamp.to_bits());
+                }
+                online.extend(report.world_from_camera.map(|p| timed((report.stamp, p))));
+            }
+        }
+    }
+    let truth = truth(&simulator);
+    let scored = runs
+        .into_iter()
+        .map(|(system, online, undecided)| score(system, &online, &undecided, &truth));
+    Ok(scored.collect())
+}
+
+fn score(
+    mut system: System,
+    online: &[TimedPose],
+    undecided: &BTreeSet<u64>,
+    truth: &[TimedPose],
+) -> Score {
+    system.finish();
+    let poses = final_poses(&system);
+    // A run that found hardly a pose has no error, and fails by its poses.
+    let done = evaluate(truth, &poses, &EvalOptions::default()).ok();
+    let wrong = done.iter().flat_map(|d| &d.ate.pairs);
+    let wrong = wrong.filter(|p| p.error > WRONG && !undecided.contains(&p.stamp.to_bits()));
+    Score {
+        wrong: wrong.count(),
+        ate: done.map_or(f64::INFINITY, |d| 1e3 * d.ate.statistics.rmse),
+        online: ate_mm(truth, online).unwrap_or(f64::INFINITY),
+        poses: poses.len() as f64 / truth.len() as f64,
+    }
+}
+
+/// Adds the row of a contestant; whether its bars hold.
+fn add(table: &mut Table, scene: &str, contestant: Contestant, scores: &[&Score]) -> bool {
+    let (bar, least) = contestant.bars(scene);
+    let of = |f: fn(&Score) -> f64| spread(scores.iter().map(|s| f(s)));
+    let [ate, _, worst] = of(|s| s.ate);
+    let [online, _, worst_online] = of(|s| s.online);
+    let [_, poses, _] = of(|s| s.poses);
+    let [_, _, worse] = of(|s| s.ate - s.online);
+    let wrong: usize = scores.iter().map(|s| s.wrong).sum();
+    let holds = worst <= bar && poses >= least && wrong == 0 && worse <= WORSE;
+    table.row([
+        format!("`{scene}`"),
+        contestant.name().to_owned(),
+        figure(ate, 1),
+        figure(worst, 1),
+        figure(bar, 0),
+        figure(poses, 3),
+        wrong.to_string(),
+        figure(online, 1),
+        figure(worst_online, 1),
+        format!("{worse:+.1}"),
+        verdict(holds).to_owned(),
+    ]);
+    holds
+}
+
+pub(crate) fn run(arguments: &Arguments) -> Result<ExitCode, Failure> {
+    let (seeds, frames) = (arguments.seeds, arguments.frames);
+    println!(
+        "{seeds} seeds, {frames} frames; ATE in mm, of the final poses and of those known at each frame\n"
+    );
+    let mut table = Table::new("scene | run | median | worst | bar | least poses | wrong frames | at each frame: median | worst | final worse by | ".split(" | "))
+    .align(1, Align::Left)
+    .align(10, Align::Left);
+    let mut holds = true;
+    for scene in &arguments.scenes {
+        let runs = each_seed(seeds, |seed| measure(scene, seed, frames))?;
+        for (k, contestant) in CONTESTANTS.into_iter().enumerate() {
+            let scores: Vec<&Score> = runs.iter().map(|scores| &scores[k]).collect();
+            let met = add(&mut table, scene, contestant, &scores);
+            // The control is there to fail.
+            holds &= met != (contestant == Contestant::Unfiltered);
+        }
+    }
+    table::print(&table);
+    Ok(code(holds))
+}

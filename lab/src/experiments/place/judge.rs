@@ -1,0 +1,129 @@
+//! How well a method recognises places whose overlap is known.
+
+use super::keyframes::Keyframe;
+use super::method::Method;
+
+/// Views that share at least this much are the same place...
+const SAME: f64 = 0.3;
+/// ... and those that share less than this are not. What lies between is neither right nor wrong.
+const OTHER: f64 = 0.05;
+/// Keyframes nearer in time are not asked for, s.
+const RECENT: f64 = 5.0;
+
+/// Keyframes in the order of time, and others of elsewhere that look alike.
+pub(crate) struct Trial {
+    pub(crate) keyframes: Vec<Keyframe>,
+    pub(crate) elsewhere: Vec<Keyframe>,
+    /// Overlap of keyframe i with the earlier keyframe j, by i and j.
+    overlaps: Vec<Vec<f32>>,
+}
+
+impl Trial {
+    pub(crate) fn new(keyframes: Vec<Keyframe>, elsewhere: Vec<Keyframe>) -> Self {
+        let row = |i: usize| {
+            let earlier = keyframes[..i].iter();
+            earlier.map(|k| keyframes[i].overlap(k) as f32).collect()
+        };
+        Self {
+            overlaps: (0..keyframes.len()).map(row).collect(),
+            keyframes,
+            elsewhere,
+        }
+    }
+
+    fn is_recent(&self, i: usize, j: usize) -> bool {
+        self.keyframes[i].stamp - self.keyframes[j].stamp < RECENT
+    }
+
+    /// Keyframes that have been at their place before.
+    pub(crate) fn revisits(&self) -> usize {
+        (0..self.keyframes.len())
+            .filter(|i| self.is_revisit(*i))
+            .count()
+    }
+
+    fn is_revisit(&self, i: usize) -> bool {
+        (0..i).any(|j| !self.is_recent(i, j) && f64::from(self.overlaps[i][j]) >= SAME)
+    }
+}
+
+/// What one keyframe found.
+#[derive(Clone, Copy)]
+struct Found {
+    revisit: bool,
+    /// Score of the first, and the same in relation to the keyframe before.
+    score: [f64; 2],
+    right: bool,
+    wrong: bool,
+    /// Rank of the first right one.
+    rank: Option<usize>,
+}
+
+/// Sums of one or more trials.
+#[derive(Default)]
+pub(crate) struct Figures {
+    found: Vec<Found>,
+}
+
+/// What the table says of one method and some trials, shares of the revisits.
+pub(crate) struct Row {
+    /// The first is right and has a higher score than any wrong first: by score, by score in relation to the keyframe before.
+    pub(crate) safe: [f64; 2],
+    /// The first is right.
+    pub(crate) first: f64,
+    /// One of the first ten is right.
+    pub(crate) ten: f64,
+}
+
+impl Figures {
+    pub(crate) fn add(&mut self, method: &mut dyn Method, trial: &Trial) {
+        method.clear();
+        let count = trial.keyframes.len();
+        for (k, keyframe) in trial.elsewhere.iter().enumerate() {
+            method.insert(count + k, &keyframe.descriptors);
+        }
+        for (i, keyframe) in trial.keyframes.iter().enumerate() {
+            let descriptors = &keyframe.descriptors;
+            let admit = |key: usize| key >= count || !trial.is_recent(i, key);
+            let ranked = method.query(descriptors, &admit, 10);
+            let neighbour = method.query(descriptors, &|key| key + 1 == i, 1);
+            let overlap = |key: usize| trial.overlaps[i].get(key).map_or(0.0, |o| f64::from(*o));
+            if let Some((first, score)) = ranked.first() {
+                let beside = neighbour.first().map_or(1.0, |n| n.1.max(0.01));
+                self.found.push(Found {
+                    revisit: trial.is_revisit(i),
+                    score: [*score, score / beside],
+                    right: overlap(*first) >= SAME,
+                    wrong: overlap(*first) < OTHER,
+                    rank: ranked.iter().position(|(key, _)| overlap(*key) >= SAME),
+                });
+            } else if trial.is_revisit(i) {
+                self.found.push(Found {
+                    revisit: true,
+                    score: [0.0; 2],
+                    right: false,
+                    wrong: false,
+                    rank: None,
+                });
+            }
+            method.insert(i, descriptors);
+        }
+    }
+
+    pub(crate) fn row(&self) -> Row {
+        let revisits = self.found.iter().filter(|f| f.revisit).count().max(1) as f64;
+        let share = |test: &dyn Fn(&Found) -> bool| {
+            self.found.iter().filter(|f| f.revisit && test(f)).count() as f64 / revisits
+        };
+        let safe = [0, 1].map(|kind| {
+            let wrong = self.found.iter().filter(|f| f.wrong);
+            let highest = wrong.map(|f| f.score[kind]).fold(0.0, f64::max);
+            share(&|f| f.right && f.score[kind] > highest)
+        });
+        Row {
+            safe,
+            first: share(&|f| f.right),
+            ten: share(&|f| f.rank.is_some()),
+        }
+    }
+}
