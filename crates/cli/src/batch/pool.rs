@@ -6,7 +6,7 @@ use crate::batch::budget::Budget;
 use crate::batch::child::{End, Runner};
 use crate::batch::digest::of_input;
 use crate::batch::inputs::Item;
-use crate::batch::row::{Outcome, Row};
+use crate::batch::row::{Outcome, Row, rounded};
 use crate::console::{self, Progress, Unit};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -141,7 +141,7 @@ impl Pool<'_> {
         arguments.extend(self.args.each.typed(&folder));
         let begin = Instant::now();
         let end = runner.run(&job.item, &arguments, &folder);
-        job.row.seconds = begin.elapsed().as_secs_f64();
+        job.row.seconds = rounded(begin.elapsed().as_secs_f64());
         let End::Done(outcome, figures) = &end else {
             return end;
         };

@@ -81,6 +81,11 @@ pub(crate) struct Figures {
     pub(crate) peak_memory_bytes: Option<u64>,
 }
 
+/// To nanometres and nanoseconds: of so few digits a file gives back the very number, so that a row does not change each time it is read.
+pub(crate) fn rounded(x: f64) -> f64 {
+    (x * 1e9).round() / 1e9
+}
+
 impl From<&Summary> for Figures {
     fn from(s: &Summary) -> Self {
         let (ate, rpe) = match s.accuracy.as_ref().map(|a| &a.final_poses) {
@@ -95,14 +100,16 @@ impl From<&Summary> for Figures {
             frames: Some(tracking.frames as u64),
             skipped: Some(tracking.skipped as u64),
             tracked: Some(tracking.tracked as u64),
-            tracked_share: Some(tracking.tracked as f64 / tracking.frames.max(1) as f64),
+            tracked_share: Some(rounded(
+                tracking.tracked as f64 / tracking.frames.max(1) as f64,
+            )),
             lost_stretches: Some(tracking.lost.len() as u64),
             submaps: Some(tracking.submaps.len() as u64),
             keyframes: Some(s.map.keyframes as u64),
             landmarks: Some(s.map.landmarks as u64),
             loops: Some(s.stages.loops.closed.into()),
-            ate_rmse: ate,
-            rpe_rmse: rpe,
+            ate_rmse: ate.map(rounded),
+            rpe_rmse: rpe.map(rounded),
             peak_memory_bytes: s.pace.peak_memory_bytes,
         }
     }
@@ -222,6 +229,15 @@ pub(crate) mod tests {
         rows.sort_by(Row::by_merit);
         let names: Vec<&str> = rows.iter().map(|r| r.name.as_str()).collect();
         assert_eq!(names, ["none", "half", "astray", "well", "blind"]);
+    }
+
+    #[test]
+    fn numbers_are_read_as_they_were_written() {
+        for i in 1..5000 {
+            let x = rounded(f64::from(i).sqrt() / 7.0);
+            let text = serde_json::to_string(&x).unwrap();
+            assert_eq!(serde_json::from_str::<f64>(&text).unwrap(), x, "{text}");
+        }
     }
 
     #[test]
