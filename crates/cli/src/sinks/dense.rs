@@ -35,7 +35,7 @@ pub(crate) struct DenseOutput {
 }
 
 /// A distance between voxels, m.
-fn voxel(text: &str) -> Result<f64, String> {
+pub(crate) fn voxel(text: &str) -> Result<f64, String> {
     let m = text.parse().ok();
     m.filter(|m| (0.005..=0.2).contains(m))
         .ok_or_else(|| "expected 0.005 to 0.2 metres".to_owned())
