@@ -147,17 +147,6 @@ impl Prepared {
             _temporary: None,
         }
     }
-
-    /// The same without a detector; not to be used once this is dropped, and its folder with it.
-    pub(crate) fn without_detector(&self) -> Self {
-        Self {
-            path: self.path.clone(),
-            blind: true,
-            words: "none".to_owned(),
-            input: self.input.with_detector("none".to_owned()),
-            _temporary: None,
-        }
-    }
 }
 
 /// A folder that goes when it is dropped.
