@@ -28,6 +28,7 @@ LARGEST = 15e6
 # Its C library is older than that of any system that has one of these Pythons.
 LINUX = "manylinux_2_17"
 TESTS = ["pytest", "hypothesis", "pillow"]
+CLUSTERS = ["ray[data]", "s3fs", "moto[s3,server]", "dask", "distributed", "submitit"]
 MORE = ["mypy", "matplotlib", "nbclient", "ipykernel", "nbformat", "opencv-python-headless"]
 
 passed: list[str] = []
@@ -171,6 +172,17 @@ def with_everything(fresh: Path, work: Path, minutes: float) -> None:
     check("the notebook executes", [fresh, "-c", run, HERE / "examples" / "notebook.ipynb"], cwd=work)
     check("measurements", [fresh, HERE / "tests" / "measure.py", "--minutes", minutes], cwd=work)
     examples(fresh, work)
+    clusters(fresh, work)
+
+
+def clusters(fresh: Path, work: Path) -> None:
+    """Batches on local clusters of Ray and Dask and by submitit, with an S3 server on loopback."""
+    pip = [str(fresh), "-m", "pip", "install", "-q", "--disable-pip-version-check", "--only-binary", ":all:"]
+    if subprocess.run([*pip, *CLUSTERS]).returncode:
+        return skip("batches on clusters", "Ray, Dask, submitit or moto cannot be had for this Python")
+    tests = [HERE / "tests" / name for name in ("test_batch.py", "test_ray.py")]
+    check("batches on clusters", [fresh, "-m", "pytest", "-q", "-p", "no:cacheprovider", *tests], cwd=work)
+    return None
 
 
 def types(python: Path, work: Path) -> None:

@@ -233,7 +233,7 @@ fn what_fails_leaves_the_rest_alone_and_is_tried_twice() {
             "broken: failed, tried again later",
             "empty: failed, after 2 runs",
             "gone: failed: ",
-            "3 recordings of 5: broken, empty, gone have no result",
+            "3 recordings of 5 without a result: broken, empty, gone",
         ],
     );
     let json = table(&out);

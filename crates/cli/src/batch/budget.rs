@@ -1,7 +1,7 @@
 //! What a batch takes of the machine, known before the first run: how many runs at a time, threads of each, and memory of all.
 
 use crate::args::batch::BatchArgs;
-use crate::batch::pool::Job;
+use crate::batch::row::Job;
 use crate::console;
 use crate::detector::Settled;
 use std::path::Path;

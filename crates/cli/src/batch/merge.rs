@@ -2,8 +2,9 @@
 
 use crate::args::batch::BatchMergeArgs;
 use crate::batch::lock::Lock;
-use crate::batch::result::{Batch, FILE, ShardJson};
+use crate::batch::result;
 use crate::batch::row::Row;
+use crate::batch::table::{Batch, FILE, ShardJson};
 use crate::bench::command_line;
 use crate::console;
 use crate::failure::{Failure, Status};
@@ -27,8 +28,8 @@ pub(crate) fn merge(args: &BatchMergeArgs) -> Result<Status, Failure> {
     }
     let _lock = Lock::take(&args.out)?;
     let batch = join(&parts, &args.out)?;
-    batch.write(&args.out)?;
-    batch.print(&args.out, args.json)
+    result::write(&batch, &args.out)?;
+    result::print(&batch, &args.out, args.json)
 }
 
 /// One batch of all.

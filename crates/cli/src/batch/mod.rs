@@ -14,14 +14,15 @@ mod page;
 mod pool;
 mod result;
 mod row;
+mod table;
 
 use crate::args::batch::{BatchArgs, BatchCommand};
 use crate::batch::budget::{Budget, Memory};
 use crate::batch::inputs::Item;
 use crate::batch::lock::Lock;
-use crate::batch::pool::{Job, Pool};
-use crate::batch::result::Batch;
-use crate::batch::row::{Method, Row};
+use crate::batch::pool::Pool;
+use crate::batch::row::{Job, Method, Row};
+use crate::batch::table::Batch;
 use crate::bench::command_line;
 use crate::detector::Settled;
 use crate::failure::{Failure, Status};
@@ -111,7 +112,7 @@ fn end(
     all: usize,
 ) -> Result<Status, Failure> {
     let left = all - batch.recordings.len();
-    let written = batch.write(&args.out);
+    let written = result::write(batch, &args.out);
     if let Some(reason) = full {
         return Err(Failure::input(format!(
             "the disk of {} is full; {} of {all} recordings are done and kept: make room and run the same batch again ({reason})",
@@ -120,7 +121,7 @@ fn end(
         )));
     }
     written?;
-    let status = batch.print(&args.out, args.json)?;
+    let status = result::print(batch, &args.out, args.json)?;
     if interrupt.requested() {
         console::line(&format!(
             "interrupted: {} left; the same command goes on from here",

@@ -1,7 +1,7 @@
 //! `batch.html`: one page that needs nothing else, with the worst runs on top and links to their reports.
 
-use crate::batch::result::{Batch, HEADER, cells};
 use crate::batch::row::Row;
+use crate::batch::table::{Batch, HEADER, cells};
 use std::fmt::Write;
 
 const STYLE: &str = "body{font:14px system-ui,sans-serif;margin:2em auto;max-width:70em;padding:0 1em;color:#222;background:#fff}\

@@ -5,8 +5,7 @@ use crate::args::forward;
 use crate::batch::budget::Budget;
 use crate::batch::child::{End, Runner};
 use crate::batch::digest::of_input;
-use crate::batch::inputs::Item;
-use crate::batch::row::{Outcome, Row, rounded};
+use crate::batch::row::{Job, Outcome, Row, rounded};
 use crate::console::{self, Progress, Unit};
 use crate::failure::Failure;
 use crate::interrupt::Interrupt;
@@ -21,14 +20,6 @@ const ATTEMPTS: u32 = 2;
 
 /// Between two looks at how far it is.
 const PAUSE: Duration = Duration::from_millis(200);
-
-/// A recording that is to be run.
-#[derive(Clone, Debug)]
-pub(crate) struct Job {
-    pub(crate) item: Item,
-    /// Its row as long as there is no result.
-    pub(crate) row: Row,
-}
 
 /// What came of the jobs.
 #[derive(Debug, Default)]

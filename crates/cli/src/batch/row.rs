@@ -56,6 +56,14 @@ pub(crate) struct Row {
     pub(crate) method: Method,
 }
 
+/// A recording that is to be run.
+#[derive(Clone, Debug)]
+pub(crate) struct Job {
+    pub(crate) item: Item,
+    /// Its row as long as there is no result.
+    pub(crate) row: Row,
+}
+
 /// What the run found; nothing where there is no result.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Figures {
