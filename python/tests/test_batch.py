@@ -113,3 +113,18 @@ def check_all(paths: list[Path], folder: Path) -> None:
     for path, row in zip(paths, table["recordings"], strict=True):
         result = folder / "out" / "all" / row["folder"] / "trajectory.txt"
         assert result.read_bytes() == serial(path, folder / "serial")
+
+
+def test_a_detector_is_loaded_once_for_many_runs(tmp_path: Path) -> None:
+    room = tmp_path / "room"
+    command = ["simulate", "--scene", "walking_xyz", "--frames", "20", "--jpeg", "--out", str(room), "-q"]
+    subprocess.run([sys.executable, "-m", "stillpoint_slam", *command], check=True)
+    named = f"scripted:{room / 'detections.csv'}"
+    kept = sp.Detector(named)
+    assert repr(kept) == f"Detector('{named}')"
+    texts = [sp.run(room, detector=detector, progress=False).trajectory.to_tum() for detector in (named, kept, kept)]
+    assert texts[0] == texts[1] == texts[2]
+    with pytest.raises(ValueError, match="name: "):
+        sp.Detector("scripted:" + str(tmp_path / "none.csv"))
+    with pytest.raises(TimeoutError, match="longer than"):
+        sp.run(room, progress=False, time_limit=1e-6)
