@@ -23,15 +23,7 @@ pub(crate) static MADE: LazyLock<Made> = LazyLock::new(|| {
     simulate(&data, "walking_xyz", FRAMES);
     let script = format!("scripted:{}", data.join("detections.csv").display());
     let out = text(&result);
-    let output = stillpoint([
-        "-q",
-        "run",
-        text(&data),
-        "--detector",
-        &script,
-        "--out",
-        out,
-    ]);
+    let output = stillpoint(["run", text(&data), "--detector", &script, "--out", out]);
     check(&output, 0, &[]);
     Made {
         page: result.join("report.html"),
@@ -62,14 +54,7 @@ fn without_a_report_the_result_is_the_same() {
     let again = MADE.dir.path().join("without");
     let data = MADE.dir.path().join("people walk");
     let script = format!("scripted:{}", data.join("detections.csv").display());
-    let args = [
-        "-q",
-        "run",
-        text(&data),
-        "--detector",
-        &script,
-        "--no-report",
-    ];
+    let args = ["run", text(&data), "--detector", &script, "--no-report"];
     check(
         &stillpoint([&args[..], &["--out", text(&again)]].concat()),
         0,
