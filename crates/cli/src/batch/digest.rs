@@ -112,7 +112,7 @@ pub(crate) fn of_configuration(
     );
     let here = Path::new("");
     for word in [
-        forward::typed(&input, &ConfigArgs::default(), here),
+        forward::typed(input, &ConfigArgs::default(), here),
         each.typed(here),
     ]
     .concat()
