@@ -245,11 +245,11 @@ fn a_folder_is_one_batchs_until_that_dies_and_its_runs_die_with_it() {
 #[cfg(target_os = "linux")]
 fn a_run_that_crashes_is_made_good() {
     let working = Working::start();
-    Working::send(working.run(), "-SEGV");
+    Working::send(working.run(), "-ABRT");
     let (code, said, out, _, _dir) = working.end();
     assert_eq!(code, Some(0), "{said}");
     assert!(
-        said.contains("long: failed, tried again later: signal: 11 (SIGSEGV)"),
+        said.contains("long: failed, tried again later: signal: 6 (SIGABRT)"),
         "{said}"
     );
     assert_eq!(row(&table(&out), "long")["attempts"], 2);
