@@ -171,9 +171,10 @@ mod tests {
     /// A camera that goes aside by 0.1 m per frame; the estimate is off by `off(i)` upwards.
     fn path(n: usize, off: impl Fn(usize) -> f64) -> Vec<TimedPose> {
         let pose = |i: usize| {
-            let mut world_from_camera = Se3::default();
-            world_from_camera.translation =
-                Vec3::new(0.1 * i as f64, off(i), 0.05 * (i * i % 7) as f64);
+            let world_from_camera = Se3 {
+                translation: Vec3::new(0.1 * i as f64, off(i), 0.05 * (i * i % 7) as f64),
+                ..Se3::default()
+            };
             TimedPose {
                 stamp: i as f64 / 10.0,
                 world_from_camera,
