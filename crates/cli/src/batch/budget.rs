@@ -9,19 +9,20 @@ use stillpoint::recordings;
 
 /// Memory of a run without its images and map, bytes: program, tables, the report's pictures. Measured: 45 MB (release build on Linux).
 const BASE: u64 = 60_000_000;
-/// Per pixel of an image, bytes: eight frames that are read ahead and those at work, each with grey, colour and depth, and pyramids.
+/// Per pixel of an image, bytes: eight frames that are read ahead and those at work, each with grey (1), colour (3), depth (4) and pyramids. With `BASE` a run of
+/// 640x480 px is said to take 155 to 224 MB; measured: 90 to 123 MB.
 const PER_PIXEL: u64 = 250;
-/// Per frame of the recording, bytes: map, trajectory and report.
+/// Per frame of the recording, bytes: map, trajectory and report. An upper bound, chosen: the map of a long run grows far slower (docs/scale.md).
 const PER_FRAME: u64 = 60_000;
-/// Of a detector's network with its runtime, bytes.
+/// Of a detector's network with its runtime, bytes. An upper bound, chosen for networks as large as YOLOv7-tiny; YOLOX-nano takes some 40 MB (docs/benchmarks.md).
 const NETWORK: u64 = 400_000_000;
-/// Of a surface, bytes: a room at 2 cm.
+/// Of a surface, bytes: a room at 2 cm. An upper bound, chosen; measured of one run: 130 MB in all.
 const SURFACE: u64 = 400_000_000;
-/// Share of the free memory that a batch takes unasked: the rest is left to the disk's cache, without which recordings are read slowly.
+/// Share of the free memory that a batch takes unasked, chosen: the rest is left to the disk's cache, without which recordings are read slowly.
 const SHARE: f64 = 0.8;
 /// Recordings that are opened to learn what they hold, at most: a batch of files that are none is told by its runs.
 const TRIED: usize = 8;
-/// Threads that share the work on a frame, at most: more gain nothing.
+/// Threads that share the work on a frame, at most; chosen, since a frame has few parts that can be shared (decision 38).
 const MOST_THREADS: usize = 4;
 
 /// What the largest run is expected to hold, and what that was taken from.

@@ -20,7 +20,7 @@ use std::path::Path;
 use std::time::UNIX_EPOCH;
 use stillpoint::datasets::open_regular;
 
-/// Bytes of the beginning and of the end of a file that are read: the header and the first messages of a recording, and its index.
+/// Bytes of the beginning and of the end of a file that are read, 1 MiB: at least one image of 640x480 px behind the header, and the index at the end.
 const PART: u64 = 1 << 20;
 
 /// Endings of images, of which a data set has thousands: the lists beside them and their sizes and times say which they are.
