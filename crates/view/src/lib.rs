@@ -48,6 +48,7 @@ pub mod report;
 mod shapes;
 mod speed;
 mod text;
+mod tinted;
 mod verdicts;
 
 pub use animation::{Animation, AnimationOptions};
