@@ -11,7 +11,7 @@ const MOVING: u8 = 255;
 const MARGIN: usize = 5;
 /// What a pixel's own cell is preferred by to those around it, m.
 const OTHER: f32 = 0.01;
-/// Beyond a hole that is narrower, cells, is what the surface beside it is compared with: the shadow of somebody near is as wide.
+/// A hole of so many cells is what is too far to be measured; beyond a narrower one is what the surface beside it is compared with, as it is a shadow.
 const HOLE: usize = 6;
 /// Share of a region's border beyond which the scene goes on farther away, at least: it is half of that of somebody who sits on something.
 const SET_APART: f64 = 0.5;
@@ -26,7 +26,7 @@ const UNKNOWN: f32 = 0.1;
 struct Border {
     /// On the same surface.
     joined: usize,
-    /// On one farther away.
+    /// On one farther away, or so far that it has no depth.
     farther: usize,
 }
 
@@ -98,15 +98,17 @@ impl Segments {
         let depth = grid.data();
         for here in (0..self.labels.len()).filter(|i| self.labels[*i] > 0) {
             for way in [[1, 0], [-1, 0], [0, 1], [0, -1]] {
-                let hole = |cell: &usize| depth[*cell] <= 0.0;
-                let Some(there) = self.along(here, way).take(HOLE).find(|c| !hole(c)) else {
-                    continue;
-                };
-                if self.labels[there] == 0 {
-                    let before = self.along(here, way.map(|d| -d)).next();
-                    let before = before.map_or(0.0, |before| depth[before]);
-                    let border = &mut borders[usize::from(self.labels[here])];
-                    border.add(depth[here], depth[there], before);
+                let border = &mut borders[usize::from(self.labels[here])];
+                let holes = self.along(here, way).take_while(|c| depth[*c] <= 0.0);
+                let holes = holes.take(HOLE).count();
+                match self.along(here, way).nth(holes) {
+                    _ if holes == HOLE => border.farther += 1,
+                    Some(there) if self.labels[there] == 0 => {
+                        let before = self.along(here, way.map(|d| -d)).next();
+                        let before = before.map_or(0.0, |before| depth[before]);
+                        border.add(depth[here], depth[there], before);
+                    }
+                    _ => {}
                 }
             }
         }
@@ -303,6 +305,9 @@ mod tests {
         assert_eq!(masked(segments(person), behind), 0);
         let before = |x, y| if person(x, y) { 1.5 } else { 3.0 };
         assert!(masked(segments(person), before) > 3000);
+        // What is too far to be measured sets apart as well.
+        let alone = |x, y| if person(x, y) { 1.5 } else { 0.0 };
+        assert!(masked(segments(person), alone) > 3000);
     }
 
     #[test]
