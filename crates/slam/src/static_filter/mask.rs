@@ -13,8 +13,9 @@ const MARGIN: usize = 5;
 const OTHER: f32 = 0.01;
 /// A hole of so many cells is what is too far to be measured; beyond a narrower one is what the surface beside it is compared with, as it is a shadow.
 const HOLE: usize = 6;
-/// Share of a region's border beyond which the scene goes on farther away, at least: it is half of that of somebody who sits on something.
-const SET_APART: f64 = 0.5;
+/// Share of a region's border beyond which the scene goes on farther away, at least. It is two thirds of that of somebody who sits or stands behind something, half
+/// of that of somebody of whom only a part is seen to move, and nothing of that of a patch of a wall.
+const SET_APART: f64 = 0.35;
 /// Inverse depths of a plane change evenly to within this, 1/m, and this share of their change: four standard deviations of a Kinect's, and the middle of
 /// a cell that is not where its depth was measured.
 const EVEN: [f32; 2] = [0.006, 0.3];
@@ -24,8 +25,8 @@ const UNKNOWN: f32 = 0.1;
 /// How the border of a region goes on beside it, in sides of cells.
 #[derive(Clone, Copy, Debug, Default)]
 struct Border {
-    /// On the same surface.
-    joined: usize,
+    /// On the same surface, or on one before it.
+    others: usize,
     /// On one farther away, or so far that it has no depth.
     farther: usize,
 }
@@ -33,15 +34,16 @@ struct Border {
 impl Border {
     /// Takes the depths of a cell of the region, of the one beside it that is not, and of the one on its other side, m.
     fn add(&mut self, here: f32, there: f32, before: f32) {
-        if joined(here, there) || is_plane([before, here, there]) {
-            self.joined += 1;
-        } else if here > 0.0 && there > here {
+        let one = joined(here, there) || is_plane([before, here, there]);
+        if !one && here > 0.0 && there > here {
             self.farther += 1;
+        } else {
+            self.others += 1;
         }
     }
 
     fn sets_apart(self) -> bool {
-        self.farther as f64 >= SET_APART * (self.farther + self.joined) as f64 && self.farther > 0
+        self.farther as f64 >= SET_APART * (self.farther + self.others) as f64 && self.farther > 0
     }
 }
 
