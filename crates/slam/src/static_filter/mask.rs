@@ -1,7 +1,7 @@
 //! The regions that move as an image: pixel by pixel, by the surface that each pixel shows.
 
 use super::outline::{STEP, Sample, Window, refine};
-use super::segments::joined;
+use super::things::things;
 use super::{Segments, cells};
 use stillpoint_imaging::{CoarseDepth, DepthImage, GrayImage, RgbdFrame};
 
@@ -11,49 +11,8 @@ const MOVING: u8 = 255;
 const MARGIN: usize = 5;
 /// What a pixel's own cell is preferred by to those around it, m.
 const OTHER: f32 = 0.01;
-/// A hole of so many cells is what is too far to be measured; beyond a narrower one is what the surface beside it is compared with, as it is a shadow.
-const HOLE: usize = 6;
-/// Share of a region's border beyond which the scene goes on farther away, at least. It is two thirds of that of somebody who sits or stands behind something, half
-/// of that of somebody of whom only a part is seen to move, and nothing of that of a patch of a wall.
-const SET_APART: f64 = 0.35;
-/// Inverse depths of a plane change evenly to within this, 1/m, and this share of their change: four standard deviations of a Kinect's, and the middle of
-/// a cell that is not where its depth was measured.
-const EVEN: [f32; 2] = [0.006, 0.3];
 /// Weight of a pixel whose surface is not known, beside 1 of the others: a region is not filled up by holes.
 const UNKNOWN: f32 = 0.1;
-
-/// How the border of a region goes on beside it, in sides of cells.
-#[derive(Clone, Copy, Debug, Default)]
-struct Border {
-    /// On the same surface, or on one before it.
-    others: usize,
-    /// On one farther away, or so far that it has no depth.
-    farther: usize,
-}
-
-impl Border {
-    /// Takes the depths of a cell of the region, of the one beside it that is not, and of the one on its other side, m.
-    fn add(&mut self, here: f32, there: f32, before: f32) {
-        let one = joined(here, there) || is_plane([before, here, there]);
-        if !one && here > 0.0 && there > here {
-            self.farther += 1;
-        } else {
-            self.others += 1;
-        }
-    }
-
-    fn sets_apart(self) -> bool {
-        self.farther as f64 >= SET_APART * (self.farther + self.others) as f64 && self.farther > 0
-    }
-}
-
-/// Whether the depths of three cells in a row, m, are those of a plane, however oblique: their inverses change evenly then.
-fn is_plane(depths: [f32; 3]) -> bool {
-    let [before, here, there] = depths.map(f32::recip);
-    let slope = (here - before).abs();
-    depths.iter().all(|z| *z > 0.0)
-        && (here - before - (there - here)).abs() < EVEN[0] + EVEN[1] * slope
-}
 
 impl Segments {
     /// An image of the frame's size: 255 where the scene moves, 0 where it stands still or nothing is known. The frame is that which
@@ -75,7 +34,7 @@ impl Segments {
         if (self.width, self.labels.len()) != (grid.width(), grid.data().len()) {
             return mask;
         }
-        let things = self.things(&grid);
+        let things = things(self, &grid);
         let Some(window) = self.window(&things, depth) else {
             return mask;
         };
@@ -90,43 +49,6 @@ impl Segments {
             }
         }
         mask
-    }
-
-    /// Which cells belong to a thing: to a region with an outline of its own, behind which the scene goes on farther away. A patch of a wall is joined to
-    /// the rest of it.
-    fn things(&self, grid: &CoarseDepth) -> Vec<bool> {
-        let regions = self.labels.iter().max().map_or(0, |l| usize::from(*l));
-        let mut borders = vec![Border::default(); regions + 1];
-        let depth = grid.data();
-        for here in (0..self.labels.len()).filter(|i| self.labels[*i] > 0) {
-            for way in [[1, 0], [-1, 0], [0, 1], [0, -1]] {
-                let border = &mut borders[usize::from(self.labels[here])];
-                let holes = self.along(here, way).take_while(|c| depth[*c] <= 0.0);
-                let holes = holes.take(HOLE).count();
-                match self.along(here, way).nth(holes) {
-                    _ if holes == HOLE => border.farther += 1,
-                    Some(there) if self.labels[there] == 0 => {
-                        let before = self.along(here, way.map(|d| -d)).next();
-                        let before = before.map_or(0.0, |before| depth[before]);
-                        border.add(depth[here], depth[there], before);
-                    }
-                    _ => {}
-                }
-            }
-        }
-        let is_thing = |label: &u16| *label > 0 && borders[usize::from(*label)].sets_apart();
-        self.labels.iter().map(is_thing).collect()
-    }
-
-    /// The cells that follow one in a direction, to the border of the image.
-    fn along(&self, cell: usize, [dx, dy]: [isize; 2]) -> impl Iterator<Item = usize> {
-        let (width, height) = (self.width, self.height);
-        let next = move |(x, y): &(usize, usize)| {
-            let (x, y) = (x.checked_add_signed(dx)?, y.checked_add_signed(dy)?);
-            (x < width && y < height).then_some((x, y))
-        };
-        std::iter::successors(next(&(cell % width, cell / width)), next)
-            .map(move |(x, y)| y * width + x)
     }
 
     /// The pixels around all cells of things; none where there are none.
@@ -308,8 +230,12 @@ mod tests {
         let before = |x, y| if person(x, y) { 1.5 } else { 3.0 };
         assert!(masked(segments(person), before) > 3000);
         // What is too far to be measured sets apart as well.
-        let alone = |x, y| if person(x, y) { 1.5 } else { 0.0 };
-        assert!(masked(segments(person), alone) > 3000);
+        let alone = |x: usize, y: usize| match person(x, y) {
+            true => 1.4 + ((x as f32 - 81.0) / 60.0).powi(2),
+            false => 0.0,
+        };
+        let found = masked(segments(person), alone);
+        assert!(found > 2500, "{found}");
     }
 
     #[test]

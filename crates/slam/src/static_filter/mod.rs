@@ -23,6 +23,7 @@ mod sides;
 mod standing;
 mod surfaces;
 mod surroundings;
+mod things;
 mod verdict;
 mod visibility;
 
