@@ -14,10 +14,11 @@ mod thumbnail;
 pub use build::FrameRow;
 pub use columns::{Column, Number};
 pub use model::{
-    FrameColumns, FrameState, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures,
-    RunData, Said, SurfaceColumns,
+    FrameColumns, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures, RunData,
+    Said, SurfaceColumns,
 };
 pub use recorder::ReportRecorder;
+pub use stillpoint_slam::FrameState;
 
 pub(crate) use build::{numbers, triple};
 pub(crate) use marks::mark_of;

@@ -119,7 +119,7 @@ function showNow(run) {
   byId("warnings").replaceChildren(...warnings.map((w) => element("li", {}, w)));
   if (!now.frames) say("waiting", "Waiting for the first frame.");
   else if (now.lost) say("lost", now.loss ? now.loss[0].toUpperCase() + now.loss.slice(1) : "Lost");
-  else say("live", "Live: the camera is tracked.");
+  else say("live", `Live: ${now.state}.`);
 }
 
 /// The run is over. Its report takes the place of what was gathered here, where there is one.

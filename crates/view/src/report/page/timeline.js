@@ -89,7 +89,7 @@ class Timeline {
   lane(g, y, height, width, values, label, unit) {
     const n = values.length, factor = unit === "%" ? 100 : 1;
     // For as long as it is undecided who moves, nothing is known of how good a pose is: those frames would make all others look alike.
-    const decided = Float64Array.from(values).filter((v, i) => Number.isFinite(v) && this.run.state[i] !== UNDECIDED).sort();
+    const decided = Float64Array.from(values).filter((v, i) => Number.isFinite(v) && this.run.state[i] < UNDECIDED).sort();
     const sorted = decided.length ? decided : Float64Array.from(values).filter(Number.isFinite).sort();
     // What one frame in a hundred has may go beyond the band.
     const most = Math.max(1e-6, sorted.length ? Math.max(sorted[Math.floor(0.99 * (sorted.length - 1))] * 1.15, sorted[sorted.length >> 1] * 1.5) : 1);
