@@ -96,7 +96,7 @@ impl Axes {
         let [left, top, w, h] = self.area;
         let (bottom, right) = (top + h, left + w);
         let (xs, x_decimals) = ticks(self.x, (w / 60.0).clamp(3.0, 12.0));
-        let (ys, y_decimals) = ticks(self.y, (h / 35.0).clamp(2.0, 8.0));
+        let (ys, y_decimals) = ticks(self.y, (h / 28.0).clamp(2.0, 8.0));
         for &t in &xs {
             let [px, _] = self.at(t, self.y[0]);
             figure.line(vec![[px, top], [px, bottom]], GRID, 1.0);

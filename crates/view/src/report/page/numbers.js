@@ -42,8 +42,8 @@ function figures(run) {
   if (rpe) list.push([`Relative error, ${rpe.delta}`, millimetres(rpe.translation.rmse), rpe.rotation_deg ? `${fixed(rpe.rotation_deg.rmse, 2)} deg` : ""]);
   else list.push(["Length of the way", `${fixed(wayOf(run), 2)} m`, run.count ? `in ${fixed(run.seconds[run.count - 1], 1)} s` : ""]);
   const tracking = stage(run, "frame");
-  if (s.live && s.live.latency_ms) list.push(["Latency", `${fixed(s.live.latency_ms.median, 1)} ms`, `99 % under ${fixed(s.live.latency_ms.p99, 1)}, ${s.live.dropped} dropped`]);
-  else list.push(["Tracking a frame", `${fixed(tracking && tracking.median, 1)} ms`, tracking ? `99 % under ${fixed(tracking.p99, 1)}` : ""]);
+  if (s.live && s.live.latency_ms) list.push(["Latency", `${fixed(s.live.latency_ms.median, 1)} ms`, `99 %: ${fixed(s.live.latency_ms.p99, 0)}; ${s.live.dropped} dropped`]);
+  else list.push(["Tracking a frame", `${fixed(tracking && tracking.median, 1)} ms`, tracking ? `99 %: ${fixed(tracking.p99, 1)}` : ""]);
   const f = s.features;
   list.push(["Keypoints that move", f && f.keypoints ? `${fixed(100 * f.dynamic_share, 1)} %` : "-", f && f.keypoints ? `of ${fixed(f.keypoints / frames, 0)} a frame` : ""]);
   list.push(["Landmarks of the map", `${s.landmarks ?? "-"}`, `${s.keyframes ?? "-"} keyframes`]);

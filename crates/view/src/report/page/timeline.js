@@ -21,7 +21,7 @@ class Timeline {
     this.line = byId("now-line");
     const to = (e) => {
       const box = canvas.getBoundingClientRect();
-      this.go(Math.round((e.clientX - box.left - this.left) / Math.max(1, box.width - this.left - RIGHT) * (this.run.count - 1)));
+      this.go(this.nearest((e.clientX - box.left - this.left) / Math.max(1, box.width - this.left - RIGHT)));
     };
     canvas.addEventListener("pointerdown", (e) => { canvas.setPointerCapture(e.pointerId); this.held = true; to(e); });
     canvas.addEventListener("pointermove", (e) => this.held && to(e));
@@ -44,7 +44,7 @@ class Timeline {
   refresh() {
     const run = this.run;
     const lanes = [["error_mm", "error", "mm"], ["sigma_mm", "1 sigma", "mm"], ["moving", "moves", "%"], ["time_ms", run.data.time_is === "latency" ? "latency" : "time", "ms"], ["answer_ms", "detector", "ms"], ["inliers", "inliers", ""]];
-    this.lanes = lanes.filter(([name]) => run[name].some((x) => Number.isFinite(x)));
+    this.lanes = lanes.filter(([name]) => run[name].some((x) => Number.isFinite(x) && (x > 0 || name !== "moving")));
     // An error tells more than what one expects it to be.
     if (this.lanes.some((l) => l[0] === "error_mm")) this.lanes = this.lanes.filter((l) => l[0] !== "sigma_mm");
     byId("values").replaceChildren(...this.lanes.map(() => element("span")));
@@ -62,7 +62,8 @@ class Timeline {
     g.scale(scale, scale);
     this.left = 104;
     const width = w - this.left - RIGHT, band = 10, top = 14, n = run.count;
-    this.x = (i) => this.left + (n > 1 ? i / (n - 1) : 0.5) * width;
+    const seconds = n ? run.seconds[n - 1] : 0, until = (i) => (i < n ? this.x(i) : this.left + width);
+    this.x = (i) => this.left + (seconds > 0 ? run.seconds[i] / seconds : 0.5) * width;
     g.font = "11px Roboto, sans-serif";
     this.axis(g, width, top, h);
     const colours = [css("--bad"), css("--accent"), css("--good"), css("--accent"), css("--warm"), css("--warm")];
@@ -70,7 +71,7 @@ class Timeline {
     for (let i = 0, next; i < n; i = next) {
       for (next = i + 1; next < n && run.state[next] === run.state[i];) next++;
       g.fillStyle = colours[run.state[i]];
-      g.fillRect(this.x(i) - 0.5 * width / n, top, Math.max(1, (next - i) * width / n + 0.5), band);
+      g.fillRect(this.x(i), top, Math.max(1, until(next) - this.x(i)), band);
     }
     g.textBaseline = "middle";
     g.fillStyle = css("--muted");
@@ -98,8 +99,7 @@ class Timeline {
     g.textAlign = "center";
     g.textBaseline = "alphabetic";
     for (let t = 0; t <= seconds * (1 + 1e-9); t += step) {
-      // Frames are equally far apart, and time is where they are.
-      const x = this.x(this.atSeconds(t));
+      const x = this.left + t / seconds * width;
       g.strokeStyle = css("--line");
       g.beginPath(); g.moveTo(x, top); g.lineTo(x, h - 15); g.stroke();
       g.fillStyle = css("--muted");
@@ -108,15 +108,15 @@ class Timeline {
     g.textAlign = "left";
   }
 
-  /// The first frame that is not before a time.
-  atSeconds(t) {
-    const { seconds } = this.run;
-    let low = 0, high = this.run.count - 1;
+  /// The frame that is nearest to a share of the whole time.
+  nearest(share) {
+    const { seconds, count } = this.run, t = share * seconds[count - 1];
+    let low = 0, high = count - 1;
     while (low < high) {
       const half = (low + high) >> 1;
-      if (seconds[half] < t - 1e-4) low = half + 1; else high = half;
+      if (seconds[half] < t) low = half + 1; else high = half;
     }
-    return low;
+    return low > 0 && t - seconds[low - 1] < seconds[low] - t ? low - 1 : low;
   }
 
   /// The end of a lane's scale: the same for all runs of the page, so that they can be compared.
@@ -159,9 +159,11 @@ class Timeline {
         pen = true;
       }
     } else {
-      for (let c = 0, pen = false; c < width; c++) {
+      // Of the frames in a column of pixels the least and the most.
+      for (let i = 0, pen = false; i < n;) {
+        const c = Math.floor(this.x(i) - this.left);
         let low = Infinity, high = -Infinity;
-        for (let i = Math.floor(c / width * n); i < Math.floor((c + 1) / width * n); i++) {
+        for (; i < n && Math.floor(this.x(i) - this.left) === c; i++) {
           if (values[i] < low) low = values[i];
           if (values[i] > high) high = values[i];
         }
