@@ -56,8 +56,8 @@ pub struct PictureUpdate {
     pub image: [u32; 2],
     /// Width and height of the picture, px.
     pub size: [u32; 2],
-    /// The picture as JPEG.
-    pub jpeg: Column<u8>,
+    /// The picture as WebP.
+    pub webp: Column<u8>,
     /// Column and row in 255ths of the image, and [`Said`](crate::report::Said), of one in four features that stand still, and all that move.
     pub features: Column<u8>,
     /// Objects in this frame.

@@ -131,7 +131,7 @@ impl RunData {
         let mut objects = ObjectColumns::default();
         for (frame, shown) in recorder.shown() {
             pictures.frame.0.push(frame.0);
-            pictures.jpeg.push(shown.jpeg.clone());
+            pictures.webp.push(shown.webp.clone());
             pictures.features.push(shown.features.clone());
             let pose = at.get(&frame.0).and_then(|i| self.pose(*i));
             for object in &shown.objects {

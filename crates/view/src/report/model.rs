@@ -1,6 +1,7 @@
 //! What a report holds: a run as plain data.
 
 use super::columns::Column;
+use super::verdict::Verdict;
 use serde::{Deserialize, Serialize};
 
 /// A run as its report has it. Lengths are metres, times seconds unless a name says otherwise; the world is that of the run's poses. What
@@ -12,6 +13,9 @@ pub struct RunData {
     pub name: String,
     /// `summary.json`.
     pub summary: serde_json::Value,
+    /// How it went: see [`RunData::judge`].
+    #[serde(default)]
+    pub verdict: Verdict,
     /// The configuration, as `config.toml` has it.
     pub config: String,
     /// How to run it again.
@@ -174,8 +178,8 @@ pub struct Pictures {
     pub size: [u32; 2],
     /// Numbers of the frames.
     pub frame: Column<u32>,
-    /// JPEG each.
-    pub jpeg: Vec<Column<u8>>,
+    /// WebP each.
+    pub webp: Vec<Column<u8>>,
     /// Features of each: column and row in 255ths of the image, and [`Said`].
     pub features: Vec<Column<u8>>,
     /// One in so many of the features that stand still is there; of those that move, all.

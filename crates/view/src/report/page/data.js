@@ -115,7 +115,7 @@ class Run {
       image = new Image();
       image.addEventListener("load", () => image.waiting.splice(0).forEach((f) => f()));
       image.waiting = [];
-      image.src = "data:image/jpeg;base64," + this.data.pictures.jpeg[picture];
+      image.src = "data:image/webp;base64," + this.data.pictures.webp[picture];
       this.images.set(picture, image);
       if (this.images.size > 400) this.images.delete(this.images.keys().next().value);
     }
