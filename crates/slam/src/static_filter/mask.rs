@@ -88,22 +88,20 @@ impl Segments {
             .collect();
         for (j, y) in window.rows.clone().enumerate() {
             let samples = &mut samples[j / STEP * w..][..w];
+            let depths = &depth.data()[y * depth.width()..][window.columns.clone()];
             // Windows begin with a cell, and cells are whole samples.
-            for (sample, columns) in samples.iter_mut().zip(window.columns.clone().step_by(STEP)) {
-                let columns = columns..(columns + STEP).min(window.columns.end);
-                if self
-                    .home((columns.start, y))
-                    .is_some_and(|home| !near[home])
-                {
-                    let known = columns.map(|x| depth.at(x, y) > 0.0);
-                    sample.weight += known.map(|k| if k { 1.0 } else { UNKNOWN }).sum::<f32>();
+            for (i, (sample, depths)) in samples.iter_mut().zip(depths.chunks(STEP)).enumerate() {
+                let first = (window.columns.start + i * STEP, y);
+                let home = self.home(first);
+                if home.is_some_and(|home| !near[home]) {
+                    let known = depths.iter().map(|z| if *z > 0.0 { 1.0 } else { UNKNOWN });
+                    sample.weight += known.sum::<f32>();
                     continue;
                 }
-                for x in columns {
-                    let z = depth.at(x, y);
-                    let surface = self.surface_of((x, y), z, grid);
+                for z in depths {
+                    let surface = self.surface_of(first, home, *z, grid);
                     let weight = if surface.is_some() { 1.0 } else { UNKNOWN };
-                    let cell = surface.or(self.home((x, y)).filter(|_| z <= 0.0));
+                    let cell = surface.or(home.filter(|_| *z <= 0.0));
                     sample.weight += weight;
                     sample.inside += cell.filter(|c| things[*c]).map_or(0.0, |_| weight);
                 }
@@ -125,9 +123,16 @@ impl Segments {
         range(j, self.height).flat_map(move |j| columns.clone().map(move |i| j * width + i))
     }
 
-    /// The cell whose surface a pixel of depth `z` shows; none without depth, and where it is none of those around it.
-    fn surface_of(&self, pixel: (usize, usize), z: f32, grid: &CoarseDepth) -> Option<usize> {
-        let (home, depths) = (self.home(pixel), grid.data());
+    /// The cell whose surface a pixel of depth `z` shows, given the cell that it lies in and a pixel of that; none without depth, and where it is none of those
+    /// around it.
+    fn surface_of(
+        &self,
+        pixel: (usize, usize),
+        home: Option<usize>,
+        z: f32,
+        grid: &CoarseDepth,
+    ) -> Option<usize> {
+        let depths = grid.data();
         let gap = |cell: usize| (depths[cell] - z).abs();
         if z <= 0.0 {
             return None;
