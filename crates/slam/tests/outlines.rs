@@ -155,7 +155,7 @@ fn outlines_of_who_walks_are_theirs() {
             cells.outline()
         );
     }
-    let well = |score: &Score| score.overlap() > 0.8 && score.outline() > 0.8;
+    let well = |score: &Score| score.overlap() > 0.8 && score.outline() > 0.45;
     assert!(well(&masks), "{masks:?}");
     // Control: the cells that the masks are made of.
     assert!(!well(&cells), "{cells:?}");

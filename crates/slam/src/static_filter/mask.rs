@@ -192,6 +192,7 @@ mod tests {
             width: CELLS[0],
             height: CELLS[1],
             labels: (0..CELLS[0] * CELLS[1]).map(label).collect(),
+            seen: [].into(),
         }
     }
 

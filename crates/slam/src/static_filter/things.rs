@@ -1,6 +1,6 @@
 //! Which regions are things. Walls, floors and tables are seen to move where they come out behind something, slide along themselves, or mirror.
 //!
-//! The scene goes on farther away beyond the border of a thing; what is flat may be a patch of a wall, unless it goes on farther away nearly all around.
+//! What a detector sees is a thing. Beyond the border of others the scene goes on farther away; what is flat may be a patch of a wall, unless it goes on farther away nearly all around.
 
 use super::Segments;
 use super::segments::joined;
@@ -100,7 +100,11 @@ pub(super) fn things(segments: &Segments, grid: &CoarseDepth) -> Vec<bool> {
         }
     }
     let is_thing: Vec<bool> = regions.iter().map(Region::is_thing).collect();
-    let of = |label: &u16| *label > 0 && is_thing[usize::from(*label)];
+    let seen = |region: usize| segments.seen.get(region).copied().unwrap_or(false);
+    let of = |label: &u16| {
+        let region = usize::from(*label);
+        region > 0 && (is_thing[region] || seen(region))
+    };
     labels.iter().map(of).collect()
 }
 
@@ -118,6 +122,7 @@ fn along(segments: &Segments, cell: usize, [dx, dy]: [isize; 2]) -> impl Iterato
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::Arc;
     use stillpoint_imaging::DepthImage;
 
     const CELLS: [usize; 2] = [20, 15];
@@ -134,9 +139,17 @@ mod tests {
             labels: (0..w * h)
                 .map(|i| u16::from(region(i % w, i / w)))
                 .collect(),
+            seen: Arc::default(),
         };
-        let found = things(&segments, &super::super::cells::coarse(&depth));
+        let grid = super::super::cells::coarse(&depth);
+        let found = things(&segments, &grid);
         assert!((0..w * h).all(|i| !found[i] || segments.labels[i] > 0));
+        // What a detector sees is one, whatever it looks like.
+        let seen = Segments {
+            seen: Arc::from([false, true]),
+            ..segments
+        };
+        assert!(things(&seen, &grid).contains(&true));
         found.contains(&true)
     }
 
