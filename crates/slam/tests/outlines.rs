@@ -76,7 +76,7 @@ impl Score {
 /// The pixels of a mask beside one that is not in it. What is beside something that nobody asks for is no outline.
 fn outline(mask: &[bool], truth: &[u8], width: usize) -> Vec<usize> {
     let neighbours = |i: usize| {
-        let left = (i % width > 0).then(|| i - 1);
+        let left = (!i.is_multiple_of(width)).then(|| i - 1);
         let right = (i % width + 1 < width).then_some(i + 1);
         let below = (i + width < mask.len()).then_some(i + width);
         [left, right, i.checked_sub(width), below]

@@ -203,7 +203,7 @@ mod tests {
 
     #[test]
     fn the_outline_is_that_of_the_surface_though_its_depth_is_torn() {
-        let torn = |x: usize, y: usize| (x * 31 + y * 17) % 5 == 0;
+        let torn = |x: usize, y: usize| (x * 31 + y * 17).is_multiple_of(5);
         let depth = |x: usize, y: usize| match person(x, y) {
             true => 1.5,
             // The shadow beside who is nearer to the camera than what is behind.
@@ -237,7 +237,7 @@ mod tests {
         assert!(masked(segments(person), before) > 3000);
         // What is too far to be measured sets apart as well.
         let alone = |x: usize, y: usize| match person(x, y) {
-            true => 1.4 + ((x as f32 - 81.0) / 60.0).powi(2),
+            true => 1.4 + (x as f32 - 81.0) * (x as f32 - 81.0) / 3600.0,
             false => 0.0,
         };
         let found = masked(segments(person), alone);
