@@ -15,6 +15,8 @@ const BAND: f32 = 4.0;
 /// Cost of a side that depth names at its very border, and what a sample of way into it takes off: little enough to be overruled by the image, and enough
 /// for an arm that is nowhere far from its border.
 const DOUBT: [f32; 2] = [30.0, 6.0];
+/// The middle of a thing is so far from its border, samples, at least; what has none is torn or a few pixels wide.
+const NARROW: f32 = 2.0;
 /// Where there is no depth, ways that cost more lead nowhere, samples: a hole that is wider than a shadow belongs to nobody.
 const FAR: f32 = 40.0;
 /// Scans there and back: ways that turn more often are rare.
@@ -57,10 +59,21 @@ pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, w
             },
         );
     }
-    let way = |(s, (from, within)): (&Sample, (&f32, &f32))| {
+    // The middle of what is narrow is as sure as that of what is wide: else nothing would be left of it where the image has no edge.
+    let is_middle = |i: usize| {
+        let beside = [
+            i.checked_sub(1),
+            Some(i + 1),
+            i.checked_sub(width),
+            Some(i + width),
+        ];
+        let mut beside = beside.into_iter().flatten().filter_map(|j| within.get(j));
+        within[i] >= NARROW && beside.all(|other| *other <= within[i])
+    };
+    let way = |(i, s): (usize, &Sample)| {
         let inside = is_inside(s);
-        let depth = if inside { *within } else { *from };
-        let doubt = if depth > BAND {
+        let depth = if inside { within[i] } else { from[i] };
+        let doubt = if depth > BAND || is_middle(i) {
             0.0
         } else {
             DOUBT[0] - DOUBT[1] * (depth - 1.0)
@@ -70,11 +83,7 @@ pub(super) fn settle(samples: &mut [Sample], brightness: &[f32], width: usize, w
             inside,
         }
     };
-    let mut ways: Vec<Way> = samples
-        .iter()
-        .zip(from.iter().zip(&within))
-        .map(way)
-        .collect();
+    let mut ways: Vec<Way> = samples.iter().enumerate().map(way).collect();
     for _ in 0..SCANS {
         scan(
             width,
