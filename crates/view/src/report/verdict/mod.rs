@@ -1,6 +1,7 @@
 //! How a run went, in one sentence: what was tracked, how exactly, and what went wrong most with what helps.
 
-use super::model::{FrameState, RunData};
+use super::FrameState;
+use super::model::RunData;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use stillpoint_slam::LostReason;
