@@ -21,6 +21,7 @@ use crate::report::{
     Column, Mark, MarkKind, ObjectColumns, SurfaceColumns, Thumbnails, features, mark_of,
     objects_of, page,
 };
+use crate::tinted::tinted;
 use frames::Frames;
 use ledger::Ledger;
 use scene::MapScene;
@@ -212,6 +213,7 @@ impl LivePage {
     }
 
     fn show(&mut self, frame: &RgbdFrame, report: &FrameReport) {
+        let frame = &*tinted(frame, &report.segments);
         let image = [frame.gray.width(), frame.gray.height()];
         let size = self.thumbnails.size(image[0], image[1]);
         let mut objects = ObjectColumns::default();

@@ -1,12 +1,13 @@
 //! Puts together what a report shows when a run is over.
 
 use super::columns::Column;
-use super::model::{FrameState, Mark, MarkKind, ObjectColumns, Pictures, RunData, SurfaceColumns};
+use super::model::{Mark, MarkKind, ObjectColumns, Pictures, RunData, SurfaceColumns};
 use super::recorder::{ONE_IN, ReportRecorder, SeenObject};
 use std::collections::BTreeMap;
 use stillpoint_detection::Motion;
 use stillpoint_geometry::{Se3, Vec3};
 use stillpoint_map::{MapView, SubmapId};
+use stillpoint_slam::FrameState;
 
 /// Landmarks in a report, at most; 13 bytes each.
 const MOST_LANDMARKS: usize = 60_000;

@@ -16,10 +16,11 @@ mod verdict;
 pub use build::FrameRow;
 pub use columns::{Column, Number};
 pub use model::{
-    FrameColumns, FrameState, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures,
-    RunData, Said, SurfaceColumns,
+    FrameColumns, KeyframeColumns, MapColumns, Mark, MarkKind, ObjectColumns, Pictures, RunData,
+    Said, SurfaceColumns,
 };
 pub use recorder::ReportRecorder;
+pub use stillpoint_slam::FrameState;
 pub use verdict::{Concern, Verdict};
 
 pub(crate) use build::{numbers, triple};

@@ -51,7 +51,7 @@ pub struct FrameColumns {
     pub id: Column<u32>,
     /// Time since the first frame, s.
     pub seconds: Column<f32>,
-    /// What became of it: see [`FrameState`].
+    /// What became of it: see [`FrameState`](super::FrameState).
     pub state: Column<u8>,
     /// Landmarks that agree with the pose.
     pub inliers: Column<u16>,
@@ -74,37 +74,6 @@ pub struct FrameColumns {
     /// True position in the run's world: three numbers per frame; only where it is known.
     #[serde(default, skip_serializing_if = "Column::is_empty")]
     pub truth: Column<f32>,
-}
-
-/// What became of a frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum FrameState {
-    /// No pose was found, or it was withdrawn.
-    Lost = 0,
-    /// It began a map.
-    Begun = 1,
-    /// Its pose was measured.
-    Tracked = 2,
-    /// The camera was found again.
-    Relocalised = 3,
-    /// It has a pose, from a time at which it was undecided who moves, or one whose direction was carried by a gyroscope.
-    Undecided = 4,
-}
-
-impl FrameState {
-    /// From its name in `frames.csv`.
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "lost" => Self::Lost,
-            "initialised" => Self::Begun,
-            "tracked" => Self::Tracked,
-            "relocalised" => Self::Relocalised,
-            "undecided" | "carried" => Self::Undecided,
-            _ => return None,
-        })
-    }
 }
 
 /// Landmarks.

@@ -11,6 +11,7 @@ use stillpoint_imaging::{FrameId, RgbdFrame};
 use stillpoint_slam::{Event, FrameReport, Health, Outcome, Reasons, Subscriber};
 
 use crate::certain_speed;
+use crate::tinted::tinted;
 
 /// Pictures, at most: a page of 10 MB for a run of an hour. Of longer runs every second one is kept, again and again.
 const MOST_PICTURES: usize = 1200;
@@ -137,6 +138,7 @@ impl ReportRecorder {
         if !turn && !begins_loss {
             return;
         }
+        let frame = &*tinted(frame, &report.segments);
         let (width, height) = (frame.gray.width(), frame.gray.height());
         self.image = [width as u32, height as u32];
         let shown = Shown {

@@ -15,7 +15,7 @@ const column = {
   f32: (text) => new Float32Array(bytesOf(text).buffer),
 };
 
-const STATES = ["lost", "new map", "tracked", "found again", "undecided"];
+const STATES = ["lost", "initialised", "tracked", "relocalised", "undecided", "carried"];
 const LOST = 0, UNDECIDED = 4;
 
 /// One run. Frames go by their index, 0 to count - 1; `at` gives it from a frame's number.

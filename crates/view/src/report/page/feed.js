@@ -120,7 +120,7 @@ function showNow(run) {
   showRemarks(warnings);
   if (!now.frames) tell("waiting", "Waiting for the first frame.");
   else if (now.lost) tell("lost", now.loss ? now.loss[0].toUpperCase() + now.loss.slice(1) : "Lost");
-  else tell("live", "Live: the camera is tracked.");
+  else tell("live", `Live: ${now.state}.`);
 }
 
 /// The run is over. Its report takes the place of what was gathered here, where there is one.
