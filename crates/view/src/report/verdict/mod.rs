@@ -1,9 +1,9 @@
 //! How a run went, in one sentence: what was tracked, how exactly, and what went wrong most with what helps.
 
-use super::model::{FrameState, RunData};
+use super::model::RunData;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use stillpoint_slam::LostReason;
+use stillpoint_slam::{FrameState, LostReason};
 
 /// An error of the final poses from which a result is off, m ...
 const OFF: f64 = 0.05;
