@@ -69,11 +69,7 @@ pub fn picture(frame: &RgbdFrame, report: &FrameReport, style: &Style) -> Pictur
             (x, y, mark)
         })
         .collect();
-    let mut objects: Vec<&Object> = report.objects.iter().collect();
-    let weight = |object: &Object| style.weights.get(object.class);
-    objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
-    let boxes = objects.into_iter().map(|object| overlay_box(object, style));
-    let boxes: Vec<OverlayBox> = boxes.collect();
+    let boxes = overlay_boxes(&report.objects, style);
     let segments = &report.segments;
     let caption = caption(report);
     draw(
@@ -107,6 +103,16 @@ fn colour_of(reasons: Reasons) -> Colour {
     .map_or(Colour::HISTORY, |(_, colour)| colour)
 }
 
+/// The boxes of what is sure to be an object, what is likelier to move last.
+fn overlay_boxes(objects: &[Object], style: &Style) -> Vec<OverlayBox> {
+    let sure = |o: &&Object| o.state != ObjectState::Tentative;
+    let mut objects: Vec<&Object> = objects.iter().filter(sure).collect();
+    let weight = |object: &Object| style.weights.get(object.class);
+    objects.sort_by(|a, b| weight(a).total_cmp(&weight(b)));
+    let boxes = objects.into_iter().map(|object| overlay_box(object, style));
+    boxes.collect()
+}
+
 fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
     let label = if style.labelled(object) {
         label(object)
@@ -124,11 +130,7 @@ fn overlay_box(object: &Object, style: &Style) -> OverlayBox {
 
 /// What it is, and how fast where the rigid test says that it moves and the speed is above its own standard deviation.
 fn label(object: &Object) -> String {
-    let doubt = match object.state {
-        ObjectState::Tentative => "?",
-        ObjectState::Confirmed | ObjectState::Coasting | ObjectState::Hidden => "",
-    };
-    let name = format!("{} {}{doubt}", object.class, object.id.0);
+    let name = format!("{} {}", object.class, object.id.0);
     match object.motion {
         Motion::Parked => name + " parked",
         Motion::Unknown => name,
@@ -223,6 +225,20 @@ mod tests {
         }
         let chair = object("chair", Motion::Unknown, 0.8);
         assert_eq!(overlay_box(&chair, &style(Labels::All)).label, "chair 4");
+    }
+
+    #[test]
+    fn what_may_be_a_false_alarm_is_not_drawn() {
+        let objects = [
+            ObjectState::Tentative,
+            ObjectState::Confirmed,
+            ObjectState::Hidden,
+        ]
+        .map(|state| Object {
+            state,
+            ..object("person", Motion::Unknown, 0.0)
+        });
+        assert_eq!(overlay_boxes(&objects, &Style::default()).len(), 2);
     }
 
     #[test]
